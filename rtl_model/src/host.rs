@@ -1,0 +1,227 @@
+//! Host: how the simulator uses the computer that it runs on. Nothing here is hardware, and nothing here changes a bit.
+//!
+//! The only `unsafe` of the crate: vector instructions, after asking whether they are there. It buys speed alone
+//! (`cargo bench`), and is held to [`Plain`] lanes, operation by operation and frame by frame, by
+//! `vector_lanes_equal_plain_lanes` and `a_frame_without_vectors_is_the_same_frame`.
+#![allow(unsafe_code, reason = "see above; everywhere else it is denied")]
+
+use crate::num::lanes::Plain;
+use crate::num::{LANES, Lanes};
+
+/// Work that gains from vector instructions. `run` must be `#[inline(always)]` all the way down to be compiled for them.
+pub trait Work {
+    /// What comes out.
+    type Output;
+    /// Does it, with lanes of the given kind.
+    fn run<L: Lanes>(self) -> Self::Output;
+}
+
+/// Runs work with the widest vector instructions that are there.
+pub fn vectorised<W: Work>(work: W) -> W::Output {
+    #[cfg(target_arch = "x86_64")]
+    if avx2::is_there() {
+        // SAFETY: the features were detected.
+        return unsafe { avx2::run(work) };
+    }
+    plainly(work)
+}
+
+/// Runs work without vector instructions.
+pub fn plainly<W: Work>(work: W) -> W::Output {
+    work.run::<Plain>()
+}
+
+/// Eight lanes in two AVX2 registers.
+#[cfg(target_arch = "x86_64")]
+pub mod avx2 {
+    use super::{LANES, Lanes, Work};
+    use std::arch::x86_64::*;
+    use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
+
+    /// Whether the host has every instruction that this module uses.
+    pub fn is_there() -> bool {
+        is_x86_feature_detected!("avx2")
+            && is_x86_feature_detected!("bmi1")
+            && is_x86_feature_detected!("bmi2")
+            && is_x86_feature_detected!("lzcnt")
+    }
+
+    /// Runs work on [`Vectors`].
+    ///
+    /// # Safety
+    /// [`is_there`] must hold.
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    pub unsafe fn run<W: Work>(work: W) -> W::Output {
+        work.run::<Vectors>()
+    }
+
+    /// Eight lanes. Made only inside [`run`], so that the instructions below are known to be there.
+    #[derive(Clone, Copy, Debug)]
+    pub struct Vectors([__m256i; 2]);
+
+    /// The same instruction on both registers.
+    ///
+    /// SAFETY: a value of [`Vectors`] exists only inside [`run`], whose caller vouched for the instructions.
+    macro_rules! both {
+        ($i:ident => $instruction:expr) => {
+            Vectors(unsafe {
+                [
+                    {
+                        let $i = 0;
+                        $instruction
+                    },
+                    {
+                        let $i = 1;
+                        $instruction
+                    },
+                ]
+            })
+        };
+    }
+
+    /// The sign of 64 bits.
+    const SIGN: i64 = i64::MIN;
+
+    impl Lanes for Vectors {
+        #[inline(always)]
+        fn from_array(words: [i64; LANES]) -> Self {
+            both!(i => _mm256_loadu_si256(words.as_ptr().add(4 * i).cast()))
+        }
+        #[inline(always)]
+        fn to_array(self) -> [i64; LANES] {
+            let mut words = [0; LANES];
+            // SAFETY: as `both`; the array holds both registers.
+            unsafe {
+                _mm256_storeu_si256(words.as_mut_ptr().cast(), self.0[0]);
+                _mm256_storeu_si256(words.as_mut_ptr().add(4).cast(), self.0[1]);
+            }
+            words
+        }
+        #[inline(always)]
+        fn splat(word: i64) -> Self {
+            both!(_i => _mm256_set1_epi64x(word))
+        }
+        #[inline(always)]
+        fn left(self, by: u32) -> Self {
+            both!(i => _mm256_sll_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)))
+        }
+        #[inline(always)]
+        fn left_by(self, by: Self) -> Self {
+            both!(i => _mm256_sllv_epi64(self.0[i], by.0[i]))
+        }
+        // AVX2 shifts 64-bit lanes right without their sign only: adding 2^63 moves the sign out of the way.
+        #[inline(always)]
+        fn right(self, by: u32) -> Self {
+            let moved = Self::splat((SIGN as u64 >> by) as i64);
+            both!(i => {
+                let biased = _mm256_xor_si256(self.0[i], _mm256_set1_epi64x(SIGN));
+                _mm256_sub_epi64(_mm256_srl_epi64(biased, _mm_cvtsi32_si128(by as i32)), moved.0[i])
+            })
+        }
+        #[inline(always)]
+        fn right_by(self, by: Self) -> Self {
+            both!(i => {
+                let sign = _mm256_set1_epi64x(SIGN);
+                let biased = _mm256_xor_si256(self.0[i], sign);
+                _mm256_sub_epi64(_mm256_srlv_epi64(biased, by.0[i]), _mm256_srlv_epi64(sign, by.0[i]))
+            })
+        }
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            both!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(other.0[i], self.0[i])))
+        }
+        #[inline(always)]
+        fn min(self, other: Self) -> Self {
+            both!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(self.0[i], other.0[i])))
+        }
+        #[inline(always)]
+        fn above(self, other: Self) -> Self {
+            both!(i => _mm256_cmpgt_epi64(self.0[i], other.0[i]))
+        }
+        #[inline(always)]
+        fn where_else(self, condition: Self, other: Self) -> Self {
+            both!(i => _mm256_blendv_epi8(other.0[i], self.0[i], condition.0[i]))
+        }
+        #[inline(always)]
+        fn leading_zeros(self) -> Self {
+            let mut words = self.to_array();
+            for word in &mut words {
+                *word = i64::from(word.leading_zeros());
+            }
+            Self::from_array(words)
+        }
+        #[inline(always)]
+        fn look_up(self, table: &[i64]) -> Self {
+            assert!(table.len().is_power_of_two(), "a table has 2^n words");
+            let low = table.len() as i64 - 1;
+            // SAFETY: as `both`; the address is cut to the table's length, a power of two.
+            both!(i => _mm256_i64gather_epi64::<8>(table.as_ptr(), _mm256_and_si256(self.0[i], _mm256_set1_epi64x(low))))
+        }
+        #[inline(always)]
+        fn nearest_of_4(keys: &[i32; 4], word: i32) -> (u32, usize) {
+            // SAFETY: as `both`; the keys are four words.
+            unsafe {
+                let (keys, word) = (_mm_loadu_si128(keys.as_ptr().cast()), _mm_set1_epi32(word));
+                let distance = _mm_sub_epi32(_mm_max_epi32(keys, word), _mm_min_epi32(keys, word));
+                let least = _mm_min_epu32(distance, _mm_shuffle_epi32::<0b01_00_11_10>(distance));
+                let least = _mm_min_epu32(least, _mm_shuffle_epi32::<0b10_11_00_01>(least));
+                let equal = _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(distance, least)));
+                (_mm_cvtsi128_si32(least) as u32, equal.trailing_zeros() as usize)
+            }
+        }
+        #[inline(always)]
+        fn any_negative(self) -> bool {
+            // SAFETY: as `both`.
+            unsafe { _mm256_movemask_pd(_mm256_castsi256_pd(_mm256_or_si256(self.0[0], self.0[1]))) != 0 }
+        }
+    }
+
+    impl Add for Vectors {
+        type Output = Vectors;
+        #[inline(always)]
+        fn add(self, other: Vectors) -> Vectors {
+            both!(i => _mm256_add_epi64(self.0[i], other.0[i]))
+        }
+    }
+
+    impl Sub for Vectors {
+        type Output = Vectors;
+        #[inline(always)]
+        fn sub(self, other: Vectors) -> Vectors {
+            both!(i => _mm256_sub_epi64(self.0[i], other.0[i]))
+        }
+    }
+
+    impl Neg for Vectors {
+        type Output = Vectors;
+        #[inline(always)]
+        fn neg(self) -> Vectors {
+            both!(i => _mm256_sub_epi64(_mm256_setzero_si256(), self.0[i]))
+        }
+    }
+
+    impl BitAnd for Vectors {
+        type Output = Vectors;
+        #[inline(always)]
+        fn bitand(self, other: Vectors) -> Vectors {
+            both!(i => _mm256_and_si256(self.0[i], other.0[i]))
+        }
+    }
+
+    impl BitOr for Vectors {
+        type Output = Vectors;
+        #[inline(always)]
+        fn bitor(self, other: Vectors) -> Vectors {
+            both!(i => _mm256_or_si256(self.0[i], other.0[i]))
+        }
+    }
+
+    /// Product of two words of at most 32 bits each.
+    impl Mul for Vectors {
+        type Output = Vectors;
+        #[inline(always)]
+        fn mul(self, other: Vectors) -> Vectors {
+            both!(i => _mm256_mul_epi32(self.0[i], other.0[i]))
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Square root: 1/√x and √x by leading-zero normalisation, a table and Newton steps.
+//!
+//! ```text
+//! x ─►[<< even lz]─► mantissa m ∈ [1,4) ─┬─►[table]─► y₀ ─►┌ q = y·y       ┐×steps ─► y ∈ (½,1]
+//!       └─► exponent 2e                  │                 │ c = 3 − m·q   │          1/√x = y · 2^−e
+//!                                        └────────────────►└ y = ½·y·c     ┘          √x = m·y · 2^e
+//! ```
+//! Losses: `mantissa` is cut (its rounding up could leave [1,4)); `square`, `correction` and `result` are rounded to nearest.
+//!
+//! Law: `a_reciprocal_root_is_within_its_bound`.
+
+use super::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
+use super::{Exact, Fit, Format, Lanes, Rounding, Word};
+use crate::machine::{Elaboration, FunctionUnit};
+use crate::probe::{Probe, Tap};
+
+/// An elaborated reciprocal square root unit.
+#[derive(Clone, Debug)]
+pub struct ReciprocalRoot {
+    mantissa: Fit,
+    square: Fit,
+    correction: Fit,
+    result: Fit,
+    table: Vec<i64>,
+    table_bits: u32,
+    newton_steps: u32,
+    bits: u32,
+    operand_frac_bits: i64,
+}
+
+impl ReciprocalRoot {
+    /// Elaborates the unit called `name` for operands with `operand_frac_bits` fraction bits.
+    pub fn new(e: &mut Elaboration, unit: &'static str, name: &str, config: FunctionUnit, operand_frac_bits: i32) -> Self {
+        let config = e.function_unit(unit, name, config);
+        let word = Word::new(Format::unsigned(1, config.bits as i32));
+        let operand = Word::new(Format::unsigned(2, config.bits as i32 - 1)).rounded(Rounding::Truncate);
+        let product = Exact::from(word).times(word);
+        if config.newton_steps > 0 {
+            // y·y, m·q and y·c.
+            e.times(unit, word, word);
+            e.times(unit, operand, word);
+            e.times(unit, word, word);
+        }
+        let normalised = Exact { int_bits: 2, frac_bits: NORMALISED_FRAC_BITS - 1 };
+        ReciprocalRoot {
+            mantissa: e.fit(unit, &format!("{name}.mantissa"), operand, normalised),
+            square: e.fit(unit, &format!("{name}.square"), word, product),
+            correction: e.fit(unit, &format!("{name}.correction"), word, product),
+            result: e.fit(unit, &format!("{name}.result"), word, product),
+            table: table(config),
+            table_bits: config.table_bits,
+            newton_steps: config.newton_steps,
+            bits: config.bits,
+            operand_frac_bits: i64::from(operand_frac_bits),
+        }
+    }
+
+    /// 1/√x of eight positive words: mantissa in [½, 1] with `bits` fraction bits, and the power of two it is times.
+    #[inline(always)]
+    pub fn lanes<L: Lanes, P: Probe>(&self, x: L, tap: &mut Tap<P>) -> Scientific<L> {
+        self.with_operand(x, tap).1
+    }
+
+    /// √x of eight positive words: a product `mantissa · 2^exponent` with `2·bits − 1` fraction bits.
+    #[inline(always)]
+    pub fn root_lanes<L: Lanes, P: Probe>(&self, x: L, tap: &mut Tap<P>) -> Scientific<L> {
+        let (m, y) = self.with_operand(x, tap);
+        Scientific { mantissa: m * y.mantissa, exponent: -y.exponent }
+    }
+
+    #[inline(always)]
+    fn with_operand<L: Lanes, P: Probe>(&self, x: L, tap: &mut Tap<P>) -> (L, Scientific<L>) {
+        let lead = x.leading_zeros() - L::splat(2);
+        let odd = (lead + L::splat(self.operand_frac_bits + i64::from(NORMALISED_FRAC_BITS - 1))) & L::splat(1);
+        let lead = lead - odd;
+        let m = tap.fit(&self.mantissa, x.left_by(lead));
+        let mut y = m.right(self.bits + 1 - self.table_bits).look_up(&self.table);
+        for _ in 0..self.newton_steps {
+            let square = tap.fit(&self.square, y * y);
+            // c = 3 − m·q, halved by wiring so that ½·y·c is a plain product.
+            let half_correction = tap.fit(&self.correction, L::splat(3 << (2 * self.bits - 1)) - m * square);
+            y = tap.fit(&self.result, y * half_correction);
+        }
+        (m, Scientific { mantissa: y, exponent: (lead + L::splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS - 1))).right(1) })
+    }
+
+    /// 1/√x of one positive word.
+    #[inline(always)]
+    pub fn one<P: Probe>(&self, x: i64, tap: &mut Tap<P>) -> (i64, i64) {
+        let lead = self.lead(x);
+        let m = tap.fit_one(&self.mantissa, x << lead);
+        let mut y = self.table[self.address(m)];
+        for _ in 0..self.newton_steps {
+            let square = tap.fit_one(&self.square, y * y);
+            let half_correction = tap.fit_one(&self.correction, (3 << (2 * self.bits - 1)) - m * square);
+            y = tap.fit_one(&self.result, y * half_correction);
+        }
+        (y, self.exponent(lead))
+    }
+
+    /// Places to shift so that the value is 2^(even) times [1, 4), read with one fraction bit less than the reciprocal's.
+    #[inline(always)]
+    fn lead(&self, x: i64) -> i64 {
+        let lead = i64::from(x.leading_zeros()) - 2;
+        lead - ((lead + self.operand_frac_bits + i64::from(NORMALISED_FRAC_BITS - 1)) & 1)
+    }
+
+    /// Half the power of two, of the inverse, that `lead` places stand for.
+    #[inline(always)]
+    fn exponent(&self, lead: i64) -> i64 {
+        (lead + self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS - 1)) >> 1
+    }
+
+    #[inline(always)]
+    fn address(&self, m: i64) -> usize {
+        (m >> (self.bits + 1 - self.table_bits)) as usize
+    }
+}
+
+/// First guesses: the reciprocal root at the middle of each of 2^`table_bits` steps of [0, 4); those under 1 are never asked for.
+fn table(config: FunctionUnit) -> Vec<i64> {
+    let one = 1i64 << config.bits;
+    (0..1u128 << config.table_bits)
+        .map(|i| {
+            // y = 1/√((2i + 1)·2 / 2^table_bits), as √(2^n / (2i + 1)) with two spare bits to round by.
+            let n = 2 * config.bits + 4 + config.table_bits - 1;
+            let guess = ((1u128 << n) / (2 * i + 1)).isqrt() as i64;
+            ((guess + 2) >> 2).min(one)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;

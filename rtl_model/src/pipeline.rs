@@ -1,0 +1,539 @@
+//! Pipeline: wires the units, the only file that knows their order.
+//!
+//! ```text
+//! splats ─► project ─► ellipse ─► raster ─► gauss ─► fragment ─► resolve ─► frame
+//!           └──── "setup" ────┘                        └► shade ◄┘
+//! ```
+//! The simulator draws tile by tile, whatever order the modelled machine has: a pixel's result depends on nothing but the
+//! order of its own contributions, which is the order of the splats. Tiles and blocks of splats are shared out to threads.
+//!
+//! Law: `threads_and_watchers_change_no_bit`.
+
+use crate::frame::{Frame, Splat};
+use crate::host::{Work, vectorised};
+use crate::machine::Elaborated;
+use crate::num::{LANES, Lanes, Table, three, two};
+use crate::probe::{Probe, Tap};
+use crate::units::fragment::{
+    self, Attributes, Contribution, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
+};
+use crate::units::resolve::Layer;
+use crate::units::{ellipse, raster, shade};
+use rayon::prelude::*;
+
+/// Splats that were not drawn, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Culled {
+    /// At or before the near plane.
+    pub near: u64,
+    /// Outside the guard band, or the box misses the picture.
+    pub outside: u64,
+    /// Nothing to see.
+    pub faint: u64,
+    /// Faces away.
+    pub backface: u64,
+}
+
+/// Why a splat is not drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Reason {
+    Near,
+    Outside,
+    Faint,
+    Backface,
+}
+
+impl Culled {
+    fn count(&mut self, reason: Reason) {
+        match reason {
+            Reason::Near => self.near += 1,
+            Reason::Outside => self.outside += 1,
+            Reason::Faint => self.faint += 1,
+            Reason::Backface => self.backface += 1,
+        }
+    }
+
+    fn absorb(&mut self, other: &Culled) {
+        self.near += other.near;
+        self.outside += other.outside;
+        self.faint += other.faint;
+        self.backface += other.backface;
+    }
+}
+
+/// A finished frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Drawing {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// RGBA words (`resolve.frame`), row-major, row 0 on top.
+    pub frame: Vec<[u32; 4]>,
+    /// Whether the pixel has a fragment.
+    pub covered: Vec<bool>,
+    /// Splats that were not drawn.
+    pub culled: Culled,
+    /// What became of the contributions.
+    pub outcomes: Outcomes,
+}
+
+/// A splat that has been set up: what waits in memory between setup and raster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Prepared {
+    raster: raster::Input,
+    amplitude: i32,
+    attributes: Attributes,
+    material: u32,
+    splat: u32,
+}
+
+/// Splats set up, and those that fell out.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Setup {
+    /// In input order, block by block: joining them would copy every splat once more.
+    blocks: Vec<Vec<Prepared>>,
+    /// Not drawn.
+    pub culled: Culled,
+}
+
+/// Draws a frame.
+pub fn draw<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> Drawing {
+    let setup = set_up(machine, frame, probe);
+    fill(machine, frame, &setup, probe)
+}
+
+/// Splats that one thread sets up at a time.
+const BLOCK_SPLATS: usize = 8192;
+
+/// The first half: project and ellipse.
+pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> Setup {
+    let blocks: Vec<(Setup, P)> = frame
+        .splats
+        .par_chunks(BLOCK_SPLATS)
+        .enumerate()
+        .map(|(block, splats)| {
+            let mut fork = probe.fork();
+            let first = (block * BLOCK_SPLATS) as u32;
+            (vectorised(SetUp { machine, frame, splats, first, probe: &mut fork }), fork)
+        })
+        .collect();
+    let mut whole = Setup::default();
+    for (part, fork) in blocks {
+        whole.blocks.extend(part.blocks);
+        whole.culled.absorb(&part.culled);
+        probe.absorb(fork);
+    }
+    whole
+}
+
+impl Setup {
+    /// Splats that are left.
+    pub fn splats(&self) -> usize {
+        self.blocks.iter().map(Vec::len).sum()
+    }
+
+    /// The splat of a bin's entry.
+    #[inline(always)]
+    fn splat(&self, entry: u32) -> &Prepared {
+        &self.blocks[entry as usize / BLOCK_SPLATS][entry as usize % BLOCK_SPLATS]
+    }
+
+    /// Every splat in input order, with what a bin calls it.
+    fn entries(&self) -> impl Iterator<Item = (u32, &Prepared)> {
+        let numbered = |(block, splats): (usize, &'_ Vec<Prepared>)| (block * BLOCK_SPLATS, splats.len());
+        let numbers = self.blocks.iter().enumerate().map(numbered).flat_map(|(first, count)| first..first + count);
+        numbers.map(|number| (number as u32, self.splat(number as u32)))
+    }
+}
+
+struct SetUp<'a, P> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    splats: &'a [Splat],
+    first: u32,
+    probe: &'a mut P,
+}
+
+impl<P: Probe> Work for SetUp<'_, P> {
+    type Output = Setup;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> Setup {
+        let mut setup = Setup { blocks: vec![Vec::with_capacity(self.splats.len())], culled: Culled::default() };
+        for (group, splats) in self.splats.chunks(LANES).enumerate() {
+            let first = self.first + (group * LANES) as u32;
+            set_up_lanes::<L, P>(self.machine, self.frame, splats, first, self.probe, &mut setup);
+        }
+        setup
+    }
+}
+
+/// One word of each of up to eight splats.
+macro_rules! word {
+    ($splats:ident.$($field:tt)+) => {{
+        let mut words = [0; LANES];
+        for (word, splat) in words.iter_mut().zip($splats) {
+            *word = i64::from(splat.$($field)+);
+        }
+        L::from_array(words)
+    }};
+}
+
+/// Sets up to eight splats up.
+#[inline(always)]
+fn set_up_lanes<L: Lanes, P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat], first: u32, probe: &mut P, setup: &mut Setup) {
+    let view = &frame.view;
+    let mut present = [false; LANES];
+    present[..splats.len()].fill(true);
+    let tap = &mut Tap { probe, live: present };
+
+    let position = [word!(splats.position[0]), word!(splats.position[1]), word!(splats.position[2])];
+    let point = machine.project.lanes(view, position, tap);
+    let input = ellipse::Input {
+        normal: [word!(splats.normal[0]), word!(splats.normal[1]), word!(splats.normal[2])],
+        radius: word!(splats.radius),
+        forward: point.camera[2],
+        exponent: point.exponent,
+        inverse_depth: point.inverse_depth,
+        slope: point.slope,
+        pixel: point.pixel,
+    };
+    let ellipse = machine.ellipse.lanes(view, [frame.width, frame.height], &input, tap);
+
+    // In the order in which the units find them: the first that holds is the reason.
+    let reasons = [
+        (point.near, Reason::Near),
+        (point.outside, Reason::Outside),
+        (ellipse.backface, Reason::Backface),
+        (ellipse.faint, Reason::Faint),
+        (ellipse.outside, Reason::Outside),
+    ];
+    let culled = (point.near | point.outside | ellipse.backface | ellipse.faint | ellipse.outside).to_array();
+    let pixel = two!(i => point.pixel[i].to_array());
+    let depth = point.depth.to_array();
+    let conic = three!(i => ellipse.conic[i].to_array());
+    let slope = two!(i => ellipse.depth_slope[i].to_array());
+    let range = ellipse.depth_range.to_array();
+    let columns = two!(i => ellipse.columns[i].to_array());
+    let rows = two!(i => ellipse.rows[i].to_array());
+    let amplitude = ellipse.amplitude.to_array();
+    let normal = three!(i => ellipse.normal[i].to_array());
+    let Setup { blocks, culled: counts } = setup;
+    let Some(prepared) = blocks.last_mut() else { return };
+    for (lane, own) in splats.iter().enumerate() {
+        if culled[lane] != 0 {
+            counts.count(why_culled(&reasons, lane));
+            continue;
+        }
+        let [r, g, b] = own.rgb;
+        prepared.push(Prepared {
+            raster: raster::Input {
+                pixel: two!(i => pixel[i][lane] as i32),
+                conic: three!(i => conic[i][lane] as i32),
+                depth: depth[lane] as i32,
+                depth_slope: two!(i => slope[i][lane] as i32),
+                depth_range: range[lane] as i32,
+                columns: two!(i => columns[i][lane] as u16),
+                rows: two!(i => rows[i][lane] as u16),
+            },
+            amplitude: amplitude[lane] as i32,
+            attributes: [1, r, g, b, own.opacity, normal[0][lane] as i32, normal[1][lane] as i32, normal[2][lane] as i32],
+            material: own.material,
+            splat: first + lane as u32,
+        });
+    }
+}
+
+/// The first reason that holds.
+#[cold]
+#[inline(never)]
+fn why_culled<L: Lanes>(reasons: &[(L, Reason)], lane: usize) -> Reason {
+    reasons.iter().find(|(holds, _)| holds.mask()[lane]).map_or(Reason::Faint, |(_, reason)| *reason)
+}
+
+/// The second half: raster, gauss, fragment, shade and resolve.
+pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
+    let plain = machine.raster.is_plain() && machine.fragment.is_plain();
+    match (plain, machine.fragment.is_narrow()) {
+        (true, true) => fill_as::<true, i32, P>(machine, frame, setup, probe),
+        (true, false) => fill_as::<true, i64, P>(machine, frame, setup, probe),
+        (false, true) => fill_as::<false, i32, P>(machine, frame, setup, probe),
+        (false, false) => fill_as::<false, i64, P>(machine, frame, setup, probe),
+    }
+}
+
+fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
+    let highlights = machine.shade.highlights(&frame.lighting);
+    let bins = Bins::new(frame, setup);
+    let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
+    let tiles: Vec<(Resolved, P)> = touched
+        .par_iter()
+        .map_init(
+            || Tile::<L>::new(machine.machine.fragment.layers as usize),
+            |tile, &index| {
+                let mut fork = probe.fork();
+                let work = FillTile::<PLAIN, L, P> {
+                    machine,
+                    frame,
+                    highlights: &highlights,
+                    setup,
+                    splats: bins.splats(index),
+                    corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
+                    tile,
+                    probe: &mut fork,
+                };
+                (vectorised(work), fork)
+            },
+        )
+        .collect();
+    let background = machine.resolve.one(&[], frame.background, &mut Tap::new(probe)).map(|word| word as u32);
+    let pixels = frame.width as usize * frame.height as usize;
+    let mut drawing = Drawing {
+        width: frame.width,
+        height: frame.height,
+        frame: vec![background; pixels],
+        covered: vec![false; pixels],
+        culled: setup.culled,
+        outcomes: Outcomes::default(),
+    };
+    for (tile, fork) in tiles {
+        tile.write(&mut drawing);
+        probe.absorb(fork);
+    }
+    drawing
+}
+
+/// Which splats touch which tile, in input order.
+struct Bins {
+    columns: usize,
+    rows: usize,
+    /// Tile t's entries are `starts[t]..starts[t + 1]`.
+    starts: Vec<usize>,
+    entries: Vec<u32>,
+}
+
+impl Bins {
+    fn new(frame: &Frame, setup: &Setup) -> Self {
+        let columns = (frame.width as usize).div_ceil(TILE_PX);
+        let rows = (frame.height as usize).div_ceil(TILE_PX);
+        let mut starts = vec![0; columns * rows + 1];
+        for (_, splat) in setup.entries() {
+            each_tile(&splat.raster, columns, |tile| starts[tile + 1] += 1);
+        }
+        for tile in 0..columns * rows {
+            starts[tile + 1] += starts[tile];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![0; starts[columns * rows]];
+        for (entry, splat) in setup.entries() {
+            each_tile(&splat.raster, columns, |tile| {
+                entries[next[tile]] = entry;
+                next[tile] += 1;
+            });
+        }
+        Bins { columns, rows, starts, entries }
+    }
+
+    fn splats(&self, tile: usize) -> &[u32] {
+        &self.entries[self.starts[tile]..self.starts[tile + 1]]
+    }
+}
+
+fn each_tile(splat: &raster::Input, columns: usize, mut visit: impl FnMut(usize)) {
+    let side = |pixels: [u16; 2]| usize::from(pixels[0]) / TILE_PX..=usize::from(pixels[1]) / TILE_PX;
+    for row in side(splat.rows) {
+        for column in side(splat.columns) {
+            visit(row * columns + column);
+        }
+    }
+}
+
+/// A tile's part of the frame.
+struct Resolved {
+    corner: [u16; 2],
+    frame: [[u32; 4]; TILE_AREA],
+    covered: [bool; TILE_AREA],
+    outcomes: Outcomes,
+}
+
+impl Resolved {
+    fn write(&self, drawing: &mut Drawing) {
+        drawing.outcomes.absorb(&self.outcomes);
+        let [left, top] = self.corner.map(usize::from);
+        let width = drawing.width as usize;
+        let columns = TILE_PX.min(width - left);
+        for row in 0..TILE_PX.min(drawing.height as usize - top) {
+            let (to, from) = ((top + row) * width + left, row * TILE_PX);
+            drawing.frame[to..to + columns].copy_from_slice(&self.frame[from..from + columns]);
+            drawing.covered[to..to + columns].copy_from_slice(&self.covered[from..from + columns]);
+        }
+    }
+}
+
+struct FillTile<'a, const PLAIN: bool, L, P> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    highlights: &'a [Option<Table>],
+    setup: &'a Setup,
+    splats: &'a [u32],
+    corner: [u16; 2],
+    tile: &'a mut Tile<L>,
+    probe: &'a mut P,
+}
+
+impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
+    type Output = Resolved;
+
+    #[inline(always)]
+    fn run<AnyLanes: Lanes>(mut self) -> Resolved {
+        self.tile.clear();
+        let mut outcomes = Outcomes::default();
+        let mut span = raster::Span::default();
+        for &index in self.splats {
+            let prepared = self.setup.splat(index);
+            self.splat::<AnyLanes>(prepared, &mut span, &mut outcomes);
+        }
+        self.resolve(outcomes)
+    }
+}
+
+impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
+    /// Raster, gauss and fragment: one splat, as far as it lies in the tile.
+    #[inline(always)]
+    fn splat<V: Lanes>(&mut self, prepared: &Prepared, span: &mut raster::Span, outcomes: &mut Outcomes) {
+        let (machine, frame) = (self.machine, self.frame);
+        let tap = &mut Tap::new(&mut *self.probe);
+        let size_px = [frame.width, frame.height];
+        let cutoff = machine.raster.cutoff(frame.view.cutoff);
+        let last = two!(axis => self.corner[axis] + (TILE_PX as u16 - 1));
+        let [from, to] = overlap(prepared.raster.columns, self.corner[0], last[0]);
+        let [top, bottom] = overlap(prepared.raster.rows, self.corner[1], last[1]);
+        let mut walk = machine.raster.enter::<PLAIN, P>(size_px, &prepared.raster, [from, top], tap);
+        let corner = usize::from(top - self.corner[1]) * TILE_PX + usize::from(from - self.corner[0]);
+        let columns = usize::from(to - from) + 1;
+        span.clear();
+        machine.raster.span(&walk, cutoff, corner, columns, span, tap);
+        for (row, y) in (top..bottom).enumerate() {
+            machine.raster.next_row::<PLAIN, P>(size_px, &mut walk, y + 1, tap);
+            machine.raster.span(&walk, cutoff, corner + (row + 1) * TILE_PX, columns, span, tap);
+        }
+        for first in (0..span.fragments()).step_by(LANES) {
+            self.contribute::<V>(prepared, &walk, span, first, outcomes);
+        }
+    }
+
+    /// Gauss and fragment: up to eight of a span's fragments.
+    #[inline(always)]
+    fn contribute<V: Lanes>(
+        &mut self,
+        prepared: &Prepared,
+        walk: &raster::Walk,
+        span: &raster::Span,
+        first: usize,
+        outcomes: &mut Outcomes,
+    ) {
+        let (machine, frame) = (self.machine, self.frame);
+        let lights = lights(frame, self.highlights);
+        let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
+        let tap = &mut Tap::new(&mut *self.probe);
+        let count = (span.fragments() - first).min(LANES);
+        tap.live[count..].fill(false);
+        let [radial, depth] = machine.raster.fragments::<V>(walk, span, first);
+        let [radial_index, weight] = machine.gauss.lanes(radial, i64::from(prepared.amplitude), tap);
+        let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
+        // A weight that rounds to 0 makes no fragment: its depth is nobody's.
+        if P::WORDS {
+            tap.live = std::array::from_fn(|lane| tap.live[lane] & (weight[lane] != 0));
+        }
+        let depth = machine.fragment.depth(depth, tap).to_array();
+        let shade = |slot: &Slot, tap: &mut Tap<P>| shade_slot(machine, &lights, slot, tap);
+        for lane in 0..count {
+            if weight[lane] == 0 {
+                continue;
+            }
+            let pixel = span.pixel(first + lane);
+            let decision = machine.fragment.contribute::<PLAIN, V, L, P>(
+                self.tile,
+                pixel,
+                [weight[lane], depth[lane]],
+                &prepared.attributes,
+                prepared.material,
+                &registers,
+                shade,
+                tap,
+            );
+            outcomes.count(decision);
+            if P::DECISIONS {
+                let [x, y] = [pixel % TILE_PX, pixel / TILE_PX].map(|at| at as u32);
+                let corner = self.corner.map(u32::from);
+                let contribution =
+                    Contribution { splat: prepared.splat, radial_index: radial_index[lane], weight: weight[lane], depth: depth[lane] };
+                tap.probe.contribution(x + corner[0], y + corner[1], &contribution, decision);
+            }
+        }
+    }
+
+    /// Shade and resolve: every pixel of the tile.
+    fn resolve(self, mut outcomes: Outcomes) -> Resolved {
+        let mut resolved = Resolved { corner: self.corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
+        let lights = lights(self.frame, self.highlights);
+        let tap = &mut Tap::new(&mut *self.probe);
+        let mut layers = [Layer::default(); fragment::MAX_LAYERS];
+        for pixel in 0..TILE_AREA {
+            let live = self.tile.live(pixel);
+            let [x, y] = [pixel % TILE_PX + usize::from(self.corner[0]), pixel / TILE_PX + usize::from(self.corner[1])].map(|at| at as u32);
+            if x >= self.frame.width || y >= self.frame.height {
+                continue;
+            }
+            for (slot, layer) in layers[..live].iter_mut().enumerate() {
+                *layer = lit_layer(self.machine, &lights, slot, &self.tile.slot(pixel, slot), tap);
+            }
+            layers[..live].sort_by_key(|layer| layer.depth);
+            let word = self.machine.resolve.one(&layers[..live], self.frame.background, tap);
+            if P::DECISIONS {
+                tap.probe.resolved(x, y, &layers[..live], word);
+            }
+            resolved.frame[pixel] = word.map(|channel| channel as u32);
+            resolved.covered[pixel] = live > 0;
+            outcomes.most_in_a_pixel = outcomes.most_in_a_pixel.max(u64::from(self.tile.contributions(pixel)));
+        }
+        Resolved { outcomes, ..resolved }
+    }
+}
+
+/// The part of a box's side that lies between two pixels.
+#[inline(always)]
+fn overlap(side: [u16; 2], first: u16, last: u16) -> [u16; 2] {
+    [side[0].max(first), side[1].min(last)]
+}
+
+fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<Table>]) -> shade::Registers<'a> {
+    shade::Registers {
+        lighting: &frame.lighting,
+        highlights,
+        coverage_threshold: frame.coverage_threshold,
+        inverse_threshold: frame.inverse_threshold,
+    }
+}
+
+/// The port from fragment, and from resolve, to shade.
+fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
+    let s: &[i64; SUMS] = &slot.sums;
+    let input = shade::Input {
+        weight: s[WEIGHT],
+        colour: [s[1], s[2], s[3]],
+        opacity: s[OPACITY],
+        normal: [s[NORMAL], s[NORMAL + 1], s[NORMAL + 2]],
+        material: slot.material,
+    };
+    let shade::Output { colour, opacity } = machine.shade.one(lights, &input, tap);
+    Premultiplied { colour, opacity }
+}
+
+fn lit_layer<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: usize, fragment: &Slot, tap: &mut Tap<P>) -> Layer {
+    let Premultiplied { colour, opacity } =
+        if fragment.shaded { machine.fragment.shaded(fragment, tap) } else { shade_slot(machine, lights, fragment, tap) };
+    let weight = if fragment.shaded { 0 } else { fragment.sums[WEIGHT] };
+    Layer { slot, depth: fragment.depth, weight, merged: fragment.shaded, colour, opacity }
+}

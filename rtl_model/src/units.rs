@@ -1,0 +1,9 @@
+//! Units: the blocks of the diagram, in its order. Each file holds one block whole: ports, formats, losses, function, laws.
+
+pub mod ellipse;
+pub mod fragment;
+pub mod gauss;
+pub mod project;
+pub mod raster;
+pub mod resolve;
+pub mod shade;

@@ -1,0 +1,423 @@
+//! Ellipse: turns a normal and a radius into a conic, an amplitude, a box and a depth plane (ALGORITHM §3, second half of "setup").
+//!
+//! ```text
+//! radius ─►(× s)─►(× 1/t_z)─► size k' = k/2^e ──► k'² ─┬────────────────────────►(×)─► variance V' ─┬─► extent ─► box
+//! normal ─►[ W·n ]─┬─► tilt g ─►[ 1+a² … − ggᵀ ]─► shape ┘             low_pass v/4^e ──(+)─┘       │
+//!                  └─► facing c_n ─► area k'²·c_n ─► determinant ─►[ 1/√ ]─┬─► inverse ─►(×)────────┴─► conic
+//!                        └─►[ 1/|c_n| ]─► depth_slope                      └─► visibility ─► amplitude
+//! ```
+//! Each splat picks a power of two 2^e near its own radius in pixels and works relative to it, so that footprints of a
+//! tenth of a pixel and of a thousand pixels keep the same relative precision in the same words.
+//! det V' = area² + v'·tr V' − v'²: the three terms of ALGORITHM §3 with v'·tr V_r' + v'² gathered, none of which can go negative.
+//!
+//! Losses: every word is rounded to nearest, but `scaled_radius`, which a normaliser cuts; `extent` gets one more place than it
+//! needs, so the box never loses a pixel to rounding; `depth_slope` is clamped, for a grazing plane's slope has no limit and
+//! the depth clamp (`depth_range`) rules there.
+//!
+//! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside* where the box misses the picture.
+
+use crate::frame::View;
+use crate::machine::{Elaboration, MAX_OPERAND_BITS, Machine};
+use crate::num::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
+use crate::num::{Exact, Fit, Format, Lanes, Reciprocal, ReciprocalRoot, Rounding, Word, align, three, two};
+use crate::probe::{Probe, Tap};
+
+const UNIT: &str = "ellipse";
+
+/// Input port, eight splats: the splat's words and the point's.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<L> {
+    /// Normal, world axes (`splat.normal`).
+    pub normal: [L; 3],
+    /// σ (`splat.radius`).
+    pub radius: L,
+    /// t_z/2^exponent (`project.camera`).
+    pub forward: L,
+    /// The power of two that t is relative to.
+    pub exponent: L,
+    /// 2^exponent/t_z.
+    pub inverse_depth: Scientific<L>,
+    /// a, b (`project.slope`).
+    pub slope: [L; 2],
+    /// Position from the picture's middle (`project.pixel`).
+    pub pixel: [L; 2],
+}
+
+/// Output port, eight splats.
+#[derive(Clone, Copy, Debug)]
+pub struct Output<L> {
+    /// Camera-space normal (`fragment.normal`).
+    pub normal: [L; 3],
+    /// Q00, Q01, Q11 (`ellipse.conic`, `ellipse.conic_cross`).
+    pub conic: [L; 3],
+    /// A (`ellipse.amplitude`).
+    pub amplitude: L,
+    /// First and last column and row, inside the picture.
+    pub columns: [L; 2],
+    /// First and last row, inside the picture.
+    pub rows: [L; 2],
+    /// z_x, z_y (`ellipse.depth_slope`).
+    pub depth_slope: [L; 2],
+    /// Half-width of the depth clamp (`ellipse.depth_range`).
+    pub depth_range: L,
+    /// Faces away, and that counts.
+    pub backface: L,
+    /// Nothing to see.
+    pub faint: L,
+    /// The box misses the picture.
+    pub outside: L,
+}
+
+/// The elaborated unit.
+#[derive(Clone, Debug)]
+pub struct Ellipse {
+    normal: Fit,
+    fragment_normal: Fit,
+    tilt: Fit,
+    facing: Fit,
+    scaled_radius: Fit,
+    size: Fit,
+    size_squared: Fit,
+    shape: Fit,
+    low_pass: Fit,
+    variance: Fit,
+    variance_cross: Fit,
+    area: Fit,
+    determinant: Fit,
+    root: ReciprocalRoot,
+    inverse: Fit,
+    conic: Fit,
+    conic_cross: Fit,
+    visibility: Fit,
+    amplitude: Fit,
+    inverse_two_pi: i64,
+    extent_root: ReciprocalRoot,
+    extent: Fit,
+    edge: Fit,
+    slope_reciprocal: Reciprocal,
+    depth_step: Fit,
+    slope_scale: Fit,
+    depth_slope: Fit,
+    depth_range: Fit,
+    places: Places,
+}
+
+/// Where binary points lie, for aligning the terms of sums.
+#[derive(Clone, Copy, Debug)]
+struct Places {
+    slope: u32,
+    /// s·σ as an exact product.
+    scaled_radius: i64,
+    /// Terms of `shape`: one, a², g².
+    shape: [u32; 3],
+    /// Terms of `variance`: k'²·shape, v'.
+    variance: [u32; 2],
+    /// Terms of `determinant`: area², v'·tr, v'².
+    determinant: [u32; 3],
+    /// Terms of an edge: pixel, extent; and their common fraction bits.
+    edge: [u32; 2],
+    edge_frac_bits: u32,
+}
+
+/// 1/2π with 62 fraction bits.
+const INVERSE_TWO_PI_Q62: i64 = 733_972_625_820_500_307;
+
+impl Ellipse {
+    /// Elaborates the unit.
+    pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
+        let (m, p) = (&machine.ellipse, &machine.project);
+        for (name, word, signed) in [
+            ("normal", m.normal, true),
+            ("tilt", m.tilt, true),
+            ("facing", m.facing, true),
+            ("scaled_radius", m.scaled_radius, false),
+            ("size", m.size, false),
+            ("size_squared", m.size_squared, false),
+            ("shape", m.shape, true),
+            ("low_pass", m.low_pass, false),
+            ("variance", m.variance, false),
+            ("variance_cross", m.variance_cross, true),
+            ("area", m.area, true),
+            ("inverse", m.inverse, false),
+            ("conic", m.conic, false),
+            ("conic_cross", m.conic_cross, true),
+            ("visibility", m.visibility, false),
+            ("inverse_two_pi", m.inverse_two_pi, false),
+            ("amplitude", m.amplitude, false),
+            ("extent", m.extent, false),
+            ("inverse_focal", m.inverse_focal, false),
+            ("depth_step", m.depth_step, false),
+            ("depth_slope", m.depth_slope, true),
+            ("root_cutoff", m.root_cutoff, false),
+            ("depth_range", m.depth_range, false),
+        ] {
+            e.port(UNIT, name, word);
+            e.signedness(UNIT, name, word, signed);
+        }
+        e.signedness(UNIT, "determinant", m.determinant, false);
+        e.saturates(UNIT, "determinant", m.determinant);
+        // The magnitude of the least area, and the sum of two variances, are multiplier operands too.
+        for (name, word, limit) in [("area", m.area, MAX_OPERAND_BITS - 1), ("variance", m.variance, MAX_OPERAND_BITS - 2)] {
+            let Format { frac_bits, .. } = word.format;
+            e.require(word.format.width() <= limit, || {
+                let fits = Format { int_bits: limit - frac_bits.min(limit), frac_bits: frac_bits.min(limit), ..word.format };
+                format!("ellipse.{name} is {word}, {} bits where {limit} can be used: {fits} would fit", word.format.width())
+            });
+        }
+        for (name, word) in [("normal", m.normal), ("scaled_radius", m.scaled_radius), ("inverse", m.inverse), ("visibility", m.visibility)]
+        {
+            e.holds_one(UNIT, name, word);
+        }
+        e.holds_one(UNIT, "inverse_focal", m.inverse_focal);
+        let inverse_depth = p.reciprocal.format();
+
+        let rotated = e.times(UNIT, p.rotation, machine.splat.normal);
+        let normal = e.fit(UNIT, "normal", m.normal, rotated.plus(rotated).plus(rotated));
+        let leaned = e.times(UNIT, p.slope, m.normal);
+        let tilt = e.fit(UNIT, "tilt", m.tilt, leaned.plus(leaned));
+        let facing = e.fit(UNIT, "facing", m.facing, leaned.plus(leaned).plus(leaned));
+
+        let scaled = e.times(UNIT, p.focal, machine.splat.radius);
+        let normalised = Exact { int_bits: 1, frac_bits: NORMALISED_FRAC_BITS };
+        let scaled_radius = e.fit(UNIT, "scaled_radius", m.scaled_radius, normalised);
+        let sized = e.times(UNIT, m.scaled_radius, inverse_depth);
+        let size = e.fit(UNIT, "size", m.size, sized);
+        let squared = e.times(UNIT, m.size, m.size);
+        let size_squared = e.fit(UNIT, "size_squared", m.size_squared, squared);
+
+        let slope_squared = e.times(UNIT, p.slope, p.slope);
+        let tilt_squared = e.times(UNIT, m.tilt, m.tilt);
+        let shape = e.fit(UNIT, "shape", m.shape, slope_squared.plus(slope_squared).plus(tilt_squared));
+        let low_pass = e.fit(UNIT, "low_pass", m.low_pass, m.low_pass.into());
+        let spread = e.times(UNIT, m.size_squared, m.shape);
+        let variance = e.fit(UNIT, "variance", m.variance, spread.plus(m.low_pass));
+        let variance_cross = e.fit(UNIT, "variance_cross", m.variance_cross, spread);
+
+        let turned = e.times(UNIT, m.size_squared, m.facing);
+        let area = e.fit(UNIT, "area", m.area, turned);
+        let trace = Format { int_bits: m.variance.format.int_bits + 1, ..m.variance.format };
+        let area_squared = e.times(UNIT, m.area, m.area);
+        let filtered = e.times(UNIT, m.low_pass, trace);
+        let filter_squared = e.times(UNIT, m.low_pass, m.low_pass);
+        let determinant = e.fit(UNIT, "determinant", m.determinant, area_squared.plus(filtered).plus(filter_squared));
+        let root = ReciprocalRoot::new(e, UNIT, "root", m.root, m.determinant.format.frac_bits);
+        let square = e.times(UNIT, m.root.format(), m.root.format());
+        let inverse = e.fit(UNIT, "inverse", m.inverse, square);
+        let inverted = e.times(UNIT, m.variance, m.inverse);
+        let conic = e.fit(UNIT, "conic", m.conic, inverted);
+        let inverted_cross = e.times(UNIT, m.variance_cross, m.inverse);
+        let conic_cross = e.fit(UNIT, "conic_cross", m.conic_cross, inverted_cross);
+        let seen = e.times(UNIT, m.area, m.root.format());
+        let visibility = e.fit(UNIT, "visibility", m.visibility, seen);
+        let shown = e.times(UNIT, m.visibility, m.inverse_two_pi);
+        let amplitude = e.fit(UNIT, "amplitude", m.amplitude, shown);
+
+        let reach = e.times(UNIT, machine.raster.cutoff, m.variance);
+        e.holds_exact("the operand of ellipse.extent_root, raster.cutoff · ellipse.variance, normalised,", reach.scaled(1).plus(reach));
+        let extent_root = ReciprocalRoot::new(e, UNIT, "extent_root", m.extent_root, reach.frac_bits);
+        let root_bits = m.extent_root.format();
+        let reached = e.times(UNIT, root_bits, root_bits).scaled(1);
+        let extent = e.fit(UNIT, "extent", m.extent, reached);
+        let edge_frac_bits = p.pixel.format.frac_bits.max(m.extent.format.frac_bits);
+        // The picture's middle lies up to 8192 pixels from its first.
+        let edge_exact = Exact::from(p.pixel).plus(Exact { int_bits: 14, frac_bits: 1 }).plus(m.extent).plus(m.extent);
+        let edge = e.fit(UNIT, "edge", Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate), edge_exact);
+
+        let slope_reciprocal = Reciprocal::new(e, UNIT, "slope_reciprocal", m.slope_reciprocal, m.facing.format.frac_bits);
+        let step = e.times(UNIT, p.camera, m.inverse_focal);
+        let depth_step = e.fit(UNIT, "depth_step", m.depth_step, step);
+        let steep = e.times(UNIT, m.depth_step, m.slope_reciprocal.format());
+        let slope_scale = e.fit(UNIT, "depth_step", m.depth_step, steep);
+        let leaning = e.times(UNIT, m.depth_step, m.normal);
+        let depth_slope = e.fit(UNIT, "depth_slope", m.depth_slope, leaning);
+        let deep = e.times(UNIT, machine.splat.radius, m.root_cutoff);
+        let depth_range = e.fit(UNIT, "depth_range", m.depth_range, deep);
+        let fragment_normal = e.fit("fragment", "normal", machine.fragment.normal, m.normal.into());
+
+        let f = |word: Word| word.format.frac_bits;
+        let shape_align = align([2 * f(p.slope), 2 * f(m.tilt)]);
+        Ellipse {
+            places: Places {
+                slope: f(p.slope) as u32,
+                scaled_radius: i64::from(scaled.frac_bits),
+                shape: [(2 * f(p.slope)) as u32 + shape_align[0], shape_align[0], shape_align[1]],
+                variance: align([spread.frac_bits, f(m.low_pass)]),
+                determinant: align([area_squared.frac_bits, filtered.frac_bits, filter_squared.frac_bits]),
+                edge: align([f(p.pixel), f(m.extent)]),
+                edge_frac_bits: edge_frac_bits.max(1) as u32,
+            },
+            inverse_two_pi: Fit::new(0, m.inverse_two_pi, Exact { int_bits: 0, frac_bits: 62 }).one(INVERSE_TWO_PI_Q62),
+            normal,
+            fragment_normal,
+            tilt,
+            facing,
+            scaled_radius,
+            size,
+            size_squared,
+            shape,
+            low_pass,
+            variance,
+            variance_cross,
+            area,
+            determinant,
+            root,
+            inverse,
+            conic,
+            conic_cross,
+            visibility,
+            amplitude,
+            extent_root,
+            extent,
+            edge,
+            slope_reciprocal,
+            depth_step,
+            slope_scale,
+            depth_slope,
+            depth_range,
+        }
+    }
+
+    /// Sets eight splats up.
+    #[inline(always)]
+    pub fn lanes<L: Lanes, P: Probe>(&self, view: &View, size_px: [u32; 2], input: &Input<L>, tap: &mut Tap<P>) -> Output<L> {
+        let normal = self.camera_normal(view, input, tap);
+        let (tilt, facing) = self.turn(input, normal, tap);
+        let zero = L::splat(0);
+        let away = if view.cull_backfaces { facing.above(zero) } else { zero };
+        let blind = facing.abs().is_none() | input.radius.is_none();
+        tap.drop_where(away | blind);
+        let one = L::splat(1);
+        let facing = one.where_else(blind, facing);
+        let radius = input.radius.max(one);
+
+        let (size_squared, exponent) = self.size(view, radius, input, tap);
+        let low_pass = tap.fit_shifted(&self.low_pass, L::splat(view.low_pass), exponent + exponent);
+        let variance = self.variance(input.slope, tilt, size_squared, low_pass, tap);
+        let area = tap.fit(&self.area, size_squared * facing);
+        let determinant = self.determinant(area, variance, low_pass, tap);
+        let flat = determinant.is_none();
+        tap.drop_where(flat);
+
+        let inverse_root = self.root.lanes(determinant.max(one), tap);
+        let conic = self.conic(variance, inverse_root, exponent, tap);
+        let visibility = tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
+        let amplitude = tap.fit(&self.amplitude, visibility * L::splat(self.inverse_two_pi));
+        let dark = amplitude.is_none();
+        let faint = blind | flat | dark;
+
+        let across = [variance[0], variance[2]];
+        let [columns, rows] = two!(axis => self.side(view, size_px[axis], input.pixel[axis], across[axis], exponent, tap));
+        let outside = columns[0].above(columns[1]) | rows[0].above(rows[1]);
+        tap.drop_where(dark | outside);
+
+        Output {
+            normal: three!(axis => tap.fit(&self.fragment_normal, normal[axis])),
+            conic,
+            amplitude,
+            columns,
+            rows,
+            depth_slope: self.depth_slope(view, input, normal, facing, tap),
+            depth_range: tap.fit(&self.depth_range, radius * L::splat(view.root_cutoff)),
+            backface: away,
+            faint,
+            outside,
+        }
+    }
+
+    #[inline(always)]
+    fn camera_normal<L: Lanes, P: Probe>(&self, view: &View, input: &Input<L>, tap: &mut Tap<P>) -> [L; 3] {
+        three!(row => tap.fit(&self.normal, L::dot(view.rotation[row], input.normal)))
+    }
+
+    /// g and c_n.
+    #[inline(always)]
+    fn turn<L: Lanes, P: Probe>(&self, input: &Input<L>, n: [L; 3], tap: &mut Tap<P>) -> ([L; 2], L) {
+        let [a, b] = input.slope;
+        let [x, y, z] = three!(axis => n[axis].left(self.places.slope));
+        let tilt = [tap.fit(&self.tilt, x - a * n[2]), tap.fit(&self.tilt, y - b * n[2])];
+        (tilt, tap.fit(&self.facing, a * n[0] + b * n[1] + z))
+    }
+
+    /// k'² and e.
+    #[inline(always)]
+    fn size<L: Lanes, P: Probe>(&self, view: &View, radius: L, input: &Input<L>, tap: &mut Tap<P>) -> (L, L) {
+        let scaled = (L::splat(view.focal) * radius).max(L::splat(1));
+        let lead = scaled.leading_zeros() - L::splat(2);
+        let mantissa = tap.fit(&self.scaled_radius, scaled.left_by(lead));
+        let floor = i64::from(NORMALISED_FRAC_BITS) - self.places.scaled_radius;
+        // k = mantissa · inverse_depth · 2^power, where the product lies in [½, 2].
+        let inverse_depth = input.inverse_depth;
+        let power = inverse_depth.exponent - input.exponent + L::splat(floor) - lead;
+        let exponent = (power + L::splat(1)).max(L::splat(0));
+        let size = tap.fit_shifted(&self.size, mantissa * inverse_depth.mantissa, exponent - power);
+        (tap.fit(&self.size_squared, size * size), exponent)
+    }
+
+    /// V00', V01', V11'.
+    #[inline(always)]
+    fn variance<L: Lanes, P: Probe>(&self, slope: [L; 2], g: [L; 2], size_squared: L, low_pass: L, tap: &mut Tap<P>) -> [L; 3] {
+        let [a, b] = slope;
+        let [one, slopes, tilts] = self.places.shape;
+        let one = L::splat(1 << one);
+        let [spread, filter] = self.places.variance;
+        let shape = [
+            one + (a * a).left(slopes) - (g[0] * g[0]).left(tilts),
+            (a * b).left(slopes) - (g[0] * g[1]).left(tilts),
+            one + (b * b).left(slopes) - (g[1] * g[1]).left(tilts),
+        ];
+        let [xx, xy, yy] = three!(i => tap.fit(&self.shape, shape[i]));
+        let low_pass = low_pass.left(filter);
+        [
+            tap.fit(&self.variance, (size_squared * xx).left(spread) + low_pass),
+            tap.fit(&self.variance_cross, size_squared * xy),
+            tap.fit(&self.variance, (size_squared * yy).left(spread) + low_pass),
+        ]
+    }
+
+    #[inline(always)]
+    fn determinant<L: Lanes, P: Probe>(&self, area: L, variance: [L; 3], low_pass: L, tap: &mut Tap<P>) -> L {
+        let [areas, filtered, filters] = self.places.determinant;
+        let trace = variance[0] + variance[2];
+        let exact = (area * area).left(areas) + (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters);
+        tap.fit(&self.determinant, exact)
+    }
+
+    #[inline(always)]
+    fn conic<L: Lanes, P: Probe>(&self, v: [L; 3], inverse_root: Scientific<L>, exponent: L, tap: &mut Tap<P>) -> [L; 3] {
+        let inverse = tap.fit(&self.inverse, inverse_root.mantissa * inverse_root.mantissa);
+        let more = (exponent - inverse_root.exponent).left(1);
+        [
+            tap.fit_shifted(&self.conic, v[2] * inverse, more),
+            tap.fit_shifted(&self.conic_cross, -(v[1] * inverse), more),
+            tap.fit_shifted(&self.conic, v[0] * inverse, more),
+        ]
+    }
+
+    /// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
+    #[inline(always)]
+    fn side<L: Lanes, P: Probe>(&self, view: &View, pixels: u32, pixel: L, variance: L, exponent: L, tap: &mut Tap<P>) -> [L; 2] {
+        let reach = (L::splat(view.cutoff) * variance).max(L::splat(1));
+        let root = self.extent_root.root_lanes(reach, tap);
+        let extent = tap.fit_shifted(&self.extent, root.mantissa, -root.exponent - exponent);
+        let [pixel_align, extent_align] = self.places.edge;
+        let last_px = i64::from(pixels) - 1;
+        // From the centre of pixel 0 to the picture's middle: (pixels − 1)/2.
+        let first_centre = L::splat(last_px << (self.places.edge_frac_bits - 1));
+        let centre = pixel.left(pixel_align) + first_centre;
+        let extent = (extent + L::splat(1)).left(extent_align);
+        let up = L::splat((1 << self.places.edge_frac_bits) - 1);
+        let first = tap.fit(&self.edge, centre - extent + up).max(L::splat(0));
+        let last = tap.fit(&self.edge, centre + extent).min(L::splat(last_px));
+        [first, last]
+    }
+
+    #[inline(always)]
+    fn depth_slope<L: Lanes, P: Probe>(&self, view: &View, input: &Input<L>, n: [L; 3], facing: L, tap: &mut Tap<P>) -> [L; 2] {
+        let inverse = self.slope_reciprocal.lanes(facing.abs(), tap);
+        let step = tap.fit(&self.depth_step, input.forward * L::splat(view.inverse_focal.mantissa));
+        let scale = tap.fit(&self.slope_scale, step * inverse.mantissa);
+        let away = scale.where_else(L::splat(0).above(facing), -scale);
+        let more = L::splat(view.inverse_focal.places) - inverse.exponent - input.exponent;
+        [tap.fit_shifted(&self.depth_slope, away * n[0], more), tap.fit_shifted(&self.depth_slope, away * n[1], more)]
+    }
+}

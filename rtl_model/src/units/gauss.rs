@@ -1,0 +1,67 @@
+//! Gauss: turns a radial index into a weight, `amplitude · exp(−r/2)`, from one table (EWA §7.1).
+//!
+//! ```text
+//! radial_index ─►[table]─► falloff ─►(×)─► weight
+//! amplitude ─────────────────────────┘
+//! ```
+//! Losses: `radial_index` is cut to the table's reach; `falloff` and `weight` are rounded to nearest: weights are summed many
+//! times, and a cut would bias coverage (colours survive it: they are divided by the same sum).
+//!
+//! Law: `a_weight_never_exceeds_its_amplitude`.
+
+use crate::machine::{Elaboration, Machine};
+use crate::num::{Fit, Lanes, Table, table};
+use crate::probe::{Probe, Tap};
+
+const UNIT: &str = "gauss";
+
+/// The elaborated unit.
+#[derive(Clone, Debug)]
+pub struct Gauss {
+    radial_index: Fit,
+    table: Table,
+    weight: Fit,
+}
+
+impl Gauss {
+    /// Elaborates the unit.
+    pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
+        let m = &machine.gauss;
+        for (name, word) in [("radial_index", m.radial_index), ("falloff", m.falloff), ("weight", m.weight)] {
+            e.port(UNIT, name, word);
+            e.signedness(UNIT, name, word, false);
+        }
+        e.holds_one(UNIT, "falloff", m.falloff);
+        let argument = m.radial_index.format;
+        e.require(argument.int_bits <= 5, || {
+            format!("gauss.radial_index is {}: the table spans at most 32, U5F{}", m.radial_index, argument.frac_bits)
+        });
+        let shape = table::shape(e, UNIT, "table", m.table, argument.width());
+        let words = table::gaussian_words(
+            shape.index_bits,
+            argument.int_bits.min(5),
+            shape.interpolation,
+            m.falloff.format.frac_bits.min(31) as u32,
+        );
+        let fraction_bits = Table::fraction_bits(shape.index_bits, argument.width() as u32);
+        table::interpolator(e, UNIT, shape, m.falloff, fraction_bits);
+        let falloff = e.fit(UNIT, "falloff", m.falloff, table::interpolated(m.falloff, fraction_bits));
+        let weighed = e.times(UNIT, machine.ellipse.amplitude, m.falloff);
+        Gauss {
+            radial_index: e.fit(UNIT, "radial_index", m.radial_index, machine.raster.radial.into()),
+            table: Table::new(falloff, shape.index_bits, argument.width() as u32, shape.interpolation, &words),
+            weight: e.fit(UNIT, "weight", m.weight, weighed),
+        }
+    }
+
+    /// Radial index and weight of eight fragments of one splat.
+    #[inline(always)]
+    pub fn lanes<L: Lanes, P: Probe>(&self, radial: L, amplitude: i64, tap: &mut Tap<P>) -> [L; 2] {
+        let radial_index = tap.fit(&self.radial_index, radial.max(L::splat(0)));
+        let falloff = tap.fit(self.table.fit(), self.table.exact_lanes(radial_index));
+        [radial_index, tap.fit(&self.weight, L::splat(amplitude) * falloff)]
+    }
+}
+
+#[cfg(test)]
+mod tests;

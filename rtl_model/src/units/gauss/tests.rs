@@ -1,0 +1,66 @@
+//! Gauss: laws of a weight.
+
+use super::*;
+use crate::num::lanes::Plain;
+use crate::probe::Unwatched;
+use proptest::prelude::*;
+
+fn gauss(name: &str) -> (Machine, Gauss) {
+    let machine = Machine::named(name).unwrap();
+    let gauss = machine.elaborate().unwrap().gauss;
+    (machine, gauss)
+}
+
+fn one(gauss: &Gauss, radial: i64, amplitude: i64) -> [i64; 2] {
+    gauss.lanes(Plain::splat(radial), amplitude, &mut Tap::new(&mut Unwatched)).map(|lanes| lanes.0[0])
+}
+
+/// The amplitude in the weight's own places, ties up.
+fn most(machine: &Machine, amplitude: i64) -> i64 {
+    let places = machine.ellipse.amplitude.format.frac_bits - machine.gauss.weight.format.frac_bits;
+    ((2 * amplitude + (1 << places)) >> (places + 1)).min(machine.gauss.weight.format.max())
+}
+
+proptest! {
+    #[test]
+    fn a_weight_never_exceeds_its_amplitude(
+        name in prop::sample::select(Machine::NAMES.to_vec()), radial in any::<u64>(), amplitude in any::<u64>(),
+    ) {
+        let (machine, gauss) = gauss(name);
+        let register = machine.raster.radial.format;
+        let radial = (radial as i64).rem_euclid(1 << register.width()) + register.min();
+        let amplitude = (amplitude as i64).rem_euclid(machine.ellipse.amplitude.format.max() + 1);
+        let [radial_index, weight] = one(&gauss, radial, amplitude);
+        prop_assert!((0..=most(&machine, amplitude)).contains(&weight));
+        prop_assert!((0..=machine.gauss.radial_index.format.max()).contains(&radial_index));
+    }
+}
+
+#[test]
+fn a_radial_index_slightly_below_zero_is_zero() {
+    for name in Machine::NAMES {
+        let (machine, gauss) = gauss(name);
+        let amplitude = machine.ellipse.amplitude.format.max();
+        assert_eq!(one(&gauss, -1, amplitude), one(&gauss, 0, amplitude));
+        assert_eq!(one(&gauss, machine.raster.radial.format.min(), amplitude)[0], 0);
+        let [_, weight] = one(&gauss, 0, amplitude);
+        // The first word of a table without interpolation is that of its first step's middle.
+        assert!(most(&machine, amplitude) - weight <= most(&machine, amplitude) / 16, "{name}: full weight is {weight}");
+    }
+}
+
+/// One last place of the register below the cutoff, which is the table's whole reach: the last word, not the first.
+#[test]
+fn just_below_the_cutoff_is_the_tables_end() {
+    for name in Machine::NAMES {
+        let (machine, gauss) = gauss(name);
+        let format = machine.gauss.radial_index.format;
+        let reach = 1 << (machine.raster.radial.format.frac_bits + format.int_bits);
+        let amplitude = machine.ellipse.amplitude.format.max();
+        let [radial_index, weight] = one(&gauss, reach - 1, amplitude);
+        assert_eq!(radial_index, format.max(), "{name}");
+        let value = machine.gauss.weight.format.value(weight);
+        let exact = machine.ellipse.amplitude.format.value(amplitude) * (-f64::from(format.int_bits).exp2() / 2.0).exp();
+        assert!((value / exact - 1.0).abs() < 0.07, "{name}: {value} instead of {exact}");
+    }
+}

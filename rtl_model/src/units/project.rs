@@ -1,0 +1,145 @@
+//! Project: takes a splat's centre to camera space and to the screen (Surface Splatting §3, first half of "setup").
+//!
+//! ```text
+//! position ─►(− eye)─►[ << ]─► relative ─►[ W· ]─► camera t ─┬─►[ 1/t_z ]─► inverse_depth ─┐
+//!                       └─► exponent ──────────────┐         ├────────────────────────────(×)─► slope (a, b) ─►(× s)─► pixel
+//!                                                  └────────►[ >> ]─► depth t_z
+//! ```
+//! Each splat picks a power of two near its own distance from the eye, and t is relative to it: the quotients a and b do not
+//! see it, and splats at a hundredth and at a hundred units keep the same relative precision in the same words.
+//!
+//! Losses: `relative` is cut by its normaliser; `camera`, `depth`, `slope` and `pixel` are rounded to nearest, for a picture is
+//! a mean of many splats' errors and a cut would move it; the reciprocal's inner words are its own affair.
+//!
+//! Culls: *near* where t_z ≤ near; *outside* where |a| or |b| exceeds the guard band, tested as |t_x| > guard·t_z, exactly
+//! and before the division, so that no quotient ever saturates.
+//!
+//! Law: `a_projected_point_is_within_its_last_places`.
+
+use crate::frame::View;
+use crate::machine::{Elaboration, Machine};
+use crate::num::reciprocal::Scientific;
+use crate::num::{Exact, Fit, Lanes, Reciprocal, align, three, two};
+use crate::probe::{Probe, Tap};
+
+const UNIT: &str = "project";
+
+/// Fraction bits of a difference shifted left until its largest part fills 62 bits.
+const NORMALISED_FRAC_BITS: i32 = 62;
+
+/// The elaborated unit.
+#[derive(Clone, Debug)]
+pub struct Project {
+    relative: Fit,
+    camera: Fit,
+    depth: Fit,
+    slope: Fit,
+    pixel: Fit,
+    reciprocal: Reciprocal,
+    /// Left shifts that align position and eye, and the fraction bits that both then have.
+    align: [u32; 2],
+    difference_frac_bits: i64,
+    slope_frac_bits: u32,
+}
+
+/// Output port, eight splats.
+#[derive(Clone, Copy, Debug)]
+pub struct Projected<L> {
+    /// t/2^exponent (`project.camera`).
+    pub camera: [L; 3],
+    /// The power of two that t is relative to.
+    pub exponent: L,
+    /// t_z (`project.depth`).
+    pub depth: L,
+    /// 2^exponent/t_z: mantissa (`project.reciprocal.result`) and power of two.
+    pub inverse_depth: Scientific<L>,
+    /// a, b (`project.slope`).
+    pub slope: [L; 2],
+    /// Position from the picture's middle (`project.pixel`).
+    pub pixel: [L; 2],
+    /// At or before the near plane.
+    pub near: L,
+    /// Outside the guard band.
+    pub outside: L,
+}
+
+impl Project {
+    /// Elaborates the unit.
+    pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
+        let m = &machine.project;
+        for (name, word, signed) in [
+            ("eye", m.eye, true),
+            ("relative", m.relative, true),
+            ("rotation", m.rotation, true),
+            ("camera", m.camera, true),
+            ("depth", m.depth, false),
+            ("slope", m.slope, true),
+            ("focal", m.focal, false),
+            ("pixel", m.pixel, true),
+        ] {
+            e.port(UNIT, name, word);
+            e.signedness(UNIT, name, word, signed);
+        }
+        e.holds_one(UNIT, "rotation", m.rotation);
+        e.require(m.pixel.format.frac_bits >= 1, || "project.pixel needs at least one fraction bit: pixel centres lie at halves".into());
+        e.holds_exact("the difference of splat.position and project.eye", Exact::from(machine.splat.position).plus(m.eye));
+        let [position, eye] = [machine.splat.position, m.eye].map(|word| word.format.frac_bits);
+        let relative = e.fit(UNIT, "relative", m.relative, Exact { int_bits: 0, frac_bits: NORMALISED_FRAC_BITS });
+        let rotated = e.times(UNIT, m.rotation, m.relative);
+        let camera = e.fit(UNIT, "camera", m.camera, rotated.plus(rotated).plus(rotated));
+        let depth = e.fit(UNIT, "depth", m.depth, m.camera.into());
+        // |t_x| is aligned with guard · t_z: a bit more than the product, for the least word's magnitude is one above the greatest.
+        let beyond = e.times(UNIT, m.camera, m.slope).plus(m.camera);
+        e.holds_exact("the comparison of project.camera with the guard band project.slope", beyond);
+        let reciprocal = Reciprocal::new(e, UNIT, "reciprocal", m.reciprocal, m.camera.format.frac_bits);
+        // The quotient's binary point moves with the exponent of 1/t_z.
+        let quotient = e.times(UNIT, m.camera, m.reciprocal.format());
+        let screen = e.times(UNIT, m.focal, m.slope);
+        Project {
+            relative,
+            camera,
+            depth,
+            slope: e.fit(UNIT, "slope", m.slope, quotient),
+            pixel: e.fit(UNIT, "pixel", m.pixel, screen),
+            reciprocal,
+            align: align([position, eye]),
+            difference_frac_bits: i64::from(position.max(eye)),
+            slope_frac_bits: m.slope.format.frac_bits as u32,
+        }
+    }
+
+    /// Projects eight splats; lanes that end culled carry harmless words from there on.
+    #[inline(always)]
+    pub fn lanes<L: Lanes, P: Probe>(&self, view: &View, position: [L; 3], tap: &mut Tap<P>) -> Projected<L> {
+        let (relative, exponent) = self.relative(view, position, tap);
+        let camera = three!(row => tap.fit(&self.camera, L::dot(view.rotation[row], relative)));
+        let forward = camera[2].max(L::splat(1));
+        let depth = tap.fit_shifted(&self.depth, camera[2].max(L::splat(0)), -exponent);
+        let near = depth.above(L::splat(view.near)).not();
+        let limit = two!(axis => L::splat(view.guard[axis]) * forward);
+        let beyond = two!(axis => camera[axis].abs().left(self.slope_frac_bits).above(limit[axis]));
+        let outside = beyond[0] | beyond[1];
+        tap.drop_where(near | outside);
+
+        let inverse_depth = self.reciprocal.lanes(forward, tap);
+        let offset = two!(axis => L::splat(0).where_else(near | outside, camera[axis]));
+        let slope = two!(axis => tap.fit_shifted(&self.slope, offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
+        let pixel = two!(axis => tap.fit(&self.pixel, L::splat(view.focal) * slope[axis]));
+        Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside }
+    }
+
+    /// Position less eye, and the power of two that it is relative to.
+    #[inline(always)]
+    fn relative<L: Lanes, P: Probe>(&self, view: &View, position: [L; 3], tap: &mut Tap<P>) -> ([L; 3], L) {
+        let [of_position, of_eye] = self.align;
+        let difference = three!(axis => position[axis].left(of_position) - L::splat(view.eye[axis] << of_eye));
+        let [x, y, z] = three!(axis => difference[axis].abs());
+        let largest = x.max(y).max(z).max(L::splat(1));
+        let lead = largest.leading_zeros() - L::splat(2);
+        let relative = three!(axis => tap.fit(&self.relative, difference[axis].left_by(lead)));
+        (relative, L::splat(i64::from(NORMALISED_FRAC_BITS) - self.difference_frac_bits) - lead)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,79 @@
+//! Project: against f64, whose own error is below 2⁻⁴⁰.
+
+use super::*;
+use crate::num::Word;
+use crate::num::lanes::Plain;
+use crate::probe::Unwatched;
+use proptest::prelude::*;
+
+fn quantised(word: Word, value: f64) -> i64 {
+    let format = word.format;
+    ((value * f64::from(format.frac_bits).exp2()).round() as i64).clamp(format.min(), format.max())
+}
+
+/// A view from `eye` turned by `angle` about the vertical.
+fn view(machine: &Machine, eye: [f64; 3], angle: f64, focal: f64) -> View {
+    let (sin, cos) = angle.sin_cos();
+    let p = &machine.project;
+    View {
+        rotation: [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]].map(|row| row.map(|x| quantised(p.rotation, x))),
+        eye: eye.map(|x| quantised(p.eye, x)),
+        near: 1,
+        guard: [quantised(p.slope, 1.0); 2],
+        focal: quantised(p.focal, focal),
+        ..View::default()
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// With place(x) the last place of word x. t is relative to a power of two, its largest part before the turn in [½, 1):
+    /// `relative` is cut by a place each, three of them turned by elements of at most 1; `camera` is rounded by half a place.
+    /// a = t_x/t_z: both parts' errors over t_z, the reciprocal's relative error, half a place of `slope`. Then s times that, and half of `pixel`'s.
+    #[test]
+    fn a_projected_point_is_within_its_last_places(
+        name in prop::sample::select(Machine::NAMES.to_vec()),
+        position in prop::array::uniform3(-0.45..0.45), eye in prop::array::uniform3(-1.0..1.0), angle in -3.0..3.0, focal in 100.0..1000.0,
+    ) {
+        let machine = Machine::named(name).unwrap();
+        let unit = machine.elaborate().unwrap().project;
+        let p = &machine.project;
+        let view = view(&machine, eye, angle, focal);
+        let words: [i64; 3] = position.map(|x| quantised(machine.splat.position, x));
+        let own = unit.lanes(&view, words.map(Plain::splat), &mut Tap::new(&mut Unwatched));
+
+        let (near, outside) = (own.near.0[0] != 0, own.outside.0[0] != 0);
+        let relative: [f64; 3] = std::array::from_fn(|i| machine.splat.position.format.value(words[i]) - p.eye.format.value(view.eye[i]));
+        let t = view.rotation.map(|row| (0..3).map(|i| p.rotation.format.value(row[i]) * relative[i]).sum::<f64>());
+        let place = |word: Word| word.format.value(1);
+        let power = (own.exponent.0[0] as f64).exp2();
+        let of_camera = 2.0 * place(p.relative) + place(p.camera) / 2.0;
+        for (axis, exact) in t.into_iter().enumerate() {
+            let word = p.camera.format.value(own.camera[axis].0[0]);
+            // The third part is what the quotients use, at least one place, and 1 where the splat is culled.
+            let culled = axis == 2 && (near || outside);
+            prop_assert!(culled || (word - exact / power).abs() <= of_camera, "camera {axis}");
+        }
+        let depth = p.depth.format.value(own.depth.0[0]);
+        let most = p.depth.format.value(p.depth.format.max());
+        prop_assert!((depth - t[2].clamp(0.0, most)).abs() <= of_camera * power + place(p.depth) / 2.0, "depth {depth}, exactly {}", t[2]);
+        prop_assert!(!near || t[2] <= place(p.depth) * 1.5 + of_camera * power);
+        if !near && !outside && t[2] / power > 8.0 * of_camera {
+            let unit = p.reciprocal;
+            let table = f64::from((unit.table_bits + 1) * (1 << unit.newton_steps)).exp2().recip();
+            let reciprocal = table + 4.0 * f64::from(unit.bits).exp2().recip();
+            for axis in 0..2 {
+                let exact = t[axis] / t[2];
+                let quotient = of_camera * (1.0 + exact.abs()) / (t[2] / power - of_camera);
+                let of_slope = quotient + (exact.abs() + quotient) * reciprocal + place(p.slope) / 2.0;
+                let slope = p.slope.format.value(own.slope[axis].0[0]);
+                prop_assert!((slope - exact).abs() <= of_slope, "slope {slope}, exactly {exact}, bound {of_slope}");
+                prop_assert!(slope.abs() <= 1.0 + of_slope, "beyond the guard band");
+                let pixel = p.pixel.format.value(own.pixel[axis].0[0]);
+                let scale = p.focal.format.value(view.focal);
+                prop_assert!((pixel - scale * exact).abs() <= scale * of_slope + place(p.pixel) / 2.0, "pixel {pixel}, exactly {}", scale * exact);
+            }
+        }
+    }
+}

@@ -1,0 +1,308 @@
+//! Raster: registers against closed forms and exact rationals.
+
+use super::*;
+use crate::num::lanes::Plain;
+use crate::probe::{Ranges, Unwatched};
+use proptest::prelude::*;
+
+const SIZE_PX: [u32; 2] = [512, 384];
+
+fn machine(name: &str, rows: Rows) -> Machine {
+    let mut machine = Machine::named(name).unwrap();
+    machine.raster.rows = rows;
+    machine
+}
+
+fn unit(machine: &Machine) -> Raster {
+    machine.elaborate().unwrap().raster
+}
+
+/// A real number as the nearest word.
+fn word(word: Word, value: f64) -> i32 {
+    let format = word.format;
+    (value * f64::from(format.frac_bits).exp2()).round().clamp(format.min() as f64, format.max() as f64) as i32
+}
+
+/// A splat: centre in pixels of the picture, standard deviations along the axes of a turned ellipse, depth plane, box.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    centre: [f64; 2],
+    deviation: [f64; 2],
+    turn: f64,
+    depth_slope: [f64; 2],
+    first: [u16; 2],
+    size: [u16; 2],
+}
+
+fn shapes() -> impl Strategy<Value = Shape> {
+    let centre = [0.0..512.0, 0.0..384.0];
+    let slopes = prop::array::uniform2(-0.01..0.01);
+    let sides = prop::array::uniform2(prop_oneof![Just(1u16), 2u16..120]);
+    (centre, prop::array::uniform2(1.0..40.0), 0.0..3.2, slopes, prop::array::uniform2(0.0..1.0), sides).prop_map(
+        |(centre, deviation, turn, depth_slope, before, size): ([f64; 2], _, _, _, [f64; 2], [u16; 2])| {
+            let first = std::array::from_fn(|axis| {
+                let limit = SIZE_PX[axis] - u32::from(size[axis]);
+                (centre[axis] - before[axis] * f64::from(size[axis])).clamp(0.0, f64::from(limit)) as u16
+            });
+            Shape { centre, deviation, turn, depth_slope, first, size }
+        },
+    )
+}
+
+impl Shape {
+    fn input(&self, machine: &Machine) -> Input {
+        let (e, p) = (&machine.ellipse, &machine.project);
+        let [a, b] = self.deviation.map(|deviation| (deviation * deviation).recip());
+        let (sin, cos) = self.turn.sin_cos();
+        let last = |axis: usize| self.first[axis] + self.size[axis] - 1;
+        Input {
+            pixel: std::array::from_fn(|axis| word(p.pixel, self.centre[axis] - f64::from(SIZE_PX[axis]) / 2.0)),
+            conic: [
+                word(e.conic, a * cos * cos + b * sin * sin),
+                word(e.conic_cross, (a - b) * sin * cos),
+                word(e.conic, a * sin * sin + b * cos * cos),
+            ],
+            depth: word(p.depth, 0.5),
+            depth_slope: self.depth_slope.map(|slope| word(e.depth_slope, slope)),
+            depth_range: word(e.depth_range, 0.01),
+            columns: [self.first[0], last(0)],
+            rows: [self.first[1], last(1)],
+        }
+    }
+}
+
+/// Every pixel's registers of part of a row, whatever the cutoff: radial, depth; by the short way too where there is one.
+fn registers(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<[i64; 2]> {
+    let all = registers_as::<false>(raster, input, y, from, to);
+    if raster.is_plain() {
+        assert_eq!(registers_as::<true>(raster, input, y, from, to), all, "the short way differs");
+    }
+    all
+}
+
+fn registers_as<const PLAIN: bool>(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<[i64; 2]> {
+    let probe = &mut Unwatched;
+    let tap = &mut Tap::new(probe);
+    let mut all = Vec::new();
+    for from in (from..=to).step_by(SIDE_PX) {
+        let pixels = usize::from(to - from + 1).min(SIDE_PX);
+        let read = |walk: &Walk, tap: &mut Tap<Unwatched>| -> Vec<[i64; 2]> {
+            let mut span = Span::default();
+            raster.span(walk, i64::MAX, 0, pixels, &mut span, tap);
+            read_span(raster, &span)
+        };
+        // Row by row from the top, and straight into the row.
+        let mut walk = raster.enter::<PLAIN, _>(SIZE_PX, input, [from, input.rows[0]], tap);
+        (input.rows[0] + 1..=y).for_each(|y| raster.next_row::<PLAIN, _>(SIZE_PX, &mut walk, y, tap));
+        let stepped = read(&walk, tap);
+        let entered = read(&raster.enter::<PLAIN, _>(SIZE_PX, input, [from, y], tap), tap);
+        assert_eq!(stepped, entered, "stepping down differs from entering in the middle");
+        all.extend(entered);
+    }
+    assert_eq!(all.len(), usize::from(to - from) + 1, "a pixel is missing");
+    all
+}
+
+fn read_span(raster: &Raster, span: &Span) -> Vec<[i64; 2]> {
+    (0..span.fragments()).map(|i| [raster.radial_register.read(span.radial[i]), raster.depth_register.read(span.depth[i])]).collect()
+}
+
+/// The low bits of a difference, as a signed number: zero where two registers differ by wraps alone.
+fn modulo(difference: i128, format: Format) -> i128 {
+    let values = 1i128 << format.width();
+    (difference + values / 2).rem_euclid(values) - values / 2
+}
+
+fn names() -> impl Strategy<Value = &'static str> {
+    prop::sample::select(Machine::NAMES.to_vec())
+}
+
+/// Fraction bits to spare beyond those of the terms.
+const FINE: i32 = 80;
+
+/// r of a pixel with the conic's and the pixel's words as they are: an exact rational, as a multiple of 2^−80.
+fn exact_radial(machine: &Machine, input: &Input, x: u16, y: u16) -> i128 {
+    let places = machine.project.pixel.format.frac_bits;
+    let d: [i128; 2] = std::array::from_fn(|axis| {
+        let from_middle = 2 * i128::from([x, y][axis]) + 1 - i128::from(SIZE_PX[axis]);
+        (from_middle << (places - 1)) - i128::from(input.pixel[axis])
+    });
+    let [xx, xy, yy] = input.conic.map(i128::from);
+    let r = xx * d[0] * d[0] + 2 * xy * d[0] * d[1] + yy * d[1] * d[1];
+    r << (FINE - 2 * places - machine.ellipse.conic.format.frac_bits)
+}
+
+/// Errors of the seed, of the first differences by column and row, of the second ones, in pixels and r (ALGORITHM §4).
+///
+/// Each is half a last place of its own word; the offset's half place counts as often as r or its difference changes with it.
+struct Errors {
+    seed: f64,
+    by_column: f64,
+    by_row: f64,
+    second: f64,
+}
+
+impl Errors {
+    fn new(machine: &Machine, input: &Input, x: u16, y: u16) -> Errors {
+        let half = |word: Word| f64::from(word.format.frac_bits + 1).exp2().recip();
+        let m = &machine.raster;
+        let conic = machine.ellipse.conic.format;
+        let [xx, xy, yy] = input.conic.map(|word| conic.value(i64::from(word)));
+        let d: [f64; 2] = std::array::from_fn(|axis| {
+            let middle = f64::from([x, y][axis]) + 0.5 - f64::from(SIZE_PX[axis]) / 2.0;
+            middle - machine.project.pixel.format.value(i64::from(input.pixel[axis]))
+        });
+        let finest = if m.offset.format.frac_bits >= machine.project.pixel.format.frac_bits { 0.0 } else { half(m.offset) };
+        let along = [2.0 * (xx * d[0] + xy * d[1]).abs(), 2.0 * (xy * d[0] + yy * d[1]).abs()];
+        let curvature = xx.abs() + 2.0 * xy.abs() + yy.abs();
+        let offset = finest * (along[0] + along[1]) + finest * finest * curvature;
+        let gradient = half(m.gradient) * (d[0].abs() + d[1].abs() + 2.0 * finest);
+        Errors {
+            seed: offset + gradient + half(m.radial),
+            by_column: finest * 2.0 * (xx.abs() + xy.abs()) + half(m.first),
+            by_row: finest * 2.0 * (yy.abs() + xy.abs()) + half(m.first),
+            second: half(m.second),
+        }
+    }
+
+    fn after(&self, columns: u16, rows: u16) -> f64 {
+        let [i, j] = [columns, rows].map(f64::from);
+        let pairs = i * (i - 1.0) / 2.0 + j * (j - 1.0) / 2.0 + i * j;
+        self.seed + i * self.by_column + j * self.by_row + pairs * self.second
+    }
+}
+
+/// How far a register is from the exact r, in r.
+fn radial_error(machine: &Machine, input: &Input, radial: i64, x: u16, y: u16) -> f64 {
+    let format = machine.raster.radial.format;
+    let places = FINE - format.frac_bits;
+    // Modulo the register's reach; the fraction below its last place stays.
+    let difference = (i128::from(radial) << places) - exact_radial(machine, input, x, y);
+    let reach = 1i128 << (format.width() + places);
+    let wrapped = (difference + reach / 2).rem_euclid(reach) - reach / 2;
+    wrapped as f64 * f64::from(-FINE).exp2()
+}
+
+proptest! {
+    /// From any column the registers are those that stepping from the box's first column reaches, and both are the closed form.
+    #[test]
+    fn stepping_equals_the_closed_form(name in names(), differenced in any::<bool>(), shape in shapes(), skip in any::<prop::sample::Index>()) {
+        let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
+        let (raster, input) = (unit(&machine), shape.input(&machine));
+        let [first, last] = input.columns;
+        let y = input.rows[1];
+        let walked = registers(&raster, &input, y, first, last);
+        let skip = skip.index(walked.len());
+        prop_assert_eq!(&registers(&raster, &input, y, first + skip as u16, last)[..], &walked[skip..]);
+        let (radial, depth) = (machine.raster.radial.format, machine.raster.depth.format);
+        if let [[r0, z0], [r1, z1], [r2, _], ..] = walked[..] {
+            for (n, [r, z]) in walked.iter().enumerate() {
+                let n = n as i128;
+                let closed = i128::from(r0) + n * i128::from(r1 - r0) + n * (n - 1) / 2 * i128::from(r2 - 2 * r1 + r0);
+                prop_assert_eq!(modulo(closed - i128::from(*r), radial), 0);
+                prop_assert_eq!(modulo(i128::from(z0) + n * i128::from(z1 - z0) - i128::from(*z), depth), 0);
+            }
+        }
+    }
+
+    /// Rows seeded afresh: the error grows along the row alone. Rows differenced: over the whole box. Both stay within their guard bits
+    /// of the exact dᵀQd, and so of each other; where the register is narrow, up to whole wraps, which the footprint never sees.
+    #[test]
+    fn seeded_and_differenced_rows_agree_within_their_guard_bits(name in names(), shape in shapes()) {
+        for rows in [Rows::Seeded, Rows::Differenced] {
+            let machine = machine(name, rows);
+            let (raster, input) = (unit(&machine), shape.input(&machine));
+            let at_box = Errors::new(&machine, &input, input.columns[0], input.rows[0]);
+            for y in (input.rows[0]..=input.rows[1]).step_by(7) {
+                let at_row = Errors::new(&machine, &input, input.columns[0], y);
+                for (x, [radial, _]) in (input.columns[0]..).zip(registers(&raster, &input, y, input.columns[0], input.columns[1])) {
+                    let column = x - input.columns[0];
+                    let bound = match rows {
+                        Rows::Seeded => at_row.after(column, 0),
+                        Rows::Differenced => at_box.after(column, y - input.rows[0]),
+                    };
+                    let error = radial_error(&machine, &input, radial, x, y).abs();
+                    prop_assert!(error <= bound * 1.000_001, "{rows:?}: r at ({x}, {y}) is off by {error}, bound {bound}");
+                }
+            }
+        }
+    }
+
+    /// A fragment wherever the register is below the cutoff, nowhere else, in order.
+    #[test]
+    fn a_fragment_exists_where_the_radial_index_is_below_the_cutoff(name in names(), shape in shapes(), cutoff in 0.1..8.0) {
+        let machine = machine(name, Rows::Seeded);
+        let (raster, input) = (unit(&machine), shape.input(&machine));
+        let [from, last] = input.columns;
+        let to = last.min(from + SIDE_PX as u16 - 1);
+        let cutoff = word(machine.raster.cutoff, cutoff);
+        let mut ranges = Ranges::new(machine.elaborate().unwrap().signals.len());
+        let tap = &mut Tap::new(&mut ranges);
+        let walk = raster.enter::<false, _>(SIZE_PX, &input, [from, input.rows[0]], tap);
+        let mut span = Span::default();
+        raster.span(&walk, raster.cutoff(i64::from(cutoff)), 32, usize::from(to - from + 1), &mut span, tap);
+        let limit = i64::from(cutoff) << (machine.raster.radial.format.frac_bits - machine.raster.cutoff.format.frac_bits);
+        let all = registers(&raster, &input, input.rows[0], from, to);
+        let expected: Vec<_> = all.iter().enumerate().filter(|(_, [radial, _])| *radial < limit).collect();
+        prop_assert_eq!(span.fragments(), expected.len());
+        for (i, ((column, words), read)) in expected.into_iter().zip(read_span(&raster, &span)).enumerate() {
+            prop_assert_eq!((span.pixel(i), read), (32 + column, *words));
+        }
+    }
+
+    /// The plane of ALGORITHM §3, in the depth register's last places: half a place for the seed, the offset's half place times the slope.
+    #[test]
+    fn depth_is_the_tangent_plane_between_its_clamps(name in names(), shape in shapes()) {
+        let machine = machine(name, Rows::Seeded);
+        let (raster, input) = (unit(&machine), shape.input(&machine));
+        let [e, p, depth] = [machine.ellipse.depth_slope, machine.project.depth, machine.raster.depth].map(|word| word.format);
+        let [z, zx, zy] = [p.value(i64::from(input.depth)), e.value(input.depth_slope[0].into()), e.value(input.depth_slope[1].into())];
+        let range = machine.ellipse.depth_range.format.value(i64::from(input.depth_range));
+        let y = input.rows[1];
+        let probe = &mut Unwatched;
+        let tap = &mut Tap::new(probe);
+        let walk = raster.enter::<false, _>(SIZE_PX, &input, [input.columns[0], input.rows[0]], tap);
+        let offset_error = f64::from(machine.raster.offset.format.frac_bits + 1).exp2().recip();
+        let bound = depth.value(1) / 2.0 + offset_error * (zx.abs() + zy.abs()) + 1e-12;
+        let clamped_frac_bits = [depth, p, machine.ellipse.depth_range.format].map(|format| format.frac_bits).into_iter().max().unwrap();
+        for (x, [_, word]) in (input.columns[0]..).zip(registers(&raster, &input, y, input.columns[0], input.columns[1])) {
+            let d: [f64; 2] = std::array::from_fn(|axis| {
+                let middle = f64::from([x, y][axis]) + 0.5 - f64::from(SIZE_PX[axis]) / 2.0;
+                middle - machine.project.pixel.format.value(i64::from(input.pixel[axis]))
+            });
+            let plane = z + zx * d[0] + zy * d[1];
+            prop_assert!((depth.value(word) - plane).abs() <= bound, "z at ({x}, {y}) is {} instead of {plane}", depth.value(word));
+            let held = raster.depth_register.hold(word);
+            let span = Span { depth: [held; SPAN_FRAGMENTS + LANES], ..Span::default() };
+            let [_, clamped] = raster.fragments::<Plain>(&walk, &span, 0);
+            let clamped = clamped.0[0] as f64 * f64::from(-clamped_frac_bits).exp2();
+            prop_assert!((clamped - plane.clamp(z - range, z + range)).abs() <= bound);
+        }
+    }
+}
+
+/// A register of ±4 wraps at the corners of a box that reaches r = 60, and is right wherever r is small.
+#[test]
+fn a_wrap_is_harmless_inside_the_footprint() {
+    let mut machine = machine("reference", Rows::Seeded);
+    machine.raster.radial.format = Format::signed(4, 28);
+    machine.raster.cutoff.format = Format::unsigned(3, 16);
+    let raster = unit(&machine);
+    let shape =
+        Shape { centre: [200.3, 150.8], deviation: [9.0, 2.0], turn: 0.7, depth_slope: [0.0; 2], first: [186, 137], size: [28, 28] };
+    let input = shape.input(&machine);
+    let (mut wrapped, mut inside) = (0, 0);
+    for y in input.rows[0]..=input.rows[1] {
+        for (x, [radial, _]) in (input.columns[0]..).zip(registers(&raster, &input, y, input.columns[0], input.columns[1])) {
+            let exact = exact_radial(&machine, &input, x, y) as f64 * f64::from(-FINE).exp2();
+            let own = machine.raster.radial.format.value(radial);
+            assert!(radial_error(&machine, &input, radial, x, y).abs() < 1e-3);
+            wrapped += usize::from(exact >= 8.0);
+            if exact < 4.0 {
+                inside += 1;
+                assert!((own - exact).abs() < 1e-3, "r at ({x}, {y}) is {own} instead of {exact}");
+            }
+        }
+    }
+    assert!(wrapped > 100 && inside > 50, "{wrapped} pixels wrapped, {inside} lie inside");
+}

@@ -1,0 +1,90 @@
+//! Resolve: shades what a pixel still holds, blends it front to back over the background and writes the frame word (ALGORITHM §7).
+//!
+//! ```text
+//! layers in depth order ─►(× transmittance)─►(Σ)─►(+ background)─► frame
+//! opacity ─►(1 − α')─►(×)─► transmittance
+//! ```
+//! Losses: `transmittance` is rounded at each layer; the sum is exact and rounded once, into `frame`.
+//!
+//! Laws: `an_empty_pixel_is_background`, `an_opaque_layer_hides_all_behind_it`.
+
+use crate::machine::{Elaboration, Machine};
+use crate::num::{Fit, three};
+use crate::probe::{Probe, Tap};
+
+const UNIT: &str = "resolve";
+
+/// Input port: one layer of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Layer {
+    /// Slot it was in.
+    pub slot: usize,
+    /// z (`fragment.depth`).
+    pub depth: i64,
+    /// Σw (`fragment.weight_sum`), 0 if it was merged.
+    pub weight: i64,
+    /// Whether it was merged, and so shaded, before.
+    pub merged: bool,
+    /// Colour times opacity (`shade.premultiplied`).
+    pub colour: [i64; 3],
+    /// α' (`shade.premultiplied`).
+    pub opacity: i64,
+}
+
+/// The elaborated unit.
+#[derive(Clone, Debug)]
+pub struct Resolve {
+    transmittance: Fit,
+    frame: Fit,
+    /// 1 as a transmittance, as an opacity, as a channel, as the exact sum.
+    one: [i64; 4],
+    /// Left shifts that align layers and background.
+    align: [u32; 2],
+}
+
+impl Resolve {
+    /// Elaborates the unit.
+    pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
+        let (m, premultiplied) = (&machine.resolve, machine.shade.premultiplied);
+        for (name, word) in [("transmittance", m.transmittance), ("frame", m.frame)] {
+            e.port(UNIT, name, word);
+            e.signedness(UNIT, name, word, false);
+            e.holds_one(UNIT, name, word);
+        }
+        let through = e.times(UNIT, m.transmittance, premultiplied);
+        let behind = e.times(UNIT, m.transmittance, m.frame);
+        let sum = through.plus(through).plus(through).plus(through).plus(behind);
+        let finest = through.frac_bits.max(behind.frac_bits);
+        Resolve {
+            transmittance: e.fit(UNIT, "transmittance", m.transmittance, through),
+            frame: e.fit(UNIT, "frame", m.frame, sum),
+            one: [m.transmittance.format.one(), premultiplied.format.one(), m.frame.format.one(), 1 << finest.clamp(0, 62)],
+            align: [through.frac_bits, behind.frac_bits].map(|bits| (finest - bits).clamp(0, 62) as u32),
+        }
+    }
+
+    /// Blends layers, which stand in depth order, over the background.
+    pub fn one<P: Probe>(&self, layers: &[Layer], background: [i64; 4], tap: &mut Tap<P>) -> [i64; 4] {
+        let [transmittance_one, opacity_one, frame_one, sum_one] = self.one;
+        let [of_layer, of_background] = self.align;
+        let mut transmittance = transmittance_one;
+        let mut sums = [0i64; 3];
+        for layer in layers {
+            for (sum, colour) in sums.iter_mut().zip(layer.colour) {
+                *sum += (transmittance * colour) << of_layer;
+            }
+            transmittance = tap.fit_one(&self.transmittance, transmittance * (opacity_one - layer.opacity).max(0));
+        }
+        let colour = |channel: usize, tap: &mut Tap<P>| {
+            let exact = sums[channel] + ((transmittance * background[channel]) << of_background);
+            tap.fit_one(&self.frame, exact.min(sum_one))
+        };
+        let rgb = three!(channel => colour(channel, tap));
+        let see_through = (transmittance * (frame_one - background[3])) << of_background;
+        let alpha = tap.fit_one(&self.frame, sum_one - see_through);
+        [rgb[0], rgb[1], rgb[2], alpha]
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,265 @@
+//! Shade: turns a fragment's sums into the light that leaves it (ALGORITHM §7): normalise, Blinn-Phong, coverage.
+//!
+//! ```text
+//! weight_sum ─►[ 1/W ]─┬────────────►(×)─► rgb, opacity ──────────────────►(×)─► colour ─►(×)─► premultiplied
+//! colour_sum ─►[ << ]──┴─► share ─────┘                irradiance ──────────┘               │
+//! normal_sum ─►[ << ]─► normal_share ─►[ 1/|n| ]─► normal ─►[ N·L, N·H ]─┬┘ highlight ─►(+) │
+//! weight_sum ─►[ min(1, W/τ) ]─► coverage ────────────────────────────────────────────────►(×)
+//! ```
+//! Sums are first shifted by the power of two that brings W to [1, 2), so that a thinly covered pixel keeps its colour's precision.
+//!
+//! Losses: all words are rounded to nearest; `colour` is clamped to 1 before it is fitted.
+//!
+//! Laws: `white_stays_white`, `shading_ignores_the_length_of_a_normal`.
+
+use crate::frame::{Light, Lighting, Material, Scaled};
+use crate::machine::{Elaboration, Machine};
+use crate::num::{Fit, Reciprocal, ReciprocalRoot, Table, table, three};
+use crate::probe::{Probe, Tap};
+
+const UNIT: &str = "shade";
+
+/// Input port: one fragment's sums.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Input {
+    /// Σw (`fragment.weight_sum`).
+    pub weight: i64,
+    /// Σw·rgb (`fragment.colour_sum`).
+    pub colour: [i64; 3],
+    /// Σw·α (`fragment.opacity_sum`).
+    pub opacity: i64,
+    /// Σw·n (`fragment.normal_sum`).
+    pub normal: [i64; 3],
+    /// Index into the frame's materials.
+    pub material: u32,
+}
+
+/// Output port (`shade.premultiplied`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Output {
+    /// Colour times opacity.
+    pub colour: [i64; 3],
+    /// α'.
+    pub opacity: i64,
+}
+
+/// Registers that a frame loads.
+#[derive(Clone, Copy, Debug)]
+pub struct Registers<'a> {
+    /// Lights and materials.
+    pub lighting: &'a Lighting,
+    /// The materials' highlight tables, by material.
+    pub highlights: &'a [Option<Table>],
+    /// τ (`fragment.weight_sum`).
+    pub coverage_threshold: i64,
+    /// 1/τ (`shade.inverse_threshold`).
+    pub inverse_threshold: Scaled,
+}
+
+/// The elaborated unit.
+#[derive(Clone, Debug)]
+pub struct Shade {
+    reciprocal: Reciprocal,
+    root: ReciprocalRoot,
+    weight_share: Fit,
+    colour_share: Fit,
+    opacity_share: Fit,
+    normal_share: Fit,
+    rgb: Fit,
+    opacity: Fit,
+    normal: Fit,
+    cosine: Fit,
+    highlight: Fit,
+    irradiance: Fit,
+    colour: Fit,
+    coverage: Fit,
+    covered: Fit,
+    premultiplied: Fit,
+    words: Words,
+    highlight_table: crate::machine::TableShape,
+}
+
+/// Places that align terms, and the words for 1.
+#[derive(Clone, Copy, Debug)]
+struct Words {
+    /// Ambient with cosine × reflectance.
+    ambient: u32,
+    /// Lit colour with highlight × reflectance.
+    lit: u32,
+    glossy: u32,
+    /// 1 in the exact sum of both.
+    colour_one: i64,
+    rgb_to_colour: u32,
+    opacity_one: i64,
+    coverage_one: i64,
+    cosine_one: i64,
+    highlight_argument_bits: u32,
+}
+
+impl Shade {
+    /// Elaborates the unit.
+    pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
+        let (m, f) = (&machine.shade, &machine.fragment);
+        for (name, word, signed) in [
+            ("share", m.share, false),
+            ("normal_share", m.normal_share, true),
+            ("rgb", m.rgb, false),
+            ("opacity", m.opacity, false),
+            ("normal", m.normal, true),
+            ("light", m.light, true),
+            ("cosine", m.cosine, true),
+            ("highlight", m.highlight, false),
+            ("reflectance", m.reflectance, false),
+            ("irradiance", m.irradiance, false),
+            ("colour", m.colour, false),
+            ("inverse_threshold", m.inverse_threshold, false),
+            ("coverage", m.coverage, false),
+            ("premultiplied", m.premultiplied, false),
+        ] {
+            e.port(UNIT, name, word);
+            e.signedness(UNIT, name, word, signed);
+            e.holds_one(UNIT, name, word);
+        }
+        let reciprocal = Reciprocal::new(e, UNIT, "reciprocal", m.reciprocal, f.weight_sum.format.frac_bits);
+        let inverse = m.reciprocal.format();
+        let divided = e.times(UNIT, m.share, inverse);
+        let squared = e.times(UNIT, m.normal_share, m.normal_share);
+        e.holds_exact("the operand of shade.root, Σ shade.normal_share², normalised,", squared.plus(squared).plus(squared).plus(squared));
+        let root = ReciprocalRoot::new(e, UNIT, "root", m.root, squared.frac_bits);
+        let unit_normal = e.times(UNIT, m.normal_share, m.root.format());
+        let projected = e.times(UNIT, m.normal, m.light);
+        let lit = e.times(UNIT, m.cosine, m.reflectance);
+        let coloured = e.times(UNIT, m.rgb, m.irradiance);
+        let glossy = e.times(UNIT, m.highlight, m.reflectance);
+        let covered = e.times(UNIT, m.share, m.inverse_threshold);
+        let thinned = e.times(UNIT, m.opacity, m.coverage);
+        let premultiplied = e.times(UNIT, m.colour, m.premultiplied);
+        let cosine_bits = m.cosine.format.frac_bits.clamp(1, 30);
+        let highlight_table = table::shape(e, UNIT, "highlight_table", m.highlight_table, cosine_bits);
+        let fraction_bits = Table::fraction_bits(highlight_table.index_bits, cosine_bits as u32);
+        table::interpolator(e, UNIT, highlight_table, m.highlight, fraction_bits);
+        let colour_frac_bits = coloured.frac_bits.max(glossy.frac_bits);
+        let places = |finer: i32, coarser: i32| (finer - coarser).clamp(0, 62) as u32;
+        Shade {
+            reciprocal,
+            root,
+            weight_share: e.fit(UNIT, "share", m.share, f.weight_sum.into()),
+            colour_share: e.fit(UNIT, "share", m.share, f.colour_sum.into()),
+            opacity_share: e.fit(UNIT, "share", m.share, f.opacity_sum.into()),
+            normal_share: e.fit(UNIT, "normal_share", m.normal_share, f.normal_sum.into()),
+            rgb: e.fit(UNIT, "rgb", m.rgb, divided),
+            opacity: e.fit(UNIT, "opacity", m.opacity, divided),
+            normal: e.fit(UNIT, "normal", m.normal, unit_normal),
+            cosine: e.fit(UNIT, "cosine", m.cosine, projected.plus(projected).plus(projected)),
+            highlight: e.fit(UNIT, "highlight", m.highlight, table::interpolated(m.highlight, fraction_bits)),
+            irradiance: e.fit(UNIT, "irradiance", m.irradiance, lit.plus(lit).plus(lit)),
+            colour: e.fit(UNIT, "colour", m.colour, coloured.plus(glossy).plus(glossy)),
+            coverage: e.fit(UNIT, "coverage", m.coverage, covered),
+            covered: e.fit(UNIT, "premultiplied", m.premultiplied, thinned),
+            premultiplied: e.fit(UNIT, "premultiplied", m.premultiplied, premultiplied),
+            words: Words {
+                ambient: places(lit.frac_bits, m.reflectance.format.frac_bits),
+                lit: places(colour_frac_bits, coloured.frac_bits),
+                glossy: places(colour_frac_bits, glossy.frac_bits),
+                colour_one: 1 << colour_frac_bits.clamp(0, 62),
+                rgb_to_colour: places(colour_frac_bits, m.rgb.format.frac_bits),
+                opacity_one: m.opacity.format.one(),
+                coverage_one: m.coverage.format.one(),
+                cosine_one: m.cosine.format.one(),
+                highlight_argument_bits: cosine_bits as u32,
+            },
+            highlight_table,
+        }
+    }
+
+    /// The highlight table of each material, elaborated from its words.
+    pub fn highlights(&self, lighting: &Lighting) -> Vec<Option<Table>> {
+        let table = |material: &Material| match material {
+            Material::Unlit => None,
+            Material::BlinnPhong { highlight, .. } => {
+                let shape = self.highlight_table;
+                Some(Table::new(self.highlight, shape.index_bits, self.words.highlight_argument_bits, shape.interpolation, highlight))
+            }
+        };
+        lighting.materials.iter().map(table).collect()
+    }
+
+    /// Shades one fragment.
+    pub fn one<P: Probe>(&self, registers: &Registers, input: &Input, tap: &mut Tap<P>) -> Output {
+        if input.weight <= 0 {
+            return Output::default();
+        }
+        let (inverse, exponent) = self.reciprocal.one(input.weight, tap);
+        let share = three!(i => tap.fit_one_shifted(&self.colour_share, input.colour[i], -exponent));
+        let rgb = three!(i => tap.fit_one(&self.rgb, share[i] * inverse));
+        let opacity_share = tap.fit_one_shifted(&self.opacity_share, input.opacity, -exponent);
+        let opacity = tap.fit_one(&self.opacity, opacity_share * inverse).min(self.words.opacity_one);
+
+        let colour = self.lit(registers, input, rgb, exponent, tap);
+        let coverage = self.coverage(registers, input.weight, exponent, tap);
+        let opacity = tap.fit_one(&self.covered, opacity * coverage);
+        Output { colour: three!(i => tap.fit_one(&self.premultiplied, colour[i] * opacity)), opacity }
+    }
+
+    /// min(1, W/τ).
+    fn coverage<P: Probe>(&self, registers: &Registers, weight: i64, exponent: i64, tap: &mut Tap<P>) -> i64 {
+        if weight >= registers.coverage_threshold {
+            return self.words.coverage_one;
+        }
+        let share = tap.fit_one_shifted(&self.weight_share, weight, -exponent);
+        let Scaled { mantissa, places } = registers.inverse_threshold;
+        tap.fit_one_shifted(&self.coverage, share * mantissa, exponent + places).min(self.words.coverage_one)
+    }
+
+    /// The colour that leaves the surface, at most 1.
+    fn lit<P: Probe>(&self, registers: &Registers, input: &Input, rgb: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> [i64; 3] {
+        let w = self.words;
+        let material = input.material as usize;
+        let (Material::BlinnPhong { ambient, diffuse, specular, .. }, Some(table)) =
+            (&registers.lighting.materials[material], &registers.highlights[material])
+        else {
+            return three!(i => tap.fit_one(&self.colour, (rgb[i] << w.rgb_to_colour).min(w.colour_one)));
+        };
+        let normal = self.unit_normal(input.normal, exponent, tap);
+        let mut irradiance = [*ambient << w.ambient; 3];
+        let mut gloss = [0; 3];
+        for (i, Light { direction, half_way }) in registers.lighting.lights.iter().enumerate() {
+            let Some(normal) = normal else { break };
+            let towards = self.cosine(normal, *direction, tap);
+            let shine = half_way.map_or(0, |half_way| {
+                let cosine = self.cosine(normal, half_way, tap).min(w.cosine_one - 1);
+                tap.fit_one(table.fit(), table.exact(cosine))
+            });
+            for channel in 0..3 {
+                irradiance[channel] += towards * diffuse[i][channel];
+                gloss[channel] += shine * specular[i][channel];
+            }
+        }
+        three!(channel => {
+            let irradiance = tap.fit_one(&self.irradiance, irradiance[channel]);
+            let exact = ((rgb[channel] * irradiance) << w.lit) + (gloss[channel] << w.glossy);
+            tap.fit_one(&self.colour, exact.min(w.colour_one))
+        })
+    }
+
+    /// max(0, N·direction).
+    fn cosine<P: Probe>(&self, n: [i64; 3], direction: [i64; 3], tap: &mut Tap<P>) -> i64 {
+        let exact = n[0] * direction[0] + n[1] * direction[1] + n[2] * direction[2];
+        tap.fit_one(&self.cosine, exact).max(0)
+    }
+
+    /// The unit normal, turned towards the viewer; none where the sums cancel.
+    fn unit_normal<P: Probe>(&self, sums: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> Option<[i64; 3]> {
+        let share = three!(i => tap.fit_one_shifted(&self.normal_share, sums[i], -exponent));
+        let squared = share[0] * share[0] + share[1] * share[1] + share[2] * share[2];
+        if squared == 0 {
+            return None;
+        }
+        let (inverse, exponent) = self.root.one(squared, tap);
+        let normal = three!(i => tap.fit_one_shifted(&self.normal, share[i] * inverse, -exponent));
+        Some(if normal[2] > 0 { three!(i => -normal[i]) } else { normal })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,75 @@
+//! Does every machine that elaborates draw every frame in its words, watched or not, by any number of threads?
+
+use crate::frames::frame;
+use crate::mutation::{Mutation, differences, mutated, mutations, named};
+use proptest::prelude::*;
+use rtl_model::probe::{Ranges, Unwatched};
+use rtl_model::{Drawing, Elaborated, Frame, Machine, draw};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+/// Draws twice, watched and not; what was seen must lie in the signals' formats.
+fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
+    let drawing = draw(machine, frame, &mut Unwatched);
+    let mut ranges = Ranges::new(machine.signals.len());
+    assert_eq!(draw(machine, frame, &mut ranges), drawing, "watched and unwatched differ");
+    for (range, signal) in ranges.0.iter().zip(&machine.signals).filter(|(range, _)| range.words > 0) {
+        let format = signal.word.format;
+        assert!(format.min() <= range.min && range.max <= format.max(), "{}.{} left {format}", signal.unit, signal.name);
+    }
+    let culled = drawing.culled;
+    assert!(culled.near + culled.outside + culled.faint + culled.backface <= frame.splats.len() as u64);
+    drawing
+}
+
+/// Keeps every change that leaves a machine that elaborates.
+fn wander(machine: Machine, changes: &[Mutation]) -> (Machine, Elaborated) {
+    let first = machine.elaborate().unwrap();
+    changes.iter().fold((machine, first), |(machine, elaborated), change| {
+        let other = mutated(&machine, change);
+        match other.elaborate() {
+            Ok(elaborated) => (other, elaborated),
+            Err(_) => (machine, elaborated),
+        }
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { max_shrink_iters: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn every_machine_that_elaborates_draws_every_frame(
+        machine in named(),
+        changes in mutations(0..60),
+        seed in any::<u64>(),
+        wildness in prop::sample::select(vec![1u64, 3, 12, 60, 10_000]),
+    ) {
+        let (machine, elaborated) = wander(Machine::named(machine).unwrap(), &changes);
+        let frame = frame(&machine, seed, wildness);
+        let drawn = catch_unwind(AssertUnwindSafe(|| draws(&elaborated, &frame)));
+        prop_assert!(drawn.is_ok(), "a machine with {:#?} does not draw", differences(&machine));
+    }
+}
+
+/// The same frame by one, two and three threads, watched and not. More splats than one thread sets up at a time.
+#[test]
+fn threads_and_watchers_change_no_bit() {
+    for name in Machine::NAMES {
+        let machine = Machine::named(name).unwrap();
+        let elaborated = machine.elaborate().unwrap();
+        let mut frame = frame(&machine, 11, 10_000);
+        (frame.width, frame.height) = (100, 60);
+        let splats: Vec<_> = (0..400).flat_map(|seed| crate::frames::frame(&machine, seed, 10_000).splats).collect();
+        frame.splats = splats.iter().cycle().take(9_000).copied().collect();
+        let watched = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let mut ranges = Ranges::new(elaborated.signals.len());
+            let drawing = pool.install(|| draw(&elaborated, &frame, &mut ranges));
+            assert_eq!(pool.install(|| draw(&elaborated, &frame, &mut Unwatched)), drawing);
+            (drawing, ranges)
+        };
+        let one = watched(1);
+        assert!(one.0.outcomes.merged + one.0.outcomes.evicted > 0, "{name} draws too little to compare: {:?}", one.0.outcomes);
+        assert_eq!(watched(2), one, "{name}");
+        assert_eq!(watched(3), one, "{name}");
+    }
+}

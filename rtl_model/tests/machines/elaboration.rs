@@ -1,0 +1,186 @@
+//! Which machines can be built, and what is said about those that cannot.
+
+use crate::mutation::{mutated, mutations, named, with_field, with_format};
+use proptest::prelude::*;
+use rtl_model::Machine;
+use rtl_model::machine::{Elaborated, Merge};
+use rtl_model::num::Format;
+use serde_json::json;
+
+fn built(name: &str) -> Elaborated {
+    Machine::named(name).unwrap().elaborate().unwrap_or_else(|misfits| panic!("{name}: {misfits:#?}"))
+}
+
+#[test]
+fn the_named_machines_elaborate() {
+    for name in Machine::NAMES {
+        let machine = built(name);
+        let fragment = machine.machine.fragment;
+        assert_eq!((fragment.layers, fragment.merge, fragment.evict_hidden), (3, Merge::FarthestPair, true), "{name}");
+        assert_eq!(machine.machine.name, name);
+    }
+    assert!(Machine::named("nobody").is_none());
+}
+
+#[test]
+fn a_named_machine_reads_back_from_its_json() {
+    for name in Machine::NAMES {
+        let machine = Machine::named(name).unwrap();
+        let text = serde_json::to_string(&machine).unwrap();
+        assert_eq!(serde_json::from_str::<Machine>(&text).unwrap(), machine);
+    }
+}
+
+/// Signed operands carry their sign; an unsigned one of n bits goes into a signed multiplier of n + 1, which is not counted here.
+#[test]
+fn no_multiplier_is_wider_than_promised() {
+    for (name, most) in [("reference", 27), ("lean", 18), ("tiny", 18)] {
+        for multiplier in built(name).multipliers {
+            let widest = multiplier.operand_bits.into_iter().max().unwrap();
+            assert!(widest <= most, "{name}: {} multiplies {:?} bits", multiplier.unit, multiplier.operand_bits);
+        }
+    }
+}
+
+/// What the source multiplies, unit by unit: products of two words, and the function units' own.
+#[test]
+fn every_multiplier_is_declared() {
+    let count = |machine: &Elaborated, unit: &str| machine.multipliers.iter().filter(|m| m.unit == unit).count();
+    let reference = built("reference");
+    // Turn, guard band, quotient, pixel; reciprocal: m·y, y·c.
+    assert_eq!(count(&reference, "project"), 4 + 2);
+    // Line between table words, amplitude.
+    assert_eq!(count(&reference, "gauss"), 2);
+    // The table of the tiny machine has no lines, its reciprocal no steps.
+    let tiny = built("tiny");
+    assert_eq!((count(&tiny, "project"), count(&tiny, "gauss")), (4, 1));
+    for unit in ["ellipse", "raster", "fragment", "shade", "resolve"] {
+        assert!(count(&reference, unit) > 0 && count(&reference, unit) >= count(&tiny, unit), "{unit}");
+    }
+    // Three function units with steps: two reciprocal roots, one reciprocal.
+    assert_eq!(count(&reference, "ellipse") - count(&tiny, "ellipse"), 3 + 3 + 2);
+    // Reciprocal, root, highlight table.
+    assert_eq!(count(&reference, "shade") - count(&tiny, "shade"), 2 + 3 + 1);
+}
+
+#[test]
+fn a_reference_fragment_fits_the_papers_bytes() {
+    assert!(Machine::named("reference").unwrap().fragment_bits() <= 38 * 8);
+}
+
+#[test]
+fn no_lean_accumulator_is_wider_than_24_bits() {
+    let Machine { fragment, raster, .. } = Machine::named("lean").unwrap();
+    let sums = [fragment.weight_sum, fragment.colour_sum, fragment.opacity_sum, fragment.normal_sum];
+    for word in sums.into_iter().chain([raster.radial, raster.first, raster.second, raster.depth]) {
+        assert!(word.format.width() <= 24, "{word}");
+    }
+}
+
+fn misfits(machine: &Machine) -> Vec<String> {
+    machine.elaborate().err().unwrap_or_default()
+}
+
+/// The signal that a misfit names and the format that it says would fit.
+fn suggestion(misfit: &str) -> Option<(String, Format)> {
+    let signal = misfit.split_whitespace().next()?;
+    let (before, _) = misfit.split_once(" would fit").or_else(|| misfit.split_once(" would hold all of it"))?;
+    Some((signal.to_owned(), before.split_whitespace().last()?.parse().ok()?))
+}
+
+#[test]
+fn a_misfit_names_the_signal_and_what_would_fit() {
+    let reference = Machine::named("reference").unwrap();
+    let format = |text: &str| text.parse::<Format>().unwrap();
+    for (signal, wrong, sentence) in [
+        ("project.camera", "I4F36", "project.camera is I4F36, 40 bits on a port that carries 32: I0F32 would fit"),
+        ("shade.rgb", "U0F18", "shade.rgb is U0F18 and must hold 1: U1F18 would fit"),
+        ("splat.normal", "I1F20", "splat.normal is I1F20 and must hold 1: I2F20 would fit"),
+        ("splat.radius", "I1F20", "splat.radius is I1F20, but its values are never negative: U1F20 would fit"),
+        ("fragment.depth", "U1F30", "fragment.depth is U1F30, 31 bits: the depth comparators take at most 30"),
+        ("gauss.radial_index", "U6F10", "gauss.radial_index is U6F10: the table spans at most 32, U5F10"),
+        ("raster.first", "I8F40", "raster.first is I8F40, finer than the register raster.radial I20F27 that it meets: I8F27 would fit"),
+        ("raster.depth", "I4F20", "raster.depth is I4F20, coarser than the steps ellipse.depth_slope I3F24 that it adds: I4F24 would fit"),
+    ] {
+        let found = misfits(&with_format(&reference, signal, format(wrong)));
+        assert!(found.iter().any(|misfit| misfit == sentence), "{signal} {wrong}: {found:#?}");
+    }
+}
+
+#[test]
+fn rules_that_contradict_each_other_are_misfits() {
+    let reference = Machine::named("reference").unwrap();
+    for (field, value, sentence) in [
+        ("fragment.layers", json!(0), "fragment.layers is 0: 1 to 8 can be built"),
+        ("fragment.layers", json!(9), "fragment.layers is 9: 1 to 8 can be built"),
+        ("fragment.merge", json!("replace"), "fragment.merge is replace, a z-buffer, with 3 layers: it needs fragment.layers 1"),
+        ("fragment.opaque_permille", json!(1001), "fragment.opaque_permille is 1001: 1 to 1000 can be built"),
+        ("gauss.table.index_bits", json!(20), "gauss.table.index_bits is 20: 1 to 12 can be built"),
+        ("ellipse.root.bits", json!(4_294_967_295u32), "ellipse.root.bits is 4294967295: 4 to 30 can be built"),
+        ("shade.reciprocal.newton_steps", json!(4), "shade.reciprocal.newton_steps is 4: 0 to 3 can be built"),
+        (
+            "project.slope",
+            json!({"format": "I4F22", "overflow": "wrap"}),
+            "project.slope wraps, but only the raster's registers and the fragment's sums may: let it saturate",
+        ),
+        (
+            "fragment.depth",
+            json!({"format": "U1F25", "overflow": "wrap"}),
+            "fragment.depth wraps, but only the raster's registers and the fragment's sums may: let it saturate",
+        ),
+    ] {
+        let found = misfits(&with_field(&reference, field, value));
+        assert!(found.iter().any(|misfit| misfit == sentence), "{field}: {found:#?}");
+    }
+}
+
+#[test]
+fn all_misfits_are_reported_at_once() {
+    let mut machine = Machine::named("lean").unwrap();
+    for (signal, format) in [("shade.opacity", "U0F14"), ("splat.rgb", "I2F10"), ("ellipse.tilt", "I20F20"), ("resolve.frame", "U0F12")] {
+        machine = with_format(&machine, signal, format.parse().unwrap());
+    }
+    machine.fragment.layers = 11;
+    let found = misfits(&machine);
+    for signal in ["shade.opacity", "splat.rgb", "ellipse.tilt", "resolve.frame", "fragment.layers"] {
+        assert!(found.iter().any(|misfit| misfit.starts_with(signal)), "{signal}: {found:#?}");
+    }
+}
+
+#[test]
+fn unknown_and_missing_fields_are_refused() {
+    let mut value = serde_json::to_value(Machine::named("tiny").unwrap()).unwrap();
+    value["raster"]["radail"] = json!("I9F8");
+    assert!(serde_json::from_value::<Machine>(value.clone()).unwrap_err().to_string().contains("radail"));
+    value["raster"].as_object_mut().unwrap().remove("radail");
+    value["raster"].as_object_mut().unwrap().remove("radial");
+    assert!(serde_json::from_value::<Machine>(value.clone()).unwrap_err().to_string().contains("radial"));
+    value["raster"]["radial"] = json!("I99F3");
+    assert!(serde_json::from_value::<Machine>(value).unwrap_err().to_string().contains("102 bits wide"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1500) })]
+
+    #[test]
+    fn elaboration_never_panics_and_speaks_in_sentences(name in named(), changes in mutations(1..40)) {
+        let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, change| mutated(&machine, change));
+        for misfit in misfits(&machine) {
+            prop_assert!(misfit.len() > 20 && !misfit.contains('\n') && misfit.contains('.'), "{misfit}");
+        }
+    }
+
+    /// Whoever does what a misfit says does not see that misfit again.
+    #[test]
+    fn a_suggested_format_removes_its_misfit(name in named(), changes in mutations(1..6)) {
+        let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, change| mutated(&machine, change));
+        for misfit in misfits(&machine) {
+            prop_assert!(suggestion(&misfit).is_some() || !misfit.contains(" would "), "{misfit}");
+            if let Some((signal, format)) = suggestion(&misfit) {
+                let again = misfits(&with_format(&machine, &signal, format));
+                let complaint = |text: &str| text.split(": ").next().unwrap_or_default().replace(char::is_numeric, "");
+                prop_assert!(!again.iter().any(|other| complaint(other) == complaint(&misfit)), "{misfit}\nthen {again:#?}");
+            }
+        }
+    }
+}

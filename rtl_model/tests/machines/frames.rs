@@ -1,0 +1,147 @@
+//! Small frames for any machine: a plausible scene in its words, in which any word may be replaced by any other of its format.
+
+use rtl_model::frame::{Frame, Light, Lighting, Material, Scaled, Splat, View};
+use rtl_model::machine::{Interpolation, Machine};
+use rtl_model::num::{Format, Word};
+
+/// SplitMix64: small, and the same everywhere.
+pub struct Dice(pub u64);
+
+impl Dice {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    pub fn below(&mut self, limit: u64) -> u64 {
+        self.next() % limit
+    }
+
+    /// In [low, high).
+    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+        low + (high - low) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+/// Draws words; one in `wildness` is any word of its format, the extremes above all.
+struct Words {
+    dice: Dice,
+    wildness: u64,
+}
+
+impl Words {
+    fn near(&mut self, word: Word, value: f64) -> i64 {
+        if self.dice.below(self.wildness) == 0 { self.any(word.format) } else { nearest(word.format, value) }
+    }
+
+    fn between(&mut self, word: Word, low: f64, high: f64) -> i64 {
+        let value = self.dice.between(low, high);
+        self.near(word, value)
+    }
+
+    fn any(&mut self, format: Format) -> i64 {
+        let word = match self.dice.below(6) {
+            0 => format.min(),
+            1 => format.max(),
+            2 => self.dice.below(3) as i64 - 1,
+            _ => {
+                let magnitude = self.dice.next() as i64 >> (64 - format.width()).clamp(0, 63) >> self.dice.below(format.width() as u64);
+                if format.signed { magnitude } else { magnitude.abs() }
+            }
+        };
+        word.clamp(format.min(), format.max())
+    }
+
+    fn scaled(&mut self, word: Word, value: f64) -> Scaled {
+        let places = -(value.log2().floor() as i64) - 1;
+        Scaled { mantissa: self.near(word, value * (places as f64).exp2()), places }
+    }
+}
+
+pub fn nearest(format: Format, value: f64) -> i64 {
+    let word = value * f64::from(format.frac_bits).exp2();
+    (word.round().clamp(-4e18, 4e18) as i64).clamp(format.min(), format.max())
+}
+
+/// A frame with a few splats: `wildness` 1 draws every word at random, large numbers almost none.
+pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
+    let mut w = Words { dice: Dice(seed), wildness };
+    let [width, height] = [1 + w.dice.below(40) as u32, 1 + w.dice.below(40) as u32];
+    let threshold = w.dice.between(0.05, 0.9);
+    let lighting = lighting(machine, &mut w);
+    let materials = lighting.materials.len() as u64;
+    Frame {
+        width,
+        height,
+        view: view(machine, width, &mut w),
+        z_threshold: w.between(machine.fragment.depth, 0.0, 0.1),
+        coverage_threshold: w.near(machine.fragment.weight_sum, threshold),
+        inverse_threshold: w.scaled(machine.shade.inverse_threshold, 1.0 / threshold),
+        background: std::array::from_fn(|_| w.between(machine.resolve.frame, 0.0, 1.0)),
+        lighting,
+        splats: (0..w.dice.below(40)).map(|_| splat(machine, materials, &mut w)).collect(),
+    }
+}
+
+fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
+    let (p, e) = (&machine.project, &machine.ellipse);
+    let focal = w.dice.between(0.5, 3.0) * f64::from(width);
+    let cutoff = w.dice.between(0.5, 4.0);
+    View {
+        rotation: std::array::from_fn(|row| {
+            std::array::from_fn(|column| {
+                let tilt = w.dice.between(-0.2, 0.2);
+                w.near(p.rotation, if row == column { 0.98 } else { tilt })
+            })
+        }),
+        eye: [0.0, 0.0, -0.4].map(|v| w.near(p.eye, v)),
+        near: w.near(p.depth, 0.01),
+        guard: std::array::from_fn(|_| w.near(p.slope, 1.0)),
+        focal: w.near(p.focal, focal),
+        inverse_focal: w.scaled(e.inverse_focal, 1.0 / focal),
+        low_pass: w.near(e.low_pass, 1.0),
+        cutoff: w.near(machine.raster.cutoff, cutoff),
+        root_cutoff: w.near(e.root_cutoff, cutoff.sqrt()),
+        cull_backfaces: w.dice.below(4) == 0,
+    }
+}
+
+fn splat(machine: &Machine, materials: u64, w: &mut Words) -> Splat {
+    let s = &machine.splat;
+    let normal: [f64; 3] = std::array::from_fn(|_| w.dice.between(-1.0, 1.0));
+    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt().max(1e-6);
+    let size = w.dice.between(-9.0, -1.0).exp2();
+    Splat {
+        position: std::array::from_fn(|_| w.between(s.position, -0.3, 0.3) as i32),
+        normal: normal.map(|n| w.near(s.normal, n / length) as i32),
+        radius: w.near(s.radius, size) as i32,
+        rgb: std::array::from_fn(|_| w.between(s.rgb, 0.0, 1.0) as i32),
+        opacity: if w.dice.below(2) == 0 { w.near(s.opacity, 1.0) as i32 } else { w.between(s.opacity, 0.0, 1.0) as i32 },
+        material: w.dice.below(materials) as u32,
+    }
+}
+
+fn lighting(machine: &Machine, w: &mut Words) -> Lighting {
+    let s = &machine.shade;
+    let lights: Vec<Light> = (0..w.dice.below(4))
+        .map(|_| Light {
+            direction: std::array::from_fn(|_| w.between(s.light, -1.0, 1.0)),
+            half_way: (w.dice.below(4) > 0).then(|| std::array::from_fn(|_| w.between(s.light, -1.0, 1.0))),
+        })
+        .collect();
+    let steps = 1usize << s.highlight_table.index_bits;
+    let count = steps + usize::from(s.highlight_table.interpolation == Interpolation::Linear);
+    let shiny = |w: &mut Words| {
+        let constants = |w: &mut Words| lights.iter().map(|_| std::array::from_fn(|_| w.between(s.reflectance, 0.0, 1.0))).collect();
+        Material::BlinnPhong {
+            ambient: w.between(s.reflectance, 0.0, 0.5),
+            diffuse: constants(w),
+            specular: constants(w),
+            highlight: (0..count).map(|i| w.near(s.highlight, (i as f64 / steps as f64).powi(8))).collect(),
+        }
+    };
+    let materials = vec![Material::Unlit, shiny(w), shiny(w)];
+    Lighting { lights, materials }
+}
