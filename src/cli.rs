@@ -1,0 +1,250 @@
+//! Cli: flags as typed → a checked run (INTERFACE: "Commands").
+
+use crate::error::{Error, Result};
+use crate::explain::explain;
+use crate::report::{MachineReport, aligned, plain_table, wrapped};
+use crate::run::{self, open_folder, timed};
+use crate::scene::{self, Overrides, Scene};
+use crate::{fixed, machines};
+use clap::error::ErrorKind;
+use clap::{Args, Parser, Subcommand};
+use comfy_table::CellAlignment;
+use rtl_model::Machine;
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::PathBuf;
+use std::str::FromStr;
+
+/// Simulates splatting hardware bit by bit, beside exact arithmetic
+#[derive(Parser, Debug)]
+#[command(name = "splatsim", version)]
+struct Typed {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Draw a scene on a machine and in exact arithmetic; compare
+    #[command(after_help = NAMES)]
+    Run(Run),
+    /// Tell one pixel's whole story, the machine beside golden
+    #[command(after_help = NAMES)]
+    Explain(Explain),
+    /// Show machines
+    #[command(subcommand)]
+    Machine(MachineCommand),
+    /// Show what a scene file may hold
+    #[command(subcommand)]
+    Scene(SceneCommand),
+}
+
+#[derive(Args, Debug)]
+struct Run {
+    /// A .json scene, .ply cloud or built-in name
+    #[arg(default_value = "glass-spheres")]
+    scene: String,
+    #[command(flatten)]
+    common: Common,
+    /// Write pictures and report.json into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write OpenEXR pictures too (float32, linear)
+    #[arg(long, requires = "out")]
+    exr: bool,
+    /// Print no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args, Debug)]
+struct Explain {
+    /// A .json scene, .ply cloud or built-in name
+    scene: String,
+    /// The pixel; 0,0 is top left
+    #[arg(long, value_name = "X,Y")]
+    pixel: Pair<','>,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Args, Debug)]
+struct Common {
+    /// Named machine or machine file
+    #[arg(long, value_name = "NAME|FILE", default_value = "reference")]
+    machine: String,
+    /// Change a field, as in gauss.weight=U-2F16
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    settings: Vec<String>,
+    /// Size of the picture instead of the scene's own
+    #[arg(long, value_name = "WxH")]
+    size: Option<Pair<'x'>>,
+    /// Threads; no result depends on them [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+#[derive(Subcommand, Debug)]
+enum MachineCommand {
+    /// The named machines
+    List,
+    /// A machine as JSON
+    Show {
+        /// Named machine or machine file
+        #[arg(value_name = "NAME|FILE")]
+        machine: String,
+        /// Change a field of the machine
+        #[arg(long = "set", value_name = "PATH=VALUE")]
+        settings: Vec<String>,
+    },
+    /// The JSON Schema of a machine file
+    Schema,
+}
+
+#[derive(Subcommand, Debug)]
+enum SceneCommand {
+    /// The JSON Schema of a scene file
+    Schema,
+}
+
+/// What the help texts end with.
+const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain\nNamed machines: reference, lean, tiny";
+
+/// Two whole numbers with a separator between them.
+#[derive(Clone, Copy, Debug)]
+struct Pair<const SEPARATOR: char>(usize, usize);
+
+impl<const SEPARATOR: char> FromStr for Pair<SEPARATOR> {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let pair = text.split_once(SEPARATOR).and_then(|(a, b)| Some(Pair(a.parse().ok()?, b.parse().ok()?)));
+        pair.ok_or_else(|| format!("two whole numbers with `{SEPARATOR}` between them are needed"))
+    }
+}
+
+impl Common {
+    fn machine(&self) -> Result<Machine> {
+        machines::load(&self.machine, &self.settings)
+    }
+
+    fn scene(&self, name_or_path: &str) -> Result<Scene> {
+        Scene::load(name_or_path, &Overrides { size: self.size.map(|Pair(width, height)| (width, height)) })
+    }
+
+    /// Runs `work` on as many threads as asked for.
+    fn threaded<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+        let Some(threads) = self.threads else { return work() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
+        pool.map_err(|e| Error::job(format!("--threads {threads}: {e}")))?.install(work)
+    }
+}
+
+/// Does what the arguments say.
+///
+/// # Errors
+/// [`Error::Input`] where they, or a file that they name, are wrong; [`Error::Job`] where the work failed.
+pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String> {
+    let typed = match Typed::try_parse_from(arguments) {
+        Ok(typed) => typed,
+        Err(error) => return told(&error),
+    };
+    match typed.command {
+        Command::Run(arguments) => arguments.common.threaded(|| arguments.run()),
+        Command::Explain(arguments) => arguments.common.threaded(|| arguments.explain()),
+        Command::Machine(MachineCommand::List) => list(),
+        Command::Machine(MachineCommand::Show { machine, settings }) => show(&machine, &settings),
+        Command::Machine(MachineCommand::Schema) => pretty(&machines::schema()),
+        Command::Scene(SceneCommand::Schema) => pretty(&scene::schema()),
+    }
+}
+
+/// Does what the arguments say and prints what comes of it.
+///
+/// # Errors
+/// As [`run_typed`]. A reader that stops listening is no error.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
+    let text = run_typed(arguments)?;
+    let mut out = std::io::stdout().lock();
+    let written = if text.is_empty() { Ok(()) } else { writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) };
+    match written {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::job(format!("standard output: {e}"))),
+        _ => Ok(()),
+    }
+}
+
+/// What clap says: help and version as text, a fault as one sentence.
+fn told(error: &clap::Error) -> Result<String> {
+    let text = error.to_string();
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => Ok(text),
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            let listed = text.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+            let names: Vec<&str> = listed.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help").collect();
+            Err(Error::input(format!("a command is missing: {} (see --help)", names.join(", "))))
+        }
+        _ => {
+            let lines = text.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
+            let sentence: Vec<&str> = lines.filter(|line| !line.is_empty()).collect();
+            Err(Error::input(sentence.join(" ").trim_start_matches("error: ").replace(" tip: ", "; ")))
+        }
+    }
+}
+
+impl Run {
+    fn run(&self) -> Result<String> {
+        let machine = self.common.machine()?;
+        fixed::elaborate(&machine)?;
+        let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
+        let scene = scene?;
+        if let Some(folder) = &self.out {
+            open_folder(folder)?;
+        }
+        let outcome = run::run(&scene, &machine, load_seconds)?;
+        let end = match &self.out {
+            Some(folder) => {
+                let written = outcome.write(folder, self.exr)?;
+                let names: Vec<_> = written.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+                let told = wrapped(&format!("written to {}: {}", folder.display(), names.join(" ")));
+                format!("{told}\nerror.png shows |fixed − golden| × {}", outcome.report.error_scale)
+            }
+            None => "no pictures written: --out DIR writes them and report.json".into(),
+        };
+        let text = format!("{}\n{end}", outcome.report.summary());
+        Ok(if self.quiet { String::new() } else { text })
+    }
+}
+
+impl Explain {
+    fn explain(&self) -> Result<String> {
+        let machine = self.common.machine()?;
+        let scene = self.common.scene(&self.scene)?;
+        let Pair(x, y) = self.pixel;
+        explain(&scene, &machine, [x, y])
+    }
+}
+
+fn list() -> Result<String> {
+    let says = ["its picture counts as exact; the default", "the cheapest whose picture is still good", "coarse and quick, to see errors"];
+    let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
+    for (machine, says) in Machine::NAMES.iter().filter_map(|name| Machine::named(name)).zip(says) {
+        let report = MachineReport::new(&fixed::elaborate(&machine)?);
+        let [operand, fragment] = [report.widest_operand_bits, report.fragment_bits].map(|bits| format!("{bits} bits"));
+        table.add_row([machine.name, operand, fragment, format!("  {says}")]);
+    }
+    let mut table = aligned(table);
+    if let Some(last) = table.column_mut(3) {
+        last.set_cell_alignment(CellAlignment::Left);
+    }
+    Ok(table.trim_fmt())
+}
+
+fn show(machine: &str, settings: &[String]) -> Result<String> {
+    let machine = machines::load(machine, settings)?;
+    fixed::elaborate(&machine)?;
+    pretty(&machine)
+}
+
+fn pretty(value: &impl serde::Serialize) -> Result<String> {
+    serde_json::to_string_pretty(value).map_err(|e| Error::job(e.to_string()))
+}

@@ -1,0 +1,52 @@
+//! Fixed: draws a scene on the machine and brings the frame back to real numbers.
+
+use crate::error::{Error, Result};
+use crate::golden;
+use crate::picture::Picture;
+use crate::quantise::Quantised;
+use rtl_model::machine::{self, Elaborated, Machine};
+use rtl_model::probe::Probe;
+use rtl_model::{Drawing, pipeline};
+
+/// A machine that can draw, or every reason why it cannot, in one sentence.
+///
+/// # Errors
+/// [`Error::Input`] naming every misfit.
+pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
+    machine.elaborate().map_err(|misfits| Error::input(format!("machine {} cannot be built: {}", machine.name, misfits.join("; "))))
+}
+
+/// Draws.
+pub fn draw<P: Probe>(machine: &Elaborated, quantised: &Quantised, probe: &mut P) -> Drawing {
+    pipeline::draw(machine, &quantised.frame, probe)
+}
+
+/// The machine's frame as a picture.
+pub fn picture(machine: &Elaborated, drawing: &Drawing) -> Picture {
+    let format = machine.machine.resolve.frame.format;
+    Picture {
+        width: drawing.width as usize,
+        height: drawing.height as usize,
+        rgba: drawing.frame.iter().map(|word| word.map(|channel| format.value(i64::from(channel)))).collect(),
+        covered: drawing.covered.clone(),
+    }
+}
+
+/// The machine's rules for fragments, for its golden twin.
+pub fn rules(machine: &Machine) -> golden::Rules {
+    let fragment = &machine.fragment;
+    golden::Rules {
+        layers: fragment.layers as usize,
+        merge: match fragment.merge {
+            machine::Merge::NearestPair => golden::Merge::NearestPair,
+            machine::Merge::FarthestPair => golden::Merge::FarthestPair,
+            machine::Merge::Replace => golden::Merge::Replace,
+        },
+        evict_hidden: fragment.evict_hidden,
+        opaque: f64::from(fragment.opaque_permille) / 1000.0,
+        fragment_depth: match fragment.fragment_depth {
+            machine::FragmentDepth::First => golden::FragmentDepth::First,
+            machine::FragmentDepth::Nearest => golden::FragmentDepth::Nearest,
+        },
+    }
+}

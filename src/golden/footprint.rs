@@ -1,0 +1,250 @@
+//! Footprint: turns a splat into the ellipse that it covers on screen (ALGORITHM §3), and the ellipse into contributions (§4, §5).
+
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use glam::DVec3;
+
+use crate::scene::{Scene, View};
+
+/// A splat as the picture sees it, in pixels; depths and normals are in camera space.
+#[derive(Clone, Debug)]
+pub(super) struct Footprint {
+    /// Index of the splat in the scene.
+    pub splat: u32,
+    /// Pixel columns and rows whose centres lie in the box, clipped to the picture.
+    pub columns: Range<u32>,
+    pub rows: Range<u32>,
+    pub rgb: DVec3,
+    pub opacity: f64,
+    pub normal: DVec3,
+    pub material: u32,
+    centre: [f64; 2],
+    /// `Q00, Q01, Q11`.
+    conic: [f64; 3],
+    amplitude: f64,
+    z: f64,
+    /// Change of z a pixel to the right, and down.
+    slope: [f64; 2],
+    /// The disc reaches no further than this from its centre in z.
+    z_reach: f64,
+    cutoff: f64,
+}
+
+/// Why a splat leaves no footprint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cull {
+    Near,
+    Outside,
+    Backface,
+    Faint,
+}
+
+/// What one footprint gives to one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Contribution {
+    pub radial_index: f64,
+    pub weight: f64,
+    pub z: f64,
+}
+
+/// A variance on screen with its determinant, which is never the difference of two products: that cancels.
+#[derive(Clone, Copy)]
+struct Variance {
+    /// `V00, V01, V11`, pixel².
+    entries: [f64; 3],
+    determinant: f64,
+}
+
+impl Variance {
+    /// `V_r = k² ([1+a², ab; ab, 1+b²] − g gᵀ)` and `det V_r = k⁴ c_n²`; `ray` is `(a, b, 1)`.
+    fn of_disc(k: f64, ray: DVec3, normal: DVec3) -> Self {
+        let g = [normal.x - ray.x * normal.z, normal.y - ray.y * normal.z];
+        let (k2, c_n) = (k * k, normal.dot(ray));
+        Variance {
+            entries: [
+                // Seen edge-on, rounding may leave less than nothing on the diagonal.
+                (k2 * (1.0 + ray.x * ray.x - g[0] * g[0])).max(0.0),
+                k2 * (ray.x * ray.y - g[0] * g[1]),
+                (k2 * (1.0 + ray.y * ray.y - g[1] * g[1])).max(0.0),
+            ],
+            determinant: (k2 * c_n) * (k2 * c_n),
+        }
+    }
+
+    /// `V = V_r + v·I`, its determinant as three terms none of which is negative.
+    fn low_passed(self, v: f64) -> Self {
+        let [v00, v01, v11] = self.entries;
+        let determinant = self.determinant + v * (v00 + v11) + v * v;
+        Variance { entries: [v00 + v, v01, v11 + v], determinant }
+    }
+
+    /// `V⁻¹`, as `Q00, Q01, Q11`.
+    fn inverse(&self) -> [f64; 3] {
+        let [v00, v01, v11] = self.entries;
+        [v11 / self.determinant, -v01 / self.determinant, v00 / self.determinant]
+    }
+}
+
+/// Sets up the `index`-th splat, or says why it is not drawn. The tests come in the order in which culled splats are counted.
+pub(super) fn set_up(scene: &Scene, view: &View, index: usize) -> Result<Footprint, Cull> {
+    let splat = &scene.splats[index];
+    let cutoff = scene.kernel.cutoff;
+    let t = view.rotation * (splat.position - view.eye);
+    let ray = ray(scene, view, t)?;
+    let normal = view.rotation * splat.normal;
+    let c_n = normal.dot(ray);
+    let reconstruction = Variance::of_disc(view.focal_px * splat.radius / t.z, ray, normal);
+    let variance = reconstruction.low_passed(scene.kernel.low_pass);
+    let centre = [0, 1].map(|axis| view.focal_px * ray[axis] + view.half_px[axis]);
+    let reach = [variance.entries[0], variance.entries[2]].map(|entry| (cutoff * entry).sqrt());
+    let columns = pixels(centre[0], reach[0], scene.image.width).ok_or(Cull::Outside)?;
+    let rows = pixels(centre[1], reach[1], scene.image.height).ok_or(Cull::Outside)?;
+    if scene.surface.cull_backfaces && normal.dot(t) > 0.0 {
+        return Err(Cull::Backface);
+    }
+    let amplitude = (reconstruction.determinant / variance.determinant).sqrt() / TAU;
+    // Zero where c_n is; 0/0 where there is no low-pass filter either.
+    if amplitude == 0.0 || amplitude.is_nan() {
+        return Err(Cull::Faint);
+    }
+    Ok(Footprint {
+        splat: index as u32,
+        columns,
+        rows,
+        rgb: DVec3::from_array(splat.rgb),
+        opacity: splat.opacity,
+        normal,
+        material: splat.material,
+        centre,
+        conic: variance.inverse(),
+        amplitude,
+        z: t.z,
+        slope: [normal.x, normal.y].map(|n| -t.z * n / (c_n * view.focal_px)),
+        z_reach: splat.radius * cutoff.sqrt(),
+        cutoff,
+    })
+}
+
+/// `(a, b, 1)`, the ray to a point in camera space, as far to the side as the affine approximation has a meaning.
+fn ray(scene: &Scene, view: &View, t: DVec3) -> Result<DVec3, Cull> {
+    // Coordinates near the end of their range overflow to something that is no number.
+    if t.z <= scene.camera.near || t.z.is_nan() {
+        return Err(Cull::Near);
+    }
+    let ray = DVec3::new(t.x / t.z, t.y / t.z, 1.0);
+    let beyond = |axis: usize| ray[axis].abs() > 1.5 * view.half_px[axis] / view.focal_px;
+    if beyond(0) || beyond(1) { Err(Cull::Outside) } else { Ok(ray) }
+}
+
+/// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none where the interval misses the picture.
+fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>> {
+    if !(centre + reach >= 0.0 && centre - reach <= size as f64) {
+        return None;
+    }
+    let clip = |edge: f64| edge.clamp(0.0, size as f64) as u32;
+    let first = clip((centre - reach - 0.5).ceil());
+    Some(first..clip((centre + reach - 0.5).floor() + 1.0).max(first))
+}
+
+impl Footprint {
+    /// The footprint along one row of pixels.
+    pub fn row(&self, y: u32) -> Row<'_> {
+        let dy = f64::from(y) + 0.5 - self.centre[1];
+        let [_, q01, q11] = self.conic;
+        Row { footprint: self, linear: 2.0 * q01 * dy, constant: q11 * dy * dy, z: self.z + self.slope[1] * dy }
+    }
+}
+
+/// One row of a footprint: `r = Q00·dx² + linear·dx + constant`.
+pub(super) struct Row<'a> {
+    footprint: &'a Footprint,
+    linear: f64,
+    constant: f64,
+    z: f64,
+}
+
+impl Row<'_> {
+    /// What the footprint gives to the pixel in column `x`, if it reaches it.
+    #[inline]
+    pub fn at(&self, x: u32) -> Option<Contribution> {
+        let footprint = self.footprint;
+        let dx = f64::from(x) + 0.5 - footprint.centre[0];
+        let radial_index = (footprint.conic[0] * dx + self.linear) * dx + self.constant;
+        (radial_index < footprint.cutoff).then(|| Contribution {
+            radial_index,
+            // A needle's conic may round to one that is not positive; its weight must still not exceed its amplitude.
+            weight: footprint.amplitude * libm::exp(-0.5 * radial_index.max(0.0)),
+            // max and min rather than clamp: they take an infinite slope times zero to a bound.
+            z: (self.z + footprint.slope[0] * dx).max(footprint.z - footprint.z_reach).min(footprint.z + footprint.z_reach),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    prop_compose! {
+        fn unit()(z in -1.0_f64..1.0, turn in 0.0..TAU) -> DVec3 {
+            let ring = (1.0 - z * z).sqrt();
+            DVec3::new(ring * libm::cos(turn), ring * libm::sin(turn), z)
+        }
+    }
+
+    proptest! {
+        /// `V00·V11 − V01²` against `k⁴c_n² + v·tr V_r + v²`, where the first does not cancel: the low-pass filter bounds
+        /// the aspect of an ellipse by its size.
+        #[test]
+        fn both_routes_to_the_determinant_agree(k in 0.01_f64..100.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit(), v in 0.5_f64..2.0) {
+            let variance = Variance::of_disc(k, DVec3::new(a, b, 1.0), normal).low_passed(v);
+            let [v00, v01, v11] = variance.entries;
+            let difference = v00 * v11 - v01 * v01;
+            prop_assert!((variance.determinant / difference - 1.0).abs() < 1e-9);
+        }
+
+        /// The disc's own determinant, seen no more than 80 degrees from the front.
+        #[test]
+        fn the_determinant_of_a_disc_is_a_square(k in 0.01_f64..100.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit()) {
+            let ray = DVec3::new(a, b, 1.0);
+            prop_assume!(normal.dot(ray).abs() > 0.17);
+            let variance = Variance::of_disc(k, ray, normal);
+            let [v00, v01, v11] = variance.entries;
+            prop_assert!(((v00 * v11 - v01 * v01) / variance.determinant - 1.0).abs() < 1e-9);
+        }
+    }
+
+    /// The same variance as SS writes it: with a tangent basis and the Jacobian of the projection.
+    #[test]
+    fn the_variance_is_that_of_two_projected_tangents() {
+        let (k, ray, normal) = (3.0, DVec3::new(0.4, -0.7, 1.0), DVec3::new(2.0, -1.0, -2.0) / 3.0);
+        let (u, v) = normal.any_orthonormal_pair();
+        let project = |tangent: DVec3| [k * (tangent.x - ray.x * tangent.z), k * (tangent.y - ray.y * tangent.z)];
+        let (u, v) = (project(u), project(v));
+        let expected = [u[0] * u[0] + v[0] * v[0], u[0] * u[1] + v[0] * v[1], u[1] * u[1] + v[1] * v[1]];
+        for (entry, expected) in Variance::of_disc(k, ray, normal).entries.iter().zip(expected) {
+            assert!((entry - expected).abs() < 1e-12, "{entry} {expected}");
+        }
+    }
+
+    #[test]
+    fn the_conic_is_the_inverse_of_the_variance() {
+        let variance = Variance { entries: [5.0, -1.5, 2.0], determinant: 7.75 };
+        let ([v00, v01, v11], [q00, q01, q11]) = (variance.entries, variance.inverse());
+        let product = [v00 * q00 + v01 * q01, v00 * q01 + v01 * q11, v01 * q00 + v11 * q01, v01 * q01 + v11 * q11];
+        for (entry, expected) in product.into_iter().zip([1.0, 0.0, 0.0, 1.0]) {
+            assert!((entry - expected).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_box_holds_the_centres_that_it_covers() {
+        assert_eq!(pixels(10.0, 1.4, 100), Some(9..11));
+        assert_eq!(pixels(10.0, 1.6, 100), Some(8..12));
+        assert_eq!(pixels(-1.0, 0.5, 100), None);
+        assert_eq!(pixels(-1.0, 1.2, 100), Some(0..0));
+        assert_eq!(pixels(0.0, f64::INFINITY, 100), Some(0..100));
+        assert_eq!(pixels(f64::NAN, 1.0, 100), None);
+    }
+}

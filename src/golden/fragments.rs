@@ -1,0 +1,356 @@
+//! Fragments: keeps at most `l` layers of one pixel, as the machine does (ALGORITHM §6).
+//! ```text
+//! contribution ─► near one? ─► accumulate
+//!                 room? ─────► insert
+//!                 hidden? ───► evict the deepest
+//!                 else ──────► shade two, front over back
+//! ```
+
+use glam::DVec3;
+
+use super::footprint::{Contribution, Footprint};
+use super::shade::{Shader, over};
+use super::tiles::{PIXELS_IN_A_TILE, Painter};
+use super::{FragmentDepth, Merge, Outcomes, Rules};
+
+/// One layer of one pixel. Unshaded it holds weighted sums; shaded, a premultiplied colour and its alpha.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Fragment {
+    pub weight: f64,
+    pub rgb: DVec3,
+    pub alpha: f64,
+    pub normal: DVec3,
+    pub z: f64,
+    /// Of the first contribution.
+    pub material: u32,
+    pub shaded: bool,
+}
+
+/// What became of one contribution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Decision {
+    /// Added to the fragment in `slot`.
+    Accumulated {
+        /// Where it was added.
+        slot: usize,
+    },
+    /// Took a free slot.
+    Inserted {
+        /// The slot that it took.
+        slot: usize,
+    },
+    /// The pixel was full. Of its fragments and the new one in z order, number `slot` and the next became one, now in `slot`.
+    Merged {
+        /// Where the merged fragment is now.
+        slot: usize,
+        /// The new contribution's place among the fragments in z order, before the merge.
+        place: usize,
+    },
+    /// The pixel was full and its deepest fragment hidden: it was dropped.
+    Evicted {
+        /// The new contribution's slot; none where it was itself the deepest.
+        slot: Option<usize>,
+    },
+    /// Nearer than what the z-buffer held.
+    Replaced,
+    /// Deeper than what the z-buffer held.
+    Dropped,
+}
+
+impl Fragment {
+    /// A fragment of one contribution.
+    pub fn new(footprint: &Footprint, contribution: &Contribution) -> Self {
+        let weight = contribution.weight;
+        Fragment {
+            weight,
+            rgb: footprint.rgb * weight,
+            alpha: footprint.opacity * weight,
+            normal: footprint.normal * weight,
+            z: contribution.z,
+            material: footprint.material,
+            shaded: false,
+        }
+    }
+
+    /// Adds a contribution; depth and material stay those of the first.
+    pub fn add(&mut self, contribution: &Fragment) {
+        self.weight += contribution.weight;
+        self.rgb += contribution.rgb;
+        self.alpha += contribution.alpha;
+        self.normal += contribution.normal;
+    }
+
+    fn is_opaque(&self, limit: f64, coverage_threshold: f64) -> bool {
+        if self.shaded { self.alpha >= limit } else { self.alpha >= limit * self.weight && self.weight >= coverage_threshold }
+    }
+
+    /// The two as one, at the front's depth.
+    fn merge(front: &Fragment, back: &Fragment, shader: &Shader) -> Fragment {
+        let both = over(shader.premultiplied(front), shader.premultiplied(back));
+        Fragment { rgb: both.truncate(), alpha: both.w, shaded: true, ..*front }
+    }
+}
+
+/// The fragment unit: the fragments of one tile.
+pub(super) struct Golden<'a> {
+    rules: &'a Rules,
+    z_threshold: f64,
+    shader: &'a Shader,
+    /// Slots of a pixel.
+    layers: usize,
+    /// A pixel's slots lie side by side, and after them one for the fragment that is too many.
+    slots: Vec<Fragment>,
+    /// Slots in use, of each pixel.
+    used: Vec<usize>,
+    outcomes: Outcomes,
+}
+
+impl<'a> Golden<'a> {
+    pub fn new(rules: &'a Rules, z_threshold: f64, shader: &'a Shader) -> Self {
+        let layers = if rules.merge == Merge::Replace { 1 } else { rules.layers.max(1) };
+        let slots = vec![Fragment::default(); PIXELS_IN_A_TILE * (layers + 1)];
+        let used = vec![0; PIXELS_IN_A_TILE];
+        Golden { rules, z_threshold, shader, layers, slots, used, outcomes: Outcomes::default() }
+    }
+
+    /// The fragments of one pixel in slot order.
+    pub fn fragments(&mut self, pixel: usize) -> &mut [Fragment] {
+        let first = pixel * (self.layers + 1);
+        &mut self.slots[first..first + self.used[pixel]]
+    }
+
+    /// Takes one contribution in and says what became of it.
+    pub fn decide(&mut self, pixel: usize, new: Fragment) -> Decision {
+        let first = pixel * (self.layers + 1);
+        let slots = &mut self.slots[first..=first + self.layers];
+        let used = &mut self.used[pixel];
+        if let Some(slot) = nearest_within(self.z_threshold, new.z, &slots[..*used]) {
+            let fragment = &mut slots[slot];
+            fragment.add(&new);
+            if self.rules.fragment_depth == FragmentDepth::Nearest {
+                fragment.z = fragment.z.min(new.z);
+            }
+            return Decision::Accumulated { slot };
+        }
+        if *used < self.layers {
+            slots[*used] = new;
+            *used += 1;
+            return Decision::Inserted { slot: *used - 1 };
+        }
+        match self.rules.merge {
+            Merge::Replace => replace(&mut slots[0], new),
+            _ => overflow(self.rules, self.shader, slots, new),
+        }
+    }
+}
+
+impl Painter for Golden<'_> {
+    fn take(&mut self, pixel: usize, contribution: Fragment) {
+        let decision = self.decide(pixel, contribution);
+        self.outcomes.count(decision);
+    }
+
+    fn finish(&mut self, pixel: usize) -> [f64; 4] {
+        let shader = self.shader;
+        let fragments = self.fragments(pixel);
+        let (colour, layers) = (shader.resolve(fragments), fragments.len() as u64);
+        self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(layers);
+        self.used[pixel] = 0;
+        colour
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        self.outcomes
+    }
+}
+
+/// The unshaded fragment nearest in z among those nearer than ε; of equals the lowest slot.
+fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -> Option<usize> {
+    let (mut least, mut nearest) = (z_threshold, None);
+    for (slot, fragment) in fragments.iter().enumerate() {
+        let distance = (z - fragment.z).abs();
+        if !fragment.shaded && distance < least {
+            (least, nearest) = (distance, Some(slot));
+        }
+    }
+    nearest
+}
+
+/// The z-buffer: the nearer one stays.
+fn replace(held: &mut Fragment, new: Fragment) -> Decision {
+    if new.z < held.z {
+        *held = new;
+        Decision::Replaced
+    } else {
+        Decision::Dropped
+    }
+}
+
+/// One fragment too many: drops one that nobody sees, or makes one of two. Leaves the slots in z order; the last is spare.
+fn overflow(rules: &Rules, shader: &Shader, slots: &mut [Fragment], new: Fragment) -> Decision {
+    let deepest = slots.len() - 1;
+    slots[deepest] = new;
+    slots[..deepest].sort_by(|a, b| a.z.total_cmp(&b.z));
+    let place = slots[..deepest].partition_point(|fragment| fragment.z <= new.z);
+    slots[place..].rotate_right(1);
+    let hides = |fragment: &Fragment| fragment.is_opaque(rules.opaque, shader.coverage_threshold());
+    if rules.evict_hidden && slots[..deepest].iter().any(hides) {
+        return Decision::Evicted { slot: (place < deepest).then_some(place) };
+    }
+    let slot = if rules.merge == Merge::NearestPair { nearest_pair(slots) } else { deepest - 1 };
+    slots[slot] = Fragment::merge(&slots[slot], &slots[slot + 1], shader);
+    slots[slot + 1..].rotate_left(1);
+    Decision::Merged { slot, place }
+}
+
+/// The front of the adjacent pair that differs least in z; of equals the one nearer to the eye.
+fn nearest_pair(fragments: &[Fragment]) -> usize {
+    let gaps = fragments.windows(2).map(|pair| pair[1].z - pair[0].z).enumerate();
+    gaps.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(front, _)| front)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Camera, Image, Kernel, Material, Scene, Surface};
+
+    const NEAREST: Rules =
+        Rules { layers: 3, merge: Merge::NearestPair, evict_hidden: false, opaque: 0.999, fragment_depth: FragmentDepth::First };
+
+    /// Unlit, coverage threshold 0.25.
+    fn shader() -> Shader {
+        let (eye, target, up) = (DVec3::ZERO, DVec3::Z, DVec3::NEG_Y);
+        Shader::new(&Scene {
+            name: String::new(),
+            splats: Vec::new(),
+            camera: Camera { eye, target, up, fov_y_degrees: 90.0, near: 0.1 },
+            image: Image { width: 1, height: 1, background: [0.0; 4] },
+            kernel: Kernel { cutoff: 2.0, low_pass: 1.0 },
+            surface: Surface { z_threshold: 1.0, coverage_threshold: 0.25, cull_backfaces: false },
+            lights: Vec::new(),
+            materials: vec![Material::Unlit],
+            notes: Vec::new(),
+        })
+    }
+
+    /// Grey 0.5, full weight.
+    fn at(z: f64, opacity: f64) -> Fragment {
+        Fragment { weight: 1.0, rgb: DVec3::splat(0.5), alpha: opacity, z, ..Fragment::default() }
+    }
+
+    /// What becomes of each of these, ε = 1, and the depths of the slots at the end.
+    fn decisions(rules: &Rules, contributions: &[Fragment]) -> (Vec<Decision>, Vec<f64>) {
+        let shader = shader();
+        let mut golden = Golden::new(rules, 1.0, &shader);
+        let decisions = contributions.iter().map(|contribution| golden.decide(0, *contribution)).collect();
+        (decisions, golden.fragments(0).iter().map(|fragment| fragment.z).collect())
+    }
+
+    fn last(rules: &Rules, depths: &[f64]) -> (Decision, Vec<f64>) {
+        let contributions: Vec<Fragment> = depths.iter().map(|z| at(*z, 0.5)).collect();
+        let (decisions, slots) = decisions(rules, &contributions);
+        (decisions[decisions.len() - 1], slots)
+    }
+
+    #[test]
+    fn a_contribution_joins_the_nearest_fragment_and_of_equals_the_lowest_slot() {
+        assert_eq!(last(&NEAREST, &[10.0, 11.0, 10.75]).0, Decision::Accumulated { slot: 1 });
+        assert_eq!(last(&NEAREST, &[11.0, 10.0, 10.5]).0, Decision::Accumulated { slot: 0 });
+    }
+
+    #[test]
+    fn the_threshold_itself_is_too_far() {
+        assert_eq!(last(&NEAREST, &[10.0, 11.0]).0, Decision::Inserted { slot: 1 });
+        assert_eq!(last(&NEAREST, &[10.0, 9.0]).0, Decision::Inserted { slot: 1 });
+    }
+
+    #[test]
+    fn a_fragment_keeps_its_first_depth_or_takes_the_nearest() {
+        assert_eq!(last(&NEAREST, &[10.0, 9.5]).1, [10.0]);
+        let rules = Rules { fragment_depth: FragmentDepth::Nearest, ..NEAREST };
+        assert_eq!(last(&rules, &[10.0, 9.5, 10.25]).1, [9.5]);
+    }
+
+    #[test]
+    fn the_nearest_pair_merges_and_of_equals_the_one_nearer_to_the_eye() {
+        let (decision, slots) = last(&NEAREST, &[30.0, 10.0, 22.0, 14.0]);
+        assert_eq!((decision, slots), (Decision::Merged { slot: 0, place: 1 }, vec![10.0, 22.0, 30.0]));
+        let (decision, slots) = last(&NEAREST, &[30.0, 10.0, 20.0, 40.0]);
+        assert_eq!((decision, slots), (Decision::Merged { slot: 0, place: 3 }, vec![10.0, 30.0, 40.0]));
+    }
+
+    #[test]
+    fn the_farthest_pair_merges() {
+        let rules = Rules { merge: Merge::FarthestPair, ..NEAREST };
+        let (decision, slots) = last(&rules, &[30.0, 10.0, 12.0, 20.0]);
+        assert_eq!((decision, slots), (Decision::Merged { slot: 2, place: 2 }, vec![10.0, 12.0, 20.0]));
+    }
+
+    #[test]
+    fn the_new_fragment_comes_after_equals_and_a_shaded_one_takes_nothing_more() {
+        // 12 and 13 merge at 12; another 12 finds no unshaded fragment, overflows and lands behind the shaded one.
+        let (decision, slots) = last(&NEAREST, &[10.0, 12.0, 16.0, 13.0, 12.0]);
+        assert_eq!((decision, slots), (Decision::Merged { slot: 1, place: 2 }, vec![10.0, 12.0, 16.0]));
+    }
+
+    #[test]
+    fn one_layer_merges_with_what_comes() {
+        let rules = Rules { layers: 1, ..NEAREST };
+        assert_eq!(last(&rules, &[10.0, 5.0]), (Decision::Merged { slot: 0, place: 0 }, vec![5.0]));
+    }
+
+    #[test]
+    fn a_merge_is_front_over_back_premultiplied() {
+        let shader = shader();
+        let mut golden = Golden::new(&Rules { layers: 1, ..NEAREST }, 1.0, &shader);
+        golden.decide(0, at(10.0, 0.5));
+        golden.decide(0, at(20.0, 1.0));
+        let merged = golden.fragments(0)[0];
+        // 0.5·0.5 + 0.5·1·(1 − 0.5)
+        assert_eq!((merged.rgb, merged.alpha, merged.shaded), (DVec3::splat(0.5), 1.0, true));
+        golden.decide(0, Fragment { rgb: DVec3::X, ..at(5.0, 0.25) });
+        // 0.25 + 0.75·0.5
+        assert_eq!(golden.fragments(0)[0].rgb, DVec3::new(0.625, 0.375, 0.375));
+    }
+
+    #[test]
+    fn the_deepest_leaves_where_something_opaque_lies_before_it() {
+        let rules = Rules { evict_hidden: true, ..NEAREST };
+        let fragments = [at(10.0, 1.0), at(20.0, 0.5), at(30.0, 0.5)];
+        let (decided, slots) = decisions(&rules, &[&fragments[..], &[at(25.0, 0.5)]].concat());
+        assert_eq!((decided[3], slots), (Decision::Evicted { slot: Some(2) }, vec![10.0, 20.0, 25.0]));
+        let (decided, slots) = decisions(&rules, &[&fragments[..], &[at(35.0, 0.5)]].concat());
+        assert_eq!((decided[3], slots), (Decision::Evicted { slot: None }, vec![10.0, 20.0, 30.0]));
+    }
+
+    #[test]
+    fn the_new_fragment_can_hide_others_itself() {
+        let rules = Rules { evict_hidden: true, ..NEAREST };
+        let (decided, slots) = decisions(&rules, &[at(10.0, 0.5), at(20.0, 0.5), at(30.0, 0.5), at(15.0, 1.0)]);
+        assert_eq!((decided[3], slots), (Decision::Evicted { slot: Some(1) }, vec![10.0, 15.0, 20.0]));
+    }
+
+    #[test]
+    fn what_is_opaque_and_deepest_hides_nothing() {
+        let rules = Rules { evict_hidden: true, ..NEAREST };
+        let (decided, _) = decisions(&rules, &[at(10.0, 0.5), at(20.0, 0.5), at(30.0, 1.0), at(15.0, 0.5)]);
+        assert_eq!(decided[3], Decision::Merged { slot: 0, place: 1 });
+    }
+
+    #[test]
+    fn opaque_means_covering_too() {
+        let thin = Fragment { weight: 0.2, alpha: 0.2, ..at(10.0, 1.0) };
+        assert!(!thin.is_opaque(0.999, 0.25));
+        assert!(Fragment { weight: 0.25, alpha: 0.25, ..thin }.is_opaque(0.999, 0.25));
+        assert!(!at(10.0, 0.9989).is_opaque(0.999, 0.25) && at(10.0, 0.9991).is_opaque(0.999, 0.25));
+        assert!(Fragment { weight: 0.0, shaded: true, ..at(10.0, 1.0) }.is_opaque(0.999, 0.25));
+    }
+
+    #[test]
+    fn replace_keeps_the_nearer_one() {
+        let rules = Rules { merge: Merge::Replace, ..NEAREST };
+        let (decided, slots) = decisions(&rules, &[at(10.0, 1.0), at(12.0, 1.0), at(9.5, 1.0), at(8.0, 1.0)]);
+        let expected = [Decision::Inserted { slot: 0 }, Decision::Dropped, Decision::Accumulated { slot: 0 }, Decision::Replaced];
+        assert_eq!((&decided[..], slots), (&expected[..], vec![8.0]));
+    }
+}

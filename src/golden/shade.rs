@@ -1,0 +1,101 @@
+//! Shade: turns the sums of a fragment into a premultiplied colour (ALGORITHM §7), and fragments into a pixel.
+
+use glam::{DVec3, DVec4};
+
+use super::fragments::Fragment;
+use crate::scene::{Material, Scene};
+
+/// What shading needs of the scene, in camera space.
+pub(super) struct Shader {
+    lights: Vec<CameraLight>,
+    materials: Vec<Material>,
+    coverage_threshold: f64,
+    background: DVec4,
+}
+
+struct CameraLight {
+    direction: DVec3,
+    /// Halfway to the viewer at infinity; none where the light shines straight at him.
+    halfway: Option<DVec3>,
+    rgb: DVec3,
+}
+
+impl Shader {
+    pub fn new(scene: &Scene) -> Self {
+        let rotation = scene.view().rotation;
+        let lights = scene.lights.iter().map(|light| {
+            let direction = rotation * light.direction;
+            let halfway = (direction - DVec3::Z).try_normalize();
+            CameraLight { direction, halfway, rgb: DVec3::from_array(light.rgb) }
+        });
+        let [r, g, b, a] = scene.image.background;
+        Shader {
+            lights: lights.collect(),
+            materials: scene.materials.clone(),
+            coverage_threshold: scene.surface.coverage_threshold,
+            background: DVec4::new(r * a, g * a, b * a, a),
+        }
+    }
+
+    /// The pixel where nothing is.
+    pub fn background(&self) -> [f64; 4] {
+        self.background.to_array()
+    }
+
+    /// Weight sum from which a fragment covers its pixel.
+    pub fn coverage_threshold(&self) -> f64 {
+        self.coverage_threshold
+    }
+
+    /// Premultiplied colour and coverage of a fragment, whether or not a merge has shaded it already.
+    pub fn premultiplied(&self, fragment: &Fragment) -> DVec4 {
+        if fragment.shaded {
+            return fragment.rgb.extend(fragment.alpha);
+        }
+        // All of its weights may have underflowed.
+        if fragment.weight == 0.0 {
+            return DVec4::ZERO;
+        }
+        let coverage = fragment.alpha / fragment.weight * (fragment.weight / self.coverage_threshold).min(1.0);
+        (self.colour(fragment) * coverage).extend(coverage)
+    }
+
+    /// The fragment's own colour under the lights.
+    fn colour(&self, fragment: &Fragment) -> DVec3 {
+        let rgb = fragment.rgb / fragment.weight;
+        match self.materials[fragment.material as usize] {
+            Material::Unlit => rgb,
+            Material::BlinnPhong { ambient, diffuse, specular, shininess } => {
+                let mut lit = DVec3::splat(ambient);
+                let mut highlight = DVec3::ZERO;
+                if let Some(normal) = facing(fragment.normal / fragment.weight) {
+                    for light in &self.lights {
+                        lit += light.rgb * (diffuse * normal.dot(light.direction).max(0.0));
+                        if let Some(halfway) = light.halfway {
+                            highlight += light.rgb * (specular * libm::pow(normal.dot(halfway).max(0.0), shininess));
+                        }
+                    }
+                }
+                (rgb * lit + highlight).clamp(DVec3::ZERO, DVec3::ONE)
+            }
+        }
+    }
+
+    /// The pixel: layers front to back (those of equal z in the order given), over the background.
+    pub fn resolve(&self, layers: &mut [Fragment]) -> [f64; 4] {
+        layers.sort_by(|a, b| a.z.total_cmp(&b.z));
+        let front = layers.iter().fold(DVec4::ZERO, |front, layer| over(front, self.premultiplied(layer)));
+        over(front, self.background).to_array()
+    }
+}
+
+/// The unit normal on the side that faces the viewer; none where the normals cancel.
+fn facing(sum: DVec3) -> Option<DVec3> {
+    let normal = sum.try_normalize()?;
+    Some(if normal.z > 0.0 { -normal } else { normal })
+}
+
+/// Front over back, both premultiplied.
+pub(super) fn over(front: DVec4, back: DVec4) -> DVec4 {
+    front + back * (1.0 - front.w)
+}

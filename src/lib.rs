@@ -1,0 +1,16 @@
+//! splatsim: the bench around `rtl_model`. Floats, files, comparison and the command line live here; the machine does not.
+
+pub mod cli;
+pub mod colour;
+pub mod compare;
+pub mod error;
+pub mod explain;
+pub mod fixed;
+pub mod golden;
+pub mod machines;
+pub mod picture;
+pub mod quantise;
+pub mod report;
+pub mod run;
+pub mod scene;
+mod validate;

@@ -1,0 +1,84 @@
+//! Machines: finds a machine by name or file, changes it as asked, and publishes the schema that it is held against.
+
+use crate::error::{Error, Result};
+use crate::validate;
+use rtl_model::Machine;
+use serde_json::{Map, Value};
+use std::path::Path;
+
+/// The machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE` changes applied in order.
+///
+/// # Errors
+/// [`Error::Input`], one sentence naming the file or the setting, the field, what is wrong and what would be right.
+pub fn load(spec: &str, settings: &[String]) -> Result<Machine> {
+    let mut value = match Machine::named(spec) {
+        Some(machine) if !Path::new(spec).exists() => to_value(&machine),
+        _ => read(spec)?,
+    };
+    checked(&value, spec)?;
+    for setting in settings {
+        let told = format!("--set {setting}");
+        let change = parse_setting(setting).ok_or_else(|| Error::input(format!("{told}: write PATH=VALUE, as in gauss.weight=U-2F16")))?;
+        merge(&mut value, change);
+        checked(&value, &told)?;
+    }
+    checked(&value, spec)
+}
+
+/// The JSON Schema of a machine file.
+pub fn schema() -> Value {
+    schemars::schema_for!(Machine).to_value()
+}
+
+fn to_value(machine: &Machine) -> Value {
+    serde_json::to_value(machine).unwrap_or_default()
+}
+
+fn read(spec: &str) -> Result<Value> {
+    let told = |sentence: String| Error::input(format!("{spec}: {sentence}"));
+    let names = Machine::NAMES.join(", ");
+    if !Path::new(spec).exists() {
+        return Err(told(format!("no such file, and no named machine either; named are {names}")));
+    }
+    let text = std::fs::read_to_string(spec).map_err(|e| told(format!("cannot be read: {e}")))?;
+    let value: Value = serde_json::from_str(&text).map_err(|e| told(format!("not JSON: {e}")))?;
+    let Value::Object(mut fields) = value else { return Err(told("a machine is a JSON object".into())) };
+    let Some(base) = fields.remove("base") else { return Ok(Value::Object(fields)) };
+    let base = base.as_str().and_then(Machine::named).ok_or_else(|| told(format!("base must be one of {names}, but is {base}")))?;
+    let mut value = to_value(&base);
+    fields.entry("name").or_insert_with(|| Path::new(spec).file_stem().unwrap_or_default().to_string_lossy().into());
+    merge(&mut value, Value::Object(fields));
+    Ok(value)
+}
+
+fn checked(value: &Value, told: &str) -> Result<Machine> {
+    validate::check(value, &schema()).map_err(|misfit| Error::input(format!("{told}: {misfit}")))?;
+    serde_path_to_error::deserialize(value).map_err(|e| Error::input(format!("{told}: {}: {}", e.path(), e.inner())))
+}
+
+/// `a.b=c` as `{"a": {"b": c}}`; what is not JSON is text.
+fn parse_setting(setting: &str) -> Option<Value> {
+    let (path, text) = setting.split_once('=')?;
+    let leaf = serde_json::from_str(text).unwrap_or_else(|_| Value::from(text));
+    let nest = |inner: Value, step: &str| Value::Object(Map::from_iter([(step.to_owned(), inner)]));
+    (!path.is_empty()).then(|| path.rsplit('.').fold(leaf, nest))
+}
+
+/// Lays `change` over `value`, object by object. A word in short form opens up where a part of it is changed.
+fn merge(value: &mut Value, change: Value) {
+    match change {
+        Value::Object(change) => {
+            if let Value::String(format) = value {
+                *value = Value::Object(Map::from_iter([("format".to_owned(), Value::from(format.as_str()))]));
+            }
+            if !value.is_object() {
+                *value = Value::Object(Map::new());
+            }
+            let Value::Object(fields) = value else { return };
+            for (name, change) in change {
+                merge(fields.entry(name).or_insert(Value::Null), change);
+            }
+        }
+        change => *value = change,
+    }
+}

@@ -1,0 +1,253 @@
+//! Quantise: the one door from real numbers to bits.
+//!
+//! ```text
+//! scene (f64, world units) ─►[ × 2^exponent, − offset ]─► machine units ─►[ round, saturate ]─► frame (words)
+//! ```
+//! One power of two and one offset bring a scene to the machine's position format, as large as every word allows;
+//! they are reported. `golden` and `ideal` never see what comes out of here.
+
+use crate::error::{Error, Result};
+use crate::scene::{Light, Material, Scene, Splat, View};
+use glam::DVec3;
+use rayon::prelude::*;
+use rtl_model::frame::{self, Frame, Scaled};
+use rtl_model::machine::{Interpolation, Machine};
+use rtl_model::num::{Format, Rounding, Word};
+use serde::Serialize;
+
+/// How world units became machine units: `machine = (world − offset) · 2^exponent`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Scale {
+    /// Power of two.
+    pub exponent: i32,
+    /// World position of the machine's origin.
+    pub offset: [f64; 3],
+}
+
+impl Scale {
+    /// Machine units of one world unit.
+    pub fn factor(&self) -> f64 {
+        f64::from(self.exponent).exp2()
+    }
+}
+
+/// A scene in words.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Quantised {
+    /// What the machine is given.
+    pub frame: Frame,
+    /// How it came about.
+    pub scale: Scale,
+    /// What could not be represented as asked, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Brings a scene to a machine.
+///
+/// # Errors
+/// [`Error::Input`] where a register cannot hold a constant of the scene: every such register, and what would hold it.
+pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
+    let view = scene.view();
+    let scale = fit_scale(scene, &view, machine);
+    let mut registers = Registers { machine, misfits: Vec::new(), notes: Vec::new() };
+    let frame = Frame {
+        width: scene.image.width as u32,
+        height: scene.image.height as u32,
+        view: registers.view(scene, &view, &scale),
+        z_threshold: registers.z_threshold(scene, &scale),
+        coverage_threshold: registers.hold("fragment.weight_sum", machine.fragment.weight_sum, scene.surface.coverage_threshold).max(1),
+        inverse_threshold: scaled(machine.shade.inverse_threshold, 1.0 / scene.surface.coverage_threshold),
+        background: registers.background(scene.image.background),
+        lighting: registers.lighting(scene, &view),
+        splats: splats(scene, machine, &scale),
+    };
+    if registers.misfits.is_empty() {
+        return Ok(Quantised { frame, scale, notes: registers.notes });
+    }
+    Err(Error::input(format!("machine {} cannot draw {}: {}", machine.name, scene.name, registers.misfits.join("; "))))
+}
+
+/// The greatest power of two at which everything fits, around the middle of the splats.
+fn fit_scale(scene: &Scene, view: &View, machine: &Machine) -> Scale {
+    let (low, high) = scene
+        .splats
+        .iter()
+        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), splat| (low.min(splat.position), high.max(splat.position)));
+    let offset = if scene.splats.is_empty() { view.eye } else { low + (high - low) / 2.0 };
+    let root_cutoff = scene.kernel.cutoff.sqrt();
+    let mut need = Need::default();
+    for splat in &scene.splats {
+        let depth = (view.rotation * (splat.position - view.eye)).z;
+        need.position = need.position.max((splat.position - offset).abs().max_element());
+        need.radius = need.radius.max(splat.radius);
+        need.depth = need.depth.max(depth + splat.radius * root_cutoff);
+    }
+    let eye = (view.eye - offset).abs().max_element();
+    let limits = [
+        (machine.splat.position, need.position),
+        (machine.splat.radius, need.radius),
+        (machine.ellipse.depth_range, need.radius * root_cutoff),
+        (machine.project.eye, eye),
+        (machine.project.depth, need.depth),
+        (machine.fragment.depth, need.depth),
+        (machine.fragment.depth, scene.surface.z_threshold),
+    ];
+    let exponent = limits.into_iter().filter(|(_, needed)| *needed > 0.0).map(|(word, needed)| places_to_spare(word, needed)).min();
+    Scale { exponent: exponent.unwrap_or(0).clamp(-900, 900), offset: offset.to_array() }
+}
+
+/// Greatest magnitudes in world units.
+#[derive(Default)]
+struct Need {
+    position: f64,
+    radius: f64,
+    depth: f64,
+}
+
+/// Greatest exponent at which `needed · 2^exponent` rounds into the word.
+fn places_to_spare(word: Word, needed: f64) -> i32 {
+    let most = word.format.value(word.format.max());
+    let guess = libm::floor(libm::log2(most / needed)).clamp(-2000.0, 2000.0) as i32;
+    // log2 may be off by one ulp at a power of two.
+    if needed * f64::from(guess).exp2() > most { guess - 1 } else { guess }
+}
+
+/// A real number as a word: rounded as the word says, saturated.
+fn quantised(word: Word, value: f64) -> i64 {
+    let scaled = value * f64::from(word.format.frac_bits).exp2();
+    let rounded = match word.round {
+        Rounding::Truncate => scaled.floor(),
+        Rounding::Nearest => (scaled + 0.5).floor(),
+        Rounding::NearestEven => scaled.round_ties_even(),
+    };
+    (rounded as i64).clamp(word.format.min(), word.format.max())
+}
+
+/// A positive number as a mantissa in [½, 1] and a power of two.
+fn scaled(word: Word, value: f64) -> Scaled {
+    let (mantissa, exponent) = libm::frexp(value);
+    Scaled { mantissa: quantised(word, mantissa), places: -i64::from(exponent) }
+}
+
+fn splats(scene: &Scene, machine: &Machine, scale: &Scale) -> Vec<frame::Splat> {
+    let (words, factor, offset) = (machine.splat, scale.factor(), DVec3::from_array(scale.offset));
+    let vector = |word: Word, v: DVec3| v.to_array().map(|x| quantised(word, x) as i32);
+    let splat = |splat: &Splat| frame::Splat {
+        position: vector(words.position, (splat.position - offset) * factor),
+        normal: vector(words.normal, splat.normal),
+        radius: quantised(words.radius, splat.radius * factor) as i32,
+        rgb: splat.rgb.map(|channel| quantised(words.rgb, channel) as i32),
+        opacity: quantised(words.opacity, splat.opacity) as i32,
+        material: splat.material,
+    };
+    scene.splats.par_iter().map(splat).collect()
+}
+
+/// Loads registers and gathers what does not fit.
+struct Registers<'a> {
+    machine: &'a Machine,
+    misfits: Vec<String>,
+    notes: Vec<String>,
+}
+
+impl Registers<'_> {
+    /// A constant that must fit.
+    fn hold(&mut self, name: &str, word: Word, value: f64) -> i64 {
+        let format = word.format;
+        let (least, most) = (format.value(format.min()), format.value(format.max()));
+        let half = format.value(1) / 2.0;
+        if value > most + half || value < least - half {
+            let int_bits = libm::floor(libm::log2(value.abs())) as i32 + if format.signed { 2 } else { 1 };
+            let fits = Format { int_bits, frac_bits: (format.width() - int_bits).max(0), ..format };
+            self.misfits.push(format!("{name} {word} holds {least} to {most}, but the scene needs {value}: {fits} would hold it"));
+        }
+        quantised(word, value)
+    }
+
+    fn view(&mut self, scene: &Scene, view: &View, scale: &Scale) -> frame::View {
+        let (p, e, raster) = (self.machine.project, self.machine.ellipse, self.machine.raster);
+        let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
+        // Beyond what the slope's word holds nothing could be drawn: there the guard band ends.
+        let guard = |half_px: f64| quantised(p.slope, 1.5 * half_px / view.focal_px);
+        frame::View {
+            rotation: std::array::from_fn(|row| view.rotation.row(row).to_array().map(|x| quantised(p.rotation, x))),
+            eye: eye.to_array().map(|x| self.hold("project.eye", p.eye, x)),
+            near: quantised(p.depth, scene.camera.near * scale.factor()).max(0),
+            guard: view.half_px.map(guard),
+            focal: self.hold("project.focal", p.focal, view.focal_px),
+            inverse_focal: scaled(e.inverse_focal, 1.0 / view.focal_px),
+            low_pass: self.hold("ellipse.low_pass", e.low_pass, scene.kernel.low_pass),
+            cutoff: self.cutoff(raster.cutoff, scene.kernel.cutoff),
+            root_cutoff: self.hold("ellipse.root_cutoff", e.root_cutoff, scene.kernel.cutoff.sqrt()),
+            cull_backfaces: scene.surface.cull_backfaces,
+        }
+    }
+
+    /// The cutoff, which the table must reach too.
+    fn cutoff(&mut self, word: Word, cutoff: f64) -> i64 {
+        let reach = self.machine.gauss.radial_index;
+        let most = f64::from(reach.format.int_bits).exp2();
+        if cutoff > most {
+            self.misfits.push(format!("gauss.radial_index {reach} spans radial indices below {most}, but the scene's cutoff is {cutoff}"));
+        }
+        self.hold("raster.cutoff", word, cutoff).max(1)
+    }
+
+    fn z_threshold(&mut self, scene: &Scene, scale: &Scale) -> i64 {
+        let word = self.machine.fragment.depth;
+        let z_threshold = quantised(word, scene.surface.z_threshold * scale.factor());
+        if z_threshold == 0 {
+            let last_place = word.format.value(1) / scale.factor();
+            self.notes.push(format!(
+                "the z threshold {} is below the last place of fragment.depth, {last_place}: that place is used",
+                scene.surface.z_threshold
+            ));
+        }
+        z_threshold.max(1)
+    }
+
+    fn background(&mut self, [r, g, b, a]: [f64; 4]) -> [i64; 4] {
+        [r * a, g * a, b * a, a].map(|channel| self.hold("resolve.frame", self.machine.resolve.frame, channel))
+    }
+
+    fn lighting(&mut self, scene: &Scene, view: &View) -> frame::Lighting {
+        let word = self.machine.shade.light;
+        let vector = |v: DVec3| v.to_array().map(|x| quantised(word, x));
+        let light = |light: &Light| {
+            let direction = view.rotation * light.direction;
+            let half_way = direction - DVec3::Z;
+            let is_some = half_way.length() > 1e-9;
+            frame::Light { direction: vector(direction), half_way: is_some.then(|| vector(half_way.normalize())) }
+        };
+        frame::Lighting {
+            lights: scene.lights.iter().map(light).collect(),
+            materials: scene.materials.iter().map(|material| self.material(material, &scene.lights)).collect(),
+        }
+    }
+
+    fn material(&mut self, material: &Material, lights: &[Light]) -> frame::Material {
+        let Material::BlinnPhong { ambient, diffuse, specular, shininess } = *material else { return frame::Material::Unlit };
+        let word = self.machine.shade.reflectance;
+        let mut answer = |factor: f64| {
+            lights.iter().map(|light| light.rgb.map(|channel| self.hold("shade.reflectance", word, factor * channel))).collect()
+        };
+        let (diffuse, specular) = (answer(diffuse), answer(specular));
+        frame::Material::BlinnPhong {
+            ambient: self.hold("shade.reflectance", word, ambient),
+            diffuse,
+            specular,
+            highlight: highlight_words(self.machine, shininess),
+        }
+    }
+}
+
+/// x^shininess over [0, 1], at the middles or at the ends of the table's steps.
+fn highlight_words(machine: &Machine, shininess: f64) -> Vec<i64> {
+    let (shape, word) = (machine.shade.highlight_table, machine.shade.highlight);
+    let steps = 1usize << shape.index_bits;
+    let (count, shift) = match shape.interpolation {
+        Interpolation::Nearest => (steps, 0.5),
+        Interpolation::Linear => (steps + 1, 0.0),
+    };
+    (0..count).map(|i| quantised(word, libm::pow((i as f64 + shift) / steps as f64, shininess))).collect()
+}

@@ -1,0 +1,376 @@
+//! Report: what a run found, as `report.json` (INTERFACE: "run") and as a summary for a terminal of 80 columns.
+
+use crate::compare::Metrics;
+use crate::quantise::Scale;
+use comfy_table::{CellAlignment, Table, presets};
+use rtl_model::machine::{Elaborated, Machine, Signal};
+use rtl_model::pipeline::Culled;
+use rtl_model::probe::Range;
+use rtl_model::units::fragment::Outcomes;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Signals that may saturate without anything being lost, and why.
+const DECLARED_CLAMPS: [(&str, &str, &str); 2] = [
+    ("ellipse", "depth_slope", "a grazing plane's slope has no limit; the depth clamp rules there"),
+    ("ellipse", "edge", "a box's side far outside of the picture is clipped to it anyway"),
+];
+
+/// Above this two pictures differ by the last places of f64 and the summary says no more than that.
+const MOST_DB: f64 = 200.0;
+
+/// Columns of the terminal that the summary is made for.
+const COLUMNS: usize = 80;
+
+/// Everything that a run found. All but `host` is the same for the same input on every machine, at any thread count.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Version of this program.
+    pub version: &'static str,
+    /// What was drawn.
+    pub scene: SceneReport,
+    /// On what.
+    pub machine: MachineReport,
+    /// How far the pictures lie apart.
+    pub accuracy: Accuracy,
+    /// What became of the contributions on the machine.
+    pub fragments: Fragments,
+    /// Every signal's range.
+    pub signals: Vec<SignalReport>,
+    /// What the golden renderer found on the same scene.
+    pub golden: Golden,
+    /// Factor of `error.png`.
+    pub error_scale: f64,
+    /// Time on this computer.
+    pub host: Host,
+}
+
+/// The scene's part.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneReport {
+    /// File or built-in name.
+    pub name: String,
+    /// Pixels.
+    pub width: usize,
+    /// Pixels.
+    pub height: usize,
+    /// Splats in the scene.
+    pub splats: u64,
+    /// Those not drawn, by the first reason that holds.
+    pub culled: CulledReport,
+    /// Contributions that the machine made.
+    pub fragments: u64,
+    /// How world units became machine units.
+    pub scale: Scale,
+    /// What readers and quantiser found odd.
+    pub notes: Vec<String>,
+}
+
+/// Splats that were not drawn.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CulledReport {
+    near: u64,
+    outside: u64,
+    faint: u64,
+    backface: u64,
+}
+
+impl From<Culled> for CulledReport {
+    fn from(culled: Culled) -> Self {
+        let Culled { near, outside, faint, backface } = culled;
+        CulledReport { near, outside, faint, backface }
+    }
+}
+
+/// The machine's part.
+#[derive(Clone, Debug, Serialize)]
+pub struct MachineReport {
+    /// The whole description.
+    pub description: Machine,
+    /// Bits of one fragment in the frame buffer.
+    pub fragment_bits: i32,
+    /// Bits of the widest multiplier operand.
+    pub widest_operand_bits: i32,
+}
+
+/// Distances of the three pictures.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Accuracy {
+    /// The arithmetic's error.
+    pub fixed_vs_golden: Metrics,
+    /// The method's error.
+    pub golden_vs_ideal: Metrics,
+}
+
+/// Outcomes of contributions.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Fragments {
+    accumulated: u64,
+    inserted: u64,
+    merged: u64,
+    evicted: u64,
+    replaced: u64,
+    dropped: u64,
+    most_in_a_pixel: u64,
+}
+
+impl From<Outcomes> for Fragments {
+    fn from(o: Outcomes) -> Self {
+        Fragments {
+            accumulated: o.accumulated,
+            inserted: o.inserted,
+            merged: o.merged,
+            evicted: o.evicted,
+            replaced: o.replaced,
+            dropped: o.dropped,
+            most_in_a_pixel: o.most_in_a_pixel,
+        }
+    }
+}
+
+/// What the golden renderer found.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Golden {
+    /// Contributions.
+    pub fragments: u64,
+    /// Splats not drawn.
+    pub culled: crate::golden::Culled,
+    /// What became of the contributions.
+    pub outcomes: crate::golden::Outcomes,
+}
+
+/// One signal's range.
+#[derive(Clone, Debug, Serialize)]
+pub struct SignalReport {
+    unit: &'static str,
+    name: String,
+    format: String,
+    round: rtl_model::num::Rounding,
+    overflow: rtl_model::num::Overflow,
+    /// Words seen.
+    words: u64,
+    /// Least and greatest value seen; none where no word was.
+    min: Option<f64>,
+    max: Option<f64>,
+    saturated_low: u64,
+    saturated_high: u64,
+    wrapped: u64,
+    inexact: u64,
+    /// Why saturating is no loss here.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    declared_clamp: Option<&'static str>,
+}
+
+impl SignalReport {
+    /// What a watched signal reports.
+    pub fn new(signal: &Signal, range: &Range) -> Self {
+        let format = signal.word.format;
+        let value = |word: i64| (range.words > 0).then(|| format.value(word));
+        let declared = DECLARED_CLAMPS.iter().find(|(unit, name, _)| (*unit, *name) == (signal.unit, signal.name.as_str()));
+        SignalReport {
+            unit: signal.unit,
+            name: signal.name.clone(),
+            format: format.to_string(),
+            round: signal.word.round,
+            overflow: signal.word.overflow,
+            words: range.words,
+            min: value(range.min),
+            max: value(range.max),
+            saturated_low: range.saturated_low,
+            saturated_high: range.saturated_high,
+            wrapped: range.wrapped,
+            inexact: range.inexact,
+            declared_clamp: declared.map(|(_, _, why)| *why),
+        }
+    }
+
+    fn overflows(&self) -> u64 {
+        self.saturated_low + self.saturated_high + self.wrapped
+    }
+}
+
+/// Wall-clock figures of this computer; nothing else in a report depends on it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Host {
+    /// Threads that were used.
+    pub threads: usize,
+    /// Reading the scene, neighbours included.
+    pub load_seconds: f64,
+    /// Bringing it to bits.
+    pub quantise_seconds: f64,
+    /// The machine, unwatched.
+    pub fixed_seconds: f64,
+    /// The machine, watched.
+    pub watched_seconds: f64,
+    /// `golden`.
+    pub golden_seconds: f64,
+    /// `ideal`.
+    pub ideal_seconds: f64,
+    /// Contributions a second of the machine, unwatched.
+    pub fragments_per_second: f64,
+}
+
+impl MachineReport {
+    /// Describes a machine.
+    pub fn new(machine: &Elaborated) -> Self {
+        let widest = machine.multipliers.iter().flat_map(|multiplier| multiplier.operand_bits).max();
+        MachineReport {
+            description: machine.machine.clone(),
+            fragment_bits: machine.machine.fragment_bits(),
+            widest_operand_bits: widest.unwrap_or(0),
+        }
+    }
+}
+
+/// An integer with its thousands set apart.
+pub fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+impl Report {
+    /// The summary, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let mut text = String::new();
+        let scene = &self.scene;
+        let [splats, fragments] = [scene.splats, scene.fragments].map(thousands);
+        let machine = &self.machine.description.name;
+        let title = format!("{} on {machine}, {}×{}: {splats} splats, {fragments} contributions", scene.name, scene.width, scene.height);
+        let _ = writeln!(text, "{}\n", wrapped(&title));
+        let _ = writeln!(text, "{}\n", self.accuracy_table());
+        let _ = writeln!(text, "{}\n", self.work_table());
+        let _ = writeln!(text, "{}", self.signal_summary());
+        for note in &scene.notes {
+            let _ = writeln!(text, "{}", wrapped(&format!("note: {note}")));
+        }
+        let _ = write!(text, "\n{}", self.host_summary());
+        text
+    }
+
+    fn accuracy_table(&self) -> Table {
+        let mut table = plain_table(&["", "PSNR dB", "covered dB", "SSIM", "max error", "mean error", "px > 1/255"]);
+        for (name, m) in [("fixed − golden", self.accuracy.fixed_vs_golden), ("golden − ideal", self.accuracy.golden_vs_ideal)] {
+            let db = |db: Option<f64>| match db {
+                None => "equal".into(),
+                Some(db) if db > MOST_DB => format!("> {MOST_DB}"),
+                Some(db) => format!("{db:.1}"),
+            };
+            table.add_row([
+                name.into(),
+                db(m.psnr_db),
+                db(m.psnr_covered_db),
+                format!("{:.5}", m.ssim),
+                format!("{:.4}", m.max_error),
+                format!("{:.1e}", m.mean_error),
+                thousands(m.pixels_over_1_255),
+            ]);
+        }
+        aligned(table)
+    }
+
+    fn work_table(&self) -> Table {
+        let f = &self.fragments;
+        let g = &self.golden.outcomes;
+        let mut table = plain_table(&["", "accumulated", "inserted", "merged", "evicted", "replaced", "dropped"]);
+        let row = |name: &str, counts: [u64; 6]| std::iter::once(name.to_owned()).chain(counts.map(thousands)).collect::<Vec<_>>();
+        table.add_row(row("fixed", [f.accumulated, f.inserted, f.merged, f.evicted, f.replaced, f.dropped]));
+        table.add_row(row("golden", [g.accumulated, g.inserted, g.merged, g.evicted, g.replaced, g.dropped]));
+        aligned(table)
+    }
+
+    fn signal_summary(&self) -> String {
+        let culled = &self.scene.culled;
+        let reasons = [("near", culled.near), ("outside", culled.outside), ("faint", culled.faint), ("backface", culled.backface)];
+        let culled: Vec<String> =
+            reasons.iter().filter(|(_, count)| *count > 0).map(|(reason, count)| format!("{} {reason}", thousands(*count))).collect();
+        let culled = if culled.is_empty() { "none".into() } else { culled.join(", ") };
+        let over: Vec<&SignalReport> = self.signals.iter().filter(|signal| signal.overflows() > 0).collect();
+        let mut text = format!(
+            "culled: {culled}\nsignals: {} watched, outside of their range {}",
+            self.signals.len(),
+            if over.is_empty() { "none".into() } else { over.len().to_string() }
+        );
+        for signal in over {
+            let declared = if signal.declared_clamp.is_some() { ", a declared clamp" } else { "" };
+            let what = if signal.wrapped > 0 { "wrapped" } else { "saturated" };
+            let [over, words] = [signal.overflows(), signal.words].map(thousands);
+            let line = format!("  {}.{} ({}) {what} {over} of {words} times{declared}", signal.unit, signal.name, signal.format);
+            let _ = write!(text, "\n{}", wrapped(&line));
+        }
+        text
+    }
+
+    fn host_summary(&self) -> String {
+        let h = &self.host;
+        let times = [("load", h.load_seconds), ("fixed", h.fixed_seconds), ("golden", h.golden_seconds), ("ideal", h.ideal_seconds)];
+        let times = times.map(|(what, seconds)| format!("{what} {seconds:.2} s")).join(", ");
+        format!("host: {times}\n      fixed makes {:.0} M contributions a second", h.fragments_per_second / 1e6)
+    }
+}
+
+/// A line broken between words where it is longer than a terminal's; what follows the break is set in.
+pub fn wrapped(line: &str) -> String {
+    let mut out = String::new();
+    let mut column = 0;
+    for word in line.split_inclusive(' ') {
+        let length = word.trim_end().chars().count();
+        if column > 4 && column + length > COLUMNS {
+            out.truncate(out.trim_end().len());
+            out.push_str("\n    ");
+            column = 4;
+        }
+        out.push_str(word);
+        column += word.chars().count();
+    }
+    out
+}
+
+/// A table without lines.
+pub fn plain_table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).set_header(header);
+    table
+}
+
+/// All columns but the first to the right, close together.
+pub fn aligned(mut table: Table) -> Table {
+    let columns = table.column_count();
+    for (i, column) in table.column_iter_mut().enumerate() {
+        let last = i + 1 == columns;
+        column.set_padding((0, if last { 0 } else { 2 }));
+        if i > 0 {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_line_is_broken_between_words_and_a_long_word_is_not() {
+        assert_eq!(wrapped("  short  as it is"), "  short  as it is");
+        let long = wrapped(&"word ".repeat(40));
+        assert!(
+            long.lines().count() == 3 && long.lines().all(|line| line.len() <= 80 && line.trim_end() == line || line.ends_with("word ")),
+            "{long}"
+        );
+        assert!(long.lines().skip(1).all(|line| line.starts_with("    word")));
+        let path = "/".repeat(100);
+        assert_eq!(wrapped(&format!("note: {path} is long")), format!("note:\n    {path}\n    is long"));
+    }
+
+    #[test]
+    fn thousands_are_set_apart() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(thousands), ["0", "999", "1,000", "1,234,567"]);
+    }
+}

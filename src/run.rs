@@ -1,0 +1,135 @@
+//! Run: the main job. Draws a scene on the machine, with `golden` and with `ideal`; compares; reports.
+//!
+//! ```text
+//! scene ─┬─► quantise ─► fixed ─┬─► compare ─► report.json, summary
+//!        ├─► golden ────────────┤
+//!        └─► ideal ─────────────┘
+//! ```
+
+use crate::compare::{ErrorPicture, error_picture, metrics};
+use crate::error::{Error, Result};
+use crate::fixed;
+use crate::golden::{self, Rendering};
+use crate::picture::{Picture, write_beside};
+use crate::quantise::quantise;
+use crate::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport, SignalReport};
+use crate::scene::Scene;
+use rtl_model::Machine;
+use rtl_model::probe::{Ranges, Unwatched};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Three pictures, their difference, and what was found.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// What the hardware makes.
+    pub fixed: Picture,
+    /// What exact arithmetic makes by the same rules.
+    pub golden: Picture,
+    /// What no fixed number of fragments can make better.
+    pub ideal: Picture,
+    /// |fixed − golden|, scaled to be seen.
+    pub error: ErrorPicture,
+    /// What was found.
+    pub report: Report,
+}
+
+/// Draws `scene` on `machine` and compares. `load_seconds` goes into the report.
+///
+/// # Errors
+/// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
+pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64) -> Result<Outcome> {
+    let elaborated = fixed::elaborate(machine)?;
+    let (quantised, quantise_seconds) = timed(|| quantise(scene, machine));
+    let quantised = quantised?;
+    let (drawing, fixed_seconds) = timed(|| fixed::draw(&elaborated, &quantised, &mut Unwatched));
+    let mut ranges = Ranges::new(elaborated.signals.len());
+    let (_, watched_seconds) = timed(|| fixed::draw(&elaborated, &quantised, &mut ranges));
+    let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
+    let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
+
+    let fixed = fixed::picture(&elaborated, &drawing);
+    let error = error_picture(&fixed, &golden.picture);
+    let fragments = drawing.outcomes.total();
+    let report = Report {
+        version: env!("CARGO_PKG_VERSION"),
+        scene: SceneReport {
+            name: scene.name.clone(),
+            width: scene.image.width,
+            height: scene.image.height,
+            splats: scene.splats.len() as u64,
+            culled: drawing.culled.into(),
+            fragments,
+            scale: quantised.scale,
+            notes: scene.notes.iter().chain(&quantised.notes).cloned().collect(),
+        },
+        machine: MachineReport::new(&elaborated),
+        accuracy: Accuracy { fixed_vs_golden: metrics(&fixed, &golden.picture), golden_vs_ideal: metrics(&golden.picture, &ideal.picture) },
+        fragments: drawing.outcomes.into(),
+        signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
+        golden: found(&golden),
+        error_scale: error.scale,
+        host: Host {
+            threads: rayon::current_num_threads(),
+            load_seconds,
+            quantise_seconds,
+            fixed_seconds,
+            watched_seconds,
+            golden_seconds,
+            ideal_seconds,
+            fragments_per_second: fragments as f64 / fixed_seconds,
+        },
+    };
+    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, report })
+}
+
+fn found(golden: &Rendering) -> Golden {
+    Golden { fragments: golden.fragments, culled: golden.culled, outcomes: golden.outcomes }
+}
+
+/// What `work` returns, and how long it took in seconds.
+pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, start.elapsed().as_secs_f64())
+}
+
+/// Makes sure that files can be written into a folder, before any work is done for them.
+///
+/// # Errors
+/// [`Error::Input`] where they cannot.
+pub fn open_folder(folder: &Path) -> Result<()> {
+    let told = |e: std::io::Error| Error::input(format!("--out {}: cannot be written: {e}", folder.display()));
+    if folder.exists() && !folder.is_dir() {
+        return Err(Error::input(format!("--out {}: cannot be written: it is a file, and a folder is needed", folder.display())));
+    }
+    fs::create_dir_all(folder).map_err(told)?;
+    let probe = folder.join(format!(".{}.part", std::process::id()));
+    fs::write(&probe, []).and_then(|()| fs::remove_file(&probe)).map_err(told)
+}
+
+impl Outcome {
+    /// Writes pictures and report into a folder; returns what was written.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where a file cannot be written; none is left half-written.
+    pub fn write(&self, folder: &Path, exr: bool) -> Result<Vec<PathBuf>> {
+        let mut written = Vec::new();
+        let pictures = [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal), ("error", &self.error.picture)];
+        for (name, picture) in pictures {
+            let path = folder.join(name).with_extension("png");
+            picture.write_png(&path)?;
+            written.push(path);
+        }
+        for (name, picture) in pictures.iter().take(if exr { 3 } else { 0 }) {
+            let path = folder.join(name).with_extension("exr");
+            picture.write_exr(&path)?;
+            written.push(path);
+        }
+        let path = folder.join("report.json");
+        write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
+        written.push(path);
+        Ok(written)
+    }
+}

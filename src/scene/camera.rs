@@ -1,0 +1,54 @@
+//! Camera: chooses the eye that a scene does not name, so that its splats fill the picture.
+
+use super::{Splat, neighbours::lone_radius};
+use glam::DVec3;
+
+/// Where the eye is, seen from the splats: in front, a little to the right and above (y is up).
+const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
+/// Room left around the splats, as a factor on their distance.
+const MARGIN: f64 = 1.05;
+/// Stray points of a scan lie outside this share of its points, on each side of each axis.
+const STRAYS: f64 = 0.005;
+/// A splat is visible to about this many radii.
+const VISIBLE_RADII: f64 = 2.0;
+
+/// A ball around the splats, but for strays.
+pub(super) struct Ball {
+    pub centre: DVec3,
+    pub radius: f64,
+}
+
+impl Ball {
+    /// The ball about the middle of the box that holds all but the strays, as large as what is in that box.
+    /// Splats without a radius (0) count as points; the ball never has radius 0.
+    pub fn around(splats: &[Splat]) -> Ball {
+        let span = |axis: usize| {
+            let mut values: Vec<f64> = splats.iter().map(|s| s.position[axis]).collect();
+            let strays = ((values.len() - 1) as f64 * STRAYS) as usize;
+            let last = values.len() - 1 - strays;
+            let low = *values.select_nth_unstable_by(strays, f64::total_cmp).1;
+            let high = *values.select_nth_unstable_by(last, f64::total_cmp).1;
+            (low, high)
+        };
+        let [x, y, z] = [0, 1, 2].map(span);
+        let (low, high) = (DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1));
+        let centre = (low + high) / 2.0;
+        let reach = |s: &Splat| (s.position - centre).length() + VISIBLE_RADII * s.radius;
+        let inside = splats.iter().filter(|s| s.position.cmpge(low).all() && s.position.cmple(high).all());
+        let radius = inside.map(reach).fold(0.0, f64::max);
+        // Below that, the eye's own coordinates could not tell it from the centre.
+        let least = if radius > 0.0 { centre.length() * 1e-6 } else { VISIBLE_RADII * lone_radius(centre) };
+        Ball { centre, radius: radius.max(least) }
+    }
+
+    /// From the ball's centre to an eye that sees all of it, in a picture of `aspect` = width / height.
+    pub fn way_to_eye(&self, fov_y_degrees: f64, aspect: f64) -> DVec3 {
+        let tan_y = libm::tan(fov_y_degrees.to_radians() / 2.0);
+        let tan = tan_y.min(tan_y * aspect);
+        // 1/sin of the narrower half angle: the ball touches the edge of the picture.
+        FROM.normalize() * (MARGIN * self.radius * (1.0 + 1.0 / (tan * tan)).sqrt())
+    }
+}
+
+#[cfg(test)]
+mod tests;

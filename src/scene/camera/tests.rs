@@ -1,0 +1,83 @@
+use crate::scene::{Overrides, Scene, json};
+use serde_json::{Value, json};
+use std::path::Path;
+
+fn scene_of(splats: Value, size: (usize, usize)) -> Scene {
+    let text = json!({ "splats": splats }).to_string();
+    json::read(&text, "test.json", Path::new(""), &Overrides { size: Some(size) }).unwrap()
+}
+
+fn cube(n: usize) -> Value {
+    let at = |i: usize| i as f64 * 3.0 - 1.0;
+    (0..n * n * n).map(|i| json!({"position": [at(i % n), at(i / n % n), at(i / n / n)], "radius": 0.1})).collect()
+}
+
+/// Share of the picture, from its middle to its edge, that the farthest splat reaches in x and in y.
+fn reach(scene: &Scene) -> [f64; 2] {
+    let view = scene.view();
+    let mut reach = [0f64; 2];
+    for splat in &scene.splats {
+        let t = view.rotation * (splat.position - view.eye);
+        assert!(t.z > scene.camera.near, "{} is not before the eye", splat.position);
+        for (axis, lateral) in [t.x, t.y].into_iter().enumerate() {
+            reach[axis] = reach[axis].max((view.focal_px * lateral / t.z).abs() / view.half_px[axis]);
+        }
+    }
+    reach
+}
+
+#[test]
+fn the_eye_sees_every_splat_in_pictures_of_any_shape() {
+    for size in [(512, 512), (1, 1), (1920, 1080), (100, 900), (16384, 1), (1, 16384)] {
+        let [x, y] = reach(&scene_of(cube(4), size));
+        assert!(x < 1.0 && y < 1.0 && x.max(y) > 0.6, "{size:?}: {x} {y}");
+    }
+}
+
+#[test]
+fn strays_do_not_push_the_eye_away() {
+    let with_strays = |strays: usize| {
+        let mut splats = cube(8).as_array().unwrap().clone();
+        splats.extend((0..strays).map(|i| json!({"position": [1e6, i, 0], "radius": 0.1})));
+        let camera = scene_of(splats.into(), (64, 64)).camera;
+        (camera.eye - camera.target).length()
+    };
+    assert!(with_strays(2) < 1.1 * with_strays(0));
+    assert!(with_strays(50) > 100.0 * with_strays(0), "a tenth of the cloud is no stray");
+}
+
+#[test]
+fn one_splat_points_in_one_place_lines_and_planes_are_seen() {
+    let clouds = [
+        json!([{"position": [3, 4, 5]}]),
+        json!([{"position": [0, 0, 0], "radius": 100}]),
+        json!([{"position": [1e30, -1e30, 1e30]}]),
+        json!(vec![json!({"position": [1e6, 1e6, 1e6]}); 100]),
+        (0..50).map(|i| json!({"position": [i, 0, 0]})).collect(),
+        (0..400).map(|i| json!({"position": [i % 20, 7, i / 20]})).collect(),
+        json!([{"position": [1e-300, 0, 0]}, {"position": [0, 0, 0]}]),
+    ];
+    for cloud in clouds {
+        let scene = scene_of(cloud, (512, 512));
+        let [x, y] = reach(&scene);
+        assert!(x <= 1.0 && y <= 1.0, "{x} {y}");
+        let splat = scene.splats[0];
+        assert!(splat.radius > 0.0 && (splat.normal.length() - 1.0).abs() < 1e-12, "{splat:?}");
+        assert!(scene.surface.z_threshold > 0.0 && scene.surface.z_threshold.is_finite());
+    }
+}
+
+#[test]
+fn what_a_camera_leaves_out_is_filled_in_piece_by_piece() {
+    let read = |camera: Value| {
+        let text = json!({"splats": cube(3), "camera": camera}).to_string();
+        json::read(&text, "test.json", Path::new(""), &Overrides::default()).unwrap()
+    };
+    let eye_given = read(json!({"eye": [0, 2, 30]})).camera;
+    assert_eq!((eye_given.eye.z, eye_given.target.to_array()), (30.0, [2.0, 2.0, 2.0]));
+    let target_given = read(json!({"target": [2, 2, 0], "fov_y_degrees": 60})).camera;
+    assert_eq!((target_given.target.to_array(), target_given.fov_y_degrees), ([2.0, 2.0, 0.0], 60.0));
+    let down = read(json!({"eye": [2, 30, 2]})).camera;
+    assert_eq!(down.up.to_array(), [0.0, 0.0, 1.0]);
+    assert!((down.near - 0.028).abs() < 1e-15);
+}

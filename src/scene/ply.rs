@@ -1,0 +1,567 @@
+//! PLY: reads a cloud of points from a file, in whichever of the format's many ways it was written.
+//!
+//! A reader of our own, because `serde-ply` loses files that people have: headers with the line ends of old Macs (Rhino
+//! still writes them), text without a final line end; and its errors name neither row nor line. Values go straight into
+//! the splats, and nothing is reserved that the file's length does not vouch for, so a header cannot ask for memory.
+//!
+//! - Text is read by lines, one row a line; blank lines and unknown header lines are skipped, too few or too many values refused.
+//! - Integer colours are sRGB codes (`ushort` out of 65535, all others out of 255) and are decoded; float colours are
+//!   linear light in [0, 1] and are clamped.
+//! - Vertices without a finite position (or past ±1e30, as some scanners mark holes) are left out and counted in a note.
+//! - Faces serve only to find normals where the file has none; a face that names a vertex out of range is left out and counted.
+
+use super::{Splat, unit};
+use crate::colour::srgb_decode;
+use glam::DVec3;
+
+/// What a file holds. A normal of zero and a radius of zero say "not in the file".
+#[derive(Debug)]
+pub(super) struct Cloud {
+    pub splats: Vec<Splat>,
+    /// What was left out or looks odd, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// Coordinates past this are taken for "no value"; squares and products of smaller ones stay finite in f64.
+pub(super) const FARTHEST: f64 = 1e30;
+
+/// Lines of a header; real ones have a hundred. Names are compared with all before them, which must stay quick.
+const LONGEST_HEADER: usize = 10_000;
+
+type Parsed<T> = Result<T, String>;
+
+/// Reads the bytes of a PLY file; the error is the second half of a sentence that begins with the file's name.
+pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
+    let (header, mut body) = read_header(bytes)?;
+    let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or("has no element `vertex`, so there are no points in it")?;
+    let layout = Layout::of(vertices)?;
+    let mut notes = header.notes;
+    if vertices.properties.iter().any(|p| p.name == "f_dc_0") {
+        notes.push(
+            "looks like trained 3D Gaussians, whose scales, rotations and spherical harmonics are not read: shown as plain points".into(),
+        );
+    }
+    let (mut splats, mut faces) = (Vec::new(), Faces::new(vertices.count));
+    for element in &header.elements {
+        match element.name.as_str() {
+            "vertex" => splats = read_vertices(&mut body, element, &layout)?,
+            _ if layout.has_normals() && !splats.is_empty() => break,
+            _ => faces.read(&mut body, element)?,
+        }
+    }
+    if !layout.has_normals() {
+        faces.give_normals(&mut splats);
+        notes.extend(faces.note());
+    }
+    layout.check_radii(&splats)?;
+    notes.extend(drop_unplaced(&mut splats));
+    Ok(Cloud { splats, notes })
+}
+
+// ---- header ----
+
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Encoding {
+    Text,
+    LittleEndian,
+    BigEndian,
+}
+
+#[derive(Clone, Copy, PartialEq, Debug)]
+enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+enum Kind {
+    Scalar(Scalar),
+    List { count: Scalar, item: Scalar },
+}
+
+struct Property {
+    name: String,
+    kind: Kind,
+}
+
+struct Element {
+    name: String,
+    count: usize,
+    properties: Vec<Property>,
+}
+
+struct Header {
+    elements: Vec<Element>,
+    notes: Vec<String>,
+}
+
+/// Each type under both of its names.
+const TYPES: [(Scalar, &str, &str); 8] = [
+    (Scalar::I8, "char", "int8"),
+    (Scalar::U8, "uchar", "uint8"),
+    (Scalar::I16, "short", "int16"),
+    (Scalar::U16, "ushort", "uint16"),
+    (Scalar::I32, "int", "int32"),
+    (Scalar::U32, "uint", "uint32"),
+    (Scalar::F32, "float", "float32"),
+    (Scalar::F64, "double", "float64"),
+];
+
+impl Scalar {
+    fn named(name: &str) -> Parsed<Scalar> {
+        let found = TYPES.iter().find(|(_, old, new)| [*old, *new].contains(&name));
+        let names = || TYPES.map(|(_, old, _)| old).join(", ");
+        found.map(|(kind, ..)| *kind).ok_or_else(|| format!("`{}` is no PLY type; types are {}", clip(name), names()))
+    }
+
+    fn name(self) -> &'static str {
+        TYPES[self as usize].1
+    }
+
+    fn bytes(self) -> usize {
+        match self {
+            Scalar::I8 | Scalar::U8 => 1,
+            Scalar::I16 | Scalar::U16 => 2,
+            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
+            Scalar::F64 => 8,
+        }
+    }
+
+    fn is_float(self) -> bool {
+        matches!(self, Scalar::F32 | Scalar::F64)
+    }
+
+    fn holds(self, value: f64) -> bool {
+        let (low, high) = match self {
+            Scalar::I8 => (i8::MIN as f64, i8::MAX as f64),
+            Scalar::U8 => (0.0, u8::MAX as f64),
+            Scalar::I16 => (i16::MIN as f64, i16::MAX as f64),
+            Scalar::U16 => (0.0, u16::MAX as f64),
+            Scalar::I32 => (i32::MIN as f64, i32::MAX as f64),
+            Scalar::U32 => (0.0, u32::MAX as f64),
+            Scalar::F32 | Scalar::F64 => return true,
+        };
+        value.fract() == 0.0 && (low..=high).contains(&value)
+    }
+
+    fn read(self, bytes: &[u8], encoding: Encoding) -> f64 {
+        let mut low_first = [0; 8];
+        let raw = &mut low_first[..bytes.len()];
+        raw.copy_from_slice(bytes);
+        if encoding == Encoding::BigEndian {
+            raw.reverse();
+        }
+        let word = u64::from_le_bytes(low_first);
+        match self {
+            Scalar::I8 => word as i8 as f64,
+            Scalar::I16 => word as i16 as f64,
+            Scalar::I32 => word as i32 as f64,
+            Scalar::U8 | Scalar::U16 | Scalar::U32 => word as f64,
+            Scalar::F32 => f32::from_bits(word as u32) as f64,
+            Scalar::F64 => f64::from_bits(word),
+        }
+    }
+}
+
+impl Element {
+    /// The shortest a row can be, in bytes: what bounds the rows that a file of a given length can hold.
+    fn shortest_row(&self, encoding: Encoding) -> usize {
+        let shortest = |p: &Property| match (&p.kind, encoding) {
+            (_, Encoding::Text) => 2,
+            (Kind::Scalar(t), _) | (Kind::List { count: t, .. }, _) => t.bytes(),
+        };
+        self.properties.iter().map(shortest).sum::<usize>().max(1)
+    }
+}
+
+/// Header and text rows, cut at the line end that the first line has.
+struct Lines<'a> {
+    rest: &'a [u8],
+    end: u8,
+    number: usize,
+}
+
+impl<'a> Lines<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        let end_of_first = bytes.iter().position(|&b| b == b'\r' || b == b'\n');
+        let mac = end_of_first.is_some_and(|i| bytes[i] == b'\r' && bytes.get(i + 1) != Some(&b'\n'));
+        Lines { rest: bytes, end: if mac { b'\r' } else { b'\n' }, number: 0 }
+    }
+}
+
+impl<'a> Iterator for Lines<'a> {
+    type Item = &'a [u8];
+
+    fn next(&mut self) -> Option<&'a [u8]> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let length = self.rest.iter().position(|&b| b == self.end).unwrap_or(self.rest.len());
+        let line = &self.rest[..length];
+        self.rest = self.rest.get(length + 1..).unwrap_or_default();
+        self.number += 1;
+        Some(line.trim_ascii())
+    }
+}
+
+fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
+    let mut lines = Lines::new(bytes);
+    if lines.next() != Some(b"ply") {
+        return Err("is no PLY file: its first line is not `ply`".into());
+    }
+    let mut header = Header { elements: Vec::new(), notes: Vec::new() };
+    let mut encoding = None;
+    loop {
+        let line = lines.next().ok_or("ends inside its header: there is no line `end_header`")?;
+        if lines.number > LONGEST_HEADER {
+            return Err(format!("has a header of more than {LONGEST_HEADER} lines"));
+        }
+        let line = String::from_utf8_lossy(line);
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        match words.as_slice() {
+            ["end_header"] => break,
+            [] | ["comment" | "obj_info", ..] => {}
+            ["format", rest @ ..] => encoding = Some(format(rest).map_err(|e| at_line(lines.number, e))?),
+            ["element", rest @ ..] => header.element(rest).map_err(|e| at_line(lines.number, e))?,
+            ["property", rest @ ..] => header.property(rest).map_err(|e| at_line(lines.number, e))?,
+            [word, ..] => header.notes.push(format!("line {}: `{}` is no PLY keyword; the line was skipped", lines.number, clip(word))),
+        }
+    }
+    let encoding = encoding.ok_or("has no `format` line in its header")?;
+    Ok((header, Body { lines, encoding }))
+}
+
+fn at_line(number: usize, sentence: String) -> String {
+    format!("line {number}: {sentence}")
+}
+
+/// What a terminal and its user can stand of a word that may be megabytes of anything.
+fn clip(word: &str) -> String {
+    let mut clipped: String = word.chars().take(40).flat_map(char::escape_debug).collect();
+    if word.chars().nth(40).is_some() {
+        clipped.push('…');
+    }
+    clipped
+}
+
+fn format(words: &[&str]) -> Parsed<Encoding> {
+    match words {
+        ["ascii", "1.0"] => Ok(Encoding::Text),
+        ["binary_little_endian", "1.0"] => Ok(Encoding::LittleEndian),
+        ["binary_big_endian", "1.0"] => Ok(Encoding::BigEndian),
+        _ => Err(format!(
+            "format `{}` is unknown; it must be ascii, binary_little_endian or binary_big_endian, followed by 1.0",
+            clip(&words.join(" "))
+        )),
+    }
+}
+
+impl Header {
+    fn element(&mut self, words: &[&str]) -> Parsed<()> {
+        let [name, count] = words else {
+            return Err("an element line must read `element NAME COUNT`".into());
+        };
+        let count = count.parse().map_err(|_| format!("`{}` is no count of elements", clip(count)))?;
+        if self.elements.iter().any(|e| e.name == *name) {
+            return Err(format!("element `{}` is there twice", clip(name)));
+        }
+        self.elements.push(Element { name: name.to_string(), count, properties: Vec::new() });
+        Ok(())
+    }
+
+    fn property(&mut self, words: &[&str]) -> Parsed<()> {
+        let (name, kind) = match words {
+            ["list", count, item, name] => (name, Kind::List { count: Scalar::named(count)?, item: Scalar::named(item)? }),
+            [kind, name] => (name, Kind::Scalar(Scalar::named(kind)?)),
+            _ => return Err("a property line must read `property TYPE NAME` or `property list TYPE TYPE NAME`".into()),
+        };
+        if matches!(kind, Kind::List { count, .. } if count.is_float()) {
+            return Err("the length of a list must be of an integer type".into());
+        }
+        let element = self.elements.last_mut().ok_or("a property stands before the first element")?;
+        if element.properties.iter().any(|p| p.name == *name) {
+            return Err(format!("property `{}` is there twice", clip(name)));
+        }
+        element.properties.push(Property { name: name.to_string(), kind });
+        Ok(())
+    }
+}
+
+// ---- rows ----
+
+struct Body<'a> {
+    lines: Lines<'a>,
+    encoding: Encoding,
+}
+
+impl Body<'_> {
+    /// Hands each value of the next row to `value`, with the number of its property; a list's values one by one.
+    fn row(&mut self, element: &Element, number: usize, value: impl FnMut(usize, f64)) -> Parsed<()> {
+        let read = match self.encoding {
+            Encoding::Text => self.text_row(element, value),
+            encoding => read_values(element, |kind| take(&mut self.lines.rest, kind, encoding), value),
+        };
+        read.map_err(|e| {
+            let line = if self.encoding == Encoding::Text { format!(" (line {})", self.lines.number) } else { String::new() };
+            format!("{} {number} of {}{line}: {e}", clip(&element.name), element.count)
+        })
+    }
+
+    fn text_row(&mut self, element: &Element, value: impl FnMut(usize, f64)) -> Parsed<()> {
+        let line = self.lines.find(|line| !line.is_empty()).ok_or(ENDS_EARLY)?;
+        let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+        read_values(element, |kind| number(words.next().ok_or("the row ends before its last value")?, kind), value)?;
+        match words.next() {
+            None => Ok(()),
+            Some(word) => Err(format!("`{}` is one value more than the header promises", clip(&String::from_utf8_lossy(word)))),
+        }
+    }
+}
+
+const ENDS_EARLY: &str = "the file ends here; the header promises more";
+
+fn read_values(element: &Element, mut next: impl FnMut(Scalar) -> Parsed<f64>, mut value: impl FnMut(usize, f64)) -> Parsed<()> {
+    for (i, property) in element.properties.iter().enumerate() {
+        match property.kind {
+            Kind::Scalar(kind) => value(i, next(kind)?),
+            Kind::List { count, item } => {
+                let length = next(count)?;
+                if length < 0.0 {
+                    return Err(format!("list `{}` has the length {length}", clip(&property.name)));
+                }
+                for _ in 0..length as u64 {
+                    value(i, next(item)?);
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn take(rest: &mut &[u8], kind: Scalar, encoding: Encoding) -> Parsed<f64> {
+    let (bytes, after) = rest.split_at_checked(kind.bytes()).ok_or(ENDS_EARLY)?;
+    *rest = after;
+    Ok(kind.read(bytes, encoding))
+}
+
+fn number(word: &[u8], kind: Scalar) -> Parsed<f64> {
+    let text = std::str::from_utf8(word).unwrap_or("");
+    let parsed = match kind {
+        // Rounded once, to what a binary file would hold.
+        Scalar::F32 => text.parse::<f32>().map(f64::from),
+        _ => text.parse(),
+    };
+    match parsed {
+        Ok(value) if kind.holds(value) => Ok(value),
+        // What C libraries print for a value that is none: `-nan(ind)`, `1.#QNAN`, `nan(0x8000)`.
+        Err(_) if kind.is_float() && (text.contains("nan") || text.contains(".#")) => Ok(f64::NAN),
+        _ => Err(format!("`{}` is no value of type {}", clip(&String::from_utf8_lossy(word)), kind.name())),
+    }
+}
+
+// ---- vertices ----
+
+/// Where a vertex's values go, under all names that mean the same.
+const SLOTS: [&[&str]; 11] = [
+    &["x"],
+    &["y"],
+    &["z"],
+    &["nx"],
+    &["ny"],
+    &["nz"],
+    &["red", "diffuse_red"],
+    &["green", "diffuse_green"],
+    &["blue", "diffuse_blue"],
+    &["alpha", "diffuse_alpha"],
+    &["radius"],
+];
+const NORMAL: usize = 3;
+const COLOUR: usize = 6;
+const ALPHA: usize = 9;
+const RADIUS: usize = 10;
+
+/// Which property of the vertices fills which slot.
+struct Layout {
+    slot_of_property: Vec<Option<usize>>,
+    kind_of_slot: [Option<Scalar>; SLOTS.len()],
+    /// Linear light of the 256 codes of a byte: decoding them one by one would take longer than reading the file.
+    linear_of_code: Vec<f64>,
+}
+
+impl Layout {
+    fn of(vertices: &Element) -> Parsed<Layout> {
+        let mut kind_of_slot = [None; SLOTS.len()];
+        let slot_of_property = vertices.properties.iter().map(|property| {
+            let Kind::Scalar(kind) = property.kind else {
+                return None;
+            };
+            let slot = SLOTS.iter().position(|names| names.contains(&property.name.as_str()))?;
+            kind_of_slot[slot].replace(kind).is_none().then_some(slot)
+        });
+        let slot_of_property = slot_of_property.collect();
+        if let Some(missing) = (0..NORMAL).find(|&slot| kind_of_slot[slot].is_none()) {
+            return Err(format!("element `vertex` has no number `{}`; a point needs x, y and z", SLOTS[missing][0]));
+        }
+        let linear_of_code = (0..256).map(|code| srgb_decode(code as f64 / 255.0)).collect();
+        Ok(Layout { slot_of_property, kind_of_slot, linear_of_code })
+    }
+
+    fn has_normals(&self) -> bool {
+        self.kind_of_slot[NORMAL..COLOUR].iter().all(Option::is_some)
+    }
+
+    fn splat(&self, values: &[f64; SLOTS.len()]) -> Splat {
+        let vector = |slot| DVec3::from_slice(&values[slot..slot + 3]);
+        Splat {
+            position: vector(0),
+            normal: if self.has_normals() { unit(vector(NORMAL)).unwrap_or(DVec3::ZERO) } else { DVec3::ZERO },
+            radius: values[RADIUS],
+            rgb: std::array::from_fn(|i| self.channel(COLOUR + i, values[COLOUR + i]).unwrap_or(0.5)),
+            opacity: self.alpha(values[ALPHA]),
+            material: 0,
+        }
+    }
+
+    /// Linear light; none where the file has none or a NaN.
+    fn channel(&self, slot: usize, value: f64) -> Option<f64> {
+        match self.kind_of_slot[slot]? {
+            Scalar::F32 | Scalar::F64 => (!value.is_nan()).then(|| value.clamp(0.0, 1.0)),
+            Scalar::U16 => Some(srgb_decode(value / 65535.0)),
+            _ => Some(self.linear_of_code[value.clamp(0.0, 255.0) as usize]),
+        }
+    }
+
+    /// Opacity is linear whatever its type.
+    fn alpha(&self, value: f64) -> f64 {
+        let full = match self.kind_of_slot[ALPHA] {
+            None => return 1.0,
+            Some(Scalar::F32 | Scalar::F64) => 1.0,
+            Some(Scalar::U16) => 65535.0,
+            Some(_) => 255.0,
+        };
+        if value.is_nan() { 1.0 } else { (value / full).clamp(0.0, 1.0) }
+    }
+
+    fn check_radii(&self, splats: &[Splat]) -> Parsed<()> {
+        let wrong = |s: &Splat| is_placed(s) && !(s.radius > 0.0 && s.radius <= FARTHEST);
+        match splats.iter().position(wrong) {
+            Some(number) if self.kind_of_slot[RADIUS].is_some() => Err(format!(
+                "vertex {number} of {} has the radius {}; it must be more than 0 and at most {FARTHEST:e}",
+                splats.len(),
+                splats[number].radius
+            )),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn read_vertices(body: &mut Body, element: &Element, layout: &Layout) -> Parsed<Vec<Splat>> {
+    let room = body.lines.rest.len() / element.shortest_row(body.encoding);
+    let mut splats = Vec::with_capacity(element.count.min(room));
+    let mut values = [0.0; SLOTS.len()];
+    for number in 0..element.count {
+        body.row(element, number, |property, value| {
+            if let Some(slot) = layout.slot_of_property[property] {
+                values[slot] = value;
+            }
+        })?;
+        splats.push(layout.splat(&values));
+    }
+    Ok(splats)
+}
+
+fn is_placed(splat: &Splat) -> bool {
+    splat.position.to_array().iter().all(|c| c.abs() <= FARTHEST)
+}
+
+fn drop_unplaced(splats: &mut Vec<Splat>) -> Option<String> {
+    let all = splats.len();
+    splats.retain(is_placed);
+    let dropped = all - splats.len();
+    (dropped > 0).then(|| format!("{dropped} of {all} vertices have no finite position and were left out"))
+}
+
+// ---- faces ----
+
+/// Triangles of the file, as indices of vertices.
+struct Faces {
+    vertices: usize,
+    triangles: Vec<[u32; 3]>,
+    total: usize,
+    refused: usize,
+}
+
+impl Faces {
+    fn new(vertices: usize) -> Self {
+        Faces { vertices, triangles: Vec::new(), total: 0, refused: 0 }
+    }
+
+    /// Reads polygons and triangle strips; of any other element, nothing: its rows are only passed over.
+    fn read(&mut self, body: &mut Body, element: &Element) -> Parsed<()> {
+        let is_list = |p: &Property| matches!(p.kind, Kind::List { .. }) && matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
+        let indices = element.properties.iter().position(is_list);
+        let rows = if element.properties.is_empty() { 0 } else { element.count };
+        let mut corners = Vec::new();
+        for number in 0..rows {
+            corners.clear();
+            body.row(element, number, |property, value| {
+                if Some(property) == indices {
+                    corners.push(value);
+                }
+            })?;
+            match element.name.as_str() {
+                "face" => self.add_polygon(&corners),
+                "tristrips" => corners.split(|&corner| corner < 0.0).for_each(|strip| self.add_strip(strip)),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn add_polygon(&mut self, corners: &[f64]) {
+        for i in 2..corners.len() {
+            self.add([corners[0], corners[i - 1], corners[i]]);
+        }
+    }
+
+    fn add_strip(&mut self, corners: &[f64]) {
+        for (i, corner) in corners.windows(3).enumerate() {
+            let turn = i % 2;
+            self.add([corner[turn], corner[1 - turn], corner[2]]);
+        }
+    }
+
+    fn add(&mut self, corners: [f64; 3]) {
+        self.total += 1;
+        if corners.iter().all(|&c| c >= 0.0 && c < self.vertices as f64) {
+            self.triangles.push(corners.map(|c| c as u32));
+        } else {
+            self.refused += 1;
+        }
+    }
+
+    fn note(&self) -> Option<String> {
+        let Faces { refused, total, .. } = self;
+        (*refused > 0).then(|| format!("{refused} of {total} triangles name vertices that do not exist and were left out"))
+    }
+
+    /// Each vertex's normal: the mean of its triangles' normals, weighted by area; none where that has no direction.
+    fn give_normals(&self, splats: &mut [Splat]) {
+        for triangle in &self.triangles {
+            let [a, b, c] = triangle.map(|i| splats[i as usize].position);
+            let twice_area = (b - a).cross(c - a);
+            if twice_area.is_finite() {
+                triangle.iter().for_each(|&i| splats[i as usize].normal += twice_area);
+            }
+        }
+        splats.iter_mut().for_each(|s| s.normal = unit(s.normal).unwrap_or(DVec3::ZERO));
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,240 @@
+//! Validate: holds a JSON value against a JSON Schema and says in one sentence where it does not fit.
+//!
+//! The schema is derived from the very types that the value is read into, so that what we publish, what we check and
+//! what we read cannot drift apart. Understood are the keywords that such schemas use; all others are annotations.
+
+use serde_json::{Map, Value};
+
+/// Where a value does not fit: the path of the field, as in `lights[0].rgb`, and what is wrong there.
+#[derive(Debug)]
+pub(crate) struct Misfit {
+    path: String,
+    wrong: String,
+}
+
+impl std::fmt::Display for Misfit {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        match self.path.trim_start_matches('.') {
+            "" => write!(f, "{}", self.wrong),
+            path => write!(f, "{path} {}", self.wrong),
+        }
+    }
+}
+
+impl Misfit {
+    fn here(wrong: impl Into<String>) -> Misfit {
+        Misfit { path: String::new(), wrong: wrong.into() }
+    }
+
+    fn inside(mut self, step: String) -> Misfit {
+        self.path.insert_str(0, &step);
+        self
+    }
+}
+
+type Fits = Result<(), Misfit>;
+
+/// Holds `value` against `schema`.
+pub(crate) fn check(value: &Value, schema: &Value) -> Fits {
+    Law { root: schema }.check(value, schema)
+}
+
+struct Law<'s> {
+    root: &'s Value,
+}
+
+impl<'s> Law<'s> {
+    fn check(&self, value: &Value, schema: &'s Value) -> Fits {
+        let schema = self.resolve(schema);
+        if let Some(options) = options(schema) {
+            return self.check_options(value, options);
+        }
+        check_type(value, schema)?;
+        match value {
+            Value::Number(number) => check_range(number.as_f64().unwrap_or(f64::NAN), schema),
+            Value::String(text) => check_words(text, schema),
+            Value::Array(items) => self.check_items(items, schema),
+            Value::Object(fields) => self.check_fields(fields, schema),
+            _ => Ok(()),
+        }
+    }
+
+    fn resolve(&self, schema: &'s Value) -> &'s Value {
+        match schema["$ref"].as_str().and_then(|path| self.root.pointer(path.trim_start_matches('#'))) {
+            Some(target) => self.resolve(target),
+            None => schema,
+        }
+    }
+
+    fn check_items(&self, items: &[Value], schema: &'s Value) -> Fits {
+        let (least, most) = (schema["minItems"].as_u64().unwrap_or(0), schema["maxItems"].as_u64().unwrap_or(u64::MAX));
+        let count = items.len() as u64;
+        if count < least || count > most {
+            let right = if least == most { format!("exactly {least}") } else { format!("at least {least}") };
+            return Err(Misfit::here(format!("has {count} entries; it must have {right}")));
+        }
+        items
+            .iter()
+            .enumerate()
+            .try_for_each(|(i, item)| self.check(item, &schema["items"]).map_err(|misfit| misfit.inside(format!("[{i}]"))))
+    }
+
+    fn check_fields(&self, fields: &Map<String, Value>, schema: &'s Value) -> Fits {
+        let known = field_names(schema);
+        check_known(fields, &known)?;
+        if let Some(missing) = required(schema).find(|name| !fields.contains_key(*name)) {
+            return Err(Misfit::here(format!("lacks the field `{missing}`")));
+        }
+        fields.iter().try_for_each(|(name, value)| {
+            self.check(value, &schema["properties"][name]).map_err(|misfit| misfit.inside(format!(".{name}")))
+        })
+    }
+
+    /// Of several schemas, the one that the value's kind and fields point to has the say.
+    fn check_options(&self, value: &Value, options: &'s [Value]) -> Fits {
+        let options: Vec<&Value> = options.iter().map(|option| self.resolve(option)).collect();
+        let words: Vec<&str> = options.iter().filter_map(|option| option["const"].as_str()).collect();
+        if let (Value::String(text), false) = (value, words.is_empty()) {
+            return check_word(text, &words);
+        }
+        let alike: Vec<&Value> = options.iter().copied().filter(|option| check_type(value, option).is_ok()).collect();
+        match (alike.as_slice(), value) {
+            ([], _) => Err(wrong_type(value, options.iter().flat_map(|option| types(option)).collect())),
+            ([only], _) => self.check(value, only),
+            (several, Value::Object(fields)) => self.check_fields_of_options(value, fields, several),
+            (several, _) => self.check(value, several[0]),
+        }
+    }
+
+    fn check_fields_of_options(&self, value: &Value, fields: &Map<String, Value>, options: &[&'s Value]) -> Fits {
+        if let Some(meant) = options.iter().find(|option| required(option).all(|name| fields.contains_key(name))) {
+            return self.check(value, meant);
+        }
+        check_known(fields, &options.iter().flat_map(|option| field_names(option)).collect::<Vec<_>>())?;
+        let needed: Vec<String> = options.iter().flat_map(|option| required(option)).map(|name| format!("`{name}`")).collect();
+        Err(Misfit::here(format!("must have one of the fields {}", needed.join(", "))))
+    }
+}
+
+fn options(schema: &Value) -> Option<&[Value]> {
+    let several = schema.get("anyOf").or(schema.get("oneOf"))?;
+    several.as_array().map(Vec::as_slice)
+}
+
+fn required(schema: &Value) -> impl Iterator<Item = &str> {
+    schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str)
+}
+
+fn field_names(schema: &Value) -> Vec<&str> {
+    schema["properties"].as_object().into_iter().flat_map(Map::keys).map(String::as_str).collect()
+}
+
+fn types(schema: &Value) -> Vec<&str> {
+    match &schema["type"] {
+        Value::String(one) => vec![one],
+        Value::Array(several) => several.iter().filter_map(Value::as_str).collect(),
+        _ => vec![],
+    }
+}
+
+fn check_type(value: &Value, schema: &Value) -> Fits {
+    let types = types(schema);
+    let is = |name: &str| match name {
+        "integer" => value.is_u64() || value.is_i64(),
+        name => name == type_name(value),
+    };
+    if types.is_empty() || types.iter().any(|name| is(name)) { Ok(()) } else { Err(wrong_type(value, types)) }
+}
+
+fn wrong_type(value: &Value, mut types: Vec<&str>) -> Misfit {
+    types.retain(|name| *name != "null");
+    types.dedup();
+    let wanted: Vec<&str> = types.into_iter().map(with_article).collect();
+    let found = if value.is_f64() { value.to_string() } else { with_article(type_name(value)).into() };
+    Misfit::here(format!("is {found}; it must be {}", wanted.join(" or ")))
+}
+
+fn type_name(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "boolean",
+        Value::Number(_) => "number",
+        Value::String(_) => "string",
+        Value::Array(_) => "array",
+        Value::Object(_) => "object",
+    }
+}
+
+fn with_article(name: &str) -> &'static str {
+    match name {
+        "boolean" => "true or false",
+        "number" => "a number",
+        "integer" => "a whole number",
+        "string" => "a text",
+        "array" => "an array",
+        "object" => "an object",
+        _ => "null",
+    }
+}
+
+fn check_range(value: f64, schema: &Value) -> Fits {
+    type Holds = fn(&f64, &f64) -> bool;
+    let laws: [(&str, &str, Holds); 4] = [
+        ("minimum", "at least", f64::ge),
+        ("exclusiveMinimum", "more than", f64::gt),
+        ("maximum", "at most", f64::le),
+        ("exclusiveMaximum", "less than", f64::lt),
+    ];
+    let limits = laws.iter().filter_map(|(key, word, holds)| schema[key].as_f64().map(|limit| (word, limit, holds)));
+    let limits: Vec<_> = limits.collect();
+    if limits.iter().all(|(_, limit, holds)| holds(&value, limit)) {
+        return Ok(());
+    }
+    let right: Vec<String> = limits.iter().map(|(word, limit, _)| format!("{word} {}", short(*limit))).collect();
+    Err(Misfit::here(format!("is {}; it must be {}", short(value), right.join(" and "))))
+}
+
+/// A number as people write it: no row of zeros.
+fn short(value: f64) -> String {
+    if value != 0.0 && !(1e-4..1e10).contains(&value.abs()) { format!("{value:e}") } else { value.to_string() }
+}
+
+fn check_words(text: &str, schema: &Value) -> Fits {
+    match schema["enum"].as_array() {
+        Some(words) => check_word(text, &words.iter().filter_map(Value::as_str).collect::<Vec<_>>()),
+        None => Ok(()),
+    }
+}
+
+fn check_word(text: &str, words: &[&str]) -> Fits {
+    if words.contains(&text) {
+        return Ok(());
+    }
+    Err(Misfit::here(format!("is `{text}`; it must be one of {} (nearest: `{}`)", list(words), nearest(text, words))))
+}
+
+fn check_known(fields: &Map<String, Value>, known: &[&str]) -> Fits {
+    match fields.keys().find(|name| !known.contains(&name.as_str())) {
+        None => Ok(()),
+        Some(stray) => {
+            let wrong = format!("is no known field; the nearest is `{}` (known are {})", nearest(stray, known), list(known));
+            Err(Misfit::here(wrong).inside(format!(".{stray}")))
+        }
+    }
+}
+
+fn list(words: &[&str]) -> String {
+    let mut distinct: Vec<&str> = Vec::new();
+    words.iter().for_each(|word| {
+        if !distinct.contains(word) {
+            distinct.push(word)
+        }
+    });
+    distinct.join(", ")
+}
+
+/// The known word most like `text`.
+pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> &'a str {
+    let likeness = |word: &&&str| strsim::jaro_winkler(text, word);
+    known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).copied().unwrap_or("none")
+}
