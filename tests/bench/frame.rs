@@ -1,0 +1,86 @@
+//! How long a frame takes, one thread: setup and fill of the machine, both together, and the f64 renderer `golden` beside them.
+//!
+//! `cargo bench`. The dragon scan joins in where the shared data is (`SPLATSIM_DATA`, else `../shared/data`).
+
+use std::sync::LazyLock;
+
+use divan::Bencher;
+use divan::counter::ItemsCount;
+use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::pipeline::{self, Setup};
+use rtl_model::probe::Unwatched;
+use splatsim::quantise::{Quantised, quantise};
+use splatsim::scene::{Overrides, Scene};
+use splatsim::{fixed, golden};
+
+/// A scene, ready to be drawn by one machine.
+struct Case {
+    name: &'static str,
+    scene: Scene,
+    machine: Elaborated,
+    quantised: Quantised,
+    setup: Setup,
+    fragments: u64,
+}
+
+/// Shown by divan.
+impl std::fmt::Display for Case {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{} {}", self.name, self.machine.machine.name)
+    }
+}
+
+static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| {
+    let root = std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "../shared/data".into());
+    let dragon = format!("{root}/scenes/dragon.json");
+    let scenes = [("glass-spheres", "glass-spheres"), ("dragon", dragon.as_str())];
+    let there = scenes.into_iter().filter_map(|(name, path)| Some((name, Scene::load(path, &Overrides::default()).ok()?)));
+    there.flat_map(|(name, scene)| ["reference", "lean"].map(|machine| case(name, scene.clone(), machine))).collect()
+});
+
+fn case(name: &'static str, scene: Scene, machine: &str) -> Case {
+    let machine = Machine::named(machine).unwrap();
+    let quantised = quantise(&scene, &machine).unwrap();
+    let machine = fixed::elaborate(&machine).unwrap();
+    let setup = pipeline::set_up(&machine, &quantised.frame, &mut Unwatched);
+    let fragments = pipeline::fill(&machine, &quantised.frame, &setup, &mut Unwatched).outcomes.total();
+    Case { name, scene, machine, quantised, setup, fragments }
+}
+
+fn cases() -> impl Iterator<Item = &'static Case> {
+    CASES.iter()
+}
+
+/// Items a second are splats.
+#[divan::bench(args = cases())]
+fn setup(bencher: Bencher, case: &Case) {
+    let splats = bencher.counter(ItemsCount::new(case.scene.splats.len()));
+    splats.bench(|| pipeline::set_up(&case.machine, &case.quantised.frame, &mut Unwatched));
+}
+
+/// Raster, gauss, fragment and resolve. Items a second are fragments, as in those that follow.
+#[divan::bench(args = cases())]
+fn fill(bencher: Bencher, case: &Case) {
+    let fragments = bencher.counter(ItemsCount::new(case.fragments));
+    fragments.bench(|| pipeline::fill(&case.machine, &case.quantised.frame, &case.setup, &mut Unwatched));
+}
+
+#[divan::bench(args = cases())]
+fn whole_frame(bencher: Bencher, case: &Case) {
+    let fragments = bencher.counter(ItemsCount::new(case.fragments));
+    fragments.bench(|| fixed::draw(&case.machine, &case.quantised, &mut Unwatched));
+}
+
+/// The same picture in f64.
+#[divan::bench(args = cases().filter(|case| case.machine.machine.name == "reference"))]
+fn whole_frame_golden(bencher: Bencher, case: &Case) {
+    let rules = fixed::rules(&case.machine.machine);
+    let fragments = bencher.counter(ItemsCount::new(case.fragments));
+    fragments.bench(|| golden::render(&case.scene, &rules));
+}
+
+fn main() {
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build_global();
+    one_thread.expect("nobody has used the threads yet");
+    divan::Divan::from_args().sample_count(10).main();
+}

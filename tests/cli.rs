@@ -1,0 +1,502 @@
+//! Does the binary do what INTERFACE promises: its files, its report, its words, its exit status, and a quick end to bad input?
+
+mod shared_input;
+
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command;
+use serde_json::{Value, json};
+
+const BINARY: &str = env!("CARGO_BIN_EXE_splatsim");
+
+/// Machine and size of runs whose picture does not matter.
+const SMALL: [&str; 4] = ["--size", "48x40", "--machine", "tiny"];
+
+fn splatsim(arguments: &[&str]) -> Output {
+    Command::new(BINARY).args(arguments).timeout(Duration::from_secs(120)).output().unwrap()
+}
+
+/// What a run that succeeds prints; nothing goes to standard error.
+fn says(arguments: &[&str]) -> String {
+    let output = splatsim(arguments);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), told.as_str()), (Some(0), ""), "{arguments:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn write(folder: &tempfile::TempDir, name: &str, text: &str) -> String {
+    let path = folder.path().join(name);
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn names_in(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+/// Runs with `--out` into a new folder; the folder and the report.
+fn run(arguments: &[&str]) -> (tempfile::TempDir, Value) {
+    let out = folder();
+    let mut all = vec!["run"];
+    all.extend(arguments);
+    all.extend(["--out", out.path().to_str().unwrap()]);
+    says(&all);
+    let report = serde_json::from_str(&std::fs::read_to_string(out.path().join("report.json")).unwrap()).unwrap();
+    (out, report)
+}
+
+// ---- run ----
+
+#[test]
+fn run_writes_four_pictures_and_a_report_and_nothing_else() {
+    let (out, _) = run(&SMALL);
+    assert_eq!(names_in(out.path()), ["error.png", "fixed.png", "golden.png", "ideal.png", "report.json"]);
+    for name in ["error.png", "fixed.png", "golden.png", "ideal.png"] {
+        let picture = image::open(out.path().join(name)).unwrap();
+        assert_eq!((picture.width(), picture.height()), (48, 40), "{name}");
+        assert!(matches!(picture, image::DynamicImage::ImageRgba8(_) | image::DynamicImage::ImageRgb8(_)), "{name} has 8 bits a channel");
+    }
+}
+
+#[test]
+fn exr_pictures_come_on_request_and_not_without_a_folder() {
+    let (out, _) = run(&[&SMALL[..], &["--exr"]].concat());
+    let expected = ["error.png", "fixed.exr", "fixed.png", "golden.exr", "golden.png", "ideal.exr", "ideal.png", "report.json"];
+    assert_eq!(names_in(out.path()), expected);
+    refused(&["run", "--exr"], "--out");
+}
+
+#[test]
+fn a_run_replaces_the_files_of_the_last_one_and_makes_its_folder() {
+    let out = folder();
+    let deep = out.path().join("a/b");
+    for size in ["20x10", "10x20"] {
+        says(&["run", "--machine", "tiny", "--size", size, "--out", deep.to_str().unwrap()]);
+    }
+    assert_eq!(image::image_dimensions(deep.join("fixed.png")).unwrap(), (10, 20));
+    assert_eq!(names_in(&deep).len(), 5);
+}
+
+/// The fields that INTERFACE fixes, by path, and what kind of value each has.
+fn promised_fields() -> Vec<(String, &'static str)> {
+    let mut fields: Vec<(String, &str)> = Vec::new();
+    let mut all = |prefix: &str, names: &[&str], kind: &'static str| fields.extend(names.iter().map(|n| (format!("{prefix}/{n}"), kind)));
+    all("/scene", &["splats", "fragments", "culled/near", "culled/outside", "culled/faint", "culled/backface"], "count");
+    for pair in ["/accuracy/fixed_vs_golden", "/accuracy/golden_vs_ideal"] {
+        all(pair, &["psnr_db", "psnr_covered_db"], "number or null");
+        all(pair, &["ssim", "max_error", "mean_error"], "number");
+        all(pair, &["pixels_over_1_255"], "count");
+    }
+    all("/fragments", &["accumulated", "inserted", "merged", "evicted", "replaced", "dropped", "most_in_a_pixel"], "count");
+    all("/signals/0", &["unit", "name", "format"], "text");
+    all("/signals/0", &["min", "max"], "number or null");
+    all("/signals/0", &["saturated_low", "saturated_high", "wrapped", "inexact"], "count");
+    all("/host", &["fixed_seconds", "golden_seconds", "fragments_per_second"], "number");
+    fields
+}
+
+#[test]
+fn the_report_has_the_promised_fields_with_the_promised_kinds() {
+    let (_out, report) = run(&SMALL);
+    for (path, kind) in promised_fields() {
+        let value = report.pointer(&path).unwrap_or_else(|| panic!("{path} is absent"));
+        let fits = match kind {
+            "count" => value.is_u64(),
+            "number" => value.is_number(),
+            "text" => value.is_string(),
+            _ => value.is_number() || value.is_null(),
+        };
+        assert!(fits, "{path} is {value}, not {kind}");
+    }
+    let sum: u64 =
+        report["fragments"].as_object().unwrap().iter().filter(|(n, _)| *n != "most_in_a_pixel").map(|(_, v)| v.as_u64().unwrap()).sum();
+    assert_eq!(report["scene"]["fragments"], sum);
+    assert!(sum > 1000, "{sum}");
+}
+
+/// A section that is not built yet is absent, never filled with zeros.
+#[test]
+fn the_report_holds_no_section_of_what_is_not_built() {
+    let (_out, report) = run(&SMALL);
+    assert_eq!((report.get("cycles"), report["accuracy"].get("lockstep")), (None, None));
+}
+
+#[test]
+fn all_but_the_hosts_figures_is_the_same_at_one_thread_and_at_two() {
+    let both = ["1", "2"].map(|threads| run(&["torus-knot", "--size", "100x70", "--threads", threads]));
+    let [(one, first), (two, second)] = &both;
+    for name in ["fixed.png", "golden.png", "ideal.png", "error.png"] {
+        assert!(std::fs::read(one.path().join(name)).unwrap() == std::fs::read(two.path().join(name)).unwrap(), "{name}");
+    }
+    assert_eq!((first["host"]["threads"].clone(), second["host"]["threads"].clone()), (json!(1), json!(2)));
+    let without_host = |folder: &Path| {
+        let text = std::fs::read_to_string(folder.join("report.json")).unwrap();
+        let start = text.find("\n  \"host\": {").expect("a host section");
+        let end = start + text[start..].find("\n  }").unwrap();
+        text[..start].to_owned() + &text[end..]
+    };
+    assert!(without_host(one.path()) == without_host(two.path()));
+}
+
+#[test]
+fn quiet_is_quiet_and_without_a_folder_nothing_is_written() {
+    let here = folder();
+    let run = |more: &[&str]| Command::new(BINARY).current_dir(here.path()).arg("run").args(SMALL).args(more).output().unwrap();
+    assert_eq!(run(&["--quiet"]).stdout, b"");
+    assert!(String::from_utf8(run(&[]).stdout).unwrap().contains("no pictures written: --out DIR writes them"));
+    assert!(names_in(here.path()).is_empty());
+}
+
+#[test]
+fn the_default_is_glass_spheres_on_reference() {
+    let text = says(&["run", "--size", "16x16"]);
+    assert!(text.starts_with("glass-spheres on reference, 16×16: 280,000 splats, "), "{text}");
+}
+
+#[test]
+fn a_setting_reaches_the_machine_and_later_ones_win() {
+    let set = [
+        "--set",
+        "fragment.layers=2",
+        "--set",
+        "gauss.weight=U-2F12",
+        "--set",
+        "gauss.weight.round=truncate",
+        "--set",
+        "fragment.layers=1",
+    ];
+    let (_out, report) = run(&[&SMALL[..], &set].concat());
+    let machine = &report["machine"]["description"];
+    assert_eq!(machine["fragment"]["layers"], 1);
+    assert_eq!(machine["gauss"]["weight"], json!({"format": "U-2F12", "round": "truncate", "overflow": "saturate"}));
+    assert!(report["fragments"]["inserted"].as_u64().unwrap() <= 48 * 40, "one layer a pixel: {}", report["fragments"]);
+}
+
+#[test]
+fn no_line_of_a_summary_is_wider_than_eighty_columns() {
+    let folder = folder();
+    let name = format!("{}.json", "a long name ".repeat(9));
+    let splats =
+        json!([{"position": [0, 0, 0], "radius": 1e-9}, {"position": [0.1, 0, 0], "radius": 1e9}, {"position": [1e6, 0, 0], "radius": 1}]);
+    let odd = write(&folder, &name, &json!({"splats": splats}).to_string());
+    let out = folder.path().join("out");
+    for scene in ["glass-spheres", "checkerboard", "torus-knot", "terrain", odd.as_str()] {
+        for machine in ["reference", "lean", "tiny"] {
+            let text = says(&["run", scene, "--machine", machine, "--size", "128x128", "--out", out.to_str().unwrap()]);
+            for line in text.lines() {
+                let is_one_word = !line.trim().contains(' ');
+                assert!(line.chars().count() <= 80 || is_one_word, "{scene} on {machine}: {} columns: {line}", line.chars().count());
+                assert_eq!(line, line.trim_end(), "{scene} on {machine}");
+            }
+        }
+    }
+}
+
+#[test]
+fn pictures_of_one_pixel_and_of_one_row_of_16384_are_drawn() {
+    for size in ["1x1", "16384x1", "1x16384"] {
+        let (out, report) = run(&["--size", size]);
+        let (width, height) = image::image_dimensions(out.path().join("fixed.png")).unwrap();
+        assert_eq!(format!("{width}x{height}"), size);
+        assert!(report["scene"]["fragments"].as_u64().unwrap() > 0, "{size}");
+    }
+}
+
+// ---- explain, machine, scene, help ----
+
+#[test]
+fn explain_tells_the_story_of_a_pixel() {
+    let text = says(&["explain", "glass-spheres", "--pixel", "256,300"]);
+    assert!(text.starts_with("pixel 256,300 of glass-spheres on reference\n"), "{text}");
+    for part in
+        ["open 0", "add to 0", "contributions, ", "fixed 0 ", "golden 0 ", "blended", "difference", "frame word (U1F16, hexadecimal): "]
+    {
+        assert!(text.contains(part), "{part} is absent from {text}");
+    }
+    assert!(text.lines().all(|line| line == line.trim_end()), "{text}");
+    let sky = says(&["explain", "glass-spheres", "--pixel", "0,0"]);
+    assert!(sky.contains("No splat touches this pixel.") && sky.contains("the pixel is background"), "{sky}");
+}
+
+#[test]
+fn the_listed_machines_can_be_shown_and_what_is_shown_is_a_machine_file() {
+    let list = says(&["machine", "list"]);
+    assert!(list.lines().all(|line| line.chars().count() <= 80), "{list}");
+    let names: Vec<&str> = list.lines().skip(1).map(|line| line.split(' ').next().unwrap()).collect();
+    assert_eq!(names, ["reference", "lean", "tiny"]);
+    let folder = folder();
+    for name in names {
+        let shown = says(&["machine", "show", name]);
+        let file = write(&folder, &format!("{name}.json"), &shown);
+        assert_eq!(says(&["machine", "show", &file]), shown);
+        let by_file = run(&["--size", "30x30", "--machine", &file]).1;
+        let by_name = run(&["--size", "30x30", "--machine", name]).1;
+        let all = |report: &Value| [&report["machine"], &report["accuracy"], &report["signals"]].map(Value::clone);
+        assert_eq!(all(&by_file), all(&by_name));
+    }
+}
+
+#[test]
+fn a_machine_file_with_a_base_changes_only_what_it_says() {
+    let folder = folder();
+    let file = write(&folder, "narrow.json", r#"{"base": "lean", "gauss": {"weight": {"format": "U-2F9", "round": "truncate"}}}"#);
+    let shown: Value = serde_json::from_str(&says(&["machine", "show", &file])).unwrap();
+    let mut expected: Value = serde_json::from_str(&says(&["machine", "show", "lean"])).unwrap();
+    expected["name"] = json!("narrow");
+    expected["gauss"]["weight"] = json!({"format": "U-2F9", "round": "truncate", "overflow": "saturate"});
+    assert_eq!(shown, expected);
+    let by_setting =
+        says(&["machine", "show", "lean", "--set", "gauss.weight=U-2F9", "--set", "gauss.weight.round=truncate", "--set", "name=narrow"]);
+    assert_eq!(serde_json::from_str::<Value>(&by_setting).unwrap(), expected);
+}
+
+#[test]
+fn schemas_are_json_that_names_the_fields() {
+    for (of, field) in [("machine", "fragment"), ("scene", "splats")] {
+        let schema: Value = serde_json::from_str(&says(&[of, "schema"])).unwrap();
+        assert!(schema["properties"][field].is_object(), "{of}");
+    }
+}
+
+#[test]
+fn help_and_version_are_no_errors_and_fit_a_terminal() {
+    let helps = [
+        vec!["--help"],
+        vec!["help"],
+        vec!["run", "--help"],
+        vec!["explain", "--help"],
+        vec!["machine", "--help"],
+        vec!["machine", "show", "--help"],
+    ];
+    for arguments in helps {
+        let text = says(&arguments);
+        assert!(text.contains("Usage: splatsim") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    }
+    assert_eq!(says(&["--version"]), format!("splatsim {}\n", env!("CARGO_PKG_VERSION")));
+}
+
+// ---- bad input ----
+
+/// Status 2, one line that begins with the program's name and holds `part`, nothing on standard output, within a second.
+fn refused(arguments: &[&str], part: &str) {
+    let start = Instant::now();
+    let output = splatsim(arguments);
+    let seconds = start.elapsed().as_secs_f64();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {told}");
+    assert_one_line(&told);
+    assert!(told.contains(part), "{arguments:?}: `{part}` is absent from: {told}");
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+    assert!(seconds < 1.0, "{arguments:?}: {seconds} s");
+}
+
+fn assert_one_line(told: &str) {
+    assert!(told.starts_with("splatsim: ") && told.ends_with('\n') && told.lines().count() == 1 && told.len() < 4000, "{told:?}");
+}
+
+/// `run` with these arguments is refused, and a folder given to it stays empty or is not made.
+fn run_refused(arguments: &[&str], part: &str) {
+    let out = folder();
+    let inside = out.path().join("made");
+    refused(&[&["run"], arguments, &["--out", inside.to_str().unwrap()]].concat(), part);
+    assert!(!inside.exists() || names_in(&inside).is_empty(), "{arguments:?}: {:?}", names_in(&inside));
+}
+
+#[test]
+fn commands_and_flags_that_do_not_exist_are_refused() {
+    refused(&[], "a command is missing: run, explain, machine, scene (see --help)");
+    refused(&["rnu"], "rnu");
+    refused(&["sweep"], "sweep");
+    refused(&["machine"], "a command is missing: list, show, schema (see --help)");
+    refused(&["machine", "lits"], "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'");
+    run_refused(&["--sizes", "5x5"], "--size");
+    run_refused(&["glass-spheres", "checkerboard"], "checkerboard");
+    refused(&["explain", "glass-spheres"], "--pixel");
+}
+
+#[test]
+fn scenes_and_machines_that_do_not_exist_are_refused_with_what_there_is() {
+    run_refused(&["glas-spheres"], "built in are glass-spheres, checkerboard, torus-knot, terrain");
+    run_refused(&["--machine", "leen"], "named are reference, lean, tiny");
+    refused(&["machine", "show", "leen"], "named are reference, lean, tiny");
+    refused(&["explain", "nowhere.ply", "--pixel", "1,1"], "nowhere.ply");
+}
+
+#[test]
+fn sizes_pixels_and_threads_that_cannot_be_are_refused() {
+    for size in ["0x5", "5x0", "0x0", "99999x1", "1x16385", "5", "axb", "5x", "x5", "5X5", "-5x5", "5x5x5", "18446744073709551616x1", ""] {
+        run_refused(&[&format!("--size={size}")], "size");
+    }
+    for threads in ["0", "-1", "many", "100000"] {
+        run_refused(&[&format!("--threads={threads}")], "--threads");
+    }
+    for pixel in ["512,0", "0,512", "512,512"] {
+        refused(&["explain", "glass-spheres", "--pixel", pixel], "512×512, so X is 0 to 511 and Y 0 to 511");
+    }
+    for pixel in ["5", "5x5", "-1,0", "a,b", ""] {
+        refused(&["explain", "glass-spheres", &format!("--pixel={pixel}")], "pixel");
+    }
+}
+
+#[test]
+fn settings_that_do_not_fit_are_refused_with_what_would() {
+    for (setting, part) in [
+        ("gauss.wieght=U0F8", "the nearest is `weight`"),
+        ("guass.weight=U0F8", "the nearest is `gauss`"),
+        ("gauss.weight.rounding=nearest", "`round`"),
+        ("gauss.weight", "PATH=VALUE"),
+        ("=3", "PATH=VALUE"),
+        ("fragment.layers=three", "fragment.layers"),
+        ("fragment.layers=2.5", "fragment.layers"),
+        ("fragment.layers=-1", "fragment.layers"),
+        ("fragment.layers=9", "fragment.layers is 9: 1 to 8 can be built"),
+        ("fragment.merge=nearest", "nearest-pair"),
+        ("fragment.evict_hidden=yes", "fragment.evict_hidden"),
+        ("gauss.weight=7", "gauss.weight"),
+        ("gauss.weight=U0F0", "U0F0"),
+        ("gauss.weight=I99F3", "I99F3"),
+        ("gauss.weight=u0f12", "u0f12"),
+        ("gauss.weight=U0F", "U0F"),
+        ("gauss.weight=I0F0", "I0F0"),
+        ("gauss.weight=U99999999999F1", "U99999999999F1"),
+        ("gauss=5", "gauss"),
+        ("gauss.weight.round=up", "nearest-even"),
+        ("project.reciprocal.table_bits=40", "table_bits"),
+    ] {
+        run_refused(&["--set", setting], part);
+        refused(&["machine", "show", "reference", "--set", setting], part);
+    }
+}
+
+#[test]
+fn machine_files_that_do_not_fit_are_refused_with_what_would() {
+    let folder = folder();
+    let whole: Value = serde_json::from_str(&says(&["machine", "show", "lean"])).unwrap();
+    let mut lacking = whole.clone();
+    lacking["gauss"].as_object_mut().unwrap().remove("falloff");
+    for (name, text, part) in [
+        ("empty.json", String::new(), "not JSON"),
+        ("text.json", "machine".into(), "not JSON"),
+        ("list.json", "[]".into(), "a machine is a JSON object"),
+        ("nothing.json", "{}".into(), "name"),
+        ("lacking.json", lacking.to_string(), "falloff"),
+        ("nobase.json", r#"{"base": "big"}"#.into(), "base must be one of reference, lean, tiny"),
+        ("oddbase.json", r#"{"base": 5}"#.into(), "base must be one of reference, lean, tiny"),
+        ("misspelt.json", r#"{"base": "lean", "raster": {"radail": "I9F9"}}"#.into(), "the nearest is `radial`"),
+        ("unit.json", r#"{"base": "lean", "rastre": {}}"#.into(), "the nearest is `raster`"),
+        ("kind.json", r#"{"base": "lean", "fragment": {"layers": "3"}}"#.into(), "fragment.layers"),
+        ("format.json", r#"{"base": "lean", "gauss": {"weight": "i1f3"}}"#.into(), "i1f3"),
+        ("null.json", r#"{"base": "lean", "gauss": null}"#.into(), "gauss"),
+    ] {
+        let file = write(&folder, name, &text);
+        run_refused(&["--machine", &file], part);
+        run_refused(&["--machine", &file], &format!("splatsim: {file}: "));
+    }
+    let latin = folder.path().join("latin.json");
+    std::fs::write(&latin, b"\xff\xfe{}").unwrap();
+    run_refused(&["--machine", latin.to_str().unwrap()], "cannot be read");
+    run_refused(&["--machine", folder.path().to_str().unwrap()], "cannot be read");
+}
+
+#[test]
+fn a_machine_that_cannot_work_is_refused_with_all_its_misfits_at_once() {
+    let folder = folder();
+    let text = r#"{"base": "reference", "fragment": {"layers": 12}, "splat": {"rgb": "U0F8", "position": "U1F20"}, "project": {"camera": "I20F26"}}"#;
+    let file = write(&folder, "misfit.json", text);
+    for part in ["fragment.layers is 12", "splat.rgb is U0F8", "splat.position is U1F20", "project.camera is I20F26"] {
+        run_refused(&["--machine", &file], part);
+    }
+}
+
+#[test]
+fn output_folders_that_cannot_be_written_are_refused() {
+    let folder = folder();
+    let file = write(&folder, "file", "mine");
+    for out in [file.clone(), format!("{file}/below"), format!("{file}/below/it"), "/proc/nonexistent".into()] {
+        refused(&["run", "--machine", "tiny", "--size", "16x16", "--out", &out], &format!("--out {out}: cannot be written"));
+    }
+    assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
+}
+
+#[test]
+fn scenes_that_do_not_fit_are_refused_with_what_would() {
+    let folder = folder();
+    let header = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    write(&folder, "none.ply", header);
+    write(&folder, "empty.ply", "");
+    for (name, text, part) in [
+        ("text.json", "splats", "not JSON"),
+        ("cut.json", r#"{"splats": {"builtin": "#, "not JSON"),
+        ("bare.json", "{}", "splats"),
+        ("list.json", "[]", "list.json"),
+        ("field.json", r#"{"splats": {"builtin": "terrain"}, "camra": {}}"#, "the nearest is `camera`"),
+        ("deep.json", r#"{"splats": {"builtin": "terrain"}, "camera": {"fov_y_degree": 3}}"#, "the nearest is `fov_y_degrees`"),
+        ("name.json", r#"{"splats": {"builtin": "torus"}}"#, "torus-knot"),
+        ("kind.json", r#"{"splats": {"builtin": "terrain"}, "image": {"width": "5"}}"#, "image.width"),
+        ("width.json", r#"{"splats": {"builtin": "terrain"}, "image": {"width": 0}}"#, "image.width"),
+        ("radius.json", r#"{"splats": [{"position": [0, 0, 0], "radius": -1}]}"#, "radius"),
+        ("nosplat.json", r#"{"splats": []}"#, "splat"),
+        ("nofile.json", r#"{"splats": {"file": "absent.ply"}}"#, "absent.ply: cannot be read"),
+        ("nopoints.json", r#"{"splats": {"file": "none.ply"}}"#, "nopoints.json: holds no splats"),
+    ] {
+        let file = write(&folder, name, text);
+        run_refused(&[&file], part);
+        refused(&["explain", &file, "--pixel", "0,0"], part);
+    }
+    for name in ["none.ply", "empty.ply"] {
+        let file = folder.path().join(name);
+        run_refused(&[file.to_str().unwrap()], name);
+    }
+}
+
+/// Address space allowed for an odd file, KiB. The kernel keeps no cap on resident memory, so the cap is on addresses, which are
+/// always more: the program, its libraries, stacks and arenas of two threads take about half of this before a file is opened.
+const ADDRESSES_KIB: u32 = 400_000;
+
+fn run_capped(file: &Path, out: &Path) -> Output {
+    let script = format!("ulimit -v {ADDRESSES_KIB}; exec \"$@\"");
+    let mut command = Command::new("sh");
+    command.args(["-c", &script, "sh", BINARY, "run"]).arg(file).args(["--size", "64x64", "--threads", "2", "--out"]).arg(out);
+    command.timeout(Duration::from_secs(20)).output().unwrap()
+}
+
+#[test]
+fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_a_second_and_little_memory() {
+    // The second folder's files have other properties than positions, so none of them is a cloud.
+    for (name, readable) in [("malformed/ply", 40), ("malformed/ply_plyodine", 0)] {
+        let Some(input) = shared_input::find(name) else { return };
+        let mut files: Vec<PathBuf> = std::fs::read_dir(input).unwrap().map(|entry| entry.unwrap().path()).collect();
+        files.sort();
+        let mut drawn = 0;
+        for file in &files {
+            let out = folder();
+            let start = Instant::now();
+            let output = run_capped(file, out.path());
+            let seconds = start.elapsed().as_secs_f64();
+            let told = String::from_utf8(output.stderr).unwrap();
+            match output.status.code() {
+                Some(0) => {
+                    assert_eq!((told.as_str(), names_in(out.path()).len()), ("", 5), "{file:?}");
+                    drawn += 1;
+                }
+                Some(2) => {
+                    assert_one_line(&told);
+                    assert!(told.contains(file.file_name().unwrap().to_str().unwrap()), "{told}");
+                    assert!(names_in(out.path()).is_empty(), "{file:?}");
+                }
+                other => panic!("{file:?}: status {other:?}: {told}"),
+            }
+            assert!(seconds < 1.0, "{file:?}: {seconds} s");
+        }
+        println!("{name}: {drawn} of {} drawn", files.len());
+        assert!(files.len() >= 49 && drawn >= readable && drawn < files.len(), "{name}: {drawn} of {}", files.len());
+    }
+}

@@ -1,0 +1,458 @@
+//! Does every file stay on its side of the walls (ARCHITECTURE, invariants)? Rules over the source text, without comments,
+//! without what strings say, and without unit tests.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// Sources by path from the project's folder, with forward slashes; comments, strings' contents and unit tests blanked out.
+type Sources = BTreeMap<String, String>;
+
+fn sources(folders: &[&str]) -> Sources {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    folders.iter().for_each(|folder| walk(&root.join(folder), &mut files));
+    let path = |file: &Path| file.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
+    files.iter().map(|file| (path(file), without_tests(&code(&std::fs::read_to_string(file).unwrap())))).collect()
+}
+
+fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for path in entries.map(|entry| entry.unwrap().path()) {
+        if path.is_dir() {
+            walk(&path, files);
+        } else if path.extension().is_some_and(|e| e == "rs") && path.file_name().is_some_and(|name| name != "tests.rs") {
+            files.push(path);
+        }
+    }
+}
+
+// --- Reading Rust just well enough ---
+
+/// The text with comments and the contents of strings and characters replaced by spaces; lines stay where they are.
+fn code(text: &str) -> String {
+    let chars: Vec<char> = text.chars().collect();
+    let mut out = String::new();
+    let mut at = 0;
+    while at < chars.len() {
+        let end = blank_until(&chars, at);
+        if end == at {
+            out.push(chars[at]);
+            at += 1;
+        } else {
+            out.extend(chars[at..end].iter().map(|c| if *c == '\n' { '\n' } else { ' ' }));
+            at = end;
+        }
+    }
+    out
+}
+
+/// Where the comment, string or character that begins here ends; `at` itself where none begins.
+fn blank_until(chars: &[char], at: usize) -> usize {
+    let rest = &chars[at..];
+    let starts = |text: &str| text.chars().enumerate().all(|(i, c)| rest.get(i) == Some(&c));
+    let inside_word = at > 0 && is_word(chars[at - 1]);
+    if starts("//") {
+        return at + rest.iter().position(|c| *c == '\n').unwrap_or(rest.len());
+    }
+    if starts("/*") {
+        return at + comment_length(rest);
+    }
+    if rest[0] == 'r' && !inside_word {
+        let hashes = rest[1..].iter().take_while(|c| **c == '#').count();
+        if rest.get(1 + hashes) == Some(&'"') {
+            let close: Vec<char> = std::iter::once('"').chain(std::iter::repeat_n('#', hashes)).collect();
+            let body = &rest[2 + hashes..];
+            return at + 2 + hashes + body.windows(close.len()).position(|w| w == close).map_or(body.len(), |p| p + close.len());
+        }
+    }
+    if rest[0] == '"' {
+        return at + quoted_length(rest, '"');
+    }
+    // A character, not a lifetime.
+    if rest[0] == '\'' && (rest.get(1) == Some(&'\\') || rest.get(2) == Some(&'\'')) {
+        return at + quoted_length(rest, '\'');
+    }
+    at
+}
+
+fn comment_length(rest: &[char]) -> usize {
+    let (mut depth, mut i) = (0, 0);
+    while i + 1 < rest.len() {
+        match (rest[i], rest[i + 1]) {
+            ('/', '*') => (depth, i) = (depth + 1, i + 2),
+            ('*', '/') => (depth, i) = (depth - 1, i + 2),
+            _ => i += 1,
+        }
+        if depth == 0 {
+            return i;
+        }
+    }
+    rest.len()
+}
+
+fn quoted_length(rest: &[char], quote: char) -> usize {
+    let mut i = 1;
+    while i < rest.len() {
+        match rest[i] {
+            '\\' => i += 2,
+            c if c == quote => return i + 1,
+            _ => i += 1,
+        }
+    }
+    rest.len()
+}
+
+fn is_word(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+/// The code without the items that only tests see.
+fn without_tests(code: &str) -> String {
+    without_items(code, "#[cfg(test)]")
+}
+
+/// The code without every item that begins with `head`: up to its `;`, or to the brace that closes it.
+fn without_items(code: &str, head: &str) -> String {
+    let mut out = String::new();
+    let mut rest = code;
+    while let Some(start) = rest.find(head) {
+        out.push_str(&rest[..start]);
+        let item = &rest[start + head.len()..];
+        rest = &item[item_length(item)..];
+    }
+    out + rest
+}
+
+fn item_length(item: &str) -> usize {
+    let mut depth = 0;
+    for (i, c) in item.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' if depth == 1 => return i + 1,
+            '}' => depth -= 1,
+            ';' if depth == 0 => return i + 1,
+            _ => {}
+        }
+    }
+    item.len()
+}
+
+/// Words and single signs.
+fn tokens(code: &str) -> Vec<&str> {
+    let mut tokens = Vec::new();
+    let mut rest = code.trim_start();
+    while let Some(first) = rest.chars().next() {
+        let length = if is_word(first) { rest.find(|c| !is_word(c)).unwrap_or(rest.len()) } else { first.len_utf8() };
+        tokens.push(&rest[..length]);
+        rest = rest[length..].trim_start();
+    }
+    tokens
+}
+
+fn names(code: &str, word: &str) -> bool {
+    tokens(code).contains(&word)
+}
+
+/// What stands behind every `root::`, one step deep: also inside `root::{…}`.
+fn steps_from<'a>(code: &'a str, root: &str) -> BTreeSet<&'a str> {
+    let tokens = tokens(code);
+    let mut steps = BTreeSet::new();
+    for (i, _) in tokens.windows(3).enumerate().filter(|(_, w)| *w == [root, ":", ":"]) {
+        match tokens.get(i + 3) {
+            Some(&"{") => steps.extend(group(&tokens[i + 4..])),
+            Some(step) => _ = steps.insert(step),
+            None => {}
+        }
+    }
+    steps
+}
+
+/// First words of the entries of a `{a::b, c::{d, e}}`, which has been entered.
+fn group<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
+    let (mut depth, mut is_first, mut found) = (0, true, Vec::new());
+    for token in tokens {
+        match *token {
+            "{" => depth += 1,
+            "}" if depth == 0 => break,
+            "}" => depth -= 1,
+            "," if depth == 0 => is_first = true,
+            word if is_first => {
+                found.push(word);
+                is_first = false;
+            }
+            _ => {}
+        }
+    }
+    found
+}
+
+// --- The rules: each says what is wrong with one file's code ---
+
+/// Words for real numbers, and numbers with a point.
+fn floats(code: &str) -> Vec<String> {
+    let words = ["f32", "f64"].into_iter().filter(|word| names(code, word)).map(String::from);
+    words.chain(float_literals(code)).collect()
+}
+
+fn float_literals(code: &str) -> Vec<String> {
+    let bytes = code.as_bytes();
+    let is_digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
+    let starts =
+        |i: usize| is_digit(i) && (i == 0 || !is_word(bytes[i - 1] as char) && (bytes[i - 1] != b'.' || bytes[..i].ends_with(b"..")));
+    let mut found = Vec::new();
+    for start in (0..bytes.len()).filter(|i| starts(*i)) {
+        let end = (start..bytes.len()).find(|i| !is_digit(*i) && bytes[*i] != b'_').unwrap_or(bytes.len());
+        let is_hex = code[start..].starts_with("0x");
+        let has_exponent = !is_hex && matches!(bytes.get(end), Some(b'e' | b'E'));
+        let has_point = bytes.get(end) == Some(&b'.') && is_digit(end + 1);
+        if has_point || has_exponent || code[end..].starts_with("f32") || code[end..].starts_with("f64") {
+            found.push(code[start..].chars().take_while(|c| is_word(*c) || *c == '.').collect());
+        }
+    }
+    found
+}
+
+/// What a machine has not: files, clocks, prints, threads' luck, an environment.
+fn surroundings(code: &str) -> Vec<String> {
+    let words = [
+        "println",
+        "print",
+        "eprintln",
+        "eprint",
+        "dbg",
+        "Instant",
+        "SystemTime",
+        "HashMap",
+        "HashSet",
+        "File",
+        "stdout",
+        "stderr",
+        "stdin",
+    ];
+    let roots = ["fs", "io", "env", "net", "time", "process", "path"];
+    let used = steps_from(code, "std");
+    let words = words.into_iter().filter(|word| names(code, word));
+    words.chain(roots.into_iter().filter(|root| used.contains(root))).map(String::from).collect()
+}
+
+/// What a unit may name of its crate.
+fn neighbours(code: &str) -> Vec<String> {
+    let allowed = ["num", "machine", "frame", "probe"];
+    let steps = steps_from(code, "crate").into_iter().filter(|step| !allowed.contains(step)).map(|step| format!("crate::{step}"));
+    let outside = ["super", "units", "rayon", "pipeline"].into_iter().filter(|word| names(code, word)).map(String::from);
+    steps.chain(outside).collect()
+}
+
+/// Shifts to the right, which drop bits. (The formatter puts spaces around the sign, but not where it closes generics.)
+fn right_shifts(code: &str) -> Vec<String> {
+    let by_sign = code.lines().filter(|line| line.contains(" >> ") || line.contains(" >>= ") || line.trim_start().starts_with(">> "));
+    let by_name = code.lines().filter(|line| tokens(line).iter().any(|word| word.ends_with("shr")));
+    by_sign.chain(by_name).map(|line| line.trim().to_owned()).collect()
+}
+
+/// Ways from real numbers to words: naming the machine's memory and registers, or scaling by powers of two beside the machine.
+fn ways_to_bits(code: &str) -> Vec<String> {
+    let steps = steps_from(code, "rtl_model");
+    if steps.is_empty() {
+        return Vec::new();
+    }
+    let memory = ["frame", "Frame"].into_iter().filter(|step| steps.contains(step)).map(|step| format!("rtl_model::{step}"));
+    let scaling = ["exp2", "ldexp", "scalbn", "to_bits", "powi"].into_iter().filter(|word| names(code, word)).map(String::from);
+    memory.chain(scaling).collect()
+}
+
+/// Applies a rule to the files that `applies` picks, of which there must be some.
+fn check(sources: &Sources, applies: impl Fn(&str) -> bool, rule: impl Fn(&str, &str) -> Vec<String>) {
+    let chosen: Vec<_> = sources.iter().filter(|(path, _)| applies(path)).collect();
+    assert!(!chosen.is_empty(), "no file is looked at");
+    let broken: Vec<String> =
+        chosen.into_iter().flat_map(|(path, code)| rule(path, code).into_iter().map(move |what| format!("{path}: {what}"))).collect();
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
+
+const MACHINE: &str = "rtl_model/src/";
+const UNITS: &str = "rtl_model/src/units/";
+const NUM: &str = "rtl_model/src/num/";
+
+// --- The invariants ---
+
+#[test]
+fn the_machine_has_no_floats() {
+    let mut sources = sources(&["rtl_model/src"]);
+    let num = sources.get_mut("rtl_model/src/num.rs").unwrap();
+    // For human eyes and for the bench; that no unit calls it is the next test.
+    let without_value = without_items(num, "pub fn value(self");
+    assert_ne!(*num, without_value);
+    *num = without_value;
+    check(&sources, |_| true, |_, code| floats(code));
+}
+
+#[test]
+fn no_unit_asks_what_a_word_stands_for() {
+    let calls = |code: &str| tokens(code).windows(3).any(|w| w == [".", "value", "("]);
+    check(&sources(&[MACHINE]), |_| true, |_, code| calls(code).then(|| "calls value()".into()).into_iter().collect());
+    assert!(calls("let x = format.value(word);") && !calls("let value = a.value;"));
+}
+
+#[test]
+fn the_machine_has_no_files_clocks_prints_or_hash_order() {
+    check(&sources(&[MACHINE]), |_| true, |_, code| surroundings(code));
+}
+
+#[test]
+fn a_unit_names_no_other_unit() {
+    let units = sources(&[UNITS]);
+    assert!(units.len() >= 7, "{} units", units.len());
+    check(&units, |_| true, |_, code| neighbours(code));
+}
+
+#[test]
+fn only_the_wiring_knows_several_units() {
+    // machine.rs elaborates them, probe.rs watches their ports, pipeline.rs wires them.
+    let wiring = ["pipeline.rs", "machine.rs", "probe.rs", "lib.rs"].map(|file| format!("{MACHINE}{file}"));
+    let rule = |_: &str, code: &str| names(code, "units").then(|| "names the units".into()).into_iter().collect();
+    check(&sources(&[MACHINE]), |path| !wiring.iter().any(|file| file == path) && !path.starts_with(UNITS), rule);
+}
+
+#[test]
+fn bits_are_lost_in_num_alone() {
+    // The fit of eight sums at once, and the reach of one, which elaboration works out.
+    let excused = [
+        (">> (limits.right[lane]", "rtl_model/src/units/fragment.rs"),
+        ("] + (most >> right)", "rtl_model/src/units/fragment.rs"),
+        ("] + (least >> right)", "rtl_model/src/units/fragment.rs"),
+        // The vector form of `right`, which is num's own shift.
+        ("(SIGN as u64 >> by)", "rtl_model/src/host.rs"),
+    ];
+    let sources = sources(&[MACHINE]);
+    for (line, path) in excused {
+        assert!(sources[path].contains(line), "{path} has no `{line}` left to excuse");
+    }
+    let is_excused = |path: &str, line: &str| excused.iter().any(|(part, whose)| *whose == path && line.contains(part));
+    check(
+        &sources,
+        |path| !path.starts_with(NUM),
+        |path, code| right_shifts(code).into_iter().filter(|line| !is_excused(path, line)).collect(),
+    );
+}
+
+#[test]
+fn golden_does_not_know_the_machine() {
+    let sources = sources(&["src"]);
+    // golden, and every module of the crate that it names, and that those name.
+    let mut reached = BTreeSet::from(["golden".to_owned()]);
+    loop {
+        let next: BTreeSet<String> = sources
+            .iter()
+            .filter(|(path, _)| reached.contains(&module(path)))
+            .flat_map(|(_, code)| steps_from(code, "crate"))
+            .map(String::from)
+            .chain(reached.clone())
+            .collect();
+        if next == reached {
+            break;
+        }
+        reached = next;
+    }
+    assert!(reached.contains("scene") && reached.contains("picture"), "{reached:?}");
+    check(
+        &sources,
+        |path| reached.contains(&module(path)),
+        |_, code| names(code, "rtl_model").then(|| "names rtl_model".into()).into_iter().collect(),
+    );
+}
+
+/// `src/golden/tiles.rs` belongs to `golden`.
+fn module(path: &str) -> String {
+    let inside = path.strip_prefix("src/").unwrap_or(path);
+    inside.split(['/', '.']).next().unwrap_or_default().to_owned()
+}
+
+#[test]
+fn only_quantise_turns_real_numbers_into_bits() {
+    let sources = sources(&["src"]);
+    assert!(!ways_to_bits(&sources["src/quantise.rs"]).is_empty(), "the rule no longer sees the one door");
+    check(&sources, |path| path != "src/quantise.rs", |_, code| ways_to_bits(code));
+}
+
+#[test]
+fn the_only_unsafe_code_asks_for_vector_instructions() {
+    let sources = sources(&["rtl_model/src", "rtl_model/tests", "src", "tests", "benches", "examples"]);
+    assert!(names(&sources["rtl_model/src/host.rs"], "unsafe"));
+    let rule = |_: &str, code: &str| names(code, "unsafe").then(|| "has unsafe code".into()).into_iter().collect();
+    check(&sources, |path| path != "rtl_model/src/host.rs", rule);
+}
+
+// --- The rules can fail ---
+
+#[test]
+fn what_is_not_code_is_not_seen() {
+    let text =
+        "// f64\n/* f32 /* f64 */ f32 */ let a = \"f64 \\\" f64\"; let b = r#\"f64 \" f64\"#; let c = '\"'; let d: &'a str = \"f64\";\n";
+    assert_eq!(floats(&code(text)), [""; 0]);
+    assert_eq!(code(text).lines().count(), 2);
+    assert!(names(&code(text), "str"));
+    let tested = "fn a() {}\n#[cfg(test)]\nmod tests { fn b() { f64 } }\nfn c() {}\n#[cfg(test)]\nmod more;\nfn d() {}";
+    assert_eq!(tokens(&without_tests(tested)).join(" "), "fn a ( ) { } fn c ( ) { } fn d ( ) { }");
+}
+
+#[test]
+fn floats_are_seen() {
+    for text in ["let x: f64 = a;", "a as f32", "let x = 0.5;", "x * 1_000.25", "1e9", "2f64", "0..1.5"] {
+        assert!(!floats(text).is_empty(), "{text}");
+    }
+    for text in ["self.0.1", "0..5", "1.max(2)", "0x1e9", "f64_like", "a.0", "1 << 5", "[0; 4]"] {
+        assert!(floats(text).is_empty(), "{text}: {:?}", floats(text));
+    }
+}
+
+#[test]
+fn surroundings_are_seen() {
+    for text in ["use std::fs;", "use std::{fmt, fs::File};", "println!()", "std::time::Duration", "HashMap::new()", "use std::{fmt, io};"]
+    {
+        assert!(!surroundings(text).is_empty(), "{text}");
+    }
+    assert!(surroundings("use std::fmt; use std::{array, ops::{Add, Mul}}; let time = 1; profs.println_count").is_empty());
+}
+
+#[test]
+fn neighbours_are_seen() {
+    for text in [
+        "use crate::units::gauss;",
+        "use super::gauss;",
+        "use crate::{num::Fit, pipeline};",
+        "crate::host::vectorised()",
+        "use rayon::prelude::*;",
+    ] {
+        assert!(!neighbours(text).is_empty(), "{text}");
+    }
+    assert!(neighbours("use crate::{num::{Fit, Lanes}, machine::Machine}; use crate::frame::View; use self::x;").is_empty());
+}
+
+#[test]
+fn right_shifts_are_seen() {
+    for text in ["let a = b >> 3;", "a >>= 1;", "    >> (c & 31)", "a.wrapping_shr(3)", "a.checked_shr(b)"] {
+        assert!(!right_shifts(text).is_empty(), "{text}");
+    }
+    assert!(right_shifts("let a: Vec<Vec<u8>> = b << 3; fn c() -> Option<Option<u8>> {}").is_empty());
+}
+
+#[test]
+fn ways_to_bits_are_seen() {
+    for text in ["use rtl_model::Frame;", "use rtl_model::{Machine, frame::Splat};", "use rtl_model::Machine; fn f(x: f64) { x.exp2() }"] {
+        assert!(!ways_to_bits(text).is_empty(), "{text}");
+    }
+    assert!(ways_to_bits("use rtl_model::Machine; x.floor()").is_empty() && ways_to_bits("x.exp2()").is_empty());
+}
+
+#[test]
+#[should_panic(expected = "no file is looked at")]
+fn a_rule_over_nothing_is_no_rule() {
+    check(&Sources::new(), |_| true, |_, _| Vec::new());
+}
+
+#[test]
+#[should_panic(expected = "a.rs: has a fault")]
+fn a_broken_rule_names_the_file() {
+    check(&Sources::from([("a.rs".into(), "x".into())]), |_| true, |_, _| vec!["has a fault".into()]);
+}

@@ -1,0 +1,44 @@
+//! Draws a scene once on a machine, one thread, nobody watching: for counting instructions.
+//!
+//! ```sh
+//! cargo build --release --example instructions
+//! for half in setup fill; do
+//!   valgrind --tool=callgrind --callgrind-out-file=/tmp/$half.out --collect-atstart=no --toggle-collect="instructions::$half*" \
+//!     target/release/examples/instructions ../shared/data/scenes/dragon.json reference
+//! done
+//! callgrind_annotate /tmp/fill.out   # the same by function and file
+//! ```
+//! "Collected" of the first run over the splats printed is instructions a splat in setup; that of the second over the fragments
+//! printed is instructions a fragment in raster, gauss and fragment, with binning, merging, shading and resolving.
+
+use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::pipeline::{self, Drawing, Setup};
+use rtl_model::probe::Unwatched;
+use splatsim::error::{Error, Result};
+use splatsim::quantise::{Quantised, quantise};
+use splatsim::scene::{Overrides, Scene};
+
+#[inline(never)]
+fn setup(machine: &Elaborated, quantised: &Quantised) -> Setup {
+    pipeline::set_up(machine, &quantised.frame, &mut Unwatched)
+}
+
+#[inline(never)]
+fn fill(machine: &Elaborated, quantised: &Quantised, setup: &Setup) -> Drawing {
+    pipeline::fill(machine, &quantised.frame, setup, &mut Unwatched)
+}
+
+fn main() -> Result<()> {
+    let mut arguments = std::env::args().skip(1);
+    let scene = arguments.next().unwrap_or_else(|| "glass-spheres".into());
+    let name = arguments.next().unwrap_or_else(|| "reference".into());
+    let scene = Scene::load(&scene, &Overrides::default())?;
+    let machine =
+        Machine::named(&name).ok_or_else(|| Error::input(format!("no machine {name}; there are {}", Machine::NAMES.join(", "))))?;
+    let elaborated = splatsim::fixed::elaborate(&machine)?;
+    let quantised = quantise(&scene, &machine)?;
+    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
+    let drawing = one_thread.install(|| fill(&elaborated, &quantised, &setup(&elaborated, &quantised)));
+    println!("{} on {name}: {} splats, {} fragments", scene.name, scene.splats.len(), drawing.outcomes.total());
+    Ok(())
+}
