@@ -26,6 +26,7 @@ pub mod machine;
 pub mod num;
 pub mod pipeline;
 pub mod probe;
+pub mod real;
 pub mod units;
 
 pub use frame::Frame;

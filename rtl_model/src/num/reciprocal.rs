@@ -104,5 +104,7 @@ fn table(config: FunctionUnit) -> Vec<i64> {
         .collect()
 }
 
+mod real;
+
 #[cfg(test)]
 mod tests;

@@ -126,5 +126,7 @@ pub fn interpolated(word: Word, fraction_bits: u32) -> Exact {
     Exact { int_bits: word.int_bits, frac_bits: word.frac_bits + fraction_bits as i32 }
 }
 
+pub mod real;
+
 #[cfg(test)]
 mod tests;

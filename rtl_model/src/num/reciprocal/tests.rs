@@ -16,18 +16,6 @@ fn one(unit: &Reciprocal, x: i64) -> (i64, i64) {
     unit.one(x, &mut Tap::new(&mut Unwatched))
 }
 
-/// Greatest |1 − x·(1/x)|, with u = 2^−bits.
-///
-/// Table: the middle of a step is at most half a step from m, so 1 − m·y₀ ≤ 2^−(table_bits + 1); rounding y₀ moves it by m·u/2 ≤ u.
-/// A Newton step squares what is left; its correction is rounded by u/2, times m·y; its result by u/2, times m ≤ 2.
-/// The mantissa's cut counts once: x is at most u larger than m.
-fn bound(table_bits: u32, newton_steps: u32, bits: u32) -> f64 {
-    let u = f64::from(bits).exp2().recip();
-    let table = f64::from(table_bits + 1).exp2().recip() + u;
-    let left = (0..newton_steps).fold(table, |e, _| e * e + (1.0 + e) * u / 2.0 + u);
-    left + (1.0 + left) * u
-}
-
 /// |1 − x·y·2^exponent|, and whether the mantissa is one.
 fn error(x: i64, (y, exponent): (i64, i64), bits: u32, operand_frac_bits: i32) -> f64 {
     // x·y < 2^79; both powers of two are exact in f64.
@@ -40,7 +28,7 @@ fn error(x: i64, (y, exponent): (i64, i64), bits: u32, operand_frac_bits: i32) -
 fn holds(unit: &Reciprocal, x: i64, worst: &mut f64) {
     let Reciprocal { table_bits, newton_steps, bits, operand_frac_bits, .. } = *unit;
     let result = one(unit, x);
-    let bound = bound(table_bits, newton_steps, bits);
+    let bound = unit.relative_error();
     let error = error(x, result, bits, operand_frac_bits as i32).abs();
     assert!(error <= bound, "1/{x}: off by {error}, bound {bound} (table {table_bits}, steps {newton_steps}, bits {bits})");
     let least = (1.0 - bound) * f64::from(bits - 1).exp2();

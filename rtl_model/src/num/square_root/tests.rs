@@ -16,29 +16,10 @@ fn one(unit: &ReciprocalRoot, x: i64) -> (i64, i64) {
     unit.one(x, &mut Tap::new(&mut Unwatched))
 }
 
-/// Greatest |1 − y·√x|, with u = 2^−bits and steps of h = 4/2^table_bits over [0, 4).
-///
-/// Table: y₀ = 1/√c at a step's middle c; √(m/c) is farthest from 1 at the ends of the first step that is asked for, [1, 1 + h)
-/// (with one table bit: [1, 2), whose word is that of the middle of [0, 2), 1). Its rounding, ¾u by two roundings, counts √m ≤ 2 times.
-/// A Newton step leaves (3e² + e³)/2; `square` is rounded by u/2, times y·√m·m/2; `correction` by u/2, times y·√m; `result` by
-/// u/2, times √m ≤ 2. The mantissa's cut counts half: x is at most 2u larger than m.
-fn bound(table_bits: u32, newton_steps: u32, bits: u32) -> f64 {
-    let u = f64::from(bits).exp2().recip();
-    let h = 4.0 * f64::from(table_bits).exp2().recip();
-    let ends = if table_bits == 1 {
-        2f64.sqrt() - 1.0
-    } else {
-        (1.0 - (1.0 + h / 2.0).sqrt().recip()).max(((1.0 + h) / (1.0 + h / 2.0)).sqrt() - 1.0)
-    };
-    let table = ends + 1.5 * u;
-    let left = (0..newton_steps).fold(table, |e, _| (3.0 * e * e + e * e * e) / 2.0 + (1.0 + e) * 1.5 * u + u);
-    left + (1.0 + left) * u
-}
-
 fn holds(unit: &ReciprocalRoot, x: i64, worst: &mut f64) {
     let ReciprocalRoot { table_bits, newton_steps, bits, operand_frac_bits, .. } = *unit;
     let (y, exponent) = one(unit, x);
-    let bound = bound(table_bits, newton_steps, bits);
+    let bound = unit.relative_error();
     let value = x as f64 * (-operand_frac_bits as f64).exp2();
     let error = (1.0 - y as f64 * (exponent as f64 - f64::from(bits)).exp2() * value.sqrt()).abs();
     assert!(error <= bound, "1/√{x}: off by {error}, bound {bound} (table {table_bits}, steps {newton_steps}, bits {bits})");
