@@ -1,6 +1,7 @@
 //! Compare: says how far two pictures of one scene lie apart (INTERFACE: "accuracy").
 
 mod error_picture;
+mod lockstep;
 mod ssim;
 
 use rayon::prelude::*;
@@ -9,6 +10,7 @@ use serde::Serialize;
 use crate::picture::Picture;
 
 pub use error_picture::{ErrorPicture, error_picture};
+pub use lockstep::{Flips, KINDS, Lockstep, lockstep};
 
 /// Distance of two pictures: over the colour channels, linear and premultiplied, clamped to [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

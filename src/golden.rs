@@ -10,10 +10,10 @@
 //! Laws (tests/golden_laws.rs, tests/golden_match.rs): `outcomes_sum_to_fragments`, `ideal_does_not_depend_on_the_order_of_splats`,
 //! `enough_layers_make_golden_equal_ideal`, `replace_is_a_z_buffer`, `two_threads_draw_what_one_draws`.
 
-mod footprint;
-mod fragments;
+pub(crate) mod footprint;
+pub(crate) mod fragments;
 mod ideal;
-mod shade;
+pub(crate) mod shade;
 mod story;
 mod tiles;
 

@@ -1,5 +1,6 @@
 //! splatsim: the bench around `rtl_model`. Floats, files, comparison and the command line live here; the machine does not.
 
+pub mod chart;
 pub mod cli;
 pub mod colour;
 pub mod compare;

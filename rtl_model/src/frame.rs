@@ -111,3 +111,5 @@ pub struct Frame {
     /// Splats in input order.
     pub splats: Vec<Splat>,
 }
+
+pub mod real;

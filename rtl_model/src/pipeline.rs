@@ -283,7 +283,12 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
                     tile,
                     probe: &mut fork,
                 };
-                (vectorised(work), fork)
+                let resolved = vectorised(work);
+                if P::DECISIONS {
+                    let [x, y] = resolved.corner.map(u32::from);
+                    fork.tile(x, y);
+                }
+                (resolved, fork)
             },
         )
         .collect();
@@ -537,3 +542,5 @@ fn lit_layer<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: us
     let weight = if fragment.shaded { 0 } else { fragment.sums[WEIGHT] };
     Layer { slot, depth: fragment.depth, weight, merged: fragment.shaded, colour, opacity }
 }
+
+pub mod real;

@@ -27,6 +27,8 @@ pub trait Probe: Send + Sync + Sized {
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
     /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
+    /// The tile whose first pixel is (x, y) is done: its decisions have all been told.
+    fn tile(&mut self, _x: u32, _y: u32) {}
 }
 
 /// Nobody watches.

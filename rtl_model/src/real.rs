@@ -73,6 +73,10 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn inverse_root(self, unit: &ReciprocalRoot) -> Self;
     /// √x of a number that is not negative, by a function unit.
     fn root(self, unit: &ReciprocalRoot) -> Self;
+    /// The machine's side may be off by as much more.
+    fn off_by(self, error: f64) -> Self;
+    /// The magnitude with the sign of another number, by machine and exact side each.
+    fn with_sign_of(self, other: Self) -> Self;
     /// A monotone function that the machine has to within `error`.
     fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Self;
 }
@@ -236,6 +240,18 @@ impl Real for Near {
     fn root(self, unit: &ReciprocalRoot) -> Near {
         let error = unit.relative_error();
         Near::between(self.value.sqrt(), (1.0 - error) * self.low().max(0.0).sqrt(), (1.0 + error) * self.high().sqrt())
+    }
+
+    fn off_by(self, error: f64) -> Near {
+        Near::within(self.value, self.error + error)
+    }
+
+    fn with_sign_of(self, other: Near) -> Near {
+        let value = self.value.abs().copysign(other.value);
+        if other.low() < 0.0 && other.high() >= 0.0 {
+            return Near::between(value, -self.most(), self.most());
+        }
+        Near { value, error: self.error }
     }
 
     fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Near {

@@ -9,7 +9,7 @@ use crate::scene::{Scene, View};
 
 /// A splat as the picture sees it, in pixels; depths and normals are in camera space.
 #[derive(Clone, Debug)]
-pub(super) struct Footprint {
+pub(crate) struct Footprint {
     /// Index of the splat in the scene.
     pub splat: u32,
     /// Pixel columns and rows whose centres lie in the box, clipped to the picture.
@@ -33,7 +33,7 @@ pub(super) struct Footprint {
 
 /// Why a splat leaves no footprint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Cull {
+pub(crate) enum Cull {
     Near,
     Outside,
     Backface,
@@ -42,7 +42,7 @@ pub(super) enum Cull {
 
 /// What one footprint gives to one pixel.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Contribution {
+pub(crate) struct Contribution {
     pub radial_index: f64,
     pub weight: f64,
     pub z: f64,
@@ -86,32 +86,47 @@ impl Variance {
     }
 }
 
-/// Sets up the `index`-th splat, or says why it is not drawn. The tests come in the order in which culled splats are counted.
-pub(super) fn set_up(scene: &Scene, view: &View, index: usize) -> Result<Footprint, Cull> {
+/// Sets up the `index`-th splat, or says why it is not drawn.
+pub(crate) fn set_up(scene: &Scene, view: &View, index: usize) -> Result<Footprint, Cull> {
+    let (footprint, cull) = set_up_anyway(scene, view, index);
+    cull.map_or(Ok(footprint), Err)
+}
+
+/// Sets up the `index`-th splat, and says why it is not drawn if it is not: then its footprint may make no sense. The tests come
+/// in the order in which culled splats are counted.
+pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footprint, Option<Cull>) {
     let splat = &scene.splats[index];
     let cutoff = scene.kernel.cutoff;
     let t = view.rotation * (splat.position - view.eye);
-    let ray = ray(scene, view, t)?;
+    let ray = DVec3::new(t.x / t.z, t.y / t.z, 1.0);
     let normal = view.rotation * splat.normal;
     let c_n = normal.dot(ray);
     let reconstruction = Variance::of_disc(view.focal_px * splat.radius / t.z, ray, normal);
     let variance = reconstruction.low_passed(scene.kernel.low_pass);
     let centre = [0, 1].map(|axis| view.focal_px * ray[axis] + view.half_px[axis]);
     let reach = [variance.entries[0], variance.entries[2]].map(|entry| (cutoff * entry).sqrt());
-    let columns = pixels(centre[0], reach[0], scene.image.width).ok_or(Cull::Outside)?;
-    let rows = pixels(centre[1], reach[1], scene.image.height).ok_or(Cull::Outside)?;
-    if scene.surface.cull_backfaces && normal.dot(t) > 0.0 {
-        return Err(Cull::Backface);
-    }
+    let columns = pixels(centre[0], reach[0], scene.image.width);
+    let rows = pixels(centre[1], reach[1], scene.image.height);
     let amplitude = (reconstruction.determinant / variance.determinant).sqrt() / TAU;
-    // Zero where c_n is; 0/0 where there is no low-pass filter either.
-    if amplitude == 0.0 || amplitude.is_nan() {
-        return Err(Cull::Faint);
-    }
-    Ok(Footprint {
+    let beyond = |axis: usize| ray[axis].abs() > 1.5 * view.half_px[axis] / view.focal_px;
+    // Coordinates near the end of their range overflow to something that is no number.
+    let cull = if t.z <= scene.camera.near || t.z.is_nan() {
+        Some(Cull::Near)
+    } else if beyond(0) || beyond(1) || columns.is_none() || rows.is_none() {
+        // So far to the side the affine approximation has no meaning.
+        Some(Cull::Outside)
+    } else if scene.surface.cull_backfaces && normal.dot(t) > 0.0 {
+        Some(Cull::Backface)
+    } else if amplitude == 0.0 || amplitude.is_nan() {
+        // Zero where c_n is; 0/0 where there is no low-pass filter either.
+        Some(Cull::Faint)
+    } else {
+        None
+    };
+    let footprint = Footprint {
         splat: index as u32,
-        columns,
-        rows,
+        columns: columns.unwrap_or_default(),
+        rows: rows.unwrap_or_default(),
         rgb: DVec3::from_array(splat.rgb),
         opacity: splat.opacity,
         normal,
@@ -123,18 +138,8 @@ pub(super) fn set_up(scene: &Scene, view: &View, index: usize) -> Result<Footpri
         slope: [normal.x, normal.y].map(|n| -t.z * n / (c_n * view.focal_px)),
         z_reach: splat.radius * cutoff.sqrt(),
         cutoff,
-    })
-}
-
-/// `(a, b, 1)`, the ray to a point in camera space, as far to the side as the affine approximation has a meaning.
-fn ray(scene: &Scene, view: &View, t: DVec3) -> Result<DVec3, Cull> {
-    // Coordinates near the end of their range overflow to something that is no number.
-    if t.z <= scene.camera.near || t.z.is_nan() {
-        return Err(Cull::Near);
-    }
-    let ray = DVec3::new(t.x / t.z, t.y / t.z, 1.0);
-    let beyond = |axis: usize| ray[axis].abs() > 1.5 * view.half_px[axis] / view.focal_px;
-    if beyond(0) || beyond(1) { Err(Cull::Outside) } else { Ok(ray) }
+    };
+    (footprint, cull)
 }
 
 /// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none where the interval misses the picture.
@@ -157,7 +162,7 @@ impl Footprint {
 }
 
 /// One row of a footprint: `r = Q00·dx² + linear·dx + constant`.
-pub(super) struct Row<'a> {
+pub(crate) struct Row<'a> {
     footprint: &'a Footprint,
     linear: f64,
     constant: f64,
@@ -168,16 +173,33 @@ impl Row<'_> {
     /// What the footprint gives to the pixel in column `x`, if it reaches it.
     #[inline]
     pub fn at(&self, x: u32) -> Option<Contribution> {
+        let (dx, radial_index) = self.radial_index(x);
+        (radial_index < self.footprint.cutoff).then(|| self.contribution(dx, radial_index))
+    }
+
+    /// What the footprint gives to the pixel in column `x`, or would give if it reached that far.
+    pub fn beyond(&self, x: u32) -> Contribution {
+        let (dx, radial_index) = self.radial_index(x);
+        self.contribution(dx, radial_index)
+    }
+
+    #[inline]
+    fn radial_index(&self, x: u32) -> (f64, f64) {
         let footprint = self.footprint;
         let dx = f64::from(x) + 0.5 - footprint.centre[0];
-        let radial_index = (footprint.conic[0] * dx + self.linear) * dx + self.constant;
-        (radial_index < footprint.cutoff).then(|| Contribution {
+        (dx, (footprint.conic[0] * dx + self.linear) * dx + self.constant)
+    }
+
+    #[inline]
+    fn contribution(&self, dx: f64, radial_index: f64) -> Contribution {
+        let footprint = self.footprint;
+        Contribution {
             radial_index,
             // A needle's conic may round to one that is not positive; its weight must still not exceed its amplitude.
             weight: footprint.amplitude * libm::exp(-0.5 * radial_index.max(0.0)),
             // max and min rather than clamp: they take an infinite slope times zero to a bound.
             z: (self.z + footprint.slope[0] * dx).max(footprint.z - footprint.z_reach).min(footprint.z + footprint.z_reach),
-        })
+        }
     }
 }
 

@@ -15,7 +15,7 @@ use super::{FragmentDepth, Merge, Outcomes, Rules};
 
 /// One layer of one pixel. Unshaded it holds weighted sums; shaded, a premultiplied colour and its alpha.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Fragment {
+pub(crate) struct Fragment {
     pub weight: f64,
     pub rgb: DVec3,
     pub alpha: f64,
@@ -80,12 +80,12 @@ impl Fragment {
         self.normal += contribution.normal;
     }
 
-    fn is_opaque(&self, limit: f64, coverage_threshold: f64) -> bool {
+    pub fn is_opaque(&self, limit: f64, coverage_threshold: f64) -> bool {
         if self.shaded { self.alpha >= limit } else { self.alpha >= limit * self.weight && self.weight >= coverage_threshold }
     }
 
     /// The two as one, at the front's depth.
-    fn merge(front: &Fragment, back: &Fragment, shader: &Shader) -> Fragment {
+    pub fn merge(front: &Fragment, back: &Fragment, shader: &Shader) -> Fragment {
         let both = over(shader.premultiplied(front), shader.premultiplied(back));
         Fragment { rgb: both.truncate(), alpha: both.w, shaded: true, ..*front }
     }
@@ -165,7 +165,7 @@ impl Painter for Golden<'_> {
 }
 
 /// The unshaded fragment nearest in z among those nearer than ε; of equals the lowest slot.
-fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -> Option<usize> {
+pub(crate) fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -> Option<usize> {
     let (mut least, mut nearest) = (z_threshold, None);
     for (slot, fragment) in fragments.iter().enumerate() {
         let distance = (z - fragment.z).abs();
@@ -204,7 +204,7 @@ fn overflow(rules: &Rules, shader: &Shader, slots: &mut [Fragment], new: Fragmen
 }
 
 /// The front of the adjacent pair that differs least in z; of equals the one nearer to the eye.
-fn nearest_pair(fragments: &[Fragment]) -> usize {
+pub(crate) fn nearest_pair(fragments: &[Fragment]) -> usize {
     let gaps = fragments.windows(2).map(|pair| pair[1].z - pair[0].z).enumerate();
     gaps.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(front, _)| front)
 }

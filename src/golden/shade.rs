@@ -6,7 +6,7 @@ use super::fragments::Fragment;
 use crate::scene::{Material, Scene};
 
 /// What shading needs of the scene, in camera space.
-pub(super) struct Shader {
+pub(crate) struct Shader {
     lights: Vec<CameraLight>,
     materials: Vec<Material>,
     coverage_threshold: f64,
@@ -84,7 +84,12 @@ impl Shader {
     /// The pixel: layers front to back (those of equal z in the order given), over the background.
     pub fn resolve(&self, layers: &mut [Fragment]) -> [f64; 4] {
         layers.sort_by(|a, b| a.z.total_cmp(&b.z));
-        let front = layers.iter().fold(DVec4::ZERO, |front, layer| over(front, self.premultiplied(layer)));
+        self.blend(layers.iter())
+    }
+
+    /// Layers in the order given, front to back, over the background.
+    pub fn blend<'a>(&self, layers: impl Iterator<Item = &'a Fragment>) -> [f64; 4] {
+        let front = layers.fold(DVec4::ZERO, |front, layer| over(front, self.premultiplied(layer)));
         over(front, self.background).to_array()
     }
 }
@@ -96,6 +101,6 @@ fn facing(sum: DVec3) -> Option<DVec3> {
 }
 
 /// Front over back, both premultiplied.
-pub(super) fn over(front: DVec4, back: DVec4) -> DVec4 {
+pub(crate) fn over(front: DVec4, back: DVec4) -> DVec4 {
     front + back * (1.0 - front.w)
 }

@@ -15,6 +15,7 @@ use crate::machine::{Elaboration, Interpolation, TableShape};
 #[derive(Clone, Debug)]
 pub struct Table {
     fit: Fit,
+    interpolation: Interpolation,
     fraction_bits: u32,
     /// Value at each address.
     values: Vec<i64>,
@@ -35,6 +36,7 @@ impl Table {
         };
         Table {
             fit,
+            interpolation,
             fraction_bits: Table::fraction_bits(index_bits, argument_bits),
             values: words[..steps].to_vec(),
             deltas: (0..steps).map(delta).collect(),
@@ -60,6 +62,11 @@ impl Table {
         let address = argument.right(self.fraction_bits);
         let fraction = argument - address.left(self.fraction_bits);
         address.look_up(&self.values).left(self.fraction_bits) + address.look_up(&self.deltas) * fraction
+    }
+
+    /// What lies between two words.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
     }
 
     /// The fit of the result.

@@ -421,3 +421,5 @@ impl Ellipse {
         [tap.fit_shifted(&self.depth_slope, away * n[0], more), tap.fit_shifted(&self.depth_slope, away * n[1], more)]
     }
 }
+
+pub mod real;

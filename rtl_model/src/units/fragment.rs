@@ -409,6 +409,11 @@ impl Fragment {
         self.narrow
     }
 
+    /// The fit of a depth.
+    pub fn depth_fit(&self) -> &Fit {
+        &self.depth
+    }
+
     /// Depths as the comparators see them.
     #[inline(always)]
     pub fn depth<V: Lanes, P: Probe>(&self, exact: V, tap: &mut Tap<P>) -> V {

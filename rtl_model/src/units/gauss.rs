@@ -63,5 +63,7 @@ impl Gauss {
     }
 }
 
+pub mod real;
+
 #[cfg(test)]
 mod tests;

@@ -141,5 +141,7 @@ impl Project {
     }
 }
 
+pub mod real;
+
 #[cfg(test)]
 mod tests;

@@ -261,5 +261,6 @@ impl Shade {
     }
 }
 
+pub mod real;
 #[cfg(test)]
 mod tests;

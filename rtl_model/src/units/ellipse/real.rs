@@ -1,0 +1,130 @@
+//! Ellipse over the reals: how far a footprint may lie from the exact one.
+//!
+//! Every word is relative to the splat's own power of two, so that with last places u the variance is known to some u·k², its
+//! determinant to u·k⁴ and, where the footprint is not thinner than the low-pass filter, the conic to a few u of itself. A needle
+//! is where it breaks: there the determinant is as small as v·k² and the conic's relative error grows as u·k²/v.
+
+use super::Ellipse;
+use crate::frame::real::{Splat, View};
+use crate::num::{three, two};
+use crate::real::{Real, Scale, power_of_two};
+
+/// Input port.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<R> {
+    /// The splat's record.
+    pub splat: Splat<R>,
+    /// t_z, machine units, at least a word.
+    pub forward: R,
+    /// The power of two that its word is relative to.
+    pub exponent: Scale,
+    /// 1/t_z.
+    pub inverse_depth: R,
+    /// a, b.
+    pub slope: [R; 2],
+}
+
+/// Output port.
+#[derive(Clone, Copy, Debug)]
+pub struct Output<R> {
+    /// Camera-space normal.
+    pub normal: [R; 3],
+    /// c_n.
+    pub facing: R,
+    /// Q00, Q01, Q11, pixel⁻².
+    pub conic: [R; 3],
+    /// A.
+    pub amplitude: R,
+    /// Half-extents of the box, pixels.
+    pub extent: [R; 2],
+    /// z_x, z_y, machine units a pixel.
+    pub depth_slope: [R; 2],
+    /// Half-width of the depth clamp, machine units.
+    pub depth_range: R,
+}
+
+/// The power of two whose even power normalises a number to [1, 4).
+fn half(scale: Scale) -> Scale {
+    Scale { low: scale.low.div_euclid(2), high: scale.high.div_euclid(2) }
+}
+
+impl Ellipse {
+    /// Sets a splat up.
+    pub fn real<R: Real>(&self, view: &View<R>, input: &Input<R>) -> Output<R> {
+        let [x, y, z] = input.splat.normal;
+        let normal = three!(row => {
+            let [a, b, c] = view.rotation[row];
+            (a * x + b * y + c * z).fit(&self.normal, Scale::ONE)
+        });
+        let [a, b] = input.slope;
+        let tilt = [(normal[0] - a * normal[2]).fit(&self.tilt, Scale::ONE), (normal[1] - b * normal[2]).fit(&self.tilt, Scale::ONE)];
+        let facing = (a * normal[0] + b * normal[1] + normal[2]).fit(&self.facing, Scale::ONE);
+
+        let (size_squared, exponent) = self.real_size(view, input);
+        let squared = exponent.power(2);
+        let low_pass = view.low_pass.fit(&self.low_pass, squared);
+        let variance = self.real_variance(input.slope, tilt, size_squared, low_pass, squared);
+        let area = (size_squared * facing).fit(&self.area, squared);
+        let determinant = (area * area + low_pass * (variance[0] + variance[2]) - low_pass * low_pass)
+            .fit(&self.determinant, exponent.power(4))
+            .at_least(power_of_two(4 * exponent.low - self.determinant.word.format.frac_bits));
+
+        let root = determinant.inverse_root(&self.root);
+        let inverse = (root * root).fit(&self.inverse, half(determinant.leading()).inverse().power(2));
+        let visibility = (area.abs() * root).fit(&self.visibility, Scale::ONE);
+        Output {
+            normal: three!(axis => normal[axis].fit(&self.fragment_normal, Scale::ONE)),
+            facing,
+            conic: [
+                (variance[2] * inverse).fit(&self.conic, Scale::ONE),
+                (-(variance[1] * inverse)).fit(&self.conic_cross, Scale::ONE),
+                (variance[0] * inverse).fit(&self.conic, Scale::ONE),
+            ],
+            amplitude: (visibility * view.inverse_two_pi).fit(&self.amplitude, Scale::ONE),
+            extent: [self.real_extent(view, variance[0]), self.real_extent(view, variance[2])],
+            depth_slope: self.real_depth_slope(view, input, normal, facing),
+            depth_range: (input.splat.radius * view.root_cutoff).fit(&self.depth_range, Scale::ONE),
+        }
+    }
+
+    /// k² and the power of two that k is relative to.
+    fn real_size<R: Real>(&self, view: &View<R>, input: &Input<R>) -> (R, Scale) {
+        let scaled = (view.focal * input.splat.radius).at_least(power_of_two(-self.places.scaled_radius as i32));
+        let leading = scaled.leading();
+        let mantissa = scaled.fit(&self.scaled_radius, leading);
+        let power = leading.times(input.forward.leading().inverse());
+        let exponent = Scale { low: (power.low + 1).max(0), high: (power.high + 1).max(0) };
+        let size = (mantissa * input.inverse_depth).fit(&self.size, exponent);
+        ((size * size).fit(&self.size_squared, exponent.power(2)), exponent)
+    }
+
+    /// V00, V01, V11.
+    fn real_variance<R: Real>(&self, slope: [R; 2], tilt: [R; 2], size_squared: R, low_pass: R, scale: Scale) -> [R; 3] {
+        let [a, b] = slope;
+        let xx = (a * a - tilt[0] * tilt[0]).plus(1.0).fit(&self.shape, Scale::ONE);
+        let xy = (a * b - tilt[0] * tilt[1]).fit(&self.shape, Scale::ONE);
+        let yy = (b * b - tilt[1] * tilt[1]).plus(1.0).fit(&self.shape, Scale::ONE);
+        [
+            (size_squared * xx + low_pass).fit(&self.variance, scale),
+            (size_squared * xy).fit(&self.variance_cross, scale),
+            (size_squared * yy + low_pass).fit(&self.variance, scale),
+        ]
+    }
+
+    /// √(cutoff·V). The machine takes one place more.
+    fn real_extent<R: Real>(&self, view: &View<R>, variance: R) -> R {
+        let extent = (view.cutoff * variance).root(&self.extent_root).fit(&self.extent, Scale::ONE);
+        extent.off_by(power_of_two(-self.extent.word.format.frac_bits))
+    }
+
+    /// z_x, z_y.
+    fn real_depth_slope<R: Real>(&self, view: &View<R>, input: &Input<R>, normal: [R; 3], facing: R) -> [R; 2] {
+        let across = facing.abs().at_least(power_of_two(-self.facing.word.format.frac_bits));
+        let inverse = across.reciprocal(&self.slope_reciprocal);
+        let scale = input.exponent.times(view.inverse_focal.leading().shifted(1));
+        let step = (input.forward * view.inverse_focal).fit(&self.depth_step, scale);
+        let steep = (step * inverse).fit(&self.slope_scale, scale.times(across.leading().inverse()));
+        let away = -steep.with_sign_of(facing);
+        two!(axis => (away * normal[axis]).fit(&self.depth_slope, Scale::ONE))
+    }
+}

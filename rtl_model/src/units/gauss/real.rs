@@ -1,0 +1,23 @@
+//! Gauss over the reals: how far a weight may lie from the exact one.
+//!
+//! |Δw| ≤ A·e^(−r/2)·(|Δr| + u_r/2)/2 + ΔA·e^(−r/2) + A·(table error + u_f/2) + u_w/2, with last places u of `radial_index`,
+//! `falloff` and `weight`; the table errs by h²/32 + u_f/2 with straight lines over steps of h, by h/4 + u_f/2 without.
+
+use super::Gauss;
+use crate::num::table;
+use crate::real::{Real, Scale};
+
+impl Gauss {
+    /// How far the table may lie from e^(−r/2), before its result is fitted.
+    pub fn table_error(&self) -> f64 {
+        let range = f64::from(self.radial_index.word.format.int_bits).exp2();
+        table::real::error(self.table.fit(), self.table.interpolation(), range * self.table.step(), 0.5, 0.25)
+    }
+
+    /// A·e^(−r/2).
+    pub fn real<R: Real>(&self, radial: R, amplitude: R) -> R {
+        let index = radial.at_least(0.0).fit(&self.radial_index, Scale::ONE);
+        let falloff = index.function(|r| (-0.5 * r.max(0.0)).exp(), self.table_error()).fit(self.table.fit(), Scale::ONE);
+        (amplitude * falloff).fit(&self.weight, Scale::ONE)
+    }
+}

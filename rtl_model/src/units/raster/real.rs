@@ -1,0 +1,114 @@
+//! Raster over the reals: how far r and z may lie from the exact ones at a pixel.
+//!
+//! The adds are exact, so r at (i, j) columns and rows from the seed is dᵀQd of the machine's own Q and d, and what its seed and
+//! its differences lost when they were rounded (ALGORITHM §4):
+//! ```text
+//! |Δr| ≤ |d|ᵀ ΔQ |d| + 2·|Q d|·Δd + Δdᵀ |Q| Δd                                      other words than the exact ones
+//!      + e₀ + (i + j)·e₁ + (C(i,2) + C(j,2) + i·j)·e₂                               rounded seed and differences
+//! e₀ = (|d_x| + |d_y|)·u_gradient/2 + u_radial/2 at the seed,  e₁ = u_first/2,  e₂ = u_second/2
+//! ```
+//! A register that r outruns, or a difference that is cut off, may hold anything.
+
+use super::{Raster, Rows};
+use crate::num::{Fit, Rounding, two};
+use crate::real::{Near, Real, power_of_two};
+
+/// Input port.
+#[derive(Clone, Copy, Debug)]
+pub struct Input {
+    /// Centre from the picture's middle, pixels.
+    pub pixel: [Near; 2],
+    /// Q00, Q01, Q11.
+    pub conic: [Near; 3],
+    /// t_z, machine units.
+    pub depth: Near,
+    /// z_x, z_y.
+    pub depth_slope: [Near; 2],
+    /// Half-width of the depth clamp.
+    pub depth_range: Near,
+}
+
+/// What cutting a result to a word may lose where it stays in range; nothing where no places are cut.
+fn loss(fit: &Fit) -> f64 {
+    if fit.places() <= 0 {
+        return 0.0;
+    }
+    let place = power_of_two(-fit.word.format.frac_bits);
+    if fit.word.round == Rounding::Truncate { place } else { place / 2.0 }
+}
+
+/// Whether a number may lie outside of a word's range.
+fn outruns(fit: &Fit, most: f64) -> bool {
+    let format = fit.word.format;
+    // A NaN outruns everything.
+    most.partial_cmp(&format.value(format.max())).is_none_or(std::cmp::Ordering::is_gt)
+}
+
+/// What a splat's differences may be wrong by, worked out once for all of its pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Walk {
+    input: Input,
+    /// Pixel and offset, together.
+    offset_error: [f64; 2],
+    /// e₀.
+    seed: f64,
+    /// From the seed's pixel to the centre, pixels.
+    seed_at: [f64; 2],
+    /// Whether every difference stays in its word.
+    sound: bool,
+}
+
+impl Raster {
+    /// Enters a box whose first pixel lies within `reach` pixels of the centre.
+    pub fn near(&self, input: &Input, reach: [f64; 2]) -> Walk {
+        let offset_error = two!(axis => input.pixel[axis].error + loss(&self.offset));
+        let [xx, xy, yy] = [0, 1, 2].map(|i| input.conic[i].most());
+        let [x, y] = two!(axis => reach[axis] + offset_error[axis]);
+        let gradient = loss(&self.gradient);
+        let sound = !outruns(&self.offset, x.max(y))
+            && !outruns(&self.gradient, (xx * x + 2.0 * xy * y).max(yy * y) + gradient)
+            && !outruns(&self.first, (2.0 * xx * x + xx + 2.0 * xy * y).max(2.0 * yy * y + yy + 2.0 * xy * x) + loss(&self.first))
+            && !outruns(&self.second, 2.0 * xx.max(yy).max(xy) + loss(&self.second));
+        Walk { input: *input, offset_error, seed: (x + y) * gradient + loss(&self.radial), seed_at: reach, sound }
+    }
+
+    /// r at a pixel centre, given from the picture's middle.
+    pub fn near_radial(&self, walk: &Walk, at: [f64; 2]) -> Near {
+        let d = two!(axis => at[axis] - walk.input.pixel[axis].value);
+        let [ex, ey] = walk.offset_error;
+        let [xx, xy, yy] = walk.input.conic;
+        let along = [xx.value * d[0] + xy.value * d[1], xy.value * d[0] + yy.value * d[1]];
+        let value = along[0] * d[0] + along[1] * d[1];
+        if !walk.sound {
+            return Near { value, error: f64::INFINITY };
+        }
+        let [x, y] = [d[0].abs() + ex, d[1].abs() + ey];
+        let conic = xx.error * x * x + 2.0 * xy.error * x * y + yy.error * y * y;
+        let moved = 2.0 * (along[0].abs() * ex + along[1].abs() * ey)
+            + xx.value.abs() * ex * ex
+            + 2.0 * xy.value.abs() * ex * ey
+            + yy.value.abs() * ey * ey;
+        // The f64 sum above, for a needle's terms cancel.
+        let rounding = 8.0 * f64::EPSILON * (xx.value.abs() * x * x + 2.0 * xy.value.abs() * x * y + yy.value.abs() * y * y);
+        let radial = Near::within(value, conic + moved + rounding + self.walked(walk, d));
+        if outruns(&self.radial, radial.most()) { Near { value, error: f64::INFINITY } } else { radial }
+    }
+
+    /// What rounded seed and differences add up to on the way to a pixel.
+    fn walked(&self, walk: &Walk, d: [f64; 2]) -> f64 {
+        let steps = two!(axis => (d[axis] + walk.seed_at[axis] + walk.offset_error[axis] + 1.0).max(0.0));
+        let [i, j] = if self.rows == Rows::Seeded { [steps[0], 0.0] } else { steps };
+        let pairs = |n: f64| n * (n - 1.0).max(0.0) / 2.0;
+        walk.seed + (i + j) * loss(&self.first) + (pairs(i) + pairs(j) + i * j) * loss(&self.second)
+    }
+
+    /// z at a pixel centre, clamped to what the disc can reach.
+    pub fn near_depth(&self, walk: &Walk, at: [f64; 2]) -> Near {
+        let input = &walk.input;
+        let d = two!(axis => Near::within(at[axis] - input.pixel[axis].value, walk.offset_error[axis]));
+        let plane = input.depth + input.depth_slope[0] * d[0] + input.depth_slope[1] * d[1];
+        let held = plane.off_by(loss(&self.depth));
+        let held = if outruns(&self.depth, held.most()) { Near { error: f64::INFINITY, ..held } } else { held };
+        held.max(input.depth - input.depth_range).min(input.depth + input.depth_range)
+    }
+}

@@ -1,0 +1,309 @@
+//! Pixel: the fragments of one pixel of `golden`, led by the machine's decisions, with what the machine's may be off by.
+//!
+//! ```text
+//! the machine's decision ─►┬─► golden's fragments do the same
+//!                          └─► would golden have done so by itself? if not: a flip, and is its threshold within the bound?
+//! ```
+//! A fragment's sums are correlated: a weight that is off moves Σw·c and Σw alike. What is bounded is therefore the quotient,
+//! ```text
+//! |C_fixed − C| ≤ (Σ Δw_k·|c_k − C| + Σ w_k·Δc_k + K·(u_c + |C|·u_w)/2) / (W − ΔW),   Σ Δw_k·|c_k − C| ≤ ΔW·max |c_k − C|,
+//! ```
+//! so that a surface of one colour keeps it however its weights are off.
+
+use super::Flips;
+use crate::golden::fragments::{Fragment, nearest_pair, nearest_within};
+use crate::golden::shade::Shader;
+use crate::golden::{FragmentDepth, Merge, Rules};
+use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::num::{Rounding, Word};
+use rtl_model::real::{Near, Real};
+use rtl_model::units::fragment::Decision;
+use rtl_model::units::shade::real::{Lighting, Sums};
+
+/// Attributes of a contribution: rgb, α, normal.
+pub const ATTRIBUTES: usize = 7;
+const OPACITY: usize = 3;
+
+/// One contribution, exact and as the machine may have it.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival {
+    pub golden: Fragment,
+    pub weight: Near,
+    /// Machine units.
+    pub depth: Near,
+    /// rgb, α, normal.
+    pub attributes: [Near; ATTRIBUTES],
+    /// The machine's own depth word, by which it sorts.
+    pub held_depth: i64,
+}
+
+/// What the whole frame has in common.
+pub struct Common<'a> {
+    pub machine: &'a Elaborated,
+    pub rules: &'a Rules,
+    pub shader: &'a Shader,
+    pub lighting: Lighting<Near>,
+    /// ε, world units.
+    pub z_threshold_world: f64,
+    /// ε, machine units.
+    pub z_threshold: Near,
+    /// τ.
+    pub coverage_threshold: Near,
+    pub background: [Near; 4],
+}
+
+/// What the machine's fragment may be off by.
+#[derive(Clone, Copy, Debug)]
+struct Bounds {
+    /// Σ Δw, without rounding.
+    weight: f64,
+    /// Σ w·Δc, of each attribute.
+    attribute: [f64; ATTRIBUTES],
+    /// Contributions.
+    count: f64,
+    /// Least and greatest of each attribute.
+    range: [[f64; 2]; ATTRIBUTES],
+    /// A sum may have left its word.
+    overflowed: bool,
+    depth: Near,
+    held_depth: i64,
+    /// Once it is shaded: premultiplied colour and opacity.
+    shaded: [Near; 4],
+}
+
+/// The fragments of one pixel.
+#[derive(Clone, Debug, Default)]
+pub struct Pixel {
+    fragments: Vec<Fragment>,
+    bounds: Vec<Bounds>,
+}
+
+/// What one rounding of a sum may lose.
+fn loss(word: Word) -> f64 {
+    let place = word.format.value(1);
+    if word.round == Rounding::Truncate { place } else { place / 2.0 }
+}
+
+/// The words of the sums: weight, then the attributes.
+fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
+    let f = &machine.fragment;
+    let (c, n) = (f.colour_sum, f.normal_sum);
+    (f.weight_sum, [c, c, c, f.opacity_sum, n, n, n])
+}
+
+impl Bounds {
+    fn new(arrival: &Arrival) -> Self {
+        let range = arrival.attributes.map(|c| [c.value, c.value]);
+        let shaded = [Near::default(); 4];
+        let (depth, held_depth) = (arrival.depth, arrival.held_depth);
+        let mut new = Bounds { weight: 0.0, attribute: [0.0; ATTRIBUTES], count: 0.0, range, overflowed: false, depth, held_depth, shaded };
+        new.add(arrival);
+        new
+    }
+
+    fn add(&mut self, arrival: &Arrival) {
+        self.weight += arrival.weight.error;
+        self.count += 1.0;
+        for (i, c) in arrival.attributes.iter().enumerate() {
+            self.attribute[i] += arrival.weight.most() * c.error;
+            let [low, high] = self.range[i];
+            self.range[i] = [low.min(c.value), high.max(c.value)];
+        }
+    }
+
+    /// ΔW.
+    fn weight_error(&self, word: Word) -> f64 {
+        self.weight + self.count * loss(word)
+    }
+
+    /// Greatest |c − centre| among the contributions.
+    fn spread(&self, i: usize, centre: f64) -> f64 {
+        let [low, high] = self.range[i];
+        (high - centre).max(centre - low).max(0.0)
+    }
+
+    /// What Σw·c may be off by, apart from ΔW·centre.
+    fn sum_error(&self, i: usize, centre: f64, word: Word) -> f64 {
+        self.weight * self.spread(i, centre) + self.attribute[i] + self.count * loss(word)
+    }
+}
+
+/// What the fragment unit would ask about one fragment: does it hide all behind it?
+fn hides(common: &Common, golden: &Fragment, bounds: &Bounds) -> (bool, bool) {
+    let (rules, machine) = (common.rules, &common.machine.machine);
+    let opaque = golden.is_opaque(rules.opaque, common.coverage_threshold.value);
+    let word = machine.fragment.opaque;
+    let limit = Near::within(rules.opaque, loss(word));
+    if golden.shaded {
+        return (opaque, bounds.shaded[3].may_cross(limit));
+    }
+    let (weight_word, words) = words(machine);
+    let weight = Near::within(golden.weight, bounds.weight_error(weight_word));
+    let error = bounds.sum_error(OPACITY, limit.value, words[OPACITY])
+        + limit.value * bounds.count * loss(weight_word)
+        + limit.error * weight.most();
+    let margin = Near::within(golden.alpha - limit.value * golden.weight, error);
+    let unsure = bounds.overflowed || margin.may_cross(Near::exact(0.0)) || weight.may_cross(common.coverage_threshold);
+    (opaque, unsure)
+}
+
+impl Pixel {
+    /// Takes a contribution as the machine took it; tells how `golden` would have differed.
+    pub fn take(&mut self, common: &Common, arrival: Arrival, decision: Decision, flips: &mut Flips) {
+        self.ask_for_a_slot(common, &arrival, decision, flips);
+        match decision {
+            Decision::Accumulated(slot) => self.accumulate(common, slot, &arrival),
+            Decision::Inserted(_) => self.push(arrival),
+            Decision::Replaced | Decision::Dropped => self.replace(arrival, decision, flips),
+            Decision::Merged(..) | Decision::Evicted(_) => self.overflow(common, arrival, decision, flips),
+        }
+    }
+
+    fn push(&mut self, arrival: Arrival) {
+        self.fragments.push(arrival.golden);
+        self.bounds.push(Bounds::new(&arrival));
+    }
+
+    fn accumulate(&mut self, common: &Common, slot: usize, arrival: &Arrival) {
+        let (golden, bounds) = (&mut self.fragments[slot], &mut self.bounds[slot]);
+        golden.add(&arrival.golden);
+        bounds.add(arrival);
+        if common.rules.fragment_depth == FragmentDepth::Nearest {
+            golden.z = golden.z.min(arrival.golden.z);
+            bounds.depth = bounds.depth.min(arrival.depth);
+            bounds.held_depth = bounds.held_depth.min(arrival.held_depth);
+        }
+        let (weight_word, words) = words(&common.machine.machine);
+        let sums = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
+        let outruns = |word: Word, most: f64| most > word.format.value(word.format.max());
+        bounds.overflowed |= outruns(weight_word, golden.weight + bounds.weight_error(weight_word))
+            || (0..ATTRIBUTES).any(|i| outruns(words[i], sums[i].abs() + bounds.sum_error(i, 0.0, words[i])));
+    }
+
+    /// Accumulate or not, and where: compares with what `golden` would do.
+    fn ask_for_a_slot(&self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+        let taken = if let Decision::Accumulated(slot) = decision { Some(slot) } else { None };
+        let wanted = nearest_within(common.z_threshold_world, arrival.golden.z, &self.fragments);
+        if taken == wanted {
+            return;
+        }
+        let distance = |slot: usize| (self.bounds[slot].depth - arrival.depth).abs();
+        let crosses = |slot: usize| distance(slot).may_cross(common.z_threshold);
+        let explained = match (taken, wanted) {
+            // Two are about equally near.
+            (Some(a), Some(b)) => distance(a).may_cross(distance(b)) || crosses(b),
+            (Some(slot), None) | (None, Some(slot)) => crosses(slot),
+            (None, None) => true,
+        };
+        flips.slot(explained);
+    }
+
+    fn replace(&mut self, arrival: Arrival, decision: Decision, flips: &mut Flips) {
+        let nearer = arrival.golden.z < self.fragments[0].z;
+        if nearer != (decision == Decision::Replaced) {
+            flips.order(arrival.depth.may_cross(self.bounds[0].depth));
+        }
+        if decision == Decision::Replaced {
+            self.fragments[0] = arrival.golden;
+            self.bounds[0] = Bounds::new(&arrival);
+        }
+    }
+
+    /// One too many: does with it what the machine did.
+    fn overflow(&mut self, common: &Common, arrival: Arrival, decision: Decision, flips: &mut Flips) {
+        self.sort();
+        let place = self.bounds.iter().filter(|bounds| bounds.held_depth <= arrival.held_depth).count();
+        self.fragments.insert(place, arrival.golden);
+        self.bounds.insert(place, Bounds::new(&arrival));
+        // In the machine's order; is it golden's?
+        let mut order_unsure = false;
+        for i in 1..self.fragments.len() {
+            let unsure = self.bounds[i - 1].depth.may_cross(self.bounds[i].depth);
+            order_unsure |= unsure;
+            if self.fragments[i].z < self.fragments[i - 1].z {
+                flips.order(unsure);
+            }
+        }
+        let deepest = self.fragments.len() - 1;
+        let asked: Vec<_> = (0..=deepest).map(|i| hides(common, &self.fragments[i], &self.bounds[i])).collect();
+        let evicts = common.rules.evict_hidden && asked[..deepest].iter().any(|(hides, _)| *hides);
+        if evicts != matches!(decision, Decision::Evicted(_)) {
+            flips.eviction(order_unsure || asked.iter().any(|(_, unsure)| *unsure));
+        }
+        if let Decision::Merged(front, _) = decision {
+            let wanted = if common.rules.merge == Merge::NearestPair { nearest_pair(&self.fragments) } else { deepest - 1 };
+            if wanted != front {
+                let gap = |i: usize| self.bounds[i + 1].depth - self.bounds[i].depth;
+                flips.pair(order_unsure || gap(front).may_cross(gap(wanted)));
+            }
+            self.merge(common, front);
+        }
+        self.fragments.truncate(deepest);
+        self.bounds.truncate(deepest);
+    }
+
+    /// Brings the slots into the machine's order.
+    fn sort(&mut self) {
+        let mut order: Vec<usize> = (0..self.fragments.len()).collect();
+        order.sort_by_key(|&slot| self.bounds[slot].held_depth);
+        self.fragments = order.iter().map(|&slot| self.fragments[slot]).collect();
+        self.bounds = order.iter().map(|&slot| self.bounds[slot]).collect();
+    }
+
+    fn merge(&mut self, common: &Common, front: usize) {
+        let [over, under] = [front, front + 1].map(|slot| self.light(common, slot));
+        let merged = Fragment::merge(&self.fragments[front], &self.fragments[front + 1], common.shader);
+        let near = common.machine.real_merge(over, under);
+        let golden = [merged.rgb.x, merged.rgb.y, merged.rgb.z, merged.alpha];
+        self.fragments[front] = merged;
+        self.bounds[front].shaded = [0, 1, 2, 3].map(|i| near[i].around(golden[i]));
+        self.fragments.remove(front + 1);
+        self.bounds.remove(front + 1);
+    }
+
+    /// Premultiplied colour and opacity of the fragment in a slot, as `golden` has it.
+    fn light(&self, common: &Common, slot: usize) -> [Near; 4] {
+        let (golden, bounds) = (&self.fragments[slot], &self.bounds[slot]);
+        if golden.shaded {
+            return bounds.shaded;
+        }
+        let near = common.machine.real_shade(&common.lighting, &self.sums(common, slot));
+        let exact = common.shader.premultiplied(golden).to_array();
+        [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
+    }
+
+    /// A fragment's sums, divided by its weight.
+    fn sums(&self, common: &Common, slot: usize) -> Sums<Near> {
+        let (golden, bounds) = (&self.fragments[slot], &self.bounds[slot]);
+        let (weight_word, words) = words(&common.machine.machine);
+        let weight_error = bounds.weight_error(weight_word);
+        let least = golden.weight - weight_error;
+        let attributes = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
+        let mean = |i: usize| {
+            let centre = if golden.weight > 0.0 { attributes[i] / golden.weight } else { 0.0 };
+            let error = bounds.sum_error(i, centre, words[i]) + centre.abs() * bounds.count * loss(weight_word);
+            Near::within(centre, if bounds.overflowed || least <= 0.0 { f64::INFINITY } else { error / least })
+        };
+        Sums {
+            weight: Near::within(golden.weight, if bounds.overflowed { f64::INFINITY } else { weight_error }),
+            rgb: [mean(0), mean(1), mean(2)],
+            opacity: mean(OPACITY),
+            normal: [mean(4), mean(5), mean(6)],
+            material: golden.material,
+        }
+    }
+
+    /// The pixel, its layers blended in the order of these slots; and the bound on the machine's.
+    pub fn resolve(&self, common: &Common, order: impl Iterator<Item = usize> + Clone, flips: &mut Flips) -> [Near; 4] {
+        let slots: Vec<usize> = order.collect();
+        for pair in slots.windows(2) {
+            if self.fragments[pair[1]].z < self.fragments[pair[0]].z {
+                flips.order(self.bounds[pair[0]].depth.may_cross(self.bounds[pair[1]].depth));
+            }
+        }
+        let lit: Vec<[Near; 4]> = slots.iter().map(|&slot| self.light(common, slot)).collect();
+        let near = common.machine.real_resolve(&lit, common.background);
+        let exact = common.shader.blend(slots.iter().map(|&slot| &self.fragments[slot]));
+        [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
+    }
+}
