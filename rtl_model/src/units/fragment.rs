@@ -655,5 +655,7 @@ impl Outcomes {
     }
 }
 
+pub mod real;
+
 #[cfg(test)]
 mod tests;
