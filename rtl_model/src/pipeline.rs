@@ -9,16 +9,16 @@
 //!
 //! Law: `threads_and_watchers_change_no_bit`.
 
-use crate::frame::{Frame, Splat};
+use crate::frame::{Frame, Splat, View};
 use crate::host::{Work, vectorised};
 use crate::machine::Elaborated;
-use crate::num::{LANES, Lanes, Table, three, two};
+use crate::num::{LANES, Lanes, Table, Words, two};
 use crate::probe::{Probe, Tap};
 use crate::units::fragment::{
     self, Attributes, Contribution, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
 use crate::units::resolve::Layer;
-use crate::units::{ellipse, raster, shade};
+use crate::units::{ellipse, project, raster, shade};
 use rayon::prelude::*;
 
 /// Splats that were not drawn, by reason.
@@ -34,25 +34,7 @@ pub struct Culled {
     pub backface: u64,
 }
 
-/// Why a splat is not drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reason {
-    Near,
-    Outside,
-    Faint,
-    Backface,
-}
-
 impl Culled {
-    fn count(&mut self, reason: Reason) {
-        match reason {
-            Reason::Near => self.near += 1,
-            Reason::Outside => self.outside += 1,
-            Reason::Faint => self.faint += 1,
-            Reason::Backface => self.backface += 1,
-        }
-    }
-
     fn absorb(&mut self, other: &Culled) {
         self.near += other.near;
         self.outside += other.outside;
@@ -160,96 +142,99 @@ impl<P: Probe> Work for SetUp<'_, P> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Setup {
-        let mut setup = Setup { blocks: vec![Vec::with_capacity(self.splats.len())], culled: Culled::default() };
+        let mut prepared = Vec::with_capacity(self.splats.len());
+        let mut culled = Culled::default();
+        // Copies that nobody else can see: their constants are broadcast to lanes once, outside the loop.
+        let (project, ellipse, view) = (self.machine.project.clone(), self.machine.ellipse.clone(), self.frame.view.clone());
+        let size_px = [self.frame.width, self.frame.height];
         for (group, splats) in self.splats.chunks(LANES).enumerate() {
             let first = self.first + (group * LANES) as u32;
-            set_up_lanes::<L, P>(self.machine, self.frame, splats, first, self.probe, &mut setup);
+            set_up_eight::<L::Words, P>((&project, &ellipse), (&view, size_px), splats, first, self.probe, &mut prepared, &mut culled);
         }
-        setup
+        Setup { blocks: vec![prepared], culled }
     }
-}
-
-/// One word of each of up to eight splats.
-macro_rules! word {
-    ($splats:ident.$($field:tt)+) => {{
-        let mut words = [0; LANES];
-        for (word, splat) in words.iter_mut().zip($splats) {
-            *word = i64::from(splat.$($field)+);
-        }
-        L::from_array(words)
-    }};
 }
 
 /// Sets up to eight splats up.
 #[inline(always)]
-fn set_up_lanes<L: Lanes, P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat], first: u32, probe: &mut P, setup: &mut Setup) {
-    let view = &frame.view;
+fn set_up_eight<W: Words, P: Probe>(
+    (project, ellipse): (&project::Project, &ellipse::Ellipse),
+    (view, size_px): (&View, [u32; 2]),
+    splats: &[Splat],
+    first: u32,
+    probe: &mut P,
+    prepared: &mut Vec<Prepared>,
+    culled: &mut Culled,
+) {
     let mut present = [false; LANES];
     present[..splats.len()].fill(true);
     let tap = &mut Tap { probe, live: present };
 
-    let position = [word!(splats.position[0]), word!(splats.position[1]), word!(splats.position[2])];
-    let point = machine.project.lanes(view, position, tap);
+    let mut records = [W::splat(0); LANES];
+    for (record, splat) in records.iter_mut().zip(splats) {
+        let Splat { position: [x, y, z], normal: [n, m, o], radius, .. } = *splat;
+        *record = W::from_array([x, y, z, n, m, o, radius, 0]);
+    }
+    let [x, y, z, n, m, o, radius, _] = W::transposed(records);
+    let point = project.lanes(view, [x, y, z], tap);
     let input = ellipse::Input {
-        normal: [word!(splats.normal[0]), word!(splats.normal[1]), word!(splats.normal[2])],
-        radius: word!(splats.radius),
+        normal: [n, m, o],
+        radius,
         forward: point.camera[2],
         exponent: point.exponent,
         inverse_depth: point.inverse_depth,
         slope: point.slope,
         pixel: point.pixel,
     };
-    let ellipse = machine.ellipse.lanes(view, [frame.width, frame.height], &input, tap);
+    let ellipse = ellipse.lanes(view, size_px, &input, tap);
 
     // In the order in which the units find them: the first that holds is the reason.
-    let reasons = [
-        (point.near, Reason::Near),
-        (point.outside, Reason::Outside),
-        (ellipse.backface, Reason::Backface),
-        (ellipse.faint, Reason::Faint),
-        (ellipse.outside, Reason::Outside),
-    ];
-    let culled = (point.near | point.outside | ellipse.backface | ellipse.faint | ellipse.outside).to_array();
-    let pixel = two!(i => point.pixel[i].to_array());
-    let depth = point.depth.to_array();
-    let conic = three!(i => ellipse.conic[i].to_array());
-    let slope = two!(i => ellipse.depth_slope[i].to_array());
-    let range = ellipse.depth_range.to_array();
-    let columns = two!(i => ellipse.columns[i].to_array());
-    let rows = two!(i => ellipse.rows[i].to_array());
-    let amplitude = ellipse.amplitude.to_array();
-    let normal = three!(i => ellipse.normal[i].to_array());
-    let Setup { blocks, culled: counts } = setup;
-    let Some(prepared) = blocks.last_mut() else { return };
+    let reasons = [point.near, point.outside, ellipse.backface, ellipse.faint, ellipse.outside];
+    let mut found = [0; 5];
+    let mut left = ((1u32 << splats.len()) - 1) as u8;
+    for (found, reason) in found.iter_mut().zip(reasons) {
+        *found = u64::from((left & reason.signs()).count_ones());
+        left &= !reason.signs();
+    }
+    let [near, outside, backface, faint, missing] = found;
+    culled.absorb(&Culled { near, outside: outside + missing, faint, backface });
+
+    let ([x, y], [xx, xy, yy]) = (point.pixel, ellipse.conic);
+    let ([z_x, z_y], [n, m, o]) = (ellipse.depth_slope, ellipse.normal);
+    let sides = [ellipse.columns, ellipse.rows];
+    let [columns, rows] = two!(axis => sides[axis][0] | sides[axis][1].left(16));
+    let plane = W::transposed([x, y, xx, xy, yy, point.depth, z_x, z_y]);
+    let rest = W::transposed([ellipse.depth_range, columns, rows, ellipse.amplitude, n, m, o, W::splat(0)]);
     for (lane, own) in splats.iter().enumerate() {
-        if culled[lane] != 0 {
-            counts.count(why_culled(&reasons, lane));
+        if left & (1 << lane) == 0 {
             continue;
         }
+        let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
+        let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
         let [r, g, b] = own.rgb;
         prepared.push(Prepared {
             raster: raster::Input {
-                pixel: two!(i => pixel[i][lane] as i32),
-                conic: three!(i => conic[i][lane] as i32),
-                depth: depth[lane] as i32,
-                depth_slope: two!(i => slope[i][lane] as i32),
-                depth_range: range[lane] as i32,
-                columns: two!(i => columns[i][lane] as u16),
-                rows: two!(i => rows[i][lane] as u16),
+                pixel: [x, y],
+                conic: [xx, xy, yy],
+                depth,
+                depth_slope: [z_x, z_y],
+                depth_range,
+                columns: halves(columns),
+                rows: halves(rows),
             },
-            amplitude: amplitude[lane] as i32,
-            attributes: [1, r, g, b, own.opacity, normal[0][lane] as i32, normal[1][lane] as i32, normal[2][lane] as i32],
+            amplitude,
+            attributes: [1, r, g, b, own.opacity, n, m, o],
             material: own.material,
             splat: first + lane as u32,
         });
     }
 }
 
-/// The first reason that holds.
-#[cold]
-#[inline(never)]
-fn why_culled<L: Lanes>(reasons: &[(L, Reason)], lane: usize) -> Reason {
-    reasons.iter().find(|(holds, _)| holds.mask()[lane]).map_or(Reason::Faint, |(_, reason)| *reason)
+/// The low and the high half of a word.
+#[inline(always)]
+fn halves(word: i32) -> [u16; 2] {
+    let [a, b, c, d] = word.to_le_bytes();
+    [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
 }
 
 /// The second half: raster, gauss, fragment, shade and resolve.
