@@ -1,8 +1,8 @@
 //! Host: how the simulator uses the computer that it runs on. Nothing here is hardware, and nothing here changes a bit.
 //!
 //! The only `unsafe` of the crate: vector instructions, after asking whether they are there. It buys speed alone
-//! (`cargo bench`), and is held to [`Plain`] lanes, operation by operation and frame by frame, by
-//! `vector_lanes_equal_plain_lanes` and `a_frame_without_vectors_is_the_same_frame`.
+//! (`cargo bench`), and is held to plain lanes and words, operation by operation and frame by frame, by
+//! `vector_lanes_equal_plain_lanes`, `vector_words_equal_plain_words` and `a_frame_without_vectors_is_the_same_frame`.
 #![allow(unsafe_code, reason = "see above; everywhere else it is denied")]
 
 use crate::num::lanes::Plain;
@@ -31,7 +31,7 @@ pub fn plainly<W: Work>(work: W) -> W::Output {
     work.run::<Plain>()
 }
 
-/// Eight lanes in two AVX2 registers.
+/// Eight lanes in two AVX2 registers, eight words in one.
 #[cfg(target_arch = "x86_64")]
 pub mod avx2 {
     use super::{LANES, Lanes, Work};
@@ -424,7 +424,12 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn cut_by(self, by: VectorWords) -> Option<VectorWords> {
-            let counts = by.natural();
+            // SAFETY: as `word`.
+            if unsafe { _mm256_testz_si256(by.0, _mm256_set1_epi32(!63)) } == 0 {
+                return None;
+            }
+            // Known to be possible, a shift is one instruction.
+            let counts = (by & VectorWords::splat(63)).natural();
             let cut = even_and_odd!(i => {
                 let sign = _mm256_set1_epi64x(SIGN);
                 let biased = _mm256_xor_si256(self.0[i], sign);
@@ -433,12 +438,10 @@ pub mod avx2 {
             // A word of 31 bits, moved up by half of their values, has nothing above them.
             let moved = cut + Self::splat(1 << 30);
             // SAFETY: as `word`.
-            let [long, beyond] = unsafe {
-                let long = _mm256_testz_si256(by.0, _mm256_set1_epi32(!63)) == 0;
-                let either = _mm256_or_si256(moved.0[0], moved.0[1]);
-                [long, _mm256_testz_si256(either, _mm256_set1_epi64x(-1 << 31)) == 0]
-            };
-            if long || beyond { None } else { Some(cut.low()) }
+            if unsafe { _mm256_testz_si256(_mm256_or_si256(moved.0[0], moved.0[1]), _mm256_set1_epi64x(-1 << 31)) } == 0 {
+                return None;
+            }
+            Some(cut.low())
         }
     }
 

@@ -61,7 +61,7 @@ pub struct Drawing {
 }
 
 /// A splat that has been set up: what waits in memory between setup and raster.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Prepared {
     raster: raster::Input,
     amplitude: i32,
@@ -142,91 +142,108 @@ impl<P: Probe> Work for SetUp<'_, P> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Setup {
-        let mut prepared = Vec::with_capacity(self.splats.len());
-        let mut culled = Culled::default();
         // Copies that nobody else can see: their constants are broadcast to lanes once, outside the loop.
         let (project, ellipse, view) = (self.machine.project.clone(), self.machine.ellipse.clone(), self.frame.view.clone());
-        let size_px = [self.frame.width, self.frame.height];
-        for (group, splats) in self.splats.chunks(LANES).enumerate() {
-            let first = self.first + (group * LANES) as u32;
-            set_up_eight::<L::Words, P>((&project, &ellipse), (&view, size_px), splats, first, self.probe, &mut prepared, &mut culled);
+        let units = Units { project: &project, ellipse: &ellipse, view: &view, size_px: [self.frame.width, self.frame.height] };
+        let mut out = Block { prepared: vec![Prepared::default(); self.splats.len()], count: 0, culled: Culled::default() };
+        let (eights, rest) = self.splats.as_chunks();
+        let mut last = [Splat::default(); LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        for (group, splats) in eights.iter().chain((!rest.is_empty()).then_some(&last)).enumerate() {
+            let live = LANES.min(self.splats.len() - group * LANES);
+            units.set_up::<L::Words, P>(splats, live, self.first + (group * LANES) as u32, self.probe, &mut out);
         }
-        Setup { blocks: vec![prepared], culled }
+        out.prepared.truncate(out.count);
+        Setup { blocks: vec![out.prepared], culled: out.culled }
     }
 }
 
-/// Sets up to eight splats up.
-#[inline(always)]
-fn set_up_eight<W: Words, P: Probe>(
-    (project, ellipse): (&project::Project, &ellipse::Ellipse),
-    (view, size_px): (&View, [u32; 2]),
-    splats: &[Splat],
-    first: u32,
-    probe: &mut P,
-    prepared: &mut Vec<Prepared>,
-    culled: &mut Culled,
-) {
-    let mut present = [false; LANES];
-    present[..splats.len()].fill(true);
-    let tap = &mut Tap { probe, live: present };
+/// What sets splats up.
+struct Units<'a> {
+    project: &'a project::Project,
+    ellipse: &'a ellipse::Ellipse,
+    view: &'a View,
+    size_px: [u32; 2],
+}
 
-    let mut records = [W::splat(0); LANES];
-    for (record, splat) in records.iter_mut().zip(splats) {
-        let Splat { position: [x, y, z], normal: [n, m, o], radius, .. } = *splat;
-        *record = W::from_array([x, y, z, n, m, o, radius, 0]);
-    }
-    let [x, y, z, n, m, o, radius, _] = W::transposed(records);
-    let point = project.lanes(view, [x, y, z], tap);
-    let input = ellipse::Input {
-        normal: [n, m, o],
-        radius,
-        forward: point.camera[2],
-        exponent: point.exponent,
-        inverse_depth: point.inverse_depth,
-        slope: point.slope,
-        pixel: point.pixel,
-    };
-    let ellipse = ellipse.lanes(view, size_px, &input, tap);
+/// A block's splats, set up: the first `count` so far.
+struct Block {
+    prepared: Vec<Prepared>,
+    count: usize,
+    culled: Culled,
+}
 
-    // In the order in which the units find them: the first that holds is the reason.
-    let reasons = [point.near, point.outside, ellipse.backface, ellipse.faint, ellipse.outside];
-    let mut found = [0; 5];
-    let mut left = ((1u32 << splats.len()) - 1) as u8;
-    for (found, reason) in found.iter_mut().zip(reasons) {
-        *found = u64::from((left & reason.signs()).count_ones());
-        left &= !reason.signs();
-    }
-    let [near, outside, backface, faint, missing] = found;
-    culled.absorb(&Culled { near, outside: outside + missing, faint, backface });
+impl Units<'_> {
+    /// Sets eight splats up, of which the first `live` are there.
+    #[inline(always)]
+    fn set_up<W: Words, P: Probe>(&self, splats: &[Splat; LANES], live: usize, first: u32, probe: &mut P, out: &mut Block) {
+        let mut present = [false; LANES];
+        present[..live].fill(true);
+        let tap = &mut Tap { probe, live: present };
 
-    let ([x, y], [xx, xy, yy]) = (point.pixel, ellipse.conic);
-    let ([z_x, z_y], [n, m, o]) = (ellipse.depth_slope, ellipse.normal);
-    let sides = [ellipse.columns, ellipse.rows];
-    let [columns, rows] = two!(axis => sides[axis][0] | sides[axis][1].left(16));
-    let plane = W::transposed([x, y, xx, xy, yy, point.depth, z_x, z_y]);
-    let rest = W::transposed([ellipse.depth_range, columns, rows, ellipse.amplitude, n, m, o, W::splat(0)]);
-    for (lane, own) in splats.iter().enumerate() {
-        if left & (1 << lane) == 0 {
-            continue;
+        // The first eight words of each record as they lie in memory: red comes along.
+        let mut records = [W::splat(0); LANES];
+        for (record, splat) in records.iter_mut().zip(splats) {
+            let Splat { position: [x, y, z], normal: [n, m, o], radius, rgb: [red, ..], .. } = *splat;
+            *record = W::from_array([x, y, z, n, m, o, radius, red]);
         }
-        let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
-        let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
-        let [r, g, b] = own.rgb;
-        prepared.push(Prepared {
-            raster: raster::Input {
-                pixel: [x, y],
-                conic: [xx, xy, yy],
-                depth,
-                depth_slope: [z_x, z_y],
-                depth_range,
-                columns: halves(columns),
-                rows: halves(rows),
-            },
-            amplitude,
-            attributes: [1, r, g, b, own.opacity, n, m, o],
-            material: own.material,
-            splat: first + lane as u32,
-        });
+        let [x, y, z, n, m, o, radius, _] = W::transposed(records);
+        let point = self.project.lanes(self.view, [x, y, z], tap);
+        let input = ellipse::Input {
+            normal: [n, m, o],
+            radius,
+            forward: point.camera[2],
+            exponent: point.exponent,
+            inverse_depth: point.inverse_depth,
+            slope: point.slope,
+            pixel: point.pixel,
+        };
+        let ellipse = self.ellipse.lanes(self.view, self.size_px, &input, tap);
+
+        let mut left = ((1u32 << live) - 1) as u8;
+        let culled = point.near | point.outside | ellipse.backface | ellipse.faint | ellipse.outside;
+        if left & culled.signs() != 0 {
+            // In the order in which the units find them: the first that holds is the reason.
+            let reasons = [point.near, point.outside, ellipse.backface, ellipse.faint, ellipse.outside];
+            let mut found = [0; 5];
+            for (found, reason) in found.iter_mut().zip(reasons) {
+                *found = u64::from((left & reason.signs()).count_ones());
+                left &= !reason.signs();
+            }
+            let [near, outside, backface, faint, missing] = found;
+            out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface });
+        }
+
+        let ([x, y], [xx, xy, yy]) = (point.pixel, ellipse.conic);
+        let ([z_x, z_y], [n, m, o]) = (ellipse.depth_slope, ellipse.normal);
+        let sides = [ellipse.columns, ellipse.rows];
+        let [columns, rows] = two!(axis => sides[axis][0] | sides[axis][1].left(16));
+        let plane = W::transposed([x, y, xx, xy, yy, point.depth, z_x, z_y]);
+        let rest = W::transposed([ellipse.depth_range, columns, rows, ellipse.amplitude, n, m, o, W::splat(0)]);
+        for (lane, own) in splats.iter().enumerate() {
+            if left & (1 << lane) == 0 {
+                continue;
+            }
+            let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
+            let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
+            let [r, g, b] = own.rgb;
+            out.prepared[out.count] = Prepared {
+                raster: raster::Input {
+                    pixel: [x, y],
+                    conic: [xx, xy, yy],
+                    depth,
+                    depth_slope: [z_x, z_y],
+                    depth_range,
+                    columns: halves(columns),
+                    rows: halves(rows),
+                },
+                amplitude,
+                attributes: [1, r, g, b, own.opacity, n, m, o],
+                material: own.material,
+                splat: first + lane as u32,
+            };
+            out.count += 1;
+        }
     }
 }
 

@@ -38,10 +38,10 @@ pub struct Fit {
     half: i64,
     min: i64,
     max: i64,
-    /// Neither rounding to even nor wrapping.
-    simple: bool,
     /// Places by which a result is first shifted left, for a barrel shifter that then only needs to go right.
     head: u32,
+    /// Places to the right from there that leave one place to round by; impossible ones where an add and limits are not all there is.
+    barrel: i64,
     /// Simple, and no shift to the left: an add, a shift and two limits.
     plain: bool,
     /// Plain, and any exact result of the elaborated shape, cut by 0 to 31 places, is a word of 32 bits: limits can wait until it is one.
@@ -52,6 +52,8 @@ pub struct Fit {
 
 /// Room for data-dependent shifts to the left that the vector path keeps, bits.
 const MOST_HEAD: i64 = 24;
+/// More places than any shifter has, whatever the data adds to them.
+const IMPOSSIBLE: i64 = 1 << 20;
 
 impl Fit {
     /// Elaborates `word` for exact results of the shape `from`.
@@ -63,7 +65,8 @@ impl Fit {
         let narrow = plain && places < 32 && i64::from(from.bits()) - places <= 30;
         let deep = plain && places >= 32;
         let head = if places < MOST_HEAD { (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32 } else { 0 };
-        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), simple, head, plain, narrow, deep }
+        let barrel = if simple { places + i64::from(head) - 1 } else { IMPOSSIBLE };
+        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), head, barrel, plain, narrow, deep }
     }
 
     /// The word for one exact result.
@@ -170,14 +173,12 @@ impl Fit {
     /// The words, of at most 32 bits, for eight exact results, each with `more` fraction bits than was elaborated.
     #[inline(always)]
     pub fn words_shifted<X: Exacts>(&self, exact: X, more: X::Words) -> X::Words {
-        // One place stays, to round by.
-        let right = more + X::Words::splat(self.places + i64::from(self.head) - 1);
-        match exact.left(self.head).cut_by(right) {
-            Some(cut) if self.simple => {
+        match exact.left(self.head).cut_by(more + X::Words::splat(self.barrel)) {
+            Some(cut) => {
                 let round = X::Words::splat(i64::from(self.word.round == Rounding::Nearest));
                 (cut + round).right(1).max(X::Words::splat(self.min)).min(X::Words::splat(self.max))
             }
-            _ => {
+            None => {
                 cold_path();
                 X::from_array(one_by_one(*self, exact.to_array(), more.exact().to_array())).low()
             }
