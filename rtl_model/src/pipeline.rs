@@ -15,7 +15,7 @@ use crate::machine::Elaborated;
 use crate::num::{LANES, Lanes, Table, three, two};
 use crate::probe::{Probe, Tap};
 use crate::units::fragment::{
-    self, Attributes, Contribution, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
+    self, Attributes, Contribution, Decision, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
 use crate::units::resolve::Layer;
 use crate::units::{ellipse, raster, shade};
@@ -254,7 +254,7 @@ fn why_culled<L: Lanes>(reasons: &[(L, Reason)], lane: usize) -> Reason {
 
 /// The second half: raster, gauss, fragment, shade and resolve.
 pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
-    let plain = machine.raster.is_plain() && machine.fragment.is_plain();
+    let plain = machine.gauss.is_plain() && machine.fragment.is_plain();
     match (plain, machine.fragment.is_narrow()) {
         (true, true) => fill_as::<true, i32, P>(machine, frame, setup, probe),
         (true, false) => fill_as::<true, i64, P>(machine, frame, setup, probe),
@@ -270,7 +270,7 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
     let tiles: Vec<(Resolved, P)> = touched
         .par_iter()
         .map_init(
-            || Tile::<L>::new(machine.machine.fragment.layers as usize),
+            Tile::<L>::default,
             |tile, &index| {
                 let mut fork = probe.fork();
                 let work = FillTile::<PLAIN, L, P> {
@@ -314,6 +314,7 @@ struct Bins {
 }
 
 impl Bins {
+    #[inline(never)]
     fn new(frame: &Frame, setup: &Setup) -> Self {
         let columns = (frame.width as usize).div_ceil(TILE_PX);
         let rows = (frame.height as usize).div_ceil(TILE_PX);
@@ -390,37 +391,48 @@ impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
         self.tile.clear();
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
-        for &index in self.splats {
-            let prepared = self.setup.splat(index);
-            self.splat::<AnyLanes>(prepared, &mut span, &mut outcomes);
+        for splats in self.splats.chunks(LANES) {
+            self.splats::<AnyLanes>(splats, &mut span, &mut outcomes);
         }
         self.resolve(outcomes)
     }
 }
 
 impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
-    /// Raster, gauss and fragment: one splat, as far as it lies in the tile.
+    /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
     #[inline(always)]
-    fn splat<V: Lanes>(&mut self, prepared: &Prepared, span: &mut raster::Span, outcomes: &mut Outcomes) {
-        let (machine, frame) = (self.machine, self.frame);
-        let tap = &mut Tap::new(&mut *self.probe);
+    fn splats<V: Lanes>(&mut self, splats: &[u32], span: &mut raster::Span, outcomes: &mut Outcomes) {
+        let (machine, frame, setup) = (self.machine, self.frame, self.setup);
         let size_px = [frame.width, frame.height];
         let cutoff = machine.raster.cutoff(frame.view.cutoff);
-        let last = two!(axis => self.corner[axis] + (TILE_PX as u16 - 1));
-        let [from, to] = overlap(prepared.raster.columns, self.corner[0], last[0]);
-        let [top, bottom] = overlap(prepared.raster.rows, self.corner[1], last[1]);
-        let mut walk = machine.raster.enter::<PLAIN, P>(size_px, &prepared.raster, [from, top], tap);
-        let corner = usize::from(top - self.corner[1]) * TILE_PX + usize::from(from - self.corner[0]);
-        let columns = usize::from(to - from) + 1;
-        span.clear();
-        machine.raster.span(&walk, cutoff, corner, columns, span, tap);
-        for (row, y) in (top..bottom).enumerate() {
-            machine.raster.next_row::<PLAIN, P>(size_px, &mut walk, y + 1, tap);
-            machine.raster.span(&walk, cutoff, corner + (row + 1) * TILE_PX, columns, span, tap);
+        let mut prepared = [setup.splat(splats[0]); LANES];
+        for (prepared, &splat) in prepared.iter_mut().zip(splats) {
+            *prepared = setup.splat(splat);
         }
-        for first in (0..span.fragments()).step_by(LANES) {
-            self.contribute::<V>(prepared, &walk, span, first, outcomes);
+        let mut parts = [self.part(prepared[0]); LANES];
+        for lane in 1..LANES {
+            parts[lane] = self.part(prepared[lane]);
         }
+        let tap = &mut Tap::new(&mut *self.probe);
+        if P::WORDS {
+            tap.live[splats.len()..].fill(false);
+        }
+        let walks = machine.raster.enter::<V, P>(size_px, &parts, tap);
+        for lane in 0..splats.len().min(LANES) {
+            let tap = &mut Tap::new(&mut *self.probe);
+            machine.raster.span::<V, P>(size_px, &walks, lane, &parts[lane], cutoff, span, tap);
+            for first in (0..span.fragments()).step_by(LANES) {
+                self.contribute::<V>(prepared[lane], &parts[lane], (&walks, lane), span, first, outcomes);
+            }
+        }
+    }
+
+    /// What of a splat's box lies in the tile.
+    #[inline(always)]
+    fn part<'a>(&self, prepared: &'a Prepared) -> raster::Part<'a> {
+        let splat = &prepared.raster;
+        let [x, y] = self.corner;
+        raster::Part { splat, columns: overlap(splat.columns, x), rows: overlap(splat.rows, y) }
     }
 
     /// Gauss and fragment: up to eight of a span's fragments.
@@ -428,31 +440,37 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     fn contribute<V: Lanes>(
         &mut self,
         prepared: &Prepared,
-        walk: &raster::Walk,
+        part: &raster::Part,
+        (walks, lane): (&raster::Walks, usize),
         span: &raster::Span,
         first: usize,
         outcomes: &mut Outcomes,
     ) {
         let (machine, frame) = (self.machine, self.frame);
-        let lights = lights(frame, self.highlights);
         let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
         let tap = &mut Tap::new(&mut *self.probe);
         let count = (span.fragments() - first).min(LANES);
-        tap.live[count..].fill(false);
-        let [radial, depth] = machine.raster.fragments::<V>(walk, span, first);
-        let [radial_index, weight] = machine.gauss.lanes(radial, i64::from(prepared.amplitude), tap);
+        if P::WORDS {
+            tap.live[count..].fill(false);
+        }
+        let places = span.places(first);
+        let [radial, depth] = machine.raster.fragments::<V>(walks, lane, part, span, places);
+        let [radial_index, weight] = machine.gauss.lanes::<PLAIN, V, P>(radial, i64::from(prepared.amplitude), tap);
         let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
         // A weight that rounds to 0 makes no fragment: its depth is nobody's.
         if P::WORDS {
             tap.live = std::array::from_fn(|lane| tap.live[lane] & (weight[lane] != 0));
         }
-        let depth = machine.fragment.depth(depth, tap).to_array();
-        let shade = |slot: &Slot, tap: &mut Tap<P>| shade_slot(machine, &lights, slot, tap);
+        let depth = machine.fragment.depth::<PLAIN, V, P>(depth, tap).to_array();
+        let highlights = self.highlights;
+        let shade = |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, frame, highlights, slot, tap);
+        let first_pixel = ((part.rows[0] - self.corner[1]) as u8 * TILE_PX as u8) + (part.columns[0] - self.corner[0]) as u8;
         for lane in 0..count {
             if weight[lane] == 0 {
                 continue;
             }
-            let pixel = span.pixel(first + lane);
+            // Places in a part are numbered as a tile's pixels are.
+            let pixel = places[lane].wrapping_add(first_pixel);
             let decision = machine.fragment.contribute::<PLAIN, V, L, P>(
                 self.tile,
                 pixel,
@@ -460,34 +478,40 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
                 &prepared.attributes,
                 prepared.material,
                 &registers,
-                shade,
+                &shade,
                 tap,
             );
-            outcomes.count(decision);
+            // Most are accumulated: those are what is left of the contributions in the end.
+            if !matches!(decision, Decision::Accumulated(_)) {
+                outcomes.count(decision);
+            }
             if P::DECISIONS {
-                let [x, y] = [pixel % TILE_PX, pixel / TILE_PX].map(|at| at as u32);
-                let corner = self.corner.map(u32::from);
+                let [x, y] = self.corner.map(u32::from);
+                let [column, row] = [usize::from(pixel) % TILE_PX, usize::from(pixel) / TILE_PX].map(|at| at as u32);
                 let contribution =
                     Contribution { splat: prepared.splat, radial_index: radial_index[lane], weight: weight[lane], depth: depth[lane] };
-                tap.probe.contribution(x + corner[0], y + corner[1], &contribution, decision);
+                tap.probe.contribution(x + column, y + row, &contribution, decision);
             }
         }
     }
 
-    /// Shade and resolve: every pixel of the tile.
+    /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can be counted.
+    #[inline(never)]
     fn resolve(self, mut outcomes: Outcomes) -> Resolved {
         let mut resolved = Resolved { corner: self.corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
         let lights = lights(self.frame, self.highlights);
         let tap = &mut Tap::new(&mut *self.probe);
         let mut layers = [Layer::default(); fragment::MAX_LAYERS];
+        let mut all = 0;
         for pixel in 0..TILE_AREA {
-            let live = self.tile.live(pixel);
+            let at = pixel as u8;
+            let live = self.tile.live(at);
             let [x, y] = [pixel % TILE_PX + usize::from(self.corner[0]), pixel / TILE_PX + usize::from(self.corner[1])].map(|at| at as u32);
             if x >= self.frame.width || y >= self.frame.height {
                 continue;
             }
             for (slot, layer) in layers[..live].iter_mut().enumerate() {
-                *layer = lit_layer(self.machine, &lights, slot, &self.tile.slot(pixel, slot), tap);
+                *layer = lit_layer(self.machine, &lights, slot, &self.tile.slot(at, slot), tap);
             }
             layers[..live].sort_by_key(|layer| layer.depth);
             let word = self.machine.resolve.one(&layers[..live], self.frame.background, tap);
@@ -496,16 +520,19 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
             }
             resolved.frame[pixel] = word.map(|channel| channel as u32);
             resolved.covered[pixel] = live > 0;
-            outcomes.most_in_a_pixel = outcomes.most_in_a_pixel.max(u64::from(self.tile.contributions(pixel)));
+            let contributions = u64::from(self.tile.contributions(at));
+            all += contributions;
+            outcomes.most_in_a_pixel = outcomes.most_in_a_pixel.max(contributions);
         }
+        outcomes.accumulated = all - outcomes.total();
         Resolved { outcomes, ..resolved }
     }
 }
 
-/// The part of a box's side that lies between two pixels.
+/// The part of a box's side that lies in a tile's.
 #[inline(always)]
-fn overlap(side: [u16; 2], first: u16, last: u16) -> [u16; 2] {
-    [side[0].max(first), side[1].min(last)]
+fn overlap([first, last]: [u16; 2], tile: u16) -> [u16; 2] {
+    [first.max(tile), last.min(tile + (TILE_PX as u16 - 1))]
 }
 
 fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<Table>]) -> shade::Registers<'a> {
@@ -515,6 +542,18 @@ fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<Table>]) -> shade::Regis
         coverage_threshold: frame.coverage_threshold,
         inverse_threshold: frame.inverse_threshold,
     }
+}
+
+/// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.
+#[inline(never)]
+fn shade_for_merge<P: Probe>(
+    machine: &Elaborated,
+    frame: &Frame,
+    highlights: &[Option<Table>],
+    slot: &Slot,
+    tap: &mut Tap<P>,
+) -> Premultiplied {
+    shade_slot(machine, &lights(frame, highlights), slot, tap)
 }
 
 /// The port from fragment, and from resolve, to shade.

@@ -61,7 +61,10 @@ impl Fit {
     /// The word for one exact result.
     #[inline(always)]
     pub fn one(&self, exact: i64) -> i64 {
-        self.one_shifted(exact, 0)
+        if !self.plain {
+            return self.one_shifted(exact, 0);
+        }
+        (exact.wrapping_add(self.half) >> (self.places & 63)).max(self.min).min(self.max)
     }
 
     /// What is added before places are cut.
@@ -74,26 +77,9 @@ impl Fit {
         self.places
     }
 
-    /// Whether an add, a shift and two limits are all there is: then [`Fit::plain`] gives the same word in fewer steps.
+    /// Whether an add, a shift and two limits are all there is.
     pub fn is_plain(&self) -> bool {
         self.plain
-    }
-
-    /// The word for one exact result, where [`Fit::is_plain`].
-    #[inline(always)]
-    pub fn plain(&self, exact: i64) -> i64 {
-        ((exact + self.half) >> (self.places & 63)).max(self.min).min(self.max)
-    }
-
-    /// Whether an add and a shift are all there is before a register that wraps: then [`Fit::plain_register`] is enough.
-    pub fn is_plain_register(&self) -> bool {
-        (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap
-    }
-
-    /// The word for one exact result before it is wrapped, where [`Fit::is_plain_register`].
-    #[inline(always)]
-    pub fn plain_register(&self, exact: i64) -> i64 {
-        (exact + self.half) >> (self.places & 63)
     }
 
     /// The word for one exact result with `more` fraction bits than was elaborated.
@@ -111,10 +97,36 @@ impl Fit {
     /// The words for eight exact results.
     #[inline(always)]
     pub fn lanes<L: Lanes>(&self, exact: L) -> L {
-        if !self.plain {
+        if self.plain { self.lanes_plain::<true, L>(exact) } else { self.lanes_plain::<false, L>(exact) }
+    }
+
+    /// [`Fit::lanes`] by the short way where `PLAIN` says that [`Fit::is_plain`].
+    #[inline(always)]
+    pub fn lanes_plain<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
+        if !PLAIN {
             return self.lanes_one_by_one(exact, L::splat(0));
         }
         self.limit_lanes((exact + L::splat(self.half)).right(self.places as u32 & 63))
+    }
+
+    /// The words for eight exact results before they are wrapped into a register.
+    #[inline(always)]
+    pub fn lanes_register<L: Lanes>(&self, exact: L) -> L {
+        let plain = (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap;
+        if !plain {
+            return self.lanes_one_by_one(exact, L::splat(0));
+        }
+        (exact + L::splat(self.half)).right(self.places as u32 & 63)
+    }
+
+    /// The words for eight exact results of which none is negative, in a word without a sign; by the short way where `PLAIN` says
+    /// that [`Fit::is_plain`].
+    #[inline(always)]
+    pub fn lanes_natural<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
+        if !PLAIN {
+            return self.lanes_one_by_one(exact, L::splat(0));
+        }
+        (exact + L::splat(self.half)).right_natural(self.places as u32 & 63).min(L::splat(self.max))
     }
 
     /// The words for eight exact results, each with `more` fraction bits than was elaborated.
