@@ -253,15 +253,33 @@ pub mod avx2 {
             }
         }
         #[inline(always)]
-        fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u8 {
-            // SAFETY: as `both`; the keys are eight words. A distance of 2^31 is right without a sign.
+        fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32 {
+            // SAFETY: as `both`.
             unsafe {
-                let difference = _mm256_sub_epi32(eight!(keys), _mm256_set1_epi32(word));
-                let distance = _mm256_abs_epi32(difference);
+                let distance = distance(eight!(keys), word);
                 let far = _mm256_cmpeq_epi32(_mm256_max_epu32(distance, _mm256_set1_epi32(limit as i32)), distance);
-                !_mm256_movemask_ps(_mm256_castsi256_ps(far)) as u8
+                _mm256_movemask_ps(_mm256_castsi256_ps(far)) as u32 ^ 0xff
             }
         }
+        #[inline(always)]
+        fn nearest(keys: &[i32; LANES], word: i32) -> usize {
+            // SAFETY: as `both`.
+            unsafe {
+                let distance = distance(eight!(keys), word);
+                let least = _mm256_min_epu32(distance, _mm256_permute2x128_si256::<1>(distance, distance));
+                let least = _mm256_min_epu32(least, _mm256_shuffle_epi32::<0b01_00_11_10>(least));
+                let least = _mm256_min_epu32(least, _mm256_shuffle_epi32::<0b10_11_00_01>(least));
+                let equal = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(distance, least)));
+                equal.trailing_zeros() as usize
+            }
+        }
+    }
+
+    /// How far eight words are from another; 2^31 is right without a sign.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn distance(words: __m256i, word: i32) -> __m256i {
+        _mm256_abs_epi32(_mm256_sub_epi32(_mm256_set1_epi32(word), words))
     }
 
     impl Add for Vectors {

@@ -12,7 +12,7 @@
 use crate::frame::{Frame, Splat};
 use crate::host::{Work, vectorised};
 use crate::machine::Elaborated;
-use crate::num::{LANES, Lanes, Table, three, two};
+use crate::num::{LANES, Lanes, three, two};
 use crate::probe::{Probe, Tap};
 use crate::units::fragment::{
     self, Attributes, Contribution, Decision, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
@@ -264,7 +264,13 @@ pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe:
 }
 
 fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
-    let highlights = machine.shade.highlights(&frame.lighting);
+    let lights = shade::Registers {
+        lighting: &frame.lighting,
+        highlights: &machine.shade.highlights(&frame.lighting),
+        coverage_threshold: frame.coverage_threshold,
+        inverse_threshold: frame.inverse_threshold,
+    };
+    let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
     let bins = Bins::new(frame, setup);
     let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
     let tiles: Vec<(Resolved, P)> = touched
@@ -276,8 +282,9 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
                 let work = FillTile::<PLAIN, L, P> {
                     machine,
                     frame,
-                    highlights: &highlights,
+                    lights: &lights,
                     setup,
+                    registers,
                     splats: bins.splats(index),
                     corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
                     tile,
@@ -375,8 +382,9 @@ impl Resolved {
 struct FillTile<'a, const PLAIN: bool, L, P> {
     machine: &'a Elaborated,
     frame: &'a Frame,
-    highlights: &'a [Option<Table>],
+    lights: &'a shade::Registers<'a>,
     setup: &'a Setup,
+    registers: fragment::Registers,
     splats: &'a [u32],
     corner: [u16; 2],
     tile: &'a mut Tile<L>,
@@ -405,34 +413,23 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         let (machine, frame, setup) = (self.machine, self.frame, self.setup);
         let size_px = [frame.width, frame.height];
         let cutoff = machine.raster.cutoff(frame.view.cutoff);
-        let mut prepared = [setup.splat(splats[0]); LANES];
-        for (prepared, &splat) in prepared.iter_mut().zip(splats) {
-            *prepared = setup.splat(splat);
-        }
-        let mut parts = [self.part(prepared[0]); LANES];
-        for lane in 1..LANES {
-            parts[lane] = self.part(prepared[lane]);
-        }
+        // Beyond the last splat, the last again: a lane that nobody looks at.
+        let prepared: [&Prepared; LANES] = std::array::from_fn(|lane| setup.splat(splats[lane.min(splats.len() - 1)]));
+        let inputs = prepared.map(|splat| &splat.raster);
         let tap = &mut Tap::new(&mut *self.probe);
         if P::WORDS {
             tap.live[splats.len()..].fill(false);
         }
-        let walks = machine.raster.enter::<V, P>(size_px, &parts, tap);
+        let walks = machine.raster.enter::<V, P>(size_px, self.corner, &inputs, tap);
         for lane in 0..splats.len().min(LANES) {
             let tap = &mut Tap::new(&mut *self.probe);
-            machine.raster.span::<V, P>(size_px, &walks, lane, &parts[lane], cutoff, span, tap);
-            for first in (0..span.fragments()).step_by(LANES) {
-                self.contribute::<V>(prepared[lane], &parts[lane], (&walks, lane), span, first, outcomes);
+            machine.raster.span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap);
+            let mut first = 0;
+            while first < span.fragments() {
+                self.contribute::<V>(prepared[lane], (&walks, lane), span, first, outcomes);
+                first += LANES;
             }
         }
-    }
-
-    /// What of a splat's box lies in the tile.
-    #[inline(always)]
-    fn part<'a>(&self, prepared: &'a Prepared) -> raster::Part<'a> {
-        let splat = &prepared.raster;
-        let [x, y] = self.corner;
-        raster::Part { splat, columns: overlap(splat.columns, x), rows: overlap(splat.rows, y) }
     }
 
     /// Gauss and fragment: up to eight of a span's fragments.
@@ -440,21 +437,20 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     fn contribute<V: Lanes>(
         &mut self,
         prepared: &Prepared,
-        part: &raster::Part,
         (walks, lane): (&raster::Walks, usize),
         span: &raster::Span,
         first: usize,
         outcomes: &mut Outcomes,
     ) {
-        let (machine, frame) = (self.machine, self.frame);
-        let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
+        let (machine, lights) = (self.machine, self.lights);
+        let (tile, registers) = (&mut *self.tile, self.registers);
         let tap = &mut Tap::new(&mut *self.probe);
         let count = (span.fragments() - first).min(LANES);
         if P::WORDS {
             tap.live[count..].fill(false);
         }
         let places = span.places(first);
-        let [radial, depth] = machine.raster.fragments::<V>(walks, lane, part, span, places);
+        let [radial, depth] = machine.raster.fragments::<V>(walks, lane, span, places);
         let [radial_index, weight] = machine.gauss.lanes::<PLAIN, V, P>(radial, i64::from(prepared.amplitude), tap);
         let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
         // A weight that rounds to 0 makes no fragment: its depth is nobody's.
@@ -462,21 +458,19 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
             tap.live = std::array::from_fn(|lane| tap.live[lane] & (weight[lane] != 0));
         }
         let depth = machine.fragment.depth::<PLAIN, V, P>(depth, tap).to_array();
-        let highlights = self.highlights;
-        let shade = |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, frame, highlights, slot, tap);
-        let first_pixel = ((part.rows[0] - self.corner[1]) as u8 * TILE_PX as u8) + (part.columns[0] - self.corner[0]) as u8;
+        let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
+        let pixels = walks.pixels(lane, places);
         for lane in 0..count {
             if weight[lane] == 0 {
                 continue;
             }
-            // Places in a part are numbered as a tile's pixels are.
-            let pixel = places[lane].wrapping_add(first_pixel);
+            let pixel = pixels[lane];
             let decision = machine.fragment.contribute::<PLAIN, V, L, P>(
-                self.tile,
+                tile,
                 pixel,
                 [weight[lane], depth[lane]],
                 &prepared.attributes,
-                prepared.material,
+                &prepared.material,
                 &registers,
                 &shade,
                 tap,
@@ -499,7 +493,6 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     #[inline(never)]
     fn resolve(self, mut outcomes: Outcomes) -> Resolved {
         let mut resolved = Resolved { corner: self.corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
-        let lights = lights(self.frame, self.highlights);
         let tap = &mut Tap::new(&mut *self.probe);
         let mut layers = [Layer::default(); fragment::MAX_LAYERS];
         let mut all = 0;
@@ -511,7 +504,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
                 continue;
             }
             for (slot, layer) in layers[..live].iter_mut().enumerate() {
-                *layer = lit_layer(self.machine, &lights, slot, &self.tile.slot(at, slot), tap);
+                *layer = lit_layer(self.machine, self.lights, slot, &self.tile.slot(at, slot), tap);
             }
             layers[..live].sort_by_key(|layer| layer.depth);
             let word = self.machine.resolve.one(&layers[..live], self.frame.background, tap);
@@ -529,31 +522,15 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     }
 }
 
-/// The part of a box's side that lies in a tile's.
-#[inline(always)]
-fn overlap([first, last]: [u16; 2], tile: u16) -> [u16; 2] {
-    [first.max(tile), last.min(tile + (TILE_PX as u16 - 1))]
-}
-
-fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<Table>]) -> shade::Registers<'a> {
-    shade::Registers {
-        lighting: &frame.lighting,
-        highlights,
-        coverage_threshold: frame.coverage_threshold,
-        inverse_threshold: frame.inverse_threshold,
-    }
-}
-
 /// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.
 #[inline(never)]
 fn shade_for_merge<P: Probe>(
     machine: &Elaborated,
-    frame: &Frame,
-    highlights: &[Option<Table>],
+    lights: &shade::Registers,
     slot: &Slot,
     tap: &mut Tap<P>,
 ) -> Premultiplied {
-    shade_slot(machine, &lights(frame, highlights), slot, tap)
+    shade_slot(machine, lights, slot, tap)
 }
 
 /// The port from fragment, and from resolve, to shade.

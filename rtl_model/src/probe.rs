@@ -152,7 +152,11 @@ impl<'a, P: Probe> Tap<'a, P> {
     /// Fits one result.
     #[inline(always)]
     pub fn fit_one(&mut self, fit: &Fit, exact: i64) -> i64 {
-        self.fit_one_shifted(fit, exact, 0)
+        let word = fit.one(exact);
+        if P::WORDS {
+            self.probe.word(fit, exact, 0, word);
+        }
+        word
     }
 
     /// Fits one result that has `more` fraction bits than was elaborated.
@@ -173,14 +177,6 @@ impl<'a, P: Probe> Tap<'a, P> {
         word
     }
 
-    /// Fits eight results by the short way where `PLAIN` says that the fit allows it.
-    #[inline(always)]
-    pub fn fit_plain<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
-        let word = fit.lanes_plain::<PLAIN, L>(exact);
-        self.show(fit, exact, L::splat(0), word);
-        word
-    }
-
     /// Fits eight results into registers that wrap.
     #[inline(always)]
     pub fn fit_register<L: Lanes>(&mut self, fit: &Fit, register: Register, exact: L) -> L {
@@ -195,6 +191,14 @@ impl<'a, P: Probe> Tap<'a, P> {
     #[inline(always)]
     pub fn fit_natural<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
         let word = fit.lanes_natural::<PLAIN, L>(exact);
+        self.show(fit, exact, L::splat(0), word);
+        word
+    }
+
+    /// [`Tap::fit_natural`] where the word is known to reach all results.
+    #[inline(always)]
+    pub fn fit_within<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        let word = fit.lanes_within::<PLAIN, L>(exact);
         self.show(fit, exact, L::splat(0), word);
         word
     }

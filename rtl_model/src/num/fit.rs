@@ -42,6 +42,8 @@ pub struct Fit {
     head: u32,
     /// Simple, and no shift to the left: an add, a shift and two limits.
     plain: bool,
+    /// Places to the right, where there are none to the left.
+    right: u32,
 }
 
 /// Room for data-dependent shifts to the left that the vector path keeps, bits.
@@ -55,7 +57,7 @@ impl Fit {
         let simple = word.round != Rounding::NearestEven && word.overflow == Overflow::Saturate;
         let plain = simple && (0..=62).contains(&places);
         let head = if places < MOST_HEAD { (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32 } else { 0 };
-        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), simple, head, plain }
+        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), simple, head, plain, right: places.clamp(0, 62) as u32 }
     }
 
     /// The word for one exact result.
@@ -64,7 +66,7 @@ impl Fit {
         if !self.plain {
             return self.one_shifted(exact, 0);
         }
-        (exact.wrapping_add(self.half) >> (self.places & 63)).max(self.min).min(self.max)
+        (exact.wrapping_add(self.half) >> self.right).max(self.min).min(self.max)
     }
 
     /// What is added before places are cut.
@@ -97,16 +99,10 @@ impl Fit {
     /// The words for eight exact results.
     #[inline(always)]
     pub fn lanes<L: Lanes>(&self, exact: L) -> L {
-        if self.plain { self.lanes_plain::<true, L>(exact) } else { self.lanes_plain::<false, L>(exact) }
-    }
-
-    /// [`Fit::lanes`] by the short way where `PLAIN` says that [`Fit::is_plain`].
-    #[inline(always)]
-    pub fn lanes_plain<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
-        if !PLAIN {
+        if !self.plain {
             return self.lanes_one_by_one(exact, L::splat(0));
         }
-        self.limit_lanes((exact + L::splat(self.half)).right(self.places as u32 & 63))
+        self.limit_lanes((exact + L::splat(self.half)).right(self.right))
     }
 
     /// The words for eight exact results before they are wrapped into a register.
@@ -116,7 +112,7 @@ impl Fit {
         if !plain {
             return self.lanes_one_by_one(exact, L::splat(0));
         }
-        (exact + L::splat(self.half)).right(self.places as u32 & 63)
+        (exact + L::splat(self.half)).right(self.right)
     }
 
     /// The words for eight exact results of which none is negative, in a word without a sign; by the short way where `PLAIN` says
@@ -126,7 +122,16 @@ impl Fit {
         if !PLAIN {
             return self.lanes_one_by_one(exact, L::splat(0));
         }
-        (exact + L::splat(self.half)).right_natural(self.places as u32 & 63).min(L::splat(self.max))
+        (exact + L::splat(self.half)).right_natural(self.right).min(L::splat(self.max))
+    }
+
+    /// [`Fit::lanes_natural`] where the word is known to reach all results.
+    #[inline(always)]
+    pub fn lanes_within<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
+        if !PLAIN {
+            return self.lanes_one_by_one(exact, L::splat(0));
+        }
+        (exact + L::splat(self.half)).right_natural(self.right)
     }
 
     /// The words for eight exact results, each with `more` fraction bits than was elaborated.

@@ -67,7 +67,9 @@ pub trait Lanes:
     /// The signs of the lanes, bit by bit, the first lane in the last place.
     fn signs(self) -> u8;
     /// Which keys differ from a word by less than a limit, bit by bit, the first key in the last place.
-    fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u8;
+    fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32;
+    /// The key nearest to a word, the first of equals.
+    fn nearest(keys: &[i32; LANES], word: i32) -> usize;
 
     /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold all of it.
     fn add_product(
@@ -272,9 +274,19 @@ impl Lanes for Plain {
         }
     }
     #[inline(always)]
-    fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u8 {
-        bits(keys.map(|key| key.wrapping_sub(word).unsigned_abs() < limit))
+    fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32 {
+        bits(keys.map(|key| distance(key, word) < limit)).into()
     }
+    #[inline(always)]
+    fn nearest(keys: &[i32; LANES], word: i32) -> usize {
+        (0..LANES).min_by_key(|&index| distance(keys[index], word)).unwrap_or(0)
+    }
+}
+
+/// How far two words are apart, if that is at most 2^31.
+#[inline(always)]
+fn distance(a: i32, b: i32) -> u32 {
+    a.wrapping_sub(b).unsigned_abs()
 }
 
 /// A condition of each lane as a word of eight bits.

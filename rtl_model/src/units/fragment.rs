@@ -206,8 +206,6 @@ impl Lane for i64 {
 
 /// Set in the key of a slot that is shaded or empty: its depth is then farther than any ε from any depth word.
 const NO_MATCH: i32 = i32::MIN;
-/// Key of an empty slot: no depth lies behind it.
-const EMPTY: i32 = NO_MATCH | ((1 << MAX_DEPTH_BITS) - 1);
 /// Widest depth that the comparators take, bits.
 const MAX_DEPTH_BITS: i32 = 30;
 
@@ -225,7 +223,7 @@ pub struct Tile<L> {
 impl<L: Lane> Default for Tile<L> {
     fn default() -> Self {
         Tile {
-            keys: [[EMPTY; MAX_LAYERS]; TILE_AREA],
+            keys: [[NO_MATCH; MAX_LAYERS]; TILE_AREA],
             sums: [[HostSums::default(); TILE_AREA]; MAX_LAYERS],
             material: [[0; TILE_AREA]; MAX_LAYERS],
             live: [0; TILE_AREA],
@@ -245,7 +243,7 @@ impl<L: Lane> Tile<L> {
     pub fn clear(&mut self) {
         self.live.fill(0);
         self.contributions.fill(0);
-        self.keys.fill([EMPTY; MAX_LAYERS]);
+        self.keys.fill([NO_MATCH; MAX_LAYERS]);
     }
 
     /// How many contributions a pixel has had.
@@ -349,10 +347,9 @@ pub struct Fragment {
     opaque_scales: [i128; 2],
     /// Least opacity of a shaded fragment that is opaque.
     opaque_shaded: i64,
-    opacity_frac_bits: u32,
     /// Shaded words into the slot, and back.
     store: [Fit; 2],
-    read: Fit,
+    read: [Fit; 2],
     blend: [Fit; 2],
     premultiplied_frac_bits: u32,
 }
@@ -429,9 +426,8 @@ impl Fragment {
             align,
             opaque_scales: [1 << (limit_places - opacity_places).max(0), opaque << (opacity_places - limit_places).max(0)],
             opaque_shaded: -((-opaque << opacity_places) >> m.opaque.format.frac_bits) as i64,
-            opacity_frac_bits: m.opacity_sum.format.frac_bits as u32,
             store: [e.fit(UNIT, "colour_sum", m.colour_sum, shaded), e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded)],
-            read: e.fit("shade", "premultiplied", premultiplied, m.colour_sum.into()),
+            read: [m.colour_sum, m.opacity_sum].map(|sum| e.fit("shade", "premultiplied", premultiplied, sum.into())),
             blend: [e.fit(UNIT, "colour_sum", m.colour_sum, over), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
         }
@@ -448,10 +444,10 @@ impl Fragment {
         self.narrow
     }
 
-    /// Depths as the comparators see them.
+    /// Depths as the comparators see them. Nobody but a watcher can tell what lies below 0 from 0.
     #[inline(always)]
     pub fn depth<const PLAIN: bool, V: Lanes, P: Probe>(&self, exact: V, tap: &mut Tap<P>) -> V {
-        tap.fit_plain::<PLAIN, V>(&self.depth, exact)
+        if P::WORDS { tap.fit(&self.depth, exact) } else { tap.fit_natural::<PLAIN, V>(&self.depth, exact.max(V::splat(0))) }
     }
 
     /// Takes one contribution in.
@@ -463,9 +459,9 @@ impl Fragment {
         pixel: u8,
         [weight, depth]: [i64; 2],
         attributes: &Attributes,
-        material: u32,
+        material: &u32,
         registers: &Registers,
-        shade: impl FnMut(&Slot, &mut Tap<P>) -> Premultiplied,
+        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
     ) -> Decision {
         let at = usize::from(pixel);
@@ -473,14 +469,16 @@ impl Fragment {
         let key = depth as i32;
         let near = V::near(&tile.keys[at], key, registers.z_threshold as u32);
         if near != 0 {
-            let slot = nearest(&tile.keys[at], key, near);
+            // Rarely more than one.
+            let several = near & (near - 1) != 0;
+            let slot = within(if several { V::nearest(&tile.keys[at], key) } else { near.trailing_zeros() as usize });
             self.accumulate::<PLAIN, V, L, P>(&mut tile.sums[slot][at], weight, attributes, tap);
             if self.nearest_depth {
                 tile.keys[at][slot] = tile.keys[at][slot].min(key);
             }
             return Decision::Accumulated(slot as u8);
         }
-        let mut fresh = HostSlot { sums: HostSums::default(), key, material };
+        let mut fresh = HostSlot { sums: HostSums::default(), key, material: *material };
         self.accumulate::<PLAIN, V, L, P>(&mut fresh.sums, weight, attributes, tap);
         let live = tile.live[at];
         if usize::from(live) < self.layers {
@@ -488,7 +486,7 @@ impl Fragment {
             tile.live[at] += 1;
             return Decision::Inserted(live);
         }
-        self.overflow(tile, pixel, &fresh, registers, shade, tap)
+        self.overflow(tile, pixel, &fresh, registers, shade, tap.probe)
     }
 
     #[inline(always)]
@@ -518,8 +516,8 @@ impl Fragment {
         pixel: u8,
         fresh: &HostSlot<L>,
         registers: &Registers,
-        shade: impl FnMut(&Slot, &mut Tap<P>) -> Premultiplied,
-        tap: &mut Tap<P>,
+        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
+        probe: &mut P,
     ) -> Decision {
         if self.merge == Merge::Replace {
             let nearer = fresh.key < tile.depth(pixel, 0);
@@ -530,8 +528,8 @@ impl Fragment {
         }
         self.sort(tile, pixel);
         // Stable: the fresh one comes after its equals.
-        let in_front = tile.keys[usize::from(pixel)].iter().filter(|&&key| key & !NO_MATCH <= fresh.key).count();
-        let place = in_front.min(self.layers);
+        let behind = tile.keys[usize::from(pixel)][..self.layers].iter().position(|key| key & !NO_MATCH > fresh.key);
+        let place = behind.unwrap_or(self.layers);
         if self.evict_hidden && self.hides(tile, pixel, fresh, place, registers) {
             if place < self.layers {
                 (place..self.layers - 1).rev().for_each(|slot| tile.copy(pixel, slot, slot + 1));
@@ -546,7 +544,7 @@ impl Fragment {
         };
         let front = self.front_of_pair(|position| stacked(position, tile).key & !NO_MATCH);
         let [over, under] = [stacked(front, tile), stacked(front + 1, tile)];
-        let merged = self.merged(&over.get(), &under.get(), shade, tap);
+        let merged = self.merged(&over.get(), &under.get(), shade, &mut Tap::new(probe));
         // The slots between the pair and the fresh one's place move over by one.
         if place < front {
             (place..front - 1).rev().for_each(|slot| tile.copy(pixel, slot, slot + 1));
@@ -562,9 +560,7 @@ impl Fragment {
     /// Brings a full pixel's slots into depth order; after the first overflow they stay in it.
     #[inline(always)]
     fn sort<L: Lane>(&self, tile: &mut Tile<L>, pixel: u8) {
-        let keys = &tile.keys[usize::from(pixel)];
-        let unsorted = |slot: usize| keys[slot] & !NO_MATCH > keys[slot + 1] & !NO_MATCH;
-        if (0..MAX_LAYERS - 1).fold(false, |any, slot| any | unsorted(slot)) {
+        if !tile.keys[usize::from(pixel)][..self.layers].is_sorted_by_key(|key| key & !NO_MATCH) {
             let mut stack = [HostSlot::default(); MAX_LAYERS];
             let stack = &mut stack[..self.layers];
             stack.iter_mut().enumerate().for_each(|(slot, fragment)| *fragment = tile.read(pixel, slot));
@@ -606,10 +602,10 @@ impl Fragment {
         &self,
         front: &Slot,
         back: &Slot,
-        mut shade: impl FnMut(&Slot, &mut Tap<P>) -> Premultiplied,
+        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
     ) -> Slot {
-        let mut light = |fragment: &Slot, tap: &mut Tap<P>| {
+        let light = |fragment: &Slot, tap: &mut Tap<P>| {
             if fragment.shaded {
                 return self.shaded(fragment, tap);
             }
@@ -638,13 +634,9 @@ impl Fragment {
     pub fn shaded<P: Probe>(&self, fragment: &Slot, tap: &mut Tap<P>) -> Premultiplied {
         let s = &fragment.sums;
         Premultiplied {
-            colour: three!(channel => tap.fit_one(&self.read, s[COLOUR + channel])),
-            opacity: tap.fit_one_shifted(&self.read, s[OPACITY], i64::from(self.opacity_frac_bits) - self.colour_frac_bits()),
+            colour: three!(channel => tap.fit_one(&self.read[0], s[COLOUR + channel])),
+            opacity: tap.fit_one(&self.read[1], s[OPACITY]),
         }
-    }
-
-    fn colour_frac_bits(&self) -> i64 {
-        i64::from(self.sums[COLOUR].word.format.frac_bits)
     }
 }
 
@@ -655,22 +647,6 @@ pub struct Registers {
     pub z_threshold: i64,
     /// τ (`fragment.weight_sum`).
     pub coverage_threshold: i64,
-}
-
-/// The slot whose key is nearest to another, among the candidates, of which there is one; the first of equals.
-#[inline(always)]
-fn nearest(keys: &[i32; MAX_LAYERS], key: i32, candidates: u8) -> usize {
-    let next = |candidates: u8| within(candidates.trailing_zeros() as usize);
-    let mut nearest = next(candidates);
-    let mut rest = candidates & (candidates - 1);
-    while rest != 0 {
-        let slot = next(rest);
-        if keys[slot].abs_diff(key) < keys[nearest].abs_diff(key) {
-            nearest = slot;
-        }
-        rest &= rest - 1;
-    }
-    nearest
 }
 
 /// Whether 32 bits hold a lane's product, its rounding and its sum.

@@ -63,7 +63,8 @@ impl Gauss {
     #[inline(always)]
     pub fn lanes<const PLAIN: bool, L: Lanes, P: Probe>(&self, radial: L, amplitude: i64, tap: &mut Tap<P>) -> [L; 2] {
         let radial_index = tap.fit_natural::<PLAIN, L>(&self.radial_index, radial);
-        let falloff = tap.fit_natural::<PLAIN, L>(self.table.fit(), self.table.exact_lanes(radial_index));
+        // Between two words of the table lies nothing beyond them.
+        let falloff = tap.fit_within::<PLAIN, L>(self.table.fit(), self.table.exact_lanes(radial_index));
         [radial_index, tap.fit_natural::<PLAIN, L>(&self.weight, L::splat(amplitude) * falloff)]
     }
 }

@@ -21,15 +21,14 @@ use crate::probe::{Probe, Tap};
 
 const UNIT: &str = "raster";
 
-/// Side of the square of pixels of a [`Part`].
+/// Side of the square that boxes are cut to, pixels.
 const SIDE_PX: usize = 16;
 /// Most fragments of a span; eight lanes more have room after them.
 const SPAN_FRAGMENTS: usize = SIDE_PX * SIDE_PX;
-/// Times eight columns of a span.
-const SPAN_EIGHTS: usize = SPAN_FRAGMENTS / LANES;
 
-/// Input port: one splat.
+/// Input port: one splat. In memory as here, so that its first eight words are one vector of the host's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
 pub struct Input {
     /// Position from the picture's middle (`project.pixel`).
     pub pixel: [i32; 2],
@@ -47,29 +46,42 @@ pub struct Input {
     pub rows: [u16; 2],
 }
 
-/// The part of a splat's box that lies in a square of 16 × 16 pixels.
-#[derive(Clone, Copy, Debug)]
-pub struct Part<'a> {
-    /// The splat.
-    pub splat: &'a Input,
-    /// First and last column.
-    pub columns: [u16; 2],
-    /// First and last row.
-    pub rows: [u16; 2],
-}
-
-/// Eight splats' registers, each where it enters its part, with their differences by column and row.
+/// Eight splats where their boxes enter a square of 16 × 16 pixels: registers there, with their differences by column and row.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Walks {
+    /// The part of each box that lies in the square: its first row, and how many columns and rows it has.
+    top: [i64; LANES],
+    columns: [i64; LANES],
+    rows: [i64; LANES],
+    /// Columns of the box before the part.
+    columns_on: [i64; LANES],
+    /// The part's first pixel in the square: 16 · row + column.
+    first_pixel: [i64; LANES],
     /// Where rows are differenced; else each row has its own.
     seed: Seed<[Held; LANES]>,
     by_column_twice: [Held; LANES],
     by_row: [Held; LANES],
     by_row_twice: [Held; LANES],
     by_both: [Held; LANES],
+    depth_slope: [[i64; LANES]; 2],
     /// The depth clamp (shape: [`Raster::depth_exact`]).
     nearest: [i64; LANES],
     deepest: [i64; LANES],
+}
+
+impl Walks {
+    /// Which of the square's pixels lie at a [`Span`]'s places: 16 · row + column.
+    #[inline(always)]
+    pub fn pixels(&self, lane: usize, places: [u8; LANES]) -> [u8; LANES] {
+        // No pixel is beyond 255: a byte never carries into the next.
+        let first = EACH * (self.first_pixel[lane] as u64 & 0xff);
+        u64::from_le_bytes(places).wrapping_add(first).to_le_bytes()
+    }
+
+    #[inline(always)]
+    fn size(&self, lane: usize) -> [usize; 2] {
+        [self.columns[lane] as usize, (self.rows[lane] as usize).min(SIDE_PX)]
+    }
 }
 
 /// Registers at one pixel.
@@ -90,32 +102,32 @@ struct Splats<L> {
     first_column: L,
 }
 
-/// One word of each of eight parts.
+/// One word of each of eight splats.
 macro_rules! word {
-    ($parts:ident.$($field:tt)+) => {{
+    ($splats:ident.$($field:tt)+) => {{
         let mut words = [0; LANES];
         for lane in 0..LANES {
-            words[lane] = i64::from($parts[lane].$($field)+);
+            words[lane] = i64::from($splats[lane].$($field)+);
         }
         L::from_array(words)
     }};
 }
 
-/// Output port: the fragments of one splat in a [`Part`] of its box.
+/// Output port: the fragments of one splat in the square.
 #[derive(Clone, Debug)]
 pub struct Span {
     fragments: usize,
-    /// Where each lies, from the part's first pixel: 16 · row + column.
+    /// Where each lies, from the first pixel of the box's part there: 16 · row + column.
     place: [u8; SPAN_FRAGMENTS + LANES],
     /// r of every pixel of the part, as its register holds it (`raster.radial`), eight columns at a time.
-    radial: [[Held; LANES]; SPAN_EIGHTS],
+    radial: [[[Held; LANES]; 2]; SIDE_PX],
     /// z of each row's first pixel, unclamped, as its register holds it (`raster.depth`), where rows are seeded afresh.
     depth: [Held; SIDE_PX],
 }
 
 impl Default for Span {
     fn default() -> Self {
-        Span { fragments: 0, place: [0; SPAN_FRAGMENTS + LANES], radial: [[0; LANES]; SPAN_EIGHTS], depth: [0; SIDE_PX] }
+        Span { fragments: 0, place: [0; SPAN_FRAGMENTS + LANES], radial: [[[0; LANES]; 2]; SIDE_PX], depth: [0; SIDE_PX] }
     }
 }
 
@@ -136,10 +148,9 @@ impl Span {
     /// Keeps those of eight pixels of a row that lie in the part and below the cutoff.
     #[inline(always)]
     fn keep<L: Lanes>(&mut self, [row, eight]: [usize; 2], radial: L, cutoff: L, columns: usize) {
-        let at = 2 * row + eight;
         let inside = cutoff.above(radial).signs() & first_bits(columns - eight * LANES);
-        self.radial[at % SPAN_EIGHTS] = radial.to_array();
-        let places = PLACES[usize::from(inside)] + EACH * (at * LANES) as u64;
+        self.radial[row][eight] = radial.to_array();
+        let places = PLACES[usize::from(inside)] + EACH * (SIDE_PX * row + LANES * eight) as u64;
         // No more fragments than pixels: eight always have room.
         let kept = self.fragments % SPAN_FRAGMENTS;
         self.place[kept..kept + LANES].copy_from_slice(&places.to_le_bytes());
@@ -293,19 +304,32 @@ impl Raster {
         self.radial_register.load(cutoff, self.places.cutoff)
     }
 
-    /// Enters eight splats' boxes, each at the first pixel of its part.
+    /// Enters eight splats' boxes where they lie in the square with this first pixel, which they touch.
     #[inline(always)]
-    pub fn enter<L: Lanes, P: Probe>(&self, size_px: [u32; 2], parts: &[Part; LANES], tap: &mut Tap<P>) -> Walks {
-                let splats = Splats::<L>::of(parts);
-        let (depth, range) = (splats.depth.left(self.places.clamp[1]), word!(parts.splat.depth_range).left(self.places.clamp[2]));
+    pub fn enter<L: Lanes, P: Probe>(&self, size_px: [u32; 2], square: [u16; 2], inputs: &[&Input; LANES], tap: &mut Tap<P>) -> Walks {
+        let splats = Splats::<L>::of(inputs);
+        let [x, y] = two!(axis => L::splat(square[axis].into()));
+        let last = L::splat(SIDE_PX as i64 - 1);
+        let top: L = word!(inputs.rows[0]);
+        let from = [splats.first_column.max(x), top.max(y)];
+        let to = [word!(inputs.columns[1]).min(x + last), word!(inputs.rows[1]).min(y + last)];
+        let size = two!(axis => to[axis] - from[axis] + L::splat(1));
+        let on = [from[0] - splats.first_column, from[1] - top];
+        let (depth, range) = (splats.depth.left(self.places.clamp[1]), word!(inputs.depth_range).left(self.places.clamp[2]));
         let mut walks = Walks {
+            top: from[1].to_array(),
+            columns: size[0].to_array(),
+            rows: size[1].to_array(),
+            columns_on: on[0].to_array(),
+            first_pixel: ((from[1] - y).left(SIDE_PX.ilog2()) + from[0] - x).to_array(),
             by_column_twice: self.second(splats.conic[0], tap).to_array(),
+            depth_slope: two!(axis => splats.depth_slope[axis].to_array()),
             nearest: (depth - range).to_array(),
             deepest: (depth + range).to_array(),
             ..Walks::default()
         };
         if self.rows == Rows::Differenced {
-            self.enter_boxes(size_px, &splats, parts, &mut walks, tap);
+            self.enter_boxes(size_px, &splats, top, on, &mut walks, tap);
         }
         walks
     }
@@ -316,13 +340,12 @@ impl Raster {
         &self,
         size_px: [u32; 2],
         splats: &Splats<L>,
-        parts: &[Part; LANES],
+        top: L,
+        [columns_on, rows_on]: [L; 2],
         walks: &mut Walks,
         tap: &mut Tap<P>,
     ) {
-        let y: L = word!(parts.splat.rows[0]);
-        let (columns_on, rows_on) = (word!(parts.columns[0]) - splats.first_column, word!(parts.rows[0]) - y);
-        let at = self.offsets(size_px, splats, y, tap);
+        let at = self.offsets(size_px, splats, top, tap);
         let seed = self.seed(splats, at, tap);
         let [_, xy, yy] = splats.conic;
         let by_row = (yy * at[1] + xy * at[0]).left(1) + yy.left(self.places.offset);
@@ -346,7 +369,7 @@ impl Raster {
         self.radial_register.load_lanes(tap.fit(&self.second, conic.left(1)), self.places.second)
     }
 
-    /// Makes the fragments of the part in one lane.
+    /// Makes the fragments of one of the splats.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
     pub fn span<L: Lanes, P: Probe>(
@@ -354,27 +377,27 @@ impl Raster {
         size_px: [u32; 2],
         walks: &Walks,
         lane: usize,
-        part: &Part,
+        input: &Input,
         cutoff: Held,
         span: &mut Span,
         tap: &mut Tap<P>,
     ) {
         span.fragments = 0;
         match self.rows {
-            Rows::Differenced => self.walk_down::<L, P>(walks, lane, part, cutoff, span, tap),
-            Rows::Seeded => self.row_by_row::<L, P>(size_px, walks.by_column_twice[lane], part, cutoff, span, tap),
+            Rows::Differenced => self.walk_down::<L, P>(walks, lane, cutoff, span, tap),
+            Rows::Seeded => self.row_by_row::<L, P>(size_px, walks, lane, input, cutoff, span, tap),
         }
     }
 
     /// Every column steps from row to row.
     #[inline(always)]
-    fn walk_down<L: Lanes, P: Probe>(&self, w: &Walks, lane: usize, part: &Part, cutoff: Held, span: &mut Span, tap: &mut Tap<P>) {
-        let [columns, rows] = part.size();
+    fn walk_down<L: Lanes, P: Probe>(&self, w: &Walks, lane: usize, cutoff: Held, span: &mut Span, tap: &mut Tap<P>) {
+        let [columns, rows] = w.size(lane);
         if P::WORDS {
-            self.watch_rows(w, lane, [columns, rows], tap);
+            self.watch_rows(w, lane, tap);
         }
         let by_row_twice = L::splat(w.by_row_twice[lane]);
-        for eight in 0..columns.div_ceil(LANES) {
+        for eight in 0..eights(columns) {
             let mut radial: L = side_by_side(w.seed.radial[lane], w.seed.by_column[lane], w.by_column_twice[lane], eight);
             let mut by_row: L = side_by_side(w.by_row[lane], w.by_both[lane], 0, eight);
             for row in 0..rows {
@@ -387,33 +410,35 @@ impl Raster {
 
     /// Every row is seeded afresh, eight rows at a time.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "as `span`")]
     fn row_by_row<L: Lanes, P: Probe>(
         &self,
         size_px: [u32; 2],
-        by_column_twice: Held,
-        part: &Part,
+        walks: &Walks,
+        lane: usize,
+        input: &Input,
         cutoff: Held,
         span: &mut Span,
         tap: &mut Tap<P>,
     ) {
-        let [columns, rows] = part.size();
-        let splat = Splats::<L>::all(part.splat);
-        let columns_on = L::splat(i64::from(part.columns[0] - part.splat.columns[0]));
+        let [columns, rows] = walks.size(lane);
+        let by_column_twice = walks.by_column_twice[lane];
+        let splat = Splats::<L>::all(input);
         let depth_by_column = self.depth_register.load_lanes(splat.depth_slope[0], self.places.depth_slope);
         for first in (0..rows).step_by(LANES) {
-            let y = L::splat(i64::from(part.rows[0]) + first as i64) + L::from_array(COLUMNS[0]);
             if P::WORDS {
                 tap.live = std::array::from_fn(|lane| first + lane < rows);
             }
+            let y = L::splat(walks.top[lane] + first as i64) + L::from_array(COLUMNS[0]);
             let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
-            let seed = seed.skip(L::splat(by_column_twice), depth_by_column, columns_on).to_array();
+            let seed = seed.skip(L::splat(by_column_twice), depth_by_column, L::splat(walks.columns_on[lane])).to_array();
             for row in first..rows.min(first + LANES) {
                 let [radial, by_column] = [seed.radial[row % LANES], seed.by_column[row % LANES]];
                 if P::WORDS {
                     self.watch_row(radial, by_column, by_column_twice, columns, tap);
                 }
-                span.depth[row % SIDE_PX] = seed.depth[row % LANES];
-                for eight in 0..columns.div_ceil(LANES) {
+                span.depth[row] = seed.depth[row % LANES];
+                for eight in 0..eights(columns) {
                     let radial = side_by_side(radial, by_column, by_column_twice, eight);
                     span.keep([row, eight], radial, L::splat(cutoff), columns);
                 }
@@ -422,7 +447,8 @@ impl Raster {
     }
 
     /// Shows the watcher where the rows' registers wrap.
-    fn watch_rows<P: Probe>(&self, w: &Walks, lane: usize, [columns, rows]: [usize; 2], tap: &mut Tap<P>) {
+    fn watch_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
+        let [columns, rows] = w.size(lane);
         let (mut radial, mut by_row, mut by_column) = (w.seed.radial[lane], w.by_row[lane], w.seed.by_column[lane]);
         for _ in 0..rows {
             self.watch_row(radial, by_column, w.by_column_twice[lane], columns, tap);
@@ -444,12 +470,12 @@ impl Raster {
 
     /// r (`raster.radial`), at least 0, and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of eight fragments.
     #[inline(always)]
-    pub fn fragments<L: Lanes>(&self, walks: &Walks, lane: usize, part: &Part, span: &Span, places: [u8; LANES]) -> [L; 2] {
+    pub fn fragments<L: Lanes>(&self, walks: &Walks, lane: usize, span: &Span, places: [u8; LANES]) -> [L; 2] {
         let place = L::from_bytes(places);
-        let held = place.look_up(span.radial.as_flattened());
+        let held = place.look_up(span.radial.as_flattened().as_flattened());
         let radial = self.radial_register.read_natural(held.max(L::splat(0)));
         let [column, row] = [place & L::splat(SIDE_PX as i64 - 1), place.right_natural(SIDE_PX.ilog2())];
-        let [by_column, by_row] = two!(axis => L::splat(part.splat.depth_slope[axis].into()));
+        let [by_column, by_row] = two!(axis => L::splat(walks.depth_slope[axis][lane]));
         let (start, lean) = match self.rows {
             Rows::Differenced => (L::splat(walks.seed.depth[lane]), column * by_column + row * by_row),
             Rows::Seeded => (row.look_up(&span.depth), column * by_column),
@@ -491,25 +517,17 @@ impl Raster {
     }
 }
 
-impl Part<'_> {
-    /// Columns and rows, at least one of each.
-    #[inline(always)]
-    fn size(&self) -> [usize; 2] {
-        [self.columns, self.rows].map(|[first, last]| usize::from(last - first) + 1)
-    }
-}
-
 impl<L: Lanes> Splats<L> {
-    /// The words of eight parts' splats.
+    /// The words of eight splats.
     #[inline(always)]
-    fn of(parts: &[Part; LANES]) -> Self {
+    fn of(inputs: &[&Input; LANES]) -> Self {
         let mut words = [[0; LANES]; LANES];
         for lane in 0..LANES {
-            let Input { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], .. } = *parts[lane].splat;
+            let Input { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], .. } = *inputs[lane];
             words[lane] = [x, y, xx, xy, yy, depth, by_x, by_y];
         }
         let [x, y, xx, xy, yy, depth, by_x, by_y] = L::transposed(&words);
-        let first_column = word!(parts.splat.columns[0]);
+        let first_column = word!(inputs.columns[0]);
         Splats { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], first_column }
     }
 
@@ -553,8 +571,14 @@ fn after<L: Lanes>(value: L, first: L, second: L, steps: L) -> L {
 /// A twice differenced register at the first or second eight of the columns from here on.
 #[inline(always)]
 fn side_by_side<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
-    let [columns, pairs] = [L::from_array(COLUMNS[eight % 2]), L::from_array(PAIRS[eight % 2])];
+    let [columns, pairs] = [L::from_array(COLUMNS[eight]), L::from_array(PAIRS[eight])];
     L::splat(value).wrapping_add(L::splat(first).times(columns)).wrapping_add(L::splat(second).times(pairs))
+}
+
+/// Times eight columns that hold so many, of those in a row of the square.
+#[inline(always)]
+fn eights(columns: usize) -> usize {
+    columns.div_ceil(LANES).min(2)
 }
 
 /// Eight bits of which the first few are set.

@@ -53,6 +53,7 @@ impl Work for Everything<'_> {
             L::splat(i64::from(a.any_negative())),
             L::splat(i64::from(a.signs())),
             L::splat(i64::from(L::near(&self.keys, self.a[0] as i32, self.b[0] as u32 >> (self.by[0] / 2)))),
+            L::splat(L::nearest(&self.keys, self.a[0] as i32) as i64),
             L::from_bytes(self.a[0].to_le_bytes()),
             a.wrapping_add(b),
             a.times(b & L::splat(0xffff_ffff)),

@@ -190,7 +190,7 @@ fn machine<const PLAIN: bool, L: Lane, P: Probe>(rules: &Rules, arrivals: &[Arri
                 pixel,
                 words,
                 &arrival.attributes,
-                arrival.material,
+                &arrival.material,
                 &rules.registers,
                 shade,
                 tap,

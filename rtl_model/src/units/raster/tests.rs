@@ -75,49 +75,46 @@ impl Shape {
 fn registers(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<[i64; 2]> {
     let mut all = Vec::new();
     for from in (from..=to).step_by(SIDE_PX) {
-        let columns = [from, to.min(from + SIDE_PX as u16 - 1)];
         let top = input.rows[0].max(y.saturating_sub(SIDE_PX as u16 - 1));
         // From rows above, and straight into the row.
-        let stepped = last_row(raster, &Part { splat: input, columns, rows: [top, y] });
-        let entered = last_row(raster, &Part { splat: input, columns, rows: [y, y] });
+        let stepped = row(raster, input, [from, top], y - top);
+        let entered = row(raster, input, [from, y], 0);
         assert_eq!(stepped, entered, "stepping down differs from entering in the middle");
-        all.extend(entered);
+        all.extend(&entered[..entered.len().min(usize::from(to - from) + 1)]);
     }
     assert_eq!(all.len(), usize::from(to - from) + 1, "a pixel is missing");
     all
 }
 
-/// The registers of a part's last row.
-fn last_row(raster: &Raster, part: &Part) -> Vec<[i64; 2]> {
-    let (walk, span) = drawn(raster, part, i64::MAX, &mut Unwatched);
-    let rows = usize::from(part.rows[1] - part.rows[0]);
-    read_span(raster, &walk, part, &span).into_iter().filter(|(place, _)| usize::from(*place) / SIDE_PX == rows).map(|(_, read)| read).collect()
+/// The registers of one row of the square.
+fn row(raster: &Raster, input: &Input, square: [u16; 2], row: u16) -> Vec<[i64; 2]> {
+    let (walks, span) = drawn(raster, input, square, i64::MAX, &mut Unwatched);
+    let own = read_span(raster, &walks, &span).into_iter().filter(|(place, _)| usize::from(*place) / SIDE_PX == usize::from(row));
+    own.map(|(_, read)| read).collect()
 }
 
-/// Where [`drawn`] draws a part.
-fn lane(part: &Part) -> usize {
-    usize::from(part.rows[1]) % LANES
-}
+/// Where [`drawn`] draws.
+const LANE: usize = 5;
 
-/// One part's walk and span, beside seven of another part of the same splat.
-fn drawn<P: Probe>(raster: &Raster, part: &Part, cutoff: Held, probe: &mut P) -> (Walks, Span) {
+/// The box's part in the square with this first pixel, beside seven of another splat.
+fn drawn<P: Probe>(raster: &Raster, input: &Input, square: [u16; 2], cutoff: Held, probe: &mut P) -> (Walks, Span) {
     let tap = &mut Tap::new(probe);
-    let lane = lane(part);
-    let mut parts = [Part { columns: [part.splat.columns[0]; 2], rows: [part.splat.rows[0]; 2], ..*part }; LANES];
-    parts[lane] = *part;
-    let walks = raster.enter::<Plain, _>(SIZE_PX, &parts, tap);
+    let other = Input { pixel: [0; 2], conic: input.conic.map(|word| word / 2), ..*input };
+    let mut inputs = [&other; LANES];
+    inputs[LANE] = input;
+    let walks = raster.enter::<Plain, _>(SIZE_PX, square, &inputs, tap);
     let mut span = Span::default();
-    raster.span::<Plain, _>(SIZE_PX, &walks, lane, part, cutoff, &mut span, tap);
+    raster.span::<Plain, _>(SIZE_PX, &walks, LANE, input, cutoff, &mut span, tap);
     (walks, span)
 }
 
 /// The places of a span's fragments, in order, with their registers: radial, depth.
-fn read_span(raster: &Raster, walks: &Walks, part: &Part, span: &Span) -> Vec<(u8, [i64; 2])> {
+fn read_span(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])> {
     let unclamped = Walks { nearest: [i64::MIN; LANES], deepest: [i64::MAX; LANES], ..*walks };
     let read = |fragment: usize| {
         let place = span.places(fragment)[0];
-        let [_, depth] = raster.fragments::<Plain>(&unclamped, lane(part), part, span, [place; LANES]);
-        let radial = span.radial.as_flattened()[usize::from(place)];
+        let [_, depth] = raster.fragments::<Plain>(&unclamped, LANE, span, [place; LANES]);
+        let radial = span.radial.as_flattened().as_flattened()[usize::from(place)];
         (place, [raster.radial_register.read(radial), depth.0[0] >> raster.places.clamp[0]])
     };
     let mut all: Vec<_> = (0..span.fragments()).map(read).collect();
@@ -255,12 +252,12 @@ proptest! {
         let to = last.min(from + SIDE_PX as u16 - 1);
         let cutoff = word(machine.raster.cutoff, cutoff);
         let mut ranges = Ranges::new(machine.elaborate().unwrap().signals.len());
-        let part = Part { splat: &input, columns: [from, to], rows: [input.rows[0]; 2] };
-        let (walk, span) = drawn(&raster, &part, raster.cutoff(i64::from(cutoff)), &mut ranges);
+        let input = Input { rows: [input.rows[0]; 2], ..input };
+        let (walks, span) = drawn(&raster, &input, [from, input.rows[0]], raster.cutoff(i64::from(cutoff)), &mut ranges);
         let limit = i64::from(cutoff) << (machine.raster.radial.format.frac_bits - machine.raster.cutoff.format.frac_bits);
         let all = registers(&raster, &input, input.rows[0], from, to);
         let expected: Vec<_> = (0u8..).zip(all).filter(|(_, [radial, _])| *radial < limit).collect();
-        prop_assert_eq!(read_span(&raster, &walk, &part, &span), expected);
+        prop_assert_eq!(read_span(&raster, &walks, &span), expected);
     }
 
     /// The plane of ALGORITHM §3, in the depth register's last places: half a place for the seed, the offset's half place times the slope.
@@ -282,9 +279,8 @@ proptest! {
             });
             let plane = z + zx * d[0] + zy * d[1];
             prop_assert!((depth.value(word) - plane).abs() <= bound, "z at ({x}, {y}) is {} instead of {plane}", depth.value(word));
-            let part = Part { splat: &input, columns: [x, x], rows: [y, y] };
-            let (walk, span) = drawn(&raster, &part, i64::MAX, &mut Unwatched);
-            let [_, clamped] = raster.fragments::<Plain>(&walk, lane(&part), &part, &span, [0; LANES]);
+            let (walks, span) = drawn(&raster, &input, [x, y], i64::MAX, &mut Unwatched);
+            let [_, clamped] = raster.fragments::<Plain>(&walks, LANE, &span, [0; LANES]);
             let clamped = clamped.0[0] as f64 * f64::from(-clamped_frac_bits).exp2();
             prop_assert!((clamped - plane.clamp(z - range, z + range)).abs() <= bound);
         }
@@ -297,11 +293,10 @@ fn a_radial_index_below_zero_is_zero() {
     let machine = machine("reference", Rows::Seeded);
     let raster = unit(&machine);
     let input = Input::default();
-    let part = Part { splat: &input, columns: [0; 2], rows: [0; 2] };
-    let (walk, mut span) = drawn(&raster, &part, 1, &mut Unwatched);
+    let (walks, mut span) = drawn(&raster, &input, [0; 2], 1, &mut Unwatched);
     let radial = |held: Held, span: &mut Span| {
-        span.radial[0][0] = held;
-        raster.fragments::<Plain>(&walk, lane(&part), &part, span, [0; LANES])[0].0[0]
+        span.radial[0][0][0] = held;
+        raster.fragments::<Plain>(&walks, LANE, span, [0; LANES])[0].0[0]
     };
     let last_place = raster.radial_register.hold(Plain::splat(1)).0[0];
     let [below, at, above] = [-last_place, 0, last_place].map(|held| radial(held, &mut span));
