@@ -81,6 +81,13 @@ pub mod avx2 {
         };
     }
 
+    /// Eight words of 32 bits in a register.
+    macro_rules! eight {
+        ($words:expr) => {
+            _mm256_loadu_si256($words.as_ptr().cast())
+        };
+    }
+
     /// The sign of 64 bits.
     const SIGN: i64 = i64::MIN;
 
@@ -90,6 +97,45 @@ pub mod avx2 {
         #[inline(always)]
         fn from_array(words: [i64; LANES]) -> Self {
             both!(i => _mm256_loadu_si256(words.as_ptr().add(4 * i).cast()))
+        }
+        #[inline(always)]
+        fn from_bytes(bytes: [u8; LANES]) -> Self {
+            both!(i => _mm256_cvtepu8_epi64(_mm_cvtsi64_si128(i64::from_le_bytes(bytes) >> (32 * i))))
+        }
+        #[inline(always)]
+        fn transposed(items: &[[i32; LANES]; LANES]) -> [Self; LANES] {
+            // Each of four items' word n beside their word n + 4, for n from 0 to 3.
+            macro_rules! four {
+                ($first:expr) => {{
+                    let (a, b) = (eight!(items[$first]), eight!(items[$first + 1]));
+                    let (c, d) = (eight!(items[$first + 2]), eight!(items[$first + 3]));
+                    let (ab, cd) = (_mm256_unpacklo_epi32(a, b), _mm256_unpacklo_epi32(c, d));
+                    let (ab_after, cd_after) = (_mm256_unpackhi_epi32(a, b), _mm256_unpackhi_epi32(c, d));
+                    [
+                        _mm256_unpacklo_epi64(ab, cd),
+                        _mm256_unpackhi_epi64(ab, cd),
+                        _mm256_unpacklo_epi64(ab_after, cd_after),
+                        _mm256_unpackhi_epi64(ab_after, cd_after),
+                    ]
+                }};
+            }
+            // SAFETY: as `both`; every item is eight words.
+            let fours = unsafe { [four!(0), four!(4)] };
+            macro_rules! words {
+                ($n:expr, $quarter:ident => $low_or_high:expr) => {
+                    Vectors(two!(half => {
+                        let $quarter = fours[half][$n];
+                        unsafe { _mm256_cvtepi32_epi64($low_or_high) }
+                    }))
+                };
+            }
+            macro_rules! both_words {
+                ($n:expr) => {
+                    [words!($n, four => _mm256_castsi256_si128(four)), words!($n, four => _mm256_extracti128_si256::<1>(four))]
+                };
+            }
+            let [[w0, w4], [w1, w5], [w2, w6], [w3, w7]] = [both_words!(0), both_words!(1), both_words!(2), both_words!(3)];
+            [w0, w1, w2, w3, w4, w5, w6, w7]
         }
         #[inline(always)]
         fn to_array(self) -> [i64; LANES] {
@@ -119,6 +165,21 @@ pub mod avx2 {
             })
         }
         #[inline(always)]
+        fn right_natural(self, by: u32) -> Self {
+            both!(i => _mm256_srl_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)))
+        }
+        #[inline(always)]
+        fn wrapping_add(self, other: Self) -> Self {
+            self + other
+        }
+        #[inline(always)]
+        fn times(self, naturals: Self) -> Self {
+            both!(i => {
+                let high = _mm256_mul_epu32(_mm256_srli_epi64::<32>(self.0[i]), naturals.0[i]);
+                _mm256_add_epi64(_mm256_mul_epu32(self.0[i], naturals.0[i]), _mm256_slli_epi64::<32>(high))
+            })
+        }
+        #[inline(always)]
         fn max(self, other: Self) -> Self {
             both!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(other.0[i], self.0[i])))
         }
@@ -138,17 +199,65 @@ pub mod avx2 {
             both!(i => _mm256_i64gather_epi64::<8>(table.as_ptr(), _mm256_and_si256(self.0[i], _mm256_set1_epi64x(low))))
         }
         #[inline(always)]
-        fn nearest_of_4(keys: &[i32; 4], word: i32) -> (u32, usize) {
-            // SAFETY: as `both`; the keys are four words.
+        fn look_up_pairs(self, table: &[[i64; 2]]) -> [Self; 2] {
+            assert!(table.len().is_power_of_two(), "a table has 2^n pairs");
+            let words = table.as_flattened().as_ptr();
+            let even = self.left(1) & Self::splat(2 * (table.len() as i64 - 1));
+            // SAFETY: as `both`; the address is cut to the table's length, a power of two.
+            two!(word => both!(i => _mm256_i64gather_epi64::<8>(words.add(word), even.0[i])))
+        }
+        #[inline(always)]
+        fn signs(self) -> u8 {
+            // SAFETY: as `both`.
+            let [low, high] = two!(i => unsafe { _mm256_movemask_pd(_mm256_castsi256_pd(self.0[i])) });
+            (low | high << 4) as u8
+        }
+        #[inline(always)]
+        fn add_product(
+            sums: &mut [i32; LANES],
+            words: &[i32; LANES],
+            factor: i32,
+            half: &[i32; LANES],
+            right: &[i32; LANES],
+            [min, max]: [&[i32; LANES]; 2],
+        ) {
+            // SAFETY: as `both`; every array is eight words.
             unsafe {
-                let (keys, word) = (_mm_loadu_si128(keys.as_ptr().cast()), _mm_set1_epi32(word));
-                let distance = _mm_sub_epi32(_mm_max_epi32(keys, word), _mm_min_epi32(keys, word));
-                let least = _mm_min_epu32(distance, _mm_shuffle_epi32::<0b01_00_11_10>(distance));
-                let least = _mm_min_epu32(least, _mm_shuffle_epi32::<0b10_11_00_01>(least));
-                let equal = _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(distance, least)));
-                (_mm_cvtsi128_si32(least) as u32, equal.trailing_zeros() as usize)
+                let product = _mm256_mullo_epi32(eight!(words), _mm256_set1_epi32(factor));
+                let rounded = _mm256_srav_epi32(_mm256_add_epi32(product, eight!(half)), eight!(right));
+                let sum = _mm256_add_epi32(eight!(sums), rounded);
+                let limited = _mm256_min_epi32(_mm256_max_epi32(sum, eight!(min)), eight!(max));
+                _mm256_storeu_si256(sums.as_mut_ptr().cast(), limited);
             }
         }
+        #[inline(always)]
+        fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32 {
+            // SAFETY: as `both`.
+            unsafe {
+                let distance = distance(eight!(keys), word);
+                let far = _mm256_cmpeq_epi32(_mm256_max_epu32(distance, _mm256_set1_epi32(limit as i32)), distance);
+                _mm256_movemask_ps(_mm256_castsi256_ps(far)) as u32 ^ 0xff
+            }
+        }
+        #[inline(always)]
+        fn nearest(keys: &[i32; LANES], word: i32) -> usize {
+            // SAFETY: as `both`.
+            unsafe {
+                let distance = distance(eight!(keys), word);
+                let least = _mm256_min_epu32(distance, _mm256_permute2x128_si256::<1>(distance, distance));
+                let least = _mm256_min_epu32(least, _mm256_shuffle_epi32::<0b01_00_11_10>(least));
+                let least = _mm256_min_epu32(least, _mm256_shuffle_epi32::<0b10_11_00_01>(least));
+                let equal = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(distance, least)));
+                equal.trailing_zeros() as usize
+            }
+        }
+    }
+
+    /// How far eight words are from another; 2^31 is right without a sign.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn distance(words: __m256i, word: i32) -> __m256i {
+        _mm256_abs_epi32(_mm256_sub_epi32(_mm256_set1_epi32(word), words))
     }
 
     impl Add for Vectors {

@@ -12,10 +12,10 @@
 use crate::frame::{Frame, Splat, View};
 use crate::host::{Work, vectorised};
 use crate::machine::Elaborated;
-use crate::num::{LANES, Lanes, Table, Words, two};
+use crate::num::{LANES, Lanes, Words, two};
 use crate::probe::{Probe, Tap};
 use crate::units::fragment::{
-    self, Attributes, Contribution, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
+    self, Attributes, Contribution, Decision, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
 use crate::units::resolve::Layer;
 use crate::units::{ellipse, project, raster, shade};
@@ -256,7 +256,7 @@ fn halves(word: i32) -> [u16; 2] {
 
 /// The second half: raster, gauss, fragment, shade and resolve.
 pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
-    let plain = machine.raster.is_plain() && machine.fragment.is_plain();
+    let plain = machine.gauss.is_plain() && machine.fragment.is_plain();
     match (plain, machine.fragment.is_narrow()) {
         (true, true) => fill_as::<true, i32, P>(machine, frame, setup, probe),
         (true, false) => fill_as::<true, i64, P>(machine, frame, setup, probe),
@@ -266,20 +266,27 @@ pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe:
 }
 
 fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
-    let highlights = machine.shade.highlights(&frame.lighting);
+    let lights = shade::Registers {
+        lighting: &frame.lighting,
+        highlights: &machine.shade.highlights(&frame.lighting),
+        coverage_threshold: frame.coverage_threshold,
+        inverse_threshold: frame.inverse_threshold,
+    };
+    let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
     let bins = Bins::new(frame, setup);
     let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
     let tiles: Vec<(Resolved, P)> = touched
         .par_iter()
         .map_init(
-            || Tile::<L>::new(machine.machine.fragment.layers as usize),
+            Tile::<L>::default,
             |tile, &index| {
                 let mut fork = probe.fork();
                 let work = FillTile::<PLAIN, L, P> {
                     machine,
                     frame,
-                    highlights: &highlights,
+                    lights: &lights,
                     setup,
+                    registers,
                     splats: bins.splats(index),
                     corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
                     tile,
@@ -321,6 +328,7 @@ struct Bins {
 }
 
 impl Bins {
+    #[inline(never)]
     fn new(frame: &Frame, setup: &Setup) -> Self {
         let columns = (frame.width as usize).div_ceil(TILE_PX);
         let rows = (frame.height as usize).div_ceil(TILE_PX);
@@ -381,8 +389,9 @@ impl Resolved {
 struct FillTile<'a, const PLAIN: bool, L, P> {
     machine: &'a Elaborated,
     frame: &'a Frame,
-    highlights: &'a [Option<Table>],
+    lights: &'a shade::Registers<'a>,
     setup: &'a Setup,
+    registers: fragment::Registers,
     splats: &'a [u32],
     corner: [u16; 2],
     tile: &'a mut Tile<L>,
@@ -397,36 +406,36 @@ impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
         self.tile.clear();
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
-        for &index in self.splats {
-            let prepared = self.setup.splat(index);
-            self.splat::<AnyLanes>(prepared, &mut span, &mut outcomes);
+        for splats in self.splats.chunks(LANES) {
+            self.splats::<AnyLanes>(splats, &mut span, &mut outcomes);
         }
         self.resolve(outcomes)
     }
 }
 
 impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
-    /// Raster, gauss and fragment: one splat, as far as it lies in the tile.
+    /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
     #[inline(always)]
-    fn splat<V: Lanes>(&mut self, prepared: &Prepared, span: &mut raster::Span, outcomes: &mut Outcomes) {
-        let (machine, frame) = (self.machine, self.frame);
-        let tap = &mut Tap::new(&mut *self.probe);
+    fn splats<V: Lanes>(&mut self, splats: &[u32], span: &mut raster::Span, outcomes: &mut Outcomes) {
+        let (machine, frame, setup) = (self.machine, self.frame, self.setup);
         let size_px = [frame.width, frame.height];
         let cutoff = machine.raster.cutoff(frame.view.cutoff);
-        let last = two!(axis => self.corner[axis] + (TILE_PX as u16 - 1));
-        let [from, to] = overlap(prepared.raster.columns, self.corner[0], last[0]);
-        let [top, bottom] = overlap(prepared.raster.rows, self.corner[1], last[1]);
-        let mut walk = machine.raster.enter::<PLAIN, P>(size_px, &prepared.raster, [from, top], tap);
-        let corner = usize::from(top - self.corner[1]) * TILE_PX + usize::from(from - self.corner[0]);
-        let columns = usize::from(to - from) + 1;
-        span.clear();
-        machine.raster.span(&walk, cutoff, corner, columns, span, tap);
-        for (row, y) in (top..bottom).enumerate() {
-            machine.raster.next_row::<PLAIN, P>(size_px, &mut walk, y + 1, tap);
-            machine.raster.span(&walk, cutoff, corner + (row + 1) * TILE_PX, columns, span, tap);
+        // Beyond the last splat, the last again: a lane that nobody looks at.
+        let prepared: [&Prepared; LANES] = std::array::from_fn(|lane| setup.splat(splats[lane.min(splats.len() - 1)]));
+        let inputs = prepared.map(|splat| &splat.raster);
+        let tap = &mut Tap::new(&mut *self.probe);
+        if P::WORDS {
+            tap.live[splats.len()..].fill(false);
         }
-        for first in (0..span.fragments()).step_by(LANES) {
-            self.contribute::<V>(prepared, &walk, span, first, outcomes);
+        let walks = machine.raster.enter::<V, P>(size_px, self.corner, &inputs, tap);
+        for lane in 0..splats.len().min(LANES) {
+            let tap = &mut Tap::new(&mut *self.probe);
+            machine.raster.span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap);
+            let mut first = 0;
+            while first < span.fragments() {
+                self.contribute::<V>(prepared[lane], (&walks, lane), span, first, outcomes);
+                first += LANES;
+            }
         }
     }
 
@@ -435,66 +444,74 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     fn contribute<V: Lanes>(
         &mut self,
         prepared: &Prepared,
-        walk: &raster::Walk,
+        (walks, lane): (&raster::Walks, usize),
         span: &raster::Span,
         first: usize,
         outcomes: &mut Outcomes,
     ) {
-        let (machine, frame) = (self.machine, self.frame);
-        let lights = lights(frame, self.highlights);
-        let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
+        let (machine, lights) = (self.machine, self.lights);
+        let (tile, registers) = (&mut *self.tile, self.registers);
         let tap = &mut Tap::new(&mut *self.probe);
         let count = (span.fragments() - first).min(LANES);
-        tap.live[count..].fill(false);
-        let [radial, depth] = machine.raster.fragments::<V>(walk, span, first);
-        let [radial_index, weight] = machine.gauss.lanes(radial, i64::from(prepared.amplitude), tap);
+        if P::WORDS {
+            tap.live[count..].fill(false);
+        }
+        let places = span.places(first);
+        let [radial, depth] = machine.raster.fragments::<V>(walks, lane, span, places);
+        let [radial_index, weight] = machine.gauss.lanes::<PLAIN, V, P>(radial, i64::from(prepared.amplitude), tap);
         let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
         // A weight that rounds to 0 makes no fragment: its depth is nobody's.
         if P::WORDS {
             tap.live = std::array::from_fn(|lane| tap.live[lane] & (weight[lane] != 0));
         }
-        let depth = machine.fragment.depth(depth, tap).to_array();
-        let shade = |slot: &Slot, tap: &mut Tap<P>| shade_slot(machine, &lights, slot, tap);
+        let depth = machine.fragment.depth::<PLAIN, V, P>(depth, tap).to_array();
+        let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
+        let pixels = walks.pixels(lane, places);
         for lane in 0..count {
             if weight[lane] == 0 {
                 continue;
             }
-            let pixel = span.pixel(first + lane);
+            let pixel = pixels[lane];
             let decision = machine.fragment.contribute::<PLAIN, V, L, P>(
-                self.tile,
+                tile,
                 pixel,
                 [weight[lane], depth[lane]],
                 &prepared.attributes,
-                prepared.material,
+                &prepared.material,
                 &registers,
-                shade,
+                &shade,
                 tap,
             );
-            outcomes.count(decision);
+            // Most are accumulated: those are what is left of the contributions in the end.
+            if !matches!(decision, Decision::Accumulated(_)) {
+                outcomes.count(decision);
+            }
             if P::DECISIONS {
-                let [x, y] = [pixel % TILE_PX, pixel / TILE_PX].map(|at| at as u32);
-                let corner = self.corner.map(u32::from);
+                let [x, y] = self.corner.map(u32::from);
+                let [column, row] = [usize::from(pixel) % TILE_PX, usize::from(pixel) / TILE_PX].map(|at| at as u32);
                 let contribution =
                     Contribution { splat: prepared.splat, radial_index: radial_index[lane], weight: weight[lane], depth: depth[lane] };
-                tap.probe.contribution(x + corner[0], y + corner[1], &contribution, decision);
+                tap.probe.contribution(x + column, y + row, &contribution, decision);
             }
         }
     }
 
-    /// Shade and resolve: every pixel of the tile.
+    /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can be counted.
+    #[inline(never)]
     fn resolve(self, mut outcomes: Outcomes) -> Resolved {
         let mut resolved = Resolved { corner: self.corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
-        let lights = lights(self.frame, self.highlights);
         let tap = &mut Tap::new(&mut *self.probe);
         let mut layers = [Layer::default(); fragment::MAX_LAYERS];
+        let mut all = 0;
         for pixel in 0..TILE_AREA {
-            let live = self.tile.live(pixel);
+            let at = pixel as u8;
+            let live = self.tile.live(at);
             let [x, y] = [pixel % TILE_PX + usize::from(self.corner[0]), pixel / TILE_PX + usize::from(self.corner[1])].map(|at| at as u32);
             if x >= self.frame.width || y >= self.frame.height {
                 continue;
             }
             for (slot, layer) in layers[..live].iter_mut().enumerate() {
-                *layer = lit_layer(self.machine, &lights, slot, &self.tile.slot(pixel, slot), tap);
+                *layer = lit_layer(self.machine, self.lights, slot, &self.tile.slot(at, slot), tap);
             }
             layers[..live].sort_by_key(|layer| layer.depth);
             let word = self.machine.resolve.one(&layers[..live], self.frame.background, tap);
@@ -503,25 +520,24 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
             }
             resolved.frame[pixel] = word.map(|channel| channel as u32);
             resolved.covered[pixel] = live > 0;
-            outcomes.most_in_a_pixel = outcomes.most_in_a_pixel.max(u64::from(self.tile.contributions(pixel)));
+            let contributions = u64::from(self.tile.contributions(at));
+            all += contributions;
+            outcomes.most_in_a_pixel = outcomes.most_in_a_pixel.max(contributions);
         }
+        outcomes.accumulated = all - outcomes.total();
         Resolved { outcomes, ..resolved }
     }
 }
 
-/// The part of a box's side that lies between two pixels.
-#[inline(always)]
-fn overlap(side: [u16; 2], first: u16, last: u16) -> [u16; 2] {
-    [side[0].max(first), side[1].min(last)]
-}
-
-fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<Table>]) -> shade::Registers<'a> {
-    shade::Registers {
-        lighting: &frame.lighting,
-        highlights,
-        coverage_threshold: frame.coverage_threshold,
-        inverse_threshold: frame.inverse_threshold,
-    }
+/// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.
+#[inline(never)]
+fn shade_for_merge<P: Probe>(
+    machine: &Elaborated,
+    lights: &shade::Registers,
+    slot: &Slot,
+    tap: &mut Tap<P>,
+) -> Premultiplied {
+    shade_slot(machine, lights, slot, tap)
 }
 
 /// The port from fragment, and from resolve, to shade.

@@ -4,8 +4,7 @@
 //! Parts of a frame are watched by forks of a probe; absorbing forks is associative, so threads cannot change a count.
 
 use crate::num::lanes::Plain;
-use crate::num::register::{Held, Register};
-use crate::num::{Exacts, Fit, LANES, Lanes, Loss, Mask, Words};
+use crate::num::{Exacts, Fit, LANES, Lanes, Loss, Mask, Register, Words};
 use crate::units::fragment::{Contribution, Decision};
 use crate::units::resolve::Layer;
 
@@ -156,7 +155,11 @@ impl<'a, P: Probe> Tap<'a, P> {
     /// Fits one result.
     #[inline(always)]
     pub fn fit_one(&mut self, fit: &Fit, exact: i64) -> i64 {
-        self.fit_one_shifted(fit, exact, 0)
+        let word = fit.one(exact);
+        if P::WORDS {
+            self.probe.word(fit, exact, 0, word);
+        }
+        word
     }
 
     /// Fits one result that has `more` fraction bits than was elaborated.
@@ -169,29 +172,36 @@ impl<'a, P: Probe> Tap<'a, P> {
         word
     }
 
-    /// Fits one result by the short way where `PLAIN` says that all fits allow it.
-    #[inline(always)]
-    pub fn fit_plain<const PLAIN: bool>(&mut self, fit: &Fit, exact: i64) -> i64 {
-        let word = if PLAIN { fit.plain(exact) } else { fit.one(exact) };
-        if P::WORDS {
-            self.probe.word(fit, exact, 0, word);
-        }
-        word
-    }
-
-    /// Fits one result into a register that wraps, by the short way where `PLAIN` says that all fits allow it.
-    #[inline(always)]
-    pub fn fit_register<const PLAIN: bool>(&mut self, fit: &Fit, register: Register, exact: i64) -> Held {
-        if P::WORDS {
-            self.probe.word(fit, exact, 0, fit.one(exact));
-        }
-        register.hold(if PLAIN { fit.plain_register(exact) } else { fit.one(exact) })
-    }
-
     /// Fits eight results.
     #[inline(always)]
     pub fn fit<L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
         let word = fit.lanes(exact);
+        self.show(fit, exact, L::splat(0), word);
+        word
+    }
+
+    /// Fits eight results into registers that wrap.
+    #[inline(always)]
+    pub fn fit_register<L: Lanes>(&mut self, fit: &Fit, register: Register, exact: L) -> L {
+        let word = fit.lanes_register(exact);
+        if P::WORDS {
+            self.show(fit, exact, L::splat(0), fit.lanes(exact));
+        }
+        register.hold(word)
+    }
+
+    /// Fits eight results of which none is negative, into a word without a sign; by the short way where `PLAIN` says that it can.
+    #[inline(always)]
+    pub fn fit_natural<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        let word = fit.lanes_natural::<PLAIN, L>(exact);
+        self.show(fit, exact, L::splat(0), word);
+        word
+    }
+
+    /// [`Tap::fit_natural`] where the word is known to reach all results.
+    #[inline(always)]
+    pub fn fit_within<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        let word = fit.lanes_within::<PLAIN, L>(exact);
         self.show(fit, exact, L::splat(0), word);
         word
     }

@@ -48,6 +48,8 @@ pub struct Fit {
     narrow: bool,
     /// The same after 32 places and more, which leave a word of any exact result.
     deep: bool,
+    /// Places to the right, where there are none to the left.
+    right: u32,
 }
 
 /// Room for data-dependent shifts to the left that the vector path keeps, bits.
@@ -66,13 +68,16 @@ impl Fit {
         let deep = plain && places >= 32;
         let head = if places < MOST_HEAD { (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32 } else { 0 };
         let barrel = if simple { places + i64::from(head) - 1 } else { IMPOSSIBLE };
-        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), head, barrel, plain, narrow, deep }
+        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), head, barrel, plain, narrow, deep, right: places.clamp(0, 62) as u32 }
     }
 
     /// The word for one exact result.
     #[inline(always)]
     pub fn one(&self, exact: i64) -> i64 {
-        self.one_shifted(exact, 0)
+        if !self.plain {
+            return self.one_shifted(exact, 0);
+        }
+        (exact.wrapping_add(self.half) >> self.right).max(self.min).min(self.max)
     }
 
     /// What is added before places are cut.
@@ -85,26 +90,9 @@ impl Fit {
         self.places
     }
 
-    /// Whether an add, a shift and two limits are all there is: then [`Fit::plain`] gives the same word in fewer steps.
+    /// Whether an add, a shift and two limits are all there is.
     pub fn is_plain(&self) -> bool {
         self.plain
-    }
-
-    /// The word for one exact result, where [`Fit::is_plain`].
-    #[inline(always)]
-    pub fn plain(&self, exact: i64) -> i64 {
-        ((exact + self.half) >> (self.places & 63)).max(self.min).min(self.max)
-    }
-
-    /// Whether an add and a shift are all there is before a register that wraps: then [`Fit::plain_register`] is enough.
-    pub fn is_plain_register(&self) -> bool {
-        (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap
-    }
-
-    /// The word for one exact result before it is wrapped, where [`Fit::is_plain_register`].
-    #[inline(always)]
-    pub fn plain_register(&self, exact: i64) -> i64 {
-        (exact + self.half) >> (self.places & 63)
     }
 
     /// The word for one exact result with `more` fraction bits than was elaborated.
@@ -125,7 +113,36 @@ impl Fit {
         if !self.plain {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
-        self.limit_lanes((exact + L::splat(self.half)).right(self.places as u32 & 63))
+        self.limit_lanes((exact + L::splat(self.half)).right(self.right))
+    }
+
+    /// The words for eight exact results before they are wrapped into a register.
+    #[inline(always)]
+    pub fn lanes_register<L: Lanes>(&self, exact: L) -> L {
+        let plain = (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap;
+        if !plain {
+            return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
+        }
+        (exact + L::splat(self.half)).right(self.right)
+    }
+
+    /// The words for eight exact results of which none is negative, in a word without a sign; by the short way where `PLAIN` says
+    /// that [`Fit::is_plain`].
+    #[inline(always)]
+    pub fn lanes_natural<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
+        if !PLAIN {
+            return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
+        }
+        (exact + L::splat(self.half)).right_natural(self.right).min(L::splat(self.max))
+    }
+
+    /// [`Fit::lanes_natural`] where the word is known to reach all results.
+    #[inline(always)]
+    pub fn lanes_within<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
+        if !PLAIN {
+            return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
+        }
+        (exact + L::splat(self.half)).right_natural(self.right)
     }
 
     #[inline(always)]

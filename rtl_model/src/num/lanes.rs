@@ -32,6 +32,10 @@ pub trait Lanes:
 
     /// From one word a lane.
     fn from_array(words: [i64; LANES]) -> Self;
+    /// From one natural number a lane.
+    fn from_bytes(bytes: [u8; LANES]) -> Self;
+    /// Eight words of each of eight items: each word of all items side by side.
+    fn transposed(items: &[[i32; LANES]; LANES]) -> [Self; LANES];
     /// One word a lane.
     fn to_array(self) -> [i64; LANES];
     /// The same word on every lane.
@@ -40,6 +44,12 @@ pub trait Lanes:
     fn left(self, by: u32) -> Self;
     /// Each lane shifted right towards minus infinity by the same amount, 0 to 63.
     fn right(self, by: u32) -> Self;
+    /// Each lane, of which none is negative, shifted right by the same amount, 0 to 63.
+    fn right_natural(self, by: u32) -> Self;
+    /// The sum modulo 2^64, as registers wrap.
+    fn wrapping_add(self, other: Self) -> Self;
+    /// The product with natural numbers below 2^32, modulo 2^64.
+    fn times(self, naturals: Self) -> Self;
     /// The greater word of each lane.
     fn max(self, other: Self) -> Self;
     /// The lesser word of each lane.
@@ -48,8 +58,30 @@ pub trait Lanes:
     fn above(self, other: Self) -> Self;
     /// The entries of a table of 2^n words at each lane's low n bits.
     fn look_up(self, table: &[i64]) -> Self;
-    /// The key nearest to a word: its distance, and its index, the lowest of equals.
-    fn nearest_of_4(keys: &[i32; 4], word: i32) -> (u32, usize);
+    /// The entries of a table of 2^n pairs of words at each lane's low n bits.
+    fn look_up_pairs(self, table: &[[i64; 2]]) -> [Self; 2];
+    /// The signs of the lanes, bit by bit, the first lane in the last place.
+    fn signs(self) -> u8;
+    /// Which keys differ from a word by less than a limit, bit by bit, the first key in the last place.
+    fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32;
+    /// The key nearest to a word, the first of equals.
+    fn nearest(keys: &[i32; LANES], word: i32) -> usize;
+
+    /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold all of it.
+    fn add_product(
+        sums: &mut [i32; LANES],
+        words: &[i32; LANES],
+        factor: i32,
+        half: &[i32; LANES],
+        right: &[i32; LANES],
+        limits: [&[i32; LANES]; 2],
+    );
+
+    /// Whether any lane is negative.
+    #[inline(always)]
+    fn any_negative(self) -> bool {
+        self.signs() != 0
+    }
 }
 
 /// `[f(0), f(1), f(2)]`, written out.
@@ -114,6 +146,14 @@ impl Lanes for Plain {
         Plain(words)
     }
     #[inline(always)]
+    fn from_bytes(bytes: [u8; LANES]) -> Self {
+        Plain(bytes.map(i64::from))
+    }
+    #[inline(always)]
+    fn transposed(items: &[[i32; LANES]; LANES]) -> [Self; LANES] {
+        std::array::from_fn(|word| Plain(items.map(|item| i64::from(item[word]))))
+    }
+    #[inline(always)]
     fn to_array(self) -> [i64; LANES] {
         self.0
     }
@@ -128,6 +168,19 @@ impl Lanes for Plain {
     #[inline(always)]
     fn right(self, by: u32) -> Self {
         self.zip(self, |v, _| v >> by)
+    }
+    #[inline(always)]
+    fn right_natural(self, by: u32) -> Self {
+        debug_assert!(!self.any_negative(), "a lane is negative");
+        self.right(by)
+    }
+    #[inline(always)]
+    fn wrapping_add(self, other: Self) -> Self {
+        self.zip(other, i64::wrapping_add)
+    }
+    #[inline(always)]
+    fn times(self, naturals: Self) -> Self {
+        self.zip(naturals, i64::wrapping_mul)
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
@@ -146,22 +199,47 @@ impl Lanes for Plain {
         self.zip(self, |v, _| table[v as usize & (table.len() - 1)])
     }
     #[inline(always)]
-    fn nearest_of_4(keys: &[i32; 4], word: i32) -> (u32, usize) {
-        nearest_of(keys, word)
+    fn look_up_pairs(self, table: &[[i64; 2]]) -> [Self; 2] {
+        two!(i => self.zip(self, |v, _| table[v as usize & (table.len() - 1)][i]))
+    }
+    #[inline(always)]
+    fn signs(self) -> u8 {
+        bits(self.0.map(|v| v < 0))
+    }
+    #[inline(always)]
+    fn add_product(
+        sums: &mut [i32; LANES],
+        words: &[i32; LANES],
+        factor: i32,
+        half: &[i32; LANES],
+        right: &[i32; LANES],
+        [min, max]: [&[i32; LANES]; 2],
+    ) {
+        for lane in 0..LANES {
+            let rounded = words[lane].wrapping_mul(factor).wrapping_add(half[lane]) >> right[lane];
+            sums[lane] = sums[lane].wrapping_add(rounded).max(min[lane]).min(max[lane]);
+        }
+    }
+    #[inline(always)]
+    fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32 {
+        bits(keys.map(|key| distance(key, word) < limit)).into()
+    }
+    #[inline(always)]
+    fn nearest(keys: &[i32; LANES], word: i32) -> usize {
+        (0..LANES).min_by_key(|&index| distance(keys[index], word)).unwrap_or(0)
     }
 }
 
-/// The key nearest to a word: its distance, and its index, the lowest of equals.
+/// How far two words are apart, if that is at most 2^31.
 #[inline(always)]
-pub fn nearest_of<const N: usize>(keys: &[i32; N], word: i32) -> (u32, usize) {
-    let mut nearest = (u32::MAX, 0);
-    for (index, key) in keys.iter().enumerate() {
-        let distance = word.abs_diff(*key);
-        if distance < nearest.0 {
-            nearest = (distance, index);
-        }
-    }
-    nearest
+fn distance(a: i32, b: i32) -> u32 {
+    a.wrapping_sub(b).unsigned_abs()
+}
+
+/// A condition of each lane as a word of eight bits.
+#[inline(always)]
+fn bits(mask: Mask) -> u8 {
+    mask.into_iter().rev().fold(0, |bits, holds| bits << 1 | u8::from(holds))
 }
 
 impl Add for Plain {

@@ -6,13 +6,12 @@
 //!
 //! Law: `stepping_equals_the_closed_form` (unit `raster`).
 
-use super::{Format, Lanes, Word};
+use super::{Lanes, Word};
 
 /// The shape of a wrapping register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Register {
     unused: u32,
-    frac_bits: i32,
 }
 
 /// The contents of a [`Register`], at the top of a host word.
@@ -21,26 +20,37 @@ pub type Held = i64;
 impl Register {
     /// A register that holds `word`.
     pub fn new(word: Word) -> Self {
-        let Format { frac_bits, .. } = word.format;
-        Register { unused: (64 - word.format.width()).clamp(0, 63) as u32, frac_bits }
+        Register { unused: (64 - word.format.width()).clamp(0, 63) as u32 }
     }
 
-    /// Loads a value that has `frac_bits` fraction bits, at most the register's own.
+    /// Loads a value that lacks so many of the register's fraction bits.
     #[inline(always)]
-    pub fn load(self, value: i64, frac_bits: i32) -> Held {
-        value << (self.frac_bits - frac_bits).clamp(0, 63) << self.unused
+    pub fn load(self, value: i64, places: u32) -> Held {
+        value << places << self.unused
     }
 
-    /// Holds a word that may have more bits than the register: it wraps.
+    /// [`Register::load`] of eight values.
     #[inline(always)]
-    pub fn hold(self, word: i64) -> Held {
-        word << self.unused
+    pub fn load_lanes<L: Lanes>(self, values: L, places: u32) -> L {
+        values.left(places).left(self.unused)
+    }
+
+    /// Holds eight words that may have more bits than the register: it wraps.
+    #[inline(always)]
+    pub fn hold<L: Lanes>(self, words: L) -> L {
+        words.left(self.unused)
     }
 
     /// The words that eight registers hold.
     #[inline(always)]
     pub fn read_lanes<L: Lanes>(self, held: L) -> L {
         held.right(self.unused)
+    }
+
+    /// [`Register::read_lanes`] where none is negative.
+    #[inline(always)]
+    pub fn read_natural<L: Lanes>(self, held: L) -> L {
+        held.right_natural(self.unused)
     }
 
     /// The word that is held.

@@ -17,10 +17,8 @@ pub struct Table {
     fit: Fit,
     interpolation: Interpolation,
     fraction_bits: u32,
-    /// Value at each address.
-    values: Vec<i64>,
-    /// Step to the next value, 0 where nearest.
-    deltas: Vec<i64>,
+    /// At each address the value, and the step to the next one, 0 where nearest.
+    words: Vec<[i64; 2]>,
 }
 
 impl Table {
@@ -38,8 +36,7 @@ impl Table {
             fit,
             interpolation,
             fraction_bits: Table::fraction_bits(index_bits, argument_bits),
-            values: words[..steps].to_vec(),
-            deltas: (0..steps).map(delta).collect(),
+            words: (0..steps).map(|i| [words[i], delta(i)]).collect(),
         }
     }
 
@@ -53,15 +50,17 @@ impl Table {
     pub fn exact(&self, argument: i64) -> i64 {
         let address = (argument >> self.fraction_bits) as usize;
         let fraction = argument & ((1 << self.fraction_bits) - 1);
-        (self.values[address] << self.fraction_bits) + self.deltas[address] * fraction
+        let [value, delta] = self.words[address];
+        (value << self.fraction_bits) + delta * fraction
     }
 
-    /// [`Table::exact`] of eight arguments.
+    /// [`Table::exact`] of eight arguments, none of them negative.
     #[inline(always)]
     pub fn exact_lanes<L: Lanes>(&self, argument: L) -> L {
-        let address = argument.right(self.fraction_bits);
+        let address = argument.right_natural(self.fraction_bits);
         let fraction = argument - address.left(self.fraction_bits);
-        address.look_up(&self.values).left(self.fraction_bits) + address.look_up(&self.deltas) * fraction
+        let [value, delta] = address.look_up_pairs(&self.words);
+        value.left(self.fraction_bits) + delta * fraction
     }
 
     /// What lies between two words.

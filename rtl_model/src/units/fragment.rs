@@ -12,9 +12,9 @@
 //! Laws: `every_contribution_has_one_outcome`, `slots_are_in_depth_order_after_a_merge`.
 
 use crate::machine::{Elaboration, FragmentDepth, Machine, Merge};
-use crate::num::lanes::nearest_of;
 use crate::num::{Exact, Fit, Lanes, Word, three};
 use crate::probe::{Probe, Tap};
+use std::cmp::Ordering;
 
 const UNIT: &str = "fragment";
 
@@ -58,11 +58,11 @@ pub struct Contribution {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
     /// Added to the fragment in this slot.
-    Accumulated(usize),
+    Accumulated(u8),
     /// Opened this free slot.
-    Inserted(usize),
+    Inserted(u8),
     /// Made two fragments merge: places in depth order, of `layers` + 1, of the front and the back one.
-    Merged(usize, usize),
+    Merged(u8, u8),
     /// Made the deepest fragment vanish behind an opaque one; `true` if it was the contribution itself.
     Evicted(bool),
     /// Replaced what was there (z-buffer).
@@ -117,12 +117,27 @@ pub struct Premultiplied {
     pub opacity: i64,
 }
 
+/// [`Sums`] in the host's words, side by side in one vector register where they are 32 bits.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(align(32))]
+pub struct HostSums<L>([L; SUMS]);
+
+impl<L: Lane> HostSums<L> {
+    fn put(sums: &Sums) -> Self {
+        HostSums(sums.map(L::put))
+    }
+
+    fn get(&self) -> Sums {
+        self.0.map(L::get)
+    }
+}
+
 /// The host's word for a sum: 32 bits where everything fits, else 64.
 pub trait Lane: Copy + Default + Send + Sync + 'static {
     /// The unit's limits in this word.
     fn limits(unit: &Fragment) -> &Limits<Self>;
     /// Adds `weight · attributes`, each rounded, to sums that saturate.
-    fn accumulate(sums: &mut [Self; SUMS], attributes: &Attributes, weight: i64, limits: &Limits<Self>);
+    fn accumulate<V: Lanes>(sums: &mut HostSums<Self>, attributes: &Attributes, weight: i64, limits: &Limits<Self>);
     /// From a word that fits.
     fn put(word: i64) -> Self;
     /// The word.
@@ -154,14 +169,9 @@ impl Lane for i32 {
         &unit.narrow_limits
     }
     #[inline(always)]
-    fn accumulate(sums: &mut [i32; SUMS], attributes: &Attributes, weight: i64, limits: &Limits<i32>) {
-        let weight = weight as i32;
-        let mut next = [0; SUMS];
-        for lane in 0..SUMS {
-            let rounded = attributes[lane].wrapping_mul(weight).wrapping_add(limits.half[lane]) >> (limits.right[lane] & 31);
-            next[lane] = sums[lane].wrapping_add(rounded).max(limits.min[lane]).min(limits.max[lane]);
-        }
-        *sums = next;
+    fn accumulate<V: Lanes>(sums: &mut HostSums<i32>, attributes: &Attributes, weight: i64, limits: &Limits<i32>) {
+        let Limits { half, right, min, max } = limits;
+        V::add_product(&mut sums.0, attributes, weight as i32, half, right, [min, max]);
     }
     #[inline(always)]
     fn put(word: i64) -> i32 {
@@ -178,7 +188,7 @@ impl Lane for i64 {
         &unit.wide_limits
     }
     #[inline(always)]
-    fn accumulate(sums: &mut [i64; SUMS], attributes: &Attributes, weight: i64, limits: &Limits<i64>) {
+    fn accumulate<V: Lanes>(HostSums(sums): &mut HostSums<i64>, attributes: &Attributes, weight: i64, limits: &Limits<i64>) {
         for lane in 0..SUMS {
             let rounded = (i64::from(attributes[lane]) * weight + limits.half[lane]) >> (limits.right[lane] & 63);
             sums[lane] = (sums[lane] + rounded).max(limits.min[lane]).min(limits.max[lane]);
@@ -194,22 +204,104 @@ impl Lane for i64 {
     }
 }
 
-/// No fragment can match this depth: it is farther than any ε from any depth word.
+/// Set in the key of a slot that is shaded or empty: its depth is then farther than any ε from any depth word.
 const NO_MATCH: i32 = i32::MIN;
+/// Widest depth that the comparators take, bits.
+const MAX_DEPTH_BITS: i32 = 30;
 
-/// The fragments of a tile's pixels; slot s of pixel p is entry `p · layers + s`.
+/// The fragments of a tile's pixels.
 #[derive(Clone, Debug)]
 pub struct Tile<L> {
-    layers: usize,
-    sums: Vec<[L; SUMS]>,
-    depth: Vec<i32>,
-    /// Depth of an unshaded fragment, else [`NO_MATCH`]; slot s of pixel p is entry `p · stride + s`.
-    key: Vec<i32>,
-    /// 4 or 8, whatever holds the layers.
-    stride: usize,
-    material: Vec<u32>,
+    /// Depth of each slot of each pixel, with [`NO_MATCH`] where it is not to be matched.
+    keys: [[i32; MAX_LAYERS]; TILE_AREA],
+    /// Slot by slot: those in use lie side by side in the cache.
+    sums: [[HostSums<L>; TILE_AREA]; MAX_LAYERS],
+    material: [[u32; TILE_AREA]; MAX_LAYERS],
     live: [u8; TILE_AREA],
     contributions: [u32; TILE_AREA],
+}
+impl<L: Lane> Default for Tile<L> {
+    fn default() -> Self {
+        Tile {
+            keys: [[NO_MATCH; MAX_LAYERS]; TILE_AREA],
+            sums: [[HostSums::default(); TILE_AREA]; MAX_LAYERS],
+            material: [[0; TILE_AREA]; MAX_LAYERS],
+            live: [0; TILE_AREA],
+            contributions: [0; TILE_AREA],
+        }
+    }
+}
+
+/// A slot's number, as the host is to see it: never beyond the last.
+#[inline(always)]
+fn within(slot: usize) -> usize {
+    slot % MAX_LAYERS
+}
+
+impl<L: Lane> Tile<L> {
+    /// Empties the tile.
+    pub fn clear(&mut self) {
+        self.live.fill(0);
+        self.contributions.fill(0);
+        self.keys.fill([NO_MATCH; MAX_LAYERS]);
+    }
+
+    /// How many contributions a pixel has had.
+    pub fn contributions(&self, pixel: u8) -> u32 {
+        self.contributions[usize::from(pixel)]
+    }
+
+    /// How many fragments a pixel has.
+    pub fn live(&self, pixel: u8) -> usize {
+        usize::from(self.live[usize::from(pixel)])
+    }
+
+    /// The fragment in a slot.
+    pub fn slot(&self, pixel: u8, slot: usize) -> Slot {
+        self.read(pixel, slot).get()
+    }
+
+    #[inline(always)]
+    fn sums(&self, pixel: u8, slot: usize) -> &HostSums<L> {
+        &self.sums[within(slot)][usize::from(pixel)]
+    }
+
+    #[inline(always)]
+    fn key(&self, pixel: u8, slot: usize) -> i32 {
+        self.keys[usize::from(pixel)][within(slot)]
+    }
+
+    #[inline(always)]
+    fn depth(&self, pixel: u8, slot: usize) -> i32 {
+        self.key(pixel, slot) & !NO_MATCH
+    }
+
+    #[inline(always)]
+    fn read(&self, pixel: u8, slot: usize) -> HostSlot<L> {
+        let material = self.material[within(slot)][usize::from(pixel)];
+        HostSlot { sums: *self.sums(pixel, slot), key: self.key(pixel, slot), material }
+    }
+
+    #[inline(always)]
+    fn write(&mut self, pixel: u8, slot: usize, fragment: HostSlot<L>) {
+        let (slot, pixel) = (within(slot), usize::from(pixel));
+        self.sums[slot][pixel] = fragment.sums;
+        self.keys[pixel][slot] = fragment.key;
+        self.material[slot][pixel] = fragment.material;
+    }
+
+    #[inline(always)]
+    fn copy(&mut self, pixel: u8, from: usize, to: usize) {
+        self.write(pixel, to, self.read(pixel, from));
+    }
+}
+
+/// A fragment outside its slot, in the host's words.
+#[derive(Clone, Copy, Debug, Default)]
+struct HostSlot<L> {
+    sums: HostSums<L>,
+    key: i32,
+    material: u32,
 }
 
 /// A fragment outside its slot.
@@ -225,71 +317,14 @@ pub struct Slot {
     pub shaded: bool,
 }
 
-impl<L: Lane> Tile<L> {
-    /// An empty tile.
-    pub fn new(layers: usize) -> Self {
-        let slots = TILE_AREA * layers;
-        let stride = if layers <= 4 { 4 } else { 8 };
-        Tile {
-            layers,
-            sums: vec![[L::default(); SUMS]; slots],
-            depth: vec![0; slots],
-            key: vec![NO_MATCH; TILE_AREA * stride],
-            stride,
-            material: vec![0; slots],
-            live: [0; TILE_AREA],
-            contributions: [0; TILE_AREA],
-        }
+impl<L: Lane> HostSlot<L> {
+    fn get(&self) -> Slot {
+        Slot { sums: self.sums.get(), depth: i64::from(self.key & !NO_MATCH), material: self.material, shaded: self.key < 0 }
     }
 
-    /// Empties the tile.
-    pub fn clear(&mut self) {
-        self.live.fill(0);
-        self.contributions.fill(0);
-        self.key.fill(NO_MATCH);
-    }
-
-    /// How many contributions a pixel has had.
-    pub fn contributions(&self, pixel: usize) -> u32 {
-        self.contributions[pixel]
-    }
-
-    /// How many fragments a pixel has.
-    pub fn live(&self, pixel: usize) -> usize {
-        usize::from(self.live[pixel])
-    }
-
-    /// The fragment in a slot.
-    pub fn slot(&self, pixel: usize, slot: usize) -> Slot {
-        let at = pixel * self.layers + slot;
-        Slot {
-            sums: self.sums[at].map(L::get),
-            depth: i64::from(self.depth[at]),
-            material: self.material[at],
-            shaded: self.key[pixel * self.stride + slot] == NO_MATCH,
-        }
-    }
-
-    fn write(&mut self, pixel: usize, slot: usize, fragment: &Slot) {
-        let at = pixel * self.layers + slot;
-        self.sums[at] = fragment.sums.map(L::put);
-        self.depth[at] = fragment.depth as i32;
-        self.key[pixel * self.stride + slot] = if fragment.shaded { NO_MATCH } else { fragment.depth as i32 };
-        self.material[at] = fragment.material;
-    }
-}
-
-impl<L: Lane> Tile<L> {
-    /// Moves the fragments from slot `from` on one slot back; the last is lost.
-    fn shift_back(&mut self, pixel: usize, from: usize) {
-        let slots = pixel * self.layers + from..(pixel + 1) * self.layers - 1;
-        let to = slots.start + 1;
-        self.sums.copy_within(slots.clone(), to);
-        self.depth.copy_within(slots.clone(), to);
-        self.material.copy_within(slots, to);
-        let keys = pixel * self.stride + from..pixel * self.stride + self.layers - 1;
-        let to = keys.start + 1;
-        self.key.copy_within(keys, to);
+    fn put(slot: &Slot) -> Self {
+        let key = slot.depth as i32 | if slot.shaded { NO_MATCH } else { 0 };
+        HostSlot { sums: HostSums::put(&slot.sums), key, material: slot.material }
     }
 }
 
@@ -308,13 +343,13 @@ pub struct Fragment {
     wide_limits: Limits<i64>,
     /// Whether 32-bit sums and products hold everything.
     narrow: bool,
-    opaque: i64,
-    opaque_frac_bits: u32,
-    weight_frac_bits: u32,
-    opacity_frac_bits: u32,
+    /// Factors that bring Σw·α and Σw times the opacity limit to the same places.
+    opaque_scales: [i128; 2],
+    /// Least opacity of a shaded fragment that is opaque.
+    opaque_shaded: i64,
     /// Shaded words into the slot, and back.
     store: [Fit; 2],
-    read: Fit,
+    read: [Fit; 2],
     blend: [Fit; 2],
     premultiplied_frac_bits: u32,
 }
@@ -339,8 +374,8 @@ impl Fragment {
         e.holds_one(UNIT, "opaque", m.opaque);
         e.signedness(UNIT, "depth", m.depth, false);
         e.saturates(UNIT, "depth", m.depth);
-        e.require(m.depth.format.width() <= 30, || {
-            format!("fragment.depth is {}, {} bits: the depth comparators take at most 30", m.depth, m.depth.format.width())
+        e.require(m.depth.format.width() <= MAX_DEPTH_BITS, || {
+            format!("fragment.depth is {}, {} bits: the depth comparators take at most {MAX_DEPTH_BITS}", m.depth, m.depth.format.width())
         });
         for (name, word, signed) in [
             ("weight_sum", m.weight_sum, false),
@@ -374,6 +409,8 @@ impl Fragment {
                 m.opacity_sum
             )
         });
+        let opaque = i128::from(m.opaque.format.one()) * i128::from(m.opaque_permille) / 1000;
+        let (limit_places, opacity_places) = (limit.frac_bits, m.opacity_sum.format.frac_bits);
         let half = sums.map(|fit| fit.half());
         let right = align.map(|[right, _]: [u32; 2]| right);
         Fragment {
@@ -387,12 +424,10 @@ impl Fragment {
             narrow: (0..SUMS).all(|lane| is_narrow(machine.gauss.weight, attributes[lane], words[lane], &sums[lane])),
             sums,
             align,
-            opaque: (i128::from(m.opaque.format.one()) * i128::from(m.opaque_permille) / 1000) as i64,
-            opaque_frac_bits: m.opaque.format.frac_bits as u32,
-            weight_frac_bits: m.weight_sum.format.frac_bits as u32,
-            opacity_frac_bits: m.opacity_sum.format.frac_bits as u32,
+            opaque_scales: [1 << (limit_places - opacity_places).max(0), opaque << (opacity_places - limit_places).max(0)],
+            opaque_shaded: -((-opaque << opacity_places) >> m.opaque.format.frac_bits) as i64,
             store: [e.fit(UNIT, "colour_sum", m.colour_sum, shaded), e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded)],
-            read: e.fit("shade", "premultiplied", premultiplied, m.colour_sum.into()),
+            read: [m.colour_sum, m.opacity_sum].map(|sum| e.fit("shade", "premultiplied", premultiplied, sum.into())),
             blend: [e.fit(UNIT, "colour_sum", m.colour_sum, over), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
         }
@@ -401,7 +436,7 @@ impl Fragment {
     /// Whether all of its hot fits are plain.
     pub fn is_plain(&self) -> bool {
         let short = |fit: &Fit| fit.is_plain() && fit.places() < 32;
-        self.sums.iter().all(short) && self.align.iter().all(|[_, left]| *left == 0)
+        self.depth.is_plain() && self.sums.iter().all(short) && self.align.iter().all(|[_, left]| *left == 0)
     }
 
     /// Whether 32-bit sums and products hold everything.
@@ -414,10 +449,10 @@ impl Fragment {
         &self.depth
     }
 
-    /// Depths as the comparators see them.
+    /// Depths as the comparators see them. Nobody but a watcher can tell what lies below 0 from 0.
     #[inline(always)]
-    pub fn depth<V: Lanes, P: Probe>(&self, exact: V, tap: &mut Tap<P>) -> V {
-        tap.fit(&self.depth, exact)
+    pub fn depth<const PLAIN: bool, V: Lanes, P: Probe>(&self, exact: V, tap: &mut Tap<P>) -> V {
+        if P::WORDS { tap.fit(&self.depth, exact) } else { tap.fit_natural::<PLAIN, V>(&self.depth, exact.max(V::splat(0))) }
     }
 
     /// Takes one contribution in.
@@ -426,58 +461,54 @@ impl Fragment {
     pub fn contribute<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
         &self,
         tile: &mut Tile<L>,
-        pixel: usize,
+        pixel: u8,
         [weight, depth]: [i64; 2],
         attributes: &Attributes,
-        material: u32,
+        material: &u32,
         registers: &Registers,
-        shade: impl FnMut(&Slot, &mut Tap<P>) -> Premultiplied,
+        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
     ) -> Decision {
-        tile.contributions[pixel] += 1;
-        let first_key = pixel * tile.stride;
-        let z_threshold = registers.z_threshold as u32;
-        // The keys of a pixel are 4 or 8, whatever holds the layers; the rest never match.
-        let (distance, slot) = match tile.key[first_key..first_key + tile.stride].as_array::<4>() {
-            Some(keys) => V::nearest_of_4(keys, depth as i32),
-            None => tile.key[first_key..].first_chunk().map_or((u32::MAX, 0), |keys: &[i32; 8]| nearest_of(keys, depth as i32)),
-        };
-        if distance < z_threshold {
-            let at = pixel * self.layers + slot;
-            self.accumulate::<PLAIN, L, P>(&mut tile.sums[at], weight, attributes, tap);
+        let at = usize::from(pixel);
+        tile.contributions[at] += 1;
+        let key = depth as i32;
+        let near = V::near(&tile.keys[at], key, registers.z_threshold as u32);
+        if near != 0 {
+            // Rarely more than one.
+            let several = near & (near - 1) != 0;
+            let slot = within(if several { V::nearest(&tile.keys[at], key) } else { near.trailing_zeros() as usize });
+            self.accumulate::<PLAIN, V, L, P>(&mut tile.sums[slot][at], weight, attributes, tap);
             if self.nearest_depth {
-                tile.depth[at] = tile.depth[at].min(depth as i32);
-                tile.key[first_key + slot] = tile.depth[at];
+                tile.keys[at][slot] = tile.keys[at][slot].min(key);
             }
-            return Decision::Accumulated(slot);
+            return Decision::Accumulated(slot as u8);
         }
-        let mut sums = [L::default(); SUMS];
-        self.accumulate::<PLAIN, L, P>(&mut sums, weight, attributes, tap);
-        let fresh = Slot { sums: sums.map(L::get), depth, material, shaded: false };
-        let live = usize::from(tile.live[pixel]);
-        if live < self.layers {
-            tile.write(pixel, live, &fresh);
-            tile.live[pixel] += 1;
+        let mut fresh = HostSlot { sums: HostSums::default(), key, material: *material };
+        self.accumulate::<PLAIN, V, L, P>(&mut fresh.sums, weight, attributes, tap);
+        let live = tile.live[at];
+        if usize::from(live) < self.layers {
+            tile.write(pixel, usize::from(live), fresh);
+            tile.live[at] += 1;
             return Decision::Inserted(live);
         }
-        self.overflow(tile, pixel, fresh, registers, shade, tap)
+        self.overflow(tile, pixel, &fresh, registers, shade, tap.probe)
     }
 
     #[inline(always)]
-    fn accumulate<const PLAIN: bool, L: Lane, P: Probe>(
+    fn accumulate<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
         &self,
-        sums: &mut [L; SUMS],
+        sums: &mut HostSums<L>,
         weight: i64,
         attributes: &Attributes,
         tap: &mut Tap<P>,
     ) {
         if PLAIN && !P::WORDS {
-            return L::accumulate(sums, attributes, weight, L::limits(self));
+            return L::accumulate::<V>(sums, attributes, weight, L::limits(self));
         }
         for lane in 0..SUMS {
             let [of_sum, of_product] = self.align[lane];
-            let exact = (sums[lane].get() << of_sum) + ((i64::from(attributes[lane]) * weight) << of_product);
-            sums[lane] = L::put(tap.fit_one(&self.sums[lane], exact));
+            let exact = (sums.0[lane].get() << of_sum) + ((i64::from(attributes[lane]) * weight) << of_product);
+            sums.0[lane] = L::put(tap.fit_one(&self.sums[lane], exact));
         }
     }
 
@@ -487,92 +518,88 @@ impl Fragment {
     fn overflow<L: Lane, P: Probe>(
         &self,
         tile: &mut Tile<L>,
-        pixel: usize,
-        fresh: Slot,
+        pixel: u8,
+        fresh: &HostSlot<L>,
         registers: &Registers,
-        shade: impl FnMut(&Slot, &mut Tap<P>) -> Premultiplied,
-        tap: &mut Tap<P>,
+        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
+        probe: &mut P,
     ) -> Decision {
         if self.merge == Merge::Replace {
-            let nearer = fresh.depth < tile.slot(pixel, 0).depth;
+            let nearer = fresh.key < tile.depth(pixel, 0);
             if nearer {
-                tile.write(pixel, 0, &fresh);
+                tile.write(pixel, 0, *fresh);
             }
             return if nearer { Decision::Replaced } else { Decision::Dropped };
         }
         self.sort(tile, pixel);
         // Stable: the fresh one comes after its equals.
-        let first = pixel * self.layers;
-        let place = tile.depth[first..first + self.layers].iter().filter(|&&depth| i64::from(depth) <= fresh.depth).count();
-        if self.evict_hidden && self.hides(tile, pixel, &fresh, place, registers) {
+        let behind = tile.keys[usize::from(pixel)][..self.layers].iter().position(|key| key & !NO_MATCH > fresh.key);
+        let place = behind.unwrap_or(self.layers);
+        if self.evict_hidden && self.hides(tile, pixel, fresh, place, registers) {
             if place < self.layers {
-                tile.shift_back(pixel, place);
-                tile.write(pixel, place, &fresh);
+                (place..self.layers - 1).rev().for_each(|slot| tile.copy(pixel, slot, slot + 1));
+                tile.write(pixel, place, *fresh);
             }
             return Decision::Evicted(place == self.layers);
         }
-        let mut stack = [Slot::default(); MAX_LAYERS + 1];
-        for (position, fragment) in stack[..=self.layers].iter_mut().enumerate() {
-            *fragment = if position == place { fresh } else { tile.slot(pixel, position - usize::from(position > place)) };
+        let stacked = |position: usize, tile: &Tile<L>| match position.cmp(&place) {
+            Ordering::Less => tile.read(pixel, position),
+            Ordering::Equal => *fresh,
+            Ordering::Greater => tile.read(pixel, position - 1),
+        };
+        let front = self.front_of_pair(|position| stacked(position, tile).key & !NO_MATCH);
+        let [over, under] = [stacked(front, tile), stacked(front + 1, tile)];
+        let merged = self.merged(&over.get(), &under.get(), shade, &mut Tap::new(probe));
+        // The slots between the pair and the fresh one's place move over by one.
+        if place < front {
+            (place..front - 1).rev().for_each(|slot| tile.copy(pixel, slot, slot + 1));
+            tile.write(pixel, place, *fresh);
+        } else if place > front + 1 {
+            (front + 2..place).for_each(|slot| tile.copy(pixel, slot, slot - 1));
+            tile.write(pixel, place - 1, *fresh);
         }
-        let stack = &mut stack[..=self.layers];
-        let front = self.pair(stack);
-        let merged = self.merged(&stack[front], &stack[front + 1], shade, tap);
-        stack[front] = merged;
-        stack[front + 1..].rotate_left(1);
-        self.write_all(tile, pixel, &stack[..self.layers]);
-        Decision::Merged(front, front + 1)
+        tile.write(pixel, front, HostSlot::put(&merged));
+        Decision::Merged(front as u8, front as u8 + 1)
     }
 
     /// Brings a full pixel's slots into depth order; after the first overflow they stay in it.
-    fn sort<L: Lane>(&self, tile: &mut Tile<L>, pixel: usize) {
-        let first = pixel * self.layers;
-        if tile.depth[first..first + self.layers].is_sorted() {
-            return;
+    #[inline(always)]
+    fn sort<L: Lane>(&self, tile: &mut Tile<L>, pixel: u8) {
+        if !tile.keys[usize::from(pixel)][..self.layers].is_sorted_by_key(|key| key & !NO_MATCH) {
+            let mut stack = [HostSlot::default(); MAX_LAYERS];
+            let stack = &mut stack[..self.layers];
+            stack.iter_mut().enumerate().for_each(|(slot, fragment)| *fragment = tile.read(pixel, slot));
+            stack.sort_by_key(|fragment| fragment.key & !NO_MATCH);
+            stack.iter().enumerate().for_each(|(slot, fragment)| tile.write(pixel, slot, *fragment));
         }
-        let mut stack = [Slot::default(); MAX_LAYERS];
-        for (slot, fragment) in stack[..self.layers].iter_mut().enumerate() {
-            *fragment = tile.slot(pixel, slot);
-        }
-        stack[..self.layers].sort_by_key(|fragment| fragment.depth);
-        self.write_all(tile, pixel, &stack[..self.layers]);
     }
 
     /// Whether one of the fragments, the fresh one at its place among them, hides the deepest.
-    fn hides<L: Lane>(&self, tile: &Tile<L>, pixel: usize, fresh: &Slot, place: usize, registers: &Registers) -> bool {
+    #[inline(always)]
+    fn hides<L: Lane>(&self, tile: &Tile<L>, pixel: u8, fresh: &HostSlot<L>, place: usize, registers: &Registers) -> bool {
         let in_front = self.layers - usize::from(place < self.layers);
-        let of_slot = |slot: usize| {
-            let at = pixel * self.layers + slot;
-            let shaded = tile.key[pixel * tile.stride + slot] == NO_MATCH;
-            self.is_opaque(tile.sums[at][WEIGHT].get(), tile.sums[at][OPACITY].get(), shaded, registers)
-        };
-        (0..in_front).any(of_slot) || place < self.layers && self.is_opaque(fresh.sums[WEIGHT], fresh.sums[OPACITY], false, registers)
-    }
-
-    fn write_all<L: Lane>(&self, tile: &mut Tile<L>, pixel: usize, stack: &[Slot]) {
-        for (slot, fragment) in stack.iter().enumerate() {
-            tile.write(pixel, slot, fragment);
-        }
+        (0..in_front).any(|slot| self.is_opaque(tile.sums(pixel, slot), tile.key(pixel, slot), registers))
+            || place < self.layers && self.is_opaque(&fresh.sums, fresh.key, registers)
     }
 
     /// The nearer of the two to merge, in a stack in depth order.
-    fn pair(&self, stack: &[Slot]) -> usize {
+    fn front_of_pair(&self, depth: impl Fn(usize) -> i32) -> usize {
         match self.merge {
-            Merge::NearestPair => {
-                // The first of equals: the pair nearer to the eye.
-                (0..self.layers).min_by_key(|&i| stack[i + 1].depth - stack[i].depth).unwrap_or(0)
-            }
+            // The first of equals: the pair nearer to the eye.
+            Merge::NearestPair => (0..self.layers).min_by_key(|&i| depth(i + 1) - depth(i)).unwrap_or(0),
             _ => self.layers - 1,
         }
     }
 
     /// Whether nothing behind a fragment can be seen: opaque itself, and covering the pixel.
-    fn is_opaque(&self, weight: i64, opacity: i64, shaded: bool, registers: &Registers) -> bool {
-        if shaded {
-            return i128::from(opacity) << self.opaque_frac_bits >= i128::from(self.opaque) << self.opacity_frac_bits;
+    #[inline(always)]
+    fn is_opaque<L: Lane>(&self, sums: &HostSums<L>, key: i32, registers: &Registers) -> bool {
+        let [weight, opacity] = [sums.0[WEIGHT].get(), sums.0[OPACITY].get()];
+        if key < 0 {
+            return opacity >= self.opaque_shaded;
         }
-        let of_weight = (i128::from(self.opaque) * i128::from(weight)) << self.opacity_frac_bits;
-        weight >= registers.coverage_threshold && i128::from(opacity) << (self.opaque_frac_bits + self.weight_frac_bits) >= of_weight
+        let [of_opacity, of_weight] = self.opaque_scales;
+        weight >= registers.coverage_threshold && i128::from(opacity) * of_opacity >= i128::from(weight) * of_weight
     }
 
     /// Front over back, at the front's depth.
@@ -580,10 +607,10 @@ impl Fragment {
         &self,
         front: &Slot,
         back: &Slot,
-        mut shade: impl FnMut(&Slot, &mut Tap<P>) -> Premultiplied,
+        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
     ) -> Slot {
-        let mut light = |fragment: &Slot, tap: &mut Tap<P>| {
+        let light = |fragment: &Slot, tap: &mut Tap<P>| {
             if fragment.shaded {
                 return self.shaded(fragment, tap);
             }
@@ -612,13 +639,9 @@ impl Fragment {
     pub fn shaded<P: Probe>(&self, fragment: &Slot, tap: &mut Tap<P>) -> Premultiplied {
         let s = &fragment.sums;
         Premultiplied {
-            colour: three!(channel => tap.fit_one(&self.read, s[COLOUR + channel])),
-            opacity: tap.fit_one_shifted(&self.read, s[OPACITY], i64::from(self.opacity_frac_bits) - self.colour_frac_bits()),
+            colour: three!(channel => tap.fit_one(&self.read[0], s[COLOUR + channel])),
+            opacity: tap.fit_one(&self.read[1], s[OPACITY]),
         }
-    }
-
-    fn colour_frac_bits(&self) -> i64 {
-        i64::from(self.sums[COLOUR].word.format.frac_bits)
     }
 }
 

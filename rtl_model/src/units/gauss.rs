@@ -54,12 +54,18 @@ impl Gauss {
         }
     }
 
-    /// Radial index and weight of eight fragments of one splat.
+    /// Whether all of its fits are plain.
+    pub fn is_plain(&self) -> bool {
+        [&self.radial_index, self.table.fit(), &self.weight].into_iter().all(Fit::is_plain)
+    }
+
+    /// Radial index and weight of eight fragments of one splat, whose r is not negative.
     #[inline(always)]
-    pub fn lanes<L: Lanes, P: Probe>(&self, radial: L, amplitude: i64, tap: &mut Tap<P>) -> [L; 2] {
-        let radial_index = tap.fit(&self.radial_index, radial.max(L::splat(0)));
-        let falloff = tap.fit(self.table.fit(), self.table.exact_lanes(radial_index));
-        [radial_index, tap.fit(&self.weight, L::splat(amplitude) * falloff)]
+    pub fn lanes<const PLAIN: bool, L: Lanes, P: Probe>(&self, radial: L, amplitude: i64, tap: &mut Tap<P>) -> [L; 2] {
+        let radial_index = tap.fit_natural::<PLAIN, L>(&self.radial_index, radial);
+        // Between two words of the table lies nothing beyond them.
+        let falloff = tap.fit_within::<PLAIN, L>(self.table.fit(), self.table.exact_lanes(radial_index));
+        [radial_index, tap.fit_natural::<PLAIN, L>(&self.weight, L::splat(amplitude) * falloff)]
     }
 }
 

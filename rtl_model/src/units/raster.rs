@@ -21,13 +21,14 @@ use crate::probe::{Probe, Tap};
 
 const UNIT: &str = "raster";
 
-/// Side of the square of pixels that a [`Span`] numbers.
+/// Side of the square that boxes are cut to, pixels.
 const SIDE_PX: usize = 16;
-/// Most fragments of a span, and room for the last eight lanes.
+/// Most fragments of a span; eight lanes more have room after them.
 const SPAN_FRAGMENTS: usize = SIDE_PX * SIDE_PX;
 
-/// Input port: one splat.
+/// Input port: one splat. In memory as here, so that its first eight words are one vector of the host's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C)]
 pub struct Input {
     /// Position from the picture's middle (`project.pixel`).
     pub pixel: [i32; 2],
@@ -45,62 +46,143 @@ pub struct Input {
     pub rows: [u16; 2],
 }
 
-/// Output port: the fragments of one splat in a square of 16 × 16 pixels.
+/// Eight splats where their boxes enter a square of 16 × 16 pixels: registers there, with their differences by column and row.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Walks {
+    /// The part of each box that lies in the square: its first row, and how many columns and rows it has.
+    top: [i64; LANES],
+    columns: [i64; LANES],
+    rows: [i64; LANES],
+    /// Columns of the box before the part.
+    columns_on: [i64; LANES],
+    /// The part's first pixel in the square: 16 · row + column.
+    first_pixel: [i64; LANES],
+    /// Where rows are differenced; else each row has its own.
+    seed: Seed<[Held; LANES]>,
+    by_column_twice: [Held; LANES],
+    by_row: [Held; LANES],
+    by_row_twice: [Held; LANES],
+    by_both: [Held; LANES],
+    depth_slope: [[i64; LANES]; 2],
+    /// The depth clamp (shape: [`Raster::depth_exact`]).
+    nearest: [i64; LANES],
+    deepest: [i64; LANES],
+}
+
+impl Walks {
+    /// Which of the square's pixels lie at a [`Span`]'s places: 16 · row + column.
+    #[inline(always)]
+    pub fn pixels(&self, lane: usize, places: [u8; LANES]) -> [u8; LANES] {
+        // No pixel is beyond 255: a byte never carries into the next.
+        let first = EACH * (self.first_pixel[lane] as u64 & 0xff);
+        u64::from_le_bytes(places).wrapping_add(first).to_le_bytes()
+    }
+
+    #[inline(always)]
+    fn size(&self, lane: usize) -> [usize; 2] {
+        [self.columns[lane] as usize, (self.rows[lane] as usize).min(SIDE_PX)]
+    }
+}
+
+/// Registers at one pixel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Seed<T> {
+    radial: T,
+    by_column: T,
+    depth: T,
+}
+
+/// Eight splats' words side by side.
+#[derive(Clone, Copy, Debug)]
+struct Splats<L> {
+    pixel: [L; 2],
+    conic: [L; 3],
+    depth: L,
+    depth_slope: [L; 2],
+    first_column: L,
+}
+
+/// One word of each of eight splats.
+macro_rules! word {
+    ($splats:ident.$($field:tt)+) => {{
+        let mut words = [0; LANES];
+        for lane in 0..LANES {
+            words[lane] = i64::from($splats[lane].$($field)+);
+        }
+        L::from_array(words)
+    }};
+}
+
+/// Output port: the fragments of one splat in the square.
 #[derive(Clone, Debug)]
 pub struct Span {
     fragments: usize,
-    pixel: [u8; SPAN_FRAGMENTS + LANES],
-    /// r of each, as its register holds it (`raster.radial`).
-    radial: [Held; SPAN_FRAGMENTS + LANES],
-    /// z of each, unclamped, as its register holds it (`raster.depth`).
-    depth: [Held; SPAN_FRAGMENTS + LANES],
+    /// Where each lies, from the first pixel of the box's part there: 16 · row + column.
+    place: [u8; SPAN_FRAGMENTS + LANES],
+    /// r of every pixel of the part, as its register holds it (`raster.radial`), eight columns at a time.
+    radial: [[[Held; LANES]; 2]; SIDE_PX],
+    /// z of each row's first pixel, unclamped, as its register holds it (`raster.depth`), where rows are seeded afresh.
+    depth: [Held; SIDE_PX],
 }
 
 impl Default for Span {
     fn default() -> Self {
-        let held = [0; SPAN_FRAGMENTS + LANES];
-        Span { fragments: 0, pixel: [0; SPAN_FRAGMENTS + LANES], radial: held, depth: held }
+        Span { fragments: 0, place: [0; SPAN_FRAGMENTS + LANES], radial: [[[0; LANES]; 2]; SIDE_PX], depth: [0; SIDE_PX] }
     }
 }
 
 impl Span {
-    /// Forgets all fragments.
-    #[inline(always)]
-    pub fn clear(&mut self) {
-        self.fragments = 0;
-    }
-
     /// How many fragments there are.
     #[inline(always)]
     pub fn fragments(&self) -> usize {
         self.fragments
     }
 
-    /// A fragment's pixel, row by row, 0 to 255.
+    /// Where eight fragments lie, from the part's first pixel: 16 · row + column.
     #[inline(always)]
-    pub fn pixel(&self, fragment: usize) -> usize {
-        usize::from(self.pixel[fragment])
+    pub fn places(&self, first: usize) -> [u8; LANES] {
+        let first = first % SPAN_FRAGMENTS;
+        self.place[first..first + LANES].try_into().unwrap_or_default()
+    }
+
+    /// Keeps those of eight pixels of a row that lie in the part and below the cutoff.
+    #[inline(always)]
+    fn keep<L: Lanes>(&mut self, [row, eight]: [usize; 2], radial: L, cutoff: L, columns: usize) {
+        let inside = cutoff.above(radial).signs() & first_bits(columns - eight * LANES);
+        self.radial[row][eight] = radial.to_array();
+        let places = PLACES[usize::from(inside)] + EACH * (SIDE_PX * row + LANES * eight) as u64;
+        // No more fragments than pixels: eight always have room.
+        let kept = self.fragments % SPAN_FRAGMENTS;
+        self.place[kept..kept + LANES].copy_from_slice(&places.to_le_bytes());
+        self.fragments += inside.count_ones() as usize;
     }
 }
 
-/// One splat's registers at one pixel of its box, with their differences by column and row.
-#[derive(Clone, Copy, Debug)]
-pub struct Walk {
-    input: Input,
-    /// Columns between the box's first and this pixel.
-    skipped: i64,
-    radial: Held,
-    depth: Held,
-    by_column: Held,
-    by_column_twice: Held,
-    by_row: Held,
-    by_row_twice: Held,
-    by_both: Held,
-    depth_by: [Held; 2],
-    /// The depth clamp (shape: [`Raster::depth_exact`]).
-    nearest: i64,
-    deepest: i64,
-}
+/// One in each byte.
+const EACH: u64 = 0x0101_0101_0101_0101;
+
+/// The places of the ones among eight bits, a byte each, the first in the last place.
+const PLACES: [u64; 256] = {
+    let mut all = [0; 256];
+    let mut bits = 0;
+    while bits < 256 {
+        let (mut place, mut found) = (8, 0);
+        while place > 0 {
+            place -= 1;
+            if bits >> place & 1 == 1 {
+                found = found << 8 | place;
+            }
+        }
+        all[bits as usize] = found;
+        bits += 1;
+    }
+    all
+};
+
+/// Columns of the square, eight at a time.
+const COLUMNS: [[i64; LANES]; 2] = [[0, 1, 2, 3, 4, 5, 6, 7], [8, 9, 10, 11, 12, 13, 14, 15]];
+/// n(n−1)/2 for each column n.
+const PAIRS: [[i64; LANES]; 2] = [[0, 0, 1, 3, 6, 10, 15, 21], [28, 36, 45, 55, 66, 78, 91, 105]];
 
 /// The elaborated unit.
 #[derive(Clone, Debug)]
@@ -114,18 +196,21 @@ pub struct Raster {
     depth: Fit,
     radial_register: Register,
     depth_register: Register,
-    words: Words,
+    places: Places,
 }
 
-/// Fraction bits of the words that are aligned here.
+/// Left shifts that bring words to common places.
 #[derive(Clone, Copy, Debug)]
-struct Words {
+struct Places {
+    /// Fraction bits of positions, and of offsets.
     pixel: u32,
     offset: u32,
-    cutoff: i32,
-    first: i32,
-    second: i32,
-    depth_slope: i32,
+    /// To those of the register `radial`.
+    cutoff: u32,
+    first: u32,
+    second: u32,
+    /// To those of the register `depth`.
+    depth_slope: u32,
     /// Left shifts that align t_z with the products of depth slopes.
     plane: [u32; 2],
     /// Left shifts that align depth register, t_z and depth range.
@@ -196,23 +281,17 @@ impl Raster {
             depth,
             radial_register: Register::new(m.radial),
             depth_register: Register::new(m.depth),
-            words: Words {
+            places: Places {
                 pixel: f(pixel).max(1) as u32,
                 offset: f(m.offset) as u32,
-                cutoff: f(m.cutoff),
-                first: f(m.first),
-                second: f(m.second),
-                depth_slope: f(s.depth_slope),
+                cutoff: places(f(m.radial), f(m.cutoff)),
+                first: places(f(m.radial), f(m.first)),
+                second: places(f(m.radial), f(m.second)),
+                depth_slope: places(f(m.depth), f(s.depth_slope)),
                 plane: [places(plane.frac_bits, lean.frac_bits), places(plane.frac_bits, camera)],
                 clamp: [places(finest, f(m.depth)), places(finest, camera), places(finest, f(s.depth_range))],
             },
         }
-    }
-
-    /// Whether all of its fits are plain.
-    pub fn is_plain(&self) -> bool {
-        let words = [&self.offset, &self.gradient, &self.first, &self.second];
-        words.into_iter().all(Fit::is_plain) && [&self.radial, &self.depth].into_iter().all(Fit::is_plain_register)
     }
 
     /// Shape of the depth that leaves the clamp.
@@ -222,163 +301,290 @@ impl Raster {
 
     /// The cutoff as the register sees it.
     pub fn cutoff(&self, cutoff: i64) -> i64 {
-        self.radial_register.load(cutoff, self.words.cutoff)
+        self.radial_register.load(cutoff, self.places.cutoff)
     }
 
-    /// Enters a splat's box at pixel (x, y) of it.
+    /// Enters eight splats' boxes where they lie in the square with this first pixel, which they touch.
     #[inline(always)]
-    pub fn enter<const PLAIN: bool, P: Probe>(&self, size_px: [u32; 2], input: &Input, [x, y]: [u16; 2], tap: &mut Tap<P>) -> Walk {
-        let w = &self.words;
-        let depth = i64::from(input.depth) << w.clamp[1];
-        let range = i64::from(input.depth_range) << w.clamp[2];
-        let mut walk = Walk {
-            input: *input,
-            skipped: i64::from(x - input.columns[0]),
-            radial: 0,
-            depth: 0,
-            by_column: 0,
-            by_column_twice: self.second::<PLAIN, P>(input.conic[0], tap),
-            by_row: 0,
-            by_row_twice: 0,
-            by_both: 0,
-            depth_by: two!(axis => self.depth_register.load(i64::from(input.depth_slope[axis]), w.depth_slope)),
-            nearest: depth - range,
-            deepest: depth + range,
+    pub fn enter<L: Lanes, P: Probe>(&self, size_px: [u32; 2], square: [u16; 2], inputs: &[&Input; LANES], tap: &mut Tap<P>) -> Walks {
+        let splats = Splats::<L>::of(inputs);
+        let [x, y] = two!(axis => L::splat(square[axis].into()));
+        let last = L::splat(SIDE_PX as i64 - 1);
+        let top: L = word!(inputs.rows[0]);
+        let from = [splats.first_column.max(x), top.max(y)];
+        let to = [word!(inputs.columns[1]).min(x + last), word!(inputs.rows[1]).min(y + last)];
+        let size = two!(axis => to[axis] - from[axis] + L::splat(1));
+        let on = [from[0] - splats.first_column, from[1] - top];
+        let (depth, range) = (splats.depth.left(self.places.clamp[1]), word!(inputs.depth_range).left(self.places.clamp[2]));
+        let mut walks = Walks {
+            top: from[1].to_array(),
+            columns: size[0].to_array(),
+            rows: size[1].to_array(),
+            columns_on: on[0].to_array(),
+            first_pixel: ((from[1] - y).left(SIDE_PX.ilog2()) + from[0] - x).to_array(),
+            by_column_twice: self.second(splats.conic[0], tap).to_array(),
+            depth_slope: two!(axis => splats.depth_slope[axis].to_array()),
+            nearest: (depth - range).to_array(),
+            deepest: (depth + range).to_array(),
+            ..Walks::default()
         };
+        if self.rows == Rows::Differenced {
+            self.enter_boxes(size_px, &splats, top, on, &mut walks, tap);
+        }
+        walks
+    }
+
+    /// Seeds the boxes' first pixels and goes on from there, in closed form.
+    #[inline(always)]
+    fn enter_boxes<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        splats: &Splats<L>,
+        top: L,
+        [columns_on, rows_on]: [L; 2],
+        walks: &mut Walks,
+        tap: &mut Tap<P>,
+    ) {
+        let at = self.offsets(size_px, splats, top, tap);
+        let seed = self.seed(splats, at, tap);
+        let [_, xy, yy] = splats.conic;
+        let by_row = (yy * at[1] + xy * at[0]).left(1) + yy.left(self.places.offset);
+        let by_row = self.radial_register.load_lanes(tap.fit(&self.first, by_row), self.places.first);
+        let (by_row_twice, by_both) = (self.second(yy, tap), self.second(xy, tap));
+        let depth_by = two!(axis => self.depth_register.load_lanes(splats.depth_slope[axis], self.places.depth_slope));
+        let below = Seed {
+            radial: after(seed.radial, by_row, by_row_twice, rows_on),
+            by_column: seed.by_column.wrapping_add(by_both.times(rows_on)),
+            depth: seed.depth.wrapping_add(depth_by[1].times(rows_on)),
+        };
+        let by_row = by_row.wrapping_add(by_row_twice.times(rows_on)).wrapping_add(by_both.times(columns_on));
+        walks.seed = below.skip(L::from_array(walks.by_column_twice), depth_by[0], columns_on).to_array();
+        walks.by_row = by_row.to_array();
+        walks.by_row_twice = by_row_twice.to_array();
+        walks.by_both = by_both.to_array();
+    }
+
+    #[inline(always)]
+    fn second<L: Lanes, P: Probe>(&self, conic: L, tap: &mut Tap<P>) -> L {
+        self.radial_register.load_lanes(tap.fit(&self.second, conic.left(1)), self.places.second)
+    }
+
+    /// Makes the fragments of one of the splats.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
+    pub fn span<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        walks: &Walks,
+        lane: usize,
+        input: &Input,
+        cutoff: Held,
+        span: &mut Span,
+        tap: &mut Tap<P>,
+    ) {
+        span.fragments = 0;
         match self.rows {
-            Rows::Seeded => self.begin_row::<PLAIN, P>(size_px, &mut walk, y, tap),
-            Rows::Differenced => self.begin_box::<PLAIN, P>(size_px, &mut walk, y, tap),
+            Rows::Differenced => self.walk_down::<L, P>(walks, lane, cutoff, span, tap),
+            Rows::Seeded => self.row_by_row::<L, P>(size_px, walks, lane, input, cutoff, span, tap),
         }
-        walk
     }
 
-    /// Goes to the next row, `y`.
+    /// Every column steps from row to row.
     #[inline(always)]
-    pub fn next_row<const PLAIN: bool, P: Probe>(&self, size_px: [u32; 2], walk: &mut Walk, y: u16, tap: &mut Tap<P>) {
-        if self.rows == Rows::Seeded {
-            return self.begin_row::<PLAIN, P>(size_px, walk, y, tap);
+    fn walk_down<L: Lanes, P: Probe>(&self, w: &Walks, lane: usize, cutoff: Held, span: &mut Span, tap: &mut Tap<P>) {
+        let [columns, rows] = w.size(lane);
+        if P::WORDS {
+            self.watch_rows(w, lane, tap);
         }
-        walk.radial = walk.radial.wrapping_add(walk.by_row);
-        walk.by_row = walk.by_row.wrapping_add(walk.by_row_twice);
-        walk.by_column = walk.by_column.wrapping_add(walk.by_both);
-        walk.depth = walk.depth.wrapping_add(walk.depth_by[1]);
-    }
-
-    /// Seeds row `y` afresh.
-    #[inline(always)]
-    fn begin_row<const PLAIN: bool, P: Probe>(&self, size_px: [u32; 2], walk: &mut Walk, y: u16, tap: &mut Tap<P>) {
-        let at = self.offsets::<PLAIN, P>(size_px, &walk.input, y, tap);
-        self.seed::<PLAIN, P>(walk, at, tap);
-        walk.skip_columns();
-    }
-
-    /// Seeds the box's first pixel and goes from there to row `y`.
-    #[inline(always)]
-    fn begin_box<const PLAIN: bool, P: Probe>(&self, size_px: [u32; 2], walk: &mut Walk, y: u16, tap: &mut Tap<P>) {
-        let input = walk.input;
-        let at = self.offsets::<PLAIN, P>(size_px, &input, input.rows[0], tap);
-        self.seed::<PLAIN, P>(walk, at, tap);
-        let [xy, yy] = [i64::from(input.conic[1]), i64::from(input.conic[2])];
-        let by_row = (2 * yy * at[1]) + (yy << self.words.offset) + 2 * xy * at[0];
-        walk.by_row = self.radial_register.load(tap.fit_plain::<PLAIN>(&self.first, by_row), self.words.first);
-        walk.by_row_twice = self.second::<PLAIN, P>(input.conic[2], tap);
-        walk.by_both = self.second::<PLAIN, P>(input.conic[1], tap);
-        let rows = i64::from(y - input.rows[0]);
-        if rows > 0 {
-            walk.radial = after(walk.radial, walk.by_row, walk.by_row_twice, rows);
-            walk.by_column = walk.by_column.wrapping_add(walk.by_both.wrapping_mul(rows));
-            walk.by_row = walk.by_row.wrapping_add(walk.by_row_twice.wrapping_mul(rows));
-            walk.depth = walk.depth.wrapping_add(walk.depth_by[1].wrapping_mul(rows));
+        let by_row_twice = L::splat(w.by_row_twice[lane]);
+        for eight in 0..eights(columns) {
+            let mut radial: L = side_by_side(w.seed.radial[lane], w.seed.by_column[lane], w.by_column_twice[lane], eight);
+            let mut by_row: L = side_by_side(w.by_row[lane], w.by_both[lane], 0, eight);
+            for row in 0..rows {
+                span.keep([row, eight], radial, L::splat(cutoff), columns);
+                radial = radial.wrapping_add(by_row);
+                by_row = by_row.wrapping_add(by_row_twice);
+            }
         }
-        walk.skip_columns();
     }
 
+    /// Every row is seeded afresh, eight rows at a time.
     #[inline(always)]
-    fn second<const PLAIN: bool, P: Probe>(&self, conic: i32, tap: &mut Tap<P>) -> Held {
-        self.radial_register.load(tap.fit_plain::<PLAIN>(&self.second, 2 * i64::from(conic)), self.words.second)
+    #[expect(clippy::too_many_arguments, reason = "as `span`")]
+    fn row_by_row<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        walks: &Walks,
+        lane: usize,
+        input: &Input,
+        cutoff: Held,
+        span: &mut Span,
+        tap: &mut Tap<P>,
+    ) {
+        let [columns, rows] = walks.size(lane);
+        let by_column_twice = walks.by_column_twice[lane];
+        let splat = Splats::<L>::all(input);
+        let depth_by_column = self.depth_register.load_lanes(splat.depth_slope[0], self.places.depth_slope);
+        for first in (0..rows).step_by(LANES) {
+            if P::WORDS {
+                tap.live = std::array::from_fn(|lane| first + lane < rows);
+            }
+            let y = L::splat(walks.top[lane] + first as i64) + L::from_array(COLUMNS[0]);
+            let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
+            let seed = seed.skip(L::splat(by_column_twice), depth_by_column, L::splat(walks.columns_on[lane])).to_array();
+            for row in first..rows.min(first + LANES) {
+                let [radial, by_column] = [seed.radial[row % LANES], seed.by_column[row % LANES]];
+                if P::WORDS {
+                    self.watch_row(radial, by_column, by_column_twice, columns, tap);
+                }
+                span.depth[row] = seed.depth[row % LANES];
+                for eight in 0..eights(columns) {
+                    let radial = side_by_side(radial, by_column, by_column_twice, eight);
+                    span.keep([row, eight], radial, L::splat(cutoff), columns);
+                }
+            }
+        }
     }
 
-    /// Adds the fragments of `columns` pixels from where the walk stands, which is pixel number `pixel` of the square.
-    #[inline(always)]
-    pub fn span<P: Probe>(&self, walk: &Walk, cutoff: Held, pixel: usize, columns: usize, span: &mut Span, tap: &mut Tap<P>) {
-        let (mut radial, mut first, mut depth) = (walk.radial, walk.by_column, walk.depth);
-        let mut fragments = span.fragments;
-        for column in 0..columns {
-            debug_assert!(fragments < SPAN_FRAGMENTS, "more fragments than pixels");
-            let kept = fragments & (SPAN_FRAGMENTS - 1);
-            span.pixel[kept] = (pixel + column) as u8;
-            span.radial[kept] = radial;
-            span.depth[kept] = depth;
-            fragments += usize::from(radial < cutoff);
-            if P::WORDS && radial.checked_add(first).is_none() {
+    /// Shows the watcher where the rows' registers wrap.
+    fn watch_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
+        let [columns, rows] = w.size(lane);
+        let (mut radial, mut by_row, mut by_column) = (w.seed.radial[lane], w.by_row[lane], w.seed.by_column[lane]);
+        for _ in 0..rows {
+            self.watch_row(radial, by_column, w.by_column_twice[lane], columns, tap);
+            radial = radial.wrapping_add(by_row);
+            by_row = by_row.wrapping_add(w.by_row_twice[lane]);
+            by_column = by_column.wrapping_add(w.by_both[lane]);
+        }
+    }
+
+    fn watch_row<P: Probe>(&self, mut radial: Held, mut first: Held, second: Held, columns: usize, tap: &mut Tap<P>) {
+        for _ in 0..columns {
+            if radial.checked_add(first).is_none() {
                 tap.probe.wrapped(self.radial.signal, 1);
             }
             radial = radial.wrapping_add(first);
-            first = first.wrapping_add(walk.by_column_twice);
-            depth = depth.wrapping_add(walk.depth_by[0]);
+            first = first.wrapping_add(second);
         }
-        span.fragments = fragments;
     }
 
-    /// r (`raster.radial`), and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of eight of a span's fragments.
+    /// r (`raster.radial`), at least 0, and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of eight fragments.
     #[inline(always)]
-    pub fn fragments<L: Lanes>(&self, walk: &Walk, span: &Span, first: usize) -> [L; 2] {
-        let held = |all: &[Held]| L::from_array(all[first..first + LANES].try_into().unwrap_or([0; LANES]));
-        let depth = self.depth_register.read_lanes(held(&span.depth)).left(self.words.clamp[0]);
-        [self.radial_register.read_lanes(held(&span.radial)), depth.max(L::splat(walk.nearest)).min(L::splat(walk.deepest))]
+    pub fn fragments<L: Lanes>(&self, walks: &Walks, lane: usize, span: &Span, places: [u8; LANES]) -> [L; 2] {
+        let place = L::from_bytes(places);
+        let held = place.look_up(span.radial.as_flattened().as_flattened());
+        let radial = self.radial_register.read_natural(held.max(L::splat(0)));
+        let [column, row] = [place & L::splat(SIDE_PX as i64 - 1), place.right_natural(SIDE_PX.ilog2())];
+        let [by_column, by_row] = two!(axis => L::splat(walks.depth_slope[axis][lane]));
+        let (start, lean) = match self.rows {
+            Rows::Differenced => (L::splat(walks.seed.depth[lane]), column * by_column + row * by_row),
+            Rows::Seeded => (row.look_up(&span.depth), column * by_column),
+        };
+        let depth = start.wrapping_add(self.depth_register.load_lanes(lean, self.places.depth_slope));
+        let depth = self.depth_register.read_lanes(depth).left(self.places.clamp[0]);
+        [radial, depth.max(L::splat(walks.nearest[lane])).min(L::splat(walks.deepest[lane]))]
     }
 
-    /// The box's first pixel centre of row `y`, from the splat's centre.
+    /// Pixel centres in the boxes' first columns and in rows `y`, from the splats' centres.
     #[inline(always)]
-    fn offsets<const PLAIN: bool, P: Probe>(&self, size_px: [u32; 2], input: &Input, y: u16, tap: &mut Tap<P>) -> [i64; 2] {
-        let pixel = [input.columns[0], y];
-        let from_middle = two!(axis => 2 * i64::from(pixel[axis]) + 1 - i64::from(size_px[axis]));
-        let from_centre = two!(axis => (from_middle[axis] << (self.words.pixel - 1)) - i64::from(input.pixel[axis]));
-        two!(axis => tap.fit_plain::<PLAIN>(&self.offset, from_centre[axis]))
+    fn offsets<L: Lanes, P: Probe>(&self, size_px: [u32; 2], splats: &Splats<L>, y: L, tap: &mut Tap<P>) -> [L; 2] {
+        let pixel = [splats.first_column, y];
+        let from_middle = two!(axis => pixel[axis].left(1) + L::splat(1 - i64::from(size_px[axis])));
+        two!(axis => tap.fit(&self.offset, from_middle[axis].left(self.places.pixel - 1) - splats.pixel[axis]))
     }
 
-    /// r, its first difference by column, and z, at an offset from the centre.
+    /// r, its first difference by column, and z, at offsets from the centres.
     #[inline(always)]
-    fn seed<const PLAIN: bool, P: Probe>(&self, walk: &mut Walk, at: [i64; 2], tap: &mut Tap<P>) {
-        let input = &walk.input;
-        let [xx, xy, yy] = three!(i => i64::from(input.conic[i]));
-        let [x, y] = at;
-        let across = 2 * xy * y;
-        let by_x = tap.fit_plain::<PLAIN>(&self.gradient, xx * x + across);
-        let by_y = tap.fit_plain::<PLAIN>(&self.gradient, yy * y);
-        let first = tap.fit_plain::<PLAIN>(&self.first, 2 * xx * x + (xx << self.words.offset) + across);
-        walk.depth = self.depth_seed::<PLAIN, P>(input, at, tap);
-        walk.radial = tap.fit_register::<PLAIN>(&self.radial, self.radial_register, x * by_x + y * by_y);
-        walk.by_column = self.radial_register.load(first, self.words.first);
+    fn seed<L: Lanes, P: Probe>(&self, splats: &Splats<L>, [x, y]: [L; 2], tap: &mut Tap<P>) -> Seed<L> {
+        let [xx, xy, yy] = splats.conic;
+        let (along, across) = (xx * x, (xy * y).left(1));
+        let by_x = tap.fit(&self.gradient, along + across);
+        let by_y = tap.fit(&self.gradient, yy * y);
+        let first = tap.fit(&self.first, along.left(1) + xx.left(self.places.offset) + across);
+        Seed {
+            radial: tap.fit_register(&self.radial, self.radial_register, x * by_x + y * by_y),
+            by_column: self.radial_register.load_lanes(first, self.places.first),
+            depth: self.depth_seed(splats, [x, y], tap),
+        }
     }
 
     #[inline(always)]
-    fn depth_seed<const PLAIN: bool, P: Probe>(&self, input: &Input, at: [i64; 2], tap: &mut Tap<P>) -> i64 {
-        let [by_x, by_y] = two!(i => i64::from(input.depth_slope[i]));
-        let [lean, camera] = self.words.plane;
-        let plane = ((by_x * at[0] + by_y * at[1]) << lean) + (i64::from(input.depth) << camera);
-        tap.fit_register::<PLAIN>(&self.depth, self.depth_register, plane)
+    fn depth_seed<L: Lanes, P: Probe>(&self, splats: &Splats<L>, [x, y]: [L; 2], tap: &mut Tap<P>) -> L {
+        let [by_x, by_y] = splats.depth_slope;
+        let [lean, camera] = self.places.plane;
+        let plane = (by_x * x + by_y * y).left(lean) + splats.depth.left(camera);
+        tap.fit_register(&self.depth, self.depth_register, plane)
     }
 }
 
-impl Walk {
-    /// Goes from the box's first column to where the walk is to stand, in closed form.
+impl<L: Lanes> Splats<L> {
+    /// The words of eight splats.
     #[inline(always)]
-    fn skip_columns(&mut self) {
-        if self.skipped > 0 {
-            self.radial = after(self.radial, self.by_column, self.by_column_twice, self.skipped);
-            self.by_column = self.by_column.wrapping_add(self.by_column_twice.wrapping_mul(self.skipped));
-            self.by_row = self.by_row.wrapping_add(self.by_both.wrapping_mul(self.skipped));
-            self.depth = self.depth.wrapping_add(self.depth_by[0].wrapping_mul(self.skipped));
+    fn of(inputs: &[&Input; LANES]) -> Self {
+        let mut words = [[0; LANES]; LANES];
+        for lane in 0..LANES {
+            let Input { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], .. } = *inputs[lane];
+            words[lane] = [x, y, xx, xy, yy, depth, by_x, by_y];
+        }
+        let [x, y, xx, xy, yy, depth, by_x, by_y] = L::transposed(&words);
+        let first_column = word!(inputs.columns[0]);
+        Splats { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], first_column }
+    }
+
+    /// The same splat eight times.
+    #[inline(always)]
+    fn all(splat: &Input) -> Self {
+        Splats {
+            pixel: two!(i => L::splat(splat.pixel[i].into())),
+            conic: three!(i => L::splat(splat.conic[i].into())),
+            depth: L::splat(splat.depth.into()),
+            depth_slope: two!(i => L::splat(splat.depth_slope[i].into())),
+            first_column: L::splat(splat.columns[0].into()),
         }
     }
 }
 
-/// A twice differenced register after `steps` steps, in closed form.
+impl<L: Lanes> Seed<L> {
+    /// Goes some columns on, in closed form.
+    #[inline(always)]
+    fn skip(self, by_column_twice: L, depth_by_column: L, columns: L) -> Self {
+        Seed {
+            radial: after(self.radial, self.by_column, by_column_twice, columns),
+            by_column: self.by_column.wrapping_add(by_column_twice.times(columns)),
+            depth: self.depth.wrapping_add(depth_by_column.times(columns)),
+        }
+    }
+
+    #[inline(always)]
+    fn to_array(self) -> Seed<[Held; LANES]> {
+        Seed { radial: self.radial.to_array(), by_column: self.by_column.to_array(), depth: self.depth.to_array() }
+    }
+}
+
+/// A twice differenced register after some steps, in closed form.
 #[inline(always)]
-fn after(value: i64, first: i64, second: i64, steps: i64) -> i64 {
-    let pairs = steps * (steps - 1) / 2;
-    value.wrapping_add(first.wrapping_mul(steps)).wrapping_add(second.wrapping_mul(pairs))
+fn after<L: Lanes>(value: L, first: L, second: L, steps: L) -> L {
+    let pairs = (steps * (steps - L::splat(1))).right(1);
+    value.wrapping_add(first.times(steps)).wrapping_add(second.times(pairs))
+}
+
+/// A twice differenced register at the first or second eight of the columns from here on.
+#[inline(always)]
+fn side_by_side<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
+    let [columns, pairs] = [L::from_array(COLUMNS[eight]), L::from_array(PAIRS[eight])];
+    L::splat(value).wrapping_add(L::splat(first).times(columns)).wrapping_add(L::splat(second).times(pairs))
+}
+
+/// Times eight columns that hold so many, of those in a row of the square.
+#[inline(always)]
+fn eights(columns: usize) -> usize {
+    columns.div_ceil(LANES).min(2)
+}
+
+/// Eight bits of which the first few are set.
+#[inline(always)]
+fn first_bits(count: usize) -> u8 {
+    ((1 << count.min(8)) - 1) as u8
 }
 
 pub mod real;

@@ -51,7 +51,10 @@ fn agrees(fit: &Fit, exact: i64, more: i64) {
     assert_eq!(fit.loss(exact, more), loss, "{exact} / 2^{} as {:?}", fit.places() + more, fit.word);
     if more == 0 {
         assert_eq!(fit.one(exact), word);
-        assert!(!fit.is_plain() || fit.plain(exact) == word, "{exact} / 2^{} as {:?}, the short way", fit.places(), fit.word);
+        assert_eq!(fit.lanes(Plain([exact; LANES])).0[0], word, "{exact} / 2^{} as {:?}, a lane", fit.places(), fit.word);
+        let natural = |fit: &Fit| fit.lanes_natural::<true, _>(Plain([exact; LANES])).0[0];
+        let is_natural = exact >= 0 && !fit.word.format.signed;
+        assert!(!fit.is_plain() || !is_natural || natural(fit) == word, "{exact} / 2^{} as {:?}, naturals", fit.places(), fit.word);
     }
 }
 

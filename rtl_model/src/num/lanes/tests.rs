@@ -10,7 +10,7 @@ struct Everything<'a> {
     b: [i64; LANES],
     by: u32,
     table: &'a [i64],
-    keys: [i32; 4],
+    keys: [i32; LANES],
 }
 
 impl Work for Everything<'_> {
@@ -21,6 +21,11 @@ impl Work for Everything<'_> {
         let [a, b] = [self.a, self.b].map(L::from_array);
         // Multiplier operands are words of at most 32 bits.
         let (narrow_a, narrow_b) = (a.right(32), b.right(32));
+        let pairs = a.look_up_pairs(self.table.as_chunks().0);
+        let (low, high) = (self.a.map(|word| word as i32), self.b.map(|word| word as i32));
+        let mut sums = self.keys;
+        let limits = [low.map(|word| word.min(1000)), high.map(|word| word.max(-1000))];
+        L::add_product(&mut sums, &low, self.b[0] as i32, &high, &self.by.map(|by| by as i32 / 2), [&limits[0], &limits[1]]);
         let all = [
             L::splat(self.a[0]),
             a.right(1) + b.right(1),
@@ -35,12 +40,20 @@ impl Work for Everything<'_> {
             a.min(b),
             a.above(b),
             a.look_up(self.table),
-            {
-                let (distance, index) = L::nearest_of_4(&self.keys, self.a[0] as i32);
-                L::splat(i64::from(distance) * 4 + index as i64)
-            },
+            L::splat(i64::from(a.any_negative())),
+            L::splat(i64::from(a.signs())),
+            L::splat(i64::from(L::near(&self.keys, self.a[0] as i32, self.b[0] as u32 >> (self.by[0] / 2)))),
+            L::splat(L::nearest(&self.keys, self.a[0] as i32) as i64),
+            L::from_bytes(self.a[0].to_le_bytes()),
+            a.wrapping_add(b),
+            a.times(b & L::splat(0xffff_ffff)),
+            a.max(L::splat(0)).right_natural(uniform),
+            pairs[0],
+            pairs[1],
+            L::from_array(sums.map(i64::from)),
         ];
-        all.into_iter().map(L::to_array).collect()
+        let transposed = L::transposed(&std::array::from_fn(|item| low.map(|word| word.rotate_left(item as u32))));
+        all.into_iter().chain(transposed).map(L::to_array).collect()
     }
 }
 
@@ -50,13 +63,13 @@ proptest! {
     #[test]
     fn vector_lanes_equal_plain_lanes(
         a in prop::array::uniform8(any::<i64>()), b in prop::array::uniform8(any::<i64>()),
-        by in 0..64u32, table_bits in 0..6u32, equal in 0..8usize,
-        keys in prop::array::uniform4(prop_oneof![any::<i32>(), Just(i32::MIN), 0..4]),
+        by in prop::array::uniform8(0..64i64), table_bits in 1..6u32, equal in 0..8usize,
+        keys in prop::array::uniform8(prop_oneof![any::<i32>(), Just(i32::MIN), 0..4]),
     ) {
         let mut b = b;
         b[equal] = a[equal];
         let mut a = a;
-        a[0] = if equal < 4 { i64::from(keys[equal]) } else { a[0] };
+        a[0] = if b[0] < 0 { i64::from(keys[equal]) } else { a[0] };
         let table: Vec<i64> = (0..1 << table_bits).map(|i| i * 1_000_003 - 7).collect();
         let work = || Everything { a, b, by, table: &table, keys };
         prop_assert_eq!(vectorised(work()), plainly(work()));

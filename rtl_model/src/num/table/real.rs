@@ -21,7 +21,7 @@ pub fn error(fit: &Fit, interpolation: Interpolation, step: f64, slope: f64, cur
 impl Table {
     /// The width of a step, as a part of the table's whole range.
     pub fn step(&self) -> f64 {
-        1.0 / self.values.len() as f64
+        1.0 / self.words.len() as f64
     }
 }
 
@@ -42,18 +42,19 @@ impl Power {
     /// fit of the result adds its own, where there is anything between words to round.
     pub fn new(table: Table, exponent: f64) -> Self {
         let place = power_of_two(-table.fit.word.format.frac_bits);
-        let is_line = table.fraction_bits > 0 && table.deltas.iter().any(|delta| *delta != 0);
+        let is_line = table.fraction_bits > 0 && table.words.iter().any(|[_, delta]| *delta != 0);
         let [down, up] = if is_line { loss(table.fit.word.round) } else { [0.0; 2] };
         let width = table.step();
         let error = |i: usize| {
-            let (start, word, rise) = (i as f64 * width, table.values[i] as f64 * place, table.deltas[i] as f64 * place);
+            let [word, rise] = table.words[i].map(|word| word as f64 * place);
+            let start = i as f64 * width;
             let steepest = (rise / width / exponent).powf((exponent - 1.0).recip());
             // No number where the function is constant or straight: then it is farthest from the line at an end, which `max` keeps.
             let points = [start, start + width, steepest.max(start).min(start + width)];
             let apart = |x: f64| (x.powf(exponent) - (word + rise * (x - start) / width)).abs();
             points.map(apart).into_iter().fold(0.0, f64::max) + down.max(up) * place
         };
-        let errors = (0..table.values.len()).map(error).collect();
+        let errors = (0..table.words.len()).map(error).collect();
         Power { table, exponent, errors }
     }
 

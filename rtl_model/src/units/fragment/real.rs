@@ -48,7 +48,7 @@ impl Fragment {
 
     /// Whether a slot's word has all places and the range of a shaded one.
     fn keeps_all(&self, store: &Fit) -> bool {
-        let (slot, shaded) = (store.word.format, self.read.word.format);
+        let (slot, shaded) = (store.word.format, self.read[0].word.format);
         slot.frac_bits >= shaded.frac_bits && slot.value(slot.max()) >= shaded.value(shaded.max())
     }
 
@@ -60,7 +60,7 @@ impl Fragment {
     }
 
     fn real_read_from<R: Real>(&self, slot: R, from: &Fit) -> R {
-        slot.refit(from.word.format.frac_bits, &self.read)
+        slot.refit(from.word.format.frac_bits, &self.read[0])
     }
 
     /// Front over back, into a slot.

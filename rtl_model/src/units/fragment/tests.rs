@@ -83,13 +83,13 @@ impl Model<'_> {
                 slot.depth = slot.depth.min(arrival.depth);
             }
             self.slots[at] = slot;
-            return Decision::Accumulated(at);
+            return Decision::Accumulated(at as u8);
         }
         let mut fresh = Slot { sums: [0; SUMS], depth: arrival.depth, material: arrival.material, shaded: false };
         self.add(&mut fresh.sums, arrival);
         if self.slots.len() < m.layers as usize {
             self.slots.push(fresh);
-            return Decision::Inserted(self.slots.len() - 1);
+            return Decision::Inserted(self.slots.len() as u8 - 1);
         }
         if m.merge == Merge::Replace {
             if fresh.depth < self.slots[0].depth {
@@ -121,7 +121,7 @@ impl Model<'_> {
         order[front].0 = merged;
         order.remove(front + 1);
         self.slots = order.into_iter().map(|(slot, _)| slot).collect();
-        Decision::Merged(front, front + 1)
+        Decision::Merged(front as u8, front as u8 + 1)
     }
 
     fn opaque(&self, slot: &Slot) -> bool {
@@ -175,10 +175,10 @@ fn model(rules: &Rules, arrivals: &[Arrival]) -> Story {
     arrivals.iter().map(|arrival| (model.take(arrival), model.slots.clone())).collect()
 }
 
-fn machine<const PLAIN: bool, L: Lane, P: Probe>(rules: &Rules, arrivals: &[Arrival], pixel: usize, probe: &mut P) -> Story {
+fn machine<const PLAIN: bool, L: Lane, P: Probe>(rules: &Rules, arrivals: &[Arrival], pixel: u8, probe: &mut P) -> Story {
     let unit = rules.machine.elaborate().unwrap().fragment;
     let one = rules.machine.shade.premultiplied.format.one();
-    let mut tile = Tile::<L>::new(rules.machine.fragment.layers as usize);
+    let mut tile = Box::<Tile<L>>::default();
     let tap = &mut Tap::new(probe);
     arrivals
         .iter()
@@ -190,7 +190,7 @@ fn machine<const PLAIN: bool, L: Lane, P: Probe>(rules: &Rules, arrivals: &[Arri
                 pixel,
                 words,
                 &arrival.attributes,
-                arrival.material,
+                &arrival.material,
                 &rules.registers,
                 shade,
                 tap,

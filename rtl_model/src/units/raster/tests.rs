@@ -71,40 +71,55 @@ impl Shape {
     }
 }
 
-/// Every pixel's registers of part of a row, whatever the cutoff: radial, depth; by the short way too where there is one.
+/// Every pixel's registers of part of a row, whatever the cutoff: radial, depth.
 fn registers(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<[i64; 2]> {
-    let all = registers_as::<false>(raster, input, y, from, to);
-    if raster.is_plain() {
-        assert_eq!(registers_as::<true>(raster, input, y, from, to), all, "the short way differs");
-    }
-    all
-}
-
-fn registers_as<const PLAIN: bool>(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<[i64; 2]> {
-    let probe = &mut Unwatched;
-    let tap = &mut Tap::new(probe);
     let mut all = Vec::new();
     for from in (from..=to).step_by(SIDE_PX) {
-        let pixels = usize::from(to - from + 1).min(SIDE_PX);
-        let read = |walk: &Walk, tap: &mut Tap<Unwatched>| -> Vec<[i64; 2]> {
-            let mut span = Span::default();
-            raster.span(walk, i64::MAX, 0, pixels, &mut span, tap);
-            read_span(raster, &span)
-        };
-        // Row by row from the top, and straight into the row.
-        let mut walk = raster.enter::<PLAIN, _>(SIZE_PX, input, [from, input.rows[0]], tap);
-        (input.rows[0] + 1..=y).for_each(|y| raster.next_row::<PLAIN, _>(SIZE_PX, &mut walk, y, tap));
-        let stepped = read(&walk, tap);
-        let entered = read(&raster.enter::<PLAIN, _>(SIZE_PX, input, [from, y], tap), tap);
+        let top = input.rows[0].max(y.saturating_sub(SIDE_PX as u16 - 1));
+        // From rows above, and straight into the row.
+        let stepped = row(raster, input, [from, top], y - top);
+        let entered = row(raster, input, [from, y], 0);
         assert_eq!(stepped, entered, "stepping down differs from entering in the middle");
-        all.extend(entered);
+        all.extend(&entered[..entered.len().min(usize::from(to - from) + 1)]);
     }
     assert_eq!(all.len(), usize::from(to - from) + 1, "a pixel is missing");
     all
 }
 
-fn read_span(raster: &Raster, span: &Span) -> Vec<[i64; 2]> {
-    (0..span.fragments()).map(|i| [raster.radial_register.read(span.radial[i]), raster.depth_register.read(span.depth[i])]).collect()
+/// The registers of one row of the square.
+fn row(raster: &Raster, input: &Input, square: [u16; 2], row: u16) -> Vec<[i64; 2]> {
+    let (walks, span) = drawn(raster, input, square, i64::MAX, &mut Unwatched);
+    let own = read_span(raster, &walks, &span).into_iter().filter(|(place, _)| usize::from(*place) / SIDE_PX == usize::from(row));
+    own.map(|(_, read)| read).collect()
+}
+
+/// Where [`drawn`] draws.
+const LANE: usize = 5;
+
+/// The box's part in the square with this first pixel, beside seven of another splat.
+fn drawn<P: Probe>(raster: &Raster, input: &Input, square: [u16; 2], cutoff: Held, probe: &mut P) -> (Walks, Span) {
+    let tap = &mut Tap::new(probe);
+    let other = Input { pixel: [0; 2], conic: input.conic.map(|word| word / 2), ..*input };
+    let mut inputs = [&other; LANES];
+    inputs[LANE] = input;
+    let walks = raster.enter::<Plain, _>(SIZE_PX, square, &inputs, tap);
+    let mut span = Span::default();
+    raster.span::<Plain, _>(SIZE_PX, &walks, LANE, input, cutoff, &mut span, tap);
+    (walks, span)
+}
+
+/// The places of a span's fragments, in order, with their registers: radial, depth.
+fn read_span(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])> {
+    let unclamped = Walks { nearest: [i64::MIN; LANES], deepest: [i64::MAX; LANES], ..*walks };
+    let read = |fragment: usize| {
+        let place = span.places(fragment)[0];
+        let [_, depth] = raster.fragments::<Plain>(&unclamped, LANE, span, [place; LANES]);
+        let radial = span.radial.as_flattened().as_flattened()[usize::from(place)];
+        (place, [raster.radial_register.read(radial), depth.0[0] >> raster.places.clamp[0]])
+    };
+    let mut all: Vec<_> = (0..span.fragments()).map(read).collect();
+    all.sort_by_key(|(place, _)| *place);
+    all
 }
 
 /// The low bits of a difference, as a signed number: zero where two registers differ by wraps alone.
@@ -237,17 +252,12 @@ proptest! {
         let to = last.min(from + SIDE_PX as u16 - 1);
         let cutoff = word(machine.raster.cutoff, cutoff);
         let mut ranges = Ranges::new(machine.elaborate().unwrap().signals.len());
-        let tap = &mut Tap::new(&mut ranges);
-        let walk = raster.enter::<false, _>(SIZE_PX, &input, [from, input.rows[0]], tap);
-        let mut span = Span::default();
-        raster.span(&walk, raster.cutoff(i64::from(cutoff)), 32, usize::from(to - from + 1), &mut span, tap);
+        let input = Input { rows: [input.rows[0]; 2], ..input };
+        let (walks, span) = drawn(&raster, &input, [from, input.rows[0]], raster.cutoff(i64::from(cutoff)), &mut ranges);
         let limit = i64::from(cutoff) << (machine.raster.radial.format.frac_bits - machine.raster.cutoff.format.frac_bits);
         let all = registers(&raster, &input, input.rows[0], from, to);
-        let expected: Vec<_> = all.iter().enumerate().filter(|(_, [radial, _])| *radial < limit).collect();
-        prop_assert_eq!(span.fragments(), expected.len());
-        for (i, ((column, words), read)) in expected.into_iter().zip(read_span(&raster, &span)).enumerate() {
-            prop_assert_eq!((span.pixel(i), read), (32 + column, *words));
-        }
+        let expected: Vec<_> = (0u8..).zip(all).filter(|(_, [radial, _])| *radial < limit).collect();
+        prop_assert_eq!(read_span(&raster, &walks, &span), expected);
     }
 
     /// The plane of ALGORITHM §3, in the depth register's last places: half a place for the seed, the offset's half place times the slope.
@@ -259,9 +269,6 @@ proptest! {
         let [z, zx, zy] = [p.value(i64::from(input.depth)), e.value(input.depth_slope[0].into()), e.value(input.depth_slope[1].into())];
         let range = machine.ellipse.depth_range.format.value(i64::from(input.depth_range));
         let y = input.rows[1];
-        let probe = &mut Unwatched;
-        let tap = &mut Tap::new(probe);
-        let walk = raster.enter::<false, _>(SIZE_PX, &input, [input.columns[0], input.rows[0]], tap);
         let offset_error = f64::from(machine.raster.offset.format.frac_bits + 1).exp2().recip();
         let bound = depth.value(1) / 2.0 + offset_error * (zx.abs() + zy.abs()) + 1e-12;
         let clamped_frac_bits = [depth, p, machine.ellipse.depth_range.format].map(|format| format.frac_bits).into_iter().max().unwrap();
@@ -272,13 +279,28 @@ proptest! {
             });
             let plane = z + zx * d[0] + zy * d[1];
             prop_assert!((depth.value(word) - plane).abs() <= bound, "z at ({x}, {y}) is {} instead of {plane}", depth.value(word));
-            let held = raster.depth_register.hold(word);
-            let span = Span { depth: [held; SPAN_FRAGMENTS + LANES], ..Span::default() };
-            let [_, clamped] = raster.fragments::<Plain>(&walk, &span, 0);
+            let (walks, span) = drawn(&raster, &input, [x, y], i64::MAX, &mut Unwatched);
+            let [_, clamped] = raster.fragments::<Plain>(&walks, LANE, &span, [0; LANES]);
             let clamped = clamped.0[0] as f64 * f64::from(-clamped_frac_bits).exp2();
             prop_assert!((clamped - plane.clamp(z - range, z + range)).abs() <= bound);
         }
     }
+}
+
+/// Where differencing has left r slightly below 0, or a wrapped register is negative, r is 0.
+#[test]
+fn a_radial_index_below_zero_is_zero() {
+    let machine = machine("reference", Rows::Seeded);
+    let raster = unit(&machine);
+    let input = Input::default();
+    let (walks, mut span) = drawn(&raster, &input, [0; 2], 1, &mut Unwatched);
+    let radial = |held: Held, span: &mut Span| {
+        span.radial[0][0][0] = held;
+        raster.fragments::<Plain>(&walks, LANE, span, [0; LANES])[0].0[0]
+    };
+    let last_place = raster.radial_register.hold(Plain::splat(1)).0[0];
+    let [below, at, above] = [-last_place, 0, last_place].map(|held| radial(held, &mut span));
+    assert_eq!([below, at, above, radial(i64::MIN, &mut span)], [0, 0, 1, 0]);
 }
 
 /// A register of ±4 wraps at the corners of a box that reaches r = 60, and is right wherever r is small.
