@@ -13,7 +13,7 @@ use crate::frame::{Frame, Splat, View};
 use crate::host::{Work, vectorised};
 use crate::machine::Elaborated;
 use crate::num::{LANES, Lanes, Table, Words, two};
-use crate::probe::{Probe, Tap};
+use crate::probe::{Probe, Ranges, Tap, Unwatched};
 use crate::units::fragment::{
     self, Attributes, Contribution, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
@@ -83,6 +83,17 @@ pub struct Setup {
 pub fn draw<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> Drawing {
     let setup = set_up(machine, frame, probe);
     fill(machine, frame, &setup, probe)
+}
+
+/// Draws a frame with nobody watching. Compiled here, once; what is generic is compiled again by each crate that calls it.
+pub fn draw_unwatched(machine: &Elaborated, frame: &Frame) -> Drawing {
+    draw(machine, frame, &mut Unwatched)
+}
+
+/// Draws a frame and tells the range of every signal.
+pub fn draw_ranged(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges) {
+    let mut ranges = Ranges::new(machine.signals.len());
+    (draw(machine, frame, &mut ranges), ranges)
 }
 
 /// Splats that one thread sets up at a time.
