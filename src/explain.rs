@@ -8,6 +8,7 @@ use crate::report::{aligned, plain_table};
 use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::machine::Elaborated;
+use rtl_model::pipeline;
 use rtl_model::probe::Probe;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
@@ -66,7 +67,7 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
     let elaborated = fixed::elaborate(machine)?;
     let quantised = quantise(scene, machine)?;
     let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
-    let drawing = fixed::draw(&elaborated, &quantised, &mut witness);
+    let drawing = pipeline::draw(&elaborated, &quantised.frame, &mut witness);
     let story = golden::story(scene, &fixed::rules(machine), x, y);
     let told = Told { machine: &elaborated, scale: quantised.scale, fixed: &witness, golden: &story };
 

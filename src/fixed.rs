@@ -5,7 +5,7 @@ use crate::golden;
 use crate::picture::Picture;
 use crate::quantise::Quantised;
 use rtl_model::machine::{self, Elaborated, Machine};
-use rtl_model::probe::Probe;
+use rtl_model::probe::Ranges;
 use rtl_model::{Drawing, pipeline};
 
 /// A machine that can draw, or every reason why it cannot, in one sentence.
@@ -16,9 +16,14 @@ pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
     machine.elaborate().map_err(|misfits| Error::input(format!("machine {} cannot be built: {}", machine.name, misfits.join("; "))))
 }
 
-/// Draws.
-pub fn draw<P: Probe>(machine: &Elaborated, quantised: &Quantised, probe: &mut P) -> Drawing {
-    pipeline::draw(machine, &quantised.frame, probe)
+/// Draws, with nobody watching.
+pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
+    pipeline::draw_unwatched(machine, &quantised.frame)
+}
+
+/// Draws and watches the range of every signal.
+pub fn draw_ranged(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges) {
+    pipeline::draw_ranged(machine, &quantised.frame)
 }
 
 /// The machine's frame as a picture.

@@ -9,7 +9,6 @@ use glam::DVec3;
 use handmade::{Dice, confetti, scene, splat};
 use rtl_model::Machine;
 use rtl_model::machine::{FragmentDepth, Merge, Rows};
-use rtl_model::probe::Ranges;
 use splatsim::scene::{Light, Material, Scene, Splat};
 use splatsim::{fixed, quantise};
 
@@ -18,7 +17,7 @@ fn drawn(scene: &Scene, machine: &Machine) -> Result<usize, String> {
     let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
     let quantised = quantise::quantise(scene, machine).map_err(|error| error.to_string())?;
     // Watched: then every word is looked at.
-    let drawing = fixed::draw(&elaborated, &quantised, &mut Ranges::new(elaborated.signals.len()));
+    let (drawing, _) = fixed::draw_ranged(&elaborated, &quantised);
     let picture = fixed::picture(&elaborated, &drawing);
     assert_eq!((picture.width, picture.height), (scene.image.width, scene.image.height));
     assert_eq!(picture.rgba.len(), picture.width * picture.height);

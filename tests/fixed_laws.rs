@@ -9,7 +9,7 @@ use handmade::{Dice, confetti, scene, splat};
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::num::{Fit, Word};
 use rtl_model::pipeline;
-use rtl_model::probe::{Probe, Ranges, Unwatched};
+use rtl_model::probe::Probe;
 use rtl_model::{Drawing, Frame};
 use splatsim::fixed;
 use splatsim::quantise::quantise;
@@ -28,7 +28,7 @@ fn words(scene: &Scene, machine: &Elaborated) -> Frame {
 }
 
 fn draw(scene: &Scene, machine: &Elaborated) -> Drawing {
-    pipeline::draw(machine, &words(scene, machine), &mut Unwatched)
+    pipeline::draw_unwatched(machine, &words(scene, machine))
 }
 
 // --- Setup ---
@@ -247,8 +247,7 @@ fn watching_changes_nothing() {
     let scene = confetti(3000, 4);
     for machine in machines() {
         let frame = words(&scene, &machine);
-        let mut ranges = Ranges::new(machine.signals.len());
-        let (watched, unwatched) = (pipeline::draw(&machine, &frame, &mut ranges), pipeline::draw(&machine, &frame, &mut Unwatched));
+        let ((watched, ranges), unwatched) = (pipeline::draw_ranged(&machine, &frame), pipeline::draw_unwatched(&machine, &frame));
         assert_eq!(watched, unwatched);
         assert!(ranges.0.iter().all(|range| range.words > 0 || range.min == i64::MAX));
         assert!(ranges.0.iter().map(|range| range.words).sum::<u64>() > watched.outcomes.total());
@@ -291,7 +290,7 @@ fn an_opaque_splat_hides_all_behind_it() {
     for machine in machines() {
         let frame = words(&scene, &machine);
         let with = |splats: &[&[rtl_model::frame::Splat]]| {
-            pipeline::draw(&machine, &Frame { splats: splats.concat(), ..frame.clone() }, &mut Unwatched).frame
+            pipeline::draw_unwatched(&machine, &Frame { splats: splats.concat(), ..frame.clone() }).frame
         };
         let (behind, front) = frame.splats.split_at(200);
         let alone = with(&[front]);

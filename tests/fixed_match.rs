@@ -3,7 +3,6 @@
 mod shared_input;
 
 use rtl_model::Machine;
-use rtl_model::probe::Ranges;
 use splatsim::compare::{Metrics, metrics};
 use splatsim::scene::{Overrides, Scene};
 use splatsim::{fixed, golden, quantise};
@@ -51,8 +50,7 @@ fn machines_meet_their_targets(name_or_path: &str) {
         let machine = Machine::named(target.machine).unwrap();
         let elaborated = fixed::elaborate(&machine).unwrap();
         let quantised = quantise::quantise(&scene, &machine).unwrap();
-        let mut ranges = Ranges::new(elaborated.signals.len());
-        let drawing = fixed::draw(&elaborated, &quantised, &mut ranges);
+        let (drawing, ranges) = fixed::draw_ranged(&elaborated, &quantised);
         let golden = golden::render(&scene, &fixed::rules(&machine));
         assert!(golden.fragments > 100_000, "{name_or_path}: {} fragments prove little", golden.fragments);
         let measured = metrics(&fixed::picture(&elaborated, &drawing), &golden.picture);

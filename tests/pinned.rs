@@ -10,7 +10,6 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use image::{ImageBuffer, Rgba};
-use rtl_model::probe::Unwatched;
 use rtl_model::{Drawing, Machine};
 use splatsim::colour::srgb_encode;
 use splatsim::scene::{Overrides, Scene};
@@ -44,7 +43,7 @@ fn small(name: &str, count: usize) -> Scene {
 fn draw(machine: &str, scene: &Scene) -> Drawing {
     let machine = Machine::named(machine).unwrap();
     let elaborated = fixed::elaborate(&machine).unwrap();
-    fixed::draw(&elaborated, &quantise::quantise(scene, &machine).unwrap(), &mut Unwatched)
+    fixed::draw(&elaborated, &quantise::quantise(scene, &machine).unwrap())
 }
 
 /// The PNG sample of a frame word: colours by the sRGB curve, alpha as it is. Different words have different samples.

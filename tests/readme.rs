@@ -7,7 +7,6 @@ mod shared_input;
 use std::path::{Path, PathBuf};
 
 use rtl_model::Machine;
-use rtl_model::probe::Unwatched;
 use splatsim::compare::metrics;
 use splatsim::golden::{FragmentDepth, Merge, Rules, ideal, render};
 use splatsim::report::MachineReport;
@@ -132,7 +131,7 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
         for name in ["reference", "lean"] {
             let machine = Machine::named(name).unwrap();
             let elaborated = fixed::elaborate(&machine).unwrap();
-            let drawing = fixed::draw(&elaborated, &quantise::quantise(&scene, &machine).unwrap(), &mut Unwatched);
+            let drawing = fixed::draw(&elaborated, &quantise::quantise(&scene, &machine).unwrap());
             let m = metrics(&fixed::picture(&elaborated, &drawing), &render(&scene, &fixed::rules(&machine)).picture);
             now.extend([one_place(m.psnr_db), one_place(m.psnr_covered_db)]);
         }

@@ -13,7 +13,7 @@ use crate::frame::{Frame, Splat, View};
 use crate::host::{Work, vectorised};
 use crate::machine::Elaborated;
 use crate::num::{LANES, Lanes, Words, two};
-use crate::probe::{Probe, Tap};
+use crate::probe::{Probe, Ranges, Tap, Unwatched};
 use crate::units::fragment::{
     self, Attributes, Contribution, Decision, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
@@ -83,6 +83,17 @@ pub struct Setup {
 pub fn draw<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> Drawing {
     let setup = set_up(machine, frame, probe);
     fill(machine, frame, &setup, probe)
+}
+
+/// Draws a frame with nobody watching. Compiled here, once; what is generic is compiled again by each crate that calls it.
+pub fn draw_unwatched(machine: &Elaborated, frame: &Frame) -> Drawing {
+    draw(machine, frame, &mut Unwatched)
+}
+
+/// Draws a frame and tells the range of every signal.
+pub fn draw_ranged(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges) {
+    let mut ranges = Ranges::new(machine.signals.len());
+    (draw(machine, frame, &mut ranges), ranges)
 }
 
 /// Splats that one thread sets up at a time.
@@ -277,29 +288,26 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
     let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
     let tiles: Vec<(Resolved, P)> = touched
         .par_iter()
-        .map_init(
-            Tile::<L>::default,
-            |tile, &index| {
-                let mut fork = probe.fork();
-                let work = FillTile::<PLAIN, L, P> {
-                    machine,
-                    frame,
-                    lights: &lights,
-                    setup,
-                    registers,
-                    splats: bins.splats(index),
-                    corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
-                    tile,
-                    probe: &mut fork,
-                };
-                let resolved = vectorised(work);
-                if P::DECISIONS {
-                    let [x, y] = resolved.corner.map(u32::from);
-                    fork.tile(x, y);
-                }
-                (resolved, fork)
-            },
-        )
+        .map_init(Tile::<L>::default, |tile, &index| {
+            let mut fork = probe.fork();
+            let work = FillTile::<PLAIN, L, P> {
+                machine,
+                frame,
+                lights: &lights,
+                setup,
+                registers,
+                splats: bins.splats(index),
+                corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
+                tile,
+                probe: &mut fork,
+            };
+            let resolved = vectorised(work);
+            if P::DECISIONS {
+                let [x, y] = resolved.corner.map(u32::from);
+                fork.tile(x, y);
+            }
+            (resolved, fork)
+        })
         .collect();
     let background = machine.resolve.one(&[], frame.background, &mut Tap::new(probe)).map(|word| word as u32);
     let pixels = frame.width as usize * frame.height as usize;
@@ -531,12 +539,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
 
 /// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.
 #[inline(never)]
-fn shade_for_merge<P: Probe>(
-    machine: &Elaborated,
-    lights: &shade::Registers,
-    slot: &Slot,
-    tap: &mut Tap<P>,
-) -> Premultiplied {
+fn shade_for_merge<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
     shade_slot(machine, lights, slot, tap)
 }
 

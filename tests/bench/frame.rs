@@ -68,7 +68,7 @@ fn fill(bencher: Bencher, case: &Case) {
 #[divan::bench(args = cases())]
 fn whole_frame(bencher: Bencher, case: &Case) {
     let fragments = bencher.counter(ItemsCount::new(case.fragments));
-    fragments.bench(|| fixed::draw(&case.machine, &case.quantised, &mut Unwatched));
+    fragments.bench(|| fixed::draw(&case.machine, &case.quantised));
 }
 
 /// The same picture in f64.

@@ -68,7 +68,20 @@ impl Fit {
         let deep = plain && places >= 32;
         let head = if places < MOST_HEAD { (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32 } else { 0 };
         let barrel = if simple { places + i64::from(head) - 1 } else { IMPOSSIBLE };
-        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), head, barrel, plain, narrow, deep, right: places.clamp(0, 62) as u32 }
+        Fit {
+            signal,
+            word,
+            places,
+            half,
+            min: word.format.min(),
+            max: word.format.max(),
+            head,
+            barrel,
+            plain,
+            narrow,
+            deep,
+            right: places.clamp(0, 62) as u32,
+        }
     }
 
     /// The word for one exact result.

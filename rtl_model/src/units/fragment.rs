@@ -603,13 +603,7 @@ impl Fragment {
     }
 
     /// Front over back, at the front's depth.
-    fn merged<P: Probe>(
-        &self,
-        front: &Slot,
-        back: &Slot,
-        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
-        tap: &mut Tap<P>,
-    ) -> Slot {
+    fn merged<P: Probe>(&self, front: &Slot, back: &Slot, shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied, tap: &mut Tap<P>) -> Slot {
         let light = |fragment: &Slot, tap: &mut Tap<P>| {
             if fragment.shaded {
                 return self.shaded(fragment, tap);

@@ -3,15 +3,15 @@
 use crate::frames::frame;
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use proptest::prelude::*;
-use rtl_model::probe::{Ranges, Unwatched};
-use rtl_model::{Drawing, Elaborated, Frame, Machine, draw};
+use rtl_model::pipeline::{draw_ranged, draw_unwatched};
+use rtl_model::{Drawing, Elaborated, Frame, Machine};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Draws twice, watched and not; what was seen must lie in the signals' formats.
 fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
-    let drawing = draw(machine, frame, &mut Unwatched);
-    let mut ranges = Ranges::new(machine.signals.len());
-    assert_eq!(draw(machine, frame, &mut ranges), drawing, "watched and unwatched differ");
+    let drawing = draw_unwatched(machine, frame);
+    let (watched, ranges) = draw_ranged(machine, frame);
+    assert_eq!(watched, drawing, "watched and unwatched differ");
     for (range, signal) in ranges.0.iter().zip(&machine.signals).filter(|(range, _)| range.words > 0) {
         let format = signal.word.format;
         assert!(format.min() <= range.min && range.max <= format.max(), "{}.{} left {format}", signal.unit, signal.name);
@@ -62,9 +62,8 @@ fn threads_and_watchers_change_no_bit() {
         frame.splats = splats.iter().cycle().take(9_000).copied().collect();
         let watched = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let mut ranges = Ranges::new(elaborated.signals.len());
-            let drawing = pool.install(|| draw(&elaborated, &frame, &mut ranges));
-            assert_eq!(pool.install(|| draw(&elaborated, &frame, &mut Unwatched)), drawing);
+            let (drawing, ranges) = pool.install(|| draw_ranged(&elaborated, &frame));
+            assert_eq!(pool.install(|| draw_unwatched(&elaborated, &frame)), drawing);
             (drawing, ranges)
         };
         let one = watched(1);

@@ -152,7 +152,7 @@ impl Pixel {
     pub fn take(&mut self, common: &Common, arrival: Arrival, decision: Decision, flips: &mut Flips) {
         self.ask_for_a_slot(common, &arrival, decision, flips);
         match decision {
-            Decision::Accumulated(slot) => self.accumulate(common, slot, &arrival),
+            Decision::Accumulated(slot) => self.accumulate(common, usize::from(slot), &arrival),
             Decision::Inserted(_) => self.push(arrival),
             Decision::Replaced | Decision::Dropped => self.replace(arrival, decision, flips),
             Decision::Merged(..) | Decision::Evicted(_) => self.overflow(common, arrival, decision, flips),
@@ -182,7 +182,7 @@ impl Pixel {
 
     /// Accumulate or not, and where: compares with what `golden` would do.
     fn ask_for_a_slot(&self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
-        let taken = if let Decision::Accumulated(slot) = decision { Some(slot) } else { None };
+        let taken = if let Decision::Accumulated(slot) = decision { Some(usize::from(slot)) } else { None };
         let wanted = nearest_within(common.z_threshold_world, arrival.golden.z, &self.fragments);
         if taken == wanted {
             return;
@@ -231,6 +231,7 @@ impl Pixel {
             flips.eviction(order_unsure || asked.iter().any(|(_, unsure)| *unsure));
         }
         if let Decision::Merged(front, _) = decision {
+            let front = usize::from(front);
             let wanted = if common.rules.merge == Merge::NearestPair { nearest_pair(&self.fragments) } else { deepest - 1 };
             if wanted != front {
                 let gap = |i: usize| self.bounds[i + 1].depth - self.bounds[i].depth;

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 struct Everything<'a> {
     a: [i64; LANES],
     b: [i64; LANES],
-    by: u32,
+    by: [i64; LANES],
     table: &'a [i64],
     keys: [i32; LANES],
 }
@@ -19,6 +19,7 @@ impl Work for Everything<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) -> Self::Output {
         let [a, b] = [self.a, self.b].map(L::from_array);
+        let uniform = self.by[0] as u32;
         // Multiplier operands are words of at most 32 bits.
         let (narrow_a, narrow_b) = (a.right(32), b.right(32));
         let pairs = a.look_up_pairs(self.table.as_chunks().0);
@@ -34,8 +35,8 @@ impl Work for Everything<'_> {
             -a.right(1),
             a & b,
             a | b,
-            a.left(self.by),
-            a.right(self.by),
+            a.left(uniform),
+            a.right(uniform),
             a.max(b),
             a.min(b),
             a.above(b),

@@ -1,12 +1,14 @@
 //! Fragment's bounds against sums and blends in f64, and the integer unit on words.
 
-use super::super::{Premultiplied, SUMS, Slot, Sums, WEIGHT};
+use super::super::{HostSums, Premultiplied, SUMS, Slot, Sums, WEIGHT};
 use super::*;
 use crate::Machine;
 use crate::num::Word;
+use crate::num::lanes::Plain;
 use crate::probe::{Tap, Unwatched};
 use crate::real::Near;
 use crate::real::tests::{Dice, Use, held, used};
+use std::cell::RefCell;
 
 /// Attributes that are words, and what sums of them become.
 struct Pixel {
@@ -29,7 +31,7 @@ impl Pixel {
         let normal = self.machine.fragment.normal;
         let words = [Word::new(crate::num::Format::unsigned(1, 0)), s.rgb, s.rgb, s.rgb, s.opacity, normal, normal, normal];
         let count = 1 + dice.below(30) as u32;
-        let (mut own, mut exact, mut bound) = ([0i64; SUMS], [0.0; SUMS], [Near::exact(0.0); SUMS]);
+        let (mut own, mut exact, mut bound) = (HostSums::<i64>::default(), [0.0; SUMS], [Near::exact(0.0); SUMS]);
         for _ in 0..count {
             let w = held(weight, dice.between(0.0, 0.25)).0;
             let exactly = weight.format.value(w);
@@ -39,8 +41,9 @@ impl Pixel {
                 exact[lane] += exactly * attribute;
                 bound[lane] = self.unit.real_accumulated(lane, bound[lane], Near::exact(exactly), Near::exact(attribute));
             }
-            self.unit.accumulate::<false, i64, _>(&mut own, w, &attributes.map(|word| word as i32), &mut Tap::new(&mut Unwatched));
+            self.unit.accumulate::<false, Plain, i64, _>(&mut own, w, &attributes.map(|word| word as i32), &mut Tap::new(&mut Unwatched));
         }
+        let own = own.get();
         (std::array::from_fn(|lane| self.sum_word(lane).format.value(own[lane])), exact, bound, count)
     }
 }
@@ -119,11 +122,11 @@ impl Pixel {
     /// What a merge of two fragments leaves in the slot: the machine's, exactly, and the bound.
     fn merged(&self, dice: &mut Dice) -> [(f64, f64, Near); 4] {
         let [front, back] = [self.side(dice), self.side(dice)];
-        let mut both = [front.shaded, back.shaded].into_iter();
+        let both = RefCell::new([front.shaded, back.shaded].into_iter());
         if front.slot.shaded {
-            both.next();
+            both.borrow_mut().next();
         }
-        let shade = |_: &Slot, _: &mut Tap<Unwatched>| both.next().unwrap();
+        let shade = |_: &Slot, _: &mut Tap<Unwatched>| both.borrow_mut().next().unwrap();
         let slot = self.unit.merged(&front.slot, &back.slot, shade, &mut Tap::new(&mut Unwatched));
         let bound = self.unit.real_blend(front.bound, back.bound);
         std::array::from_fn(|i| {
