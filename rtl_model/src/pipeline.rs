@@ -275,24 +275,21 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
     let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
     let tiles: Vec<(Resolved, P)> = touched
         .par_iter()
-        .map_init(
-            Tile::<L>::default,
-            |tile, &index| {
-                let mut fork = probe.fork();
-                let work = FillTile::<PLAIN, L, P> {
-                    machine,
-                    frame,
-                    lights: &lights,
-                    setup,
-                    registers,
-                    splats: bins.splats(index),
-                    corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
-                    tile,
-                    probe: &mut fork,
-                };
-                (vectorised(work), fork)
-            },
-        )
+        .map_init(Box::<Tile<L>>::default, |tile, &index| {
+            let mut fork = probe.fork();
+            let work = FillTile::<PLAIN, L, P> {
+                machine,
+                frame,
+                lights: &lights,
+                setup,
+                registers,
+                splats: bins.splats(index),
+                corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
+                tile,
+                probe: &mut fork,
+            };
+            (vectorised(work), fork)
+        })
         .collect();
     let background = machine.resolve.one(&[], frame.background, &mut Tap::new(probe)).map(|word| word as u32);
     let pixels = frame.width as usize * frame.height as usize;
@@ -524,12 +521,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
 
 /// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.
 #[inline(never)]
-fn shade_for_merge<P: Probe>(
-    machine: &Elaborated,
-    lights: &shade::Registers,
-    slot: &Slot,
-    tap: &mut Tap<P>,
-) -> Premultiplied {
+fn shade_for_merge<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
     shade_slot(machine, lights, slot, tap)
 }
 

@@ -57,7 +57,18 @@ impl Fit {
         let simple = word.round != Rounding::NearestEven && word.overflow == Overflow::Saturate;
         let plain = simple && (0..=62).contains(&places);
         let head = if places < MOST_HEAD { (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32 } else { 0 };
-        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), simple, head, plain, right: places.clamp(0, 62) as u32 }
+        Fit {
+            signal,
+            word,
+            places,
+            half,
+            min: word.format.min(),
+            max: word.format.max(),
+            simple,
+            head,
+            plain,
+            right: places.clamp(0, 62) as u32,
+        }
     }
 
     /// The word for one exact result.
@@ -115,11 +126,11 @@ impl Fit {
         (exact + L::splat(self.half)).right(self.right)
     }
 
-    /// The words for eight exact results of which none is negative, in a word without a sign; by the short way where `PLAIN` says
-    /// that [`Fit::is_plain`].
+    /// The words for eight exact results of which none is negative, in a word without a sign. `PLAIN` says that [`Fit::is_plain`], so
+    /// that nothing has to be asked.
     #[inline(always)]
     pub fn lanes_natural<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
-        if !PLAIN {
+        if !PLAIN && !self.plain {
             return self.lanes_one_by_one(exact, L::splat(0));
         }
         (exact + L::splat(self.half)).right_natural(self.right).min(L::splat(self.max))
@@ -128,7 +139,7 @@ impl Fit {
     /// [`Fit::lanes_natural`] where the word is known to reach all results.
     #[inline(always)]
     pub fn lanes_within<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
-        if !PLAIN {
+        if !PLAIN && !self.plain {
             return self.lanes_one_by_one(exact, L::splat(0));
         }
         (exact + L::splat(self.half)).right_natural(self.right)
