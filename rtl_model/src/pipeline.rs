@@ -288,7 +288,7 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
     let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
     let tiles: Vec<(Resolved, P)> = touched
         .par_iter()
-        .map_init(Tile::<L>::default, |tile, &index| {
+        .map_init(Box::<Tile<L>>::default, |tile, &index| {
             let mut fork = probe.fork();
             let work = FillTile::<PLAIN, L, P> {
                 machine,

@@ -190,7 +190,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         register.hold(word)
     }
 
-    /// Fits eight results of which none is negative, into a word without a sign; by the short way where `PLAIN` says that it can.
+    /// Fits eight results of which none is negative, into a word without a sign ([`Fit::lanes_natural`]).
     #[inline(always)]
     pub fn fit_natural<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
         let word = fit.lanes_natural::<PLAIN, L>(exact);

@@ -2,14 +2,19 @@
 //!
 //! ```sh
 //! cargo build --release --example instructions
-//! for half in setup fill; do
-//!   valgrind --tool=callgrind --callgrind-out-file=/tmp/$half.out --collect-atstart=no --toggle-collect="instructions::$half*" \
+//! count() {
+//!   valgrind --tool=callgrind --callgrind-out-file=/tmp/$1.out --collect-atstart=no "${@:2}" \
 //!     target/release/examples/instructions ../shared/data/scenes/dragon.json reference
-//! done
+//! }
+//! count setup --toggle-collect="instructions::setup*"
+//! count fill --toggle-collect="instructions::fill*"
+//! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*Bins::new*" --toggle-collect="*::shade_for_merge*" \
+//!   --toggle-collect="*FillTile*::resolve*"
 //! callgrind_annotate /tmp/fill.out   # the same by function and file
 //! ```
 //! "Collected" of the first run over the splats printed is instructions a splat in setup; that of the second over the fragments
-//! printed is instructions a fragment in raster, gauss and fragment, with binning, merging, shading and resolving.
+//! printed is instructions a fragment in all that follows. The third leaves out binning, the shading of fragments that merge, and
+//! resolving: raster, gauss and fragment alone.
 
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::pipeline::{self, Drawing, Setup};

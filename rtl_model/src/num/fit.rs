@@ -139,11 +139,11 @@ impl Fit {
         (exact + L::splat(self.half)).right(self.right)
     }
 
-    /// The words for eight exact results of which none is negative, in a word without a sign; by the short way where `PLAIN` says
-    /// that [`Fit::is_plain`].
+    /// The words for eight exact results of which none is negative, in a word without a sign. `PLAIN` says that [`Fit::is_plain`], so
+    /// that nothing has to be asked.
     #[inline(always)]
     pub fn lanes_natural<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
-        if !PLAIN {
+        if !PLAIN && !self.plain {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
         (exact + L::splat(self.half)).right_natural(self.right).min(L::splat(self.max))
@@ -152,7 +152,7 @@ impl Fit {
     /// [`Fit::lanes_natural`] where the word is known to reach all results.
     #[inline(always)]
     pub fn lanes_within<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
-        if !PLAIN {
+        if !PLAIN && !self.plain {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
         (exact + L::splat(self.half)).right_natural(self.right)

@@ -220,6 +220,7 @@ pub struct Tile<L> {
     live: [u8; TILE_AREA],
     contributions: [u32; TILE_AREA],
 }
+
 impl<L: Lane> Default for Tile<L> {
     fn default() -> Self {
         Tile {
@@ -455,7 +456,7 @@ impl Fragment {
         if P::WORDS { tap.fit(&self.depth, exact) } else { tap.fit_natural::<PLAIN, V>(&self.depth, exact.max(V::splat(0))) }
     }
 
-    /// Takes one contribution in.
+    /// Takes one contribution in. Its material is not read unless it opens a fragment.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
     pub fn contribute<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
@@ -505,10 +506,10 @@ impl Fragment {
         if PLAIN && !P::WORDS {
             return L::accumulate::<V>(sums, attributes, weight, L::limits(self));
         }
-        for lane in 0..SUMS {
+        for (lane, sum) in sums.0.iter_mut().enumerate() {
             let [of_sum, of_product] = self.align[lane];
-            let exact = (sums.0[lane].get() << of_sum) + ((i64::from(attributes[lane]) * weight) << of_product);
-            sums.0[lane] = L::put(tap.fit_one(&self.sums[lane], exact));
+            let exact = (sum.get() << of_sum) + ((i64::from(attributes[lane]) * weight) << of_product);
+            *sum = L::put(tap.fit_one(&self.sums[lane], exact));
         }
     }
 

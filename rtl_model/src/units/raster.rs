@@ -9,10 +9,14 @@
 //! of the increments alone: e₀ + n·e₁ + n(n−1)/2·e₂ after n pixels. Both adders wrap: that is harmless inside the footprint
 //! as long as the register holds the r of the whole box, of which corners reach 2·cutoff/(1−|ρ|).
 //!
+//! Because adds are exact, the simulator may take them in any order: it enters the boxes of eight splats side by side, straight
+//! where they meet a square of 16 × 16 pixels, and steps eight columns of one from row to row. Depth is summed up for fragments alone.
+//!
 //! Losses: `offset`, `gradient`, the seeds of `radial` and `depth`, and the differences are rounded to nearest; the radial
 //! index is clamped to [0, cutoff) on its way out, for differencing may leave it slightly below 0.
 //!
-//! Laws: `stepping_equals_the_closed_form`, `seeded_and_differenced_rows_agree_within_their_guard_bits`.
+//! Laws: `stepping_equals_the_closed_form`, `seeded_and_differenced_rows_agree_within_their_guard_bits`,
+//! `a_radial_index_below_zero_is_zero`.
 
 use crate::machine::{Elaboration, Machine, Rows};
 use crate::num::register::Held;

@@ -11,14 +11,17 @@ fn gauss(name: &str) -> (Machine, Gauss) {
     (machine, gauss)
 }
 
-/// Radial index and weight; by the short way too where there is one.
+/// Radial index and weight: eight wide, whatever is known of the fits, as one by one.
 fn one(gauss: &Gauss, radial: i64, amplitude: i64) -> [i64; 2] {
-    let radial = Plain::splat(radial);
-    let words = gauss.lanes::<false, _, _>(radial, amplitude, &mut Tap::new(&mut Unwatched));
+    let probe = &mut Unwatched;
+    let tap = &mut Tap::new(probe);
+    let radial_index = gauss.radial_index.one(radial);
+    let words = [radial_index, gauss.weight.one(amplitude * gauss.table.fit().one(gauss.table.exact(radial_index)))];
+    assert_eq!(gauss.lanes::<false, _, _>(Plain::splat(radial), amplitude, tap).map(|lanes| lanes.0[0]), words);
     if gauss.is_plain() {
-        assert_eq!(gauss.lanes::<true, _, _>(radial, amplitude, &mut Tap::new(&mut Unwatched)), words, "the short way differs");
+        assert_eq!(gauss.lanes::<true, _, _>(Plain::splat(radial), amplitude, tap).map(|lanes| lanes.0[0]), words);
     }
-    words.map(|lanes| lanes.0[0])
+    words
 }
 
 /// The amplitude in the weight's own places, ties up.
@@ -51,6 +54,18 @@ fn the_middle_of_a_splat_has_its_amplitude() {
         assert_eq!(radial_index, 0);
         // The first word of a table without interpolation is that of its first step's middle.
         assert!(most(&machine, amplitude) - weight <= most(&machine, amplitude) / 16, "{name}: full weight is {weight}");
+    }
+}
+
+/// What lets a falloff go without limits.
+#[test]
+fn no_falloff_lies_beyond_its_word() {
+    for name in Machine::NAMES {
+        let (machine, gauss) = gauss(name);
+        for radial_index in 0..=machine.gauss.radial_index.format.max() {
+            let loss = gauss.table.fit().loss(gauss.table.exact(radial_index), 0);
+            assert!(!loss.saturated_low && !loss.saturated_high, "{name}: falloff at {radial_index}");
+        }
     }
 }
 

@@ -260,6 +260,25 @@ proptest! {
         prop_assert_eq!(read_span(&raster, &walks, &span), expected);
     }
 
+    /// Each pixel of a box lies in one square of 16 × 16, under its own number.
+    #[test]
+    fn squares_share_out_a_box(name in names(), differenced in any::<bool>(), shape in shapes()) {
+        let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
+        let (raster, input) = (unit(&machine), shape.input(&machine));
+        let squares = |[first, last]: [u16; 2]| (first / 16 * 16..=last).step_by(16);
+        let mut all = Vec::new();
+        for (y, x) in squares(input.rows).flat_map(|y| squares(input.columns).map(move |x| (y, x))) {
+            let (walks, span) = drawn(&raster, &input, [x, y], i64::MAX, &mut Unwatched);
+            for fragment in 0..span.fragments() {
+                let pixel = u16::from(walks.pixels(LANE, span.places(fragment))[0]);
+                all.push((y + pixel / 16, x + pixel % 16));
+            }
+        }
+        all.sort();
+        let [columns, rows] = [input.columns, input.rows].map(|[first, last]| first..=last);
+        prop_assert!(all.into_iter().eq(rows.flat_map(|y| columns.clone().map(move |x| (y, x)))));
+    }
+
     /// The plane of ALGORITHM §3, in the depth register's last places: half a place for the seed, the offset's half place times the slope.
     #[test]
     fn depth_is_the_tangent_plane_between_its_clamps(name in names(), shape in shapes()) {
