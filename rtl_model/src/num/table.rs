@@ -62,6 +62,11 @@ impl Table {
         address.look_up(&self.values).left(self.fraction_bits) + address.look_up(&self.deltas) * fraction
     }
 
+    /// Its ROM: the value at each address and the step to the next value, 0 where nearest.
+    pub fn lines(&self) -> impl Iterator<Item = (i64, i64)> {
+        self.values.iter().copied().zip(self.deltas.iter().copied())
+    }
+
     /// The fit of the result.
     #[inline(always)]
     pub fn fit(&self) -> &Fit {

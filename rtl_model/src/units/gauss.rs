@@ -54,6 +54,11 @@ impl Gauss {
         }
     }
 
+    /// e^(−r/2) from a radial index.
+    pub fn table(&self) -> &Table {
+        &self.table
+    }
+
     /// Radial index and weight of eight fragments of one splat.
     #[inline(always)]
     pub fn lanes<L: Lanes, P: Probe>(&self, radial: L, amplitude: i64, tap: &mut Tap<P>) -> [L; 2] {
