@@ -381,5 +381,7 @@ fn after(value: i64, first: i64, second: i64, steps: i64) -> i64 {
     value.wrapping_add(first.wrapping_mul(steps)).wrapping_add(second.wrapping_mul(pairs))
 }
 
+pub mod real;
+
 #[cfg(test)]
 mod tests;
