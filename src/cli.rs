@@ -5,14 +5,14 @@ use crate::explain::explain;
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
 use crate::run::{self, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
-use crate::{fixed, machines};
+use crate::{fixed, machines, prove};
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use comfy_table::CellAlignment;
 use rtl_model::Machine;
 use std::ffi::OsString;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Simulates splatting hardware bit by bit, beside exact arithmetic
@@ -97,6 +97,18 @@ enum MachineCommand {
         #[arg(long = "set", value_name = "PATH=VALUE")]
         settings: Vec<String>,
     },
+    /// Write proofs of a machine's error bounds, for Gappa to check
+    Prove {
+        /// Named machine or machine file
+        #[arg(value_name = "NAME|FILE")]
+        machine: String,
+        /// Change a field of the machine
+        #[arg(long = "set", value_name = "PATH=VALUE")]
+        settings: Vec<String>,
+        /// Write the proofs into this folder
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
     /// The JSON Schema of a machine file
     Schema,
 }
@@ -154,6 +166,7 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
         Command::Explain(arguments) => arguments.common.threaded(|| arguments.explain()),
         Command::Machine(MachineCommand::List) => list(),
         Command::Machine(MachineCommand::Show { machine, settings }) => show(&machine, &settings),
+        Command::Machine(MachineCommand::Prove { machine, settings, out }) => write_proofs(&machine, &settings, &out),
         Command::Machine(MachineCommand::Schema) => pretty(&machines::schema()),
         Command::Scene(SceneCommand::Schema) => pretty(&scene::schema()),
     }
@@ -243,6 +256,14 @@ fn show(machine: &str, settings: &[String]) -> Result<String> {
     let machine = machines::load(machine, settings)?;
     fixed::elaborate(&machine)?;
     pretty(&machine)
+}
+
+fn write_proofs(machine: &str, settings: &[String], out: &Path) -> Result<String> {
+    let proofs = prove::proofs(&fixed::elaborate(&machines::load(machine, settings)?)?);
+    open_folder(out)?;
+    prove::write(&proofs, out)?;
+    let first = out.join("project.reciprocal.g");
+    Ok(format!("{}\n\ngappa says nothing of a proof that holds:\n  gappa {}", prove::table(&proofs), first.display()))
 }
 
 fn pretty(value: &impl serde::Serialize) -> Result<String> {

@@ -10,6 +10,7 @@ pub mod fixed;
 pub mod golden;
 pub mod machines;
 pub mod picture;
+pub mod prove;
 pub mod quantise;
 pub mod report;
 pub mod run;

@@ -266,6 +266,25 @@ fn a_machine_file_with_a_base_changes_only_what_it_says() {
 }
 
 #[test]
+fn prove_writes_the_proofs_that_it_lists_the_same_every_time() {
+    let folders = [folder(), folder()];
+    let [table, _] =
+        folders.each_ref().map(|out| says(&["machine", "prove", "lean", "--set", "name=mine", "--out", out.path().to_str().unwrap()]));
+    let names = names_in(folders[0].path());
+    assert_eq!(names.len(), 9);
+    for name in names {
+        let [once, again] = folders.each_ref().map(|out| std::fs::read_to_string(out.path().join(&name)).unwrap());
+        assert_eq!(once, again);
+        assert!(once.starts_with(&format!("# {} of machine mine: ", name.trim_end_matches(".g"))), "{once}");
+        assert!(table.lines().any(|line| line.starts_with(&format!("{name} "))), "{name} is not in:\n{table}");
+    }
+    assert!(
+        table.lines().take_while(|line| !line.is_empty()).all(|line| line.chars().count() <= 80) && table.contains("gappa "),
+        "{table}"
+    );
+}
+
+#[test]
 fn schemas_are_json_that_names_the_fields() {
     for (of, field) in [("machine", "fragment"), ("scene", "splats")] {
         let schema: Value = serde_json::from_str(&says(&[of, "schema"])).unwrap();
@@ -282,6 +301,7 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["explain", "--help"],
         vec!["machine", "--help"],
         vec!["machine", "show", "--help"],
+        vec!["machine", "prove", "--help"],
     ];
     for arguments in helps {
         let text = says(&arguments);
@@ -317,16 +337,26 @@ fn run_refused(arguments: &[&str], part: &str) {
     assert!(!inside.exists() || names_in(&inside).is_empty(), "{arguments:?}: {:?}", names_in(&inside));
 }
 
+/// `machine prove` with these arguments is refused, and makes no folder.
+fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
+    let out = folder();
+    let inside = out.path().join("made");
+    refused(&[&["machine", "prove", machine], arguments, &["--out", inside.to_str().unwrap()]].concat(), part);
+    assert!(!inside.exists(), "{arguments:?}");
+}
+
 #[test]
 fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(&[], "a command is missing: run, explain, machine, scene (see --help)");
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "sweep");
-    refused(&["machine"], "a command is missing: list, show, schema (see --help)");
+    refused(&["machine"], "a command is missing: list, show, prove, schema (see --help)");
     refused(&["machine", "lits"], "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'");
     run_refused(&["--sizes", "5x5"], "--size");
     run_refused(&["glass-spheres", "checkerboard"], "checkerboard");
     refused(&["explain", "glass-spheres"], "--pixel");
+    refused(&["machine", "prove", "tiny"], "--out");
+    refused(&["machine", "prove", "--out", "nowhere"], "NAME|FILE");
 }
 
 #[test]
@@ -334,6 +364,7 @@ fn scenes_and_machines_that_do_not_exist_are_refused_with_what_there_is() {
     run_refused(&["glas-spheres"], "built in are glass-spheres, checkerboard, torus-knot, terrain");
     run_refused(&["--machine", "leen"], "named are reference, lean, tiny");
     refused(&["machine", "show", "leen"], "named are reference, lean, tiny");
+    prove_refused("leen", &[], "named are reference, lean, tiny");
     refused(&["explain", "nowhere.ply", "--pixel", "1,1"], "nowhere.ply");
 }
 
@@ -380,6 +411,7 @@ fn settings_that_do_not_fit_are_refused_with_what_would() {
     ] {
         run_refused(&["--set", setting], part);
         refused(&["machine", "show", "reference", "--set", setting], part);
+        prove_refused("reference", &["--set", setting], part);
     }
 }
 
@@ -429,6 +461,7 @@ fn output_folders_that_cannot_be_written_are_refused() {
     let file = write(&folder, "file", "mine");
     for out in [file.clone(), format!("{file}/below"), format!("{file}/below/it"), "/proc/nonexistent".into()] {
         refused(&["run", "--machine", "tiny", "--size", "16x16", "--out", &out], &format!("--out {out}: cannot be written"));
+        refused(&["machine", "prove", "tiny", "--out", &out], &format!("--out {out}: cannot be written"));
     }
     assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
 }

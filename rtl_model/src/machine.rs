@@ -3,7 +3,7 @@
 //! A description is checked once, as an RTL elaboration would: [`Machine::elaborate`] returns a machine that cannot fail,
 //! or every misfit at once, in sentences. The units read their formats from here and from nowhere else.
 
-use crate::num::{Exact, Fit, Format, MAX_WIDTH_BITS, Overflow, Rounding, Word};
+use crate::num::{Exact, Fit, Format, MAX_WIDTH_BITS, Overflow, Reciprocal, ReciprocalRoot, Rounding, Table, Word};
 use crate::units::{ellipse, fragment, gauss, project, raster, resolve, shade};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -497,6 +497,27 @@ pub struct Elaborated {
     pub shade: shade::Shade,
     /// Blend into the frame.
     pub resolve: resolve::Resolve,
+}
+
+impl Elaborated {
+    /// Every reciprocal, by the name of its unit and its own.
+    pub fn reciprocals(&self) -> [(&'static str, &Reciprocal); 3] {
+        [
+            ("project.reciprocal", self.project.reciprocal()),
+            ("ellipse.slope_reciprocal", self.ellipse.slope_reciprocal()),
+            ("shade.reciprocal", self.shade.reciprocal()),
+        ]
+    }
+
+    /// Every reciprocal root, by the name of its unit and its own.
+    pub fn roots(&self) -> [(&'static str, &ReciprocalRoot); 3] {
+        [("ellipse.root", self.ellipse.root()), ("ellipse.extent_root", self.ellipse.extent_root()), ("shade.root", self.shade.root())]
+    }
+
+    /// The table of e^(−r/2), `gauss.table`.
+    pub fn gaussian(&self) -> &Table {
+        self.gauss.table()
+    }
 }
 
 impl Machine {

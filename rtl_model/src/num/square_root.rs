@@ -86,6 +86,16 @@ impl ReciprocalRoot {
         (m, Scientific { mantissa: y, exponent: (lead + splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS - 1))).right(1) })
     }
 
+    /// Its shape.
+    pub fn shape(&self) -> FunctionUnit {
+        FunctionUnit { table_bits: self.table_bits, newton_steps: self.newton_steps, bits: self.bits }
+    }
+
+    /// Its ROM: a first guess, with `bits` fraction bits, for each of 2^`table_bits` steps of [0, 4), of which those under 1 are never asked for.
+    pub fn guesses(&self) -> Vec<i64> {
+        self.table.iter().map(|&guess| guess.into()).collect()
+    }
+
     /// 1/√x of one positive word.
     #[inline(always)]
     pub fn one<P: Probe>(&self, x: i64, tap: &mut Tap<P>) -> (i64, i64) {

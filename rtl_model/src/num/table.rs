@@ -68,6 +68,11 @@ impl Table {
         self.interpolation
     }
 
+    /// Its ROM: the value at each address and the step to the next value, 0 where nearest.
+    pub fn lines(&self) -> impl Iterator<Item = (i64, i64)> {
+        self.words.iter().map(|&[value, delta]| (value, delta))
+    }
+
     /// The fit of the result.
     #[inline(always)]
     pub fn fit(&self) -> &Fit {

@@ -277,6 +277,21 @@ impl Ellipse {
         }
     }
 
+    /// 1/√det V.
+    pub fn root(&self) -> &ReciprocalRoot {
+        &self.root
+    }
+
+    /// √(cutoff·V).
+    pub fn extent_root(&self) -> &ReciprocalRoot {
+        &self.extent_root
+    }
+
+    /// 1/c_n.
+    pub fn slope_reciprocal(&self) -> &Reciprocal {
+        &self.slope_reciprocal
+    }
+
     /// Sets eight splats up.
     #[inline(always)]
     pub fn lanes<W: Words, P: Probe>(&self, view: &View, size_px: [u32; 2], input: &Input<W>, tap: &mut Tap<P>) -> Output<W> {

@@ -54,6 +54,11 @@ impl Gauss {
         }
     }
 
+    /// e^(−r/2) from a radial index.
+    pub fn table(&self) -> &Table {
+        &self.table
+    }
+
     /// Whether all of its fits are plain.
     pub fn is_plain(&self) -> bool {
         [&self.radial_index, self.table.fit(), &self.weight].into_iter().all(Fit::is_plain)

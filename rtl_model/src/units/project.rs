@@ -108,6 +108,11 @@ impl Project {
         }
     }
 
+    /// 1/t_z.
+    pub fn reciprocal(&self) -> &Reciprocal {
+        &self.reciprocal
+    }
+
     /// Projects eight splats; lanes that end culled carry harmless words from there on.
     #[inline(always)]
     pub fn lanes<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> Projected<W> {

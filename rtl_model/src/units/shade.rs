@@ -172,6 +172,16 @@ impl Shade {
         }
     }
 
+    /// 1/W.
+    pub fn reciprocal(&self) -> &Reciprocal {
+        &self.reciprocal
+    }
+
+    /// 1/|n|.
+    pub fn root(&self) -> &ReciprocalRoot {
+        &self.root
+    }
+
     /// The highlight table of each material, elaborated from its words.
     pub fn highlights(&self, lighting: &Lighting) -> Vec<Option<Table>> {
         let table = |material: &Material| match material {

@@ -3,15 +3,22 @@
 use super::Reciprocal;
 
 impl Reciprocal {
+    /// Greatest |1 − m·y₀| of a mantissa and its first guess, with u = 2^−bits.
+    ///
+    /// The middle of a step is at most half a step from m, so 1 − m·y₀ ≤ 2^−(table_bits + 1); rounding y₀ moves it by m·u/2 ≤ u.
+    pub fn table_error(&self) -> f64 {
+        let u = f64::from(self.bits).exp2().recip();
+        f64::from(self.table_bits + 1).exp2().recip() + u
+    }
+
     /// Greatest |1 − x·(1/x)|, with u = 2^−bits.
     ///
-    /// Table: the middle of a step is at most half a step from m, so 1 − m·y₀ ≤ 2^−(table_bits + 1); rounding y₀ moves it by m·u/2 ≤ u.
+    /// It begins with [`Reciprocal::table_error`].
     /// A Newton step squares what is left; its correction is rounded by u/2, times m·y; its result by u/2, times m ≤ 2.
     /// The mantissa's cut counts once: x is at most u larger than m.
     pub fn relative_error(&self) -> f64 {
         let u = f64::from(self.bits).exp2().recip();
-        let table = f64::from(self.table_bits + 1).exp2().recip() + u;
-        let left = (0..self.newton_steps).fold(table, |e, _| e * e + (1.0 + e) * u / 2.0 + u);
+        let left = (0..self.newton_steps).fold(self.table_error(), |e, _| e * e + (1.0 + e) * u / 2.0 + u);
         left + (1.0 + left) * u
     }
 }

@@ -87,6 +87,46 @@ fn a_table_is_within_its_bound() {
     }
 }
 
+/// e^(−numerator / 2^shift) for any argument; 1 is short of itself by a last place.
+fn exponential_or_one(numerator: u64, shift: u32) -> u128 {
+    if numerator == 0 { u128::MAX } else { exponential(numerator, shift) }
+}
+
+/// What the proofs about the table take for granted (`splatsim machine prove`), for every argument that there is: the exponential at
+/// the steps' ends or middles is [`gaussian_words`] of 60 bits, give or take 2^−54; within a step it lies below the chord, or
+/// aside of the middle, by `real::between` at most.
+#[test]
+fn the_exponential_is_where_the_proofs_suppose_it() {
+    for name in Machine::NAMES {
+        let gauss = Machine::named(name).unwrap().gauss;
+        let (argument, TableShape { index_bits, interpolation }) = (gauss.radial_index.format, gauss.table);
+        let step = f64::from(argument.int_bits - index_bits as i32).exp2();
+        let limit = real::between(interpolation, step, 0.5, 0.25);
+        // r/2 = half-steps / 2^shift.
+        let shift = (index_bits as i32 + 2 - argument.int_bits) as u32;
+        let middle = u64::from(interpolation == Interpolation::Nearest);
+        let known: Vec<u128> = (0..=1u64 << index_bits).map(|i| exponential_or_one(2 * i + middle, shift)).collect();
+        for (word, exact) in gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS).into_iter().zip(&known) {
+            assert!((word as u64).abs_diff((exact >> (128 - EXP_FRAC_BITS)) as u64) <= 1 << (EXP_FRAC_BITS - 54), "{name}: {word}");
+        }
+        let fraction_bits = Table::fraction_bits(index_bits, argument.width() as u32);
+        for r in 0..=argument.max() as u64 {
+            let (address, fraction) = ((r >> fraction_bits) as usize, u128::from(r) & ((1 << fraction_bits) - 1));
+            let exact = exponential_or_one(r, argument.frac_bits as u32 + 1);
+            let (from, to) = (known[address], known[address + 1]);
+            let chord = from - ((from - to) >> fraction_bits) * fraction;
+            // The shift and the oracle's own errors leave less than 2^−100.
+            let above = (chord.wrapping_sub(exact) as i128) as f64 * f64::from(-128).exp2();
+            let aside = (from.wrapping_sub(exact) as i128) as f64 * f64::from(-128).exp2();
+            let slack = f64::from(-100).exp2();
+            match interpolation {
+                Interpolation::Linear => assert!((-slack..=limit + slack).contains(&above), "{name}: {above} at {r}"),
+                Interpolation::Nearest => assert!(aside.abs() <= limit + slack, "{name}: {aside} at {r}"),
+            }
+        }
+    }
+}
+
 fn table(interpolation: Interpolation, index_bits: u32, argument: Format, frac_bits: i32) -> Table {
     let word = Word::new(Format::unsigned(1, frac_bits)).rounded(Rounding::Nearest);
     let width = argument.width() as u32;

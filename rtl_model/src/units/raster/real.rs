@@ -10,7 +10,8 @@
 //! A register that r outruns, or a difference that is cut off, may hold anything.
 
 use super::{Raster, Rows};
-use crate::num::{Fit, Rounding, two};
+use crate::machine::Machine;
+use crate::num::{Fit, Rounding, Word, two};
 use crate::real::{Near, Real, power_of_two};
 
 /// Input port.
@@ -42,6 +43,13 @@ fn outruns(fit: &Fit, most: f64) -> bool {
     let format = fit.word.format;
     // A NaN outruns everything.
     most.partial_cmp(&format.value(format.max())).is_none_or(std::cmp::Ordering::is_gt)
+}
+
+/// What rounded differences add up to on the way: e₁ each step, e₂ each pair of steps; rows that are seeded afresh take no steps.
+fn stepped(rows: Rows, [columns, lines]: [f64; 2], first: f64, second: f64) -> f64 {
+    let [i, j] = [columns, if rows == Rows::Seeded { 0.0 } else { lines }];
+    let pairs = |n: f64| n * (n - 1.0).max(0.0) / 2.0;
+    (i + j) * first + (pairs(i) + pairs(j) + i * j) * second
 }
 
 /// What a splat's differences may be wrong by, worked out once for all of its pixels.
@@ -97,9 +105,7 @@ impl Raster {
     /// What rounded seed and differences add up to on the way to a pixel.
     fn walked(&self, walk: &Walk, d: [f64; 2]) -> f64 {
         let steps = two!(axis => (d[axis] + walk.seed_at[axis] + walk.offset_error[axis] + 1.0).max(0.0));
-        let [i, j] = if self.rows == Rows::Seeded { [steps[0], 0.0] } else { steps };
-        let pairs = |n: f64| n * (n - 1.0).max(0.0) / 2.0;
-        walk.seed + (i + j) * loss(&self.first) + (pairs(i) + pairs(j) + i * j) * loss(&self.second)
+        walk.seed + stepped(self.rows, steps, loss(&self.first), loss(&self.second))
     }
 
     /// z at a pixel centre, clamped to what the disc can reach.
@@ -111,4 +117,33 @@ impl Raster {
         let held = if outruns(&self.depth, held.most()) { Near { error: f64::INFINITY, ..held } } else { held };
         held.max(input.depth - input.depth_range).min(input.depth + input.depth_range)
     }
+}
+
+/// Greatest distance of `raster.radial` from r = Q00·x² + 2·Q01·xy + Q11·y² after `columns` and `rows` steps from where it was seeded,
+/// r; the conic's and the offset's words as they are, |x| and |y| at the seed at most `reach_px`.
+///
+/// Adds are exact, so what is left is what the words lost that are added (ALGORITHM §4), each of them as often as it is added:
+/// - `radial`, once, and the gradients at the seed, weighed by x and y;
+/// - `first`, once a step;
+/// - `second`, once for each pair of steps: n(n−1)/2 along a row or a column, and, by column and row, their product.
+///
+/// A word that holds all of its exact result's places loses nothing; twice a conic needs one place less. Where rows are seeded
+/// afresh, their steps do not count. Modulo the register's reach, and only where none of `gradient`, `first` and `second` saturates.
+pub fn steps_error(machine: &Machine, reach_px: f64, [columns, rows]: [u32; 2]) -> f64 {
+    let m = &machine.raster;
+    let conic = machine.ellipse.conic.format.frac_bits;
+    let loss = |word: Word, exact_frac_bits: i32| {
+        let place = power_of_two(-word.format.frac_bits);
+        match word.round {
+            _ if exact_frac_bits <= word.format.frac_bits => 0.0,
+            Rounding::Truncate => place,
+            Rounding::Nearest | Rounding::NearestEven => place / 2.0,
+        }
+    };
+    let offset = m.offset.format.frac_bits;
+    let gradient = loss(m.gradient, conic + offset);
+    let seed = loss(m.radial, offset + m.gradient.format.frac_bits) + 2.0 * reach_px * gradient;
+    let first = loss(m.first, conic + offset);
+    let second = loss(m.second, conic - 1);
+    seed + stepped(m.rows, [columns, rows].map(f64::from), first, second)
 }

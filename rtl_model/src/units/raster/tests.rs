@@ -243,6 +243,37 @@ proptest! {
         }
     }
 
+    /// r of the offset's own words: what differencing alone loses.
+    #[test]
+    fn the_registers_stay_within_the_error_of_their_steps(name in names(), differenced in any::<bool>(), shape in shapes()) {
+        let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
+        let (raster, input) = (unit(&machine), shape.input(&machine));
+        let [left, top] = [input.columns[0], input.rows[0]];
+        let at = |axis: usize, pixel: u16| {
+            let from_middle = 2 * i64::from(pixel) + 1 - i64::from(SIZE_PX[axis]);
+            raster.offset.one((from_middle << (raster.places.pixel - 1)) - i64::from(input.pixel[axis]))
+        };
+        let offset = machine.raster.offset.format;
+        let (format, conic) = (machine.raster.radial.format, machine.ellipse.conic.format);
+        let [xx, xy, yy] = input.conic.map(i128::from);
+        let places = conic.frac_bits + 2 * offset.frac_bits;
+        for y in (top..=input.rows[1]).step_by(5) {
+            let [x0, y0] = [at(0, left), at(1, if differenced { top } else { y })];
+            let reach_px = offset.value(x0.abs().max(y0.abs()));
+            let down = if differenced { y - top } else { 0 };
+            let y_word = i128::from(y0) + (i128::from(down) << offset.frac_bits);
+            for (n, [radial, _]) in registers(&raster, &input, y, left, input.columns[1]).into_iter().enumerate() {
+                let x_word = i128::from(x0) + ((n as i128) << offset.frac_bits);
+                let exact = (xx * x_word * x_word + 2 * xy * x_word * y_word + yy * y_word * y_word) << (FINE - places);
+                let reach = 1i128 << (format.width() + FINE - format.frac_bits);
+                let difference = (i128::from(radial) << (FINE - format.frac_bits)) - exact;
+                let error = ((difference + reach / 2).rem_euclid(reach) - reach / 2) as f64 * f64::from(-FINE).exp2();
+                let bound = real::steps_error(&machine, reach_px, [n as u32, u32::from(down)]);
+                prop_assert!(error.abs() <= bound, "r after {n} columns and {down} rows is off by {error}, bound {bound}");
+            }
+        }
+    }
+
     /// A fragment wherever the register is below the cutoff, nowhere else, in order.
     #[test]
     fn a_fragment_exists_where_the_radial_index_is_below_the_cutoff(name in names(), shape in shapes(), cutoff in 0.1..8.0) {
