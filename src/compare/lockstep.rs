@@ -232,7 +232,7 @@ fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [usize; 4])> {
         let (columns, rows) = (footprint.columns, footprint.rows);
         let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();
         let [left, top, right, bottom] = [columns.start, rows.start, columns.end, rows.end].map(|pixel| pixel as usize);
-        drawn.then(|| (index as u32, [left / TILE_PX, top / TILE_PX, right, bottom]))
+        drawn.then_some((index as u32, [left / TILE_PX, top / TILE_PX, right, bottom]))
     };
     (0..scene.splats.len()).into_par_iter().filter_map(rectangle).collect()
 }
