@@ -5,6 +5,10 @@
 //!            [bars: names, values] ────────┘
 //! ```
 
+mod tiles;
+
+pub use tiles::{Tile, Words};
+
 use crate::error::{Error, Result};
 use crate::picture::write_beside;
 use image::codecs::png::PngEncoder;
