@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::picture::Picture;
 
 pub use error_picture::{ErrorPicture, error_picture};
-pub use lockstep::{Flips, KINDS, Lockstep, lockstep};
+pub use lockstep::{BoundSummary, Flips, KINDS, Lockstep, Summary, lockstep};
 
 /// Distance of two pictures: over the colour channels, linear and premultiplied, clamped to [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -1,6 +1,6 @@
 //! Report: what a run found, as `report.json` (INTERFACE: "run") and as a summary for a terminal of 80 columns.
 
-use crate::compare::Metrics;
+use crate::compare::{Metrics, Summary};
 use crate::quantise::Scale;
 use comfy_table::{CellAlignment, Table, presets};
 use rtl_model::machine::{Elaborated, Machine, Signal};
@@ -100,6 +100,8 @@ pub struct Accuracy {
     pub fixed_vs_golden: Metrics,
     /// The method's error.
     pub golden_vs_ideal: Metrics,
+    /// The arithmetic's error alone: against `golden` led by the machine's decisions.
+    pub lockstep: Summary,
 }
 
 /// Outcomes of contributions.
@@ -221,6 +223,8 @@ pub struct Host {
     pub golden_seconds: f64,
     /// `ideal`.
     pub ideal_seconds: f64,
+    /// The machine with `golden` in lockstep.
+    pub lockstep_seconds: f64,
     /// Contributions a second of the machine, unwatched.
     pub fragments_per_second: f64,
 }
@@ -260,6 +264,7 @@ impl Report {
         let title = format!("{} on {machine}, {}×{}: {splats} splats, {fragments} contributions", scene.name, scene.width, scene.height);
         let _ = writeln!(text, "{}\n", wrapped(&title));
         let _ = writeln!(text, "{}\n", self.accuracy_table());
+        let _ = writeln!(text, "{}\n", self.lockstep_summary());
         let _ = writeln!(text, "{}\n", self.work_table());
         let _ = writeln!(text, "{}", self.signal_summary());
         for note in &scene.notes {
@@ -288,6 +293,32 @@ impl Report {
             ]);
         }
         aligned(table)
+    }
+
+    fn lockstep_summary(&self) -> String {
+        let l = &self.accuracy.lockstep;
+        let f = &l.flips;
+        let kinds = [
+            ("cull", f.cull),
+            ("coverage", f.coverage),
+            ("slot", f.slot),
+            ("order", f.order),
+            ("pair", f.pair),
+            ("eviction", f.eviction),
+            ("unexplained", f.unexplained),
+        ];
+        let kinds: Vec<String> =
+            kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{} {kind}", thousands(*count))).collect();
+        let kinds = if kinds.is_empty() { String::new() } else { format!(" ({})", kinds.join(", ")) };
+        let db = l.psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB"));
+        let bound = l.bound.nine_in_ten.map_or("infinite".into(), |bound| format!("{:.2}/255", 255.0 * bound));
+        [
+            format!("in lockstep, golden led by the machine's decisions: {db}, at most {:.4} off", l.max_error),
+            format!("bound: {bound} at nine covered pixels in ten, exceeded at {}", thousands(l.bound_violations)),
+            format!("decisions that golden takes otherwise: {}{kinds}", thousands(l.decision_flips)),
+        ]
+        .map(|line| wrapped(&line))
+        .join("\n")
     }
 
     fn work_table(&self) -> Table {

@@ -6,7 +6,8 @@
 //!        └─► ideal ─────────────┘
 //! ```
 
-use crate::compare::{ErrorPicture, error_picture, metrics};
+use crate::chart;
+use crate::compare::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
 use crate::error::{Error, Result};
 use crate::fixed;
 use crate::golden::{self, Rendering};
@@ -31,6 +32,8 @@ pub struct Outcome {
     pub ideal: Picture,
     /// |fixed − golden|, scaled to be seen.
     pub error: ErrorPicture,
+    /// The machine with `golden` in lockstep.
+    pub lockstep: Lockstep,
     /// What was found.
     pub report: Report,
 }
@@ -48,6 +51,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64) -> Result<Outcom
     let (_, watched_seconds) = timed(|| fixed::draw(&elaborated, &quantised, &mut ranges));
     let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
+    let (lockstep, lockstep_seconds) = timed(|| lockstep(scene, &elaborated, &quantised));
 
     let fixed = fixed::picture(&elaborated, &drawing);
     let error = error_picture(&fixed, &golden.picture);
@@ -65,7 +69,11 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64) -> Result<Outcom
             notes: scene.notes.iter().chain(&quantised.notes).cloned().collect(),
         },
         machine: MachineReport::new(&elaborated),
-        accuracy: Accuracy { fixed_vs_golden: metrics(&fixed, &golden.picture), golden_vs_ideal: metrics(&golden.picture, &ideal.picture) },
+        accuracy: Accuracy {
+            fixed_vs_golden: metrics(&fixed, &golden.picture),
+            golden_vs_ideal: metrics(&golden.picture, &ideal.picture),
+            lockstep: lockstep.summary(&fixed),
+        },
         fragments: drawing.outcomes.into(),
         signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
         golden: found(&golden),
@@ -78,10 +86,11 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64) -> Result<Outcom
             watched_seconds,
             golden_seconds,
             ideal_seconds,
+            lockstep_seconds,
             fragments_per_second: fragments as f64 / fixed_seconds,
         },
     };
-    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, report })
+    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, report })
 }
 
 fn found(golden: &Rendering) -> Golden {
@@ -116,7 +125,9 @@ impl Outcome {
     /// [`Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path, exr: bool) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
-        let pictures = [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal), ("error", &self.error.picture)];
+        let flips = self.lockstep.flip_picture();
+        let pictures =
+            [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal), ("error", &self.error.picture), ("flips", &flips)];
         for (name, picture) in pictures {
             let path = folder.join(name).with_extension("png");
             picture.write_png(&path)?;
@@ -127,6 +138,9 @@ impl Outcome {
             picture.write_exr(&path)?;
             written.push(path);
         }
+        let path = folder.join("bounds.png");
+        chart::write_png(&[&self.lockstep.bound_chart()], 1, [900, 640], &path)?;
+        written.push(path);
         let path = folder.join("report.json");
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
         written.push(path);

@@ -237,10 +237,28 @@ fn surroundings(code: &str) -> Vec<String> {
 
 /// What a unit may name of its crate.
 fn neighbours(code: &str) -> Vec<String> {
-    let allowed = ["num", "machine", "frame", "probe"];
+    let above = names(code, "super").then(|| "super".into());
+    neighbours_over_the_reals(code)
+        .into_iter()
+        .chain(above)
+        .chain(steps_from(code, "crate").contains("real").then(|| "crate::real".into()))
+        .collect()
+}
+
+/// What a unit's bound may name: its unit, which is its parent, and real numbers too.
+fn neighbours_over_the_reals(code: &str) -> Vec<String> {
+    let allowed = ["num", "machine", "frame", "probe", "real"];
     let steps = steps_from(code, "crate").into_iter().filter(|step| !allowed.contains(step)).map(|step| format!("crate::{step}"));
-    let outside = ["super", "units", "rayon", "pipeline"].into_iter().filter(|word| names(code, word)).map(String::from);
-    steps.chain(outside).collect()
+    let outside = ["units", "rayon", "pipeline"].into_iter().filter(|word| names(code, word)).map(String::from);
+    let above = steps_from(code, "super").contains("super").then(|| "super::super".into());
+    steps.chain(outside).chain(above).collect()
+}
+
+/// Real numbers, named other than to declare the module that has them.
+fn reals(code: &str) -> Vec<String> {
+    let tokens = tokens(code);
+    let named = |i: &usize| tokens[*i] == "real" && (*i == 0 || tokens[i - 1] != "mod");
+    (0..tokens.len()).filter(named).map(|_| "names real".into()).collect()
 }
 
 /// Shifts to the right, which drop bits. (The formatter puts spaces around the sign, but not where it closes generics.)
@@ -274,6 +292,11 @@ const MACHINE: &str = "rtl_model/src/";
 const UNITS: &str = "rtl_model/src/units/";
 const NUM: &str = "rtl_model/src/num/";
 
+/// Whether a file of the machine says over the reals what another does with words.
+fn is_over_the_reals(path: &str) -> bool {
+    path.ends_with("/real.rs")
+}
+
 // --- The invariants ---
 
 #[test]
@@ -284,13 +307,24 @@ fn the_machine_has_no_floats() {
     let without_value = without_items(num, "pub fn value(self");
     assert_ne!(*num, without_value);
     *num = without_value;
-    check(&sources, |_| true, |_, code| floats(code));
+    check(&sources, |path| !is_over_the_reals(path), |_, code| floats(code));
+}
+
+#[test]
+fn the_machine_does_not_know_its_own_bounds() {
+    let sources = sources(&[MACHINE]);
+    assert!(sources.keys().any(|path| is_over_the_reals(path)));
+    check(&sources, |path| !is_over_the_reals(path), |_, code| reals(code));
 }
 
 #[test]
 fn no_unit_asks_what_a_word_stands_for() {
     let calls = |code: &str| tokens(code).windows(3).any(|w| w == [".", "value", "("]);
-    check(&sources(&[MACHINE]), |_| true, |_, code| calls(code).then(|| "calls value()".into()).into_iter().collect());
+    check(
+        &sources(&[MACHINE]),
+        |path| !is_over_the_reals(path),
+        |_, code| calls(code).then(|| "calls value()".into()).into_iter().collect(),
+    );
     assert!(calls("let x = format.value(word);") && !calls("let value = a.value;"));
 }
 
@@ -303,7 +337,8 @@ fn the_machine_has_no_files_clocks_prints_or_hash_order() {
 fn a_unit_names_no_other_unit() {
     let units = sources(&[UNITS]);
     assert!(units.len() >= 7, "{} units", units.len());
-    check(&units, |_| true, |_, code| neighbours(code));
+    check(&units, |path| !is_over_the_reals(path), |_, code| neighbours(code));
+    check(&units, is_over_the_reals, |_, code| neighbours_over_the_reals(code));
 }
 
 #[test]
@@ -323,6 +358,8 @@ fn bits_are_lost_in_num_alone() {
         ("] + (least >> right)", "rtl_model/src/units/fragment.rs"),
         // The vector form of `right`, which is num's own shift.
         ("(SIGN as u64 >> by)", "rtl_model/src/host.rs"),
+        // The exponent of a real number.
+        (".to_bits() >> 52", "rtl_model/src/real.rs"),
     ];
     let sources = sources(&[MACHINE]);
     for (line, path) in excused {
@@ -422,11 +459,24 @@ fn neighbours_are_seen() {
         "use super::gauss;",
         "use crate::{num::Fit, pipeline};",
         "crate::host::vectorised()",
+        "use crate::real::Near;",
         "use rayon::prelude::*;",
     ] {
         assert!(!neighbours(text).is_empty(), "{text}");
     }
     assert!(neighbours("use crate::{num::{Fit, Lanes}, machine::Machine}; use crate::frame::View; use self::x;").is_empty());
+    for text in ["use super::super::gauss;", "use crate::units::gauss;", "use crate::pipeline;"] {
+        assert!(!neighbours_over_the_reals(text).is_empty(), "{text}");
+    }
+    assert!(neighbours_over_the_reals("use super::{Shade, x}; use crate::{num::Fit, real::Real}; super::Sums").is_empty());
+}
+
+#[test]
+fn reals_are_seen() {
+    for text in ["use crate::real::Near;", "use crate::{num, real};", "super::real::floor_log2(x)", "real::Near"] {
+        assert!(!reals(text).is_empty(), "{text}");
+    }
+    assert!(reals("pub mod real; mod real; let realm = unreal;").is_empty());
 }
 
 #[test]

@@ -491,9 +491,12 @@ pub struct Elaborated {
     pub(crate) ellipse: ellipse::Ellipse,
     pub(crate) raster: raster::Raster,
     pub(crate) gauss: gauss::Gauss,
-    pub(crate) fragment: fragment::Fragment,
-    pub(crate) shade: shade::Shade,
-    pub(crate) resolve: resolve::Resolve,
+    /// At most l fragments a pixel.
+    pub fragment: fragment::Fragment,
+    /// Normalise and light.
+    pub shade: shade::Shade,
+    /// Blend into the frame.
+    pub resolve: resolve::Resolve,
 }
 
 impl Machine {

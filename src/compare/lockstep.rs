@@ -14,6 +14,7 @@
 
 mod pixel;
 mod registers;
+mod summary;
 
 use crate::fixed;
 use crate::golden::Rules;
@@ -35,6 +36,8 @@ use rtl_model::units::fragment::{Contribution, Decision, TILE_AREA, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use serde::Serialize;
 use std::collections::BTreeMap;
+
+pub use summary::{BoundSummary, Summary};
 
 /// Decisions that `golden` would have taken otherwise, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -129,8 +132,8 @@ pub fn lockstep(scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> L
     let shader = Shader::new(scene);
     let stage = Stage::new(scene, machine, quantised, &rules, &shader);
     let mut leader = Leader::new(&stage);
-    pipeline::draw(machine, &quantised.frame, &mut leader);
-    leader.finish()
+    let drawing = pipeline::draw(machine, &quantised.frame, &mut leader);
+    leader.finish(drawing.covered)
 }
 
 /// What every tile needs.
@@ -156,7 +159,7 @@ impl<'a> Stage<'a> {
             machine,
             rules,
             shader,
-            lighting: registers::lighting(scene, &eye, description, quantised),
+            lighting: registers::lighting(scene, &eye, machine, quantised),
             z_threshold_world: scene.surface.z_threshold,
             z_threshold: Near::held(scene.surface.z_threshold * quantised.scale.factor(), depth, frame.z_threshold),
             coverage_threshold: registers::coverage_threshold(scene, description, quantised),
@@ -358,7 +361,7 @@ impl<'a> Leader<'a> {
     }
 
     /// Tiles that the machine never touched, and the frame.
-    fn finish(mut self) -> Lockstep {
+    fn finish(mut self, covered: Vec<bool>) -> Lockstep {
         let stage = self.stage;
         let (width, height) = (stage.scene.image.width, stage.scene.image.height);
         for tile in 0..stage.bins.len() {
@@ -372,7 +375,7 @@ impl<'a> Leader<'a> {
         }
         let pixels = width * height;
         let mut frame = Lockstep {
-            led: Picture { width, height, rgba: vec![stage.common.shader.background(); pixels], covered: vec![false; pixels] },
+            led: Picture { width, height, rgba: vec![stage.common.shader.background(); pixels], covered },
             bound: vec![0.0; pixels],
             error: vec![0.0; pixels],
             flipped: vec![0; pixels],

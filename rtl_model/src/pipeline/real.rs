@@ -2,8 +2,10 @@
 
 use crate::frame::real::{Splat, View};
 use crate::machine::Elaborated;
+use crate::num::table::real::Power;
 use crate::num::two;
 use crate::real::{Near, Real, Scale};
+use crate::units::shade::real::{Lighting, Sums};
 use crate::units::{ellipse, project, raster};
 
 /// A splat that has been set up, as exact arithmetic and the machine both understand it.
@@ -66,14 +68,33 @@ impl Footprint {
 }
 
 impl Elaborated {
-    pub fn real_shade(&self, _l: &crate::units::shade::real::Lighting<Near>, s: &crate::units::shade::real::Sums<Near>) -> [Near; 4] {
-        let _ = s;
-        [Near { value: 0.0, error: 1.0 }; 4]
+    /// Shades one fragment: colour times opacity, and opacity.
+    pub fn real_shade(&self, lighting: &Lighting<Near>, sums: &Sums<Near>) -> [Near; 4] {
+        self.shade.real(lighting, sums)
     }
-    pub fn real_merge(&self, over: [Near; 4], _under: [Near; 4]) -> [Near; 4] {
-        over
+
+    /// What a slot keeps of a fragment that was shaded for a merge.
+    pub fn real_stored(&self, shaded: [Near; 4]) -> [Near; 4] {
+        self.fragment.real_stored(shaded)
     }
-    pub fn real_resolve(&self, _l: &[[Near; 4]], b: [Near; 4]) -> [Near; 4] {
-        b.map(|b| Near { value: b.value, error: 1.0 })
+
+    /// What a merge or resolve reads of a fragment that a merge left.
+    pub fn real_read(&self, slot: [Near; 4]) -> [Near; 4] {
+        self.fragment.real_read(slot)
+    }
+
+    /// Front over back, into a slot.
+    pub fn real_merge(&self, front: [Near; 4], back: [Near; 4]) -> [Near; 4] {
+        self.fragment.real_blend(front, back)
+    }
+
+    /// Layers front to back over the background.
+    pub fn real_resolve(&self, layers: &[[Near; 4]], background: [Near; 4]) -> [Near; 4] {
+        self.resolve.real(layers, background)
+    }
+
+    /// A material's highlight, from its words.
+    pub fn real_highlight(&self, words: &[i64], shininess: f64) -> Power {
+        self.shade.power(words, shininess)
     }
 }

@@ -660,5 +660,7 @@ impl Outcomes {
     }
 }
 
+pub mod real;
+
 #[cfg(test)]
 mod tests;

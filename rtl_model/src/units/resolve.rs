@@ -86,5 +86,7 @@ impl Resolve {
     }
 }
 
+pub mod real;
+
 #[cfg(test)]
 mod tests;

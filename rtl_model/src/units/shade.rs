@@ -176,12 +176,14 @@ impl Shade {
     pub fn highlights(&self, lighting: &Lighting) -> Vec<Option<Table>> {
         let table = |material: &Material| match material {
             Material::Unlit => None,
-            Material::BlinnPhong { highlight, .. } => {
-                let shape = self.highlight_table;
-                Some(Table::new(self.highlight, shape.index_bits, self.words.highlight_argument_bits, shape.interpolation, highlight))
-            }
+            Material::BlinnPhong { highlight, .. } => Some(self.highlight(highlight)),
         };
         lighting.materials.iter().map(table).collect()
+    }
+
+    fn highlight(&self, words: &[i64]) -> Table {
+        let shape = self.highlight_table;
+        Table::new(self.highlight, shape.index_bits, self.words.highlight_argument_bits, shape.interpolation, words)
     }
 
     /// Shades one fragment.
@@ -262,5 +264,6 @@ impl Shade {
 }
 
 pub mod real;
+
 #[cfg(test)]
 mod tests;

@@ -251,7 +251,11 @@ impl Pixel {
     }
 
     fn merge(&mut self, common: &Common, front: usize) {
-        let [over, under] = [front, front + 1].map(|slot| self.light(common, slot));
+        // A shaded fragment lives in a slot: what a slot cannot hold is lost before the blend, as after it.
+        let stored = |slot: usize| {
+            if self.fragments[slot].shaded { self.light(common, slot) } else { common.machine.real_stored(self.light(common, slot)) }
+        };
+        let (over, under) = (stored(front), stored(front + 1));
         let merged = Fragment::merge(&self.fragments[front], &self.fragments[front + 1], common.shader);
         let near = common.machine.real_merge(over, under);
         let golden = [merged.rgb.x, merged.rgb.y, merged.rgb.z, merged.alpha];
@@ -265,7 +269,7 @@ impl Pixel {
     fn light(&self, common: &Common, slot: usize) -> [Near; 4] {
         let (golden, bounds) = (&self.fragments[slot], &self.bounds[slot]);
         if golden.shaded {
-            return bounds.shaded;
+            return common.machine.real_read(bounds.shaded);
         }
         let near = common.machine.real_shade(&common.lighting, &self.sums(common, slot));
         let exact = common.shader.premultiplied(golden).to_array();

@@ -2,19 +2,15 @@
 
 use crate::golden::shade::Shader;
 use crate::quantise::Quantised;
-use crate::scene::{Scene, View};
+use crate::scene::{Light, Material, Scene, View};
 use glam::DVec3;
+use rtl_model::frame;
 use rtl_model::frame::real::{self, Splat};
-use rtl_model::frame::{self, Scaled};
-use rtl_model::machine::Machine;
+use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::num::Word;
 use rtl_model::real::Near;
+use rtl_model::units::shade::real::{self as shade, Lighting};
 use std::f64::consts::TAU;
-
-/// A positive constant held as a mantissa and a power of two.
-pub fn scaled(value: f64, word: Word, held: Scaled) -> Near {
-    Near::within(value, word.format.value(held.mantissa) * (-(held.places as f64)).exp2() - value)
-}
 
 /// A vector and its words.
 pub fn vector(value: DVec3, word: Word, held: [i64; 3]) -> [Near; 3] {
@@ -32,7 +28,7 @@ pub fn view(scene: &Scene, view: &View, machine: &Machine, quantised: &Quantised
         near: Near::held(scene.camera.near * scale.factor(), p.depth, held.near),
         guard: [guard(0), guard(1)],
         focal: Near::held(view.focal_px, p.focal, held.focal),
-        inverse_focal: scaled(1.0 / view.focal_px, e.inverse_focal, held.inverse_focal),
+        inverse_focal: Near::held_scaled(1.0 / view.focal_px, e.inverse_focal, held.inverse_focal),
         low_pass: Near::held(scene.kernel.low_pass, e.low_pass, held.low_pass),
         cutoff: Near::held(scene.kernel.cutoff, raster.cutoff, held.cutoff),
         root_cutoff: Near::held(scene.kernel.cutoff.sqrt(), e.root_cutoff, held.root_cutoff),
@@ -55,9 +51,39 @@ pub fn splat(scene: &Scene, machine: &Machine, quantised: &Quantised, index: usi
     }
 }
 
-/// stub
-pub fn lighting(_scene: &Scene, _view: &View, _machine: &Machine, _quantised: &Quantised) -> rtl_model::units::shade::real::Lighting<Near> {
-    rtl_model::units::shade::real::Lighting { tau: Near::exact(0.0) }
+/// The lighting registers, in camera space.
+pub fn lighting(scene: &Scene, view: &View, machine: &Elaborated, quantised: &Quantised) -> Lighting<Near> {
+    let (words, frame) = (&machine.machine.shade, &quantised.frame);
+    let light = |(exact, held): (&Light, &frame::Light)| {
+        let direction = view.rotation * exact.direction;
+        let half_way = |held: [i64; 3]| vector((direction - DVec3::Z).normalize(), words.light, held);
+        shade::Light { direction: vector(direction, words.light, held.direction), half_way: held.half_way.map(half_way) }
+    };
+    let material = |(exact, held): (&Material, &frame::Material)| match (exact, held) {
+        (
+            Material::BlinnPhong { ambient, diffuse, specular, shininess },
+            frame::Material::BlinnPhong { ambient: held_ambient, diffuse: held_diffuse, specular: held_specular, highlight },
+        ) => {
+            let answers = |factor: f64, held: &[[i64; 3]]| {
+                let answer =
+                    |(light, held): (&Light, &[i64; 3])| [0, 1, 2].map(|i| Near::held(factor * light.rgb[i], words.reflectance, held[i]));
+                scene.lights.iter().zip(held).map(answer).collect()
+            };
+            shade::Material::BlinnPhong {
+                ambient: Near::held(*ambient, words.reflectance, *held_ambient),
+                diffuse: answers(*diffuse, held_diffuse),
+                specular: answers(*specular, held_specular),
+                highlight: machine.real_highlight(highlight, *shininess),
+            }
+        }
+        _ => shade::Material::Unlit,
+    };
+    Lighting {
+        lights: scene.lights.iter().zip(&frame.lighting.lights).map(light).collect(),
+        materials: scene.materials.iter().zip(&frame.lighting.materials).map(material).collect(),
+        coverage_threshold: coverage_threshold(scene, &machine.machine, quantised),
+        inverse_threshold: Near::held_scaled(1.0 / scene.surface.coverage_threshold, words.inverse_threshold, frame.inverse_threshold),
+    }
 }
 
 /// τ.

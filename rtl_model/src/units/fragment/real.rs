@@ -1,0 +1,75 @@
+//! Fragment over the reals: how far sums and merged fragments may lie from the exact ones.
+//!
+//! p(word) is a last place; a word that is cut loses a whole one, downwards, where this says half of one.
+//! ```text
+//! accumulate   one contribution adds ½p(sum) to what it carries in itself, nothing where the sum has all of the product's places;
+//!              K of them K·½p(sum): one-sided, and so without cancelling, where the sum is cut
+//! store, read  a shaded word in a slot: ½p(sum), then ½p(premultiplied), and nothing of both where the sum can hold every shaded word
+//! blend        C_f + C_b·(1 − α_f): δC_f + (1 − α_f)·δC_b + (C_b + δC_b)·δα_f + ½p(sum)
+//! ```
+//! Each then keeps to its word's limits. Colours and opacity have a sum's format each.
+//!
+//! Laws: `accumulating_is_within_its_bound`, `merging_is_within_its_bound`, and `…_is_tight` of both.
+
+use super::{COLOUR, Fragment, OPACITY};
+use crate::num::Fit;
+use crate::real::{Real, Scale, loss};
+
+impl Fragment {
+    /// A sum after one more contribution: lane by lane as in [`super::Sums`].
+    pub fn real_accumulated<R: Real>(&self, lane: usize, sum: R, weight: R, attribute: R) -> R {
+        let fit = &self.sums[lane];
+        (sum + weight * attribute).refit(fit.word.format.frac_bits + fit.places() as i32, fit)
+    }
+
+    /// How far so many roundings may take a sum down and up, where it never leaves its format's range.
+    pub fn accumulation_loss(&self, lane: usize, contributions: u32) -> [f64; 2] {
+        let fit = &self.sums[lane];
+        if fit.places() <= 0 {
+            return [0.0; 2];
+        }
+        loss(fit.word.round).map(|places| places * f64::from(contributions) * fit.word.format.value(1))
+    }
+
+    /// What a slot holds of a fragment that was shaded, as a merge or resolve reads it again.
+    pub fn real_stored<R: Real>(&self, shaded: [R; 4]) -> [R; 4] {
+        let [r, g, b, opacity] = shaded;
+        let [of_colour, of_opacity] = &self.store;
+        let [r, g, b] = [r, g, b].map(|channel| self.kept(channel, of_colour));
+        [r, g, b, self.kept(opacity, of_opacity)]
+    }
+
+    fn kept<R: Real>(&self, shaded: R, store: &Fit) -> R {
+        if self.keeps_all(store) {
+            return shaded;
+        }
+        self.real_read_from(shaded.refit(self.premultiplied_frac_bits as i32, store), store)
+    }
+
+    /// Whether a slot's word has all places and the range of a shaded one.
+    fn keeps_all(&self, store: &Fit) -> bool {
+        let (slot, shaded) = (store.word.format, self.read.word.format);
+        slot.frac_bits >= shaded.frac_bits && slot.value(slot.max()) >= shaded.value(shaded.max())
+    }
+
+    /// A shaded slot's colour times opacity, and opacity, as a merge or resolve reads them.
+    pub fn real_read<R: Real>(&self, slot: [R; 4]) -> [R; 4] {
+        let [r, g, b, opacity] = slot;
+        let [r, g, b] = [r, g, b].map(|channel| self.real_read_from(channel, &self.sums[COLOUR]));
+        [r, g, b, self.real_read_from(opacity, &self.sums[OPACITY])]
+    }
+
+    fn real_read_from<R: Real>(&self, slot: R, from: &Fit) -> R {
+        slot.refit(from.word.format.frac_bits, &self.read)
+    }
+
+    /// Front over back, into a slot.
+    pub fn real_blend<R: Real>(&self, front: [R; 4], back: [R; 4]) -> [R; 4] {
+        let through = R::constant(1.0) - front[3];
+        let [of_colour, of_opacity] = &self.blend;
+        std::array::from_fn(|i| (front[i] + back[i] * through).fit(if i < 3 { of_colour } else { of_opacity }, Scale::ONE))
+    }
+}
+
+#[cfg(test)]
+mod tests;

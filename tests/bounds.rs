@@ -1,0 +1,119 @@
+//! Does the error bound hold? The machine with `golden` in lockstep, on built-in scenes, real scans and machines that nobody would build.
+
+#[path = "../rtl_model/tests/machines/mutation.rs"]
+#[expect(dead_code, reason = "the machine's own tests use the rest")]
+mod mutation;
+mod shared_input;
+
+use mutation::{differences, mutated, mutations, named};
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::TestRunner;
+use rtl_model::Machine;
+use splatsim::compare::{Lockstep, lockstep};
+use splatsim::scene::{Overrides, Scene};
+use splatsim::{fixed, quantise};
+
+fn scene(name: &str, size: (usize, usize)) -> Scene {
+    Scene::load(name, &Overrides { size: Some(size) }).unwrap()
+}
+
+fn in_lockstep(scene: &Scene, machine: &Machine) -> Lockstep {
+    let elaborated = fixed::elaborate(machine).unwrap();
+    lockstep(scene, &elaborated, &quantise::quantise(scene, machine).unwrap())
+}
+
+/// What is wrong with a frame, if anything is.
+fn fault(frame: &Lockstep) -> Option<String> {
+    let Lockstep { violations, flips, .. } = frame;
+    let wrong = *violations > 0 || flips.unexplained > 0;
+    wrong.then(|| format!("{violations} pixels exceed their bound; {flips:?}"))
+}
+
+#[test]
+fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() {
+    for name in ["glass-spheres", "checkerboard", "torus-knot", "terrain"] {
+        let scene = scene(name, (192, 160));
+        for machine in Machine::NAMES {
+            let frame = in_lockstep(&scene, &Machine::named(machine).unwrap());
+            assert_eq!(fault(&frame), None, "{name} on {machine}");
+            assert!(frame.flips.total() > 0 && frame.bound.iter().any(|bound| *bound > 0.0), "{name} on {machine} asked nothing");
+        }
+    }
+}
+
+#[test]
+fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
+    for name in [
+        "scans/bun_zipper.ply",
+        "scans/pond.0.ply",
+        "scans/igea.ply",
+        "scans/vol_total_rgb.ply",
+        "scans/park_points_rgb.ply",
+        "scenes/dragon.json",
+    ] {
+        let Some(path) = shared_input::find(name) else { continue };
+        let scene = scene(path.to_str().unwrap(), (192, 160));
+        for machine in Machine::NAMES {
+            assert_eq!(fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())), None, "{name} on {machine}");
+        }
+    }
+}
+
+/// Nine covered pixels in ten are known to four steps of an 8-bit display.
+#[test]
+fn the_bound_of_the_reference_machine_says_something() {
+    let mut scenes = vec![scene("glass-spheres", (512, 512))];
+    scenes.extend(shared_input::find("scenes/dragon.json").map(|path| scene(path.to_str().unwrap(), (512, 512))));
+    for scene in scenes {
+        let machine = Machine::named("reference").unwrap();
+        let frame = in_lockstep(&scene, &machine);
+        assert_eq!(fault(&frame), None, "{}", scene.name);
+        let summary = frame.summary(&frame.led).bound;
+        assert!(summary.share_under_4_255 >= 0.9, "{}: {summary:?}", scene.name);
+        // Not for want of errors.
+        assert!(summary.max_ratio > 0.2, "{}: {summary:?}", scene.name);
+    }
+}
+
+#[test]
+fn no_pixel_of_a_random_machine_exceeds_its_bound() {
+    const MACHINES: usize = 200;
+    let scenes = [scene("torus-knot", (48, 40)), scene("glass-spheres", (40, 40))].map(|mut scene| {
+        // Every so many splats, larger: as much overlap, less work.
+        let every = scene.splats.len() / 2000 + 1;
+        scene.splats = scene.splats.iter().step_by(every).copied().collect();
+        scene.splats.iter_mut().for_each(|splat| splat.radius *= (every as f64).sqrt());
+        scene
+    });
+    let mut runner = TestRunner::deterministic();
+    let (mut drawn, mut asked) = (0, 0);
+    while drawn < MACHINES {
+        asked += 1;
+        assert!(asked < 100 * MACHINES, "only {drawn} of {asked} machines can draw");
+        let pick = (named(), mutations(1..12)).new_tree(&mut runner).unwrap().current();
+        let machine = pick.1.iter().fold(Machine::named(pick.0).unwrap(), |machine, mutation| mutated(&machine, mutation));
+        let Ok(elaborated) = machine.elaborate() else { continue };
+        let scene = &scenes[asked % 2];
+        let Ok(quantised) = quantise::quantise(scene, &machine) else { continue };
+        let frame = lockstep(scene, &elaborated, &quantised);
+        assert_eq!(fault(&frame), None, "{} {:?}", machine.name, differences(&machine));
+        drawn += 1;
+    }
+}
+
+/// The check can fail: a machine that says it sums more places than it has.
+#[test]
+fn a_machine_that_rounds_more_than_it_says_is_caught() {
+    let scene = scene("glass-spheres", (96, 96));
+    let machine = Machine::named("tiny").unwrap();
+    let mut elaborated = fixed::elaborate(&machine).unwrap();
+    let quantised = quantise::quantise(&scene, &machine).unwrap();
+    assert_eq!(fault(&lockstep(&scene, &elaborated, &quantised)), None);
+    let finer = Machine::named("reference").unwrap().fragment;
+    elaborated.machine.fragment.weight_sum = finer.weight_sum;
+    elaborated.machine.fragment.colour_sum = finer.colour_sum;
+    elaborated.machine.resolve.frame = Machine::named("lean").unwrap().resolve.frame;
+    let frame = lockstep(&scene, &elaborated, &quantised);
+    assert!(frame.violations > 0, "{:?}", frame.flips);
+}
