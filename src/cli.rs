@@ -161,7 +161,6 @@ impl Common {
     fn scene(&self, name_or_path: &str) -> Result<Scene> {
         Scene::load(name_or_path, &Overrides { size: self.size.map(|Pair(width, height)| (width, height)) })
     }
-
 }
 
 impl Threads {

@@ -125,8 +125,7 @@ pub fn run(cases: &[&'static Case], others: &[Machine]) -> Result<Catalogue> {
     for machine in others {
         crate::fixed::elaborate(machine)?;
     }
-    let jobs: Vec<(usize, f64)> =
-        cases.iter().enumerate().flat_map(|(i, case)| case.values.iter().map(move |value| (i, *value))).collect();
+    let jobs: Vec<(usize, f64)> = cases.iter().enumerate().flat_map(|(i, case)| case.values.iter().map(move |value| (i, *value))).collect();
     let done = jobs.par_iter().map(|&(i, value)| run_point(cases[i], value, others)).collect::<Result<Vec<_>>>()?;
     let mut catalogue = Catalogue { version: env!("CARGO_PKG_VERSION"), cases: Vec::new(), gallery: Vec::new() };
     let mut done = done.into_iter();

@@ -39,7 +39,8 @@ impl Draw for Tile {
         for (i, [r, g, b, _]) in self.picture.rgba.iter().enumerate() {
             let [x, y] = [MARGIN_PX + i as i32 % columns * side, MARGIN_PX + CAPTION_PX + i as i32 / columns * side];
             let [r, g, b] = [r, g, b].map(|channel| (255.0 * srgb_encode(*channel)).round() as u8);
-            let square = [(x, y), (x + side - 1, y + side - 1)];
+            // The corner is not part of it.
+            let square = [(x, y), (x + side, y + side)];
             area.draw(&Rectangle::new(square, RGBColor(r, g, b).filled())).map_err(told)?;
         }
         Ok(())

@@ -58,7 +58,7 @@ const UNLIT: u32 = 0;
 const LIT: u32 = 1;
 
 /// The catalogue.
-pub const CASES: [Case; 27] = [
+pub const CASES: [Case; 28] = [
     Case {
         name: "grazing",
         trouble: "discs turned until they are seen edge-on: amplitude to 0, depth slope without limit",
@@ -145,10 +145,7 @@ pub const CASES: [Case; 27] = [
         log: true,
         telling: (12.0, "6-bit radial"),
         scene: wrap,
-        variant: Some(Variant {
-            name: "6-bit radial",
-            settings: |_| vec![r#"raster.radial={"format":"I6F27","overflow":"wrap"}"#.into()],
-        }),
+        variant: Some(Variant { name: "6-bit radial", settings: |_| vec![r#"raster.radial={"format":"I6F27","overflow":"wrap"}"#.into()] }),
     },
     Case {
         name: "negative-r",
@@ -190,7 +187,7 @@ pub const CASES: [Case; 27] = [
         unit: "",
         values: &[16.0, 14.0, 12.0, 11.0, 10.0, 9.0, 8.0, 7.0],
         log: false,
-        telling: (8.0, "fewer bits"),
+        telling: (7.0, "fewer bits"),
         scene: |_| overlapping_discs(),
         variant: Some(Variant { name: "fewer bits", settings: |bits| vec![format!("raster.offset=I7F{}", bits - 7.0)] }),
     },
@@ -210,7 +207,7 @@ pub const CASES: [Case; 27] = [
         trouble: "splats on both sides of the near plane, ever closer to it",
         parameter: "distance to the near plane",
         unit: "of its depth",
-        values: &[0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6],
+        values: &[0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8],
         log: true,
         telling: (1e-5, "tiny"),
         scene: near_plane,
@@ -272,13 +269,24 @@ pub const CASES: [Case; 27] = [
         variant: None,
     },
     Case {
-        name: "epsilon",
-        trouble: "two sloped surfaces six radii apart: a small ε tears each of them, a large one joins both",
+        name: "small-epsilon",
+        trouble: "two sloped surfaces and a small ε: each of them falls apart into fragments",
         parameter: "ε",
         unit: "radii",
-        values: &[3.0, 4.0, 6.0, 8.0, 16.0, 2.0, 1.0, 0.5, 0.1, 0.01],
+        values: &[3.0, 2.0, 1.0, 0.5, 0.2, 0.1, 0.03, 0.01],
         log: true,
         telling: (0.5, "lean"),
+        scene: epsilon,
+        variant: None,
+    },
+    Case {
+        name: "large-epsilon",
+        trouble: "two sloped surfaces six radii apart and a large ε: they become one",
+        parameter: "ε",
+        unit: "radii",
+        values: &[3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 12.0, 16.0],
+        log: true,
+        telling: (7.0, "lean"),
         scene: epsilon,
         variant: None,
     },
@@ -417,7 +425,8 @@ fn needle([x, y]: [f64; 2], aspect: f64, degrees: f64, rgb: [f64; 3]) -> Splat {
 fn plane(centre: DVec3, [right, down]: [DVec3; 2], count: usize, spacing: f64, colours: [[f64; 3]; 2]) -> Vec<Splat> {
     let normal = right.cross(down).normalize();
     let normal = if normal.z > 0.0 { -normal } else { normal };
-    let place = |i: usize| (i as f64 - (count as f64 - 1.0) / 2.0) * spacing;
+    // A little off the middle: in a symmetric grid many pixels would lie exactly on the cutoff.
+    let place = |i: usize| (i as f64 - (count as f64 - 1.0) / 2.0 + 0.043) * spacing;
     let cell = |i: usize| {
         let (column, row) = (i % count, i / count);
         let position = centre + place(column) * right + place(row) * down;
@@ -508,13 +517,14 @@ fn sub_pixel(radius_px: f64) -> Scene {
     scene
 }
 
-/// Width of the wide pictures, pixels.
-const WIDE: usize = 128;
+/// Size of the wide pictures, pixels.
+const WIDE: usize = 72;
+const HIGH: usize = 36;
 
 fn huge(frames: f64) -> Scene {
     let radius = radius_of_width(frames * WIDE as f64) * PX;
     let place = |x: f64, y: f64, rgb| disc(at(x, y, DEPTH), radius, rgb);
-    let mut scene = picture(WIDE, 24, vec![place(-70.3, 3.2, RED), place(-8.6, -2.7, GREEN), place(61.4, 0.6, BLUE)]);
+    let mut scene = picture(WIDE, HIGH, vec![place(-38.3, 3.2, RED), place(-4.6, -2.7, GREEN), place(33.4, 0.6, BLUE)]);
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (1.0, 0.1);
     scene
 }
@@ -528,9 +538,9 @@ fn wrap(aspect: f64) -> Scene {
 /// Two horizontal needles, each through the centres of a row of pixels.
 fn negative_r(frames: f64) -> Scene {
     let aspect = radius_of_width(frames * WIDE as f64) / SQRT_2;
-    let splats = vec![needle([0.5, -5.5], aspect, 90.0, RED), needle([-20.5, 5.5], aspect, 90.0, BLUE)];
+    let splats = vec![needle([0.5, -7.5], aspect, 90.0, RED), needle([-11.5, 8.5], aspect, 90.0, BLUE)];
     let reach = splats[0].radius * SQRT_2;
-    let mut scene = picture(WIDE, 24, splats);
+    let mut scene = picture(WIDE, HIGH, splats);
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (DEPTH + 2.0 * reach, 0.2);
     scene
 }

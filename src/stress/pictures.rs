@@ -1,6 +1,6 @@
 //! Pictures: the catalogue as a grid of charts, and as a gallery.
 
-use super::{CASES, Case, CaseReport, Catalogue, Exhibit, Failure, MachineReport, Point, short};
+use super::{CASES, Case, CaseReport, Catalogue, Exhibit, Failure, Found, MachineReport, Point, SHARE_FAILS, short};
 use crate::chart::{Axis, Draw, Mark, Panel, Series, Tile, Words, write_png};
 use crate::error::Result;
 use crate::picture::Picture;
@@ -17,6 +17,8 @@ const GALLERY_CELL_PX: [u32; 2] = [152, 170];
 const GALLERY_CHARS: usize = 22;
 /// Errors below this are drawn as this; nothing in a picture shows them.
 const FLOOR: f64 = 1e-6;
+/// Where bounds are drawn that say nothing.
+const CEILING: f64 = 2.0;
 /// How much brighter an error is shown.
 const ENLARGED: f64 = 16.0;
 /// Colour numbers: the method, and machines in their order.
@@ -48,7 +50,7 @@ fn key() -> Words {
     let names = Machine::NAMES.into_iter().chain(["the case's own variant of reference"]);
     lines.extend(names.enumerate().map(|(i, name)| (Some((Mark::Line, colour(i))), format!("fixed − led on {name}"))));
     let rest = [
-        (Some((Mark::Dashed, colour(0))), "its bound, where that is at most 1"),
+        (Some((Mark::Dashed, colour(0))), "its bound; at the top where it says nothing"),
         (Some((Mark::Dots, colour(0))), "fixed − golden: with flipped decisions"),
         (None, "all: the greatest of a picture, linear light in [0, 1];"),
         (None, "what is below 1e-6 is drawn there"),
@@ -81,12 +83,18 @@ fn panel(report: &CaseReport) -> Panel {
             limits.extend(machine.method_fails_at.map(|value| (place(case, value), "method".to_owned(), METHOD)));
         }
         series.push(line(Mark::Dots, colour(i), &|point| Some(point.found()?.fixed_vs_golden.max_error)));
-        series.push(line(Mark::Dashed, colour(i), &|point| point.found()?.lockstep.max_bound));
+        series.push(line(Mark::Dashed, colour(i), &|point| Some(told_bound(point.found()?))));
         series.push(line(Mark::Line, colour(i), &|point| Some(point.found()?.lockstep.max_error)));
         limits.extend(limit(case, machine, colour(i)));
     }
-    let (x, y) = (if case.log { Axis::log(&label) } else { Axis::linear(&label) }, Axis::log("error").within(FLOOR / 2.0, 2.0));
+    let (x, y) = (if case.log { Axis::log(&label) } else { Axis::linear(&label) }, Axis::log("error").within(FLOOR / 2.0, 1.2 * CEILING));
     Panel { title: report.name.into(), x, y, series, limits: joined(limits) }
+}
+
+/// The bound where it says something, else the top of the chart.
+fn told_bound(found: &Found) -> f64 {
+    let bound = &found.lockstep;
+    if bound.share_over_1 > SHARE_FAILS { CEILING } else { bound.max_bound.unwrap_or(0.0) }
 }
 
 fn limit(case: &Case, machine: &MachineReport, colour: usize) -> Option<(f64, String, usize)> {
@@ -124,8 +132,7 @@ pub fn write_gallery(exhibits: &[Exhibit], path: &Path) -> Result<()> {
 fn words(exhibit: &Exhibit) -> Words {
     let case = exhibit.case;
     let value = format!("{} {} {}", case.parameter, short(exhibit.value), case.unit);
-    let lines = broken(value.trim()).into_iter().chain([String::new(), format!("on {}", exhibit.machine)]);
-    Words { title: case.name.into(), lines: lines.map(|line| (None, line)).collect() }
+    Words { title: case.name.into(), lines: broken(value.trim()).into_iter().map(|line| (None, line)).collect() }
 }
 
 fn tiles(exhibit: &Exhibit) -> [Tile; 4] {
@@ -135,13 +142,14 @@ fn tiles(exhibit: &Exhibit) -> [Tile; 4] {
     [
         tile("ideal", &pictures.ideal),
         tile("golden", &pictures.golden),
-        tile("fixed", &pictures.fixed),
+        tile(&format!("fixed: {}", exhibit.machine), &pictures.fixed),
         tile(&format!("error × {ENLARGED}"), &error),
     ]
 }
 
 fn error(fixed: &Picture, golden: &Picture) -> Picture {
-    let pixel = |(a, b): (&[f64; 4], &[f64; 4])| [0, 1, 2, 3].map(|i| (ENLARGED * (a[i].clamp(0.0, 1.0) - b[i].clamp(0.0, 1.0)).abs()).min(1.0));
+    let pixel =
+        |(a, b): (&[f64; 4], &[f64; 4])| [0, 1, 2, 3].map(|i| (ENLARGED * (a[i].clamp(0.0, 1.0) - b[i].clamp(0.0, 1.0)).abs()).min(1.0));
     Picture { rgba: fixed.rgba.iter().zip(&golden.rgba).map(pixel).collect(), ..fixed.clone() }
 }
 
