@@ -113,7 +113,7 @@ fn places_to_spare(word: Word, needed: f64) -> i32 {
 }
 
 /// A real number as a word: rounded as the word says, saturated.
-fn quantised(word: Word, value: f64) -> i64 {
+pub(crate) fn quantised(word: Word, value: f64) -> i64 {
     let scaled = value * f64::from(word.format.frac_bits).exp2();
     let rounded = match word.round {
         Rounding::Truncate => scaled.floor(),

@@ -1,8 +1,8 @@
 //! Host: how the simulator uses the computer that it runs on. Nothing here is hardware, and nothing here changes a bit.
 //!
 //! The only `unsafe` of the crate: vector instructions, after asking whether they are there. It buys speed alone
-//! (`cargo bench`), and is held to [`Plain`] lanes, operation by operation and frame by frame, by
-//! `vector_lanes_equal_plain_lanes` and `a_frame_without_vectors_is_the_same_frame`.
+//! (`cargo bench`), and is held to plain lanes and words, operation by operation and frame by frame, by
+//! `vector_lanes_equal_plain_lanes`, `vector_words_equal_plain_words` and `a_frame_without_vectors_is_the_same_frame`.
 #![allow(unsafe_code, reason = "see above; everywhere else it is denied")]
 
 use crate::num::lanes::Plain;
@@ -31,10 +31,11 @@ pub fn plainly<W: Work>(work: W) -> W::Output {
     work.run::<Plain>()
 }
 
-/// Eight lanes in two AVX2 registers.
+/// Eight lanes in two AVX2 registers, eight words in one.
 #[cfg(target_arch = "x86_64")]
 pub mod avx2 {
     use super::{LANES, Lanes, Work};
+    use crate::num::{Exacts, Words, two};
     use std::arch::x86_64::*;
     use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
@@ -44,13 +45,14 @@ pub mod avx2 {
             && is_x86_feature_detected!("bmi1")
             && is_x86_feature_detected!("bmi2")
             && is_x86_feature_detected!("lzcnt")
+            && is_x86_feature_detected!("popcnt")
     }
 
     /// Runs work on [`Vectors`].
     ///
     /// # Safety
     /// [`is_there`] must hold.
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt")]
+    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     pub unsafe fn run<W: Work>(work: W) -> W::Output {
         work.run::<Vectors>()
     }
@@ -83,6 +85,8 @@ pub mod avx2 {
     const SIGN: i64 = i64::MIN;
 
     impl Lanes for Vectors {
+        type Words = VectorWords;
+
         #[inline(always)]
         fn from_array(words: [i64; LANES]) -> Self {
             both!(i => _mm256_loadu_si256(words.as_ptr().add(4 * i).cast()))
@@ -105,10 +109,6 @@ pub mod avx2 {
         fn left(self, by: u32) -> Self {
             both!(i => _mm256_sll_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)))
         }
-        #[inline(always)]
-        fn left_by(self, by: Self) -> Self {
-            both!(i => _mm256_sllv_epi64(self.0[i], by.0[i]))
-        }
         // AVX2 shifts 64-bit lanes right without their sign only: adding 2^63 moves the sign out of the way.
         #[inline(always)]
         fn right(self, by: u32) -> Self {
@@ -116,14 +116,6 @@ pub mod avx2 {
             both!(i => {
                 let biased = _mm256_xor_si256(self.0[i], _mm256_set1_epi64x(SIGN));
                 _mm256_sub_epi64(_mm256_srl_epi64(biased, _mm_cvtsi32_si128(by as i32)), moved.0[i])
-            })
-        }
-        #[inline(always)]
-        fn right_by(self, by: Self) -> Self {
-            both!(i => {
-                let sign = _mm256_set1_epi64x(SIGN);
-                let biased = _mm256_xor_si256(self.0[i], sign);
-                _mm256_sub_epi64(_mm256_srlv_epi64(biased, by.0[i]), _mm256_srlv_epi64(sign, by.0[i]))
             })
         }
         #[inline(always)]
@@ -137,18 +129,6 @@ pub mod avx2 {
         #[inline(always)]
         fn above(self, other: Self) -> Self {
             both!(i => _mm256_cmpgt_epi64(self.0[i], other.0[i]))
-        }
-        #[inline(always)]
-        fn where_else(self, condition: Self, other: Self) -> Self {
-            both!(i => _mm256_blendv_epi8(other.0[i], self.0[i], condition.0[i]))
-        }
-        #[inline(always)]
-        fn leading_zeros(self) -> Self {
-            let mut words = self.to_array();
-            for word in &mut words {
-                *word = i64::from(word.leading_zeros());
-            }
-            Self::from_array(words)
         }
         #[inline(always)]
         fn look_up(self, table: &[i64]) -> Self {
@@ -168,11 +148,6 @@ pub mod avx2 {
                 let equal = _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(distance, least)));
                 (_mm_cvtsi128_si32(least) as u32, equal.trailing_zeros() as usize)
             }
-        }
-        #[inline(always)]
-        fn any_negative(self) -> bool {
-            // SAFETY: as `both`.
-            unsafe { _mm256_movemask_pd(_mm256_castsi256_pd(_mm256_or_si256(self.0[0], self.0[1]))) != 0 }
         }
     }
 
@@ -222,6 +197,302 @@ pub mod avx2 {
         #[inline(always)]
         fn mul(self, other: Vectors) -> Vectors {
             both!(i => _mm256_mul_epi32(self.0[i], other.0[i]))
+        }
+    }
+
+    /// Eight words in one register. Made only inside [`run`], as [`Vectors`].
+    #[derive(Clone, Copy, Debug)]
+    pub struct VectorWords(__m256i);
+
+    /// Eight exact results: even lanes in the first register, odd lanes in the second, for that is how words of 32 bits multiply.
+    #[derive(Clone, Copy, Debug)]
+    pub struct VectorExacts([__m256i; 2]);
+
+    /// One instruction on a register of words.
+    ///
+    /// SAFETY: a value of [`VectorWords`] exists only inside [`run`], whose caller vouched for the instructions.
+    macro_rules! word {
+        ($instruction:expr) => {
+            VectorWords(unsafe { $instruction })
+        };
+    }
+
+    /// The same instruction on even and odd lanes.
+    ///
+    /// SAFETY: as `word`.
+    macro_rules! even_and_odd {
+        ($i:ident => $instruction:expr) => {
+            VectorExacts(two!($i => unsafe { $instruction }))
+        };
+    }
+
+    impl VectorWords {
+        /// Odd lanes where even ones were.
+        #[inline(always)]
+        fn odd(self) -> Self {
+            word!(_mm256_shuffle_epi32::<0b11_11_01_01>(self.0))
+        }
+
+        /// Even and odd words with zeros before them.
+        #[inline(always)]
+        fn natural(self) -> [__m256i; 2] {
+            // SAFETY: as `word`.
+            unsafe { [_mm256_blend_epi32::<0b10101010>(self.0, _mm256_setzero_si256()), _mm256_srli_epi64::<32>(self.0)] }
+        }
+    }
+
+    impl Words for VectorWords {
+        type Exact = VectorExacts;
+
+        #[inline(always)]
+        fn from_array(words: [i32; LANES]) -> Self {
+            word!(_mm256_loadu_si256(words.as_ptr().cast()))
+        }
+        #[inline(always)]
+        fn to_array(self) -> [i32; LANES] {
+            let mut words = [0; LANES];
+            // SAFETY: as `word`; the array holds the register.
+            unsafe { _mm256_storeu_si256(words.as_mut_ptr().cast(), self.0) };
+            words
+        }
+        #[inline(always)]
+        fn splat(word: i64) -> Self {
+            debug_assert!(word == i64::from(word as i32), "a constant is wider than 32 bits");
+            word!(_mm256_set1_epi32(word as i32))
+        }
+        #[inline(always)]
+        fn exact(self) -> VectorExacts {
+            self * Self::splat(1)
+        }
+        #[inline(always)]
+        fn left(self, by: u32) -> Self {
+            word!(_mm256_sll_epi32(self.0, _mm_cvtsi32_si128(by as i32)))
+        }
+        #[inline(always)]
+        fn right(self, by: u32) -> Self {
+            word!(_mm256_sra_epi32(self.0, _mm_cvtsi32_si128(by as i32)))
+        }
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            word!(_mm256_max_epi32(self.0, other.0))
+        }
+        #[inline(always)]
+        fn min(self, other: Self) -> Self {
+            word!(_mm256_min_epi32(self.0, other.0))
+        }
+        #[inline(always)]
+        fn above(self, other: Self) -> Self {
+            word!(_mm256_cmpgt_epi32(self.0, other.0))
+        }
+        #[inline(always)]
+        fn where_else(self, condition: Self, other: Self) -> Self {
+            word!(_mm256_blendv_epi8(other.0, self.0, condition.0))
+        }
+        #[inline(always)]
+        fn is_zero(self) -> Self {
+            word!(_mm256_cmpeq_epi32(self.0, _mm256_setzero_si256()))
+        }
+        #[inline(always)]
+        fn abs(self) -> Self {
+            word!(_mm256_abs_epi32(self.0))
+        }
+        #[inline(always)]
+        fn look_up(self, table: &[i32]) -> Self {
+            assert!(table.len().is_power_of_two(), "a table has 2^n words");
+            let low = table.len() as i32 - 1;
+            // SAFETY: as `word`; the address is cut to the table's length, a power of two.
+            word!(_mm256_i32gather_epi32::<4>(table.as_ptr(), _mm256_and_si256(self.0, _mm256_set1_epi32(low))))
+        }
+        #[inline(always)]
+        fn signs(self) -> u8 {
+            // SAFETY: as `word`.
+            unsafe { _mm256_movemask_ps(_mm256_castsi256_ps(self.0)) as u8 }
+        }
+        // By words, by pairs, by halves of the register.
+        #[inline(always)]
+        fn transposed(r: [Self; LANES]) -> [Self; LANES] {
+            macro_rules! pairs {
+                ($low:ident, $high:ident, $rows:ident: $($a:literal $b:literal),*) => {
+                    [$(word!($low($rows[$a].0, $rows[$b].0)), word!($high($rows[$a].0, $rows[$b].0))),*]
+                };
+            }
+            let w = pairs!(_mm256_unpacklo_epi32, _mm256_unpackhi_epi32, r: 0 1, 2 3, 4 5, 6 7);
+            let p = pairs!(_mm256_unpacklo_epi64, _mm256_unpackhi_epi64, w: 0 2, 1 3, 4 6, 5 7);
+            macro_rules! halves {
+                ($half:literal: $($a:literal $b:literal),*) => { [$(word!(_mm256_permute2x128_si256::<$half>(p[$a].0, p[$b].0))),*] };
+            }
+            let [[a, b, c, d], [e, f, g, h]] = [halves!(0x20: 0 4, 1 5, 2 6, 3 7), halves!(0x31: 0 4, 1 5, 2 6, 3 7)];
+            [a, b, c, d, e, f, g, h]
+        }
+    }
+
+    impl Exacts for VectorExacts {
+        type Words = VectorWords;
+
+        #[inline(always)]
+        fn from_array(w: [i64; LANES]) -> Self {
+            even_and_odd!(i => _mm256_setr_epi64x(w[i], w[i + 2], w[i + 4], w[i + 6]))
+        }
+        #[inline(always)]
+        fn to_array(self) -> [i64; LANES] {
+            let mut parts = [[0; LANES / 2]; 2];
+            let mut words = [0; LANES];
+            for (i, part) in parts.iter_mut().enumerate() {
+                // SAFETY: as `word`; the array holds the register.
+                unsafe { _mm256_storeu_si256(part.as_mut_ptr().cast(), self.0[i]) };
+            }
+            for (i, word) in words.iter_mut().enumerate() {
+                *word = parts[i % 2][i / 2];
+            }
+            words
+        }
+        #[inline(always)]
+        fn splat(word: i64) -> Self {
+            even_and_odd!(_i => _mm256_set1_epi64x(word))
+        }
+        #[inline(always)]
+        fn left(self, by: u32) -> Self {
+            even_and_odd!(i => _mm256_sll_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)))
+        }
+        #[inline(always)]
+        fn left_by(self, by: VectorWords) -> Self {
+            let by = by.natural();
+            even_and_odd!(i => _mm256_sllv_epi64(self.0[i], by[i]))
+        }
+        // As in `Vectors`.
+        #[inline(always)]
+        fn right(self, by: u32) -> Self {
+            let moved = Self::splat((SIGN as u64 >> by) as i64);
+            even_and_odd!(i => {
+                let biased = _mm256_xor_si256(self.0[i], _mm256_set1_epi64x(SIGN));
+                _mm256_sub_epi64(_mm256_srl_epi64(biased, _mm_cvtsi32_si128(by as i32)), moved.0[i])
+            })
+        }
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            even_and_odd!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(other.0[i], self.0[i])))
+        }
+        #[inline(always)]
+        fn min(self, other: Self) -> Self {
+            even_and_odd!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(self.0[i], other.0[i])))
+        }
+        #[inline(always)]
+        fn above(self, other: Self) -> VectorWords {
+            even_and_odd!(i => _mm256_cmpgt_epi64(self.0[i], other.0[i])).low()
+        }
+        #[inline(always)]
+        fn abs(self) -> Self {
+            let negated = -self;
+            even_and_odd!(i => {
+                let (own, negated) = (_mm256_castsi256_pd(self.0[i]), _mm256_castsi256_pd(negated.0[i]));
+                _mm256_castpd_si256(_mm256_blendv_pd(own, negated, own))
+            })
+        }
+        // The exponent of a float of double precision. Without the bits that follow a one, no lane is rounded up to the next power of
+        // two. Both halves become floats by being put below a one far to the left, which is then taken away.
+        #[inline(always)]
+        fn leading_zeros(self) -> VectorWords {
+            const LOW: i64 = 0x4330_0000_0000_0000;
+            const HIGH: i64 = 0x4530_0000_0000_0000;
+            const BOTH: i64 = 0x4530_0000_0010_0000;
+            let floats = even_and_odd!(i => {
+                let lead = _mm256_andnot_si256(_mm256_srli_epi64::<1>(self.0[i]), self.0[i]);
+                let low = _mm256_blend_epi32::<0b10101010>(lead, _mm256_set1_epi64x(LOW));
+                let high = _mm256_or_si256(_mm256_srli_epi64::<32>(lead), _mm256_set1_epi64x(HIGH));
+                let high = _mm256_sub_pd(_mm256_castsi256_pd(high), _mm256_castsi256_pd(_mm256_set1_epi64x(BOTH)));
+                _mm256_castpd_si256(_mm256_add_pd(high, _mm256_castsi256_pd(low)))
+            });
+            VectorWords::splat(1086) - floats.cut_deep(52)
+        }
+        #[inline(always)]
+        fn low(self) -> VectorWords {
+            word!(_mm256_blend_epi32::<0b10101010>(self.0[0], _mm256_shuffle_epi32::<0b10_10_00_00>(self.0[1])))
+        }
+        #[inline(always)]
+        fn cut(self, by: u32) -> VectorWords {
+            // Odd lanes end where they belong, in high halves.
+            word!({
+                let even = _mm256_srl_epi64(self.0[0], _mm_cvtsi32_si128(by as i32));
+                let odd = _mm256_sll_epi64(self.0[1], _mm_cvtsi32_si128(32 - by as i32));
+                _mm256_blend_epi32::<0b10101010>(even, odd)
+            })
+        }
+        #[inline(always)]
+        fn cut_deep(self, by: u32) -> VectorWords {
+            let high = word!(_mm256_blend_epi32::<0b10101010>(_mm256_shuffle_epi32::<0b11_11_01_01>(self.0[0]), self.0[1]));
+            high.right(by - 32)
+        }
+        #[inline(always)]
+        fn cut_by(self, by: VectorWords) -> Option<VectorWords> {
+            // SAFETY: as `word`.
+            if unsafe { _mm256_testz_si256(by.0, _mm256_set1_epi32(!63)) } == 0 {
+                return None;
+            }
+            // Known to be possible, a shift is one instruction.
+            let counts = (by & VectorWords::splat(63)).natural();
+            let cut = even_and_odd!(i => {
+                let sign = _mm256_set1_epi64x(SIGN);
+                let biased = _mm256_xor_si256(self.0[i], sign);
+                _mm256_sub_epi64(_mm256_srlv_epi64(biased, counts[i]), _mm256_srlv_epi64(sign, counts[i]))
+            });
+            // A word of 31 bits, moved up by half of their values, has nothing above them.
+            let moved = cut + Self::splat(1 << 30);
+            // SAFETY: as `word`.
+            if unsafe { _mm256_testz_si256(_mm256_or_si256(moved.0[0], moved.0[1]), _mm256_set1_epi64x(-1 << 31)) } == 0 {
+                return None;
+            }
+            Some(cut.low())
+        }
+    }
+
+    macro_rules! operator {
+        ($($operator:ident $name:ident $words:ident $exacts:ident;)*) => {$(
+            impl $operator for VectorWords {
+                type Output = VectorWords;
+                #[inline(always)]
+                fn $name(self, other: VectorWords) -> VectorWords {
+                    word!($words(self.0, other.0))
+                }
+            }
+
+            impl $operator for VectorExacts {
+                type Output = VectorExacts;
+                #[inline(always)]
+                fn $name(self, other: VectorExacts) -> VectorExacts {
+                    even_and_odd!(i => $exacts(self.0[i], other.0[i]))
+                }
+            }
+        )*};
+    }
+    operator! {
+        Add add _mm256_add_epi32 _mm256_add_epi64;
+        Sub sub _mm256_sub_epi32 _mm256_sub_epi64;
+        BitAnd bitand _mm256_and_si256 _mm256_and_si256;
+        BitOr bitor _mm256_or_si256 _mm256_or_si256;
+    }
+
+    impl Neg for VectorWords {
+        type Output = VectorWords;
+        #[inline(always)]
+        fn neg(self) -> VectorWords {
+            word!(_mm256_sub_epi32(_mm256_setzero_si256(), self.0))
+        }
+    }
+
+    impl Neg for VectorExacts {
+        type Output = VectorExacts;
+        #[inline(always)]
+        fn neg(self) -> VectorExacts {
+            even_and_odd!(i => _mm256_sub_epi64(_mm256_setzero_si256(), self.0[i]))
+        }
+    }
+
+    impl Mul for VectorWords {
+        type Output = VectorExacts;
+        #[inline(always)]
+        fn mul(self, other: VectorWords) -> VectorExacts {
+            let (own, other) = ([self, self.odd()], [other, other.odd()]);
+            even_and_odd!(i => _mm256_mul_epi32(own[i].0, other[i].0))
         }
     }
 }

@@ -16,6 +16,7 @@ pub mod reciprocal;
 pub mod register;
 pub mod square_root;
 pub mod table;
+pub mod words;
 
 pub use fit::{Fit, Loss};
 pub use lanes::{LANES, Lanes, Mask};
@@ -24,6 +25,7 @@ pub use reciprocal::Reciprocal;
 pub use register::Register;
 pub use square_root::ReciprocalRoot;
 pub use table::Table;
+pub use words::{Exacts, Words};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

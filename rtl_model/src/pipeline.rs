@@ -9,16 +9,16 @@
 //!
 //! Law: `threads_and_watchers_change_no_bit`.
 
-use crate::frame::{Frame, Splat};
+use crate::frame::{Frame, Splat, View};
 use crate::host::{Work, vectorised};
 use crate::machine::Elaborated;
-use crate::num::{LANES, Lanes, Table, three, two};
+use crate::num::{LANES, Lanes, Table, Words, two};
 use crate::probe::{Probe, Tap};
 use crate::units::fragment::{
     self, Attributes, Contribution, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
 use crate::units::resolve::Layer;
-use crate::units::{ellipse, raster, shade};
+use crate::units::{ellipse, project, raster, shade};
 use rayon::prelude::*;
 
 /// Splats that were not drawn, by reason.
@@ -34,25 +34,7 @@ pub struct Culled {
     pub backface: u64,
 }
 
-/// Why a splat is not drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reason {
-    Near,
-    Outside,
-    Faint,
-    Backface,
-}
-
 impl Culled {
-    fn count(&mut self, reason: Reason) {
-        match reason {
-            Reason::Near => self.near += 1,
-            Reason::Outside => self.outside += 1,
-            Reason::Faint => self.faint += 1,
-            Reason::Backface => self.backface += 1,
-        }
-    }
-
     fn absorb(&mut self, other: &Culled) {
         self.near += other.near;
         self.outside += other.outside;
@@ -79,7 +61,7 @@ pub struct Drawing {
 }
 
 /// A splat that has been set up: what waits in memory between setup and raster.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Prepared {
     raster: raster::Input,
     amplitude: i32,
@@ -160,96 +142,116 @@ impl<P: Probe> Work for SetUp<'_, P> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> Setup {
-        let mut setup = Setup { blocks: vec![Vec::with_capacity(self.splats.len())], culled: Culled::default() };
-        for (group, splats) in self.splats.chunks(LANES).enumerate() {
-            let first = self.first + (group * LANES) as u32;
-            set_up_lanes::<L, P>(self.machine, self.frame, splats, first, self.probe, &mut setup);
+        // Copies that nobody else can see: their constants are broadcast to lanes once, outside the loop.
+        let (project, ellipse, view) = (self.machine.project.clone(), self.machine.ellipse.clone(), self.frame.view.clone());
+        let units = Units { project: &project, ellipse: &ellipse, view: &view, size_px: [self.frame.width, self.frame.height] };
+        let mut out = Block { prepared: vec![Prepared::default(); self.splats.len()], count: 0, culled: Culled::default() };
+        let (eights, rest) = self.splats.as_chunks();
+        let mut last = [Splat::default(); LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        for (group, splats) in eights.iter().chain((!rest.is_empty()).then_some(&last)).enumerate() {
+            let live = LANES.min(self.splats.len() - group * LANES);
+            units.set_up::<L::Words, P>(splats, live, self.first + (group * LANES) as u32, self.probe, &mut out);
         }
-        setup
+        out.prepared.truncate(out.count);
+        Setup { blocks: vec![out.prepared], culled: out.culled }
     }
 }
 
-/// One word of each of up to eight splats.
-macro_rules! word {
-    ($splats:ident.$($field:tt)+) => {{
-        let mut words = [0; LANES];
-        for (word, splat) in words.iter_mut().zip($splats) {
-            *word = i64::from(splat.$($field)+);
-        }
-        L::from_array(words)
-    }};
+/// What sets splats up.
+struct Units<'a> {
+    project: &'a project::Project,
+    ellipse: &'a ellipse::Ellipse,
+    view: &'a View,
+    size_px: [u32; 2],
 }
 
-/// Sets up to eight splats up.
+/// A block's splats, set up: the first `count` so far.
+struct Block {
+    prepared: Vec<Prepared>,
+    count: usize,
+    culled: Culled,
+}
+
+impl Units<'_> {
+    /// Sets eight splats up, of which the first `live` are there.
+    #[inline(always)]
+    fn set_up<W: Words, P: Probe>(&self, splats: &[Splat; LANES], live: usize, first: u32, probe: &mut P, out: &mut Block) {
+        let mut present = [false; LANES];
+        present[..live].fill(true);
+        let tap = &mut Tap { probe, live: present };
+
+        // The first eight words of each record as they lie in memory: red comes along.
+        let mut records = [W::splat(0); LANES];
+        for (record, splat) in records.iter_mut().zip(splats) {
+            let Splat { position: [x, y, z], normal: [n, m, o], radius, rgb: [red, ..], .. } = *splat;
+            *record = W::from_array([x, y, z, n, m, o, radius, red]);
+        }
+        let [x, y, z, n, m, o, radius, _] = W::transposed(records);
+        let point = self.project.lanes(self.view, [x, y, z], tap);
+        let input = ellipse::Input {
+            normal: [n, m, o],
+            radius,
+            forward: point.camera[2],
+            exponent: point.exponent,
+            inverse_depth: point.inverse_depth,
+            slope: point.slope,
+            pixel: point.pixel,
+        };
+        let ellipse = self.ellipse.lanes(self.view, self.size_px, &input, tap);
+
+        let mut left = ((1u32 << live) - 1) as u8;
+        let culled = point.near | point.outside | ellipse.backface | ellipse.faint | ellipse.outside;
+        if left & culled.signs() != 0 {
+            // In the order in which the units find them: the first that holds is the reason.
+            let reasons = [point.near, point.outside, ellipse.backface, ellipse.faint, ellipse.outside];
+            let mut found = [0; 5];
+            for (found, reason) in found.iter_mut().zip(reasons) {
+                *found = u64::from((left & reason.signs()).count_ones());
+                left &= !reason.signs();
+            }
+            let [near, outside, backface, faint, missing] = found;
+            out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface });
+        }
+
+        let ([x, y], [xx, xy, yy]) = (point.pixel, ellipse.conic);
+        let ([z_x, z_y], [n, m, o]) = (ellipse.depth_slope, ellipse.normal);
+        let sides = [ellipse.columns, ellipse.rows];
+        let [columns, rows] = two!(axis => sides[axis][0] | sides[axis][1].left(16));
+        let plane = W::transposed([x, y, xx, xy, yy, point.depth, z_x, z_y]);
+        let rest = W::transposed([ellipse.depth_range, columns, rows, ellipse.amplitude, n, m, o, W::splat(0)]);
+        for (lane, own) in splats.iter().enumerate() {
+            if left & (1 << lane) == 0 {
+                continue;
+            }
+            let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
+            let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
+            let [r, g, b] = own.rgb;
+            out.prepared[out.count] = Prepared {
+                raster: raster::Input {
+                    pixel: [x, y],
+                    conic: [xx, xy, yy],
+                    depth,
+                    depth_slope: [z_x, z_y],
+                    depth_range,
+                    columns: halves(columns),
+                    rows: halves(rows),
+                },
+                amplitude,
+                attributes: [1, r, g, b, own.opacity, n, m, o],
+                material: own.material,
+                splat: first + lane as u32,
+            };
+            out.count += 1;
+        }
+    }
+}
+
+/// The low and the high half of a word.
 #[inline(always)]
-fn set_up_lanes<L: Lanes, P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat], first: u32, probe: &mut P, setup: &mut Setup) {
-    let view = &frame.view;
-    let mut present = [false; LANES];
-    present[..splats.len()].fill(true);
-    let tap = &mut Tap { probe, live: present };
-
-    let position = [word!(splats.position[0]), word!(splats.position[1]), word!(splats.position[2])];
-    let point = machine.project.lanes(view, position, tap);
-    let input = ellipse::Input {
-        normal: [word!(splats.normal[0]), word!(splats.normal[1]), word!(splats.normal[2])],
-        radius: word!(splats.radius),
-        forward: point.camera[2],
-        exponent: point.exponent,
-        inverse_depth: point.inverse_depth,
-        slope: point.slope,
-        pixel: point.pixel,
-    };
-    let ellipse = machine.ellipse.lanes(view, [frame.width, frame.height], &input, tap);
-
-    // In the order in which the units find them: the first that holds is the reason.
-    let reasons = [
-        (point.near, Reason::Near),
-        (point.outside, Reason::Outside),
-        (ellipse.backface, Reason::Backface),
-        (ellipse.faint, Reason::Faint),
-        (ellipse.outside, Reason::Outside),
-    ];
-    let culled = (point.near | point.outside | ellipse.backface | ellipse.faint | ellipse.outside).to_array();
-    let pixel = two!(i => point.pixel[i].to_array());
-    let depth = point.depth.to_array();
-    let conic = three!(i => ellipse.conic[i].to_array());
-    let slope = two!(i => ellipse.depth_slope[i].to_array());
-    let range = ellipse.depth_range.to_array();
-    let columns = two!(i => ellipse.columns[i].to_array());
-    let rows = two!(i => ellipse.rows[i].to_array());
-    let amplitude = ellipse.amplitude.to_array();
-    let normal = three!(i => ellipse.normal[i].to_array());
-    let Setup { blocks, culled: counts } = setup;
-    let Some(prepared) = blocks.last_mut() else { return };
-    for (lane, own) in splats.iter().enumerate() {
-        if culled[lane] != 0 {
-            counts.count(why_culled(&reasons, lane));
-            continue;
-        }
-        let [r, g, b] = own.rgb;
-        prepared.push(Prepared {
-            raster: raster::Input {
-                pixel: two!(i => pixel[i][lane] as i32),
-                conic: three!(i => conic[i][lane] as i32),
-                depth: depth[lane] as i32,
-                depth_slope: two!(i => slope[i][lane] as i32),
-                depth_range: range[lane] as i32,
-                columns: two!(i => columns[i][lane] as u16),
-                rows: two!(i => rows[i][lane] as u16),
-            },
-            amplitude: amplitude[lane] as i32,
-            attributes: [1, r, g, b, own.opacity, normal[0][lane] as i32, normal[1][lane] as i32, normal[2][lane] as i32],
-            material: own.material,
-            splat: first + lane as u32,
-        });
-    }
-}
-
-/// The first reason that holds.
-#[cold]
-#[inline(never)]
-fn why_culled<L: Lanes>(reasons: &[(L, Reason)], lane: usize) -> Reason {
-    reasons.iter().find(|(holds, _)| holds.mask()[lane]).map_or(Reason::Faint, |(_, reason)| *reason)
+fn halves(word: i32) -> [u16; 2] {
+    let [a, b, c, d] = word.to_le_bytes();
+    [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
 }
 
 /// The second half: raster, gauss, fragment, shade and resolve.

@@ -3,8 +3,9 @@
 //! Units hand every fitted word and every decision to a [`Tap`]; with [`Unwatched`] the compiler removes all of it.
 //! Parts of a frame are watched by forks of a probe; absorbing forks is associative, so threads cannot change a count.
 
+use crate::num::lanes::Plain;
 use crate::num::register::{Held, Register};
-use crate::num::{Fit, Lanes, Loss, Mask};
+use crate::num::{Exacts, Fit, LANES, Lanes, Loss, Mask, Words};
 use crate::units::fragment::{Contribution, Decision};
 use crate::units::resolve::Layer;
 
@@ -138,16 +139,16 @@ impl<'a, P: Probe> Tap<'a, P> {
     /// A tap for one item at a time.
     #[inline(always)]
     pub fn new(probe: &'a mut P) -> Self {
-        Tap { probe, live: [true; crate::num::LANES] }
+        Tap { probe, live: [true; LANES] }
     }
 
     /// Shows the watcher no more of the lanes where the condition holds.
     #[inline(always)]
-    pub fn drop_where<L: Lanes>(&mut self, condition: L) {
+    pub fn drop_where<W: Words>(&mut self, condition: W) {
         if P::WORDS {
-            let dropped = condition.mask();
-            for (live, dropped) in self.live.iter_mut().zip(dropped) {
-                *live &= !dropped;
+            let dropped = condition.signs();
+            for (lane, live) in self.live.iter_mut().enumerate() {
+                *live &= dropped & (1 << lane) == 0;
             }
         }
     }
@@ -195,12 +196,43 @@ impl<'a, P: Probe> Tap<'a, P> {
         word
     }
 
-    /// Fits eight results, each with `more` fraction bits than was elaborated.
+    /// Fits eight results into words of at most 32 bits.
     #[inline(always)]
-    pub fn fit_shifted<L: Lanes>(&mut self, fit: &Fit, exact: L, more: L) -> L {
-        let word = fit.lanes_shifted(exact, more);
-        self.show(fit, exact, more, word);
-        word
+    pub fn fit_words<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
+        let words = fit.words(exact);
+        self.show_words(fit, exact, X::Words::splat(0), words.exact());
+        words
+    }
+
+    /// Fits eight results that a normaliser has shifted to the top of their 62 bits into words of at most 32 bits.
+    #[inline(always)]
+    pub fn fit_top<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
+        let words = fit.top(exact);
+        self.show_words(fit, exact, X::Words::splat(0), words.exact());
+        words
+    }
+
+    /// Fits eight results into words that may have more than 32 bits.
+    #[inline(always)]
+    pub fn fit_wide<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X {
+        let words = fit.wide(exact);
+        self.show_words(fit, exact, X::Words::splat(0), words);
+        words
+    }
+
+    /// Fits eight results, each with `more` fraction bits than was elaborated, into words of at most 32 bits.
+    #[inline(always)]
+    pub fn fit_shifted<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words) -> X::Words {
+        let words = fit.words_shifted(exact, more);
+        self.show_words(fit, exact, more, words.exact());
+        words
+    }
+
+    #[inline(always)]
+    fn show_words<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words, words: X) {
+        if P::WORDS {
+            self.show(fit, Plain(exact.to_array()), Plain(more.exact().to_array()), Plain(words.to_array()));
+        }
     }
 
     #[inline(always)]

@@ -8,7 +8,7 @@
 //! unit's error bound is a function of its formats, derived step by step from the very diagram that the machine follows, and
 //! it holds whatever is saturated on the way: a limit is an interval's end like any other.
 //!
-//! Nothing here is hardware, and no unit's function depends on it. It is the one place of this crate with floats.
+//! Nothing here is hardware, and no unit's function depends on it. Files called `real.rs` are the only ones of this crate with floats.
 //!
 //! Laws: `near_holds_every_outcome`, `a_fit_is_within_its_bound`, `a_share_is_within_its_bound`, `a_power_is_within_its_bound`.
 

@@ -128,11 +128,16 @@ pub struct Lockstep {
 
 /// Draws a scene on a machine with `golden` in lockstep.
 pub fn lockstep(scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> Lockstep {
-    let rules = fixed::rules(&machine.machine);
+    held_to(scene, machine, machine, quantised)
+}
+
+/// Draws a scene on one machine and holds it to the bounds of another, which is given the same words.
+fn held_to(scene: &Scene, drawn: &Elaborated, claimed: &Elaborated, quantised: &Quantised) -> Lockstep {
+    let rules = fixed::rules(&claimed.machine);
     let shader = Shader::new(scene);
-    let stage = Stage::new(scene, machine, quantised, &rules, &shader);
+    let stage = Stage::new(scene, claimed, quantised, &rules, &shader);
     let mut leader = Leader::new(&stage);
-    let drawing = pipeline::draw(machine, &quantised.frame, &mut leader);
+    let drawing = pipeline::draw(drawn, &quantised.frame, &mut leader);
     leader.finish(drawing.covered)
 }
 
@@ -458,3 +463,6 @@ impl Probe for Leader<'_> {
         self.tiles.insert(index, std::mem::take(&mut self.tile));
     }
 }
+
+#[cfg(test)]
+mod tests;

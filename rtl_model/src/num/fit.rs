@@ -6,9 +6,11 @@
 //! Everything that depends on formats is worked out once, at elaboration; per value there are shifts, an add and limits.
 //! A barrel shifter in front (`…_shifted`) takes results whose binary point the data decides, after a normalisation.
 //!
-//! Laws: `fit_agrees_with_exact_rationals`, `fit_agrees_with_the_crate_fixed`, `eight_lanes_equal_one`, `loss_is_told_truly`.
+//! Laws: `fit_agrees_with_exact_rationals`, `fit_agrees_with_the_crate_fixed`, `eight_lanes_equal_one`, `eight_narrow_words_equal_one`,
+//! `loss_is_told_truly`.
 
-use super::{Exact, Lanes, Overflow, Rounding, Word};
+use super::{Exact, Exacts, LANES, Lanes, Overflow, Rounding, Word, Words};
+use std::hint::cold_path;
 
 /// What a [`Fit`] lost, for whoever watches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,16 +38,22 @@ pub struct Fit {
     half: i64,
     min: i64,
     max: i64,
-    /// Neither rounding to even nor wrapping.
-    simple: bool,
     /// Places by which a result is first shifted left, for a barrel shifter that then only needs to go right.
     head: u32,
+    /// Places to the right from there that leave one place to round by; impossible ones where an add and limits are not all there is.
+    barrel: i64,
     /// Simple, and no shift to the left: an add, a shift and two limits.
     plain: bool,
+    /// Plain, and any exact result of the elaborated shape, cut by 0 to 31 places, is a word of 32 bits: limits can wait until it is one.
+    narrow: bool,
+    /// The same after 32 places and more, which leave a word of any exact result.
+    deep: bool,
 }
 
 /// Room for data-dependent shifts to the left that the vector path keeps, bits.
 const MOST_HEAD: i64 = 24;
+/// More places than any shifter has, whatever the data adds to them.
+const IMPOSSIBLE: i64 = 1 << 20;
 
 impl Fit {
     /// Elaborates `word` for exact results of the shape `from`.
@@ -54,8 +62,11 @@ impl Fit {
         let half = if word.round == Rounding::Truncate { 0 } else { half(places.clamp(0, 63) as u32) };
         let simple = word.round != Rounding::NearestEven && word.overflow == Overflow::Saturate;
         let plain = simple && (0..=62).contains(&places);
+        let narrow = plain && places < 32 && i64::from(from.bits()) - places <= 30;
+        let deep = plain && places >= 32;
         let head = if places < MOST_HEAD { (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32 } else { 0 };
-        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), simple, head, plain }
+        let barrel = if simple { places + i64::from(head) - 1 } else { IMPOSSIBLE };
+        Fit { signal, word, places, half, min: word.format.min(), max: word.format.max(), head, barrel, plain, narrow, deep }
     }
 
     /// The word for one exact result.
@@ -112,21 +123,9 @@ impl Fit {
     #[inline(always)]
     pub fn lanes<L: Lanes>(&self, exact: L) -> L {
         if !self.plain {
-            return self.lanes_one_by_one(exact, L::splat(0));
+            return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
         self.limit_lanes((exact + L::splat(self.half)).right(self.places as u32 & 63))
-    }
-
-    /// The words for eight exact results, each with `more` fraction bits than was elaborated.
-    #[inline(always)]
-    pub fn lanes_shifted<L: Lanes>(&self, exact: L, more: L) -> L {
-        let right = more + L::splat(self.places + i64::from(self.head));
-        if !self.simple || (right | (L::splat(62) - right)).any_negative() {
-            return self.lanes_one_by_one(exact, more);
-        }
-        let rounds = i64::from(self.word.round == Rounding::Nearest);
-        let half = L::splat(rounds).left_by(right).right(1);
-        self.limit_lanes((exact.left(self.head) + half).right_by(right))
     }
 
     #[inline(always)]
@@ -134,14 +133,56 @@ impl Fit {
         words.max(L::splat(self.min)).min(L::splat(self.max))
     }
 
-    /// The long way: every rounding, every overflow, shifts to the left.
-    #[inline(never)]
-    fn lanes_one_by_one<L: Lanes>(&self, exact: L, more: L) -> L {
-        let (mut words, more) = (exact.to_array(), more.to_array());
-        for (word, more) in words.iter_mut().zip(more) {
-            *word = self.one_shifted(*word, more);
+    /// The words, of at most 32 bits, for eight exact results.
+    #[inline(always)]
+    pub fn words<X: Exacts>(&self, exact: X) -> X::Words {
+        if !self.narrow {
+            cold_path();
+            return self.wide(exact).low();
         }
-        L::from_array(words)
+        self.limit_words(exact, (exact + X::splat(self.half)).cut(self.places as u32))
+    }
+
+    /// The words, of at most 32 bits, for eight exact results that a normaliser has shifted to the top of their 62 bits.
+    #[inline(always)]
+    pub fn top<X: Exacts>(&self, exact: X) -> X::Words {
+        if !self.deep {
+            cold_path();
+            return self.wide(exact).low();
+        }
+        self.limit_words(exact, (exact + X::splat(self.half)).cut_deep(self.places as u32))
+    }
+
+    #[inline(always)]
+    fn limit_words<X: Exacts>(&self, exact: X, cut: X::Words) -> X::Words {
+        let words = cut.max(X::Words::splat(self.min)).min(X::Words::splat(self.max));
+        debug_assert_eq!(words.exact().to_array(), self.wide(exact).to_array(), "{exact:?} has not the shape that was elaborated");
+        words
+    }
+
+    /// The words for eight exact results, where they may have more than 32 bits.
+    #[inline(always)]
+    pub fn wide<X: Exacts>(&self, exact: X) -> X {
+        if !self.plain {
+            cold_path();
+            return X::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
+        }
+        (exact + X::splat(self.half)).right(self.places as u32).max(X::splat(self.min)).min(X::splat(self.max))
+    }
+
+    /// The words, of at most 32 bits, for eight exact results, each with `more` fraction bits than was elaborated.
+    #[inline(always)]
+    pub fn words_shifted<X: Exacts>(&self, exact: X, more: X::Words) -> X::Words {
+        match exact.left(self.head).cut_by(more + X::Words::splat(self.barrel)) {
+            Some(cut) => {
+                let round = X::Words::splat(i64::from(self.word.round == Rounding::Nearest));
+                (cut + round).right(1).max(X::Words::splat(self.min)).min(X::Words::splat(self.max))
+            }
+            None => {
+                cold_path();
+                X::from_array(one_by_one(*self, exact.to_array(), more.exact().to_array())).low()
+            }
+        }
     }
 
     /// What is lost when `exact`, with `more` fraction bits than was elaborated, becomes a word.
@@ -191,6 +232,17 @@ impl Fit {
         let top = v << unused;
         if self.word.format.signed { top >> unused } else { ((top as u64) >> unused) as i64 }
     }
+}
+
+/// The long way: every rounding, every overflow, shifts to the left. Of a copy, for a fit whose address is given away could be changed
+/// behind the compiler's back, which then would load its constants again and again.
+#[cold]
+#[inline(never)]
+fn one_by_one(fit: Fit, mut exact: [i64; LANES], more: [i64; LANES]) -> [i64; LANES] {
+    for (exact, more) in exact.iter_mut().zip(more) {
+        *exact = fit.one_shifted(*exact, more);
+    }
+    exact
 }
 
 /// Half of the last place that `right` dropped places leave: 63 of them leave nothing but a sign of the 62 bits that are held.

@@ -6,6 +6,7 @@
 //!
 //! Law: `vector_lanes_equal_plain_lanes`.
 
+use super::words::{PlainWords, Words};
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
@@ -26,6 +27,9 @@ pub trait Lanes:
     + BitAnd<Output = Self>
     + BitOr<Output = Self>
 {
+    /// Lanes of half the width.
+    type Words: Words;
+
     /// From one word a lane.
     fn from_array(words: [i64; LANES]) -> Self;
     /// One word a lane.
@@ -34,63 +38,18 @@ pub trait Lanes:
     fn splat(word: i64) -> Self;
     /// Each lane shifted left by the same amount, 0 to 63.
     fn left(self, by: u32) -> Self;
-    /// Each lane shifted left by its own amount, 0 to 63.
-    fn left_by(self, by: Self) -> Self;
     /// Each lane shifted right towards minus infinity by the same amount, 0 to 63.
     fn right(self, by: u32) -> Self;
-    /// Each lane shifted right towards minus infinity by its own amount, 0 to 63.
-    fn right_by(self, by: Self) -> Self;
     /// The greater word of each lane.
     fn max(self, other: Self) -> Self;
     /// The lesser word of each lane.
     fn min(self, other: Self) -> Self;
     /// Where `self` is greater.
     fn above(self, other: Self) -> Self;
-    /// `self` where the condition holds, `other` elsewhere.
-    fn where_else(self, condition: Self, other: Self) -> Self;
-    /// Leading zeros of each lane.
-    fn leading_zeros(self) -> Self;
     /// The entries of a table of 2^n words at each lane's low n bits.
     fn look_up(self, table: &[i64]) -> Self;
-    /// Whether any lane is negative.
-    fn any_negative(self) -> bool;
     /// The key nearest to a word: its distance, and its index, the lowest of equals.
     fn nearest_of_4(keys: &[i32; 4], word: i32) -> (u32, usize);
-
-    /// Magnitude of each lane.
-    #[inline(always)]
-    fn abs(self) -> Self {
-        (-self).where_else(Self::splat(0).above(self), self)
-    }
-
-    /// The product of a row of constants with a vector.
-    #[inline(always)]
-    fn dot(row: [i64; 3], vector: [Self; 3]) -> Self {
-        Self::splat(row[0]) * vector[0] + Self::splat(row[1]) * vector[1] + Self::splat(row[2]) * vector[2]
-    }
-
-    /// Where a lane is not above 0.
-    #[inline(always)]
-    fn is_none(self) -> Self {
-        Self::splat(1).above(self)
-    }
-
-    /// A condition's opposite.
-    #[inline(always)]
-    fn not(self) -> Self {
-        Self::splat(-1) - self
-    }
-
-    /// A condition, lane by lane.
-    #[inline(always)]
-    fn mask(self) -> Mask {
-        let words = self.to_array();
-        let mut mask = [false; LANES];
-        for lane in 0..LANES {
-            mask[lane] = words[lane] != 0;
-        }
-        mask
-    }
 }
 
 /// `[f(0), f(1), f(2)]`, written out.
@@ -138,7 +97,7 @@ pub struct Plain(pub [i64; LANES]);
 
 impl Plain {
     #[inline(always)]
-    fn zip(self, other: Plain, f: impl Fn(i64, i64) -> i64) -> Self {
+    pub(super) fn zip(self, other: Plain, f: impl Fn(i64, i64) -> i64) -> Self {
         let mut out = self.0;
         for (own, other) in out.iter_mut().zip(other.0) {
             *own = f(*own, other);
@@ -148,6 +107,8 @@ impl Plain {
 }
 
 impl Lanes for Plain {
+    type Words = PlainWords;
+
     #[inline(always)]
     fn from_array(words: [i64; LANES]) -> Self {
         Plain(words)
@@ -165,16 +126,8 @@ impl Lanes for Plain {
         self.zip(self, |v, _| v << by)
     }
     #[inline(always)]
-    fn left_by(self, by: Self) -> Self {
-        self.zip(by, |v, by| v << by)
-    }
-    #[inline(always)]
     fn right(self, by: u32) -> Self {
         self.zip(self, |v, _| v >> by)
-    }
-    #[inline(always)]
-    fn right_by(self, by: Self) -> Self {
-        self.zip(by, |v, by| v >> by)
     }
     #[inline(always)]
     fn max(self, other: Self) -> Self {
@@ -189,20 +142,8 @@ impl Lanes for Plain {
         self.zip(other, |a, b| -i64::from(a > b))
     }
     #[inline(always)]
-    fn where_else(self, condition: Self, other: Self) -> Self {
-        self.zip(condition, |v, holds| v & holds) | other.zip(condition, |v, holds| v & !holds)
-    }
-    #[inline(always)]
-    fn leading_zeros(self) -> Self {
-        self.zip(self, |v, _| i64::from(v.leading_zeros()))
-    }
-    #[inline(always)]
     fn look_up(self, table: &[i64]) -> Self {
         self.zip(self, |v, _| table[v as usize & (table.len() - 1)])
-    }
-    #[inline(always)]
-    fn any_negative(self) -> bool {
-        self.0.iter().any(|&v| v < 0)
     }
     #[inline(always)]
     fn nearest_of_4(keys: &[i32; 4], word: i32) -> (u32, usize) {

@@ -8,14 +8,14 @@
 //!
 //! Laws: `a_reciprocal_is_within_its_bound`, `normalisation_restores_the_operand`.
 
-use super::{Exact, Fit, Format, Lanes, Rounding, Word};
+use super::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
 use crate::machine::{Elaboration, FunctionUnit};
 use crate::probe::{Probe, Tap};
 
 /// Fraction bits of an operand shifted left until its leading one stands at bit 61.
 pub const NORMALISED_FRAC_BITS: i32 = 61;
 
-/// A normalised positive operand or result of eight lanes: `value = mantissa · 2^exponent`.
+/// A normalised positive operand or result of eight items: `value = mantissa · 2^exponent`.
 #[derive(Clone, Copy, Debug)]
 pub struct Scientific<L> {
     /// Words of the function unit's mantissa format.
@@ -30,7 +30,7 @@ pub struct Reciprocal {
     mantissa: Fit,
     correction: Fit,
     result: Fit,
-    table: Vec<i64>,
+    table: Vec<i32>,
     table_bits: u32,
     newton_steps: u32,
     bits: u32,
@@ -63,15 +63,15 @@ impl Reciprocal {
 
     /// 1/x of eight positive words: mantissa in [½, 1], by its own error less, with `bits` fraction bits, and the power of two it is times.
     #[inline(always)]
-    pub fn lanes<L: Lanes, P: Probe>(&self, x: L, tap: &mut Tap<P>) -> Scientific<L> {
-        let lead = x.leading_zeros() - L::splat(2);
-        let m = tap.fit(&self.mantissa, x.left_by(lead));
+    pub fn lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> Scientific<X::Words> {
+        let lead = x.leading_zeros() - X::Words::splat(2);
+        let m = tap.fit_top(&self.mantissa, x.left_by(lead));
         let mut y = m.right(self.bits - self.table_bits).look_up(&self.table);
         for _ in 0..self.newton_steps {
-            let correction = tap.fit(&self.correction, L::splat(2 << (2 * self.bits)) - m * y);
-            y = tap.fit(&self.result, y * correction);
+            let correction = tap.fit_words(&self.correction, X::splat(2 << (2 * self.bits)) - m * y);
+            y = tap.fit_words(&self.result, y * correction);
         }
-        Scientific { mantissa: y, exponent: lead + L::splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS)) }
+        Scientific { mantissa: y, exponent: lead + X::Words::splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS)) }
     }
 
     /// 1/x of one positive word.
@@ -79,7 +79,7 @@ impl Reciprocal {
     pub fn one<P: Probe>(&self, x: i64, tap: &mut Tap<P>) -> (i64, i64) {
         let lead = i64::from(x.leading_zeros()) - 2;
         let m = tap.fit_one(&self.mantissa, x << lead);
-        let mut y = self.table[self.address(m)];
+        let mut y = i64::from(self.table[self.address(m)]);
         for _ in 0..self.newton_steps {
             let correction = tap.fit_one(&self.correction, (2 << (2 * self.bits)) - m * y);
             y = tap.fit_one(&self.result, y * correction);
@@ -94,12 +94,12 @@ impl Reciprocal {
 }
 
 /// First guesses: the reciprocal at the middle of each of 2^`table_bits` steps of [1, 2), rounded to nearest.
-fn table(config: FunctionUnit) -> Vec<i64> {
+fn table(config: FunctionUnit) -> Vec<i32> {
     let steps = 1u128 << config.table_bits;
     (0..steps)
         .map(|i| {
             let twice_middle = 2 * (steps + i) + 1;
-            ((((2 * steps) << (config.bits + 1)) / twice_middle + 1) >> 1) as i64
+            ((((2 * steps) << (config.bits + 1)) / twice_middle + 1) >> 1) as i32
         })
         .collect()
 }

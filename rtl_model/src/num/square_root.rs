@@ -10,7 +10,7 @@
 //! Law: `a_reciprocal_root_is_within_its_bound`.
 
 use super::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
-use super::{Exact, Fit, Format, Lanes, Rounding, Word};
+use super::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
 use crate::machine::{Elaboration, FunctionUnit};
 use crate::probe::{Probe, Tap};
 
@@ -21,7 +21,7 @@ pub struct ReciprocalRoot {
     square: Fit,
     correction: Fit,
     result: Fit,
-    table: Vec<i64>,
+    table: Vec<i32>,
     table_bits: u32,
     newton_steps: u32,
     bits: u32,
@@ -57,31 +57,33 @@ impl ReciprocalRoot {
 
     /// 1/√x of eight positive words: mantissa in [½, 1] with `bits` fraction bits, and the power of two it is times.
     #[inline(always)]
-    pub fn lanes<L: Lanes, P: Probe>(&self, x: L, tap: &mut Tap<P>) -> Scientific<L> {
+    pub fn lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> Scientific<X::Words> {
         self.with_operand(x, tap).1
     }
 
-    /// √x of eight positive words: a product `mantissa · 2^exponent` with `2·bits − 1` fraction bits.
+    /// √x of eight positive words: an exact product with `2·bits − 1` fraction bits, and the power of two that it is times.
     #[inline(always)]
-    pub fn root_lanes<L: Lanes, P: Probe>(&self, x: L, tap: &mut Tap<P>) -> Scientific<L> {
+    pub fn root_lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> (X, X::Words) {
         let (m, y) = self.with_operand(x, tap);
-        Scientific { mantissa: m * y.mantissa, exponent: -y.exponent }
+        (m * y.mantissa, -y.exponent)
     }
 
+    /// The operand's mantissa, and 1/√x.
     #[inline(always)]
-    fn with_operand<L: Lanes, P: Probe>(&self, x: L, tap: &mut Tap<P>) -> (L, Scientific<L>) {
-        let lead = x.leading_zeros() - L::splat(2);
-        let odd = (lead + L::splat(self.operand_frac_bits + i64::from(NORMALISED_FRAC_BITS - 1))) & L::splat(1);
+    fn with_operand<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> (X::Words, Scientific<X::Words>) {
+        let splat = X::Words::splat;
+        let lead = x.leading_zeros() - splat(2);
+        let odd = (lead + splat(self.operand_frac_bits + i64::from(NORMALISED_FRAC_BITS - 1))) & splat(1);
         let lead = lead - odd;
-        let m = tap.fit(&self.mantissa, x.left_by(lead));
+        let m = tap.fit_top(&self.mantissa, x.left_by(lead));
         let mut y = m.right(self.bits + 1 - self.table_bits).look_up(&self.table);
         for _ in 0..self.newton_steps {
-            let square = tap.fit(&self.square, y * y);
+            let square = tap.fit_words(&self.square, y * y);
             // c = 3 − m·q, halved by wiring so that ½·y·c is a plain product.
-            let half_correction = tap.fit(&self.correction, L::splat(3 << (2 * self.bits - 1)) - m * square);
-            y = tap.fit(&self.result, y * half_correction);
+            let half_correction = tap.fit_words(&self.correction, X::splat(3 << (2 * self.bits - 1)) - m * square);
+            y = tap.fit_words(&self.result, y * half_correction);
         }
-        (m, Scientific { mantissa: y, exponent: (lead + L::splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS - 1))).right(1) })
+        (m, Scientific { mantissa: y, exponent: (lead + splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS - 1))).right(1) })
     }
 
     /// 1/√x of one positive word.
@@ -89,7 +91,7 @@ impl ReciprocalRoot {
     pub fn one<P: Probe>(&self, x: i64, tap: &mut Tap<P>) -> (i64, i64) {
         let lead = self.lead(x);
         let m = tap.fit_one(&self.mantissa, x << lead);
-        let mut y = self.table[self.address(m)];
+        let mut y = i64::from(self.table[self.address(m)]);
         for _ in 0..self.newton_steps {
             let square = tap.fit_one(&self.square, y * y);
             let half_correction = tap.fit_one(&self.correction, (3 << (2 * self.bits - 1)) - m * square);
@@ -118,14 +120,14 @@ impl ReciprocalRoot {
 }
 
 /// First guesses: the reciprocal root at the middle of each of 2^`table_bits` steps of [0, 4); those under 1 are never asked for.
-fn table(config: FunctionUnit) -> Vec<i64> {
+fn table(config: FunctionUnit) -> Vec<i32> {
     let one = 1i64 << config.bits;
     (0..1u128 << config.table_bits)
         .map(|i| {
             // y = 1/√((2i + 1)·2 / 2^table_bits), as √(2^n / (2i + 1)) with two spare bits to round by.
             let n = 2 * config.bits + 4 + config.table_bits - 1;
             let guess = ((1u128 << n) / (2 * i + 1)).isqrt() as i64;
-            ((guess + 2) >> 2).min(one)
+            ((guess + 2) >> 2).min(one) as i32
         })
         .collect()
 }

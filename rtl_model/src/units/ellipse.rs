@@ -19,53 +19,53 @@
 use crate::frame::View;
 use crate::machine::{Elaboration, MAX_OPERAND_BITS, Machine};
 use crate::num::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
-use crate::num::{Exact, Fit, Format, Lanes, Reciprocal, ReciprocalRoot, Rounding, Word, align, three, two};
+use crate::num::{Exact, Exacts, Fit, Format, Reciprocal, ReciprocalRoot, Rounding, Word, Words, align, three, two};
 use crate::probe::{Probe, Tap};
 
 const UNIT: &str = "ellipse";
 
 /// Input port, eight splats: the splat's words and the point's.
 #[derive(Clone, Copy, Debug)]
-pub struct Input<L> {
+pub struct Input<W> {
     /// Normal, world axes (`splat.normal`).
-    pub normal: [L; 3],
+    pub normal: [W; 3],
     /// σ (`splat.radius`).
-    pub radius: L,
+    pub radius: W,
     /// t_z/2^exponent (`project.camera`).
-    pub forward: L,
+    pub forward: W,
     /// The power of two that t is relative to.
-    pub exponent: L,
+    pub exponent: W,
     /// 2^exponent/t_z.
-    pub inverse_depth: Scientific<L>,
+    pub inverse_depth: Scientific<W>,
     /// a, b (`project.slope`).
-    pub slope: [L; 2],
+    pub slope: [W; 2],
     /// Position from the picture's middle (`project.pixel`).
-    pub pixel: [L; 2],
+    pub pixel: [W; 2],
 }
 
 /// Output port, eight splats.
 #[derive(Clone, Copy, Debug)]
-pub struct Output<L> {
+pub struct Output<W> {
     /// Camera-space normal (`fragment.normal`).
-    pub normal: [L; 3],
+    pub normal: [W; 3],
     /// Q00, Q01, Q11 (`ellipse.conic`, `ellipse.conic_cross`).
-    pub conic: [L; 3],
+    pub conic: [W; 3],
     /// A (`ellipse.amplitude`).
-    pub amplitude: L,
+    pub amplitude: W,
     /// First and last column and row, inside the picture.
-    pub columns: [L; 2],
+    pub columns: [W; 2],
     /// First and last row, inside the picture.
-    pub rows: [L; 2],
+    pub rows: [W; 2],
     /// z_x, z_y (`ellipse.depth_slope`).
-    pub depth_slope: [L; 2],
+    pub depth_slope: [W; 2],
     /// Half-width of the depth clamp (`ellipse.depth_range`).
-    pub depth_range: L,
+    pub depth_range: W,
     /// Faces away, and that counts.
-    pub backface: L,
+    pub backface: W,
     /// Nothing to see.
-    pub faint: L,
+    pub faint: W,
     /// The box misses the picture.
-    pub outside: L,
+    pub outside: W,
 }
 
 /// The elaborated unit.
@@ -279,29 +279,29 @@ impl Ellipse {
 
     /// Sets eight splats up.
     #[inline(always)]
-    pub fn lanes<L: Lanes, P: Probe>(&self, view: &View, size_px: [u32; 2], input: &Input<L>, tap: &mut Tap<P>) -> Output<L> {
+    pub fn lanes<W: Words, P: Probe>(&self, view: &View, size_px: [u32; 2], input: &Input<W>, tap: &mut Tap<P>) -> Output<W> {
         let normal = self.camera_normal(view, input, tap);
         let (tilt, facing) = self.turn(input, normal, tap);
-        let zero = L::splat(0);
+        let zero = W::splat(0);
         let away = if view.cull_backfaces { facing.above(zero) } else { zero };
-        let blind = facing.abs().is_none() | input.radius.is_none();
+        let blind = facing.is_zero() | input.radius.is_none();
         tap.drop_where(away | blind);
-        let one = L::splat(1);
+        let one = W::splat(1);
         let facing = one.where_else(blind, facing);
         let radius = input.radius.max(one);
 
         let (size_squared, exponent) = self.size(view, radius, input, tap);
-        let low_pass = tap.fit_shifted(&self.low_pass, L::splat(view.low_pass), exponent + exponent);
+        let low_pass = tap.fit_shifted(&self.low_pass, W::Exact::splat(view.low_pass), exponent + exponent);
         let variance = self.variance(input.slope, tilt, size_squared, low_pass, tap);
-        let area = tap.fit(&self.area, size_squared * facing);
+        let area = tap.fit_words(&self.area, size_squared * facing);
         let determinant = self.determinant(area, variance, low_pass, tap);
-        let flat = determinant.is_none();
+        let flat = W::Exact::splat(1).above(determinant);
         tap.drop_where(flat);
 
-        let inverse_root = self.root.lanes(determinant.max(one), tap);
+        let inverse_root = self.root.lanes(determinant.max(W::Exact::splat(1)), tap);
         let conic = self.conic(variance, inverse_root, exponent, tap);
         let visibility = tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
-        let amplitude = tap.fit(&self.amplitude, visibility * L::splat(self.inverse_two_pi));
+        let amplitude = tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi));
         let dark = amplitude.is_none();
         let faint = blind | flat | dark;
 
@@ -311,13 +311,13 @@ impl Ellipse {
         tap.drop_where(dark | outside);
 
         Output {
-            normal: three!(axis => tap.fit(&self.fragment_normal, normal[axis])),
+            normal: three!(axis => tap.fit_words(&self.fragment_normal, normal[axis].exact())),
             conic,
             amplitude,
             columns,
             rows,
             depth_slope: self.depth_slope(view, input, normal, facing, tap),
-            depth_range: tap.fit(&self.depth_range, radius * L::splat(view.root_cutoff)),
+            depth_range: tap.fit_words(&self.depth_range, radius * W::splat(view.root_cutoff)),
             backface: away,
             faint,
             outside,
@@ -325,66 +325,66 @@ impl Ellipse {
     }
 
     #[inline(always)]
-    fn camera_normal<L: Lanes, P: Probe>(&self, view: &View, input: &Input<L>, tap: &mut Tap<P>) -> [L; 3] {
-        three!(row => tap.fit(&self.normal, L::dot(view.rotation[row], input.normal)))
+    fn camera_normal<W: Words, P: Probe>(&self, view: &View, input: &Input<W>, tap: &mut Tap<P>) -> [W; 3] {
+        three!(row => tap.fit_words(&self.normal, W::dot(view.rotation[row], input.normal)))
     }
 
     /// g and c_n.
     #[inline(always)]
-    fn turn<L: Lanes, P: Probe>(&self, input: &Input<L>, n: [L; 3], tap: &mut Tap<P>) -> ([L; 2], L) {
+    fn turn<W: Words, P: Probe>(&self, input: &Input<W>, n: [W; 3], tap: &mut Tap<P>) -> ([W; 2], W) {
         let [a, b] = input.slope;
-        let [x, y, z] = three!(axis => n[axis].left(self.places.slope));
-        let tilt = [tap.fit(&self.tilt, x - a * n[2]), tap.fit(&self.tilt, y - b * n[2])];
-        (tilt, tap.fit(&self.facing, a * n[0] + b * n[1] + z))
+        let [x, y, z] = three!(axis => n[axis].exact().left(self.places.slope));
+        let tilt = [tap.fit_words(&self.tilt, x - a * n[2]), tap.fit_words(&self.tilt, y - b * n[2])];
+        (tilt, tap.fit_words(&self.facing, a * n[0] + b * n[1] + z))
     }
 
     /// k'² and e.
     #[inline(always)]
-    fn size<L: Lanes, P: Probe>(&self, view: &View, radius: L, input: &Input<L>, tap: &mut Tap<P>) -> (L, L) {
-        let scaled = (L::splat(view.focal) * radius).max(L::splat(1));
-        let lead = scaled.leading_zeros() - L::splat(2);
-        let mantissa = tap.fit(&self.scaled_radius, scaled.left_by(lead));
+    fn size<W: Words, P: Probe>(&self, view: &View, radius: W, input: &Input<W>, tap: &mut Tap<P>) -> (W, W) {
+        let scaled = (W::splat(view.focal) * radius).max(W::Exact::splat(1));
+        let lead = scaled.leading_zeros() - W::splat(2);
+        let mantissa = tap.fit_top(&self.scaled_radius, scaled.left_by(lead));
         let floor = i64::from(NORMALISED_FRAC_BITS) - self.places.scaled_radius;
         // k = mantissa · inverse_depth · 2^power, where the product lies in [½, 2].
         let inverse_depth = input.inverse_depth;
-        let power = inverse_depth.exponent - input.exponent + L::splat(floor) - lead;
-        let exponent = (power + L::splat(1)).max(L::splat(0));
+        let power = inverse_depth.exponent - input.exponent + W::splat(floor) - lead;
+        let exponent = (power + W::splat(1)).max(W::splat(0));
         let size = tap.fit_shifted(&self.size, mantissa * inverse_depth.mantissa, exponent - power);
-        (tap.fit(&self.size_squared, size * size), exponent)
+        (tap.fit_words(&self.size_squared, size * size), exponent)
     }
 
     /// V00', V01', V11'.
     #[inline(always)]
-    fn variance<L: Lanes, P: Probe>(&self, slope: [L; 2], g: [L; 2], size_squared: L, low_pass: L, tap: &mut Tap<P>) -> [L; 3] {
+    fn variance<W: Words, P: Probe>(&self, slope: [W; 2], g: [W; 2], size_squared: W, low_pass: W, tap: &mut Tap<P>) -> [W; 3] {
         let [a, b] = slope;
         let [one, slopes, tilts] = self.places.shape;
-        let one = L::splat(1 << one);
+        let one = W::Exact::splat(1 << one);
         let [spread, filter] = self.places.variance;
         let shape = [
             one + (a * a).left(slopes) - (g[0] * g[0]).left(tilts),
             (a * b).left(slopes) - (g[0] * g[1]).left(tilts),
             one + (b * b).left(slopes) - (g[1] * g[1]).left(tilts),
         ];
-        let [xx, xy, yy] = three!(i => tap.fit(&self.shape, shape[i]));
-        let low_pass = low_pass.left(filter);
+        let [xx, xy, yy] = three!(i => tap.fit_words(&self.shape, shape[i]));
+        let low_pass = low_pass.exact().left(filter);
         [
-            tap.fit(&self.variance, (size_squared * xx).left(spread) + low_pass),
-            tap.fit(&self.variance_cross, size_squared * xy),
-            tap.fit(&self.variance, (size_squared * yy).left(spread) + low_pass),
+            tap.fit_words(&self.variance, (size_squared * xx).left(spread) + low_pass),
+            tap.fit_words(&self.variance_cross, size_squared * xy),
+            tap.fit_words(&self.variance, (size_squared * yy).left(spread) + low_pass),
         ]
     }
 
     #[inline(always)]
-    fn determinant<L: Lanes, P: Probe>(&self, area: L, variance: [L; 3], low_pass: L, tap: &mut Tap<P>) -> L {
+    fn determinant<W: Words, P: Probe>(&self, area: W, variance: [W; 3], low_pass: W, tap: &mut Tap<P>) -> W::Exact {
         let [areas, filtered, filters] = self.places.determinant;
         let trace = variance[0] + variance[2];
         let exact = (area * area).left(areas) + (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters);
-        tap.fit(&self.determinant, exact)
+        tap.fit_wide(&self.determinant, exact)
     }
 
     #[inline(always)]
-    fn conic<L: Lanes, P: Probe>(&self, v: [L; 3], inverse_root: Scientific<L>, exponent: L, tap: &mut Tap<P>) -> [L; 3] {
-        let inverse = tap.fit(&self.inverse, inverse_root.mantissa * inverse_root.mantissa);
+    fn conic<W: Words, P: Probe>(&self, v: [W; 3], inverse_root: Scientific<W>, exponent: W, tap: &mut Tap<P>) -> [W; 3] {
+        let inverse = tap.fit_words(&self.inverse, inverse_root.mantissa * inverse_root.mantissa);
         let more = (exponent - inverse_root.exponent).left(1);
         [
             tap.fit_shifted(&self.conic, v[2] * inverse, more),
@@ -395,29 +395,29 @@ impl Ellipse {
 
     /// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
     #[inline(always)]
-    fn side<L: Lanes, P: Probe>(&self, view: &View, pixels: u32, pixel: L, variance: L, exponent: L, tap: &mut Tap<P>) -> [L; 2] {
-        let reach = (L::splat(view.cutoff) * variance).max(L::splat(1));
-        let root = self.extent_root.root_lanes(reach, tap);
-        let extent = tap.fit_shifted(&self.extent, root.mantissa, -root.exponent - exponent);
+    fn side<W: Words, P: Probe>(&self, view: &View, pixels: u32, pixel: W, variance: W, exponent: W, tap: &mut Tap<P>) -> [W; 2] {
+        let reach = (W::splat(view.cutoff) * variance).max(W::Exact::splat(1));
+        let (root, power) = self.extent_root.root_lanes(reach, tap);
+        let extent = tap.fit_shifted(&self.extent, root, -power - exponent);
         let [pixel_align, extent_align] = self.places.edge;
         let last_px = i64::from(pixels) - 1;
         // From the centre of pixel 0 to the picture's middle: (pixels − 1)/2.
-        let first_centre = L::splat(last_px << (self.places.edge_frac_bits - 1));
-        let centre = pixel.left(pixel_align) + first_centre;
-        let extent = (extent + L::splat(1)).left(extent_align);
-        let up = L::splat((1 << self.places.edge_frac_bits) - 1);
-        let first = tap.fit(&self.edge, centre - extent + up).max(L::splat(0));
-        let last = tap.fit(&self.edge, centre + extent).min(L::splat(last_px));
+        let first_centre = W::Exact::splat(last_px << (self.places.edge_frac_bits - 1));
+        let centre = pixel.exact().left(pixel_align) + first_centre;
+        let extent = (extent.exact() + W::Exact::splat(1)).left(extent_align);
+        let up = W::Exact::splat((1 << self.places.edge_frac_bits) - 1);
+        let first = tap.fit_words(&self.edge, centre - extent + up).max(W::splat(0));
+        let last = tap.fit_words(&self.edge, centre + extent).min(W::splat(last_px));
         [first, last]
     }
 
     #[inline(always)]
-    fn depth_slope<L: Lanes, P: Probe>(&self, view: &View, input: &Input<L>, n: [L; 3], facing: L, tap: &mut Tap<P>) -> [L; 2] {
-        let inverse = self.slope_reciprocal.lanes(facing.abs(), tap);
-        let step = tap.fit(&self.depth_step, input.forward * L::splat(view.inverse_focal.mantissa));
-        let scale = tap.fit(&self.slope_scale, step * inverse.mantissa);
-        let away = scale.where_else(L::splat(0).above(facing), -scale);
-        let more = L::splat(view.inverse_focal.places) - inverse.exponent - input.exponent;
+    fn depth_slope<W: Words, P: Probe>(&self, view: &View, input: &Input<W>, n: [W; 3], facing: W, tap: &mut Tap<P>) -> [W; 2] {
+        let inverse = self.slope_reciprocal.lanes(facing.exact().abs(), tap);
+        let step = tap.fit_words(&self.depth_step, input.forward * W::splat(view.inverse_focal.mantissa));
+        let scale = tap.fit_words(&self.slope_scale, step * inverse.mantissa);
+        let away = scale.where_else(W::splat(0).above(facing), -scale);
+        let more = W::splat(view.inverse_focal.places) - inverse.exponent - input.exponent;
         [tap.fit_shifted(&self.depth_slope, away * n[0], more), tap.fit_shifted(&self.depth_slope, away * n[1], more)]
     }
 }

@@ -19,7 +19,7 @@
 use crate::frame::View;
 use crate::machine::{Elaboration, Machine};
 use crate::num::reciprocal::Scientific;
-use crate::num::{Exact, Fit, Lanes, Reciprocal, align, three, two};
+use crate::num::{Exact, Exacts, Fit, Reciprocal, Words, align, three, two};
 use crate::probe::{Probe, Tap};
 
 const UNIT: &str = "project";
@@ -44,23 +44,23 @@ pub struct Project {
 
 /// Output port, eight splats.
 #[derive(Clone, Copy, Debug)]
-pub struct Projected<L> {
+pub struct Projected<W> {
     /// t/2^exponent (`project.camera`).
-    pub camera: [L; 3],
+    pub camera: [W; 3],
     /// The power of two that t is relative to.
-    pub exponent: L,
+    pub exponent: W,
     /// t_z (`project.depth`).
-    pub depth: L,
+    pub depth: W,
     /// 2^exponent/t_z: mantissa (`project.reciprocal.result`) and power of two.
-    pub inverse_depth: Scientific<L>,
+    pub inverse_depth: Scientific<W>,
     /// a, b (`project.slope`).
-    pub slope: [L; 2],
+    pub slope: [W; 2],
     /// Position from the picture's middle (`project.pixel`).
-    pub pixel: [L; 2],
+    pub pixel: [W; 2],
     /// At or before the near plane.
-    pub near: L,
+    pub near: W,
     /// Outside the guard band.
-    pub outside: L,
+    pub outside: W,
 }
 
 impl Project {
@@ -110,34 +110,34 @@ impl Project {
 
     /// Projects eight splats; lanes that end culled carry harmless words from there on.
     #[inline(always)]
-    pub fn lanes<L: Lanes, P: Probe>(&self, view: &View, position: [L; 3], tap: &mut Tap<P>) -> Projected<L> {
+    pub fn lanes<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> Projected<W> {
         let (relative, exponent) = self.relative(view, position, tap);
-        let camera = three!(row => tap.fit(&self.camera, L::dot(view.rotation[row], relative)));
-        let forward = camera[2].max(L::splat(1));
-        let depth = tap.fit_shifted(&self.depth, camera[2].max(L::splat(0)), -exponent);
-        let near = depth.above(L::splat(view.near)).not();
-        let limit = two!(axis => L::splat(view.guard[axis]) * forward);
-        let beyond = two!(axis => camera[axis].abs().left(self.slope_frac_bits).above(limit[axis]));
+        let camera = three!(row => tap.fit_words(&self.camera, W::dot(view.rotation[row], relative)));
+        let forward = camera[2].max(W::splat(1));
+        let depth = tap.fit_shifted(&self.depth, camera[2].max(W::splat(0)).exact(), -exponent);
+        let near = depth.above(W::splat(view.near)).not();
+        let limit = two!(axis => W::splat(view.guard[axis]) * forward);
+        let beyond = two!(axis => camera[axis].exact().abs().left(self.slope_frac_bits).above(limit[axis]));
         let outside = beyond[0] | beyond[1];
         tap.drop_where(near | outside);
 
-        let inverse_depth = self.reciprocal.lanes(forward, tap);
-        let offset = two!(axis => L::splat(0).where_else(near | outside, camera[axis]));
+        let inverse_depth = self.reciprocal.lanes(forward.exact(), tap);
+        let offset = two!(axis => W::splat(0).where_else(near | outside, camera[axis]));
         let slope = two!(axis => tap.fit_shifted(&self.slope, offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
-        let pixel = two!(axis => tap.fit(&self.pixel, L::splat(view.focal) * slope[axis]));
+        let pixel = two!(axis => tap.fit_wide(&self.pixel, W::splat(view.focal) * slope[axis]).low());
         Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside }
     }
 
     /// Position less eye, and the power of two that it is relative to.
     #[inline(always)]
-    fn relative<L: Lanes, P: Probe>(&self, view: &View, position: [L; 3], tap: &mut Tap<P>) -> ([L; 3], L) {
+    fn relative<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> ([W; 3], W) {
         let [of_position, of_eye] = self.align;
-        let difference = three!(axis => position[axis].left(of_position) - L::splat(view.eye[axis] << of_eye));
+        let difference = three!(axis => position[axis].exact().left(of_position) - W::Exact::splat(view.eye[axis] << of_eye));
         let [x, y, z] = three!(axis => difference[axis].abs());
-        let largest = x.max(y).max(z).max(L::splat(1));
-        let lead = largest.leading_zeros() - L::splat(2);
-        let relative = three!(axis => tap.fit(&self.relative, difference[axis].left_by(lead)));
-        (relative, L::splat(i64::from(NORMALISED_FRAC_BITS) - self.difference_frac_bits) - lead)
+        // As many as those of the largest.
+        let lead = (x | y | z | W::Exact::splat(1)).leading_zeros() - W::splat(2);
+        let relative = three!(axis => tap.fit_top(&self.relative, difference[axis].left_by(lead)));
+        (relative, W::splat(i64::from(NORMALISED_FRAC_BITS) - self.difference_frac_bits) - lead)
     }
 }
 

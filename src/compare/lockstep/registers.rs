@@ -1,7 +1,7 @@
 //! Registers: what the machine was given, word by word, beside the exact numbers that the words stand for.
 
 use crate::golden::shade::Shader;
-use crate::quantise::Quantised;
+use crate::quantise::{Quantised, quantised as constant};
 use crate::scene::{Light, Material, Scene, View};
 use glam::DVec3;
 use rtl_model::frame;
@@ -32,7 +32,7 @@ pub fn view(scene: &Scene, view: &View, machine: &Machine, quantised: &Quantised
         low_pass: Near::held(scene.kernel.low_pass, e.low_pass, held.low_pass),
         cutoff: Near::held(scene.kernel.cutoff, raster.cutoff, held.cutoff),
         root_cutoff: Near::held(scene.kernel.cutoff.sqrt(), e.root_cutoff, held.root_cutoff),
-        inverse_two_pi: Near::within(1.0 / TAU, e.inverse_two_pi.format.value(1)),
+        inverse_two_pi: Near::held(1.0 / TAU, e.inverse_two_pi, constant(e.inverse_two_pi, 1.0 / TAU)),
     }
 }
 

@@ -4,6 +4,7 @@ use super::*;
 use crate::num::Format;
 use crate::num::lanes::Plain;
 use crate::num::tests::formats;
+use crate::num::words::PlainWords;
 use fixed::types::extra::{U0, U4, U12, U16, U20, U24, U30};
 use fixed::{FixedI8, FixedI16, FixedI32, FixedI64, FixedU8, FixedU16, FixedU32};
 use proptest::prelude::*;
@@ -82,8 +83,8 @@ fn fit_agrees_with_exact_rationals() {
 
 const LANES: usize = crate::num::LANES;
 
-fn words() -> impl Strategy<Value = Word> {
-    (formats(1..=48), prop::sample::select(ROUNDINGS.to_vec()), prop::sample::select(OVERFLOWS.to_vec()))
+fn words(width: std::ops::RangeInclusive<i32>) -> impl Strategy<Value = Word> {
+    (formats(width), prop::sample::select(ROUNDINGS.to_vec()), prop::sample::select(OVERFLOWS.to_vec()))
         .prop_map(|(format, round, overflow)| Word { format, round, overflow })
 }
 
@@ -99,7 +100,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(20_000))]
 
     #[test]
-    fn wide_fits_agree_with_exact_rationals(word in words(), exact in exacts(), places in -31..=62i32, more in -60..=100i64) {
+    fn wide_fits_agree_with_exact_rationals(word in words(1..=48), exact in exacts(), places in -31..=62i32, more in -60..=100i64) {
         let fit = Fit::new(0, word, shape(word.format.frac_bits + places));
         agrees(&fit, exact, 0);
         agrees(&fit, exact, more.clamp(-60 - i64::from(places), 120 - i64::from(places)));
@@ -107,18 +108,41 @@ proptest! {
 
     #[test]
     fn eight_lanes_equal_one(
-        word in words(), exact in prop::array::uniform8(exacts()), places in -31..=62i32, more in prop::array::uniform8(-60..=100i64),
+        word in words(1..=48), exact in prop::array::uniform8(exacts()), places in -31..=62i32, more in prop::array::uniform8(-60..=100i64),
     ) {
         let fit = Fit::new(0, word, shape(word.format.frac_bits + places));
         let shifted = |more: [i64; LANES]| -> [i64; LANES] { std::array::from_fn(|lane| fit.one_shifted(exact[lane], more[lane])) };
-        prop_assert_eq!(fit.lanes(Plain(exact)).0, exact.map(|exact| fit.one(exact)));
-        prop_assert_eq!(fit.lanes_shifted(Plain(exact), Plain(more)).0, shifted(more));
-        let same = [more[0]; LANES];
-        prop_assert_eq!(fit.lanes_shifted(Plain(exact), Plain(same)).0, shifted(same));
+        let one = exact.map(|exact| fit.one(exact));
+        prop_assert_eq!(fit.lanes(Plain(exact)).0, one);
+        prop_assert_eq!(fit.wide(Plain(exact)).0, one);
+        if word.format.max() <= i64::from(i32::MAX) {
+            prop_assert_eq!(fit.words_shifted(Plain(exact), PlainWords(more.map(|more| more as i32))).0.map(i64::from), shifted(more));
+            prop_assert_eq!(fit.words_shifted(Plain(exact), PlainWords([more[0] as i32; LANES])).0.map(i64::from), shifted([more[0]; LANES]));
+        }
+    }
+
+    /// Of every shape: results reach 2^bits.
+    #[test]
+    fn eight_narrow_words_equal_one(
+        word in words(1..=31), bits in 1..=62i32, places in -31..=62i32, exact in prop::array::uniform8(exacts()), more in -20..=20i64,
+    ) {
+        let frac_bits = word.format.frac_bits + places;
+        let fit = Fit::new(0, word, Exact { int_bits: bits - frac_bits, frac_bits });
+        let exact = exact.map(|exact| (exact >> (62 - bits)).clamp(-1 << bits, 1 << bits));
+        let one = exact.map(|exact| fit.one(exact));
+        prop_assert_eq!(fit.words(Plain(exact)).0.map(i64::from), one);
+        prop_assert_eq!(fit.top(Plain(exact)).0.map(i64::from), one);
+        let shifted = exact.map(|exact| fit.one_shifted(exact, more));
+        prop_assert_eq!(fit.words_shifted(Plain(exact), PlainWords([more as i32; LANES])).0.map(i64::from), shifted);
+        let extreme = [1i64 << bits, -1 << bits].map(|exact| Plain([exact; LANES]));
+        for exact in extreme {
+            prop_assert_eq!(i64::from(fit.words(exact).0[0]), fit.one(exact.0[0]));
+            prop_assert_eq!(i64::from(fit.top(exact).0[0]), fit.one(exact.0[0]));
+        }
     }
 
     #[test]
-    fn loss_is_told_truly(word in words(), exact in exacts(), places in -31..=62i32) {
+    fn loss_is_told_truly(word in words(1..=48), exact in exacts(), places in -31..=62i32) {
         let fit = Fit::new(0, word, shape(word.format.frac_bits + places));
         let (fitted, loss) = (fit.one(exact), fit.loss(exact, 0));
         // Nothing is lost exactly where the word stands for the very same rational.

@@ -32,7 +32,8 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
 
 impl Scene {
     fn random(dice: &mut Dice) -> Self {
-        let lights = (0..dice.below(4)).map(|_| (dice.unit_vector(), [0; 3].map(|_| dice.channel()))).collect();
+        let direction = |dice: &mut Dice| if dice.below(3) > 0 { dice.unit_vector() } else { [0.0, 0.0, -1.0] };
+        let lights = (0..dice.below(4)).map(|_| (direction(dice), [0; 3].map(|_| dice.channel()))).collect();
         Scene {
             lights,
             lit: dice.below(3) > 0,

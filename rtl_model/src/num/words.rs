@@ -1,0 +1,319 @@
+//! Words: eight words of at most 32 bits side by side, and the exact results that they make.
+//!
+//! Ports and multiplier operands are such words (elaboration sees to it). A product of two [`Words`] is [`Exacts`], of at most
+//! 62 bits; a fit leads back. Nothing here is hardware: it is how the simulator keeps a host's vector units busy, at half the
+//! width of [`super::Lanes`]. [`PlainWords`] and [`Plain`] are what every operation means; `host.rs` has the same in vector registers.
+//!
+//! Law: `vector_words_equal_plain_words`.
+
+use super::LANES;
+use super::lanes::Plain;
+use std::fmt::Debug;
+use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
+
+/// One signal of eight items, words of at most 32 bits. A condition is a signal of words −1 (holds) and 0.
+pub trait Words:
+    Copy
+    + Debug
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Neg<Output = Self>
+    + BitAnd<Output = Self>
+    + BitOr<Output = Self>
+    + Mul<Output = Self::Exact>
+{
+    /// Exact results of such words.
+    type Exact: Exacts<Words = Self>;
+
+    /// From one word a lane.
+    fn from_array(words: [i32; LANES]) -> Self;
+    /// One word a lane.
+    fn to_array(self) -> [i32; LANES];
+    /// The same word, of at most 32 bits, on every lane.
+    fn splat(word: i64) -> Self;
+    /// The same words as exact results.
+    fn exact(self) -> Self::Exact;
+    /// Each lane shifted left by the same amount, 0 to 31.
+    fn left(self, by: u32) -> Self;
+    /// Each lane shifted right towards minus infinity by the same amount, 0 to 31.
+    fn right(self, by: u32) -> Self;
+    /// The greater word of each lane.
+    fn max(self, other: Self) -> Self;
+    /// The lesser word of each lane.
+    fn min(self, other: Self) -> Self;
+    /// Where `self` is greater.
+    fn above(self, other: Self) -> Self;
+    /// `self` where the condition holds, `other` elsewhere.
+    fn where_else(self, condition: Self, other: Self) -> Self;
+    /// Where a lane is 0.
+    fn is_zero(self) -> Self;
+    /// Magnitude of each lane, of which none is −2^31.
+    fn abs(self) -> Self;
+    /// The entries of a table of 2^n words at each lane's low n bits.
+    fn look_up(self, table: &[i32]) -> Self;
+    /// The signs of the lanes, bit by bit, the first lane in the last place: a condition as bits.
+    fn signs(self) -> u8;
+    /// Rows to columns: from eight items' words to eight signals, or back.
+    fn transposed(rows: [Self; LANES]) -> [Self; LANES];
+
+    /// The product of a row of constants with a vector.
+    #[inline(always)]
+    fn dot(row: [i64; 3], vector: [Self; 3]) -> Self::Exact {
+        Self::splat(row[0]) * vector[0] + Self::splat(row[1]) * vector[1] + Self::splat(row[2]) * vector[2]
+    }
+
+    /// Where a lane is not above 0.
+    #[inline(always)]
+    fn is_none(self) -> Self {
+        Self::splat(1).above(self)
+    }
+
+    /// A condition's opposite.
+    #[inline(always)]
+    fn not(self) -> Self {
+        Self::splat(-1) - self
+    }
+}
+
+/// Exact results of eight items: sums and products of [`Words`], of at most 62 bits, before they are fitted.
+pub trait Exacts: Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self> + BitOr<Output = Self> {
+    /// The words that they are made of and become.
+    type Words: Words<Exact = Self>;
+
+    /// From one result a lane.
+    fn from_array(words: [i64; LANES]) -> Self;
+    /// One result a lane.
+    fn to_array(self) -> [i64; LANES];
+    /// The same result on every lane.
+    fn splat(word: i64) -> Self;
+    /// Each lane shifted left by the same amount, 0 to 63.
+    fn left(self, by: u32) -> Self;
+    /// Each lane shifted left by its own amount, 0 to 63.
+    fn left_by(self, by: Self::Words) -> Self;
+    /// Each lane shifted right towards minus infinity by the same amount, 0 to 63.
+    fn right(self, by: u32) -> Self;
+    /// The greater of each lane.
+    fn max(self, other: Self) -> Self;
+    /// The lesser of each lane.
+    fn min(self, other: Self) -> Self;
+    /// Where `self` is greater.
+    fn above(self, other: Self) -> Self::Words;
+    /// Magnitude of each lane.
+    fn abs(self) -> Self;
+    /// Leading zeros of each lane, of which all are positive.
+    fn leading_zeros(self) -> Self::Words;
+    /// The low 32 bits of each lane.
+    fn low(self) -> Self::Words;
+    /// The low 32 bits of each lane shifted right by the same amount, 0 to 31.
+    fn cut(self, by: u32) -> Self::Words;
+    /// Each lane shifted right by the same amount, 32 to 63, which leaves a word.
+    fn cut_deep(self, by: u32) -> Self::Words;
+    /// Each lane shifted right by its own amount: if all are 0 to 63 and every lane then is a word of 31 bits.
+    fn cut_by(self, by: Self::Words) -> Option<Self::Words>;
+}
+
+/// Eight words as an array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlainWords(pub [i32; LANES]);
+
+impl PlainWords {
+    #[inline(always)]
+    fn zip(self, other: PlainWords, f: impl Fn(i32, i32) -> i32) -> Self {
+        let mut out = self.0;
+        for (own, other) in out.iter_mut().zip(other.0) {
+            *own = f(*own, other);
+        }
+        PlainWords(out)
+    }
+}
+
+impl Words for PlainWords {
+    type Exact = Plain;
+
+    #[inline(always)]
+    fn from_array(words: [i32; LANES]) -> Self {
+        PlainWords(words)
+    }
+    #[inline(always)]
+    fn to_array(self) -> [i32; LANES] {
+        self.0
+    }
+    #[inline(always)]
+    fn splat(word: i64) -> Self {
+        debug_assert!(word == i64::from(word as i32), "a constant is wider than 32 bits");
+        PlainWords([word as i32; LANES])
+    }
+    #[inline(always)]
+    fn exact(self) -> Plain {
+        Plain(self.0.map(i64::from))
+    }
+    #[inline(always)]
+    fn left(self, by: u32) -> Self {
+        self.zip(self, |v, _| v << by)
+    }
+    #[inline(always)]
+    fn right(self, by: u32) -> Self {
+        self.zip(self, |v, _| v >> by)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, i32::max)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, i32::min)
+    }
+    #[inline(always)]
+    fn above(self, other: Self) -> Self {
+        self.zip(other, |a, b| -i32::from(a > b))
+    }
+    #[inline(always)]
+    fn where_else(self, condition: Self, other: Self) -> Self {
+        self.zip(condition, |v, holds| v & holds) | other.zip(condition, |v, holds| v & !holds)
+    }
+    #[inline(always)]
+    fn is_zero(self) -> Self {
+        self.zip(self, |v, _| -i32::from(v == 0))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.zip(self, |v, _| v.abs())
+    }
+    #[inline(always)]
+    fn look_up(self, table: &[i32]) -> Self {
+        self.zip(self, |v, _| table[v as usize & (table.len() - 1)])
+    }
+    #[inline(always)]
+    fn signs(self) -> u8 {
+        self.0.iter().rev().fold(0, |bits, &v| bits << 1 | u8::from(v < 0))
+    }
+    #[inline(always)]
+    fn transposed(rows: [Self; LANES]) -> [Self; LANES] {
+        let mut columns = rows;
+        for (i, column) in columns.iter_mut().enumerate() {
+            for (word, row) in column.0.iter_mut().zip(&rows) {
+                *word = row.0[i];
+            }
+        }
+        columns
+    }
+}
+
+impl Exacts for Plain {
+    type Words = PlainWords;
+
+    #[inline(always)]
+    fn from_array(words: [i64; LANES]) -> Self {
+        Plain(words)
+    }
+    #[inline(always)]
+    fn to_array(self) -> [i64; LANES] {
+        self.0
+    }
+    #[inline(always)]
+    fn splat(word: i64) -> Self {
+        Plain([word; LANES])
+    }
+    #[inline(always)]
+    fn left(self, by: u32) -> Self {
+        Plain(self.0.map(|v| v << by))
+    }
+    #[inline(always)]
+    fn left_by(self, by: PlainWords) -> Self {
+        self.zip(by.exact(), |v, by| v << by)
+    }
+    #[inline(always)]
+    fn right(self, by: u32) -> Self {
+        Plain(self.0.map(|v| v >> by))
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, i64::max)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, i64::min)
+    }
+    #[inline(always)]
+    fn above(self, other: Self) -> PlainWords {
+        self.zip(other, |a, b| -i64::from(a > b)).low()
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Plain(self.0.map(i64::abs))
+    }
+    #[inline(always)]
+    fn leading_zeros(self) -> PlainWords {
+        debug_assert!(self.0.iter().all(|&v| v > 0), "a lane is not positive");
+        PlainWords(self.0.map(|v| v.leading_zeros() as i32))
+    }
+    #[inline(always)]
+    fn low(self) -> PlainWords {
+        PlainWords(self.0.map(|v| v as i32))
+    }
+    #[inline(always)]
+    fn cut(self, by: u32) -> PlainWords {
+        Exacts::right(self, by).low()
+    }
+    #[inline(always)]
+    fn cut_deep(self, by: u32) -> PlainWords {
+        Exacts::right(self, by).low()
+    }
+    #[inline(always)]
+    fn cut_by(self, by: PlainWords) -> Option<PlainWords> {
+        let possible = by.0.iter().all(|by| (0..64).contains(by));
+        let cut = self.zip(by.exact(), |v, by| v >> (by & 63));
+        (possible && cut.0.iter().all(|v| (-1 << 30..1 << 30).contains(v))).then(|| cut.low())
+    }
+}
+
+impl Add for PlainWords {
+    type Output = PlainWords;
+    #[inline(always)]
+    fn add(self, other: PlainWords) -> PlainWords {
+        self.zip(other, |a, b| a + b)
+    }
+}
+
+impl Sub for PlainWords {
+    type Output = PlainWords;
+    #[inline(always)]
+    fn sub(self, other: PlainWords) -> PlainWords {
+        self.zip(other, |a, b| a - b)
+    }
+}
+
+impl Neg for PlainWords {
+    type Output = PlainWords;
+    #[inline(always)]
+    fn neg(self) -> PlainWords {
+        self.zip(self, |v, _| -v)
+    }
+}
+
+impl BitAnd for PlainWords {
+    type Output = PlainWords;
+    #[inline(always)]
+    fn bitand(self, other: PlainWords) -> PlainWords {
+        self.zip(other, |a, b| a & b)
+    }
+}
+
+impl BitOr for PlainWords {
+    type Output = PlainWords;
+    #[inline(always)]
+    fn bitor(self, other: PlainWords) -> PlainWords {
+        self.zip(other, |a, b| a | b)
+    }
+}
+
+impl Mul for PlainWords {
+    type Output = Plain;
+    #[inline(always)]
+    fn mul(self, other: PlainWords) -> Plain {
+        self.exact().zip(other.exact(), |a, b| a * b)
+    }
+}
+
+#[cfg(test)]
+mod tests;
