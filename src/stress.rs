@@ -328,8 +328,9 @@ arithmetic  first value at which fixed − led exceeds 8/255 (e), or its bound
             exceeds 1 on more than 1 % of the covered pixels (b), or the machine
             refuses the scene (r)
 flips       first value at which a flipped decision makes more than 8/255
-error       greatest |fixed − led|; bound > 1: greatest share of covered pixels
-            where the bound says nothing; flipped: decisions, over all values";
+error       greatest |fixed − led|
+bound > 1   greatest share of the covered pixels whose bound says nothing
+flipped     decisions that golden takes otherwise, over all values";
 
 /// Columns of the CSV file.
 const COLUMNS: [&str; 23] = [

@@ -637,7 +637,7 @@ fn off_screen(beyond: f64) -> Scene {
 
 fn coincident(gap: f64) -> Scene {
     let z_threshold = 0.05;
-    let sheet = |depth: f64, colours| plane(DVec3::new(0.0, 0.0, depth), FLAT, 18, 2.3 * PX, colours);
+    let sheet = |depth: f64, colours| plane(DVec3::new(0.0, 0.0, depth), FLAT, 26, 2.3 * PX, colours);
     let mut splats = sheet(DEPTH + gap * z_threshold, [BLUE, PALE]);
     splats.extend(with_opacity(sheet(DEPTH, [RED, GREEN]), 0.6));
     let mut scene = square(shuffled(splats));
@@ -647,8 +647,9 @@ fn coincident(gap: f64) -> Scene {
 
 fn epsilon(radii: f64) -> Scene {
     let spacing = 2.0 * PX;
-    let mut splats = plane(DVec3::new(0.0, 0.0, DEPTH + 6.0 * spacing), leaning(60.0), 22, spacing, [BLUE, PALE]);
-    splats.extend(with_opacity(plane(DVec3::new(0.0, 0.0, DEPTH), leaning(60.0), 22, spacing, [RED, GREEN]), 0.6));
+    let sheet = |depth: f64, colours| plane(DVec3::new(0.0, 0.5, depth), leaning(45.0), 40, spacing, colours);
+    let mut splats = sheet(DEPTH + 6.0 * spacing, [BLUE, PALE]);
+    splats.extend(with_opacity(sheet(DEPTH, [RED, GREEN]), 0.6));
     let mut scene = square(shuffled(splats));
     scene.surface.z_threshold = radii * spacing;
     scene
@@ -659,7 +660,7 @@ fn intersecting(degrees: f64) -> Scene {
         let lean = degrees.to_radians();
         [DVec3::new(cos(lean), 0.0, sin(lean)), DVec3::Y]
     };
-    let sheet = |degrees: f64, colours| plane(DVec3::new(0.0, 0.0, DEPTH), leaning(degrees), 18, 2.3 * PX, colours);
+    let sheet = |degrees: f64, colours| plane(DVec3::new(0.0, 0.0, DEPTH), leaning(degrees), 32, 2.0 * PX, colours);
     let mut splats = sheet(degrees / 2.0, [BLUE, PALE]);
     splats.extend(sheet(-degrees / 2.0, [RED, GREEN]));
     let mut scene = square(shuffled(splats));
