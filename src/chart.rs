@@ -5,9 +5,13 @@
 //!            [bars: names, values] ────────┘
 //! ```
 
+mod tiles;
+
+pub use tiles::{Tile, Words};
+
 use crate::error::{Error, Result};
 use crate::picture::write_beside;
-use image::codecs::png::PngEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use plotters::coord::Shift;
 use plotters::prelude::*;
@@ -72,6 +76,13 @@ impl Axis {
             let text = format!("{value:.1e}");
             text.replace(".0e", "e")
         }
+    }
+
+    /// What a mark of the axis says; nothing between the powers of ten, where at least two of those are marked.
+    fn mark(&self, place: f64, span: &Range<f64>) -> String {
+        let between = (place - place.round()).abs() > 1e-6;
+        let decades = span.end.floor() - span.start.ceil();
+        if self.log && between && decades >= 1.0 { String::new() } else { self.told(place) }
     }
 
     /// The range that shows all of these values, with a margin.
@@ -161,12 +172,16 @@ const FONT: &str = "sans-serif";
 const INK: RGBColor = RGBColor(40, 40, 40);
 const FAINT: RGBColor = RGBColor(225, 225, 225);
 
+/// How far the words of a limit are moved to the right, pixels: they stand on their side.
+const BESIDE_PX: i32 = 15;
+
 impl Draw for Panel {
     fn draw(&self, area: &Area) -> std::result::Result<(), String> {
         let all = || self.series.iter().flat_map(|series| &series.points);
         let x = self.x.span(all().map(|point| point[0]).chain(self.limits.iter().map(|limit| limit.0)));
         let y = self.y.span(all().map(|point| point[1]));
         let (left, top) = (x.start, y.end - 0.02 * (y.end - y.start));
+        let spans = (x.clone(), y.clone());
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, (FONT, 19).into_font().color(&INK))
             .margin(12)
@@ -180,8 +195,8 @@ impl Draw for Panel {
             .y_desc(&self.y.label)
             .x_labels(7)
             .y_labels(7)
-            .x_label_formatter(&|place| self.x.told(*place))
-            .y_label_formatter(&|place| self.y.told(*place))
+            .x_label_formatter(&|place| self.x.mark(*place, &spans.0))
+            .y_label_formatter(&|place| self.y.mark(*place, &spans.1))
             .label_style((FONT, 14).into_font().color(&INK))
             .light_line_style(TRANSPARENT)
             .bold_line_style(FAINT)
@@ -194,7 +209,9 @@ impl Draw for Panel {
             let line = [(at, range.start), (at, range.end)];
             chart.draw_series(DashedLineSeries::new(line, 4, 4, colour.into())).map_err(told)?;
             let style = (FONT, 13).into_font().transform(FontTransform::Rotate90).color(&colour);
-            chart.draw_series([Text::new(word.clone(), (at.max(left), top), style)]).map_err(told)?;
+            // The words stand beside their line, not on it.
+            let words = EmptyElement::at((at.max(left), top)) + Text::new(word.clone(), (BESIDE_PX, 0), style);
+            chart.draw_series([words]).map_err(told)?;
         }
         for series in &self.series {
             let colour = COLOURS[series.colour % COLOURS.len()];
@@ -303,7 +320,8 @@ pub fn write_png(drawings: &[&dyn Draw], columns: usize, [width, height]: [u32; 
     let mut pixels = vec![255; width as usize * height as usize * 3];
     draw(drawings, columns, rows, &mut pixels, (width, height)).map_err(|e| Error::job(format!("{}: {e}", path.display())))?;
     write_beside(path, |file| {
-        PngEncoder::new(file).write_image(&pixels, width, height, ExtendedColorType::Rgb8).map_err(|error| error.to_string())
+        let png = PngEncoder::new_with_quality(file, CompressionType::Best, FilterType::NoFilter);
+        png.write_image(&pixels, width, height, ExtendedColorType::Rgb8).map_err(|error| error.to_string())
     })
 }
 

@@ -5,7 +5,7 @@ use crate::explain::explain;
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
 use crate::run::{self, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
-use crate::{fixed, machines, prove};
+use crate::{fixed, machines, prove, stress};
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use comfy_table::CellAlignment;
@@ -28,6 +28,9 @@ enum Command {
     /// Draw a scene on a machine and in exact arithmetic; compare
     #[command(after_help = NAMES)]
     Run(Run),
+    /// Drive small scenes into trouble: where methods fail, and machines
+    #[command(after_help = STRESS)]
+    Stress(Stress),
     /// Tell one pixel's whole story, the machine beside golden
     #[command(after_help = NAMES)]
     Explain(Explain),
@@ -58,6 +61,24 @@ struct Run {
 }
 
 #[derive(Args, Debug)]
+struct Stress {
+    /// Only this case; may be given again [default: all]
+    #[arg(long = "case", value_name = "NAME")]
+    cases: Vec<String>,
+    /// Another machine beside the named ones; may be given again
+    #[arg(long = "machine", value_name = "NAME|FILE")]
+    machines: Vec<String>,
+    /// Write stress.json, stress.csv, stress.png and gallery.png into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    threads: Threads,
+    /// Print no table
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args, Debug)]
 struct Explain {
     /// A .json scene, .ply cloud or built-in name
     scene: String,
@@ -79,6 +100,12 @@ struct Common {
     /// Size of the picture instead of the scene's own
     #[arg(long, value_name = "WxH")]
     size: Option<Pair<'x'>>,
+    #[command(flatten)]
+    threads: Threads,
+}
+
+#[derive(Args, Debug)]
+struct Threads {
     /// Threads; no result depends on them [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -122,6 +149,9 @@ enum SceneCommand {
 /// What the help texts end with.
 const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain\nNamed machines: reference, lean, tiny";
 
+/// What the help text of `stress` ends with.
+const STRESS: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a failure is silent";
+
 /// Two whole numbers with a separator between them.
 #[derive(Clone, Copy, Debug)]
 struct Pair<const SEPARATOR: char>(usize, usize);
@@ -143,9 +173,11 @@ impl Common {
     fn scene(&self, name_or_path: &str) -> Result<Scene> {
         Scene::load(name_or_path, &Overrides { size: self.size.map(|Pair(width, height)| (width, height)) })
     }
+}
 
+impl Threads {
     /// Runs `work` on as many threads as asked for.
-    fn threaded<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    fn run<T: Send>(&self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
         let Some(threads) = self.threads else { return work() };
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
         pool.map_err(|e| Error::job(format!("--threads {threads}: {e}")))?.install(work)
@@ -162,8 +194,9 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
         Err(error) => return told(&error),
     };
     match typed.command {
-        Command::Run(arguments) => arguments.common.threaded(|| arguments.run()),
-        Command::Explain(arguments) => arguments.common.threaded(|| arguments.explain()),
+        Command::Run(arguments) => arguments.common.threads.run(|| arguments.run()),
+        Command::Stress(arguments) => arguments.threads.run(|| arguments.run()),
+        Command::Explain(arguments) => arguments.common.threads.run(|| arguments.explain()),
         Command::Machine(MachineCommand::List) => list(),
         Command::Machine(MachineCommand::Show { machine, settings }) => show(&machine, &settings),
         Command::Machine(MachineCommand::Prove { machine, settings, out }) => write_proofs(&machine, &settings, &out),
@@ -225,6 +258,28 @@ impl Run {
         };
         let text = format!("{}\n{end}", outcome.report.summary());
         Ok(if self.quiet { String::new() } else { text })
+    }
+}
+
+impl Stress {
+    fn run(&self) -> Result<String> {
+        let named: Vec<&stress::Case> = self.cases.iter().map(|name| stress::find(name)).collect::<Result<_>>()?;
+        let cases = if named.is_empty() { stress::CASES.iter().collect() } else { named };
+        let machines: Vec<Machine> = self.machines.iter().map(|name| machines::load(name, &[])).collect::<Result<_>>()?;
+        if let Some(folder) = &self.out {
+            open_folder(folder)?;
+        }
+        let catalogue = stress::run(&cases, &machines)?;
+        let end = match &self.out {
+            Some(folder) => {
+                let written = catalogue.write(folder)?;
+                let names: Vec<_> = written.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+                wrapped(&format!("written to {}: {}", folder.display(), names.join(" ")))
+            }
+            None => "nothing written: --out DIR writes the tables, a chart and a gallery".into(),
+        };
+        catalogue.check()?;
+        Ok(if self.quiet { String::new() } else { format!("{}\n{end}", catalogue.table()) })
     }
 }
 

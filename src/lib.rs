@@ -15,4 +15,5 @@ pub mod quantise;
 pub mod report;
 pub mod run;
 pub mod scene;
+pub mod stress;
 mod validate;

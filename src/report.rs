@@ -186,8 +186,23 @@ impl SignalReport {
         }
     }
 
+    /// Results that were saturated.
+    pub fn saturated(&self) -> u64 {
+        self.saturated_low + self.saturated_high
+    }
+
+    /// Results that wrapped.
+    pub fn wrapped(&self) -> u64 {
+        self.wrapped
+    }
+
+    /// Whether saturating is no loss here.
+    pub fn is_declared_clamp(&self) -> bool {
+        self.declared_clamp.is_some()
+    }
+
     fn overflows(&self) -> u64 {
-        self.saturated_low + self.saturated_high + self.wrapped
+        self.saturated() + self.wrapped
     }
 }
 

@@ -60,3 +60,29 @@ fn axes_tell_numbers_shortly() {
     let told = [linear.told(0.0), linear.told(12.5), linear.told(-0.002), log.told(-6.0), log.told(3.0)];
     assert_eq!(told, ["0", "12.5", "-2e-3", "1e-6", "1000"]);
 }
+
+#[test]
+fn marks_between_powers_of_ten_are_bare_where_two_powers_are_marked() {
+    let log = Axis::log("");
+    assert_eq!([0.0, 0.5, 1.0].map(|place| log.mark(place, &(-0.1..1.1))), ["1", "", "10"]);
+    assert_eq!(log.mark(0.5, &(0.2..1.1)), "3.162");
+    assert_eq!(Axis::linear("").mark(0.5, &(0.0..9.0)), "0.5");
+}
+
+#[test]
+fn a_tile_shows_each_pixel_enlarged_and_nothing_between_them() {
+    let rgba = [[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]].repeat(2);
+    let picture = crate::picture::Picture { width: 2, height: 2, rgba, covered: vec![true; 4] };
+    let image = drawn(&Tile { caption: String::new(), picture });
+    let [red, blue] = [RGBColor(255, 0, 0), RGBColor(0, 0, 255)].map(|colour| pixels_of(&image, colour));
+    // 640 × 400 less margin and caption: 188 pixels a side.
+    assert_eq!((red, blue), (2 * 188 * 188, 2 * 188 * 188));
+}
+
+#[test]
+fn words_show_how_series_are_drawn() {
+    let line = |mark, colour| (Some((mark, colour)), "a series".to_owned());
+    let image = drawn(&Words { title: "Key".into(), lines: vec![line(Mark::Line, 0), line(Mark::Dashed, 1), line(Mark::Dots, 2)] });
+    let [solid, dashed, dot] = [0, 1, 2].map(|colour| pixels_of(&image, COLOURS[colour]));
+    assert!(solid > dashed && dashed > 20 && dot > 10, "{solid} {dashed} {dot}");
+}
