@@ -257,7 +257,7 @@ impl Catalogue {
 
     /// The table for a terminal, at most 80 columns wide.
     pub fn table(&self) -> String {
-        let mut table = plain_table(&["case", "machine", "method", "arithmetic", "flips", "error", "bound > 1", "flipped"]);
+        let mut table = plain_table(&["case", "machine", "method", "arithmetic", "flips", "error", "bound>1", "flipped"]);
         for (case, machine) in self.machines() {
             let by = match machine.arithmetic_fails_by {
                 Some(Failure::Bound) => " b",
@@ -329,7 +329,7 @@ arithmetic  first value at which fixed − led exceeds 8/255 (e), or its bound
             refuses the scene (r)
 flips       first value at which a flipped decision makes more than 8/255
 error       greatest |fixed − led|
-bound > 1   greatest share of the covered pixels whose bound says nothing
+bound>1     greatest share of the covered pixels whose bound says nothing
 flipped     decisions that golden takes otherwise, over all values";
 
 /// Columns of the CSV file.

@@ -347,7 +347,7 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 
 #[test]
 fn commands_and_flags_that_do_not_exist_are_refused() {
-    refused(&[], "a command is missing: run, explain, machine, scene (see --help)");
+    refused(&[], "a command is missing: run, stress, explain, machine, scene (see --help)");
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "sweep");
     refused(&["machine"], "a command is missing: list, show, prove, schema (see --help)");

@@ -225,7 +225,7 @@ fn on_variant<P: Probe>(case: &Case, value: f64, probe: &mut P) -> (Elaborated, 
     let machine = machines::load("reference", &(case.variant.unwrap().settings)(value)).unwrap();
     let elaborated = fixed::elaborate(&machine).unwrap();
     let quantised = quantise::quantise(&(case.scene)(value), &machine).unwrap();
-    let drawing = fixed::draw(&elaborated, &quantised, probe);
+    let drawing = rtl_model::pipeline::draw(&elaborated, &quantised.frame, probe);
     (elaborated, drawing)
 }
 

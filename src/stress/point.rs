@@ -9,7 +9,6 @@ use crate::report::{CulledReport, SignalReport};
 use crate::scene::Scene;
 use crate::{fixed, golden};
 use rtl_model::machine::{Elaborated, Machine};
-use rtl_model::probe::Ranges;
 use serde::Serialize;
 
 /// The three pictures at a point.
@@ -105,8 +104,7 @@ fn prepare(scene: &Scene, machine: &Machine) -> Result<(Elaborated, Quantised), 
 }
 
 fn draw(scene: &Scene, ideal: &Picture, machine: &Elaborated, quantised: &Quantised) -> Measured {
-    let mut ranges = Ranges::new(machine.signals.len());
-    let drawing = fixed::draw(machine, quantised, &mut ranges);
+    let (drawing, ranges) = fixed::draw_ranged(machine, quantised);
     let fixed = fixed::picture(machine, &drawing);
     let golden = golden::render(scene, &fixed::rules(&machine.machine)).picture;
     let led = lockstep(scene, machine, quantised);
