@@ -34,12 +34,15 @@ struct Shape {
     size: [u16; 2],
 }
 
+/// Splats whose differences stay within every named machine's words: 2·|Q d| + Q, at most 2·(width + height + 1)/σ², is below 120.
 fn shapes() -> impl Strategy<Value = Shape> {
     let centre = [0.0..512.0, 0.0..384.0];
     let slopes = prop::array::uniform2(-0.01..0.01);
     let sides = prop::array::uniform2(prop_oneof![Just(1u16), 2u16..120]);
     (centre, prop::array::uniform2(1.0..40.0), 0.0..3.2, slopes, prop::array::uniform2(0.0..1.0), sides).prop_map(
-        |(centre, deviation, turn, depth_slope, before, size): ([f64; 2], _, _, _, [f64; 2], [u16; 2])| {
+        |(centre, deviation, turn, depth_slope, before, size): ([f64; 2], [f64; 2], _, _, [f64; 2], [u16; 2])| {
+            let least = (f64::from(size[0] + size[1] + 1) / 60.0).sqrt();
+            let deviation = deviation.map(|deviation| deviation.max(least));
             let first = std::array::from_fn(|axis| {
                 let limit = SIZE_PX[axis] - u32::from(size[axis]);
                 (centre[axis] - before[axis] * f64::from(size[axis])).clamp(0.0, f64::from(limit)) as u16
