@@ -249,20 +249,22 @@ impl Draw for Bars {
         if self.axis.log {
             span.start = span.start.floor();
         }
-        let start = span.start;
+        let (start, whole) = (span.start, span.clone());
         let rows = self.rows.len() as f64;
+        // The legend stands below the last bar, not on it.
+        let below = if self.legend.len() > 1 { 0.05 * rows + 0.4 * self.legend.len() as f64 } else { 0.0 };
         let longest = self.rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0) as u32;
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, (FONT, 19).into_font().color(&INK))
             .margin(12)
             .x_label_area_size(44)
             .y_label_area_size(30 + 8 * longest)
-            .build_cartesian_2d(span, 0.0..rows.max(1.0))
+            .build_cartesian_2d(span, -below..rows.max(1.0))
             .map_err(told)?;
         chart
             .configure_mesh()
             .x_desc(&self.axis.label)
-            .x_label_formatter(&|place| self.axis.told(*place))
+            .x_label_formatter(&|place| self.axis.mark(*place, &whole))
             .disable_y_mesh()
             .y_labels(0)
             .label_style((FONT, 14).into_font().color(&INK))

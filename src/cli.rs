@@ -55,6 +55,9 @@ struct Run {
     /// Write OpenEXR pictures too (float32, linear)
     #[arg(long, requires = "out")]
     exr: bool,
+    /// Tell which unit and which word makes how much of the error; takes some 200 frames
+    #[arg(long)]
+    attribute: bool,
     /// Print no summary
     #[arg(long)]
     quiet: bool,
@@ -246,7 +249,7 @@ impl Run {
         if let Some(folder) = &self.out {
             open_folder(folder)?;
         }
-        let outcome = run::run(&scene, &machine, load_seconds)?;
+        let outcome = run::run(&scene, &machine, load_seconds, self.attribute)?;
         let end = match &self.out {
             Some(folder) => {
                 let written = outcome.write(folder, self.exr)?;

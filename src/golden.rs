@@ -15,7 +15,7 @@ pub(crate) mod fragments;
 mod ideal;
 pub(crate) mod shade;
 mod story;
-mod tiles;
+pub(crate) mod tiles;
 
 use serde::Serialize;
 

@@ -1,5 +1,6 @@
 //! splatsim: the bench around `rtl_model`. Floats, files, comparison and the command line live here; the machine does not.
 
+pub mod attribute;
 pub mod chart;
 pub mod cli;
 pub mod colour;
@@ -9,9 +10,11 @@ pub mod explain;
 pub mod fixed;
 pub mod golden;
 pub mod machines;
+pub mod mixed;
 pub mod picture;
 pub mod prove;
 pub mod quantise;
+mod registers;
 pub mod report;
 pub mod run;
 pub mod scene;

@@ -1,5 +1,6 @@
 //! Report: what a run found, as `report.json` (INTERFACE: "run") and as a summary for a terminal of 80 columns.
 
+use crate::attribute::Attribution;
 use crate::compare::{Metrics, Summary};
 use crate::quantise::Scale;
 use comfy_table::{CellAlignment, Table, presets};
@@ -39,6 +40,9 @@ pub struct Report {
     pub signals: Vec<SignalReport>,
     /// What the golden renderer found on the same scene.
     pub golden: Golden,
+    /// Who makes how much of the error; only where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attribution: Option<Attribution>,
     /// Factor of `error.png`.
     pub error_scale: f64,
     /// Time on this computer.
@@ -225,6 +229,9 @@ pub struct Host {
     pub ideal_seconds: f64,
     /// The machine with `golden` in lockstep.
     pub lockstep_seconds: f64,
+    /// Finding out who makes the error; only where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attribution_seconds: Option<f64>,
     /// Contributions a second of the machine, unwatched.
     pub fragments_per_second: f64,
 }
@@ -269,6 +276,9 @@ impl Report {
         let _ = writeln!(text, "{}", self.signal_summary());
         for note in &scene.notes {
             let _ = writeln!(text, "{}", wrapped(&format!("note: {note}")));
+        }
+        if let Some(attribution) = &self.attribution {
+            let _ = writeln!(text, "\n{}", attribution.summary());
         }
         let _ = write!(text, "\n{}", self.host_summary());
         text

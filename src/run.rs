@@ -6,6 +6,7 @@
 //!        └─► ideal ─────────────┘
 //! ```
 
+use crate::attribute::attribute;
 use crate::chart;
 use crate::compare::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
 use crate::error::{Error, Result};
@@ -37,11 +38,11 @@ pub struct Outcome {
     pub report: Report,
 }
 
-/// Draws `scene` on `machine` and compares. `load_seconds` goes into the report.
+/// Draws `scene` on `machine` and compares; where asked to, says who makes the error. `load_seconds` goes into the report.
 ///
 /// # Errors
 /// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
-pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64) -> Result<Outcome> {
+pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, attributed: bool) -> Result<Outcome> {
     let elaborated = fixed::elaborate(machine)?;
     let (quantised, quantise_seconds) = timed(|| quantise(scene, machine));
     let quantised = quantised?;
@@ -50,6 +51,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64) -> Result<Outcom
     let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
     let (lockstep, lockstep_seconds) = timed(|| lockstep(scene, &elaborated, &quantised));
+    let (attribution, attribution_seconds) = timed(|| attributed.then(|| attribute(scene, &elaborated, &quantised, &golden.picture)));
 
     let fixed = fixed::picture(&elaborated, &drawing);
     let error = error_picture(&fixed, &golden.picture);
@@ -75,6 +77,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64) -> Result<Outcom
         fragments: drawing.outcomes.into(),
         signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
         golden: found(&golden),
+        attribution,
         error_scale: error.scale,
         host: Host {
             threads: rayon::current_num_threads(),
@@ -85,6 +88,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64) -> Result<Outcom
             golden_seconds,
             ideal_seconds,
             lockstep_seconds,
+            attribution_seconds: attributed.then_some(attribution_seconds),
             fragments_per_second: fragments as f64 / fixed_seconds,
         },
     };
@@ -139,6 +143,12 @@ impl Outcome {
         let path = folder.join("bounds.png");
         chart::write_png(&[&self.lockstep.bound_chart()], 1, [900, 640], &path)?;
         written.push(path);
+        if let Some(attribution) = &self.report.attribution {
+            let [units, words] = attribution.charts();
+            let path = folder.join("attribution.png");
+            chart::write_png(&[&units, &words], 2, [760, 560], &path)?;
+            written.push(path);
+        }
         let path = folder.join("report.json");
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
         written.push(path);

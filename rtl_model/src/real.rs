@@ -8,13 +8,20 @@
 //! unit's error bound is a function of its formats, derived step by step from the very diagram that the machine follows, and
 //! it holds whatever is saturated on the way: a limit is an interval's end like any other.
 //!
-//! Nothing here is hardware, and no unit's function depends on it. Files called `real.rs` are the only ones of this crate with floats.
+//! [`Mixed`] makes only some of the losses, and makes them as the machine does: who is to blame for an error?
+//!
+//! Nothing here is hardware, and no unit's function depends on it. Files called `real.rs`, and what lies below this one, are the only
+//! ones of this crate with floats.
 //!
 //! Laws: `near_holds_every_outcome`, `a_fit_is_within_its_bound`, `a_share_is_within_its_bound`, `a_power_is_within_its_bound`.
 
+mod mixed;
+
+pub use mixed::{Mixed, Switches};
+
 use crate::frame::Scaled;
 use crate::num::table::real::Power;
-use crate::num::{Fit, Overflow, Reciprocal, ReciprocalRoot, Rounding, Word};
+use crate::num::{Fit, Overflow, Reciprocal, ReciprocalRoot, Rounding, Table, Word};
 use std::cmp::Ordering;
 use std::f64::consts::SQRT_2;
 use std::ops::{Add, Mul, Neg, Sub};
@@ -102,6 +109,12 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn at_least(self, limit: f64) -> Self;
     /// The machine's side is at most this, a limit that the exact side does not have.
     fn at_most(self, limit: f64) -> Self;
+    /// The machine's side is at most a last place below 1, a limit that the exact side does not have.
+    fn below_one(self, fit: &Fit) -> Self;
+    /// The machine's side is at least a last place of the word that it is, a limit that the exact side does not have.
+    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self;
+    /// The machine's side is a last place more than the word that it is.
+    fn a_place_more(self, fit: &Fit) -> Self;
     /// What follows where this is at least the limit, and where it is not; machine and exact side each decide for themselves.
     fn branch<const N: usize>(self, limit: Self, at_least: impl FnOnce() -> [Self; N], below: impl FnOnce() -> [Self; N]) -> [Self; N];
     /// 1/x of a positive number, by a function unit.
@@ -110,18 +123,16 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn inverse_root(self, unit: &ReciprocalRoot) -> Self;
     /// √x of a number that is not negative, by a function unit.
     fn root(self, unit: &ReciprocalRoot) -> Self;
-    /// The machine's side may be off by as much more.
-    fn off_by(self, error: f64) -> Self;
     /// The magnitude with the sign of another number, by machine and exact side each.
     fn with_sign_of(self, other: Self) -> Self;
-    /// A monotone function that the machine has to within `error`.
-    fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Self;
+    /// A monotone function over [0, `range`) that the machine reads from a table, to within `error` before that is fitted.
+    fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Self;
     /// x^exponent of a number from 0 to 1, by a table.
     fn power(self, table: &Power) -> Self;
     /// |v|.
     fn length(v: [Self; 3]) -> Self;
-    /// v/|v|, by a function unit for 1/√x; of 0 nothing that means anything.
-    fn direction(v: [Self; 3], unit: &ReciprocalRoot) -> Direction<Self>;
+    /// v/|v| of parts of `whole` ([`Real::share`]), by a function unit for 1/√x; of 0 nothing that means anything.
+    fn direction(v: [Self; 3], whole: Self, unit: &ReciprocalRoot) -> Direction<Self>;
     /// Σ dᵢ·vᵢ.
     fn dot(direction: &Direction<Self>, v: [Self; 3]) -> Self;
 }
@@ -212,6 +223,17 @@ impl Near {
             return if inside { Near::between(self.value, low, high) } else { Near { error: f64::INFINITY, ..self } };
         }
         Near::between(self.value, low.max(least * coarse).min(most * fine), high.min(most * coarse).max(least * fine))
+    }
+
+    /// The machine's side may be off by as much more.
+    pub(crate) fn off_by(self, error: f64) -> Near {
+        Near::within(self.value, self.error + error)
+    }
+
+    /// A monotone function that the machine has to within `error`.
+    fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Near {
+        let (a, b) = (exact(self.low()), exact(self.high()));
+        Near::between(exact(self.value), a.min(b) - error, a.max(b) + error)
     }
 
     /// Whether machine and exact side may lie on different sides of a limit.
@@ -312,6 +334,18 @@ impl Real for Near {
         Near::between(self.value, self.low().min(limit), self.high().min(limit))
     }
 
+    fn below_one(self, fit: &Fit) -> Near {
+        self.at_most(1.0 - power_of_two(-fit.word.format.frac_bits))
+    }
+
+    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Near {
+        self.at_least(power_of_two(scale.low - fit.word.format.frac_bits))
+    }
+
+    fn a_place_more(self, fit: &Fit) -> Near {
+        self.off_by(power_of_two(-fit.word.format.frac_bits))
+    }
+
     fn branch<const N: usize>(self, limit: Near, at_least: impl FnOnce() -> [Near; N], below: impl FnOnce() -> [Near; N]) -> [Near; N] {
         let (above, doubt) = (self.value - limit.value, self.error + limit.error);
         if above >= doubt {
@@ -339,10 +373,6 @@ impl Real for Near {
         Near::between(self.value.sqrt(), (1.0 - error) * self.low().max(0.0).sqrt(), (1.0 + error) * self.high().sqrt())
     }
 
-    fn off_by(self, error: f64) -> Near {
-        Near::within(self.value, self.error + error)
-    }
-
     fn with_sign_of(self, other: Near) -> Near {
         let value = self.value.abs().copysign(other.value);
         if other.low() < 0.0 && other.high() >= 0.0 {
@@ -351,9 +381,8 @@ impl Real for Near {
         Near { value, error: self.error }
     }
 
-    fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Near {
-        let (a, b) = (exact(self.low()), exact(self.high()));
-        Near::between(exact(self.value), a.min(b) - error, a.max(b) + error)
+    fn table(self, _table: &Table, _range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Near {
+        self.function(exact, error)
     }
 
     fn power(self, table: &Power) -> Near {
@@ -366,7 +395,7 @@ impl Real for Near {
     }
 
     /// A vector that is moved by d turns by at most the angle of sine |d|/|v|.
-    fn direction(v: [Near; 3], unit: &ReciprocalRoot) -> Direction<Near> {
+    fn direction(v: [Near; 3], _whole: Near, unit: &ReciprocalRoot) -> Direction<Near> {
         let length = Near::length(v);
         let part = |part: Near| if length.value > 0.0 { part.value / length.value } else { 0.0 };
         let error = unit.relative_error() + 4.0 * ROUNDING;

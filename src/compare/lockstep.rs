@@ -13,7 +13,6 @@
 //! Laws (tests/bounds.rs): `no_pixel_exceeds_its_bound`, `every_flip_is_explained`.
 
 mod pixel;
-mod registers;
 mod summary;
 
 use crate::fixed;
@@ -23,6 +22,7 @@ use crate::golden::fragments::Fragment;
 use crate::golden::shade::Shader;
 use crate::picture::Picture;
 use crate::quantise::Quantised;
+use crate::registers::{Bounded, Registers};
 use crate::scene::{Scene, View};
 use pixel::{ATTRIBUTES, Arrival, Common, Pixel};
 use rayon::prelude::*;
@@ -158,18 +158,18 @@ struct Stage<'a> {
 impl<'a> Stage<'a> {
     fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised, rules: &'a Rules, shader: &'a Shader) -> Self {
         let eye = scene.view();
-        let (description, frame) = (&machine.machine, &quantised.frame);
-        let depth = description.fragment.depth;
+        let registers = Registers { scene, eye: &eye, machine, quantised };
         let common = Common {
             machine,
             rules,
             shader,
-            lighting: registers::lighting(scene, &eye, machine, quantised),
+            lighting: registers.lighting(&Bounded),
             z_threshold_world: scene.surface.z_threshold,
-            z_threshold: Near::held(scene.surface.z_threshold * quantised.scale.factor(), depth, frame.z_threshold),
-            coverage_threshold: registers::coverage_threshold(scene, description, quantised),
-            background: registers::background(shader, description, quantised),
+            z_threshold: registers.z_threshold(&Bounded),
+            coverage_threshold: registers.coverage_threshold(&Bounded),
+            background: registers.background(&Bounded, shader),
         };
+        let view = registers.view(&Bounded);
         let columns = scene.image.width.div_ceil(TILE_PX);
         let mut bins = vec![Vec::new(); columns * scene.image.height.div_ceil(TILE_PX)];
         for (splat, rectangle) in reached(scene, &eye) {
@@ -178,13 +178,14 @@ impl<'a> Stage<'a> {
                 bins[row * columns..][left..right.div_ceil(TILE_PX)].iter_mut().for_each(|bin| bin.push(splat));
             }
         }
-        Stage { scene, machine, quantised, view: registers::view(scene, &eye, description, quantised), eye, common, columns, bins }
+        Stage { scene, machine, quantised, view, eye, common, columns, bins }
     }
 
     /// A splat, exact and as the machine may have it.
     fn splat(&self, index: u32) -> Splat {
         let (footprint, cull) = set_up_anyway(self.scene, &self.eye, index as usize);
-        let record = registers::splat(self.scene, &self.machine.machine, self.quantised, index as usize);
+        let registers = Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised };
+        let record = registers.splat(&Bounded, index as usize);
         let size_px = [self.quantised.frame.width, self.quantised.frame.height];
         let near = NearFootprint::new(self.machine, &self.view, &record, size_px);
         let [r, g, b] = record.rgb;

@@ -6,11 +6,13 @@
 //!                 else ──────► shade two, front over back
 //! ```
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::footprint::{Contribution, Footprint};
 use super::shade::{Shader, over};
-use super::tiles::{PIXELS_IN_A_TILE, Painter};
+use super::tiles::{Cover, PIXELS_IN_A_TILE, Painter};
 use super::{FragmentDepth, Merge, Outcomes, Rules};
 
 /// One layer of one pixel. Unshaded it holds weighted sums; shaded, a premultiplied colour and its alpha.
@@ -144,7 +146,28 @@ impl<'a> Golden<'a> {
     }
 }
 
+impl Cover for Footprint {
+    type Contribution = Fragment;
+
+    fn sides(&self) -> [&Range<u32>; 2] {
+        [&self.columns, &self.rows]
+    }
+
+    fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Fragment)) {
+        for y in rows {
+            let row = self.row(y);
+            for x in columns.clone() {
+                if let Some(contribution) = row.at(x) {
+                    take([x, y], Fragment::new(self, &contribution));
+                }
+            }
+        }
+    }
+}
+
 impl Painter for Golden<'_> {
+    type Contribution = Fragment;
+
     fn take(&mut self, pixel: usize, contribution: Fragment) {
         let decision = self.decide(pixel, contribution);
         self.outcomes.count(decision);

@@ -22,6 +22,8 @@ impl<'a> Ideal<'a> {
 }
 
 impl Painter for Ideal<'_> {
+    type Contribution = Fragment;
+
     fn take(&mut self, pixel: usize, contribution: Fragment) {
         self.contributions[pixel].push(contribution);
     }

@@ -11,17 +11,29 @@ use super::footprint::{self, Cull, Footprint};
 use super::fragments::Fragment;
 use super::{Culled, Outcomes, Rendering};
 use crate::picture::Picture;
-use crate::scene::Scene;
+use crate::scene::{Image, Scene};
 
 /// Tiles are squares of this many pixels: three layers of such a tile fit a second-level cache.
 const TILE_PX: usize = 16;
 /// Pixels that a painter needs room for.
-pub(super) const PIXELS_IN_A_TILE: usize = TILE_PX * TILE_PX;
+pub(crate) const PIXELS_IN_A_TILE: usize = TILE_PX * TILE_PX;
+
+/// Something that covers pixels, and what it gives to each.
+pub(crate) trait Cover: Sync {
+    /// What a pixel gets.
+    type Contribution;
+    /// Pixel columns and rows of its box, within the picture.
+    fn sides(&self) -> [&Range<u32>; 2];
+    /// Gives what it has to these columns of these rows, which lie in the box.
+    fn give(&self, columns: Range<u32>, rows: Range<u32>, take: impl FnMut([u32; 2], Self::Contribution));
+}
 
 /// Makes pixels out of contributions, one tile at a time.
-pub(super) trait Painter {
+pub(crate) trait Painter {
+    /// What it takes.
+    type Contribution;
     /// Takes a contribution to a pixel of the tile.
-    fn take(&mut self, pixel: usize, contribution: Fragment);
+    fn take(&mut self, pixel: usize, contribution: Self::Contribution);
     /// The colour of a pixel that took something; the pixel is then as new.
     fn finish(&mut self, pixel: usize) -> [f64; 4];
     /// What became of all contributions so far.
@@ -29,10 +41,20 @@ pub(super) trait Painter {
 }
 
 /// Draws the scene, each band of tiles with a painter of its own.
-pub(super) fn draw<P: Painter>(scene: &Scene, background: [f64; 4], painter: impl Fn() -> P + Sync) -> Rendering {
+pub(super) fn draw<P: Painter<Contribution = Fragment>>(scene: &Scene, background: [f64; 4], painter: impl Fn() -> P + Sync) -> Rendering {
     let (footprints, culled) = set_up(scene);
-    let (width, height) = (scene.image.width, scene.image.height);
-    let bands = bands(&footprints, height);
+    Rendering { culled, ..fill(&scene.image, &footprints, background, painter) }
+}
+
+/// Draws footprints, in their order.
+pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
+    image: &Image,
+    footprints: &[C],
+    background: [f64; 4],
+    painter: impl Fn() -> P + Sync,
+) -> Rendering {
+    let (width, height) = (image.width, image.height);
+    let bands = bands(footprints, height);
     let mut rgba = vec![background; width * height];
     let mut covered = vec![false; width * height];
     let (fragments, outcomes) = rgba
@@ -44,12 +66,12 @@ pub(super) fn draw<P: Painter>(scene: &Scene, background: [f64; 4], painter: imp
         .map(|(index, ((rgba, covered), members))| {
             let (top, painter) = (index * TILE_PX, painter());
             let mut band = Band { top, width, rgba, covered, painter, fragments: 0, most_in_a_pixel: 0 };
-            band.draw(&footprints, members);
+            band.draw(footprints, members);
             let outcomes = Outcomes { most_in_a_pixel: band.most_in_a_pixel, ..band.painter.outcomes() };
             (band.fragments, outcomes)
         })
         .reduce(Default::default, |a, b| (a.0 + b.0, a.1.and(b.1)));
-    Rendering { picture: Picture { width, height, rgba, covered }, culled, fragments, outcomes }
+    Rendering { picture: Picture { width, height, rgba, covered }, culled: Culled::default(), fragments, outcomes }
 }
 
 /// The footprints of all splats that are drawn, in splat order, and a count of the others.
@@ -74,10 +96,11 @@ impl Culled {
 }
 
 /// For each band of tiles the indices of the footprints that reach into it, ascending.
-fn bands(footprints: &[Footprint], height: usize) -> Vec<Vec<u32>> {
+fn bands<C: Cover>(footprints: &[C], height: usize) -> Vec<Vec<u32>> {
     let mut bands = vec![Vec::new(); height.div_ceil(TILE_PX)];
     for (index, footprint) in footprints.iter().enumerate() {
-        for band in tiles(&footprint.rows) {
+        let [_, rows] = footprint.sides();
+        for band in tiles(rows) {
             bands[band].push(index as u32);
         }
     }
@@ -108,10 +131,11 @@ struct Band<'a, P> {
 }
 
 impl<P: Painter> Band<'_, P> {
-    fn draw(&mut self, footprints: &[Footprint], members: &[u32]) {
+    fn draw<C: Cover<Contribution = P::Contribution>>(&mut self, footprints: &[C], members: &[u32]) {
         let mut columns = vec![Vec::new(); self.width.div_ceil(TILE_PX)];
         for &member in members {
-            for column in tiles(&footprints[member as usize].columns) {
+            let [across, _] = footprints[member as usize].sides();
+            for column in tiles(across) {
                 columns[column].push(member);
             }
         }
@@ -125,19 +149,13 @@ impl<P: Painter> Band<'_, P> {
     }
 
     /// Gives the painter what a footprint contributes to the tile whose first column is `left`.
-    fn scatter(&mut self, left: usize, footprint: &Footprint, arrivals: &mut [u64; PIXELS_IN_A_TILE]) {
-        let columns = clip(&footprint.columns, left);
-        for y in clip(&footprint.rows, self.top) {
-            let row = footprint.row(y);
-            let first = (y as usize - self.top) * TILE_PX;
-            for x in columns.clone() {
-                if let Some(contribution) = row.at(x) {
-                    let pixel = first + (x as usize - left);
-                    arrivals[pixel] += 1;
-                    self.painter.take(pixel, Fragment::new(footprint, &contribution));
-                }
-            }
-        }
+    fn scatter<C: Cover<Contribution = P::Contribution>>(&mut self, left: usize, footprint: &C, arrivals: &mut [u64; PIXELS_IN_A_TILE]) {
+        let [columns, rows] = footprint.sides();
+        footprint.give(clip(columns, left), clip(rows, self.top), |[x, y], contribution| {
+            let pixel = (y as usize - self.top) * TILE_PX + (x as usize - left);
+            arrivals[pixel] += 1;
+            self.painter.take(pixel, contribution);
+        });
     }
 
     /// Collects the tile's finished pixels.

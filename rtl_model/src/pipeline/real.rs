@@ -4,9 +4,10 @@ use crate::frame::real::{Splat, View};
 use crate::machine::Elaborated;
 use crate::num::table::real::Power;
 use crate::num::two;
-use crate::real::{Near, Real, Scale};
+use crate::real::{Mixed, Near, Real, Scale};
 use crate::units::shade::real::{Lighting, Sums};
 use crate::units::{ellipse, project, raster};
+use std::ops::Range;
 
 /// A splat that has been set up, as exact arithmetic and the machine both understand it.
 #[derive(Clone, Copy, Debug)]
@@ -32,28 +33,13 @@ pub struct Contribution {
 impl Footprint {
     /// Sets a splat up for a picture of `size_px`.
     pub fn new(machine: &Elaborated, view: &View<Near>, splat: &Splat<Near>, size_px: [u32; 2]) -> Self {
-        let point = machine.project.real(view, splat.position);
-        let input = ellipse::real::Input {
-            splat: *splat,
-            forward: point.camera[2],
-            exponent: point.exponent,
-            inverse_depth: point.inverse_depth,
-            slope: point.slope,
-        };
-        let ellipse = machine.ellipse.real(view, &input);
+        let (point, ellipse) = machine.real_set_up(view, splat);
         // The box is seeded at its first pixel, or where it enters the picture.
         let reach = two!(axis => {
             let to_edge = (f64::from(size_px[axis]) / 2.0 + point.pixel[axis].high()).max(0.0);
             (ellipse.extent[axis].high() + 1.0).min(to_edge + 1.0)
         });
-        let input = raster::real::Input {
-            pixel: point.pixel,
-            conic: ellipse.conic,
-            depth: point.depth,
-            depth_slope: ellipse.depth_slope,
-            depth_range: ellipse.depth_range,
-        };
-        Footprint { point, ellipse, walk: machine.raster.near(&input, reach) }
+        Footprint { point, ellipse, walk: machine.raster.near(&walked(&point, &ellipse), reach) }
     }
 
     /// What the splat gives to the pixel whose centre lies at `at` from the picture's middle.
@@ -61,35 +47,89 @@ impl Footprint {
         let radial = machine.raster.near_radial(&self.walk, at);
         Contribution {
             radial,
-            weight: machine.gauss.real(radial, self.ellipse.amplitude),
-            depth: machine.raster.near_depth(&self.walk, at).fit(machine.fragment.depth_fit(), Scale::ONE),
+            weight: machine.real_weight(radial, self.ellipse.amplitude),
+            depth: machine.real_depth(machine.raster.near_depth(&self.walk, at)),
         }
     }
 }
 
+/// What setup hands to raster.
+pub fn walked<R: Real>(point: &project::real::Projected<R>, ellipse: &ellipse::real::Output<R>) -> raster::real::Input<R> {
+    raster::real::Input {
+        pixel: point.pixel,
+        conic: ellipse.conic,
+        depth: point.depth,
+        depth_slope: ellipse.depth_slope,
+        depth_range: ellipse.depth_range,
+    }
+}
+
 impl Elaborated {
+    /// Project and ellipse.
+    pub fn real_set_up<R: Real>(&self, view: &View<R>, splat: &Splat<R>) -> (project::real::Projected<R>, ellipse::real::Output<R>) {
+        let point = self.project.real(view, splat.position);
+        let input = ellipse::real::Input {
+            splat: *splat,
+            forward: point.camera[2],
+            exponent: point.exponent,
+            inverse_depth: point.inverse_depth,
+            slope: point.slope,
+        };
+        (point, self.ellipse.real(view, &input))
+    }
+
+    /// A contribution's weight.
+    pub fn real_weight<R: Real>(&self, radial: R, amplitude: R) -> R {
+        self.gauss.real(radial, amplitude)
+    }
+
+    /// A contribution's depth, as a fragment keeps it.
+    pub fn real_depth<R: Real>(&self, depth: R) -> R {
+        depth.fit(self.fragment.depth_fit(), Scale::ONE)
+    }
+
+    /// A sum of a fragment (weight, rgb, opacity, normal) after one more contribution.
+    pub fn real_accumulated<R: Real>(&self, lane: usize, sum: R, weight: R, attribute: R) -> R {
+        self.fragment.real_accumulated(lane, sum, weight, attribute)
+    }
+
+    /// Registers at the first pixels of some rows of a box ([`raster::Raster::mixed`]).
+    pub fn mixed_rows<'a>(
+        &self,
+        input: &raster::real::Input<Mixed<'a>>,
+        first: [f64; 2],
+        rows: Range<u32>,
+    ) -> impl Iterator<Item = raster::real::Row<'a>> {
+        self.raster.mixed(input, first, rows)
+    }
+
+    /// r and z at some columns from the first pixel of a row.
+    pub fn mixed_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [Mixed<'a>; 2] {
+        self.raster.mixed_pixel(row, columns)
+    }
+
     /// Shades one fragment: colour times opacity, and opacity.
-    pub fn real_shade(&self, lighting: &Lighting<Near>, sums: &Sums<Near>) -> [Near; 4] {
+    pub fn real_shade<R: Real>(&self, lighting: &Lighting<R>, sums: &Sums<R>) -> [R; 4] {
         self.shade.real(lighting, sums)
     }
 
     /// What a slot keeps of a fragment that was shaded for a merge.
-    pub fn real_stored(&self, shaded: [Near; 4]) -> [Near; 4] {
+    pub fn real_stored<R: Real>(&self, shaded: [R; 4]) -> [R; 4] {
         self.fragment.real_stored(shaded)
     }
 
     /// What a merge or resolve reads of a fragment that a merge left.
-    pub fn real_read(&self, slot: [Near; 4]) -> [Near; 4] {
+    pub fn real_read<R: Real>(&self, slot: [R; 4]) -> [R; 4] {
         self.fragment.real_read(slot)
     }
 
     /// Front over back, into a slot.
-    pub fn real_merge(&self, front: [Near; 4], back: [Near; 4]) -> [Near; 4] {
+    pub fn real_merge<R: Real>(&self, front: [R; 4], back: [R; 4]) -> [R; 4] {
         self.fragment.real_blend(front, back)
     }
 
     /// Layers front to back over the background.
-    pub fn real_resolve(&self, layers: &[[Near; 4]], background: [Near; 4]) -> [Near; 4] {
+    pub fn real_resolve<R: Real>(&self, layers: &[[R; 4]], background: [R; 4]) -> [R; 4] {
         self.resolve.real(layers, background)
     }
 

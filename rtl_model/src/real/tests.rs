@@ -210,7 +210,7 @@ fn step(dice: &mut Dice, pool: &[Pair]) -> Pair {
                 FunctionUnit { table_bits: 4, newton_steps: 1, bits: 12 },
                 10,
             );
-            let direction = Near::direction(u.map(|p| p.near), &root);
+            let direction = Near::direction(u.map(|p| p.near), Near::exact(1.0), &root);
             let off = 1.0 + root.relative_error() * dice.between(-1.0, 1.0);
             let parts = u.map(|p| if length > 0.0 { p.machine / length * off } else { 0.0 });
             let dot = (0..3).map(|i| parts[i] * v[i].machine).sum();

@@ -1,8 +1,25 @@
 //! How far a reciprocal may be from the real one.
 
-use super::Reciprocal;
+use super::{NORMALISED_FRAC_BITS, Reciprocal};
+use crate::num::Fit;
+use crate::probe::{Tap, Unwatched};
+use crate::real::{floor_log2, power_of_two};
 
 impl Reciprocal {
+    /// What the unit makes of a positive number that is no word: its mantissa is cut as a word's would be.
+    pub fn of(&self, x: f64) -> f64 {
+        let exponent = floor_log2(x);
+        // At the top of its 62 bits, so that nothing is shifted.
+        let operand = x * power_of_two(NORMALISED_FRAC_BITS - exponent);
+        let (mantissa, _) = self.one(operand as i64, &mut Tap::new(&mut Unwatched));
+        mantissa as f64 * power_of_two(-(self.bits as i32) - exponent)
+    }
+
+    /// The fit of its result.
+    pub fn result(&self) -> &Fit {
+        &self.result
+    }
+
     /// Greatest |1 − m·y₀| of a mantissa and its first guess, with u = 2^−bits.
     ///
     /// The middle of a step is at most half a step from m, so 1 − m·y₀ ≤ 2^−(table_bits + 1); rounding y₀ moves it by m·u/2 ≤ u.

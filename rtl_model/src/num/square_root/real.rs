@@ -1,8 +1,39 @@
 //! How far a reciprocal root may be from the real one.
 
 use super::ReciprocalRoot;
+use crate::num::Fit;
+use crate::num::reciprocal::NORMALISED_FRAC_BITS;
+use crate::probe::{Tap, Unwatched};
+use crate::real::{floor_log2, power_of_two};
 
 impl ReciprocalRoot {
+    /// What the unit makes of 1/√x of a positive number that is no word: its mantissa is cut as a word's would be.
+    pub fn of(&self, x: f64) -> f64 {
+        let (mantissa, half_exponent) = normalised(x);
+        // An even power of two, so that the unit halves it.
+        let places = NORMALISED_FRAC_BITS - 2 + (NORMALISED_FRAC_BITS + self.operand_frac_bits as i32).rem_euclid(2);
+        let (y, exponent) = self.one((mantissa * power_of_two(places)) as i64, &mut Tap::new(&mut Unwatched));
+        let half_places = (places - self.operand_frac_bits as i32) / 2;
+        y as f64 * power_of_two(exponent as i32 + half_places - half_exponent - self.bits as i32)
+    }
+
+    /// What the unit makes of √x of a positive number that is no word.
+    pub fn root_of(&self, x: f64) -> f64 {
+        let (mantissa, half_exponent) = normalised(x);
+        let place = power_of_two(1 - self.bits as i32);
+        (mantissa / place).floor() * place * self.of(mantissa) * power_of_two(half_exponent)
+    }
+
+    /// The least number that the unit can be given.
+    pub fn least_operand(&self) -> f64 {
+        power_of_two(-(self.operand_frac_bits as i32))
+    }
+
+    /// The fit of its result.
+    pub fn result(&self) -> &Fit {
+        &self.result
+    }
+
     /// Greatest |1 − y₀·√m| of a mantissa and its first guess, with u = 2^−bits and steps of h = 4/2^table_bits over [0, 4).
     ///
     /// y₀ = 1/√c at a step's middle c; √(m/c) is farthest from 1 at the ends of the first step that is asked for, [1, 1 + h)
@@ -28,4 +59,10 @@ impl ReciprocalRoot {
         let left = (0..self.newton_steps).fold(self.table_error(), |e, _| (3.0 * e * e + e * e * e) / 2.0 + (1.0 + e) * 1.5 * u + u);
         left + (1.0 + left) * u
     }
+}
+
+/// A positive number as a mantissa in [1, 4) and half the power of two that it is times.
+fn normalised(x: f64) -> (f64, i32) {
+    let half_exponent = floor_log2(x).div_euclid(2);
+    (x * power_of_two(-2 * half_exponent), half_exponent)
 }

@@ -24,6 +24,15 @@ pub fn error(fit: &Fit, interpolation: Interpolation, step: f64, slope: f64, cur
 }
 
 impl Table {
+    /// What stands in the table at a part of its range, from 0 to below 1, that may be no argument's: before the result is fitted.
+    pub fn at(&self, part: f64) -> f64 {
+        let steps = self.words.len() as f64;
+        let position = (part * steps).clamp(0.0, steps);
+        let address = (position as usize).min(self.words.len() - 1);
+        let [value, delta] = self.words[address].map(|word| word as f64);
+        (value + delta * (position - address as f64)) * power_of_two(-self.fit.word.format.frac_bits)
+    }
+
     /// The width of a step, as a part of the table's whole range.
     pub fn step(&self) -> f64 {
         1.0 / self.words.len() as f64

@@ -31,6 +31,8 @@ pub struct Output<R> {
     pub normal: [R; 3],
     /// c_n.
     pub facing: R,
+    /// det V, pixel⁴; the machine draws nothing where it has none left.
+    pub determinant: R,
     /// Q00, Q01, Q11, pixel⁻².
     pub conic: [R; 3],
     /// A.
@@ -65,23 +67,24 @@ impl Ellipse {
         let low_pass = view.low_pass.fit(&self.low_pass, squared);
         let variance = self.real_variance(input.slope, tilt, size_squared, low_pass, squared);
         let area = (size_squared * facing).fit(&self.area, squared);
-        let determinant = (area * area + low_pass * (variance[0] + variance[2]) - low_pass * low_pass)
-            .fit(&self.determinant, exponent.power(4))
-            .at_least(power_of_two(4 * exponent.low - self.determinant.word.format.frac_bits));
+        let determinant =
+            (area * area + low_pass * (variance[0] + variance[2]) - low_pass * low_pass).fit(&self.determinant, exponent.power(4));
+        let at_least_a_place = determinant.at_least_a_place(&self.determinant, exponent.power(4));
 
-        let root = determinant.inverse_root(&self.root);
-        let inverse = (root * root).fit(&self.inverse, half(determinant.leading()).inverse().power(2));
+        let root = at_least_a_place.inverse_root(&self.root);
+        let inverse = (root * root).fit(&self.inverse, half(at_least_a_place.leading()).inverse().power(2));
         let visibility = (area.abs() * root).fit(&self.visibility, Scale::ONE);
         Output {
             normal: three!(axis => normal[axis].fit(&self.fragment_normal, Scale::ONE)),
             facing,
+            determinant,
             conic: [
                 (variance[2] * inverse).fit(&self.conic, Scale::ONE),
                 (-(variance[1] * inverse)).fit(&self.conic_cross, Scale::ONE),
                 (variance[0] * inverse).fit(&self.conic, Scale::ONE),
             ],
             amplitude: (visibility * view.inverse_two_pi).fit(&self.amplitude, Scale::ONE),
-            extent: [self.real_extent(view, variance[0]), self.real_extent(view, variance[2])],
+            extent: [self.real_extent(view, variance[0], squared), self.real_extent(view, variance[2], squared)],
             depth_slope: self.real_depth_slope(view, input, normal, facing),
             depth_range: (input.splat.radius * view.root_cutoff).fit(&self.depth_range, Scale::ONE),
         }
@@ -112,14 +115,14 @@ impl Ellipse {
     }
 
     /// √(cutoff·V). The machine takes one place more.
-    fn real_extent<R: Real>(&self, view: &View<R>, variance: R) -> R {
-        let extent = (view.cutoff * variance).root(&self.extent_root).fit(&self.extent, Scale::ONE);
-        extent.off_by(power_of_two(-self.extent.word.format.frac_bits))
+    fn real_extent<R: Real>(&self, view: &View<R>, variance: R, scale: Scale) -> R {
+        let least = power_of_two(scale.low) * self.extent_root.least_operand();
+        (view.cutoff * variance).at_least(least).root(&self.extent_root).fit(&self.extent, Scale::ONE).a_place_more(&self.extent)
     }
 
     /// z_x, z_y.
     fn real_depth_slope<R: Real>(&self, view: &View<R>, input: &Input<R>, normal: [R; 3], facing: R) -> [R; 2] {
-        let across = facing.abs().at_least(power_of_two(-self.facing.word.format.frac_bits));
+        let across = facing.abs().at_least_a_place(&self.facing, Scale::ONE);
         let inverse = across.reciprocal(&self.slope_reciprocal);
         let scale = input.exponent.times(view.inverse_focal.leading().shifted(1));
         let step = (input.forward * view.inverse_focal).fit(&self.depth_step, scale);

@@ -10,14 +10,18 @@ use crate::real::{Real, Scale};
 impl Gauss {
     /// How far the table may lie from e^(−r/2), before its result is fitted.
     pub fn table_error(&self) -> f64 {
-        let range = f64::from(self.radial_index.word.format.int_bits).exp2();
-        table::real::error(self.table.fit(), self.table.interpolation(), range * self.table.step(), 0.5, 0.25)
+        table::real::error(self.table.fit(), self.table.interpolation(), self.range() * self.table.step(), 0.5, 0.25)
+    }
+
+    /// The table's arguments are below this.
+    fn range(&self) -> f64 {
+        f64::from(self.radial_index.word.format.int_bits).exp2()
     }
 
     /// A·e^(−r/2).
     pub fn real<R: Real>(&self, radial: R, amplitude: R) -> R {
         let index = radial.at_least(0.0).fit(&self.radial_index, Scale::ONE);
-        let falloff = index.function(|r| (-0.5 * r.max(0.0)).exp(), self.table_error()).fit(self.table.fit(), Scale::ONE);
-        (amplitude * falloff).fit(&self.weight, Scale::ONE)
+        let falloff = index.table(&self.table, self.range(), |r| (-0.5 * r.max(0.0)).exp(), self.table_error());
+        (amplitude * falloff.fit(self.table.fit(), Scale::ONE)).fit(&self.weight, Scale::ONE)
     }
 }

@@ -41,7 +41,7 @@ impl Project {
             let [a, b, c] = view.rotation[row];
             (a * x + b * y + c * z).fit(&self.camera, exponent)
         });
-        let forward = camera[2].at_least(power_of_two(exponent.low - self.camera.word.format.frac_bits));
+        let forward = camera[2].at_least_a_place(&self.camera, exponent);
         let depth = camera[2].at_least(0.0).fit(&self.depth, Scale::ONE);
         let inverse_depth = forward.reciprocal(&self.reciprocal);
         let slope = two!(axis => (camera[axis] * inverse_depth).fit(&self.slope, Scale::ONE));

@@ -12,21 +12,22 @@
 use super::{Raster, Rows};
 use crate::machine::Machine;
 use crate::num::{Fit, Rounding, Word, two};
-use crate::real::{Near, Real, power_of_two};
+use crate::real::{Mixed, Near, Real, Scale, power_of_two};
+use std::ops::Range;
 
 /// Input port.
 #[derive(Clone, Copy, Debug)]
-pub struct Input {
+pub struct Input<R> {
     /// Centre from the picture's middle, pixels.
-    pub pixel: [Near; 2],
+    pub pixel: [R; 2],
     /// Q00, Q01, Q11.
-    pub conic: [Near; 3],
+    pub conic: [R; 3],
     /// t_z, machine units.
-    pub depth: Near,
+    pub depth: R,
     /// z_x, z_y.
-    pub depth_slope: [Near; 2],
+    pub depth_slope: [R; 2],
     /// Half-width of the depth clamp.
-    pub depth_range: Near,
+    pub depth_range: R,
 }
 
 /// What cutting a result to a word may lose where it stays in range; nothing where no places are cut.
@@ -55,7 +56,7 @@ fn stepped(rows: Rows, [columns, lines]: [f64; 2], first: f64, second: f64) -> f
 /// What a splat's differences may be wrong by, worked out once for all of its pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Walk {
-    input: Input,
+    input: Input<Near>,
     /// Pixel and offset, together.
     offset_error: [f64; 2],
     /// e₀.
@@ -68,7 +69,7 @@ pub struct Walk {
 
 impl Raster {
     /// Enters a box whose first pixel lies within `reach` pixels of the centre.
-    pub fn near(&self, input: &Input, reach: [f64; 2]) -> Walk {
+    pub fn near(&self, input: &Input<Near>, reach: [f64; 2]) -> Walk {
         let offset_error = two!(axis => input.pixel[axis].error + loss(&self.offset));
         let [xx, xy, yy] = [0, 1, 2].map(|i| input.conic[i].most());
         let [x, y] = two!(axis => reach[axis] + offset_error[axis]);
@@ -116,6 +117,60 @@ impl Raster {
         let held = plane.off_by(loss(&self.depth));
         let held = if outruns(&self.depth, held.most()) { Near { error: f64::INFINITY, ..held } } else { held };
         held.max(input.depth - input.depth_range).min(input.depth + input.depth_range)
+    }
+}
+
+/// Registers at the first pixel of a row of the box, and their differences.
+#[derive(Clone, Copy, Debug)]
+pub struct Row<'a> {
+    radial: Mixed<'a>,
+    first: Mixed<'a>,
+    second: Mixed<'a>,
+    depth: Mixed<'a>,
+    depth_step: Mixed<'a>,
+    /// The depth clamp.
+    limits: [Mixed<'a>; 2],
+}
+
+impl Raster {
+    /// Registers at the first pixels of `rows` rows of a box, of which the very first has this centre from the picture's middle.
+    pub fn mixed<'a>(&self, input: &Input<Mixed<'a>>, [left, top]: [f64; 2], rows: Range<u32>) -> impl Iterator<Item = Row<'a>> {
+        let [xx, xy, yy] = input.conic;
+        let [by_x, by_y] = input.depth_slope;
+        let limits = [input.depth - input.depth_range, input.depth + input.depth_range];
+        let second = xx.times(2.0).fit(&self.second, Scale::ONE);
+        let seed = move |down: f64| {
+            let [x, y] = [(0, left), (1, top + down)].map(|(axis, at)| (-input.pixel[axis]).plus(at).fit(&self.offset, Scale::ONE));
+            let gradient = [(xx * x + (xy * y).times(2.0)).fit(&self.gradient, Scale::ONE), (yy * y).fit(&self.gradient, Scale::ONE)];
+            let row = Row {
+                radial: (x * gradient[0] + y * gradient[1]).fit(&self.radial, Scale::ONE),
+                first: ((xx * x + xy * y).times(2.0) + xx).fit(&self.first, Scale::ONE),
+                second,
+                depth: (by_x * x + by_y * y + input.depth).fit(&self.depth, Scale::ONE),
+                depth_step: by_x,
+                limits,
+            };
+            (row, ((yy * y + xy * x).times(2.0) + yy).fit(&self.first, Scale::ONE))
+        };
+        let (at_box, by_row) = seed(0.0);
+        let [by_row_twice, by_both] = [yy, xy].map(|conic| conic.times(2.0).fit(&self.second, Scale::ONE));
+        rows.map(f64::from).map(move |down| match self.rows {
+            Rows::Seeded => seed(down).0,
+            Rows::Differenced => Row {
+                radial: at_box.radial + by_row.times(down) + by_row_twice.times(down * (down - 1.0) / 2.0),
+                first: at_box.first + by_both.times(down),
+                depth: at_box.depth + by_y.times(down),
+                ..at_box
+            },
+        })
+    }
+
+    /// r and z at some columns from the first pixel of a row; r may be below 0, z is clamped to what the disc can reach.
+    pub fn mixed_pixel<'a>(&self, row: &Row<'a>, columns: f64) -> [Mixed<'a>; 2] {
+        let radial = row.radial + row.first.times(columns) + row.second.times(columns * (columns - 1.0) / 2.0);
+        let depth = (row.depth + row.depth_step.times(columns)).wrapped(&self.depth);
+        let [nearest, deepest] = row.limits;
+        [radial.wrapped(&self.radial), depth.max(nearest).min(deepest)]
     }
 }
 

@@ -117,7 +117,7 @@ impl Shade {
         let zero = R::constant(0.0);
         let ambient_only = || self.real_lit(material, &[], rgb, |_| zero);
         (-R::length(share)).branch(zero, ambient_only, || {
-            let normal = R::direction(share, &self.root).fit(&self.normal);
+            let normal = R::direction(share, sums.weight, &self.root).fit(&self.normal);
             let lit = |normal: Direction<R>| self.real_lit(material, &lighting.lights, rgb, |to| self.real_cosine(&normal, to));
             let to_viewer = -R::dot(&normal, [0.0, 0.0, 1.0].map(R::constant));
             to_viewer.branch(zero, || lit(normal), || lit(normal.turned_back()))
@@ -134,10 +134,9 @@ impl Shade {
         let Material::BlinnPhong { ambient, diffuse, specular, highlight } = material else { return rgb };
         let mut irradiance = [*ambient; 3];
         let mut gloss = [R::constant(0.0); 3];
-        let below_one = 1.0 - self.cosine.word.format.value(1);
         for (i, Light { direction, half_way }) in lights.iter().enumerate() {
             let towards = cosine(*direction);
-            let shine = half_way.map_or(R::constant(0.0), |half_way| cosine(half_way).at_most(below_one).power(highlight));
+            let shine = half_way.map_or(R::constant(0.0), |half_way| cosine(half_way).below_one(&self.cosine).power(highlight));
             for channel in 0..3 {
                 irradiance[channel] = irradiance[channel] + towards * diffuse[i][channel];
                 gloss[channel] = gloss[channel] + shine * specular[i][channel];

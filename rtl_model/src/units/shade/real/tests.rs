@@ -294,7 +294,7 @@ fn the_bound_of_each_step_is_tight() {
                 see(&mut uses[1], shade.coverage.word.format.value(coverage), bound, "coverage");
 
                 let n = sums.map(|sum| quotient(f.normal_sum, sum).share(&shade.normal_share, whole));
-                let n = Near::direction(n, &shade.root).fit(&shade.normal);
+                let n = Near::direction(n, whole, &shade.root).fit(&shade.normal);
                 let Some(normal) = shade.unit_normal(sums, exponent, tap) else { continue };
                 let towards_viewer = Near::dot(&n, [0.0, 0.0, -1.0].map(Near::exact));
                 if towards_viewer.may_cross(Near::exact(0.0)) {

@@ -1,0 +1,243 @@
+//! Mixed: a machine of which some signals are words, and f64 takes the place of the rest.
+//!
+//! ```text
+//! units over the reals ─►[ fit: is this signal on? ]─┬─ yes ─► the machine's word
+//!                                                    └─ no ──► the number as it is
+//! ```
+//! All off it is the exact pipeline, all on the machine, but for what f64 loses of products of more than 53 bits. Between the two it
+//! says who is to blame for an error: a unit alone in words, or all words but its own.
+//!
+//! Laws: `all_on_a_fit_is_the_machines`, `all_on_a_function_is_the_units`, `all_off_nothing_is_lost`; of the whole, tests/attribution.rs.
+
+use super::{Direction, Real, Scale, floor_log2, norm};
+use crate::num::table::real::Power;
+use crate::num::{Fit, Overflow, Reciprocal, ReciprocalRoot, Rounding, Table, Word};
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// Which signals are words, by their number in the elaborated machine's list.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Switches(pub Vec<bool>);
+
+/// A number of such a machine.
+#[derive(Clone, Copy, Debug)]
+pub struct Mixed<'a> {
+    /// What it is.
+    pub value: f64,
+    /// None for a constant.
+    switches: Option<&'a Switches>,
+}
+
+/// 2^exponent, quickly where it is a normal number.
+fn power_of_two(exponent: i32) -> f64 {
+    if (-1022..=1023).contains(&exponent) { f64::from_bits(((exponent + 1023) as u64) << 52) } else { super::power_of_two(exponent) }
+}
+
+/// A number in last places as a word.
+fn in_word(word: Word, places: f64) -> f64 {
+    let rounded = match word.round {
+        Rounding::Truncate => places.floor(),
+        Rounding::Nearest => (places + 0.5).floor(),
+        Rounding::NearestEven => places.round_ties_even(),
+    };
+    let (least, most) = (word.format.min() as f64, word.format.max() as f64);
+    match word.overflow {
+        Overflow::Saturate => rounded.clamp(least, most),
+        Overflow::Wrap => least + (rounded - least).rem_euclid(most - least + 1.0),
+    }
+}
+
+impl<'a> Mixed<'a> {
+    /// A number of a machine with these switches.
+    pub fn new(value: f64, switches: &'a Switches) -> Self {
+        Mixed { value, switches: Some(switches) }
+    }
+
+    /// Whether a fit's signal is on.
+    pub fn is_on(self, fit: &Fit) -> bool {
+        self.switches.is_some_and(|switches| switches.0[fit.signal])
+    }
+
+    /// The number modulo the reach of a register, where that is on.
+    pub fn wrapped(self, fit: &Fit) -> Self {
+        if !self.is_on(fit) {
+            return self;
+        }
+        let format = fit.word.format;
+        let least = format.value(format.min());
+        // Below its last place a register keeps what a word that is off puts there.
+        self.with(least + (self.value - least).rem_euclid(power_of_two(format.width() - format.frac_bits)))
+    }
+
+    fn with(self, value: f64) -> Self {
+        Mixed { value, ..self }
+    }
+
+    fn and(self, other: Mixed<'a>, value: f64) -> Self {
+        Mixed { value, switches: self.switches.or(other.switches) }
+    }
+}
+
+impl<'a> Add for Mixed<'a> {
+    type Output = Mixed<'a>;
+    fn add(self, other: Mixed<'a>) -> Mixed<'a> {
+        self.and(other, self.value + other.value)
+    }
+}
+
+impl<'a> Sub for Mixed<'a> {
+    type Output = Mixed<'a>;
+    fn sub(self, other: Mixed<'a>) -> Mixed<'a> {
+        self.and(other, self.value - other.value)
+    }
+}
+
+impl<'a> Mul for Mixed<'a> {
+    type Output = Mixed<'a>;
+    fn mul(self, other: Mixed<'a>) -> Mixed<'a> {
+        self.and(other, self.value * other.value)
+    }
+}
+
+impl<'a> Neg for Mixed<'a> {
+    type Output = Mixed<'a>;
+    fn neg(self) -> Mixed<'a> {
+        self.with(-self.value)
+    }
+}
+
+/// A product without the last bits that f64 may have got wrong in a quotient that is multiplied again: those that would break a tie.
+fn without_noise(product: f64) -> f64 {
+    if product == 0.0 {
+        return 0.0;
+    }
+    let places = 46 - floor_log2(product.abs());
+    (product * power_of_two(places)).round() * power_of_two(-places)
+}
+
+impl Real for Mixed<'_> {
+    fn constant(value: f64) -> Self {
+        Mixed { value, switches: None }
+    }
+
+    fn plus(self, constant: f64) -> Self {
+        self.with(self.value + constant)
+    }
+
+    fn times(self, constant: f64) -> Self {
+        self.with(self.value * constant)
+    }
+
+    fn fit(self, fit: &Fit, scale: Scale) -> Self {
+        if !self.is_on(fit) {
+            return self;
+        }
+        let places = fit.word.format.frac_bits - scale.low;
+        self.with(in_word(fit.word, self.value * power_of_two(places)) * power_of_two(-places))
+    }
+
+    fn refit(self, _frac_bits: i32, fit: &Fit) -> Self {
+        self.fit(fit, Scale::ONE)
+    }
+
+    fn share(self, fit: &Fit, whole: Self) -> Self {
+        if !whole.is_on(fit) {
+            return whole.with(self.value);
+        }
+        let mantissa = whole.value * power_of_two(-floor_log2(whole.value));
+        let place = power_of_two(-fit.word.format.frac_bits);
+        let places = without_noise(self.value * mantissa) / place;
+        whole.with(in_word(fit.word, places) * place / mantissa)
+    }
+
+    fn restored(self, unit: &Reciprocal, whole: Self) -> Self {
+        let restored = self * whole * whole.reciprocal(unit);
+        if whole.is_on(unit.result()) { restored.with(without_noise(restored.value)) } else { restored }
+    }
+
+    fn leading(self) -> Scale {
+        let exponent = floor_log2(self.value.abs());
+        Scale { low: exponent, high: exponent }
+    }
+
+    fn abs(self) -> Self {
+        self.with(self.value.abs())
+    }
+
+    fn max(self, other: Self) -> Self {
+        self.and(other, self.value.max(other.value))
+    }
+
+    fn min(self, other: Self) -> Self {
+        self.and(other, self.value.min(other.value))
+    }
+
+    fn at_least(self, limit: f64) -> Self {
+        self.with(self.value.max(limit))
+    }
+
+    fn at_most(self, limit: f64) -> Self {
+        self.with(self.value.min(limit))
+    }
+
+    fn below_one(self, fit: &Fit) -> Self {
+        if self.is_on(fit) { self.at_most(1.0 - power_of_two(-fit.word.format.frac_bits)) } else { self }
+    }
+
+    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self {
+        if self.is_on(fit) { self.at_least(power_of_two(scale.low - fit.word.format.frac_bits)) } else { self }
+    }
+
+    fn a_place_more(self, fit: &Fit) -> Self {
+        if self.is_on(fit) { self.plus(power_of_two(-fit.word.format.frac_bits)) } else { self }
+    }
+
+    fn branch<const N: usize>(self, limit: Self, at_least: impl FnOnce() -> [Self; N], below: impl FnOnce() -> [Self; N]) -> [Self; N] {
+        if self.value >= limit.value { at_least() } else { below() }
+    }
+
+    fn reciprocal(self, unit: &Reciprocal) -> Self {
+        self.with(if self.is_on(unit.result()) { unit.of(self.value) } else { 1.0 / self.value })
+    }
+
+    fn inverse_root(self, unit: &ReciprocalRoot) -> Self {
+        self.with(if self.is_on(unit.result()) { unit.of(self.value) } else { 1.0 / self.value.sqrt() })
+    }
+
+    fn root(self, unit: &ReciprocalRoot) -> Self {
+        self.with(if self.is_on(unit.result()) { unit.root_of(self.value) } else { self.value.sqrt() })
+    }
+
+    fn with_sign_of(self, other: Self) -> Self {
+        self.and(other, self.value.abs().copysign(other.value))
+    }
+
+    fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, _error: f64) -> Self {
+        self.with(if self.is_on(table.fit()) { table.at(self.value / range) } else { exact(self.value) })
+    }
+
+    fn power(self, table: &Power) -> Self {
+        let words = table.table();
+        self.with(if self.is_on(words.fit()) { words.at(self.value) } else { table.exact(self.value) }).fit(words.fit(), Scale::ONE)
+    }
+
+    fn length(v: [Self; 3]) -> Self {
+        v[0].with(norm(v.map(|part| part.value)))
+    }
+
+    /// The unit sees the words that hold the parts, so many times as large as its normaliser makes `whole`.
+    fn direction(v: [Self; 3], whole: Self, unit: &ReciprocalRoot) -> Direction<Self> {
+        let mantissa = whole.value * power_of_two(-floor_log2(whole.value));
+        let held = v.map(|part| part.with(without_noise(part.value * mantissa)));
+        let [x, y, z] = held;
+        let inverse = (x * x + y * y + z * z).inverse_root(unit);
+        Direction { parts: held.map(|part| part * inverse), turn: 0.0 }
+    }
+
+    fn dot(direction: &Direction<Self>, v: [Self; 3]) -> Self {
+        let [x, y, z] = [0, 1, 2].map(|i| direction.parts[i] * v[i]);
+        x + y + z
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,145 @@
+//! Attribute: who makes how much of the error?
+//!
+//! ```text
+//! each unit, each word ─┬─► alone a word, f64 for the rest ─┬─► distance from golden
+//!                       └─► f64, all the rest words ────────┘
+//! ```
+//! The two need not agree: errors that cancel are seen by the first alone, errors that hide behind greater ones by neither. What comes
+//! first in both is where a bit more helps.
+
+use crate::chart::{Axis, Bars};
+use crate::compare::{Distance, distance};
+use crate::mixed::{Choice, Footprint, Stage, UNITS, words};
+use crate::picture::Picture;
+use crate::quantise::Quantised;
+use crate::report::{aligned, plain_table};
+use crate::scene::Scene;
+use comfy_table::Table;
+use rtl_model::machine::Elaborated;
+use serde::Serialize;
+
+/// How much of the error each part of a machine makes. All distances are from `golden`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Attribution {
+    /// Every word a word: the machine itself.
+    pub all: Distance,
+    /// Unit by unit, and the splat's record.
+    pub units: Vec<Share>,
+    /// Word by word.
+    pub words: Vec<Share>,
+}
+
+/// What one part of a machine does.
+#[derive(Clone, Debug, Serialize)]
+pub struct Share {
+    /// Unit, or `unit.word`.
+    pub name: String,
+    /// The part in words, the rest in f64.
+    pub alone: Distance,
+    /// The part in f64, the rest in words.
+    pub without: Distance,
+}
+
+/// Words that setup reads beside those of its own units.
+const ALSO_IN_SETUP: [&str; 2] = ["raster.cutoff", "fragment.normal"];
+
+fn unit_of(word: &str) -> &str {
+    word.split('.').next().unwrap_or_default()
+}
+
+fn is_in_setup(word: &str) -> bool {
+    UNITS[..3].contains(&unit_of(word)) || ALSO_IN_SETUP.contains(&word)
+}
+
+/// Mean square error over covered pixels, of a distance.
+fn mean_square(distance: &Distance) -> f64 {
+    distance.psnr_covered_db.map_or(0.0, |db| libm::pow(10.0, -0.1 * db))
+}
+
+/// Draws the scene once for each part of the machine alone, and once for all but each.
+pub fn attribute(scene: &Scene, machine: &Elaborated, quantised: &Quantised, golden: &Picture) -> Attribution {
+    let stage = Stage::new(scene, machine, quantised);
+    let bases = [false, true].map(|chosen| stage.set_up(&Choice::new(machine, |_| chosen)));
+    let words = words(machine);
+    // Those that belong to the part are words where the others are not, and the other way round.
+    let measure = |alone: bool, is_part: &dyn Fn(&str) -> bool| {
+        let choice = Choice::new(machine, |word| is_part(word) == alone);
+        let in_setup = words.iter().any(|word| is_in_setup(word) && is_part(word));
+        let own: Vec<Footprint>;
+        let footprints = if in_setup {
+            own = stage.set_up(&choice);
+            &own
+        } else {
+            &bases[usize::from(!alone)]
+        };
+        distance(&stage.fill(&choice, footprints), golden)
+    };
+    let share = |name: &str, is_part: &dyn Fn(&str) -> bool| Share {
+        name: name.to_owned(),
+        alone: measure(true, is_part),
+        without: measure(false, is_part),
+    };
+    Attribution {
+        all: measure(true, &|_| true),
+        units: UNITS.iter().map(|unit| share(unit, &|word| unit_of(word) == *unit)).collect(),
+        words: words.iter().map(|name| share(name, &|word| word == name)).collect(),
+    }
+}
+
+/// Words that are shown.
+const SHOWN: usize = 16;
+
+impl Attribution {
+    /// The words that make the greatest errors alone, the greatest first.
+    fn greatest(&self) -> Vec<&Share> {
+        let mut words: Vec<&Share> = self.words.iter().filter(|word| mean_square(&word.alone) > 0.0).collect();
+        words.sort_by(|a, b| mean_square(&b.alone).total_cmp(&mean_square(&a.alone)));
+        words.truncate(SHOWN);
+        words
+    }
+
+    /// The units, and the words that make the greatest errors, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let mut table = plain_table(&["", "alone dB", "max error", "without dB", "max error", "error gone"]);
+        let db = |distance: &Distance| distance.psnr_covered_db.map_or("equal".into(), |db| format!("{db:.1}"));
+        let error = |distance: &Distance| format!("{:.1e}", distance.max_error);
+        let all = mean_square(&self.all);
+        let row = |table: &mut Table, share: &Share| {
+            let gone = if all > 0.0 { 1.0 - mean_square(&share.without) / all } else { 0.0 };
+            // No minus before a zero.
+            let gone = (1000.0 * gone).round() / 10.0 + 0.0;
+            let name = share.name.clone();
+            table.add_row([name, db(&share.alone), error(&share.alone), db(&share.without), error(&share.without), format!("{gone:.1} %")]);
+        };
+        table.add_row(["all in words".into(), db(&self.all), error(&self.all)]);
+        table.add_row([""]);
+        self.units.iter().for_each(|unit| row(&mut table, unit));
+        table.add_row([""]);
+        self.greatest().into_iter().for_each(|word| row(&mut table, word));
+        let table = aligned(table).to_string();
+        let lines: Vec<&str> = table.lines().map(str::trim_end).collect();
+        format!("fixed − golden at covered pixels: each part alone in words, and all words but its\n\n{}", lines.join("\n"))
+    }
+
+    /// Bars of the same: units, and words.
+    pub fn charts(&self) -> [Bars; 2] {
+        let rms = |distance: &Distance| mean_square(distance).sqrt();
+        let row = |share: &Share| (share.name.clone(), vec![rms(&share.alone), rms(&share.without)]);
+        let legend = || vec!["alone in words".to_owned(), "all words but its own".to_owned()];
+        let axis = || Axis::log("root mean square error at covered pixels, linear light");
+        [
+            Bars {
+                title: "Error of each unit".into(),
+                axis: axis(),
+                legend: legend(),
+                rows: std::iter::once(("all".to_owned(), vec![rms(&self.all)])).chain(self.units.iter().map(row)).collect(),
+            },
+            Bars {
+                title: format!("Error of each word, the greatest {SHOWN}"),
+                axis: axis(),
+                legend: legend(),
+                rows: self.greatest().into_iter().map(row).collect(),
+            },
+        ]
+    }
+}

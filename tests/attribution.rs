@@ -1,0 +1,170 @@
+//! Attribution: a machine of which some words are words, between `golden` and the machine itself.
+
+#[path = "../rtl_model/tests/machines/mutation.rs"]
+#[expect(dead_code, reason = "the machine's own tests use the rest")]
+mod mutation;
+
+use mutation::{differences, mutated, mutations, named};
+use proptest::strategy::{Strategy, ValueTree};
+use proptest::test_runner::TestRunner;
+use rtl_model::Machine;
+use rtl_model::machine::Rows;
+use splatsim::attribute::{Share, attribute};
+use splatsim::compare::{distance, metrics};
+use splatsim::golden::{self, Rendering};
+use splatsim::mixed::{Choice, Stage, UNITS, words};
+use splatsim::picture::Picture;
+use splatsim::quantise::{Quantised, quantise};
+use splatsim::scene::{Overrides, Scene};
+use splatsim::{fixed, machines};
+
+const SCENES: [&str; 4] = ["glass-spheres", "checkerboard", "torus-knot", "terrain"];
+
+fn scene(name: &str, size: (usize, usize)) -> Scene {
+    Scene::load(name, &Overrides { size: Some(size) }).unwrap()
+}
+
+/// Every so many splats, larger: as much overlap, less work.
+fn thinned(mut scene: Scene, splats: usize) -> Scene {
+    let every = scene.splats.len() / splats + 1;
+    scene.splats = scene.splats.iter().step_by(every).copied().collect();
+    scene.splats.iter_mut().for_each(|splat| splat.radius *= (every as f64).sqrt());
+    scene
+}
+
+fn golden(scene: &Scene, machine: &Machine) -> Rendering {
+    golden::render(scene, &fixed::rules(machine))
+}
+
+fn drawn(scene: &Scene, machine: &Machine) -> Option<(Quantised, Picture)> {
+    let elaborated = machine.elaborate().ok()?;
+    let quantised = quantise(scene, machine).ok()?;
+    let fixed = fixed::picture(&elaborated, &fixed::draw(&elaborated, &quantised));
+    Some((quantised, fixed))
+}
+
+/// Draws with those words of which this holds.
+fn mixed(scene: &Scene, machine: &Machine, quantised: &Quantised, is_chosen: impl Fn(&str) -> bool) -> Picture {
+    let elaborated = machine.elaborate().unwrap();
+    let stage = Stage::new(scene, &elaborated, quantised);
+    let choice = Choice::new(&elaborated, is_chosen);
+    stage.fill(&choice, &stage.set_up(&choice))
+}
+
+/// Pixels that differ in any bit.
+fn different(a: &Picture, b: &Picture) -> usize {
+    let colours = a.rgba.iter().zip(&b.rgba).filter(|(a, b)| a != b).count();
+    colours + a.covered.iter().zip(&b.covered).filter(|(a, b)| a != b).count()
+}
+
+#[test]
+fn with_no_word_it_is_golden() {
+    for name in SCENES {
+        let scene = scene(name, (96, 80));
+        for machine in Machine::NAMES {
+            let machine = Machine::named(machine).unwrap();
+            let (quantised, _) = drawn(&scene, &machine).unwrap();
+            let found = metrics(&mixed(&scene, &machine, &quantised, |_| false), &golden(&scene, &machine).picture);
+            assert!(found.max_error < 1e-12, "{name} on {}: {found:?}", machine.name);
+        }
+    }
+}
+
+/// Bit for bit, though it is made of f64: the second opinion on every unit, each fit, each rule.
+#[test]
+fn with_every_word_it_is_the_machine() {
+    for name in SCENES {
+        let scene = scene(name, (192, 160));
+        for (machine, rows) in Machine::NAMES.into_iter().flat_map(|name| [(name, Rows::Seeded), (name, Rows::Differenced)]) {
+            let mut machine = Machine::named(machine).unwrap();
+            machine.raster.rows = rows;
+            let (quantised, fixed) = drawn(&scene, &machine).unwrap();
+            let mixed = mixed(&scene, &machine, &quantised, |_| true);
+            assert_eq!(different(&mixed, &fixed), 0, "{name} on {}, {rows:?}", machine.name);
+        }
+    }
+}
+
+/// Words, tables, roundings and rules that nobody would choose.
+#[test]
+fn with_every_word_it_is_any_machine() {
+    const MACHINES: usize = 200;
+    let scenes = [scene("torus-knot", (48, 40)), scene("glass-spheres", (40, 40))].map(|scene| thinned(scene, 2000));
+    let mut runner = TestRunner::deterministic();
+    let (mut held, mut asked) = (0, 0);
+    while held < MACHINES {
+        asked += 1;
+        assert!(asked < 100 * MACHINES, "only {held} of {asked} machines can draw");
+        let pick = (named(), mutations(1..12)).new_tree(&mut runner).unwrap().current();
+        let machine = pick.1.iter().fold(Machine::named(pick.0).unwrap(), |machine, mutation| mutated(&machine, mutation));
+        let scene = &scenes[asked % 2];
+        let Some((quantised, fixed)) = drawn(scene, &machine) else { continue };
+        let mixed = mixed(scene, &machine, &quantised, |_| true);
+        assert_eq!(different(&mixed, &fixed), 0, "{} {:?}", machine.name, differences(&machine));
+        held += 1;
+    }
+}
+
+fn named_share<'a>(shares: &'a [Share], name: &str) -> &'a Share {
+    shares.iter().find(|share| share.name == name).unwrap_or_else(|| panic!("{name} has no share"))
+}
+
+/// One word of a good machine is narrowed: it takes the blame, and so does its unit.
+#[test]
+fn a_narrow_word_takes_the_blame() {
+    let scene = thinned(scene("glass-spheres", (48, 48)), 3000);
+    for (settings, name) in [
+        ("splat.rgb=U1F4", "splat.rgb"),
+        ("ellipse.root.newton_steps=0 ellipse.root.table_bits=3", "ellipse.root"),
+        ("gauss.falloff=U1F4", "gauss.falloff"),
+        ("shade.rgb=U1F4", "shade.rgb"),
+    ] {
+        let machine = machines::load("reference", &settings.split(' ').map(String::from).collect::<Vec<_>>()).unwrap();
+        let elaborated = fixed::elaborate(&machine).unwrap();
+        let (quantised, _) = drawn(&scene, &machine).unwrap();
+        let found = attribute(&scene, &elaborated, &quantised, &golden(&scene, &machine).picture);
+        let unit = name.split('.').next().unwrap();
+        for (shares, name) in [(&found.words, name), (&found.units, unit)] {
+            let blamed = named_share(shares, name);
+            let db = |share: &Share| share.alone.psnr_covered_db.unwrap_or(f64::INFINITY);
+            assert!(shares.iter().all(|share| share.name == name || db(share) > db(blamed) + 6.0), "{settings}: {name} among {shares:#?}");
+            let (all, without) = (found.all.psnr_covered_db.unwrap(), blamed.without.psnr_covered_db.unwrap());
+            assert!(without > all + 6.0, "{settings}: {all} dB, without {name} {without} dB");
+        }
+    }
+}
+
+#[test]
+fn all_words_together_make_the_machines_error() {
+    let scene = thinned(scene("torus-knot", (64, 48)), 2000);
+    for name in Machine::NAMES {
+        let machine = Machine::named(name).unwrap();
+        let elaborated = fixed::elaborate(&machine).unwrap();
+        let (quantised, picture) = drawn(&scene, &machine).unwrap();
+        let golden = golden(&scene, &machine).picture;
+        let found = attribute(&scene, &elaborated, &quantised, &golden);
+        assert_eq!(found.all, distance(&picture, &golden), "{name}");
+        assert_eq!(found.units.iter().map(|share| &share.name).collect::<Vec<_>>(), UNITS);
+        // Each word has one unit, and each unit has words.
+        for unit in UNITS {
+            assert!(found.words.iter().any(|share| share.name.starts_with(&format!("{unit}."))), "{unit} has no words");
+        }
+    }
+}
+
+/// Every format of the description is one of the words that can be blamed, but those that are not read as numbers.
+#[test]
+fn every_format_can_take_the_blame() {
+    let machine = Machine::named("reference").unwrap();
+    let words = words(&fixed::elaborate(&machine).unwrap());
+    let description = serde_json::to_value(&machine).unwrap();
+    for unit in UNITS {
+        for (field, value) in description[unit].as_object().unwrap() {
+            let is_format =
+                value.is_string() && value.as_str().unwrap().contains('F') || value.get("format").is_some() || value.get("bits").is_some();
+            if is_format {
+                assert!(words.contains(&format!("{unit}.{field}")), "{unit}.{field} is no word");
+            }
+        }
+    }
+}
