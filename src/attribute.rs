@@ -4,8 +4,8 @@
 //! each unit, each word ─┬─► alone a word, f64 for the rest ─┬─► distance from golden
 //!                       └─► f64, all the rest words ────────┘
 //! ```
-//! The two need not agree: errors that cancel are seen by the first alone, errors that hide behind greater ones by neither. What comes
-//! first in both is where a bit more helps.
+//! The two need not agree: of errors that cancel, or of one that hides behind a greater, each tells half. What comes first in both is
+//! where a bit more helps. They are ordered by the mean error, for a decision that flips at a single pixel rules the mean square.
 
 use crate::chart::{Axis, Bars};
 use crate::compare::{Distance, distance};
@@ -51,11 +51,6 @@ fn is_in_setup(word: &str) -> bool {
     UNITS[..3].contains(&unit_of(word)) || ALSO_IN_SETUP.contains(&word)
 }
 
-/// Mean square error over covered pixels, of a distance.
-fn mean_square(distance: &Distance) -> f64 {
-    distance.psnr_covered_db.map_or(0.0, |db| libm::pow(10.0, -0.1 * db))
-}
-
 /// Draws the scene once for each part of the machine alone, and once for all but each.
 pub fn attribute(scene: &Scene, machine: &Elaborated, quantised: &Quantised, golden: &Picture) -> Attribution {
     let stage = Stage::new(scene, machine, quantised);
@@ -92,26 +87,28 @@ const SHOWN: usize = 16;
 impl Attribution {
     /// The words that make the greatest errors alone, the greatest first.
     fn greatest(&self) -> Vec<&Share> {
-        let mut words: Vec<&Share> = self.words.iter().filter(|word| mean_square(&word.alone) > 0.0).collect();
-        words.sort_by(|a, b| mean_square(&b.alone).total_cmp(&mean_square(&a.alone)));
+        let error = |word: &Share| word.alone.mean_covered_error;
+        let mut words: Vec<&Share> = self.words.iter().filter(|word| error(word) > 0.0).collect();
+        words.sort_by(|a, b| error(b).total_cmp(&error(a)));
         words.truncate(SHOWN);
         words
     }
 
     /// The units, and the words that make the greatest errors, at most 80 columns wide.
     pub fn summary(&self) -> String {
-        let mut table = plain_table(&["", "alone dB", "max error", "without dB", "max error", "error gone"]);
+        let mut table = plain_table(&["", "alone dB", "mean error", "max error", "without", "error gone"]);
         let db = |distance: &Distance| distance.psnr_covered_db.map_or("equal".into(), |db| format!("{db:.1}"));
-        let error = |distance: &Distance| format!("{:.1e}", distance.max_error);
-        let all = mean_square(&self.all);
+        let small = |error: f64| format!("{error:.1e}");
+        let alone = |name: &str, d: &Distance| [name.to_owned(), db(d), small(d.mean_covered_error), small(d.max_error)];
+        let all = self.all.mean_covered_error;
         let row = |table: &mut Table, share: &Share| {
-            let gone = if all > 0.0 { 1.0 - mean_square(&share.without) / all } else { 0.0 };
+            let without = share.without.mean_covered_error;
+            let gone = if all > 0.0 { 1.0 - without / all } else { 0.0 };
             // No minus before a zero.
             let gone = (1000.0 * gone).round() / 10.0 + 0.0;
-            let name = share.name.clone();
-            table.add_row([name, db(&share.alone), error(&share.alone), db(&share.without), error(&share.without), format!("{gone:.1} %")]);
+            table.add_row(alone(&share.name, &share.alone).into_iter().chain([small(without), format!("{gone:.1} %")]));
         };
-        table.add_row(["all in words".into(), db(&self.all), error(&self.all)]);
+        table.add_row(alone("all in words", &self.all));
         table.add_row([""]);
         self.units.iter().for_each(|unit| row(&mut table, unit));
         table.add_row([""]);
@@ -123,16 +120,15 @@ impl Attribution {
 
     /// Bars of the same: units, and words.
     pub fn charts(&self) -> [Bars; 2] {
-        let rms = |distance: &Distance| mean_square(distance).sqrt();
-        let row = |share: &Share| (share.name.clone(), vec![rms(&share.alone), rms(&share.without)]);
+        let row = |share: &Share| (share.name.clone(), vec![share.alone.mean_covered_error, share.without.mean_covered_error]);
         let legend = || vec!["alone in words".to_owned(), "all words but its own".to_owned()];
-        let axis = || Axis::log("root mean square error at covered pixels, linear light");
+        let axis = || Axis::log("mean error at covered pixels, linear light");
         [
             Bars {
                 title: "Error of each unit".into(),
                 axis: axis(),
                 legend: legend(),
-                rows: std::iter::once(("all".to_owned(), vec![rms(&self.all)])).chain(self.units.iter().map(row)).collect(),
+                rows: std::iter::once(("all".to_owned(), vec![self.all.mean_covered_error])).chain(self.units.iter().map(row)).collect(),
             },
             Bars {
                 title: format!("Error of each word, the greatest {SHOWN}"),

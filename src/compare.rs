@@ -59,6 +59,8 @@ fn clamped(picture: &Picture, index: usize) -> [f64; 3] {
 pub struct Distance {
     /// As [`Metrics::psnr_covered_db`].
     pub psnr_covered_db: Option<f64>,
+    /// Mean absolute difference over the pixels that a splat touches in either picture, and the colour channels.
+    pub mean_covered_error: f64,
     /// As [`Metrics::max_error`].
     pub max_error: f64,
 }
@@ -69,7 +71,12 @@ pub struct Distance {
 /// If their sizes differ.
 pub fn distance(a: &Picture, b: &Picture) -> Distance {
     let sums = (0..a.height).map(|y| Sums::of_row(a, b, y)).fold(Sums::default(), Sums::and);
-    Distance { psnr_covered_db: psnr_db(sums.covered_squares, 3.0 * sums.covered_pixels as f64), max_error: sums.max }
+    let values = 3.0 * sums.covered_pixels as f64;
+    Distance {
+        psnr_covered_db: psnr_db(sums.covered_squares, values),
+        mean_covered_error: if values > 0.0 { sums.covered_errors / values } else { 0.0 },
+        max_error: sums.max,
+    }
 }
 
 /// Greatest absolute difference of two pictures at one pixel, of the colour channels.
@@ -88,6 +95,7 @@ fn difference(a: &Picture, b: &Picture, index: usize) -> [f64; 3] {
 struct Sums {
     squares: f64,
     covered_squares: f64,
+    covered_errors: f64,
     covered_pixels: u64,
     errors: f64,
     max: f64,
@@ -103,6 +111,7 @@ impl Sums {
             sums.squares += squares;
             if a.covered[index] || b.covered[index] {
                 sums.covered_squares += squares;
+                sums.covered_errors += error.iter().sum::<f64>();
                 sums.covered_pixels += 1;
             }
             sums.errors += error.iter().sum::<f64>();
@@ -117,6 +126,7 @@ impl Sums {
         Sums {
             squares: self.squares + next.squares,
             covered_squares: self.covered_squares + next.covered_squares,
+            covered_errors: self.covered_errors + next.covered_errors,
             covered_pixels: self.covered_pixels + next.covered_pixels,
             errors: self.errors + next.errors,
             max: self.max.max(next.max),
@@ -167,6 +177,9 @@ mod tests {
         assert!(close(metrics.psnr_covered_db.unwrap(), 29.10007602797664), "{metrics:?}");
         assert!(close(metrics.max_error, 0.0625) && close(metrics.mean_error, 0.029324526769713262), "{metrics:?}");
         assert_eq!(metrics.pixels_over_1_255, 480);
+        let distance = distance(&a, &b);
+        assert_eq!((distance.psnr_covered_db, distance.max_error), (metrics.psnr_covered_db, metrics.max_error));
+        assert!(close(distance.mean_covered_error, 0.02933537746415771), "{distance:?}");
     }
 
     /// From scikit-image: `structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,

@@ -221,6 +221,12 @@ fn first(value: Option<f64>) -> String {
     value.map_or_else(|| "–".into(), short)
 }
 
+/// A machine's name as far as the table has room for it.
+fn cut(name: &str) -> String {
+    const ROOM: usize = 10;
+    if name.chars().count() <= ROOM { name.into() } else { name.chars().take(ROOM - 1).chain(['…']).collect() }
+}
+
 impl Catalogue {
     /// Everything that should be 0, over all points.
     pub fn faults(&self) -> u64 {
@@ -257,7 +263,7 @@ impl Catalogue {
 
     /// The table for a terminal, at most 80 columns wide.
     pub fn table(&self) -> String {
-        let mut table = plain_table(&["case", "machine", "method", "arithmetic", "flips", "error", "bound>1", "flipped"]);
+        let mut table = plain_table(&["case", "machine", "method", "arithmetic", "flips", "error", "bound > 1", "flipped"]);
         for (case, machine) in self.machines() {
             let by = match machine.arithmetic_fails_by {
                 Some(Failure::Bound) => " b",
@@ -268,7 +274,7 @@ impl Catalogue {
             let shown = if machine.machine == Machine::NAMES[0] { case.name } else { "" };
             table.add_row([
                 shown.to_owned(),
-                machine.machine.clone(),
+                cut(&machine.machine),
                 first(machine.method_fails_at),
                 format!("{}{by}", first(machine.arithmetic_fails_at)),
                 first(machine.flips_show_at),
@@ -329,7 +335,7 @@ arithmetic  first value at which fixed − led exceeds 8/255 (e), or its bound
             refuses the scene (r)
 flips       first value at which a flipped decision makes more than 8/255
 error       greatest |fixed − led|
-bound>1     greatest share of the covered pixels whose bound says nothing
+bound > 1   greatest share of the covered pixels whose bound says nothing
 flipped     decisions that golden takes otherwise, over all values";
 
 /// Columns of the CSV file.

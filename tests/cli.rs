@@ -79,6 +79,28 @@ fn exr_pictures_come_on_request_and_not_without_a_folder() {
 }
 
 #[test]
+fn the_error_is_attributed_on_request() {
+    let arguments = [&["checkerboard"], &SMALL[..], &["--attribute"]].concat();
+    let (out, report) = run(&arguments);
+    let mut expected = [&WRITTEN[..], &["attribution.png"]].concat();
+    expected.sort_unstable();
+    assert_eq!(names_in(out.path()), expected);
+    let attribution = &report["attribution"];
+    assert_eq!(attribution["all"]["psnr_covered_db"], report["accuracy"]["fixed_vs_golden"]["psnr_covered_db"]);
+    assert_eq!(attribution["units"].as_array().unwrap().len(), 8);
+    assert!(attribution["words"].as_array().unwrap().iter().any(|word| word["name"] == "raster.offset"));
+    assert!(report["host"]["attribution_seconds"].is_number());
+    let (_, other) = run(&[&arguments[..], &["--threads", "1"]].concat());
+    assert_eq!(other["attribution"], *attribution);
+    // Not asked for, not there.
+    let (_, plain) = run(&SMALL);
+    assert_eq!([plain.get("attribution"), plain["host"].get("attribution_seconds")], [None; 2]);
+    // Every line fits a terminal and ends where its words do.
+    let text = says(&[&["run"], &arguments[..]].concat());
+    assert!(text.contains("raster.offset") && text.lines().all(|line| line.chars().count() <= 80 && line.trim_end() == line), "{text}");
+}
+
+#[test]
 fn a_run_replaces_the_files_of_the_last_one_and_makes_its_folder() {
     let out = folder();
     let deep = out.path().join("a/b");

@@ -89,6 +89,10 @@ fn every_command_exists_and_those_of_the_program_run() {
     let commands = fenced(&readme(), "sh");
     assert!(commands.len() >= 10, "{commands:?}");
     for line in commands {
+        // Takes minutes: `the_sample_attribution_is_what_its_command_prints` runs it.
+        if line == ATTRIBUTION {
+            continue;
+        }
         if let Some(arguments) = line.strip_prefix("cargo run --release -- ") {
             splatsim(arguments);
         } else if let Some(example) = line.strip_prefix("cargo run --release --example ") {
@@ -109,6 +113,18 @@ fn the_sample_summary_is_what_the_first_command_prints() {
     let printed = splatsim("run --out out");
     let now: Vec<&str> = printed.lines().filter(|line| !is_host(line)).collect();
     assert!(sample == now, "README should have:\n{printed}");
+}
+
+const ATTRIBUTION: &str = "cargo run --release -- run --attribute --out out";
+
+#[test]
+#[ignore = "takes minutes"]
+fn the_sample_attribution_is_what_its_command_prints() {
+    let text = readme();
+    assert!(fenced(&text, "sh").iter().any(|line| line == ATTRIBUTION));
+    let sample = fenced(after(&text, "<!-- attribution -->"), "text").join("\n");
+    let printed = splatsim(ATTRIBUTION.trim_start_matches("cargo run --release -- "));
+    assert!(sample.lines().count() > 20 && printed.contains(&sample), "README should have:\n{printed}");
 }
 
 #[test]

@@ -4,10 +4,9 @@ use std::sync::OnceLock;
 
 use assert_cmd::Command;
 use glam::{DMat2, DVec2, DVec3};
-use rtl_model::machine::Elaborated;
 use rtl_model::probe::Probe;
 use rtl_model::units::fragment::{Contribution, Decision};
-use rtl_model::{Drawing, Machine};
+use rtl_model::{Machine, pipeline};
 use splatsim::golden;
 use splatsim::scene::{Scene, Splat};
 use splatsim::stress::{self, CASES, Case, Catalogue, FOCAL_PX, Failure, Found, MachineReport};
@@ -221,17 +220,16 @@ fn a_machine_with_too_few_guard_bits_drifts_where_one_with_enough_does_not() {
 }
 
 /// Draws a case's scene on its variant.
-fn on_variant<P: Probe>(case: &Case, value: f64, probe: &mut P) -> (Elaborated, Drawing) {
+fn on_variant<P: Probe>(case: &Case, value: f64, probe: &mut P) {
     let machine = machines::load("reference", &(case.variant.unwrap().settings)(value)).unwrap();
     let elaborated = fixed::elaborate(&machine).unwrap();
     let quantised = quantise::quantise(&(case.scene)(value), &machine).unwrap();
-    let drawing = rtl_model::pipeline::draw(&elaborated, &quantised.frame, probe);
-    (elaborated, drawing)
+    pipeline::draw(&elaborated, &quantised.frame, probe);
 }
 
 #[test]
 fn the_radial_index_wraps_and_comes_back_inside_the_footprint() {
-    for (machine, from, register) in [("6-bit radial", 6.0, 32.0), ("lean", 12.0, 256.0)] {
+    for (machine, from, register) in [("6-bit r", 6.0, 32.0), ("lean", 12.0, 256.0)] {
         for point in report("wrap", machine).points.iter().filter(|point| point.value >= from) {
             // What the exact one reaches in a corner of the box, across the ellipse.
             let scene = (case("wrap").scene)(point.value);
@@ -304,7 +302,7 @@ fn at_the_rim_almost_nothing_is_divided_by_itself() {
         let refused = report("rim", machine).points.iter().filter(|point| point.failure() == Some(Failure::Refused));
         assert_eq!(refused.count(), case("rim").values.iter().filter(|cutoff| **cutoff > 4.0).count(), "{machine}");
     }
-    assert!(report("rim", "table to 32").points.iter().all(|point| point.found().is_some()));
+    assert!(report("rim", "wide table").points.iter().all(|point| point.found().is_some()));
 }
 
 #[test]
@@ -523,6 +521,43 @@ fn every_case_is_in_the_gallery() {
         let shown = points.and_then(|points| points.iter().find(|point| point.value == value));
         assert!(shown.is_some_and(|point| point.found().is_some()), "{} has no {value} on {machine}", case.name);
     }
+}
+
+/// The rows of README's table of failures: case, method, reference, lean.
+fn told_in_readme() -> Vec<[String; 4]> {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
+    let table = text.split("<!-- stress -->").nth(1).expect("README has the table").trim_start();
+    let rows = table.lines().take_while(|line| line.starts_with('|')).skip(2);
+    let cells = |line: &str| std::array::from_fn(|i| line.split('|').nth(i + 1).unwrap_or_default().trim().to_owned());
+    rows.map(cells).collect()
+}
+
+/// What README should say of a case: where the method fails, and where two machines do and how.
+fn failures(case: &str) -> [String; 3] {
+    let value = |value: Option<f64>| value.map_or("–".into(), |value| if value < 1e4 { value.to_string() } else { format!("{value:e}") });
+    let arithmetic = |machine| {
+        let report = report(case, machine);
+        let how = match report.arithmetic_fails_by {
+            Some(Failure::Error) => " e",
+            Some(Failure::Bound) => " b",
+            Some(Failure::Refused) => " r",
+            None => "",
+        };
+        value(report.arithmetic_fails_at) + how
+    };
+    [value(report(case, "reference").method_fails_at), arithmetic("reference"), arithmetic("lean")]
+}
+
+#[test]
+fn readme_says_where_everything_fails() {
+    let told = told_in_readme();
+    let name = |row: &[String; 4]| row[0].split(',').next().unwrap_or_default().to_owned();
+    let wrong = told.iter().filter(|row| row[1..] != failures(&name(row)));
+    let wrong: Vec<String> = wrong.map(|row| format!("| {} | {} |", row[0], failures(&name(row)).join(" | "))).collect();
+    assert!(wrong.is_empty(), "README should have:\n{}", wrong.join("\n"));
+    // Every case in which the method or `reference` fails has a row.
+    let silent = CASES.iter().filter(|case| failures(case.name)[..2] != ["–", "–"] && told.iter().all(|row| name(row) != case.name));
+    assert_eq!(silent.map(|case| case.name).collect::<Vec<_>>(), [""; 0]);
 }
 
 // ---- The command ----

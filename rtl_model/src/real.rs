@@ -151,9 +151,9 @@ pub struct Near {
 /// What one operation in f64 may be wrong by, relative to its result; twice, for the bound's own arithmetic.
 const ROUNDING: f64 = f64::EPSILON;
 
-/// 2^exponent.
+/// 2^exponent, quickly where it is a normal number.
 pub fn power_of_two(exponent: i32) -> f64 {
-    f64::from(exponent).exp2()
+    if (-1022..=1023).contains(&exponent) { f64::from_bits(((exponent + 1023) as u64) << 52) } else { f64::from(exponent).exp2() }
 }
 
 /// ⌊log2 x⌋ of a positive number; of 0 the exponent of the least normal one.

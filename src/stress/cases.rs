@@ -121,9 +121,9 @@ pub const CASES: [Case; 28] = [
         unit: "frames wide",
         values: &[0.25, 0.5, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0],
         log: true,
-        telling: (1.0, "12-bit steps"),
+        telling: (1.0, "12-bit"),
         scene: huge,
-        variant: Some(Variant { name: "12-bit steps", settings: |_| differences(12) }),
+        variant: Some(Variant { name: "12-bit", settings: |_| differences(12) }),
     },
     Case {
         name: "guard-bits",
@@ -143,9 +143,9 @@ pub const CASES: [Case; 28] = [
         unit: "",
         values: &[1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 32.0],
         log: true,
-        telling: (12.0, "6-bit radial"),
+        telling: (12.0, "6-bit r"),
         scene: wrap,
-        variant: Some(Variant { name: "6-bit radial", settings: |_| vec![r#"raster.radial={"format":"I6F27","overflow":"wrap"}"#.into()] }),
+        variant: Some(Variant { name: "6-bit r", settings: |_| vec![r#"raster.radial={"format":"I6F27","overflow":"wrap"}"#.into()] }),
     },
     Case {
         name: "negative-r",
@@ -154,9 +154,9 @@ pub const CASES: [Case; 28] = [
         unit: "frames",
         values: &[0.25, 0.5, 1.0, 2.0, 4.0, 10.0, 30.0, 100.0],
         log: true,
-        telling: (1.0, "12-bit steps"),
+        telling: (1.0, "12-bit"),
         scene: negative_r,
-        variant: Some(Variant { name: "12-bit steps", settings: |_| differences(12) }),
+        variant: Some(Variant { name: "12-bit", settings: |_| differences(12) }),
     },
     Case {
         name: "table-end",
@@ -176,9 +176,9 @@ pub const CASES: [Case; 28] = [
         unit: "",
         values: &[2.0, 4.0, 6.0, 9.0, 12.0, 16.0, 20.0, 24.0, 28.0],
         log: false,
-        telling: (20.0, "table to 32"),
+        telling: (20.0, "wide table"),
         scene: rim,
-        variant: Some(Variant { name: "table to 32", settings: |_| vec!["gauss.radial_index=U5F13".into()] }),
+        variant: Some(Variant { name: "wide table", settings: |_| vec!["gauss.radial_index=U5F13".into()] }),
     },
     Case {
         name: "8-bit-offset",
@@ -297,7 +297,7 @@ pub const CASES: [Case; 28] = [
         unit: "degrees",
         values: &[90.0, 60.0, 30.0, 10.0, 5.0, 2.0, 1.0, 0.3, 0.1],
         log: true,
-        telling: (10.0, "lean"),
+        telling: (30.0, "lean"),
         scene: intersecting,
         variant: None,
     },
@@ -661,11 +661,9 @@ fn intersecting(degrees: f64) -> Scene {
         [DVec3::new(cos(lean), 0.0, sin(lean)), DVec3::Y]
     };
     let sheet = |degrees: f64, colours| plane(DVec3::new(0.0, 0.0, DEPTH), leaning(degrees), 32, 2.0 * PX, colours);
-    let mut splats = sheet(degrees / 2.0, [BLUE, PALE]);
-    splats.extend(sheet(-degrees / 2.0, [RED, GREEN]));
-    let mut scene = square(shuffled(splats));
-    scene.surface.z_threshold = 0.1;
-    scene
+    let mut splats = with_opacity(sheet(degrees / 2.0, [BLUE, PALE]), 0.7);
+    splats.extend(with_opacity(sheet(-degrees / 2.0, [RED, GREEN]), 0.7));
+    square(shuffled(splats))
 }
 
 /// Sheets of little opacity, one behind the other, in an order without a pattern.

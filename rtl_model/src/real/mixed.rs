@@ -9,7 +9,7 @@
 //!
 //! Laws: `all_on_a_fit_is_the_machines`, `all_on_a_function_is_the_units`, `all_off_nothing_is_lost`; of the whole, tests/attribution.rs.
 
-use super::{Direction, Real, Scale, floor_log2, norm};
+use super::{Direction, Real, Scale, floor_log2, norm, power_of_two};
 use crate::num::table::real::Power;
 use crate::num::{Fit, Overflow, Reciprocal, ReciprocalRoot, Rounding, Table, Word};
 use std::ops::{Add, Mul, Neg, Sub};
@@ -27,16 +27,20 @@ pub struct Mixed<'a> {
     switches: Option<&'a Switches>,
 }
 
-/// 2^exponent, quickly where it is a normal number.
-fn power_of_two(exponent: i32) -> f64 {
-    if (-1022..=1023).contains(&exponent) { f64::from_bits(((exponent + 1023) as u64) << 52) } else { super::power_of_two(exponent) }
+/// ⌊x⌋, quickly where it is an integer of the host's.
+fn floor(x: f64) -> f64 {
+    if x.abs() >= (1u64 << 52) as f64 || x.is_nan() {
+        return x;
+    }
+    let cut = x as i64 as f64;
+    if cut > x { cut - 1.0 } else { cut }
 }
 
 /// A number in last places as a word.
 fn in_word(word: Word, places: f64) -> f64 {
     let rounded = match word.round {
-        Rounding::Truncate => places.floor(),
-        Rounding::Nearest => (places + 0.5).floor(),
+        Rounding::Truncate => floor(places),
+        Rounding::Nearest => floor(places + 0.5),
         Rounding::NearestEven => places.round_ties_even(),
     };
     let (least, most) = (word.format.min() as f64, word.format.max() as f64);
