@@ -115,7 +115,7 @@ impl Attribution {
         self.greatest().into_iter().for_each(|word| row(&mut table, word));
         let table = aligned(table).to_string();
         let lines: Vec<&str> = table.lines().map(str::trim_end).collect();
-        format!("fixed − golden at covered pixels: each part alone in words, and all words but its\n\n{}", lines.join("\n"))
+        format!("fixed − golden at covered pixels: alone in words, and all words but its own\n\n{}", lines.join("\n"))
     }
 
     /// Bars of the same: units, and words.

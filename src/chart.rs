@@ -252,7 +252,7 @@ impl Draw for Bars {
         let (start, whole) = (span.start, span.clone());
         let rows = self.rows.len() as f64;
         // The legend stands below the last bar, not on it.
-        let below = if self.legend.len() > 1 { 0.05 * rows + 0.4 * self.legend.len() as f64 } else { 0.0 };
+        let below = if self.legend.len() > 1 { 0.075 * rows * self.legend.len() as f64 } else { 0.0 };
         let longest = self.rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0) as u32;
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, (FONT, 19).into_font().color(&INK))

@@ -55,7 +55,7 @@ struct Run {
     /// Write OpenEXR pictures too (float32, linear)
     #[arg(long, requires = "out")]
     exr: bool,
-    /// Tell which unit and which word makes how much of the error; takes some 200 frames
+    /// Tell which words make the error (draws 170 frames)
     #[arg(long)]
     attribute: bool,
     /// Print no summary
