@@ -12,6 +12,7 @@ pub mod machines;
 pub mod picture;
 pub mod prove;
 pub mod quantise;
+pub mod ranges;
 pub mod report;
 pub mod run;
 pub mod scene;

@@ -61,10 +61,6 @@ pub struct Fit {
     deep: bool,
     /// Places to the right, where there are none to the left.
     right: u32,
-    /// Plain, and its words have at most 31 bits: [`Seen`] can hold them.
-    short: bool,
-    /// Places to the left, where there are none to the right.
-    left: u32,
 }
 
 /// Room for data-dependent shifts to the left that the vector path keeps, bits.
@@ -96,8 +92,6 @@ impl Fit {
             narrow,
             deep,
             right: places.clamp(0, 62) as u32,
-            short: plain && word.format.width() < 32,
-            left: (-places).clamp(0, 63) as u32,
         }
     }
 
@@ -235,7 +229,7 @@ impl Fit {
     /// [`Fit::lanes`], and seen; none where it takes the long way. `NATURAL` says that no result is negative, and no word.
     #[inline(always)]
     pub fn lanes_seen<const NATURAL: bool, L: Lanes>(&self, exact: L) -> Option<(L, Seen<L::Words>)> {
-        if !self.short {
+        if !self.is_short() {
             return None;
         }
         let rounded = exact + L::splat(self.half);
@@ -254,7 +248,7 @@ impl Fit {
     /// [`Fit::words`], seen; none where it takes the long way.
     #[inline(always)]
     pub fn words_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
-        if !(self.narrow && self.short) {
+        if !(self.narrow && self.is_short()) {
             return None;
         }
         let exactly = (exact.low() & X::Words::splat(self.below())).is_zero();
@@ -264,7 +258,7 @@ impl Fit {
     /// [`Fit::top`], seen; none where it takes the long way.
     #[inline(always)]
     pub fn top_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
-        if !(self.deep && self.short) {
+        if !(self.deep && self.is_short()) {
             return None;
         }
         let exactly = exact.has_none(X::splat(self.below()));
@@ -274,7 +268,7 @@ impl Fit {
     /// [`Fit::wide`], seen; none where it takes the long way.
     #[inline(always)]
     pub fn wide_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
-        if !self.short {
+        if !self.is_short() {
             return None;
         }
         let cut = (exact + X::splat(self.half)).right(self.places as u32);
@@ -286,7 +280,7 @@ impl Fit {
     /// [`Fit::words_shifted`], seen; none where it takes the long way.
     #[inline(always)]
     pub fn shifted_seen<X: Exacts>(&self, exact: X, more: X::Words) -> Option<Seen<X::Words>> {
-        if !self.short {
+        if !self.is_short() {
             return None;
         }
         let (head, by) = (exact.left(self.head), more + X::Words::splat(self.barrel));
@@ -318,7 +312,7 @@ impl Fit {
             return self.seen_one_shifted(exact, more, word);
         }
         // Places are to the one side or to the other. A word that met its limit, shifted back, is another result.
-        let within = exact.wrapping_add(self.half) >> self.right == word >> self.left;
+        let within = exact.wrapping_add(self.half) >> self.right == word >> (-self.places).clamp(0, 63);
         (within && self.word.round != Rounding::NearestEven).then(|| exact.trailing_zeros() < self.right)
     }
 
@@ -327,6 +321,12 @@ impl Fit {
         let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
         let within = self.cut(exact, right) == word >> left;
         within.then(|| exact.trailing_zeros() < right)
+    }
+
+    /// Plain, and its words have at most 31 bits: [`Seen`] can hold them.
+    #[inline(always)]
+    fn is_short(&self) -> bool {
+        self.plain && self.word.format.width() < 32
     }
 
     /// The bits of an exact result below the word's last place.

@@ -36,7 +36,7 @@ pub struct Range {
     pub least: i64,
     /// Greatest result, likewise.
     pub greatest: i64,
-    /// Every bit that was set in some word, or would have been without limits.
+    /// Every bit that was set in some result, likewise.
     pub any: i64,
     /// Words by the number of bits of their magnitude: `bins[0]` counts zeros, `bins[n]` those from 2^(n−1) to 2^n − 1 last places.
     pub bins: [u64; BINS],
@@ -77,7 +77,6 @@ impl Range {
         self.saturated_high += u64::from(loss.saturated_high);
         self.wrapped += u64::from(loss.wrapped);
         self.inexact += u64::from(loss.inexact);
-        self.any |= word;
         self.bins[bin(word)] += 1;
         self.reach(fit.before_limits(exact, more));
     }

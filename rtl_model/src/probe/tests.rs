@@ -80,7 +80,7 @@ fn a_range_is_what_its_words_say() {
     let range = seen(&fit, &[(4, 0), (6, 0), (-8, 0), (0, 0), (400, 0), (16, 1)]);
     assert_eq!([range.words, range.inexact, range.saturated_high, range.saturated_low, range.wrapped], [6, 1, 1, 0, 0]);
     assert_eq!([range.min, range.max, range.least, range.greatest], [-2, 31, -2, 100]);
-    assert_eq!((&range.bins[..7], range.any & 63), (&[1, 1, 3, 0, 0, 1, 0][..], 63));
+    assert_eq!((&range.bins[..7], range.any & 127), (&[1, 1, 3, 0, 0, 1, 0][..], 127));
     assert_eq!(range.narrowest(word.format).unwrap().to_string(), "I4F4");
     assert_eq!(seen(&fit, &[(0, 0)]).narrowest(word.format).unwrap().to_string(), "I1F0");
     assert_eq!(Range::default().narrowest(word.format), None);
