@@ -2,11 +2,14 @@
 //!
 //! ```text
 //! numbers ─► [panel: axes, series, marks] ─┬─► one panel, or a grid of them ─► PNG
-//!            [bars: names, values] ────────┘
+//!            [bars: names, values] ────────┤
+//!            [extents: formats, words] ────┘
 //! ```
 
+mod extents;
 mod tiles;
 
+pub use extents::{Extent, Extents};
 pub use tiles::{Tile, Words};
 
 use crate::error::{Error, Result};

@@ -5,7 +5,7 @@ use crate::explain::explain;
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
 use crate::run::{self, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
-use crate::{fixed, machines, prove, stress};
+use crate::{fixed, machines, prove, ranges, stress};
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use comfy_table::CellAlignment;
@@ -58,6 +58,9 @@ struct Run {
     /// Tell which words make the error (draws 170 frames)
     #[arg(long)]
     attribute: bool,
+    /// Print every signal's range too
+    #[arg(long)]
+    ranges: bool,
     /// Print no summary
     #[arg(long)]
     quiet: bool,
@@ -259,7 +262,8 @@ impl Run {
             }
             None => "no pictures written: --out DIR writes them and report.json".into(),
         };
-        let text = format!("{}\n{end}", outcome.report.summary());
+        let ranges = if self.ranges { format!("\n{}", ranges::table(&outcome.report.signals)) } else { String::new() };
+        let text = format!("{}\n{ranges}{end}", outcome.report.summary());
         Ok(if self.quiet { String::new() } else { text })
     }
 }

@@ -14,6 +14,7 @@ pub mod mixed;
 pub mod picture;
 pub mod prove;
 pub mod quantise;
+pub mod ranges;
 mod registers;
 pub mod report;
 pub mod run;

@@ -3,19 +3,13 @@
 use crate::attribute::Attribution;
 use crate::compare::{Metrics, Summary};
 use crate::quantise::Scale;
+use crate::ranges::SignalReport;
 use comfy_table::{CellAlignment, Table, presets};
-use rtl_model::machine::{Elaborated, Machine, Signal};
+use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::pipeline::Culled;
-use rtl_model::probe::Range;
 use rtl_model::units::fragment::Outcomes;
 use serde::Serialize;
 use std::fmt::Write;
-
-/// Signals that may saturate without anything being lost, and why.
-const DECLARED_CLAMPS: [(&str, &str, &str); 2] = [
-    ("ellipse", "depth_slope", "a grazing plane's slope has no limit; the depth clamp rules there"),
-    ("ellipse", "edge", "a box's side far outside of the picture is clipped to it anyway"),
-];
 
 /// Above this two pictures differ by the last places of f64 and the summary says no more than that.
 const MOST_DB: f64 = 200.0;
@@ -143,71 +137,6 @@ pub struct Golden {
     pub culled: crate::golden::Culled,
     /// What became of the contributions.
     pub outcomes: crate::golden::Outcomes,
-}
-
-/// One signal's range.
-#[derive(Clone, Debug, Serialize)]
-pub struct SignalReport {
-    unit: &'static str,
-    name: String,
-    format: String,
-    round: rtl_model::num::Rounding,
-    overflow: rtl_model::num::Overflow,
-    /// Words seen.
-    words: u64,
-    /// Least and greatest value seen; none where no word was.
-    min: Option<f64>,
-    max: Option<f64>,
-    saturated_low: u64,
-    saturated_high: u64,
-    wrapped: u64,
-    inexact: u64,
-    /// Why saturating is no loss here.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    declared_clamp: Option<&'static str>,
-}
-
-impl SignalReport {
-    /// What a watched signal reports.
-    pub fn new(signal: &Signal, range: &Range) -> Self {
-        let format = signal.word.format;
-        let value = |word: i64| (range.words > 0).then(|| format.value(word));
-        let declared = DECLARED_CLAMPS.iter().find(|(unit, name, _)| (*unit, *name) == (signal.unit, signal.name.as_str()));
-        SignalReport {
-            unit: signal.unit,
-            name: signal.name.clone(),
-            format: format.to_string(),
-            round: signal.word.round,
-            overflow: signal.word.overflow,
-            words: range.words,
-            min: value(range.min),
-            max: value(range.max),
-            saturated_low: range.saturated_low,
-            saturated_high: range.saturated_high,
-            wrapped: range.wrapped,
-            inexact: range.inexact,
-            declared_clamp: declared.map(|(_, _, why)| *why),
-        }
-    }
-
-    /// Results that were saturated.
-    pub fn saturated(&self) -> u64 {
-        self.saturated_low + self.saturated_high
-    }
-
-    /// Results that wrapped.
-    pub fn wrapped(&self) -> u64 {
-        self.wrapped
-    }
-
-    /// Whether saturating is no loss here.
-    pub fn is_declared_clamp(&self) -> bool {
-        self.declared_clamp.is_some()
-    }
-
-    fn overflows(&self) -> u64 {
-        self.saturated() + self.wrapped
-    }
 }
 
 /// Wall-clock figures of this computer; nothing else in a report depends on it.
@@ -354,8 +283,8 @@ impl Report {
             if over.is_empty() { "none".into() } else { over.len().to_string() }
         );
         for signal in over {
-            let declared = if signal.declared_clamp.is_some() { ", a declared clamp" } else { "" };
-            let what = if signal.wrapped > 0 { "wrapped" } else { "saturated" };
+            let declared = if signal.is_declared_clamp() { ", a declared clamp" } else { "" };
+            let what = if signal.wrapped() > 0 { "wrapped" } else { "saturated" };
             let [over, words] = [signal.overflows(), signal.words].map(thousands);
             let line = format!("  {}.{} ({}) {what} {over} of {words} times{declared}", signal.unit, signal.name, signal.format);
             let _ = write!(text, "\n{}", wrapped(&line));

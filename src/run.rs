@@ -14,7 +14,8 @@ use crate::fixed;
 use crate::golden::{self, Rendering};
 use crate::picture::{Picture, write_beside};
 use crate::quantise::quantise;
-use crate::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport, SignalReport};
+use crate::ranges::{self, SignalReport};
+use crate::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::Scene;
 use rtl_model::Machine;
 use std::fs;
@@ -149,6 +150,10 @@ impl Outcome {
             chart::write_png(&[&units, &words], 2, [760, 560], &path)?;
             written.push(path);
         }
+        let path = folder.join("ranges.png");
+        let chart = ranges::chart(&self.report);
+        chart::write_png(&[&chart], 1, chart.size_px(), &path)?;
+        written.push(path);
         let path = folder.join("report.json");
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
         written.push(path);

@@ -56,7 +56,7 @@ fn run(arguments: &[&str]) -> (tempfile::TempDir, Value) {
 // ---- run ----
 
 /// What a run writes.
-const WRITTEN: [&str; 7] = ["bounds.png", "error.png", "fixed.png", "flips.png", "golden.png", "ideal.png", "report.json"];
+const WRITTEN: [&str; 8] = ["bounds.png", "error.png", "fixed.png", "flips.png", "golden.png", "ideal.png", "ranges.png", "report.json"];
 
 #[test]
 fn run_writes_five_pictures_a_chart_and_a_report_and_nothing_else() {

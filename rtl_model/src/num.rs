@@ -18,8 +18,8 @@ pub mod square_root;
 pub mod table;
 pub mod words;
 
-pub use fit::{Fit, Loss};
-pub use lanes::{LANES, Lanes, Mask};
+pub use fit::{Fit, Loss, Seen};
+pub use lanes::{LANES, Lanes};
 pub(crate) use lanes::{three, two};
 pub use reciprocal::Reciprocal;
 pub use register::Register;

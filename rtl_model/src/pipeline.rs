@@ -13,7 +13,7 @@ use crate::frame::{Frame, Splat, View};
 use crate::host::{Work, vectorised};
 use crate::machine::Elaborated;
 use crate::num::{LANES, Lanes, Words, two};
-use crate::probe::{Probe, Ranges, Tap, Unwatched};
+use crate::probe::{Meters, Probe, Ranges, Tap, Unwatched};
 use crate::units::fragment::{
     self, Attributes, Contribution, Decision, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
@@ -92,8 +92,9 @@ pub fn draw_unwatched(machine: &Elaborated, frame: &Frame) -> Drawing {
 
 /// Draws a frame and tells the range of every signal.
 pub fn draw_ranged(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges) {
-    let mut ranges = Ranges::new(machine.signals.len());
-    (draw(machine, frame, &mut ranges), ranges)
+    let mut meters = Meters::new(machine);
+    let drawing = draw(machine, frame, &mut meters);
+    (drawing, meters.ranges())
 }
 
 /// Splats that one thread sets up at a time.
@@ -188,9 +189,7 @@ impl Units<'_> {
     /// Sets eight splats up, of which the first `live` are there.
     #[inline(always)]
     fn set_up<W: Words, P: Probe>(&self, splats: &[Splat; LANES], live: usize, first: u32, probe: &mut P, out: &mut Block) {
-        let mut present = [false; LANES];
-        present[..live].fill(true);
-        let tap = &mut Tap { probe, live: present };
+        let tap = &mut Tap::new(probe).first(live);
 
         // The first eight words of each record as they lie in memory: red comes along.
         let mut records = [W::splat(0); LANES];
@@ -286,29 +285,30 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
     let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
     let bins = Bins::new(frame, setup);
     let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
-    let tiles: Vec<(Resolved, P)> = touched
-        .par_iter()
-        .map_init(Box::<Tile<L>>::default, |tile, &index| {
-            let mut fork = probe.fork();
-            let work = FillTile::<PLAIN, L, P> {
-                machine,
-                frame,
-                lights: &lights,
-                setup,
-                registers,
-                splats: bins.splats(index),
-                corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
-                tile,
-                probe: &mut fork,
-            };
-            let resolved = vectorised(work);
-            if P::DECISIONS {
-                let [x, y] = resolved.corner.map(u32::from);
-                fork.tile(x, y);
-            }
-            (resolved, fork)
-        })
-        .collect();
+    // One tile's fragments at a time, and one watcher, for every run of tiles that a thread takes.
+    let start = || Run { tile: Box::<Tile<L>>::default(), probe: probe.fork(), done: Vec::new() };
+    let draw_tile = |mut run: Run<L, P>, &index: &usize| {
+        let work = FillTile::<PLAIN, L, P> {
+            machine,
+            frame,
+            lights: &lights,
+            setup,
+            registers,
+            splats: bins.splats(index),
+            corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
+            tile: &mut run.tile,
+            probe: &mut run.probe,
+        };
+        let resolved = vectorised(work);
+        if P::DECISIONS {
+            let [x, y] = resolved.corner.map(u32::from);
+            run.probe.tile(x, y);
+        }
+        run.done.push(resolved);
+        run
+    };
+    let finish = |run: Run<L, P>| (run.done, run.probe);
+    let runs: Vec<(Vec<Resolved>, P)> = touched.par_iter().fold(start, draw_tile).map(finish).collect();
     let background = machine.resolve.one(&[], frame.background, &mut Tap::new(probe)).map(|word| word as u32);
     let pixels = frame.width as usize * frame.height as usize;
     let mut drawing = Drawing {
@@ -319,11 +319,18 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
         culled: setup.culled,
         outcomes: Outcomes::default(),
     };
-    for (tile, fork) in tiles {
-        tile.write(&mut drawing);
+    for (tiles, fork) in runs {
+        tiles.iter().for_each(|tile| tile.write(&mut drawing));
         probe.absorb(fork);
     }
     drawing
+}
+
+/// Some tiles, one after the other.
+struct Run<L, P> {
+    tile: Box<Tile<L>>,
+    probe: P,
+    done: Vec<Resolved>,
 }
 
 /// Which splats touch which tile, in input order.
@@ -431,10 +438,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         // Beyond the last splat, the last again: a lane that nobody looks at.
         let prepared: [&Prepared; LANES] = std::array::from_fn(|lane| setup.splat(splats[lane.min(splats.len() - 1)]));
         let inputs = prepared.map(|splat| &splat.raster);
-        let tap = &mut Tap::new(&mut *self.probe);
-        if P::WORDS {
-            tap.live[splats.len()..].fill(false);
-        }
+        let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
         let walks = machine.raster.enter::<V, P>(size_px, self.corner, &inputs, tap);
         for lane in 0..splats.len().min(LANES) {
             let tap = &mut Tap::new(&mut *self.probe);
@@ -459,19 +463,16 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     ) {
         let (machine, lights) = (self.machine, self.lights);
         let (tile, registers) = (&mut *self.tile, self.registers);
-        let tap = &mut Tap::new(&mut *self.probe);
         let count = (span.fragments() - first).min(LANES);
-        if P::WORDS {
-            tap.live[count..].fill(false);
-        }
+        let tap = &mut Tap::new(&mut *self.probe).first(count);
         let places = span.places(first);
         let [radial, depth] = machine.raster.fragments::<V>(walks, lane, span, places);
         let [radial_index, weight] = machine.gauss.lanes::<PLAIN, V, P>(radial, i64::from(prepared.amplitude), tap);
-        let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
         // A weight that rounds to 0 makes no fragment: its depth is nobody's.
         if P::WORDS {
-            tap.live = std::array::from_fn(|lane| tap.live[lane] & (weight[lane] != 0));
+            tap.live &= weight.above(V::splat(0)).signs();
         }
+        let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
         let depth = machine.fragment.depth::<PLAIN, V, P>(depth, tap).to_array();
         let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
         let pixels = walks.pixels(lane, places);

@@ -2,16 +2,26 @@
 //!
 //! Units hand every fitted word and every decision to a [`Tap`]; with [`Unwatched`] the compiler removes all of it.
 //! Parts of a frame are watched by forks of a probe; absorbing forks is associative, so threads cannot change a count.
+//!
+//! A probe hears words one by one, or ([`Probe::EIGHT`]) eight at a time as long as nothing leaves its range.
 
-use crate::num::lanes::Plain;
-use crate::num::{Exacts, Fit, LANES, Lanes, Loss, Mask, Register, Words};
+mod meters;
+mod ranges;
+
+pub use meters::Meters;
+pub use ranges::{BINS, Range, Ranges};
+
+use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words};
 use crate::units::fragment::{Contribution, Decision};
 use crate::units::resolve::Layer;
+use std::hint::cold_path;
 
 /// A watcher of the machine.
 pub trait Probe: Send + Sync + Sized {
     /// Whether words are wanted: if not, the compiler drops the calls.
     const WORDS: bool;
+    /// Whether words that met no limit are wanted without their exact results, and eight at a time, where that can be done.
+    const EIGHT: bool = false;
     /// Whether contributions and resolved pixels are wanted.
     const DECISIONS: bool;
 
@@ -21,8 +31,19 @@ pub trait Probe: Send + Sync + Sized {
     fn absorb(&mut self, fork: Self);
     /// `exact` (with `more` fraction bits than elaborated) became `word` at `fit.signal`.
     fn word(&mut self, _fit: &Fit, _exact: i64, _more: i64, _word: i64) {}
+    /// This became a word of a signal, exactly or not.
+    #[inline(always)]
+    fn one(&mut self, _signal: usize, _word: i64, _inexact: bool) {}
+    /// These became words of a signal, as far as they are `live` (a lane a bit; one is). None met a limit.
+    #[inline(always)]
+    fn eight<W: Words>(&mut self, _signal: usize, _seen: Seen<W>, _live: u8) {}
+    /// These became the eight sums of a fragment, in the order of their signals. None met a limit.
+    #[inline(always)]
+    fn sums<W: Words>(&mut self, _seen: Seen<W>) {}
     /// A register outran its format and wrapped.
-    fn wrapped(&mut self, _signal: usize, _words: u64) {}
+    fn wrapped(&mut self, _signal: usize) {}
+    /// A register of a signal was to hold all from the first to the second on its way, which are no words of their own.
+    fn reached(&mut self, _signal: usize, _results: [i64; 2]) {}
     /// A splat contributed to pixel (x, y), and this became of it.
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
     /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
@@ -44,117 +65,45 @@ impl Probe for Unwatched {
     fn absorb(&mut self, _fork: Self) {}
 }
 
-/// What one signal saw.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Range {
-    /// Words seen.
-    pub words: u64,
-    /// Least word, `i64::MAX` where none was seen.
-    pub min: i64,
-    /// Greatest word, `i64::MIN` where none was seen.
-    pub max: i64,
-    /// Results below the format's range.
-    pub saturated_low: u64,
-    /// Results above the format's range.
-    pub saturated_high: u64,
-    /// Results whose high bits were dropped.
-    pub wrapped: u64,
-    /// Results that lost bits below the last place.
-    pub inexact: u64,
-}
-
-impl Default for Range {
-    fn default() -> Self {
-        Range { words: 0, min: i64::MAX, max: i64::MIN, saturated_low: 0, saturated_high: 0, wrapped: 0, inexact: 0 }
-    }
-}
-
-impl Range {
-    fn see(&mut self, word: i64, loss: Loss) {
-        self.words += 1;
-        self.min = self.min.min(word);
-        self.max = self.max.max(word);
-        self.saturated_low += u64::from(loss.saturated_low);
-        self.saturated_high += u64::from(loss.saturated_high);
-        self.wrapped += u64::from(loss.wrapped);
-        self.inexact += u64::from(loss.inexact);
-    }
-
-    fn absorb(&mut self, other: &Range) {
-        self.words += other.words;
-        self.min = self.min.min(other.min);
-        self.max = self.max.max(other.max);
-        self.saturated_low += other.saturated_low;
-        self.saturated_high += other.saturated_high;
-        self.wrapped += other.wrapped;
-        self.inexact += other.inexact;
-    }
-}
-
-/// Watches the range of every signal.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ranges(pub Vec<Range>);
-
-impl Ranges {
-    /// For a machine with so many signals.
-    pub fn new(signals: usize) -> Self {
-        Ranges(vec![Range::default(); signals])
-    }
-}
-
-impl Probe for Ranges {
-    const WORDS: bool = true;
-    const DECISIONS: bool = false;
-
-    fn fork(&self) -> Self {
-        Ranges::new(self.0.len())
-    }
-
-    fn absorb(&mut self, fork: Self) {
-        for (own, other) in self.0.iter_mut().zip(&fork.0) {
-            own.absorb(other);
-        }
-    }
-
-    fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
-        self.0[fit.signal].see(word, fit.loss(exact, more));
-    }
-
-    fn wrapped(&mut self, signal: usize, words: u64) {
-        self.0[signal].wrapped += words;
-    }
-}
-
 /// A unit's connection to the probe: every fit passes through it.
 #[derive(Debug)]
 pub struct Tap<'a, P> {
     /// The watcher.
     pub probe: &'a mut P,
-    /// Lanes that carry a live item; the others are not shown to the watcher.
-    pub live: Mask,
+    /// Lanes that carry a live item, the first in the last place; the others are not shown to the watcher.
+    pub live: u8,
 }
 
 impl<'a, P: Probe> Tap<'a, P> {
     /// A tap for one item at a time.
     #[inline(always)]
     pub fn new(probe: &'a mut P) -> Self {
-        Tap { probe, live: [true; LANES] }
+        Tap { probe, live: u8::MAX }
+    }
+
+    /// Shows the watcher only the first so many lanes.
+    #[inline(always)]
+    pub fn first(self, lanes: usize) -> Self {
+        Tap { live: ((1 << lanes.min(LANES)) - 1) as u8, ..self }
     }
 
     /// Shows the watcher no more of the lanes where the condition holds.
     #[inline(always)]
     pub fn drop_where<W: Words>(&mut self, condition: W) {
         if P::WORDS {
-            let dropped = condition.signs();
-            for (lane, live) in self.live.iter_mut().enumerate() {
-                *live &= dropped & (1 << lane) == 0;
-            }
+            self.live &= !condition.signs();
         }
     }
 
     /// Fits one result.
     #[inline(always)]
     pub fn fit_one(&mut self, fit: &Fit, exact: i64) -> i64 {
+        if P::EIGHT
+            && let Some((word, inexact)) = fit.one_seen(exact)
+        {
+            self.probe.one(fit.signal, word, inexact);
+            return word;
+        }
         let word = fit.one(exact);
         if P::WORDS {
             self.probe.word(fit, exact, 0, word);
@@ -175,83 +124,139 @@ impl<'a, P: Probe> Tap<'a, P> {
     /// Fits eight results.
     #[inline(always)]
     pub fn fit<L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        if let Some(word) = self.lanes_seen::<false, L>(fit, exact) {
+            return word;
+        }
         let word = fit.lanes(exact);
-        self.show(fit, exact, L::splat(0), word);
+        self.one_by_one(fit, exact, L::splat(0), word);
         word
     }
 
     /// Fits eight results into registers that wrap.
     #[inline(always)]
     pub fn fit_register<L: Lanes>(&mut self, fit: &Fit, register: Register, exact: L) -> L {
-        let word = fit.lanes_register(exact);
-        if P::WORDS {
-            self.show(fit, exact, L::splat(0), fit.lanes(exact));
-        }
-        register.hold(word)
+        let held = register.hold(fit.lanes_register(exact));
+        self.one_by_one(fit, exact, L::splat(0), register.read_lanes(held));
+        held
     }
 
     /// Fits eight results of which none is negative, into a word without a sign ([`Fit::lanes_natural`]).
     #[inline(always)]
     pub fn fit_natural<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        if let Some(word) = self.lanes_seen::<true, L>(fit, exact) {
+            return word;
+        }
         let word = fit.lanes_natural::<PLAIN, L>(exact);
-        self.show(fit, exact, L::splat(0), word);
+        self.one_by_one(fit, exact, L::splat(0), word);
         word
     }
 
     /// [`Tap::fit_natural`] where the word is known to reach all results.
     #[inline(always)]
     pub fn fit_within<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        if P::EIGHT {
+            return self.fit_natural::<PLAIN, L>(fit, exact);
+        }
         let word = fit.lanes_within::<PLAIN, L>(exact);
-        self.show(fit, exact, L::splat(0), word);
+        self.one_by_one(fit, exact, L::splat(0), word);
         word
     }
 
     /// Fits eight results into words of at most 32 bits.
     #[inline(always)]
     pub fn fit_words<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
+        if P::EIGHT
+            && let Some(words) = self.eight(fit, fit.words_seen(exact))
+        {
+            return words;
+        }
         let words = fit.words(exact);
-        self.show_words(fit, exact, X::Words::splat(0), words.exact());
+        self.one_by_one_of(fit, exact, X::Words::splat(0), words.exact());
         words
     }
 
     /// Fits eight results that a normaliser has shifted to the top of their 62 bits into words of at most 32 bits.
     #[inline(always)]
     pub fn fit_top<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
+        if P::EIGHT
+            && let Some(words) = self.eight(fit, fit.top_seen(exact))
+        {
+            return words;
+        }
         let words = fit.top(exact);
-        self.show_words(fit, exact, X::Words::splat(0), words.exact());
+        self.one_by_one_of(fit, exact, X::Words::splat(0), words.exact());
         words
     }
 
     /// Fits eight results into words that may have more than 32 bits.
     #[inline(always)]
     pub fn fit_wide<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X {
+        if P::EIGHT
+            && let Some(words) = self.eight(fit, fit.wide_seen(exact))
+        {
+            return words.exact();
+        }
         let words = fit.wide(exact);
-        self.show_words(fit, exact, X::Words::splat(0), words);
+        self.one_by_one_of(fit, exact, X::Words::splat(0), words);
         words
     }
 
     /// Fits eight results, each with `more` fraction bits than was elaborated, into words of at most 32 bits.
     #[inline(always)]
     pub fn fit_shifted<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words) -> X::Words {
+        if P::EIGHT
+            && let Some(words) = self.eight(fit, fit.shifted_seen(exact, more))
+        {
+            return words;
+        }
         let words = fit.words_shifted(exact, more);
-        self.show_words(fit, exact, more, words.exact());
+        self.one_by_one_of(fit, exact, more, words.exact());
         words
     }
 
     #[inline(always)]
-    fn show_words<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words, words: X) {
+    fn lanes_seen<const NATURAL: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> Option<L> {
+        if !P::EIGHT {
+            return None;
+        }
+        let (words, seen) = fit.lanes_seen::<NATURAL, L>(exact)?;
+        self.eight(fit, Some(seen)).map(|_| words)
+    }
+
+    /// Shows eight words at once, if that can be done.
+    #[inline(always)]
+    fn eight<W: Words>(&mut self, fit: &Fit, seen: Option<Seen<W>>) -> Option<W> {
+        let seen = seen?;
+        if seen.limited & self.live != 0 || self.live == 0 {
+            cold_path();
+            return None;
+        }
+        self.probe.eight(fit.signal, seen, self.live);
+        Some(seen.words)
+    }
+
+    #[inline(always)]
+    fn one_by_one_of<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words, words: X) {
         if P::WORDS {
-            self.show(fit, Plain(exact.to_array()), Plain(more.exact().to_array()), Plain(words.to_array()));
+            self.each(*fit, [exact.to_array(), more.exact().to_array(), words.to_array()]);
         }
     }
 
     #[inline(always)]
-    fn show<L: Lanes>(&mut self, fit: &Fit, exact: L, more: L, word: L) {
+    fn one_by_one<L: Lanes>(&mut self, fit: &Fit, exact: L, more: L, words: L) {
         if P::WORDS {
-            let [exact, more, word] = [exact, more, word].map(L::to_array);
-            for (lane, _) in self.live.iter().enumerate().filter(|(_, live)| **live) {
-                self.probe.word(fit, exact[lane], more[lane], word[lane]);
-            }
+            self.each(*fit, [exact.to_array(), more.to_array(), words.to_array()]);
+        }
+    }
+
+    /// Shows what is live, one by one. Of a copy, as in `num::fit`.
+    #[inline(never)]
+    fn each(&mut self, fit: Fit, [exact, more, words]: [[i64; LANES]; 3]) {
+        for lane in (0..LANES).filter(|lane| self.live & (1 << lane) != 0) {
+            self.probe.word(&fit, exact[lane], more[lane], words[lane]);
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

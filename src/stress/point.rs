@@ -5,7 +5,8 @@ use crate::compare::{Distance, Flips, Lockstep, distance, lockstep, pixel_error}
 use crate::error::Error;
 use crate::picture::Picture;
 use crate::quantise::{Quantised, quantise};
-use crate::report::{CulledReport, SignalReport};
+use crate::ranges::SignalReport;
+use crate::report::CulledReport;
 use crate::scene::Scene;
 use crate::{fixed, golden};
 use rtl_model::machine::{Elaborated, Machine};

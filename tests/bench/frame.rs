@@ -71,6 +71,13 @@ fn whole_frame(bencher: Bencher, case: &Case) {
     fragments.bench(|| fixed::draw(&case.machine, &case.quantised));
 }
 
+/// With all ranges watched.
+#[divan::bench(args = cases())]
+fn whole_frame_watched(bencher: Bencher, case: &Case) {
+    let fragments = bencher.counter(ItemsCount::new(case.fragments));
+    fragments.bench(|| fixed::draw_ranged(&case.machine, &case.quantised));
+}
+
 /// The same picture in f64.
 #[divan::bench(args = cases().filter(|case| case.machine.machine.name == "reference"))]
 fn whole_frame_golden(bencher: Bencher, case: &Case) {

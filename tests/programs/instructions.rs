@@ -1,11 +1,12 @@
-//! Draws a scene once on a machine, one thread, nobody watching: for counting instructions.
+//! Draws a scene once on a machine, one thread, nobody watching or ranges watched: for counting instructions.
 //!
 //! ```sh
 //! cargo build --release --example instructions
 //! count() {
 //!   valgrind --tool=callgrind --callgrind-out-file=/tmp/$1.out --collect-atstart=no "${@:2}" \
-//!     target/release/examples/instructions ../shared/data/scenes/dragon.json reference
+//!     target/release/examples/instructions ../shared/data/scenes/dragon.json reference $watcher
 //! }
+//! watcher=   # nobody, or: ranges
 //! count setup --toggle-collect="instructions::setup*"
 //! count fill --toggle-collect="instructions::fill*"
 //! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*Bins::new*" --toggle-collect="*::shade_for_merge*" \
@@ -18,19 +19,24 @@
 
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::pipeline::{self, Drawing, Setup};
-use rtl_model::probe::Unwatched;
+use rtl_model::probe::{Meters, Probe, Unwatched};
 use splatsim::error::{Error, Result};
 use splatsim::quantise::{Quantised, quantise};
 use splatsim::scene::{Overrides, Scene};
 
 #[inline(never)]
-fn setup(machine: &Elaborated, quantised: &Quantised) -> Setup {
-    pipeline::set_up(machine, &quantised.frame, &mut Unwatched)
+fn setup<P: Probe>(machine: &Elaborated, quantised: &Quantised, probe: &mut P) -> Setup {
+    pipeline::set_up(machine, &quantised.frame, probe)
 }
 
 #[inline(never)]
-fn fill(machine: &Elaborated, quantised: &Quantised, setup: &Setup) -> Drawing {
-    pipeline::fill(machine, &quantised.frame, setup, &mut Unwatched)
+fn fill<P: Probe>(machine: &Elaborated, quantised: &Quantised, setup: &Setup, probe: &mut P) -> Drawing {
+    pipeline::fill(machine, &quantised.frame, setup, probe)
+}
+
+fn draw<P: Probe>(machine: &Elaborated, quantised: &Quantised, mut probe: P) -> Drawing {
+    let setup = setup(machine, quantised, &mut probe);
+    fill(machine, quantised, &setup, &mut probe)
 }
 
 fn main() -> Result<()> {
@@ -43,7 +49,11 @@ fn main() -> Result<()> {
     let elaborated = splatsim::fixed::elaborate(&machine)?;
     let quantised = quantise(&scene, &machine)?;
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
-    let drawing = one_thread.install(|| fill(&elaborated, &quantised, &setup(&elaborated, &quantised)));
+    let watched = arguments.next().is_some_and(|watcher| watcher == "ranges");
+    let drawing = one_thread.install(|| match watched {
+        true => draw(&elaborated, &quantised, Meters::new(&elaborated)),
+        false => draw(&elaborated, &quantised, Unwatched),
+    });
     println!("{} on {name}: {} splats, {} fragments", scene.name, scene.splats.len(), drawing.outcomes.total());
     Ok(())
 }

@@ -25,6 +25,17 @@ pub struct Loss {
     pub wrapped: bool,
 }
 
+/// Eight results of a fit that is an add, a shift and two limits, for whoever watches.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<W> {
+    /// The words, of at most 31 bits.
+    pub words: W,
+    /// Which lost bits below the last place, the first lane in the last place.
+    pub inexact: u8,
+    /// Which met a limit that changed them, likewise.
+    pub limited: u8,
+}
+
 /// An elaborated word: how exact results with a known number of fraction bits come into it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Fit {
@@ -215,15 +226,130 @@ impl Fit {
         }
     }
 
+    /// [`Fit::lanes`], and seen; none where it takes the long way. `NATURAL` says that no result is negative, and no word.
+    #[inline(always)]
+    pub fn lanes_seen<const NATURAL: bool, L: Lanes>(&self, exact: L) -> Option<(L, Seen<L::Words>)> {
+        if !self.is_short() {
+            return None;
+        }
+        let rounded = exact + L::splat(self.half);
+        let (cut, words) = if NATURAL {
+            let cut = rounded.right_natural(self.right);
+            (cut, cut.min(L::splat(self.max)))
+        } else {
+            let cut = rounded.right(self.right);
+            (cut, self.limit_lanes(cut))
+        };
+        let limited = cut.above(words);
+        let limited = if NATURAL { limited } else { limited | words.above(cut) };
+        Some((words, Seen { words: words.low(), inexact: (-(exact & L::splat(self.below()))).signs(), limited: limited.signs() }))
+    }
+
+    /// [`Fit::words`], seen; none where it takes the long way.
+    #[inline(always)]
+    pub fn words_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
+        if !(self.narrow && self.is_short()) {
+            return None;
+        }
+        let exactly = (exact.low() & X::Words::splat(self.below())).is_zero();
+        Some(self.limit_seen((exact + X::splat(self.half)).cut(self.places as u32), exactly))
+    }
+
+    /// [`Fit::top`], seen; none where it takes the long way.
+    #[inline(always)]
+    pub fn top_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
+        if !(self.deep && self.is_short()) {
+            return None;
+        }
+        let exactly = exact.has_none(X::splat(self.below()));
+        Some(self.limit_seen((exact + X::splat(self.half)).cut_deep(self.places as u32), exactly))
+    }
+
+    /// [`Fit::wide`], seen; none where it takes the long way.
+    #[inline(always)]
+    pub fn wide_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
+        if !self.is_short() {
+            return None;
+        }
+        let cut = (exact + X::splat(self.half)).right(self.places as u32);
+        let words = cut.max(X::splat(self.min)).min(X::splat(self.max));
+        let limited = !(cut - words).has_none(X::splat(-1)).signs();
+        Some(Seen { words: words.low(), inexact: !exact.has_none(X::splat(self.below())).signs(), limited })
+    }
+
+    /// [`Fit::words_shifted`], seen; none where it takes the long way.
+    #[inline(always)]
+    pub fn shifted_seen<X: Exacts>(&self, exact: X, more: X::Words) -> Option<Seen<X::Words>> {
+        if !self.is_short() {
+            return None;
+        }
+        let (head, by) = (exact.left(self.head), more + X::Words::splat(self.barrel));
+        let cut = head.cut_by(by)?;
+        // One place more is cut than the barrel shifter does: those go up to the top, and nothing else.
+        let exactly = head.left_by(X::Words::splat(63) - by).has_none(X::splat(-1));
+        let round = X::Words::splat(i64::from(self.word.round == Rounding::Nearest));
+        Some(self.limit_seen((cut + round).right(1), exactly))
+    }
+
+    #[inline(always)]
+    fn limit_seen<W: Words>(&self, cut: W, exactly: W) -> Seen<W> {
+        let words = cut.max(W::splat(self.min)).min(W::splat(self.max));
+        Seen { words, inexact: !exactly.signs(), limited: !(cut - words).is_zero().signs() }
+    }
+
+    /// [`Fit::one`], and whether bits were lost below the last place; none where it takes the long way or meets a limit.
+    #[inline(always)]
+    pub fn one_seen(&self, exact: i64) -> Option<(i64, bool)> {
+        let cut = exact.wrapping_add(self.half) >> self.right;
+        let within = self.plain && cut == cut.max(self.min).min(self.max);
+        within.then(|| (cut, exact.trailing_zeros() < self.right))
+    }
+
+    /// Whether a result lost bits below the last place of the `word` that it became; none where a limit may have changed it.
+    #[inline(always)]
+    pub fn seen_one(&self, exact: i64, more: i64, word: i64) -> Option<bool> {
+        if more != 0 {
+            return self.seen_one_shifted(exact, more, word);
+        }
+        // Places are to the one side or to the other. A word that met its limit, shifted back, is another result.
+        let within = exact.wrapping_add(self.half) >> self.right == word >> (-self.places).clamp(0, 63);
+        (within && self.word.round != Rounding::NearestEven).then(|| exact.trailing_zeros() < self.right)
+    }
+
+    fn seen_one_shifted(&self, exact: i64, more: i64, word: i64) -> Option<bool> {
+        let places = self.places + more;
+        let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
+        let within = self.cut(exact, right) == word >> left;
+        within.then(|| exact.trailing_zeros() < right)
+    }
+
+    /// Plain, and its words have at most 31 bits: [`Seen`] can hold them.
+    #[inline(always)]
+    fn is_short(&self) -> bool {
+        self.plain && self.word.format.width() < 32
+    }
+
+    /// The bits of an exact result below the word's last place.
+    #[inline(always)]
+    fn below(&self) -> i64 {
+        (1 << self.right) - 1
+    }
+
+    /// A result rounded to the word's last place, before its limits; the nearest that 64 bits hold.
+    pub fn before_limits(&self, exact: i64, more: i64) -> i64 {
+        self.rounded(exact, more).clamp(i64::MIN.into(), i64::MAX.into()) as i64
+    }
+
+    fn rounded(&self, exact: i64, more: i64) -> i128 {
+        let places = self.places + more;
+        if places < 0 { i128::from(exact) << (-places).min(63) } else { i128::from(self.cut(exact, places.min(63) as u32)) }
+    }
+
     /// What is lost when `exact`, with `more` fraction bits than was elaborated, becomes a word.
     pub fn loss(&self, exact: i64, more: i64) -> Loss {
-        let places = self.places + more;
-        let (rounded, inexact) = if places < 0 {
-            (i128::from(exact) << (-places).min(63), false)
-        } else {
-            let right = places.min(63) as u32;
-            (i128::from(self.cut(exact, right)), exact & ((1u64 << right) - 1) as i64 != 0)
-        };
+        let rounded = self.rounded(exact, more);
+        let right = (self.places + more).clamp(0, 63) as u32;
+        let inexact = exact & ((1u64 << right) - 1) as i64 != 0;
         let (below, above) = (rounded < i128::from(self.min), rounded > i128::from(self.max));
         let wrap = self.word.overflow == Overflow::Wrap;
         Loss { inexact, saturated_low: below && !wrap, saturated_high: above && !wrap, wrapped: (below || above) && wrap }

@@ -13,9 +13,6 @@ use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 /// Items that travel together.
 pub const LANES: usize = 8;
 
-/// One condition of eight items.
-pub type Mask = [bool; LANES];
-
 /// One signal of eight items. A condition is a signal of words −1 (holds) and 0.
 pub trait Lanes:
     Copy
@@ -40,6 +37,8 @@ pub trait Lanes:
     fn to_array(self) -> [i64; LANES];
     /// The same word on every lane.
     fn splat(word: i64) -> Self;
+    /// The low 32 bits of each lane.
+    fn low(self) -> Self::Words;
     /// Each lane shifted left by the same amount, 0 to 63.
     fn left(self, by: u32) -> Self;
     /// Each lane shifted right towards minus infinity by the same amount, 0 to 63.
@@ -67,7 +66,8 @@ pub trait Lanes:
     /// The key nearest to a word, the first of equals.
     fn nearest(keys: &[i32; LANES], word: i32) -> usize;
 
-    /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold all of it.
+    /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold all of it. For whoever watches:
+    /// the products, and the sums before their limits.
     fn add_product(
         sums: &mut [i32; LANES],
         words: &[i32; LANES],
@@ -75,7 +75,7 @@ pub trait Lanes:
         half: &[i32; LANES],
         right: &[i32; LANES],
         limits: [&[i32; LANES]; 2],
-    );
+    ) -> [Self::Words; 2];
 
     /// Whether any lane is negative.
     #[inline(always)]
@@ -162,6 +162,10 @@ impl Lanes for Plain {
         Plain([word; LANES])
     }
     #[inline(always)]
+    fn low(self) -> PlainWords {
+        PlainWords(self.0.map(|v| v as i32))
+    }
+    #[inline(always)]
     fn left(self, by: u32) -> Self {
         self.zip(self, |v, _| v << by)
     }
@@ -214,11 +218,14 @@ impl Lanes for Plain {
         half: &[i32; LANES],
         right: &[i32; LANES],
         [min, max]: [&[i32; LANES]; 2],
-    ) {
+    ) -> [PlainWords; 2] {
+        let (mut products, mut unlimited) = ([0; LANES], [0; LANES]);
         for lane in 0..LANES {
-            let rounded = words[lane].wrapping_mul(factor).wrapping_add(half[lane]) >> right[lane];
-            sums[lane] = sums[lane].wrapping_add(rounded).max(min[lane]).min(max[lane]);
+            products[lane] = words[lane].wrapping_mul(factor);
+            unlimited[lane] = sums[lane].wrapping_add(products[lane].wrapping_add(half[lane]) >> right[lane]);
+            sums[lane] = unlimited[lane].max(min[lane]).min(max[lane]);
         }
+        [PlainWords(products), PlainWords(unlimited)]
     }
     #[inline(always)]
     fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32 {
@@ -238,7 +245,7 @@ fn distance(a: i32, b: i32) -> u32 {
 
 /// A condition of each lane as a word of eight bits.
 #[inline(always)]
-fn bits(mask: Mask) -> u8 {
+fn bits(mask: [bool; LANES]) -> u8 {
     mask.into_iter().rev().fold(0, |bits, holds| bits << 1 | u8::from(holds))
 }
 

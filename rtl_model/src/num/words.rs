@@ -53,6 +53,13 @@ pub trait Words:
     fn look_up(self, table: &[i32]) -> Self;
     /// The signs of the lanes, bit by bit, the first lane in the last place: a condition as bits.
     fn signs(self) -> u8;
+    /// Each lane's word from the lane whose number it has there, 0 to 7.
+    fn pick(self, lanes: Self) -> Self;
+    /// Adds one to the counter of each live lane's word: that of the number of bits of its magnitude. A lane that is not live has the
+    /// same word as the first that is, and one is.
+    fn tally(self, live: u8, counters: &mut [u64; 64]);
+    /// [`Words::tally`] where each lane is live and has counters of its own.
+    fn tally_each(self, counters: &mut [[u64; 64]; LANES]);
     /// Rows to columns: from eight items' words to eight signals, or back.
     fn transposed(rows: [Self; LANES]) -> [Self; LANES];
 
@@ -100,6 +107,8 @@ pub trait Exacts: Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<O
     fn above(self, other: Self) -> Self::Words;
     /// Magnitude of each lane.
     fn abs(self) -> Self;
+    /// Where a lane has none of these bits.
+    fn has_none(self, bits: Self) -> Self::Words;
     /// Leading zeros of each lane, of which all are positive.
     fn leading_zeros(self) -> Self::Words;
     /// The low 32 bits of each lane.
@@ -125,6 +134,12 @@ impl PlainWords {
         }
         PlainWords(out)
     }
+}
+
+/// Bits of a word's magnitude.
+#[inline(always)]
+fn bits(word: i32) -> usize {
+    (u32::BITS - word.unsigned_abs().leading_zeros()) as usize
 }
 
 impl Words for PlainWords {
@@ -188,6 +203,22 @@ impl Words for PlainWords {
         self.0.iter().rev().fold(0, |bits, &v| bits << 1 | u8::from(v < 0))
     }
     #[inline(always)]
+    fn pick(self, lanes: Self) -> Self {
+        PlainWords(lanes.0.map(|lane| self.0[lane as usize % LANES]))
+    }
+    #[inline(always)]
+    fn tally(self, live: u8, counters: &mut [u64; 64]) {
+        for lane in (0..LANES).filter(|lane| live & (1 << lane) != 0) {
+            counters[bits(self.0[lane])] += 1;
+        }
+    }
+    #[inline(always)]
+    fn tally_each(self, counters: &mut [[u64; 64]; LANES]) {
+        for (word, counters) in self.0.into_iter().zip(counters) {
+            counters[bits(word)] += 1;
+        }
+    }
+    #[inline(always)]
     fn transposed(rows: [Self; LANES]) -> [Self; LANES] {
         let mut columns = rows;
         for (i, column) in columns.iter_mut().enumerate() {
@@ -241,6 +272,10 @@ impl Exacts for Plain {
     #[inline(always)]
     fn abs(self) -> Self {
         Plain(self.0.map(i64::abs))
+    }
+    #[inline(always)]
+    fn has_none(self, bits: Self) -> PlainWords {
+        self.zip(bits, |v, bits| -i64::from(v & bits == 0)).low()
     }
     #[inline(always)]
     fn leading_zeros(self) -> PlainWords {

@@ -12,7 +12,7 @@
 //! Laws: `every_contribution_has_one_outcome`, `slots_are_in_depth_order_after_a_merge`.
 
 use crate::machine::{Elaboration, FragmentDepth, Machine, Merge};
-use crate::num::{Exact, Fit, Lanes, Word, three};
+use crate::num::{Exact, Fit, Lanes, Seen, Word, Words, three};
 use crate::probe::{Probe, Tap};
 use std::cmp::Ordering;
 
@@ -136,8 +136,14 @@ impl<L: Lane> HostSums<L> {
 pub trait Lane: Copy + Default + Send + Sync + 'static {
     /// The unit's limits in this word.
     fn limits(unit: &Fragment) -> &Limits<Self>;
-    /// Adds `weight · attributes`, each rounded, to sums that saturate.
-    fn accumulate<V: Lanes>(sums: &mut HostSums<Self>, attributes: &Attributes, weight: i64, limits: &Limits<Self>);
+    /// Adds `weight · attributes`, each rounded, to sums that saturate. For whoever watches, where words of 31 bits hold all: what was
+    /// seen.
+    fn accumulate<V: Lanes>(
+        sums: &mut HostSums<Self>,
+        attributes: &Attributes,
+        weight: i64,
+        limits: &Limits<Self>,
+    ) -> Option<Seen<V::Words>>;
     /// From a word that fits.
     fn put(word: i64) -> Self;
     /// The word.
@@ -151,6 +157,8 @@ pub struct Limits<L> {
     right: [L; SUMS],
     min: [L; SUMS],
     max: [L; SUMS],
+    /// The bits that are cut.
+    below: [L; SUMS],
 }
 
 impl<L: Lane> Limits<L> {
@@ -160,6 +168,7 @@ impl<L: Lane> Limits<L> {
             right: right.map(|right| L::put(right.into())),
             min: words.map(|word| L::put(word.format.min())),
             max: words.map(|word| L::put(word.format.max())),
+            below: right.map(|right| L::put((1 << right.min(62)) - 1)),
         }
     }
 }
@@ -169,9 +178,17 @@ impl Lane for i32 {
         &unit.narrow_limits
     }
     #[inline(always)]
-    fn accumulate<V: Lanes>(sums: &mut HostSums<i32>, attributes: &Attributes, weight: i64, limits: &Limits<i32>) {
-        let Limits { half, right, min, max } = limits;
-        V::add_product(&mut sums.0, attributes, weight as i32, half, right, [min, max]);
+    fn accumulate<V: Lanes>(
+        sums: &mut HostSums<i32>,
+        attributes: &Attributes,
+        weight: i64,
+        limits: &Limits<i32>,
+    ) -> Option<Seen<V::Words>> {
+        let Limits { half, right, min, max, below } = limits;
+        let [products, unlimited] = V::add_product(&mut sums.0, attributes, weight as i32, half, right, [min, max]);
+        let words = V::Words::from_array(sums.0);
+        let exactly = (products & V::Words::from_array(*below)).is_zero();
+        Some(Seen { words, inexact: !exactly.signs(), limited: !(unlimited - words).is_zero().signs() })
     }
     #[inline(always)]
     fn put(word: i64) -> i32 {
@@ -188,11 +205,17 @@ impl Lane for i64 {
         &unit.wide_limits
     }
     #[inline(always)]
-    fn accumulate<V: Lanes>(HostSums(sums): &mut HostSums<i64>, attributes: &Attributes, weight: i64, limits: &Limits<i64>) {
+    fn accumulate<V: Lanes>(
+        HostSums(sums): &mut HostSums<i64>,
+        attributes: &Attributes,
+        weight: i64,
+        limits: &Limits<i64>,
+    ) -> Option<Seen<V::Words>> {
         for lane in 0..SUMS {
             let rounded = (i64::from(attributes[lane]) * weight + limits.half[lane]) >> (limits.right[lane] & 63);
             sums[lane] = (sums[lane] + rounded).max(limits.min[lane]).min(limits.max[lane]);
         }
+        None
     }
     #[inline(always)]
     fn put(word: i64) -> i64 {
@@ -445,6 +468,11 @@ impl Fragment {
         self.narrow
     }
 
+    /// Signals of its sums.
+    pub fn sum_signals(&self) -> [usize; SUMS] {
+        self.sums.map(|fit| fit.signal)
+    }
+
     /// The fit of a depth.
     pub fn depth_fit(&self) -> &Fit {
         &self.depth
@@ -503,9 +531,18 @@ impl Fragment {
         attributes: &Attributes,
         tap: &mut Tap<P>,
     ) {
-        if PLAIN && !P::WORDS {
-            return L::accumulate::<V>(sums, attributes, weight, L::limits(self));
+        if PLAIN && (!P::WORDS || P::EIGHT) {
+            let before = *sums;
+            match L::accumulate::<V>(sums, attributes, weight, L::limits(self)) {
+                Some(seen) if P::WORDS && seen.limited == 0 => return tap.probe.sums(seen),
+                _ if !P::WORDS => return,
+                _ => *sums = before,
+            }
         }
+        self.accumulate_one_by_one(sums, weight, attributes, tap);
+    }
+
+    fn accumulate_one_by_one<L: Lane, P: Probe>(&self, sums: &mut HostSums<L>, weight: i64, attributes: &Attributes, tap: &mut Tap<P>) {
         for (lane, sum) in sums.0.iter_mut().enumerate() {
             let [of_sum, of_product] = self.align[lane];
             let exact = (sum.get() << of_sum) + ((i64::from(attributes[lane]) * weight) << of_product);

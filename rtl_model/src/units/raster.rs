@@ -188,6 +188,9 @@ const COLUMNS: [[i64; LANES]; 2] = [[0, 1, 2, 3, 4, 5, 6, 7], [8, 9, 10, 11, 12,
 /// n(n−1)/2 for each column n.
 const PAIRS: [[i64; LANES]; 2] = [[0, 0, 1, 3, 6, 10, 15, 21], [28, 36, 45, 55, 66, 78, 91, 105]];
 
+/// The same for all steps across the square.
+const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [0, 0, 1, 3, 6, 10, 15, 21, 28, 36, 45, 55, 66, 78, 91, 105, 120];
+
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Raster {
@@ -431,7 +434,7 @@ impl Raster {
         let depth_by_column = self.depth_register.load_lanes(splat.depth_slope[0], self.places.depth_slope);
         for first in (0..rows).step_by(LANES) {
             if P::WORDS {
-                tap.live = std::array::from_fn(|lane| first + lane < rows);
+                tap.live = first_bits(rows - first);
             }
             let y = L::splat(walks.top[lane] + first as i64) + L::from_array(COLUMNS[0]);
             let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
@@ -439,7 +442,8 @@ impl Raster {
             for row in first..rows.min(first + LANES) {
                 let [radial, by_column] = [seed.radial[row % LANES], seed.by_column[row % LANES]];
                 if P::WORDS {
-                    self.watch_row(radial, by_column, by_column_twice, columns, tap);
+                    let seed = Seed { radial, by_column, depth: seed.depth[row % LANES] };
+                    self.watch_row(&seed, by_column_twice, walks.depth_slope[0][lane], columns, tap);
                 }
                 span.depth[row] = seed.depth[row % LANES];
                 for eight in 0..eights(columns) {
@@ -450,22 +454,78 @@ impl Raster {
         }
     }
 
-    /// Shows the watcher where the rows' registers wrap.
+    /// Shows the watcher how far the registers go in the part of a box, and where they wrap.
+    #[inline(always)]
     fn watch_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
+        let seed = Seed { radial: w.seed.radial[lane], by_column: w.seed.by_column[lane], depth: w.seed.depth[lane] };
+        let by_row = [w.by_row[lane], w.by_row_twice[lane], w.by_both[lane]];
+        let depth_slope = two!(axis => w.depth_slope[axis][lane]);
+        if self.reach(&seed, w.by_column_twice[lane], by_row, depth_slope, w.size(lane), tap) {
+            self.walk_rows(w, lane, tap);
+        }
+    }
+
+    /// Shows the watcher how far the registers go in a row, and where they wrap.
+    #[inline(always)]
+    fn watch_row<P: Probe>(&self, seed: &Seed<Held>, by_column_twice: Held, depth_slope: i64, columns: usize, tap: &mut Tap<P>) {
+        if self.reach(seed, by_column_twice, [0; 3], [depth_slope, 0], [columns, 1], tap) {
+            self.walk_row(seed.radial, seed.by_column, by_column_twice, columns, tap);
+        }
+    }
+
+    /// How far the registers would go if they never wrapped: r, up to the column after the last, its first difference, and z, at the
+    /// part's corners, for r is convex. Says whether one may wrap.
+    #[inline(always)]
+    fn reach<P: Probe>(
+        &self,
+        seed: &Seed<Held>,
+        by_column_twice: Held,
+        by_row: [Held; 3],
+        depth_slope: [i64; 2],
+        [columns, rows]: [usize; 2],
+        tap: &mut Tap<P>,
+    ) -> bool {
+        let (on, down) = (columns as i64, rows as i64 - 1);
+        let [r, by_column] = [seed.radial, seed.by_column].map(|held| self.radial_register.read(held));
+        let by_column_twice = self.radial_register.read(by_column_twice);
+        let [by_row, by_row_twice, by_both] = by_row.map(|held| self.radial_register.read(held));
+        // No word has more than 48 bits and no side more than 16 pixels: 64 bits hold all of this.
+        let along = on * by_column + PAIRS_BEFORE[columns % 17] * by_column_twice;
+        let across = down * by_row + PAIRS_BEFORE[(rows - 1) % 17] * by_row_twice;
+        let both = on * down * by_both;
+        let [low, high] = extremes([r, r + along, r + across, r + along + across + both]);
+        let (turn, lean) = ((on - 1) * by_column_twice, down * by_both);
+        let [least, most] = extremes([by_column, by_column + turn, by_column + lean, by_column + turn + lean]);
+        tap.probe.reached(self.radial.signal, [low.min(least), high.max(most)]);
+
+        let z = self.depth_register.read(seed.depth);
+        let depth_slope = two!(axis => depth_slope[axis] << self.places.depth_slope);
+        let [along, across] = [(on - 1) * depth_slope[0], down * depth_slope[1]];
+        tap.probe.reached(self.depth.signal, extremes([z, z + along, z + across, z + along + across]));
+
+        // Below its tangent plane a convex r never falls.
+        let lowest = r + (on * by_column).min(0) + (down * by_row).min(0) + both.min(0);
+        let format = self.radial.word.format;
+        lowest.min(least) < format.min() || high.max(most) > format.max() || by_column_twice < 0 || by_row_twice < 0
+    }
+
+    /// Shows the watcher where the rows' registers wrap.
+    #[inline(never)]
+    fn walk_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
         let [columns, rows] = w.size(lane);
         let (mut radial, mut by_row, mut by_column) = (w.seed.radial[lane], w.by_row[lane], w.seed.by_column[lane]);
         for _ in 0..rows {
-            self.watch_row(radial, by_column, w.by_column_twice[lane], columns, tap);
+            self.walk_row(radial, by_column, w.by_column_twice[lane], columns, tap);
             radial = radial.wrapping_add(by_row);
             by_row = by_row.wrapping_add(w.by_row_twice[lane]);
             by_column = by_column.wrapping_add(w.by_both[lane]);
         }
     }
 
-    fn watch_row<P: Probe>(&self, mut radial: Held, mut first: Held, second: Held, columns: usize, tap: &mut Tap<P>) {
+    fn walk_row<P: Probe>(&self, mut radial: Held, mut first: Held, second: Held, columns: usize, tap: &mut Tap<P>) {
         for _ in 0..columns {
             if radial.checked_add(first).is_none() {
-                tap.probe.wrapped(self.radial.signal, 1);
+                tap.probe.wrapped(self.radial.signal);
             }
             radial = radial.wrapping_add(first);
             first = first.wrapping_add(second);
@@ -577,6 +637,12 @@ fn after<L: Lanes>(value: L, first: L, second: L, steps: L) -> L {
 fn side_by_side<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
     let [columns, pairs] = [L::from_array(COLUMNS[eight]), L::from_array(PAIRS[eight])];
     L::splat(value).wrapping_add(L::splat(first).times(columns)).wrapping_add(L::splat(second).times(pairs))
+}
+
+/// The least and the greatest of four.
+#[inline(always)]
+fn extremes([a, b, c, d]: [i64; 4]) -> [i64; 2] {
+    [a.min(b).min(c.min(d)), a.max(b).max(c.max(d))]
 }
 
 /// Times eight columns that hold so many, of those in a row of the square.

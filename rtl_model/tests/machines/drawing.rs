@@ -3,15 +3,25 @@
 use crate::frames::frame;
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use proptest::prelude::*;
-use rtl_model::pipeline::{draw_ranged, draw_unwatched};
+use rtl_model::machine::Rows;
+use rtl_model::pipeline::{draw, draw_ranged, draw_unwatched};
+use rtl_model::probe::Ranges;
 use rtl_model::{Drawing, Elaborated, Frame, Machine};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Draws twice, watched and not; what was seen must lie in the signals' formats.
+/// Counts words one by one.
+fn counted(machine: &Elaborated, frame: &Frame) -> Ranges {
+    let mut ranges = Ranges::new(machine.signals.len());
+    draw(machine, frame, &mut ranges);
+    ranges
+}
+
+/// Draws watched, eight words at a time and one by one, and not; what was seen must lie in the signals' formats.
 fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
     let drawing = draw_unwatched(machine, frame);
     let (watched, ranges) = draw_ranged(machine, frame);
     assert_eq!(watched, drawing, "watched and unwatched differ");
+    assert_eq!(ranges, counted(machine, frame));
     for (range, signal) in ranges.0.iter().zip(&machine.signals).filter(|(range, _)| range.words > 0) {
         let format = signal.word.format;
         assert!(format.min() <= range.min && range.max <= format.max(), "{}.{} left {format}", signal.unit, signal.name);
@@ -47,6 +57,25 @@ proptest! {
         let frame = frame(&machine, seed, wildness);
         let drawn = catch_unwind(AssertUnwindSafe(|| draws(&elaborated, &frame)));
         prop_assert!(drawn.is_ok(), "a machine with {:#?} does not draw", differences(&machine));
+    }
+}
+
+#[test]
+fn meters_read_what_ranges_count() {
+    for name in Machine::NAMES {
+        for rows in [Rows::Seeded, Rows::Differenced] {
+            let mut machine = Machine::named(name).unwrap();
+            machine.raster.rows = rows;
+            let elaborated = machine.elaborate().unwrap();
+            for (seed, wildness) in (0..20).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness))) {
+                let frame = frame(&machine, seed, wildness);
+                let (read, counted) = (draw_ranged(&elaborated, &frame).1, counted(&elaborated, &frame));
+                for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
+                    assert_eq!(read, counted, "{}.{} of {name}", signal.unit, signal.name);
+                    assert_eq!(read.bins.iter().sum::<u64>(), read.words, "{}.{} of {name}", signal.unit, signal.name);
+                }
+            }
+        }
     }
 }
 

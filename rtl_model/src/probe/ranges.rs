@@ -1,0 +1,159 @@
+//! Ranges: what each signal's words were, counted one by one. [`Meters`](super::Meters) count the same, eight at a time.
+//!
+//! ```text
+//! exact ─►( round )─► before its limits ─►[ saturate | wrap ]─► word
+//!     └► inexact         └► least, greatest     └► counts        └► min, max, any, bins
+//! ```
+//! All counts are of all words. A sum, a least, a greatest and a union come out the same whatever the order, so threads cannot
+//! change them.
+//!
+//! Laws: `ranges_come_together_in_any_order`, `the_narrowest_format_holds_what_was_seen_and_no_narrower_one_does`.
+
+use super::Probe;
+use crate::num::{Fit, Format};
+
+/// Bins of a histogram: a word of 64 bits would not have its own.
+pub const BINS: usize = 64;
+
+/// What one signal saw.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Range {
+    /// Words seen.
+    pub words: u64,
+    /// Least word, `i64::MAX` where none was seen.
+    pub min: i64,
+    /// Greatest word, `i64::MIN` where none was seen.
+    pub max: i64,
+    /// Results below the format's range.
+    pub saturated_low: u64,
+    /// Results above the format's range.
+    pub saturated_high: u64,
+    /// Results whose high bits were dropped.
+    pub wrapped: u64,
+    /// Results that lost bits below the last place.
+    pub inexact: u64,
+    /// Least result in units of the last place, rounded but not yet limited: what the word should have been.
+    pub least: i64,
+    /// Greatest result, likewise.
+    pub greatest: i64,
+    /// Every bit that was set in some result, likewise.
+    pub any: i64,
+    /// Words by the number of bits of their magnitude: `bins[0]` counts zeros, `bins[n]` those from 2^(n−1) to 2^n − 1 last places.
+    pub bins: [u64; BINS],
+}
+
+impl Default for Range {
+    fn default() -> Self {
+        Range {
+            words: 0,
+            min: i64::MAX,
+            max: i64::MIN,
+            saturated_low: 0,
+            saturated_high: 0,
+            wrapped: 0,
+            inexact: 0,
+            least: i64::MAX,
+            greatest: i64::MIN,
+            any: 0,
+            bins: [0; BINS],
+        }
+    }
+}
+
+/// Which bin counts a word.
+#[inline(always)]
+pub fn bin(word: i64) -> usize {
+    (u64::BITS - word.unsigned_abs().leading_zeros()) as usize % BINS
+}
+
+impl Range {
+    /// Counts one word.
+    pub fn see(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
+        let loss = fit.loss(exact, more);
+        self.words += 1;
+        self.min = self.min.min(word);
+        self.max = self.max.max(word);
+        self.saturated_low += u64::from(loss.saturated_low);
+        self.saturated_high += u64::from(loss.saturated_high);
+        self.wrapped += u64::from(loss.wrapped);
+        self.inexact += u64::from(loss.inexact);
+        self.bins[bin(word)] += 1;
+        self.reach(fit.before_limits(exact, more));
+    }
+
+    /// Takes note of a result, whether it became a word or not.
+    pub fn reach(&mut self, result: i64) {
+        self.least = self.least.min(result);
+        self.greatest = self.greatest.max(result);
+        self.any |= result;
+    }
+
+    /// Takes over what another saw of the same signal.
+    pub fn absorb(&mut self, other: &Range) {
+        self.words += other.words;
+        self.min = self.min.min(other.min);
+        self.max = self.max.max(other.max);
+        self.saturated_low += other.saturated_low;
+        self.saturated_high += other.saturated_high;
+        self.wrapped += other.wrapped;
+        self.inexact += other.inexact;
+        self.least = self.least.min(other.least);
+        self.greatest = self.greatest.max(other.greatest);
+        self.any |= other.any;
+        for (own, other) in self.bins.iter_mut().zip(other.bins) {
+            *own += other;
+        }
+    }
+
+    /// The narrowest format, signed or not as `format` is, that would have held every result of a signal in `format`; none
+    /// where no word was seen. Without a sign, what lay below 0 does not count.
+    pub fn narrowest(&self, format: Format) -> Option<Format> {
+        if self.words == 0 {
+            return None;
+        }
+        // A sign and as many bits as the magnitude of −1 − x or x, whichever is longer.
+        let bits = |result: i64| (u64::BITS - result.max(!result).leading_zeros()) as i32;
+        let width = if format.signed { 1 + bits(self.least).max(bits(self.greatest)) } else { bits(self.greatest.max(0)) };
+        let unused = (self.any.trailing_zeros() as i32).min(format.frac_bits);
+        let frac_bits = format.frac_bits - unused;
+        Some(Format { int_bits: (width - format.frac_bits).max(1 - frac_bits), frac_bits, ..format })
+    }
+}
+
+/// Watches the range of every signal, word by word.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Ranges(pub Vec<Range>);
+
+impl Ranges {
+    /// For a machine with so many signals.
+    pub fn new(signals: usize) -> Self {
+        Ranges(vec![Range::default(); signals])
+    }
+}
+
+impl Probe for Ranges {
+    const WORDS: bool = true;
+    const DECISIONS: bool = false;
+
+    fn fork(&self) -> Self {
+        Ranges::new(self.0.len())
+    }
+
+    fn absorb(&mut self, fork: Self) {
+        for (own, other) in self.0.iter_mut().zip(&fork.0) {
+            own.absorb(other);
+        }
+    }
+
+    fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
+        self.0[fit.signal].see(fit, exact, more, word);
+    }
+
+    fn wrapped(&mut self, signal: usize) {
+        self.0[signal].wrapped += 1;
+    }
+
+    fn reached(&mut self, signal: usize, results: [i64; 2]) {
+        results.into_iter().for_each(|result| self.0[signal].reach(result));
+    }
+}
