@@ -27,7 +27,7 @@ fn units() -> impl Strategy<Value = (FunctionUnit, i32)> {
 
 /// 1, 2, 3 … and numbers of up to 50 bits.
 fn operands() -> impl Strategy<Value = i64> {
-    (1..1i64 << 50, 0..50).prop_map(|(operand, places)| (operand >> places).max(1))
+    (1..1i64 << 50, 0..50u32).prop_map(|(operand, places): (i64, u32)| (operand >> places).max(1))
 }
 
 proptest! {
@@ -48,7 +48,8 @@ proptest! {
         let e = &mut Elaboration::default();
         let reciprocal = Reciprocal::new(e, "test", "reciprocal", config, operand_frac_bits);
         let root = ReciprocalRoot::new(e, "test", "root", config, operand_frac_bits);
-        let tap = &mut Tap::new(&mut Unwatched);
+        let nobody = &mut Unwatched;
+        let tap = &mut Tap::new(nobody);
         let (value, bits, switches) = (x as f64 * power_of_two(-operand_frac_bits), config.bits as i32, ON());
         let mixed = Mixed::new(value, &switches);
         let scientific = |(mantissa, exponent): (i64, i64)| mantissa as f64 * power_of_two(exponent as i32 - bits);
