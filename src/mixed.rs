@@ -118,7 +118,8 @@ impl<'a> Stage<'a> {
             let is_dark = |number: Mixed| number.value == 0.0 || number.value.is_nan();
             let faint = [ellipse.facing, splat.radius, ellipse.determinant, ellipse.amplitude].into_iter().any(is_dark);
             let beyond = point.inside.iter().any(|inside| inside.value < 0.0);
-            if !(point.depth.value > view.near.value) || beyond || backface || faint {
+            let near = point.depth.value <= view.near.value || point.depth.value.is_nan();
+            if near || beyond || backface || faint {
                 return None;
             }
             let [width, height] = [self.scene.image.width, self.scene.image.height];

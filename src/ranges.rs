@@ -198,7 +198,7 @@ fn few_letters(count: u64) -> String {
     let [thousands, millions] = [count / 1000, count / 1_000_000];
     match count {
         0..10_000 => count.to_string(),
-        ..1_000_000 => format!("{thousands}k"),
+        10_000..1_000_000 => format!("{thousands}k"),
         _ => format!("{millions}M"),
     }
 }

@@ -464,9 +464,14 @@ pub mod avx2 {
                 counter!(0) += u64::from(live.count_ones());
                 return;
             }
-            for lane in 0..LANES {
-                counter!(lane) += 1;
-            }
+            counter!(0) += 1;
+            counter!(1) += 1;
+            counter!(2) += 1;
+            counter!(3) += 1;
+            counter!(4) += 1;
+            counter!(5) += 1;
+            counter!(6) += 1;
+            counter!(7) += 1;
             counter!(live.trailing_zeros() as usize % LANES) -= u64::from(live.count_zeros());
         }
         #[inline(always)]

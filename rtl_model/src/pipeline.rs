@@ -10,7 +10,7 @@
 //! Law: `threads_and_watchers_change_no_bit`.
 
 use crate::frame::{Frame, Splat, View};
-use crate::host::{Work, vectorised};
+use crate::host::{Work, plainly, vectorised};
 use crate::machine::Elaborated;
 use crate::num::{LANES, Lanes, Words, two};
 use crate::probe::{Meters, Probe, Ranges, Tap, Unwatched};
@@ -97,6 +97,11 @@ pub fn draw_ranged(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges) {
     (drawing, meters.ranges())
 }
 
+/// Does a probe's work: the branch that is not taken is not compiled either.
+fn worked<P: Probe, W: Work>(work: W) -> W::Output {
+    if P::QUICK { vectorised(work) } else { plainly(work) }
+}
+
 /// Splats that one thread sets up at a time.
 const BLOCK_SPLATS: usize = 8192;
 
@@ -109,7 +114,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         .map(|(block, splats)| {
             let mut fork = probe.fork();
             let first = (block * BLOCK_SPLATS) as u32;
-            (vectorised(SetUp { machine, frame, splats, first, probe: &mut fork }), fork)
+            (worked::<P, _>(SetUp { machine, frame, splats, first, probe: &mut fork }), fork)
         })
         .collect();
     let mut whole = Setup::default();
@@ -266,6 +271,9 @@ fn halves(word: i32) -> [u16; 2] {
 
 /// The second half: raster, gauss, fragment, shade and resolve.
 pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
+    if !P::QUICK {
+        return fill_as::<false, i64, P>(machine, frame, setup, probe);
+    }
     let plain = machine.gauss.is_plain() && machine.fragment.is_plain();
     match (plain, machine.fragment.is_narrow()) {
         (true, true) => fill_as::<true, i32, P>(machine, frame, setup, probe),
@@ -299,7 +307,7 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
             tile: &mut run.tile,
             probe: &mut run.probe,
         };
-        let resolved = vectorised(work);
+        let resolved = worked::<P, _>(work);
         if P::DECISIONS {
             let [x, y] = resolved.corner.map(u32::from);
             run.probe.tile(x, y);

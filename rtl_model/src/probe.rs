@@ -24,6 +24,8 @@ pub trait Probe: Send + Sync + Sized {
     const EIGHT: bool = false;
     /// Whether contributions and resolved pixels are wanted.
     const DECISIONS: bool;
+    /// Whether its frames are worth vector instructions and paths of their own for common machines: quick to draw, slow to compile.
+    const QUICK: bool = false;
 
     /// A fresh watcher of the same kind, for another part of the frame.
     fn fork(&self) -> Self;
@@ -57,6 +59,7 @@ pub trait Probe: Send + Sync + Sized {
 pub struct Unwatched;
 
 impl Probe for Unwatched {
+    const QUICK: bool = true;
     const WORDS: bool = false;
     const DECISIONS: bool = false;
     fn fork(&self) -> Self {

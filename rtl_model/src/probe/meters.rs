@@ -212,6 +212,7 @@ impl Meters {
 impl Probe for Meters {
     const WORDS: bool = true;
     const EIGHT: bool = true;
+    const QUICK: bool = true;
     const DECISIONS: bool = false;
 
     fn fork(&self) -> Self {

@@ -67,9 +67,12 @@ impl<'a> Mixed<'a> {
             return self;
         }
         let format = fit.word.format;
-        let least = format.value(format.min());
+        let (least, reach) = (format.value(format.min()), power_of_two(format.width() - format.frac_bits));
+        if (least..least + reach).contains(&self.value) {
+            return self;
+        }
         // Below its last place a register keeps what a word that is off puts there.
-        self.with(least + (self.value - least).rem_euclid(power_of_two(format.width() - format.frac_bits)))
+        self.with(least + (self.value - least).rem_euclid(reach))
     }
 
     fn with(self, value: f64) -> Self {

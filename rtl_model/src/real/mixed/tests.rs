@@ -81,5 +81,5 @@ fn a_register_keeps_what_its_bits_can_tell() {
     let on = ON();
     let register = Fit::new(3, Word::new(Format::signed(3, 2)), Exact { int_bits: 8, frac_bits: 2 });
     let wrapped = |value: f64| Mixed::new(value, &on).wrapped(&register).value;
-    assert_eq!([wrapped(3.75), wrapped(4.0), wrapped(-4.25), wrapped(8.5), wrapped(0.125)], [3.75, -4.0, 3.75, 0.5, 0.125]);
+    assert_eq!([wrapped(3.75), wrapped(4.0), wrapped(-4.25), wrapped(8.5), wrapped(0.1)], [3.75, -4.0, 3.75, 0.5, 0.1]);
 }
