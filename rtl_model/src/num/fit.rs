@@ -311,15 +311,16 @@ impl Fit {
         if more != 0 {
             return self.seen_one_shifted(exact, more, word);
         }
-        // Places are to the one side or to the other. A word that met its limit, shifted back, is another result.
-        let within = exact.wrapping_add(self.half) >> self.right == word >> (-self.places).clamp(0, 63);
+        // Places are to the one side or to the other. A word that met its limit, shifted back, is another result, or loses bits by that.
+        let left = (-self.places).clamp(0, 63) as u32;
+        let within = exact.wrapping_add(self.half) >> self.right == word >> left && word.trailing_zeros() >= left;
         (within && self.word.round != Rounding::NearestEven).then(|| exact.trailing_zeros() < self.right)
     }
 
     fn seen_one_shifted(&self, exact: i64, more: i64, word: i64) -> Option<bool> {
         let places = self.places + more;
         let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
-        let within = self.cut(exact, right) == word >> left;
+        let within = self.cut(exact, right) == word >> left && word.trailing_zeros() >= left;
         within.then(|| exact.trailing_zeros() < right)
     }
 

@@ -46,7 +46,12 @@ fn in_word(word: Word, places: f64) -> f64 {
     let (least, most) = (word.format.min() as f64, word.format.max() as f64);
     match word.overflow {
         Overflow::Saturate => rounded.clamp(least, most),
-        Overflow::Wrap => least + (rounded - least).rem_euclid(most - least + 1.0),
+        Overflow::Wrap => {
+            // What lies far outside would lose its last places if anything were added to it.
+            let values = most - least + 1.0;
+            let wrapped = rounded.rem_euclid(values);
+            if wrapped > most { wrapped - values } else { wrapped }
+        }
     }
 }
 
