@@ -10,6 +10,7 @@
 //! Laws (tests/attribution.rs): `with_no_word_it_is_golden`, `with_every_word_it_is_the_machine`.
 
 use crate::fixed;
+use crate::golden::footprint::pixels;
 use crate::golden::fragments::{Fragment, nearest_pair, nearest_within};
 use crate::golden::shade::Shader;
 use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
@@ -124,13 +125,13 @@ impl<'a> Stage<'a> {
             }
             let [width, height] = [self.scene.image.width, self.scene.image.height];
             let [columns, rows] = [(0, width), (1, height)]
-                .map(|(axis, pixels)| side(self.eye.half_px[axis] + point.pixel[axis].value, ellipse.extent[axis].value, pixels));
+                .map(|(axis, size)| pixels(self.eye.half_px[axis] + point.pixel[axis].value, ellipse.extent[axis].value, size));
             let Input { pixel, conic, depth, depth_slope, depth_range } = walked(&point, &ellipse);
             let [r, g, b] = splat.rgb;
             let [x, y, z] = ellipse.normal;
             let footprint = Footprint {
-                columns,
-                rows,
+                columns: columns?,
+                rows: rows?,
                 input: Input {
                     pixel: pixel.map(number),
                     conic: conic.map(number),
@@ -169,13 +170,6 @@ impl<'a> Stage<'a> {
 
 fn number(mixed: Mixed) -> f64 {
     mixed.value
-}
-
-/// Pixels whose centres lie within `extent` of `centre`, clipped to the picture.
-fn side(centre: f64, extent: f64, pixels: usize) -> Range<u32> {
-    let clip = |edge: f64| edge.clamp(0.0, pixels as f64) as u32;
-    let first = clip((centre - extent - 0.5).ceil());
-    first..clip((centre + extent - 0.5).floor() + 1.0).max(first)
 }
 
 /// What the whole frame has in common.

@@ -5,12 +5,14 @@
 //!                                                                                          ├─► table, 80 columns
 //!                                                                                          └─► ranges.png
 //! ```
-//! All counts are of all words: nothing is sampled. A register that is added to pixel by pixel (`raster.radial`, `raster.depth`)
-//! counts its seeds as words; how far it goes from there counts for the narrowest format.
+//! Extremes and what left its range are of all words; histograms and what was inexact are of a sample, which is the same every time
+//! (`rtl_model::probe::Meters`). A register that is added to pixel by pixel (`raster.radial`, `raster.depth`) counts its seeds as words;
+//! how far it goes from there counts for the narrowest format.
 //!
 //! Laws: `a_report_says_what_a_range_holds`, `a_machine_of_narrowest_formats_draws_the_same_picture`.
 
 use crate::chart::{Extent, Extents};
+use crate::mixed::UNITS;
 use crate::report::Report;
 use rtl_model::machine::Signal;
 use rtl_model::probe::Range;
@@ -23,9 +25,6 @@ const DECLARED_CLAMPS: [(&str, &str, &str); 2] = [
     ("ellipse", "edge", "a box's side far outside of the picture is clipped to it anyway"),
 ];
 
-/// Units in the order of the diagram.
-const UNITS: [&str; 7] = ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
-
 /// One signal's range.
 #[derive(Clone, Debug, Serialize)]
 pub struct SignalReport {
@@ -37,7 +36,7 @@ pub struct SignalReport {
     pub format: String,
     round: rtl_model::num::Rounding,
     overflow: rtl_model::num::Overflow,
-    /// Words seen.
+    /// Words of the sample: of every item of work where they are few.
     pub words: u64,
     /// Least and greatest value seen; none where no word was.
     min: Option<f64>,
@@ -45,10 +44,11 @@ pub struct SignalReport {
     saturated_low: u64,
     saturated_high: u64,
     wrapped: u64,
+    /// Words of the sample that lost bits below the last place.
     inexact: u64,
-    /// Part of the words that lost bits below the last place; none where no word was seen, as in what follows.
+    /// Part of the sample that they are; none where it has no word.
     inexact_share: Option<f64>,
-    /// The narrowest format, with or without a sign as this one is, that would have held every result.
+    /// The narrowest format, none where no word was seen, with or without a sign as this one is, that would have held every result.
     narrowest: Option<String>,
     /// Integer bits that it has less; below 0 where results were cut down to the format.
     unused_high_bits: Option<i32>,
@@ -90,8 +90,7 @@ impl SignalReport {
     /// What a watched signal reports.
     pub fn new(signal: &Signal, range: &Range) -> Self {
         let format = signal.word.format;
-        let seen = range.words > 0;
-        let value = |word: i64| seen.then(|| format.value(word));
+        let value = |word: i64| range.is_seen().then(|| format.value(word));
         let narrowest = range.narrowest(format);
         let declared = DECLARED_CLAMPS.iter().find(|(unit, name, _)| (*unit, *name) == (signal.unit, signal.name.as_str()));
         SignalReport {
@@ -107,7 +106,7 @@ impl SignalReport {
             saturated_high: range.saturated_high,
             wrapped: range.wrapped,
             inexact: range.inexact,
-            inexact_share: seen.then(|| range.inexact as f64 / range.words as f64),
+            inexact_share: (range.words > 0).then(|| range.inexact as f64 / range.words as f64),
             narrowest: narrowest.map(|narrowest| narrowest.to_string()),
             unused_high_bits: narrowest.map(|narrowest| format.int_bits - narrowest.int_bits),
             unused_low_bits: narrowest.map(|narrowest| format.frac_bits - narrowest.frac_bits),
@@ -164,7 +163,8 @@ impl SignalReport {
 
 /// The signals of each unit, unit by unit.
 fn by_unit(signals: &[SignalReport]) -> impl Iterator<Item = (&'static str, Vec<&SignalReport>)> {
-    UNITS.into_iter().map(|unit| (unit, signals.iter().filter(|signal| signal.unit == unit).collect()))
+    // The splat's record, which comes first, has words but no signals.
+    UNITS[1..].iter().map(|&unit| (unit, signals.iter().filter(|signal| signal.unit == unit).collect()))
 }
 
 /// All ranges as a table of at most 80 columns.

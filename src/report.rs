@@ -285,8 +285,8 @@ impl Report {
         for signal in over {
             let declared = if signal.is_declared_clamp() { ", a declared clamp" } else { "" };
             let what = if signal.wrapped() > 0 { "wrapped" } else { "saturated" };
-            let [over, words] = [signal.overflows(), signal.words].map(thousands);
-            let line = format!("  {}.{} ({}) {what} {over} of {words} times{declared}", signal.unit, signal.name, signal.format);
+            let times = if signal.overflows() == 1 { "once".into() } else { thousands(signal.overflows()) + " times" };
+            let line = format!("  {}.{} ({}) {what} {times}{declared}", signal.unit, signal.name, signal.format);
             let _ = write!(text, "\n{}", wrapped(&line));
         }
         text

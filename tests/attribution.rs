@@ -152,6 +152,23 @@ fn all_words_together_make_the_machines_error() {
     }
 }
 
+/// From among the splats: some lie behind the eye, beside it, before the near plane, and edge-on.
+#[test]
+fn splats_that_are_culled_take_no_blame() {
+    let mut scene = thinned(scene("torus-knot", (48, 40)), 1000);
+    scene.camera.eye = scene.splats.iter().map(|splat| splat.position).sum::<glam::DVec3>() / scene.splats.len() as f64;
+    let edge_on = scene.splats[0].position;
+    scene.splats[0].normal = (edge_on - scene.camera.eye).any_orthonormal_vector().normalize();
+    for name in Machine::NAMES {
+        let machine = Machine::named(name).unwrap();
+        let elaborated = fixed::elaborate(&machine).unwrap();
+        let (quantised, picture) = drawn(&scene, &machine).unwrap();
+        let golden = golden(&scene, &machine);
+        assert!(golden.culled.near > 0 && golden.culled.outside > 0 && golden.fragments > 0, "{:?}", golden.culled);
+        assert_eq!(attribute(&scene, &elaborated, &quantised, &golden.picture).all, distance(&picture, &golden.picture), "{name}");
+    }
+}
+
 /// Every format of the description is one of the words that can be blamed, but those that are not read as numbers.
 #[test]
 fn every_format_can_take_the_blame() {

@@ -229,7 +229,7 @@ pub mod avx2 {
             half: &[i32; LANES],
             right: &[i32; LANES],
             [min, max]: [&[i32; LANES]; 2],
-        ) -> [VectorWords; 2] {
+        ) -> VectorWords {
             // SAFETY: as `both`; every array is eight words.
             unsafe {
                 let product = _mm256_mullo_epi32(eight!(words), _mm256_set1_epi32(factor));
@@ -237,7 +237,7 @@ pub mod avx2 {
                 let sum = _mm256_add_epi32(eight!(sums), rounded);
                 let limited = _mm256_min_epi32(_mm256_max_epi32(sum, eight!(min)), eight!(max));
                 _mm256_storeu_si256(sums.as_mut_ptr().cast(), limited);
-                [VectorWords(product), VectorWords(sum)]
+                VectorWords(sum)
             }
         }
         #[inline(always)]
@@ -345,24 +345,7 @@ pub mod avx2 {
         };
     }
 
-    /// Counters of a histogram.
-    const COUNTERS: usize = 64;
-
     impl VectorWords {
-        /// Bits of each lane's magnitude.
-        #[inline(always)]
-        fn bits(self) -> Self {
-            // The exponent of a float of single precision, or 0, without the bits that follow a one, as in `leading_zeros`.
-            let exponent = word!({
-                let magnitude = _mm256_abs_epi32(self.0);
-                let lead = _mm256_andnot_si256(_mm256_srli_epi32::<1>(magnitude), magnitude);
-                let float = _mm256_castps_si256(_mm256_cvtepi32_ps(lead));
-                _mm256_subs_epu16(_mm256_srli_epi32::<23>(float), _mm256_set1_epi32(126))
-            });
-            // That of −2^31 has its sign above it.
-            exponent & Self::splat(COUNTERS as i64 - 1)
-        }
-
         /// Odd lanes where even ones were.
         #[inline(always)]
         fn odd(self) -> Self {
@@ -448,40 +431,6 @@ pub mod avx2 {
         fn pick(self, lanes: Self) -> Self {
             word!(_mm256_permutevar8x32_epi32(self.0, lanes.0))
         }
-        #[inline(always)]
-        fn tally(self, live: u8, counters: &mut [u64; COUNTERS]) {
-            let bits = self.bits();
-            let numbers = bits.to_array();
-            macro_rules! counter {
-                ($lane:expr) => {
-                    // SAFETY: `bits` are numbers of counters.
-                    *unsafe { counters.get_unchecked_mut(numbers[$lane] as usize) }
-                };
-            }
-            let first = word!(_mm256_broadcastd_epi32(_mm256_castsi256_si128(bits.0)));
-            // Normalised words are all alike.
-            if (bits - first).is_zero().signs() == 0xff {
-                counter!(0) += u64::from(live.count_ones());
-                return;
-            }
-            counter!(0) += 1;
-            counter!(1) += 1;
-            counter!(2) += 1;
-            counter!(3) += 1;
-            counter!(4) += 1;
-            counter!(5) += 1;
-            counter!(6) += 1;
-            counter!(7) += 1;
-            counter!(live.trailing_zeros() as usize % LANES) -= u64::from(live.count_zeros());
-        }
-        #[inline(always)]
-        fn tally_each(self, counters: &mut [[u64; COUNTERS]; LANES]) {
-            let numbers = self.bits().to_array();
-            for lane in 0..LANES {
-                // SAFETY: `bits` are numbers of counters.
-                *unsafe { counters[lane].get_unchecked_mut(numbers[lane] as usize) } += 1;
-            }
-        }
         // By words, by pairs, by halves of the register.
         #[inline(always)]
         fn transposed(r: [Self; LANES]) -> [Self; LANES] {
@@ -561,10 +510,6 @@ pub mod avx2 {
                 let (own, negated) = (_mm256_castsi256_pd(self.0[i]), _mm256_castsi256_pd(negated.0[i]));
                 _mm256_castpd_si256(_mm256_blendv_pd(own, negated, own))
             })
-        }
-        #[inline(always)]
-        fn has_none(self, bits: Self) -> VectorWords {
-            even_and_odd!(i => _mm256_cmpeq_epi64(_mm256_and_si256(self.0[i], bits.0[i]), _mm256_setzero_si256())).low()
         }
         // The exponent of a float of double precision. Without the bits that follow a one, no lane is rounded up to the next power of
         // two. Both halves become floats by being put below a one far to the left, which is then taken away.

@@ -87,13 +87,34 @@ pub fn draw<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> Dra
 
 /// Draws a frame with nobody watching. Compiled here, once; what is generic is compiled again by each crate that calls it.
 pub fn draw_unwatched(machine: &Elaborated, frame: &Frame) -> Drawing {
-    draw(machine, frame, &mut Unwatched)
+    fill_unwatched(machine, frame, &set_up_unwatched(machine, frame))
+}
+
+/// [`set_up`] with nobody watching.
+pub fn set_up_unwatched(machine: &Elaborated, frame: &Frame) -> Setup {
+    set_up(machine, frame, &mut Unwatched)
+}
+
+/// [`fill`] with nobody watching.
+pub fn fill_unwatched(machine: &Elaborated, frame: &Frame, setup: &Setup) -> Drawing {
+    fill(machine, frame, setup, &mut Unwatched)
+}
+
+/// [`set_up`], metered.
+pub fn set_up_metered(machine: &Elaborated, frame: &Frame, meters: &mut Meters) -> Setup {
+    set_up(machine, frame, meters)
+}
+
+/// [`fill`], metered.
+pub fn fill_metered(machine: &Elaborated, frame: &Frame, setup: &Setup, meters: &mut Meters) -> Drawing {
+    fill(machine, frame, setup, meters)
 }
 
 /// Draws a frame and tells the range of every signal.
 pub fn draw_ranged(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges) {
     let mut meters = Meters::new(machine);
-    let drawing = draw(machine, frame, &mut meters);
+    let setup = set_up_metered(machine, frame, &mut meters);
+    let drawing = fill_metered(machine, frame, &setup, &mut meters);
     (drawing, meters.ranges())
 }
 
@@ -113,8 +134,8 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         .enumerate()
         .map(|(block, splats)| {
             let mut fork = probe.fork();
-            let first = (block * BLOCK_SPLATS) as u32;
-            (worked::<P, _>(SetUp { machine, frame, splats, first, probe: &mut fork }), fork)
+            let (first, of) = ((block * BLOCK_SPLATS) as u32, frame.splats.len());
+            (worked::<P, _>(SetUp { machine, frame, splats, first, of, probe: &mut fork }), fork)
         })
         .collect();
     let mut whole = Setup::default();
@@ -151,7 +172,15 @@ struct SetUp<'a, P> {
     frame: &'a Frame,
     splats: &'a [Splat],
     first: u32,
+    /// Splats of the frame.
+    of: usize,
     probe: &'a mut P,
+}
+
+/// Sets eight splats up once more, for another to hear.
+#[inline(never)]
+fn set_up_again(machine: &Elaborated, frame: &Frame, splats: &[Splat], first: u32, probe: &mut Ranges) {
+    plainly(SetUp { machine, frame, splats, first, of: splats.len(), probe });
 }
 
 impl<P: Probe> Work for SetUp<'_, P> {
@@ -168,7 +197,11 @@ impl<P: Probe> Work for SetUp<'_, P> {
         last[..rest.len()].copy_from_slice(rest);
         for (group, splats) in eights.iter().chain((!rest.is_empty()).then_some(&last)).enumerate() {
             let live = LANES.min(self.splats.len() - group * LANES);
-            units.set_up::<L::Words, P>(splats, live, self.first + (group * LANES) as u32, self.probe, &mut out);
+            let first = self.first + (group * LANES) as u32;
+            units.set_up::<L::Words, P>(splats, live, first, self.probe, &mut out);
+            if let Some(ranges) = self.probe.again(first as usize / LANES, self.of.div_ceil(LANES)) {
+                set_up_again(self.machine, self.frame, &splats[..live], first, ranges);
+            }
         }
         out.prepared.truncate(out.count);
         Setup { blocks: vec![out.prepared], culled: out.culled }
@@ -295,19 +328,14 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
     let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
     // One tile's fragments at a time, and one watcher, for every run of tiles that a thread takes.
     let start = || Run { tile: Box::<Tile<L>>::default(), probe: probe.fork(), done: Vec::new() };
-    let draw_tile = |mut run: Run<L, P>, &index: &usize| {
-        let work = FillTile::<PLAIN, L, P> {
-            machine,
-            frame,
-            lights: &lights,
-            setup,
-            registers,
-            splats: bins.splats(index),
-            corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16],
-            tile: &mut run.tile,
-            probe: &mut run.probe,
-        };
-        let resolved = worked::<P, _>(work);
+    let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
+        let shared = Shared { machine, frame, lights: &lights, setup, registers };
+        let part =
+            Part { splats: bins.splats(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
+        let resolved = worked::<P, _>(FillTile::<PLAIN, L, P> { shared, part, tile: &mut run.tile, probe: &mut run.probe });
+        if let Some(ranges) = run.probe.again(nth, touched.len()) {
+            fill_again(shared, part, ranges);
+        }
         if P::DECISIONS {
             let [x, y] = resolved.corner.map(u32::from);
             run.probe.tile(x, y);
@@ -316,8 +344,11 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
         run
     };
     let finish = |run: Run<L, P>| (run.done, run.probe);
-    let runs: Vec<(Vec<Resolved>, P)> = touched.par_iter().fold(start, draw_tile).map(finish).collect();
+    let runs: Vec<(Vec<Resolved>, P)> = touched.par_iter().enumerate().fold(start, draw_tile).map(finish).collect();
     let background = machine.resolve.one(&[], frame.background, &mut Tap::new(probe)).map(|word| word as u32);
+    if let Some(ranges) = probe.again(0, 1) {
+        machine.resolve.one(&[], frame.background, &mut Tap::new(ranges));
+    }
     let pixels = frame.width as usize * frame.height as usize;
     let mut drawing = Drawing {
         width: frame.width,
@@ -409,16 +440,34 @@ impl Resolved {
     }
 }
 
-struct FillTile<'a, const PLAIN: bool, L, P> {
+/// What all tiles need.
+#[derive(Clone, Copy)]
+struct Shared<'a> {
     machine: &'a Elaborated,
     frame: &'a Frame,
     lights: &'a shade::Registers<'a>,
     setup: &'a Setup,
     registers: fragment::Registers,
+}
+
+/// A tile, and the entries that touch it.
+#[derive(Clone, Copy)]
+struct Part<'a> {
     splats: &'a [u32],
     corner: [u16; 2],
+}
+
+struct FillTile<'a, const PLAIN: bool, L, P> {
+    shared: Shared<'a>,
+    part: Part<'a>,
     tile: &'a mut Tile<L>,
     probe: &'a mut P,
+}
+
+/// Draws a tile once more, for another to hear.
+#[inline(never)]
+fn fill_again(shared: Shared, part: Part, probe: &mut Ranges) {
+    plainly(FillTile::<false, i64, Ranges> { shared, part, tile: &mut Box::default(), probe });
 }
 
 impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
@@ -429,7 +478,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
         self.tile.clear();
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
-        for splats in self.splats.chunks(LANES) {
+        for splats in self.part.splats.chunks(LANES) {
             self.splats::<AnyLanes>(splats, &mut span, &mut outcomes);
         }
         self.resolve(outcomes)
@@ -440,14 +489,14 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
     #[inline(always)]
     fn splats<V: Lanes>(&mut self, splats: &[u32], span: &mut raster::Span, outcomes: &mut Outcomes) {
-        let (machine, frame, setup) = (self.machine, self.frame, self.setup);
+        let Shared { machine, frame, setup, .. } = self.shared;
         let size_px = [frame.width, frame.height];
         let cutoff = machine.raster.cutoff(frame.view.cutoff);
         // Beyond the last splat, the last again: a lane that nobody looks at.
         let prepared: [&Prepared; LANES] = std::array::from_fn(|lane| setup.splat(splats[lane.min(splats.len() - 1)]));
         let inputs = prepared.map(|splat| &splat.raster);
         let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
-        let walks = machine.raster.enter::<V, P>(size_px, self.corner, &inputs, tap);
+        let walks = machine.raster.enter::<V, P>(size_px, self.part.corner, &inputs, tap);
         for lane in 0..splats.len().min(LANES) {
             let tap = &mut Tap::new(&mut *self.probe);
             machine.raster.span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap);
@@ -469,8 +518,8 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         first: usize,
         outcomes: &mut Outcomes,
     ) {
-        let (machine, lights) = (self.machine, self.lights);
-        let (tile, registers) = (&mut *self.tile, self.registers);
+        let Shared { machine, lights, registers, .. } = self.shared;
+        let tile = &mut *self.tile;
         let count = (span.fragments() - first).min(LANES);
         let tap = &mut Tap::new(&mut *self.probe).first(count);
         let places = span.places(first);
@@ -504,7 +553,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
                 outcomes.count(decision);
             }
             if P::DECISIONS {
-                let [x, y] = self.corner.map(u32::from);
+                let [x, y] = self.part.corner.map(u32::from);
                 let [column, row] = [usize::from(pixel) % TILE_PX, usize::from(pixel) / TILE_PX].map(|at| at as u32);
                 let contribution =
                     Contribution { splat: prepared.splat, radial_index: radial_index[lane], weight: weight[lane], depth: depth[lane] };
@@ -516,22 +565,23 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can be counted.
     #[inline(never)]
     fn resolve(self, mut outcomes: Outcomes) -> Resolved {
-        let mut resolved = Resolved { corner: self.corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
+        let (Shared { machine, frame, lights, .. }, corner) = (self.shared, self.part.corner);
+        let mut resolved = Resolved { corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
         let tap = &mut Tap::new(&mut *self.probe);
         let mut layers = [Layer::default(); fragment::MAX_LAYERS];
         let mut all = 0;
         for pixel in 0..TILE_AREA {
             let at = pixel as u8;
             let live = self.tile.live(at);
-            let [x, y] = [pixel % TILE_PX + usize::from(self.corner[0]), pixel / TILE_PX + usize::from(self.corner[1])].map(|at| at as u32);
-            if x >= self.frame.width || y >= self.frame.height {
+            let [x, y] = [pixel % TILE_PX + usize::from(corner[0]), pixel / TILE_PX + usize::from(corner[1])].map(|at| at as u32);
+            if x >= frame.width || y >= frame.height {
                 continue;
             }
             for (slot, layer) in layers[..live].iter_mut().enumerate() {
-                *layer = lit_layer(self.machine, self.lights, slot, &self.tile.slot(at, slot), tap);
+                *layer = lit_layer(machine, lights, slot, &self.tile.slot(at, slot), tap);
             }
             layers[..live].sort_by_key(|layer| layer.depth);
-            let word = self.machine.resolve.one(&layers[..live], self.frame.background, tap);
+            let word = machine.resolve.one(&layers[..live], frame.background, tap);
             if P::DECISIONS {
                 tap.probe.resolved(x, y, &layers[..live], word);
             }

@@ -3,7 +3,8 @@
 //! Units hand every fitted word and every decision to a [`Tap`]; with [`Unwatched`] the compiler removes all of it.
 //! Parts of a frame are watched by forks of a probe; absorbing forks is associative, so threads cannot change a count.
 //!
-//! A probe hears words one by one, or ([`Probe::EIGHT`]) eight at a time as long as nothing leaves its range.
+//! A probe hears words one by one, or ([`Probe::EIGHT`]) eight at a time without what was lost; then it may ask for an item of work, eight
+//! splats or a tile, once [again](Probe::again), to hear all.
 
 mod meters;
 mod ranges;
@@ -11,16 +12,15 @@ mod ranges;
 pub use meters::Meters;
 pub use ranges::{BINS, Range, Ranges};
 
-use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words};
+use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
 use crate::units::fragment::{Contribution, Decision};
 use crate::units::resolve::Layer;
-use std::hint::cold_path;
 
 /// A watcher of the machine.
 pub trait Probe: Send + Sync + Sized {
     /// Whether words are wanted: if not, the compiler drops the calls.
     const WORDS: bool;
-    /// Whether words that met no limit are wanted without their exact results, and eight at a time, where that can be done.
+    /// Whether words are wanted without their exact results, and eight at a time, where that can be done.
     const EIGHT: bool = false;
     /// Whether contributions and resolved pixels are wanted.
     const DECISIONS: bool;
@@ -33,19 +33,31 @@ pub trait Probe: Send + Sync + Sized {
     fn absorb(&mut self, fork: Self);
     /// `exact` (with `more` fraction bits than elaborated) became `word` at `fit.signal`.
     fn word(&mut self, _fit: &Fit, _exact: i64, _more: i64, _word: i64) {}
-    /// This became a word of a signal, exactly or not.
+    /// This became a word of a signal, and met no limit.
     #[inline(always)]
-    fn one(&mut self, _signal: usize, _word: i64, _inexact: bool) {}
-    /// These became words of a signal, as far as they are `live` (a lane a bit; one is). None met a limit.
+    fn one(&mut self, _signal: usize, _word: i64) {}
+    /// These became words of a signal, as far as they are `live` (a lane a bit).
     #[inline(always)]
     fn eight<W: Words>(&mut self, _signal: usize, _seen: Seen<W>, _live: u8) {}
-    /// These became the eight sums of a fragment, in the order of their signals. None met a limit.
+    /// [`Probe::eight`] for words of up to 48 bits, and which of them met a limit.
+    #[inline(always)]
+    fn wide(&mut self, _signal: usize, _words: [i64; LANES], _limited: u8, _live: u8) {}
+    /// These three became words of a signal, and met no limit.
+    #[inline(always)]
+    fn three(&mut self, _signal: usize, _words: [i64; 3]) {}
+    /// These became the eight sums of a fragment, in the order of their signals.
     #[inline(always)]
     fn sums<W: Words>(&mut self, _seen: Seen<W>) {}
     /// A register outran its format and wrapped.
     fn wrapped(&mut self, _signal: usize) {}
     /// A register of a signal was to hold all from the first to the second on its way, which are no words of their own.
     fn reached(&mut self, _signal: usize, _results: [i64; 2]) {}
+    /// All words of an item of work have been told, of the first or another of so many of its kind in the frame: who, if any, is to
+    /// hear them all again, one by one.
+    #[inline(always)]
+    fn again(&mut self, _item: usize, _of: usize) -> Option<&mut Ranges> {
+        None
+    }
     /// A splat contributed to pixel (x, y), and this became of it.
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
     /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
@@ -102,9 +114,9 @@ impl<'a, P: Probe> Tap<'a, P> {
     #[inline(always)]
     pub fn fit_one(&mut self, fit: &Fit, exact: i64) -> i64 {
         if P::EIGHT
-            && let Some((word, inexact)) = fit.one_seen(exact)
+            && let Some(word) = fit.one_within(exact)
         {
-            self.probe.one(fit.signal, word, inexact);
+            self.probe.one(fit.signal, word);
             return word;
         }
         let word = fit.one(exact);
@@ -114,9 +126,39 @@ impl<'a, P: Probe> Tap<'a, P> {
         word
     }
 
+    /// Fits three results.
+    #[inline(always)]
+    pub fn fit_three(&mut self, fit: &Fit, exact: [i64; 3]) -> [i64; 3] {
+        if P::EIGHT
+            && let Some(words) = fit.three_within(exact)
+        {
+            self.probe.three(fit.signal, words);
+            return words;
+        }
+        three!(i => self.fit_one(fit, exact[i]))
+    }
+
+    /// Fits three results that have `more` fraction bits than was elaborated.
+    #[inline(always)]
+    pub fn fit_three_shifted(&mut self, fit: &Fit, exact: [i64; 3], more: i64) -> [i64; 3] {
+        if P::EIGHT
+            && let Some(words) = fit.three_shifted_within(exact, more)
+        {
+            self.probe.three(fit.signal, words);
+            return words;
+        }
+        three!(i => self.fit_one_shifted(fit, exact[i], more))
+    }
+
     /// Fits one result that has `more` fraction bits than was elaborated.
     #[inline(always)]
     pub fn fit_one_shifted(&mut self, fit: &Fit, exact: i64, more: i64) -> i64 {
+        if P::EIGHT
+            && let Some(word) = fit.one_shifted_within(exact, more)
+        {
+            self.probe.one(fit.signal, word);
+            return word;
+        }
         let word = fit.one_shifted(exact, more);
         if P::WORDS {
             self.probe.word(fit, exact, more, word);
@@ -127,134 +169,119 @@ impl<'a, P: Probe> Tap<'a, P> {
     /// Fits eight results.
     #[inline(always)]
     pub fn fit<L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
-        if let Some(word) = self.lanes_seen::<false, L>(fit, exact) {
-            return word;
-        }
-        let word = fit.lanes(exact);
-        self.one_by_one(fit, exact, L::splat(0), word);
-        word
+        if P::WORDS { self.lanes_heard::<false, L>(fit, exact) } else { fit.lanes(exact) }
     }
 
     /// Fits eight results into registers that wrap.
     #[inline(always)]
     pub fn fit_register<L: Lanes>(&mut self, fit: &Fit, register: Register, exact: L) -> L {
-        let held = register.hold(fit.lanes_register(exact));
-        self.one_by_one(fit, exact, L::splat(0), register.read_lanes(held));
+        let result = fit.lanes_register(exact);
+        let held = register.hold(result);
+        if P::WORDS {
+            let word = register.read_lanes(held);
+            if P::EIGHT && fit.is_register() {
+                self.probe.wide(fit.signal, word.to_array(), (result.above(word) | word.above(result)).signs(), self.live);
+            } else {
+                self.tell(*fit, exact.to_array(), [0; LANES], word.to_array());
+            }
+        }
         held
     }
 
     /// Fits eight results of which none is negative, into a word without a sign ([`Fit::lanes_natural`]).
     #[inline(always)]
     pub fn fit_natural<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
-        if let Some(word) = self.lanes_seen::<true, L>(fit, exact) {
-            return word;
-        }
-        let word = fit.lanes_natural::<PLAIN, L>(exact);
-        self.one_by_one(fit, exact, L::splat(0), word);
-        word
+        if P::WORDS { self.lanes_heard::<true, L>(fit, exact) } else { fit.lanes_natural::<PLAIN, L>(exact) }
     }
 
     /// [`Tap::fit_natural`] where the word is known to reach all results.
     #[inline(always)]
     pub fn fit_within<const PLAIN: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
-        if P::EIGHT {
-            return self.fit_natural::<PLAIN, L>(fit, exact);
+        if P::WORDS { self.lanes_heard::<true, L>(fit, exact) } else { fit.lanes_within::<PLAIN, L>(exact) }
+    }
+
+    #[inline(always)]
+    fn lanes_heard<const NATURAL: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        if P::EIGHT
+            && let Some((words, limited)) = fit.lanes_seen::<NATURAL, L>(exact)
+        {
+            if fit.is_short() {
+                self.probe.eight(fit.signal, Seen { words: words.low(), limited }, self.live);
+            } else {
+                self.probe.wide(fit.signal, words.to_array(), limited, self.live);
+            }
+            return words;
         }
-        let word = fit.lanes_within::<PLAIN, L>(exact);
-        self.one_by_one(fit, exact, L::splat(0), word);
-        word
+        L::from_array(self.heard(*fit, exact.to_array(), [0; LANES]))
     }
 
     /// Fits eight results into words of at most 32 bits.
     #[inline(always)]
     pub fn fit_words<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
-        if P::EIGHT
-            && let Some(words) = self.eight(fit, fit.words_seen(exact))
-        {
-            return words;
-        }
-        let words = fit.words(exact);
-        self.one_by_one_of(fit, exact, X::Words::splat(0), words.exact());
-        words
+        if P::WORDS { self.words_heard(fit, exact, if P::EIGHT { fit.words_seen(exact) } else { None }) } else { fit.words(exact) }
     }
 
     /// Fits eight results that a normaliser has shifted to the top of their 62 bits into words of at most 32 bits.
     #[inline(always)]
     pub fn fit_top<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
-        if P::EIGHT
-            && let Some(words) = self.eight(fit, fit.top_seen(exact))
-        {
-            return words;
-        }
-        let words = fit.top(exact);
-        self.one_by_one_of(fit, exact, X::Words::splat(0), words.exact());
-        words
+        if P::WORDS { self.words_heard(fit, exact, if P::EIGHT { fit.top_seen(exact) } else { None }) } else { fit.top(exact) }
+    }
+
+    #[inline(always)]
+    fn words_heard<X: Exacts>(&mut self, fit: &Fit, exact: X, seen: Option<Seen<X::Words>>) -> X::Words {
+        let Some(seen) = seen else {
+            return X::from_array(self.heard(*fit, exact.to_array(), [0; LANES])).low();
+        };
+        self.probe.eight(fit.signal, seen, self.live);
+        seen.words
     }
 
     /// Fits eight results into words that may have more than 32 bits.
     #[inline(always)]
     pub fn fit_wide<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X {
         if P::EIGHT
-            && let Some(words) = self.eight(fit, fit.wide_seen(exact))
+            && let Some((words, limited)) = fit.wide_seen(exact)
         {
-            return words.exact();
+            if fit.is_short() {
+                self.probe.eight(fit.signal, Seen { words: words.low(), limited }, self.live);
+            } else {
+                self.probe.wide(fit.signal, words.to_array(), limited, self.live);
+            }
+            return words;
         }
-        let words = fit.wide(exact);
-        self.one_by_one_of(fit, exact, X::Words::splat(0), words);
-        words
+        if P::WORDS { X::from_array(self.heard(*fit, exact.to_array(), [0; LANES])) } else { fit.wide(exact) }
     }
 
     /// Fits eight results, each with `more` fraction bits than was elaborated, into words of at most 32 bits.
     #[inline(always)]
     pub fn fit_shifted<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words) -> X::Words {
         if P::EIGHT
-            && let Some(words) = self.eight(fit, fit.shifted_seen(exact, more))
+            && let Some(seen) = fit.shifted_seen(exact, more)
         {
-            return words;
+            self.probe.eight(fit.signal, seen, self.live);
+            return seen.words;
         }
-        let words = fit.words_shifted(exact, more);
-        self.one_by_one_of(fit, exact, more, words.exact());
+        if P::WORDS {
+            X::from_array(self.heard(*fit, exact.to_array(), more.exact().to_array())).low()
+        } else {
+            fit.words_shifted(exact, more)
+        }
+    }
+
+    /// Fits eight results one by one and tells of what is live: the long way of all that is watched. Of a copy, as in `num::fit`.
+    #[cold]
+    #[inline(never)]
+    fn heard(&mut self, fit: Fit, exact: [i64; LANES], more: [i64; LANES]) -> [i64; LANES] {
+        let mut words = exact;
+        for (word, more) in words.iter_mut().zip(more) {
+            *word = fit.one_shifted(*word, more);
+        }
+        self.tell(fit, exact, more, words);
         words
     }
 
-    #[inline(always)]
-    fn lanes_seen<const NATURAL: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> Option<L> {
-        if !P::EIGHT {
-            return None;
-        }
-        let (words, seen) = fit.lanes_seen::<NATURAL, L>(exact)?;
-        self.eight(fit, Some(seen)).map(|_| words)
-    }
-
-    /// Shows eight words at once, if that can be done.
-    #[inline(always)]
-    fn eight<W: Words>(&mut self, fit: &Fit, seen: Option<Seen<W>>) -> Option<W> {
-        let seen = seen?;
-        if seen.limited & self.live != 0 || self.live == 0 {
-            cold_path();
-            return None;
-        }
-        self.probe.eight(fit.signal, seen, self.live);
-        Some(seen.words)
-    }
-
-    #[inline(always)]
-    fn one_by_one_of<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words, words: X) {
-        if P::WORDS {
-            self.each(*fit, [exact.to_array(), more.exact().to_array(), words.to_array()]);
-        }
-    }
-
-    #[inline(always)]
-    fn one_by_one<L: Lanes>(&mut self, fit: &Fit, exact: L, more: L, words: L) {
-        if P::WORDS {
-            self.each(*fit, [exact.to_array(), more.to_array(), words.to_array()]);
-        }
-    }
-
-    /// Shows what is live, one by one. Of a copy, as in `num::fit`.
     #[inline(never)]
-    fn each(&mut self, fit: Fit, [exact, more, words]: [[i64; LANES]; 3]) {
+    fn tell(&mut self, fit: Fit, exact: [i64; LANES], more: [i64; LANES], words: [i64; LANES]) {
         for lane in (0..LANES).filter(|lane| self.live & (1 << lane) != 0) {
             self.probe.word(&fit, exact[lane], more[lane], words[lane]);
         }

@@ -143,7 +143,7 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
 }
 
 /// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none where the interval misses the picture.
-fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>> {
+pub(crate) fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>> {
     if !(centre + reach >= 0.0 && centre - reach <= size as f64) {
         return None;
     }

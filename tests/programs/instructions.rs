@@ -19,24 +19,28 @@
 
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::pipeline::{self, Drawing, Setup};
-use rtl_model::probe::{Meters, Probe, Unwatched};
+use rtl_model::probe::Meters;
 use splatsim::error::{Error, Result};
 use splatsim::quantise::{Quantised, quantise};
 use splatsim::scene::{Overrides, Scene};
 
+/// Nobody, or meters.
+type Watcher = Option<Meters>;
+
 #[inline(never)]
-fn setup<P: Probe>(machine: &Elaborated, quantised: &Quantised, probe: &mut P) -> Setup {
-    pipeline::set_up(machine, &quantised.frame, probe)
+fn setup(machine: &Elaborated, quantised: &Quantised, watcher: &mut Watcher) -> Setup {
+    match watcher {
+        Some(meters) => pipeline::set_up_metered(machine, &quantised.frame, meters),
+        None => pipeline::set_up_unwatched(machine, &quantised.frame),
+    }
 }
 
 #[inline(never)]
-fn fill<P: Probe>(machine: &Elaborated, quantised: &Quantised, setup: &Setup, probe: &mut P) -> Drawing {
-    pipeline::fill(machine, &quantised.frame, setup, probe)
-}
-
-fn draw<P: Probe>(machine: &Elaborated, quantised: &Quantised, mut probe: P) -> Drawing {
-    let setup = setup(machine, quantised, &mut probe);
-    fill(machine, quantised, &setup, &mut probe)
+fn fill(machine: &Elaborated, quantised: &Quantised, setup: &Setup, watcher: &mut Watcher) -> Drawing {
+    match watcher {
+        Some(meters) => pipeline::fill_metered(machine, &quantised.frame, setup, meters),
+        None => pipeline::fill_unwatched(machine, &quantised.frame, setup),
+    }
 }
 
 fn main() -> Result<()> {
@@ -49,10 +53,10 @@ fn main() -> Result<()> {
     let elaborated = splatsim::fixed::elaborate(&machine)?;
     let quantised = quantise(&scene, &machine)?;
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
-    let watched = arguments.next().is_some_and(|watcher| watcher == "ranges");
-    let drawing = one_thread.install(|| match watched {
-        true => draw(&elaborated, &quantised, Meters::new(&elaborated)),
-        false => draw(&elaborated, &quantised, Unwatched),
+    let mut watcher = arguments.next().filter(|watcher| watcher == "ranges").map(|_| Meters::new(&elaborated));
+    let drawing = one_thread.install(|| {
+        let setup = setup(&elaborated, &quantised, &mut watcher);
+        fill(&elaborated, &quantised, &setup, &mut watcher)
     });
     println!("{} on {name}: {} splats, {} fragments", scene.name, scene.splats.len(), drawing.outcomes.total());
     Ok(())

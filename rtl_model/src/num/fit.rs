@@ -9,7 +9,7 @@
 //! Laws: `fit_agrees_with_exact_rationals`, `fit_agrees_with_the_crate_fixed`, `eight_lanes_equal_one`, `eight_narrow_words_equal_one`,
 //! `loss_is_told_truly`.
 
-use super::{Exact, Exacts, LANES, Lanes, Overflow, Rounding, Word, Words};
+use super::{Exact, Exacts, LANES, Lanes, Overflow, Rounding, Word, Words, three};
 use std::hint::cold_path;
 
 /// What a [`Fit`] lost, for whoever watches.
@@ -30,9 +30,7 @@ pub struct Loss {
 pub struct Seen<W> {
     /// The words, of at most 31 bits.
     pub words: W,
-    /// Which lost bits below the last place, the first lane in the last place.
-    pub inexact: u8,
-    /// Which met a limit that changed them, likewise.
+    /// Which met a limit that changed them, the first lane in the last place.
     pub limited: u8,
 }
 
@@ -143,11 +141,16 @@ impl Fit {
     /// The words for eight exact results before they are wrapped into a register.
     #[inline(always)]
     pub fn lanes_register<L: Lanes>(&self, exact: L) -> L {
-        let plain = (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap;
-        if !plain {
+        if !self.is_register() {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
         (exact + L::splat(self.half)).right(self.right)
+    }
+
+    /// Whether an add, a shift and a register that wraps are all there is.
+    #[inline(always)]
+    pub fn is_register(&self) -> bool {
+        (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap
     }
 
     /// The words for eight exact results of which none is negative, in a word without a sign. `PLAIN` says that [`Fit::is_plain`], so
@@ -226,10 +229,10 @@ impl Fit {
         }
     }
 
-    /// [`Fit::lanes`], and seen; none where it takes the long way. `NATURAL` says that no result is negative, and no word.
+    /// [`Fit::lanes`], and which met a limit; none where it takes the long way. `NATURAL` says that no result is negative, and no word.
     #[inline(always)]
-    pub fn lanes_seen<const NATURAL: bool, L: Lanes>(&self, exact: L) -> Option<(L, Seen<L::Words>)> {
-        if !self.is_short() {
+    pub fn lanes_seen<const NATURAL: bool, L: Lanes>(&self, exact: L) -> Option<(L, u8)> {
+        if !self.plain {
             return None;
         }
         let rounded = exact + L::splat(self.half);
@@ -242,7 +245,7 @@ impl Fit {
         };
         let limited = cut.above(words);
         let limited = if NATURAL { limited } else { limited | words.above(cut) };
-        Some((words, Seen { words: words.low(), inexact: (-(exact & L::splat(self.below()))).signs(), limited: limited.signs() }))
+        Some((words, limited.signs()))
     }
 
     /// [`Fit::words`], seen; none where it takes the long way.
@@ -251,8 +254,7 @@ impl Fit {
         if !(self.narrow && self.is_short()) {
             return None;
         }
-        let exactly = (exact.low() & X::Words::splat(self.below())).is_zero();
-        Some(self.limit_seen((exact + X::splat(self.half)).cut(self.places as u32), exactly))
+        Some(self.limit_seen((exact + X::splat(self.half)).cut(self.places as u32)))
     }
 
     /// [`Fit::top`], seen; none where it takes the long way.
@@ -261,20 +263,18 @@ impl Fit {
         if !(self.deep && self.is_short()) {
             return None;
         }
-        let exactly = exact.has_none(X::splat(self.below()));
-        Some(self.limit_seen((exact + X::splat(self.half)).cut_deep(self.places as u32), exactly))
+        Some(self.limit_seen((exact + X::splat(self.half)).cut_deep(self.places as u32)))
     }
 
-    /// [`Fit::wide`], seen; none where it takes the long way.
+    /// [`Fit::wide`], and which met a limit; none where it takes the long way.
     #[inline(always)]
-    pub fn wide_seen<X: Exacts>(&self, exact: X) -> Option<Seen<X::Words>> {
-        if !self.is_short() {
+    pub fn wide_seen<X: Exacts>(&self, exact: X) -> Option<(X, u8)> {
+        if !self.plain {
             return None;
         }
         let cut = (exact + X::splat(self.half)).right(self.places as u32);
         let words = cut.max(X::splat(self.min)).min(X::splat(self.max));
-        let limited = !(cut - words).has_none(X::splat(-1)).signs();
-        Some(Seen { words: words.low(), inexact: !exact.has_none(X::splat(self.below())).signs(), limited })
+        Some((words, (cut.above(words) | words.above(cut)).signs()))
     }
 
     /// [`Fit::words_shifted`], seen; none where it takes the long way.
@@ -283,57 +283,72 @@ impl Fit {
         if !self.is_short() {
             return None;
         }
-        let (head, by) = (exact.left(self.head), more + X::Words::splat(self.barrel));
-        let cut = head.cut_by(by)?;
-        // One place more is cut than the barrel shifter does: those go up to the top, and nothing else.
-        let exactly = head.left_by(X::Words::splat(63) - by).has_none(X::splat(-1));
+        let cut = exact.left(self.head).cut_by(more + X::Words::splat(self.barrel))?;
         let round = X::Words::splat(i64::from(self.word.round == Rounding::Nearest));
-        Some(self.limit_seen((cut + round).right(1), exactly))
+        Some(self.limit_seen((cut + round).right(1)))
     }
 
     #[inline(always)]
-    fn limit_seen<W: Words>(&self, cut: W, exactly: W) -> Seen<W> {
+    fn limit_seen<W: Words>(&self, cut: W) -> Seen<W> {
         let words = cut.max(W::splat(self.min)).min(W::splat(self.max));
-        Seen { words, inexact: !exactly.signs(), limited: !(cut - words).is_zero().signs() }
+        Seen { words, limited: !(cut - words).is_zero().signs() }
     }
 
-    /// [`Fit::one`], and whether bits were lost below the last place; none where it takes the long way or meets a limit.
+    /// [`Fit::one`]; none where it takes the long way or meets a limit.
     #[inline(always)]
-    pub fn one_seen(&self, exact: i64) -> Option<(i64, bool)> {
+    pub fn one_within(&self, exact: i64) -> Option<i64> {
         let cut = exact.wrapping_add(self.half) >> self.right;
-        let within = self.plain && cut == cut.max(self.min).min(self.max);
-        within.then(|| (cut, exact.trailing_zeros() < self.right))
+        (self.plain && cut == cut.max(self.min).min(self.max)).then_some(cut)
     }
 
-    /// Whether a result lost bits below the last place of the `word` that it became; none where a limit may have changed it.
+    /// Three times [`Fit::one`]; none where one takes the long way or meets a limit.
     #[inline(always)]
-    pub fn seen_one(&self, exact: i64, more: i64, word: i64) -> Option<bool> {
-        if more != 0 {
-            return self.seen_one_shifted(exact, more, word);
-        }
-        // Places are to the one side or to the other. A word that met its limit, shifted back, is another result, or loses bits by that.
-        let left = (-self.places).clamp(0, 63) as u32;
-        let within = exact.wrapping_add(self.half) >> self.right == word >> left && word.trailing_zeros() >= left;
-        (within && self.word.round != Rounding::NearestEven).then(|| exact.trailing_zeros() < self.right)
+    pub fn three_within(&self, exact: [i64; 3]) -> Option<[i64; 3]> {
+        let cut = three!(i => exact[i].wrapping_add(self.half) >> self.right);
+        (self.plain && self.is_range(cut)).then_some(cut)
     }
 
-    fn seen_one_shifted(&self, exact: i64, more: i64, word: i64) -> Option<bool> {
+    /// Three times [`Fit::one_shifted`]; none where one takes the long way or meets a limit.
+    #[inline(always)]
+    pub fn three_shifted_within(&self, exact: [i64; 3], more: i64) -> Option<[i64; 3]> {
+        let places = self.places + more;
+        let cut = three!(i => self.cut(exact[i], places.clamp(0, 63) as u32));
+        (places >= 0 && self.is_range(cut)).then_some(cut)
+    }
+
+    /// Whether the format has all of these.
+    #[inline(always)]
+    fn is_range(&self, [a, b, c]: [i64; 3]) -> bool {
+        a.min(b).min(c) >= self.min && a.max(b).max(c) <= self.max
+    }
+
+    /// [`Fit::one_shifted`]; none where it takes the long way or meets a limit.
+    #[inline(always)]
+    pub fn one_shifted_within(&self, exact: i64, more: i64) -> Option<i64> {
+        let places = self.places + more;
+        let cut = self.cut(exact, places.clamp(0, 63) as u32);
+        (places >= 0 && cut == cut.max(self.min).min(self.max)).then_some(cut)
+    }
+
+    /// Whether a result became its `word` without meeting a limit.
+    #[inline(always)]
+    pub fn is_within(&self, exact: i64, more: i64, word: i64) -> bool {
         let places = self.places + more;
         let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
-        let within = self.cut(exact, right) == word >> left && word.trailing_zeros() >= left;
-        within.then(|| exact.trailing_zeros() < right)
+        // Places are to the one side or to the other. A word that met its limit, shifted back, is another result, or loses bits by that.
+        self.cut(exact, right) == word >> left && word.trailing_zeros() >= left
     }
 
     /// Plain, and its words have at most 31 bits: [`Seen`] can hold them.
     #[inline(always)]
-    fn is_short(&self) -> bool {
+    pub fn is_short(&self) -> bool {
         self.plain && self.word.format.width() < 32
     }
 
-    /// The bits of an exact result below the word's last place.
+    /// Whether a result loses bits below the word's last place.
     #[inline(always)]
-    fn below(&self) -> i64 {
-        (1 << self.right) - 1
+    pub fn is_inexact(&self, exact: i64, more: i64) -> bool {
+        exact.trailing_zeros() < (self.places + more).clamp(0, 63) as u32
     }
 
     /// A result rounded to the word's last place, before its limits; the nearest that 64 bits hold.
@@ -349,8 +364,7 @@ impl Fit {
     /// What is lost when `exact`, with `more` fraction bits than was elaborated, becomes a word.
     pub fn loss(&self, exact: i64, more: i64) -> Loss {
         let rounded = self.rounded(exact, more);
-        let right = (self.places + more).clamp(0, 63) as u32;
-        let inexact = exact & ((1u64 << right) - 1) as i64 != 0;
+        let inexact = self.is_inexact(exact, more);
         let (below, above) = (rounded < i128::from(self.min), rounded > i128::from(self.max));
         let wrap = self.word.overflow == Overflow::Wrap;
         Loss { inexact, saturated_low: below && !wrap, saturated_high: above && !wrap, wrapped: (below || above) && wrap }

@@ -66,8 +66,8 @@ pub trait Lanes:
     /// The key nearest to a word, the first of equals.
     fn nearest(keys: &[i32; LANES], word: i32) -> usize;
 
-    /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold all of it. For whoever watches:
-    /// the products, and the sums before their limits.
+    /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold all of it. For whoever watches, the
+    /// sums before their limits.
     fn add_product(
         sums: &mut [i32; LANES],
         words: &[i32; LANES],
@@ -75,7 +75,7 @@ pub trait Lanes:
         half: &[i32; LANES],
         right: &[i32; LANES],
         limits: [&[i32; LANES]; 2],
-    ) -> [Self::Words; 2];
+    ) -> Self::Words;
 
     /// Whether any lane is negative.
     #[inline(always)]
@@ -218,14 +218,13 @@ impl Lanes for Plain {
         half: &[i32; LANES],
         right: &[i32; LANES],
         [min, max]: [&[i32; LANES]; 2],
-    ) -> [PlainWords; 2] {
-        let (mut products, mut unlimited) = ([0; LANES], [0; LANES]);
+    ) -> PlainWords {
+        let mut unlimited = [0; LANES];
         for lane in 0..LANES {
-            products[lane] = words[lane].wrapping_mul(factor);
-            unlimited[lane] = sums[lane].wrapping_add(products[lane].wrapping_add(half[lane]) >> right[lane]);
+            unlimited[lane] = sums[lane].wrapping_add(words[lane].wrapping_mul(factor).wrapping_add(half[lane]) >> right[lane]);
             sums[lane] = unlimited[lane].max(min[lane]).min(max[lane]);
         }
-        [PlainWords(products), PlainWords(unlimited)]
+        PlainWords(unlimited)
     }
     #[inline(always)]
     fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32 {

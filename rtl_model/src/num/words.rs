@@ -55,11 +55,6 @@ pub trait Words:
     fn signs(self) -> u8;
     /// Each lane's word from the lane whose number it has there, 0 to 7.
     fn pick(self, lanes: Self) -> Self;
-    /// Adds one to the counter of each live lane's word: that of the number of bits of its magnitude. A lane that is not live has the
-    /// same word as the first that is, and one is.
-    fn tally(self, live: u8, counters: &mut [u64; 64]);
-    /// [`Words::tally`] where each lane is live and has counters of its own.
-    fn tally_each(self, counters: &mut [[u64; 64]; LANES]);
     /// Rows to columns: from eight items' words to eight signals, or back.
     fn transposed(rows: [Self; LANES]) -> [Self; LANES];
 
@@ -107,8 +102,6 @@ pub trait Exacts: Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<O
     fn above(self, other: Self) -> Self::Words;
     /// Magnitude of each lane.
     fn abs(self) -> Self;
-    /// Where a lane has none of these bits.
-    fn has_none(self, bits: Self) -> Self::Words;
     /// Leading zeros of each lane, of which all are positive.
     fn leading_zeros(self) -> Self::Words;
     /// The low 32 bits of each lane.
@@ -126,7 +119,7 @@ pub trait Exacts: Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<O
 pub struct PlainWords(pub [i32; LANES]);
 
 impl PlainWords {
-    #[inline(always)]
+    #[inline]
     fn zip(self, other: PlainWords, f: impl Fn(i32, i32) -> i32) -> Self {
         let mut out = self.0;
         for (own, other) in out.iter_mut().zip(other.0) {
@@ -136,89 +129,71 @@ impl PlainWords {
     }
 }
 
-/// Bits of a word's magnitude.
-#[inline(always)]
-fn bits(word: i32) -> usize {
-    (u32::BITS - word.unsigned_abs().leading_zeros()) as usize
-}
-
 impl Words for PlainWords {
     type Exact = Plain;
 
-    #[inline(always)]
+    #[inline]
     fn from_array(words: [i32; LANES]) -> Self {
         PlainWords(words)
     }
-    #[inline(always)]
+    #[inline]
     fn to_array(self) -> [i32; LANES] {
         self.0
     }
-    #[inline(always)]
+    #[inline]
     fn splat(word: i64) -> Self {
         debug_assert!(word == i64::from(word as i32), "a constant is wider than 32 bits");
         PlainWords([word as i32; LANES])
     }
-    #[inline(always)]
+    #[inline]
     fn exact(self) -> Plain {
         Plain(self.0.map(i64::from))
     }
-    #[inline(always)]
+    #[inline]
     fn left(self, by: u32) -> Self {
         self.zip(self, |v, _| v << by)
     }
-    #[inline(always)]
+    #[inline]
     fn right(self, by: u32) -> Self {
         self.zip(self, |v, _| v >> by)
     }
-    #[inline(always)]
+    #[inline]
     fn max(self, other: Self) -> Self {
         self.zip(other, i32::max)
     }
-    #[inline(always)]
+    #[inline]
     fn min(self, other: Self) -> Self {
         self.zip(other, i32::min)
     }
-    #[inline(always)]
+    #[inline]
     fn above(self, other: Self) -> Self {
         self.zip(other, |a, b| -i32::from(a > b))
     }
-    #[inline(always)]
+    #[inline]
     fn where_else(self, condition: Self, other: Self) -> Self {
         self.zip(condition, |v, holds| v & holds) | other.zip(condition, |v, holds| v & !holds)
     }
-    #[inline(always)]
+    #[inline]
     fn is_zero(self) -> Self {
         self.zip(self, |v, _| -i32::from(v == 0))
     }
-    #[inline(always)]
+    #[inline]
     fn abs(self) -> Self {
         self.zip(self, |v, _| v.abs())
     }
-    #[inline(always)]
+    #[inline]
     fn look_up(self, table: &[i32]) -> Self {
         self.zip(self, |v, _| table[v as usize & (table.len() - 1)])
     }
-    #[inline(always)]
+    #[inline]
     fn signs(self) -> u8 {
         self.0.iter().rev().fold(0, |bits, &v| bits << 1 | u8::from(v < 0))
     }
-    #[inline(always)]
+    #[inline]
     fn pick(self, lanes: Self) -> Self {
         PlainWords(lanes.0.map(|lane| self.0[lane as usize % LANES]))
     }
-    #[inline(always)]
-    fn tally(self, live: u8, counters: &mut [u64; 64]) {
-        for lane in (0..LANES).filter(|lane| live & (1 << lane) != 0) {
-            counters[bits(self.0[lane])] += 1;
-        }
-    }
-    #[inline(always)]
-    fn tally_each(self, counters: &mut [[u64; 64]; LANES]) {
-        for (word, counters) in self.0.into_iter().zip(counters) {
-            counters[bits(word)] += 1;
-        }
-    }
-    #[inline(always)]
+    #[inline]
     fn transposed(rows: [Self; LANES]) -> [Self; LANES] {
         let mut columns = rows;
         for (i, column) in columns.iter_mut().enumerate() {
@@ -233,68 +208,64 @@ impl Words for PlainWords {
 impl Exacts for Plain {
     type Words = PlainWords;
 
-    #[inline(always)]
+    #[inline]
     fn from_array(words: [i64; LANES]) -> Self {
         Plain(words)
     }
-    #[inline(always)]
+    #[inline]
     fn to_array(self) -> [i64; LANES] {
         self.0
     }
-    #[inline(always)]
+    #[inline]
     fn splat(word: i64) -> Self {
         Plain([word; LANES])
     }
-    #[inline(always)]
+    #[inline]
     fn left(self, by: u32) -> Self {
         Plain(self.0.map(|v| v << by))
     }
-    #[inline(always)]
+    #[inline]
     fn left_by(self, by: PlainWords) -> Self {
         self.zip(by.exact(), |v, by| v << by)
     }
-    #[inline(always)]
+    #[inline]
     fn right(self, by: u32) -> Self {
         Plain(self.0.map(|v| v >> by))
     }
-    #[inline(always)]
+    #[inline]
     fn max(self, other: Self) -> Self {
         self.zip(other, i64::max)
     }
-    #[inline(always)]
+    #[inline]
     fn min(self, other: Self) -> Self {
         self.zip(other, i64::min)
     }
-    #[inline(always)]
+    #[inline]
     fn above(self, other: Self) -> PlainWords {
         self.zip(other, |a, b| -i64::from(a > b)).low()
     }
-    #[inline(always)]
+    #[inline]
     fn abs(self) -> Self {
         Plain(self.0.map(i64::abs))
     }
-    #[inline(always)]
-    fn has_none(self, bits: Self) -> PlainWords {
-        self.zip(bits, |v, bits| -i64::from(v & bits == 0)).low()
-    }
-    #[inline(always)]
+    #[inline]
     fn leading_zeros(self) -> PlainWords {
         debug_assert!(self.0.iter().all(|&v| v > 0), "a lane is not positive");
         PlainWords(self.0.map(|v| v.leading_zeros() as i32))
     }
-    #[inline(always)]
+    #[inline]
     fn low(self) -> PlainWords {
         PlainWords(self.0.map(|v| v as i32))
     }
-    #[inline(always)]
+    #[inline]
     fn cut(self, by: u32) -> PlainWords {
         Exacts::right(self, by).low()
     }
-    #[inline(always)]
+    #[inline]
     fn cut_deep(self, by: u32) -> PlainWords {
         Exacts::right(self, by).low()
     }
-    #[inline(always)]
+    #[inline]
     fn cut_by(self, by: PlainWords) -> Option<PlainWords> {
         let possible = by.0.iter().all(|by| (0..64).contains(by));
         let cut = self.zip(by.exact(), |v, by| v >> (by & 63));
@@ -304,7 +275,7 @@ impl Exacts for Plain {
 
 impl Add for PlainWords {
     type Output = PlainWords;
-    #[inline(always)]
+    #[inline]
     fn add(self, other: PlainWords) -> PlainWords {
         self.zip(other, |a, b| a + b)
     }
@@ -312,7 +283,7 @@ impl Add for PlainWords {
 
 impl Sub for PlainWords {
     type Output = PlainWords;
-    #[inline(always)]
+    #[inline]
     fn sub(self, other: PlainWords) -> PlainWords {
         self.zip(other, |a, b| a - b)
     }
@@ -320,7 +291,7 @@ impl Sub for PlainWords {
 
 impl Neg for PlainWords {
     type Output = PlainWords;
-    #[inline(always)]
+    #[inline]
     fn neg(self) -> PlainWords {
         self.zip(self, |v, _| -v)
     }
@@ -328,7 +299,7 @@ impl Neg for PlainWords {
 
 impl BitAnd for PlainWords {
     type Output = PlainWords;
-    #[inline(always)]
+    #[inline]
     fn bitand(self, other: PlainWords) -> PlainWords {
         self.zip(other, |a, b| a & b)
     }
@@ -336,7 +307,7 @@ impl BitAnd for PlainWords {
 
 impl BitOr for PlainWords {
     type Output = PlainWords;
-    #[inline(always)]
+    #[inline]
     fn bitor(self, other: PlainWords) -> PlainWords {
         self.zip(other, |a, b| a | b)
     }
@@ -344,7 +315,7 @@ impl BitOr for PlainWords {
 
 impl Mul for PlainWords {
     type Output = Plain;
-    #[inline(always)]
+    #[inline]
     fn mul(self, other: PlainWords) -> Plain {
         self.exact().zip(other.exact(), |a, b| a * b)
     }

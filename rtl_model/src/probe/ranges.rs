@@ -1,11 +1,10 @@
-//! Ranges: what each signal's words were, counted one by one. [`Meters`](super::Meters) count the same, eight at a time.
+//! Ranges: what each signal's words were, counted one by one. [`Meters`](super::Meters) measure the same, and count a sample.
 //!
 //! ```text
 //! exact ─►( round )─► before its limits ─►[ saturate | wrap ]─► word
 //!     └► inexact         └► least, greatest     └► counts        └► min, max, any, bins
 //! ```
-//! All counts are of all words. A sum, a least, a greatest and a union come out the same whatever the order, so threads cannot
-//! change them.
+//! A sum, a least, a greatest and a union come out the same whatever the order, so threads cannot change them.
 //!
 //! Laws: `ranges_come_together_in_any_order`, `the_narrowest_format_holds_what_was_seen_and_no_narrower_one_does`.
 
@@ -18,7 +17,7 @@ pub const BINS: usize = 64;
 /// What one signal saw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Range {
-    /// Words seen.
+    /// Words counted.
     pub words: u64,
     /// Least word, `i64::MAX` where none was seen.
     pub min: i64,
@@ -30,7 +29,7 @@ pub struct Range {
     pub saturated_high: u64,
     /// Results whose high bits were dropped.
     pub wrapped: u64,
-    /// Results that lost bits below the last place.
+    /// Results among the words counted that lost bits below the last place.
     pub inexact: u64,
     /// Least result in units of the last place, rounded but not yet limited: what the word should have been.
     pub least: i64,
@@ -38,7 +37,7 @@ pub struct Range {
     pub greatest: i64,
     /// Every bit that was set in some result, likewise.
     pub any: i64,
-    /// Words by the number of bits of their magnitude: `bins[0]` counts zeros, `bins[n]` those from 2^(n−1) to 2^n − 1 last places.
+    /// Words counted, by the number of bits of their magnitude: `bins[0]` counts zeros, `bins[n]` those from 2^(n−1) to 2^n − 1 last places.
     pub bins: [u64; BINS],
 }
 
@@ -69,15 +68,35 @@ pub fn bin(word: i64) -> usize {
 impl Range {
     /// Counts one word.
     pub fn see(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
-        let loss = fit.loss(exact, more);
         self.words += 1;
-        self.min = self.min.min(word);
-        self.max = self.max.max(word);
+        // New extremes become rare.
+        if word < self.min {
+            self.min = word;
+        }
+        if word > self.max {
+            self.max = word;
+        }
+        self.inexact += u64::from(fit.is_inexact(exact, more));
+        self.bins[bin(word)] += 1;
+        if !fit.is_within(exact, more, word) {
+            return self.see_limited(fit, exact, more);
+        }
+        if word < self.least {
+            self.least = word;
+        }
+        if word > self.greatest {
+            self.greatest = word;
+        }
+        self.any |= word;
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn see_limited(&mut self, fit: &Fit, exact: i64, more: i64) {
+        let loss = fit.loss(exact, more);
         self.saturated_low += u64::from(loss.saturated_low);
         self.saturated_high += u64::from(loss.saturated_high);
         self.wrapped += u64::from(loss.wrapped);
-        self.inexact += u64::from(loss.inexact);
-        self.bins[bin(word)] += 1;
         self.reach(fit.before_limits(exact, more));
     }
 
@@ -105,10 +124,15 @@ impl Range {
         }
     }
 
+    /// Whether any word was seen, counted or not.
+    pub fn is_seen(&self) -> bool {
+        self.min <= self.max
+    }
+
     /// The narrowest format, signed or not as `format` is, that would have held every result of a signal in `format`; none
     /// where no word was seen. Without a sign, what lay below 0 does not count.
     pub fn narrowest(&self, format: Format) -> Option<Format> {
-        if self.words == 0 {
+        if !self.is_seen() {
             return None;
         }
         // A sign and as many bits as the magnitude of −1 − x or x, whichever is longer.

@@ -66,6 +66,11 @@ impl<'a> Mixed<'a> {
         self.switches.is_some_and(|switches| switches.0[fit.signal])
     }
 
+    /// Whether a function unit with this result is on, and can take the number: what is culled for lying behind the eye comes this far.
+    fn is_taken(self, result: &Fit) -> bool {
+        self.is_on(result) && self.value.is_normal() && self.value > 0.0
+    }
+
     /// The number modulo the reach of a register, where that is on.
     pub fn wrapped(self, fit: &Fit) -> Self {
         if !self.is_on(fit) {
@@ -208,15 +213,15 @@ impl Real for Mixed<'_> {
     }
 
     fn reciprocal(self, unit: &Reciprocal) -> Self {
-        self.with(if self.is_on(unit.result()) { unit.of(self.value) } else { 1.0 / self.value })
+        self.with(if self.is_taken(unit.result()) { unit.of(self.value) } else { 1.0 / self.value })
     }
 
     fn inverse_root(self, unit: &ReciprocalRoot) -> Self {
-        self.with(if self.is_on(unit.result()) { unit.of(self.value) } else { 1.0 / self.value.sqrt() })
+        self.with(if self.is_taken(unit.result()) { unit.of(self.value) } else { 1.0 / self.value.sqrt() })
     }
 
     fn root(self, unit: &ReciprocalRoot) -> Self {
-        self.with(if self.is_on(unit.result()) { unit.root_of(self.value) } else { self.value.sqrt() })
+        self.with(if self.is_taken(unit.result()) { unit.root_of(self.value) } else { self.value.sqrt() })
     }
 
     fn with_sign_of(self, other: Self) -> Self {

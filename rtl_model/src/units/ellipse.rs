@@ -174,8 +174,8 @@ impl Ellipse {
         let rotated = e.times(UNIT, p.rotation, machine.splat.normal);
         let normal = e.fit(UNIT, "normal", m.normal, rotated.plus(rotated).plus(rotated));
         let leaned = e.times(UNIT, p.slope, m.normal);
-        let tilt = e.fit(UNIT, "tilt", m.tilt, leaned.plus(leaned));
-        let facing = e.fit(UNIT, "facing", m.facing, leaned.plus(leaned).plus(leaned));
+        let tilt = e.fit(UNIT, "tilt", m.tilt, leaned.plus(m.normal));
+        let facing = e.fit(UNIT, "facing", m.facing, leaned.plus(leaned).plus(m.normal));
 
         let scaled = e.times(UNIT, p.focal, machine.splat.radius);
         let normalised = Exact { int_bits: 1, frac_bits: NORMALISED_FRAC_BITS };
@@ -187,7 +187,8 @@ impl Ellipse {
 
         let slope_squared = e.times(UNIT, p.slope, p.slope);
         let tilt_squared = e.times(UNIT, m.tilt, m.tilt);
-        let shape = e.fit(UNIT, "shape", m.shape, slope_squared.plus(slope_squared).plus(tilt_squared));
+        let one = Exact { int_bits: 1, frac_bits: 0 };
+        let shape = e.fit(UNIT, "shape", m.shape, slope_squared.plus(one).plus(tilt_squared));
         let low_pass = e.fit(UNIT, "low_pass", m.low_pass, m.low_pass.into());
         let spread = e.times(UNIT, m.size_squared, m.shape);
         let variance = e.fit(UNIT, "variance", m.variance, spread.plus(m.low_pass));

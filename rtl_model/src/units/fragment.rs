@@ -157,8 +157,6 @@ pub struct Limits<L> {
     right: [L; SUMS],
     min: [L; SUMS],
     max: [L; SUMS],
-    /// The bits that are cut.
-    below: [L; SUMS],
 }
 
 impl<L: Lane> Limits<L> {
@@ -168,7 +166,6 @@ impl<L: Lane> Limits<L> {
             right: right.map(|right| L::put(right.into())),
             min: words.map(|word| L::put(word.format.min())),
             max: words.map(|word| L::put(word.format.max())),
-            below: right.map(|right| L::put((1 << right.min(62)) - 1)),
         }
     }
 }
@@ -184,11 +181,10 @@ impl Lane for i32 {
         weight: i64,
         limits: &Limits<i32>,
     ) -> Option<Seen<V::Words>> {
-        let Limits { half, right, min, max, below } = limits;
-        let [products, unlimited] = V::add_product(&mut sums.0, attributes, weight as i32, half, right, [min, max]);
+        let Limits { half, right, min, max } = limits;
+        let unlimited = V::add_product(&mut sums.0, attributes, weight as i32, half, right, [min, max]);
         let words = V::Words::from_array(sums.0);
-        let exactly = (products & V::Words::from_array(*below)).is_zero();
-        Some(Seen { words, inexact: !exactly.signs(), limited: !(unlimited - words).is_zero().signs() })
+        Some(Seen { words, limited: !(unlimited - words).is_zero().signs() })
     }
     #[inline(always)]
     fn put(word: i64) -> i32 {
@@ -534,7 +530,7 @@ impl Fragment {
         if PLAIN && (!P::WORDS || P::EIGHT) {
             let before = *sums;
             match L::accumulate::<V>(sums, attributes, weight, L::limits(self)) {
-                Some(seen) if P::WORDS && seen.limited == 0 => return tap.probe.sums(seen),
+                Some(seen) if P::WORDS => return tap.probe.sums(seen),
                 _ if !P::WORDS => return,
                 _ => *sums = before,
             }

@@ -202,15 +202,15 @@ impl Shade {
             return Output::default();
         }
         let (inverse, exponent) = self.reciprocal.one(input.weight, tap);
-        let share = three!(i => tap.fit_one_shifted(&self.colour_share, input.colour[i], -exponent));
-        let rgb = three!(i => tap.fit_one(&self.rgb, share[i] * inverse));
+        let share = tap.fit_three_shifted(&self.colour_share, input.colour, -exponent);
+        let rgb = tap.fit_three(&self.rgb, three!(i => share[i] * inverse));
         let opacity_share = tap.fit_one_shifted(&self.opacity_share, input.opacity, -exponent);
         let opacity = tap.fit_one(&self.opacity, opacity_share * inverse).min(self.words.opacity_one);
 
         let colour = self.lit(registers, input, rgb, exponent, tap);
         let coverage = self.coverage(registers, input.weight, exponent, tap);
         let opacity = tap.fit_one(&self.covered, opacity * coverage);
-        Output { colour: three!(i => tap.fit_one(&self.premultiplied, colour[i] * opacity)), opacity }
+        Output { colour: tap.fit_three(&self.premultiplied, three!(i => colour[i] * opacity)), opacity }
     }
 
     /// min(1, W/τ).
@@ -230,7 +230,7 @@ impl Shade {
         let (Material::BlinnPhong { ambient, diffuse, specular, .. }, Some(table)) =
             (&registers.lighting.materials[material], &registers.highlights[material])
         else {
-            return three!(i => tap.fit_one(&self.colour, (rgb[i] << w.rgb_to_colour).min(w.colour_one)));
+            return tap.fit_three(&self.colour, three!(i => (rgb[i] << w.rgb_to_colour).min(w.colour_one)));
         };
         let normal = self.unit_normal(input.normal, exponent, tap);
         let mut irradiance = [*ambient << w.ambient; 3];
@@ -242,16 +242,12 @@ impl Shade {
                 let cosine = self.cosine(normal, half_way, tap).min(w.cosine_one - 1);
                 tap.fit_one(table.fit(), table.exact(cosine))
             });
-            for channel in 0..3 {
-                irradiance[channel] += towards * diffuse[i][channel];
-                gloss[channel] += shine * specular[i][channel];
-            }
+            irradiance = three!(channel => irradiance[channel] + towards * diffuse[i][channel]);
+            gloss = three!(channel => gloss[channel] + shine * specular[i][channel]);
         }
-        three!(channel => {
-            let irradiance = tap.fit_one(&self.irradiance, irradiance[channel]);
-            let exact = ((rgb[channel] * irradiance) << w.lit) + (gloss[channel] << w.glossy);
-            tap.fit_one(&self.colour, exact.min(w.colour_one))
-        })
+        let irradiance = tap.fit_three(&self.irradiance, irradiance);
+        let exact = three!(channel => ((rgb[channel] * irradiance[channel]) << w.lit) + (gloss[channel] << w.glossy));
+        tap.fit_three(&self.colour, three!(channel => exact[channel].min(w.colour_one)))
     }
 
     /// max(0, N·direction).
@@ -262,13 +258,13 @@ impl Shade {
 
     /// The unit normal, turned towards the viewer; none where the sums cancel.
     fn unit_normal<P: Probe>(&self, sums: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> Option<[i64; 3]> {
-        let share = three!(i => tap.fit_one_shifted(&self.normal_share, sums[i], -exponent));
+        let share = tap.fit_three_shifted(&self.normal_share, sums, -exponent);
         let squared = share[0] * share[0] + share[1] * share[1] + share[2] * share[2];
         if squared == 0 {
             return None;
         }
         let (inverse, exponent) = self.root.one(squared, tap);
-        let normal = three!(i => tap.fit_one_shifted(&self.normal, share[i] * inverse, -exponent));
+        let normal = tap.fit_three_shifted(&self.normal, three!(i => share[i] * inverse), -exponent);
         Some(if normal[2] > 0 { three!(i => -normal[i]) } else { normal })
     }
 }

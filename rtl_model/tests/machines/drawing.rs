@@ -5,7 +5,7 @@ use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use proptest::prelude::*;
 use rtl_model::machine::Rows;
 use rtl_model::pipeline::{draw, draw_ranged, draw_unwatched};
-use rtl_model::probe::Ranges;
+use rtl_model::probe::{Range, Ranges};
 use rtl_model::{Drawing, Elaborated, Frame, Machine};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -79,16 +79,45 @@ fn meters_read_what_ranges_count() {
     }
 }
 
-/// The same frame by one, two and three threads, watched and not. More splats than one thread sets up at a time.
+/// More splats than one thread sets up at a time, and more tiles than are counted one by one.
+fn crowd(machine: &Machine) -> Frame {
+    let mut frame = frame(machine, 11, 10_000);
+    (frame.width, frame.height) = (100, 60);
+    let splats: Vec<_> = (0..400).flat_map(|seed| crate::frames::frame(machine, seed, 10_000).splats).collect();
+    frame.splats = splats.iter().cycle().take(9_000).copied().collect();
+    frame
+}
+
+/// Where they count a sample, only what is counted is less.
+#[test]
+fn meters_measure_all_and_count_a_sample() {
+    for name in Machine::NAMES {
+        let machine = Machine::named(name).unwrap();
+        let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
+        let (read, counted) = (draw_ranged(&elaborated, &frame).1, counted(&elaborated, &frame));
+        let mut most_left_out = 0.0f64;
+        for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
+            let name = format!("{}.{} of {name}", signal.unit, signal.name);
+            let Range { words, inexact, bins, .. } = *counted;
+            assert_eq!(Range { words, inexact, bins, ..*read }, *counted, "{name}");
+            assert_eq!(read.bins.iter().sum::<u64>(), read.words, "{name}");
+            assert!(read.words <= words && read.inexact <= inexact && read.bins.iter().zip(&bins).all(|(read, all)| read <= all), "{name}");
+            if words > 10_000 {
+                let share = |range: &Range| range.inexact as f64 / range.words as f64;
+                assert!((share(read) - share(counted)).abs() < 0.05, "{name}: {} and {}", share(read), share(counted));
+                most_left_out = most_left_out.max(1.0 - read.words as f64 / words as f64);
+            }
+        }
+        assert!(most_left_out > 0.9, "{name}: {most_left_out}");
+    }
+}
+
+/// The same frame by one, two and three threads, watched and not.
 #[test]
 fn threads_and_watchers_change_no_bit() {
     for name in Machine::NAMES {
         let machine = Machine::named(name).unwrap();
-        let elaborated = machine.elaborate().unwrap();
-        let mut frame = frame(&machine, 11, 10_000);
-        (frame.width, frame.height) = (100, 60);
-        let splats: Vec<_> = (0..400).flat_map(|seed| crate::frames::frame(&machine, seed, 10_000).splats).collect();
-        frame.splats = splats.iter().cycle().take(9_000).copied().collect();
+        let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
         let watched = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let (drawing, ranges) = pool.install(|| draw_ranged(&elaborated, &frame));

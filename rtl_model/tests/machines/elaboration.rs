@@ -42,6 +42,15 @@ fn no_multiplier_is_wider_than_promised() {
     }
 }
 
+/// Slopes below 1, which are added to 1 and to the normal: sums are as wide as their widest term.
+#[test]
+fn a_sum_is_as_wide_as_its_widest_term() {
+    let slope = with_format(&Machine::named("lean").unwrap(), "project.slope", Format::signed(-2, 20));
+    assert!(slope.elaborate().is_ok());
+    let misfits = with_format(&slope, "ellipse.tilt", Format::signed(-5, 31)).elaborate().unwrap_err();
+    assert_eq!(misfits, ["ellipse.shape is made from an exact result of 65 bits, but 62 can be held: 3 bits must go from its operands"]);
+}
+
 /// What the source multiplies, unit by unit: products of two words, and the function units' own.
 #[test]
 fn every_multiplier_is_declared() {

@@ -26,7 +26,7 @@ impl Work for Everything<'_> {
         let (low, high) = (self.a.map(|word| word as i32), self.b.map(|word| word as i32));
         let mut sums = self.keys;
         let limits = [low.map(|word| word.min(1000)), high.map(|word| word.max(-1000))];
-        let [products, unlimited] =
+        let unlimited =
             L::add_product(&mut sums, &low, self.b[0] as i32, &high, &self.by.map(|by| by as i32 / 2), [&limits[0], &limits[1]]);
         let all = [
             L::splat(self.a[0]),
@@ -53,7 +53,6 @@ impl Work for Everything<'_> {
             pairs[0],
             pairs[1],
             L::from_array(sums.map(i64::from)),
-            L::from_array(products.to_array().map(i64::from)),
             L::from_array(unlimited.to_array().map(i64::from)),
             L::from_array(a.low().to_array().map(i64::from)),
         ];
