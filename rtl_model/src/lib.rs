@@ -28,6 +28,7 @@ pub mod pipeline;
 pub mod probe;
 pub mod real;
 pub mod units;
+pub mod work;
 
 pub use frame::Frame;
 pub use machine::{Elaborated, Machine};

@@ -19,6 +19,7 @@ use crate::units::fragment::{
 };
 use crate::units::resolve::Layer;
 use crate::units::{ellipse, project, raster, shade};
+use crate::work::{Recorder, Work as Recorded};
 use rayon::prelude::*;
 
 /// Splats that were not drawn, by reason.
@@ -108,6 +109,24 @@ pub fn set_up_metered(machine: &Elaborated, frame: &Frame, meters: &mut Meters) 
 /// [`fill`], metered.
 pub fn fill_metered(machine: &Elaborated, frame: &Frame, setup: &Setup, meters: &mut Meters) -> Drawing {
     fill(machine, frame, setup, meters)
+}
+
+/// Draws a frame and records the work.
+pub fn draw_recorded(machine: &Elaborated, frame: &Frame) -> (Drawing, Recorded) {
+    let mut recorder = Recorder::default();
+    let setup = set_up_recorded(machine, frame, &mut recorder);
+    let drawing = fill_recorded(machine, frame, &setup, &mut recorder);
+    (drawing, recorder.work(frame.width, frame.height))
+}
+
+/// [`set_up`], recorded.
+pub fn set_up_recorded(machine: &Elaborated, frame: &Frame, recorder: &mut Recorder) -> Setup {
+    set_up(machine, frame, recorder)
+}
+
+/// [`fill`], recorded.
+pub fn fill_recorded(machine: &Elaborated, frame: &Frame, setup: &Setup, recorder: &mut Recorder) -> Drawing {
+    fill(machine, frame, setup, recorder)
 }
 
 /// Draws a frame and tells the range of every signal.
@@ -253,12 +272,15 @@ impl Units<'_> {
         if left & culled.signs() != 0 {
             // In the order in which the units find them: the first that holds is the reason.
             let reasons = [point.near, point.outside, ellipse.backface, ellipse.faint, ellipse.outside];
-            let mut found = [0; 5];
-            for (found, reason) in found.iter_mut().zip(reasons) {
-                *found = u64::from((left & reason.signs()).count_ones());
-                left &= !reason.signs();
+            let mut lanes = [0; 5];
+            for (lanes, reason) in lanes.iter_mut().zip(reasons) {
+                *lanes = left & reason.signs();
+                left &= !*lanes;
             }
-            let [near, outside, backface, faint, missing] = found;
+            if P::WORK {
+                tap.probe.culled(first, lanes);
+            }
+            let [near, outside, backface, faint, missing] = lanes.map(|lanes| u64::from(lanes.count_ones()));
             out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface });
         }
 
@@ -275,6 +297,9 @@ impl Units<'_> {
             let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
             let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
             let [r, g, b] = own.rgb;
+            if P::WORK {
+                tap.probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
+            }
             out.prepared[out.count] = Prepared {
                 raster: raster::Input {
                     pixel: [x, y],
@@ -336,7 +361,7 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
         if let Some(ranges) = run.probe.again(nth, touched.len()) {
             fill_again(shared, part, ranges);
         }
-        if P::DECISIONS {
+        if P::DECISIONS || P::WORK {
             let [x, y] = resolved.corner.map(u32::from);
             run.probe.tile(x, y);
         }
@@ -500,6 +525,10 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         for lane in 0..splats.len().min(LANES) {
             let tap = &mut Tap::new(&mut *self.probe);
             machine.raster.span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap);
+            if P::WORK {
+                let (rows, left) = walks.part(lane);
+                tap.probe.span(rows, left, span.all());
+            }
             let mut first = 0;
             while first < span.fragments() {
                 self.contribute::<V>(prepared[lane], (&walks, lane), span, first, outcomes);
@@ -535,6 +564,9 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         let pixels = walks.pixels(lane, places);
         for lane in 0..count {
             if weight[lane] == 0 {
+                if P::WORK {
+                    tap.probe.became(None);
+                }
                 continue;
             }
             let pixel = pixels[lane];
@@ -551,6 +583,9 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
             // Most are accumulated: those are what is left of the contributions in the end.
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
+            }
+            if P::WORK {
+                tap.probe.became(Some(decision));
             }
             if P::DECISIONS {
                 let [x, y] = self.part.corner.map(u32::from);
@@ -575,10 +610,16 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
             let live = self.tile.live(at);
             let [x, y] = [pixel % TILE_PX + usize::from(corner[0]), pixel / TILE_PX + usize::from(corner[1])].map(|at| at as u32);
             if x >= frame.width || y >= frame.height {
+                if P::WORK {
+                    tap.probe.held(0, 0);
+                }
                 continue;
             }
             for (slot, layer) in layers[..live].iter_mut().enumerate() {
                 *layer = lit_layer(machine, lights, slot, &self.tile.slot(at, slot), tap);
+            }
+            if P::WORK {
+                tap.probe.held(live as u8, layers[..live].iter().filter(|layer| !layer.merged).count() as u8);
             }
             layers[..live].sort_by_key(|layer| layer.depth);
             let word = machine.resolve.one(&layers[..live], frame.background, tap);
@@ -599,6 +640,9 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
 /// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.
 #[inline(never)]
 fn shade_for_merge<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
+    if P::WORK {
+        tap.probe.shaded();
+    }
     shade_slot(machine, lights, slot, tap)
 }
 

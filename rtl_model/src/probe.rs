@@ -8,6 +8,7 @@
 
 mod meters;
 mod ranges;
+mod recorder;
 
 pub use meters::Meters;
 pub use ranges::{BINS, Range, Ranges};
@@ -26,6 +27,9 @@ pub trait Probe: Send + Sync + Sized {
     const DECISIONS: bool;
     /// Whether its frames are worth vector instructions and paths of their own for common machines: quick to draw, slow to compile.
     const QUICK: bool = false;
+
+    /// Whether work is wanted: what became of splats, rows, contributions and pixels.
+    const WORK: bool = false;
 
     /// A fresh watcher of the same kind, for another part of the frame.
     fn fork(&self) -> Self;
@@ -62,7 +66,24 @@ pub trait Probe: Send + Sync + Sized {
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
     /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
-    /// The tile whose first pixel is (x, y) is done: its decisions have all been told.
+    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`](crate::work::CULLED), the first in the last
+    /// place.
+    fn culled(&mut self, _first: u32, _lanes: [u8; 5]) {}
+    /// A splat has a box: its first and last column and row.
+    #[inline(always)]
+    fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
+    /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
+    #[inline(always)]
+    fn span(&mut self, _rows: usize, _left: usize, _places: &[u8]) {}
+    /// What became of the next place; none where its weight rounds to 0.
+    #[inline(always)]
+    fn became(&mut self, _decision: Option<Decision>) {}
+    /// A fragment is shaded so that it can merge.
+    fn shaded(&mut self) {}
+    /// The next pixel of a tile ends with so many fragments, of which so many are left to shade.
+    #[inline(always)]
+    fn held(&mut self, _fragments: u8, _shades: u8) {}
+    /// The tile whose first pixel is (x, y) is done: all of it has been told.
     fn tile(&mut self, _x: u32, _y: u32) {}
 }
 

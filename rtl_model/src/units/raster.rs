@@ -82,6 +82,11 @@ impl Walks {
         u64::from_le_bytes(places).wrapping_add(first).to_le_bytes()
     }
 
+    /// How many rows of the tile a splat's box has there, and the tile's column that it begins at.
+    pub fn part(&self, lane: usize) -> (usize, usize) {
+        (self.size(lane)[1], self.first_pixel[lane] as usize % SIDE_PX)
+    }
+
     #[inline(always)]
     fn size(&self, lane: usize) -> [usize; 2] {
         [self.columns[lane] as usize, (self.rows[lane] as usize).min(SIDE_PX)]
@@ -140,6 +145,11 @@ impl Span {
     #[inline(always)]
     pub fn fragments(&self) -> usize {
         self.fragments
+    }
+
+    /// Where they lie, from the part's first pixel: 16 · row + column.
+    pub fn all(&self) -> &[u8] {
+        &self.place[..self.fragments]
     }
 
     /// Where eight fragments lie, from the part's first pixel: 16 · row + column.

@@ -4,3 +4,4 @@ mod drawing;
 mod elaboration;
 mod frames;
 mod mutation;
+mod working;

@@ -1,0 +1,60 @@
+//! Recorder: a watcher that records [work](crate::work).
+
+use super::Probe;
+use crate::units::fragment::Decision;
+use crate::work::{Event, Recorder};
+
+impl Probe for Recorder {
+    const WORDS: bool = false;
+    const QUICK: bool = true;
+    const DECISIONS: bool = false;
+    const WORK: bool = true;
+
+    fn fork(&self) -> Self {
+        Recorder::fork(self)
+    }
+
+    fn absorb(&mut self, fork: Self) {
+        Recorder::absorb(self, fork);
+    }
+
+    fn culled(&mut self, first: u32, lanes: [u8; 5]) {
+        Recorder::culled(self, first, lanes);
+    }
+
+    #[inline(always)]
+    fn drawn(&mut self, splat: u32, sides: [[u16; 2]; 2]) {
+        Recorder::drawn(self, splat, sides);
+    }
+
+    #[inline(always)]
+    fn span(&mut self, rows: usize, left: usize, places: &[u8]) {
+        Recorder::span(self, rows, left, places);
+    }
+
+    #[inline(always)]
+    fn became(&mut self, decision: Option<Decision>) {
+        let event = match decision {
+            Some(Decision::Accumulated(_)) => Event::Accumulated,
+            Some(Decision::Inserted(_)) => Event::Inserted,
+            Some(Decision::Merged(..)) => Event::Merged(self.take_shaded()),
+            Some(Decision::Evicted(_)) => Event::Evicted,
+            Some(Decision::Replaced | Decision::Dropped) => Event::Replaced,
+            None => Event::Faint,
+        };
+        Recorder::became(self, event);
+    }
+
+    fn shaded(&mut self) {
+        Recorder::shaded(self);
+    }
+
+    #[inline(always)]
+    fn held(&mut self, fragments: u8, shades: u8) {
+        self.pixel(fragments, shades);
+    }
+
+    fn tile(&mut self, x: u32, y: u32) {
+        Recorder::tile(self, [x as u16, y as u16]);
+    }
+}

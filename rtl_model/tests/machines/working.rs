@@ -1,0 +1,154 @@
+//! Is the work that is recorded the work that was done?
+
+use crate::frames::frame;
+use rtl_model::machine::Merge;
+use rtl_model::pipeline::{draw, draw_recorded, draw_unwatched};
+use rtl_model::probe::Probe;
+use rtl_model::units::fragment::{Contribution, Decision};
+use rtl_model::units::resolve::Layer;
+use rtl_model::work::{Event, Fate, TILE_PX, Work, clip};
+use rtl_model::{Elaborated, Frame, Machine};
+use std::collections::BTreeMap;
+
+/// Hears decisions one by one: what became of each contribution, pixel by pixel, and what each pixel held.
+#[derive(Default)]
+struct Witness {
+    pixels: BTreeMap<[u32; 2], Vec<(u32, Decision)>>,
+    held: BTreeMap<[u32; 2], [u8; 2]>,
+}
+
+impl Probe for Witness {
+    const WORDS: bool = false;
+    const DECISIONS: bool = true;
+
+    fn fork(&self) -> Self {
+        Witness::default()
+    }
+
+    fn absorb(&mut self, fork: Self) {
+        self.pixels.extend(fork.pixels);
+        self.held.extend(fork.held);
+    }
+
+    fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
+        self.pixels.entry([x, y]).or_default().push((contribution.splat, decision));
+    }
+
+    fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], _frame: [i64; 4]) {
+        let left = layers.iter().filter(|layer| !layer.merged).count();
+        self.held.insert([x, y], [layers.len() as u8, left as u8]);
+    }
+}
+
+/// The record's contributions, pixel by pixel; faint ones too.
+fn told(work: &Work) -> BTreeMap<[u32; 2], Vec<(u32, Event)>> {
+    let mut pixels: BTreeMap<[u32; 2], Vec<_>> = BTreeMap::new();
+    for tile in &work.tiles {
+        let mut reader = tile.reader();
+        let [left, top] = tile.corner;
+        for footprint in &work.footprints {
+            let [columns, rows] = [clip(footprint.columns, left), clip(footprint.rows, top)];
+            if columns.is_empty() {
+                continue;
+            }
+            for row in rows {
+                let kept = reader.row();
+                let mut quick = reader.clone();
+                let only = quick.only_accumulates(kept.count_ones());
+                let mut all = true;
+                for column in (0..TILE_PX).filter(|column| kept & (1 << column) != 0) {
+                    assert!(columns.contains(&column));
+                    let event = reader.event();
+                    all &= event == Event::Accumulated;
+                    pixels
+                        .entry([u32::from(left) + column as u32, u32::from(top) + row as u32])
+                        .or_default()
+                        .push((footprint.splat, event));
+                }
+                assert!(all || !only, "a row that does not only accumulate");
+            }
+        }
+    }
+    pixels
+}
+
+fn is_same(event: Event, decision: Decision) -> bool {
+    match decision {
+        Decision::Accumulated(_) => event == Event::Accumulated,
+        Decision::Inserted(_) => event == Event::Inserted,
+        Decision::Merged(..) => matches!(event, Event::Merged(0..=2)),
+        Decision::Evicted(_) => event == Event::Evicted,
+        Decision::Replaced | Decision::Dropped => event == Event::Replaced,
+    }
+}
+
+fn crowds() -> Vec<(Elaborated, Frame)> {
+    let mut all = Vec::new();
+    for name in Machine::NAMES {
+        for (layers, merge) in [(3, Merge::FarthestPair), (2, Merge::NearestPair), (1, Merge::Replace)] {
+            let mut machine = Machine::named(name).unwrap();
+            (machine.fragment.layers, machine.fragment.merge, machine.fragment.evict_hidden) = (layers, merge, layers == 3);
+            let mut frame = frame(&machine, 5, 10_000);
+            (frame.width, frame.height) = (75, 40);
+            frame.splats = (0..60).flat_map(|seed| crate::frames::frame(&machine, seed, 500).splats).collect();
+            all.push((machine.elaborate().unwrap(), frame));
+        }
+    }
+    all
+}
+
+#[test]
+fn what_is_recorded_is_what_was_drawn() {
+    let mut seen = BTreeMap::new();
+    for (machine, frame) in crowds() {
+        let (drawing, work) = draw_recorded(&machine, &frame);
+        assert_eq!(drawing, draw_unwatched(&machine, &frame));
+        let mut witness = Witness::default();
+        draw(&machine, &frame, &mut witness);
+
+        let told = told(&work);
+        for (pixel, events) in &told {
+            let decisions = witness.pixels.remove(pixel).unwrap_or_default();
+            let kept: Vec<_> = events.iter().filter(|(_, event)| *event != Event::Faint).collect();
+            assert_eq!(kept.len(), decisions.len(), "{pixel:?}");
+            for ((splat, event), (of, decision)) in kept.into_iter().zip(decisions) {
+                assert!(*splat == of && is_same(*event, decision), "{pixel:?}: {event:?} of {splat}, {decision:?} of {of}");
+            }
+            events.iter().for_each(|(_, event)| *seen.entry(format!("{event:?}")).or_insert(0) += 1);
+        }
+        assert!(witness.pixels.is_empty(), "{:?}", witness.pixels);
+        for (pixel, held) in witness.held {
+            let [column, row] = pixel.map(|at| at as usize % TILE_PX);
+            let tile = work.tiles.iter().find(|tile| tile.corner.map(u32::from) == pixel.map(|at| at / 16 * 16)).unwrap();
+            assert_eq!(tile.pixel(TILE_PX * row + column), held, "{pixel:?}");
+        }
+
+        let fates = |of: &[Fate]| work.fates.iter().filter(|fate| of.contains(fate)).count() as u64;
+        let culled = drawing.culled;
+        assert_eq!(work.fates.len(), frame.splats.len());
+        assert_eq!([fates(&[Fate::Near]), fates(&[Fate::Outside, Fate::Missing])], [culled.near, culled.outside]);
+        assert_eq!([fates(&[Fate::Faint]), fates(&[Fate::Backface])], [culled.faint, culled.backface]);
+        assert!(work.footprints.iter().all(|footprint| work.fates[footprint.splat as usize] == Fate::Drawn));
+        assert_eq!(fates(&[Fate::Drawn]), work.footprints.len() as u64);
+        assert!(work.footprints.is_sorted_by_key(|footprint| footprint.splat));
+        // A merge needs light where a fragment has none yet.
+        let shades: u64 =
+            told.values().flatten().map(|(_, event)| if let Event::Merged(shades) = event { u64::from(*shades) } else { 0 }).sum();
+        assert!(shades <= 2 * drawing.outcomes.merged && (shades > 0) == (drawing.outcomes.merged > 0));
+    }
+    for event in ["Accumulated", "Faint", "Inserted", "Merged(1)", "Merged(2)", "Evicted", "Replaced"] {
+        assert!(seen.get(event).is_some_and(|count| *count > 20), "{event}: {seen:?}");
+    }
+}
+
+#[test]
+fn a_record_is_the_same_for_any_number_of_threads() {
+    let (machine, mut frame) = crowds().swap_remove(0);
+    frame.splats = frame.splats.iter().cycle().take(20_000).copied().collect();
+    let with =
+        |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| draw_recorded(&machine, &frame));
+    let one = with(1);
+    assert!(one.1.footprints.len() > 9000);
+    assert_eq!(with(2), one);
+    assert_eq!(with(3), one);
+}
