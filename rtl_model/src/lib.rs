@@ -27,6 +27,7 @@ pub mod num;
 pub mod pipeline;
 pub mod probe;
 pub mod real;
+pub mod timing;
 pub mod units;
 pub mod work;
 

@@ -8,6 +8,8 @@ use crate::units::{ellipse, fragment, gauss, project, raster, resolve, shade};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub mod timing;
+
 /// A whole machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -30,6 +32,8 @@ pub struct Machine {
     pub shade: Shade,
     /// Blend into the frame.
     pub resolve: Resolve,
+    /// The microarchitecture: where time goes. It changes no picture.
+    pub timing: timing::Timing,
 }
 
 /// A reciprocal or root: table, then Newton steps.
@@ -497,6 +501,8 @@ pub struct Elaborated {
     pub shade: shade::Shade,
     /// Blend into the frame.
     pub resolve: resolve::Resolve,
+    /// The microarchitecture.
+    pub timing: timing::Elaborated,
 }
 
 impl Elaborated {
@@ -533,6 +539,7 @@ impl Machine {
             fragment: fragment::Fragment::new(e, self, raster::Raster::depth_exact(self)),
             shade: shade::Shade::new(e, self),
             resolve: resolve::Resolve::new(e, self),
+            timing: self.elaborate_timing(e),
             machine: self.clone(),
             signals: std::mem::take(&mut e.signals),
             multipliers: std::mem::take(&mut e.multipliers),
@@ -690,6 +697,7 @@ fn reference() -> Machine {
             premultiplied: unsigned(1, 18),
         },
         resolve: Resolve { transmittance: unsigned(1, 18), frame: unsigned(1, 16) },
+        timing: timing::DEFAULT,
     }
 }
 
@@ -792,6 +800,7 @@ fn lean() -> Machine {
             premultiplied: unsigned(1, 14),
         },
         resolve: Resolve { transmittance: unsigned(1, 14), frame: unsigned(1, 12) },
+        timing: timing::DEFAULT,
     }
 }
 
@@ -894,5 +903,6 @@ fn tiny() -> Machine {
             premultiplied: unsigned(1, 8),
         },
         resolve: Resolve { transmittance: unsigned(1, 8), frame: unsigned(1, 8) },
+        timing: timing::DEFAULT,
     }
 }

@@ -175,6 +175,22 @@ impl Work {
         self.fates.len() + size_of::<Footprint>() * self.footprints.len() + self.tiles.iter().map(Tile::bytes).sum::<usize>()
     }
 
+    /// How many fragments of each pixel, row by row, are left to shade in the end.
+    pub fn left_to_shade(&self) -> Vec<u8> {
+        let [width, height] = [self.width, self.height].map(|size| size as usize);
+        let mut left = vec![0; width * height];
+        for tile in &self.tiles {
+            let [x, y] = tile.corner.map(usize::from);
+            for row in 0..TILE_PX.min(height - y) {
+                let first = (y + row) * width + x;
+                for (column, left) in left[first..first + TILE_PX.min(width - x)].iter_mut().enumerate() {
+                    *left = tile.pixel(row * TILE_PX + column)[1];
+                }
+            }
+        }
+        left
+    }
+
     /// Rows of the boxes of all drawn splats.
     pub fn rows(&self) -> u64 {
         self.footprints.iter().map(|footprint| u64::from(footprint.rows[1] - footprint.rows[0]) + 1).sum()

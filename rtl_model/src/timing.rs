@@ -1,0 +1,73 @@
+//! Timing: recorded work → cycles. It never asks what a value is, and never decides what work there is.
+//!
+//! ```text
+//! Work ─►( slots )─► immediate: fetch ─► project ─► ellipse ─► raster ─► gauss ─► cache ─► fragment ─► resolve
+//!                └─► binned:    fetch ─► project ─► ellipse ─► lists ║ fetch ─► raster ─► gauss ─► fragment ─► resolve
+//! ```
+//! Units are in order. One takes an item at the latest of three moments: the item is here, the unit is free, there is room behind it. The
+//! cycles that it waits have that moment's name. So nothing ticks: a frame is gone through once, item by item, each through all units.
+//!
+//! - *Here*: `latency` cycles after the unit before took it.
+//! - *Free*: `interval` cycles after the item before, or what that took.
+//! - *Room*: behind a unit lie as many places as its FIFO has and as are under way in its pipeline. A place is taken when the unit takes an
+//!   item that goes on, and given back when the next unit takes that; it can be taken again in the cycle after.
+//!
+//! Exact, cycle by cycle, is all of this but memory, whose one channel serves requests in the order in which items are gone through, each
+//! as soon as the channel has a free moment (`memory.rs`). Not modelled: refresh, turning the channel from reading to writing, and
+//! the contention of merges and resolve for one shade unit where tiles have two buffers.
+
+mod account;
+mod binned;
+mod cache;
+mod immediate;
+mod memory;
+mod slots;
+
+pub use account::{Account, UnitCycles, Wait};
+pub use memory::{Client, MemoryCycles};
+
+use crate::machine::timing::{Elaborated, Organisation};
+use crate::work::Work;
+
+/// How long a frame takes, and why.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Cycles {
+    /// From the first request to the last word written.
+    pub total: u64,
+    /// Every unit, in the order of the diagram.
+    pub units: Vec<UnitCycles>,
+    /// What lies outside of the chip.
+    pub memory: MemoryCycles,
+    /// Lines looked up by the cache, and those among them that it had.
+    pub lookups: [u64; 2],
+    /// Slots of the rasteriser, and those among them that kept a pixel.
+    pub slots: [u64; 2],
+}
+
+impl Cycles {
+    /// What is busy in the most cycles: a unit, or memory.
+    pub fn bottleneck(&self) -> &'static str {
+        let busiest = self.units.iter().max_by_key(|unit| unit.account.busy);
+        match busiest {
+            Some(unit) if unit.account.busy >= self.memory.busy => unit.name,
+            _ => "memory",
+        }
+    }
+}
+
+/// Replays a frame's work on a microarchitecture.
+pub fn replay(timing: &Elaborated, work: &Work) -> Cycles {
+    replay_as(timing, work, false)
+}
+
+/// [`replay`], and when each unit took each item.
+pub fn replay_logged(timing: &Elaborated, work: &Work) -> Cycles {
+    replay_as(timing, work, true)
+}
+
+fn replay_as(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
+    match timing.timing.organisation {
+        Organisation::Immediate => immediate::replay(timing, work, logged),
+        Organisation::Binned => binned::replay(timing, work, logged),
+    }
+}
