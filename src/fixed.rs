@@ -6,6 +6,7 @@ use crate::picture::Picture;
 use crate::quantise::Quantised;
 use rtl_model::machine::{self, Elaborated, Machine};
 use rtl_model::probe::Ranges;
+use rtl_model::work::Work;
 use rtl_model::{Drawing, pipeline};
 
 /// A machine that can draw, or every reason why it cannot, in one sentence.
@@ -24,6 +25,11 @@ pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
 /// Draws and watches the range of every signal.
 pub fn draw_ranged(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges) {
     pipeline::draw_ranged(machine, &quantised.frame)
+}
+
+/// Draws and records the work.
+pub fn draw_recorded(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Work) {
+    pipeline::draw_recorded(machine, &quantised.frame)
 }
 
 /// The machine's frame as a picture.

@@ -5,6 +5,7 @@ pub mod chart;
 pub mod cli;
 pub mod colour;
 pub mod compare;
+pub mod cycles;
 pub mod error;
 pub mod explain;
 pub mod fixed;

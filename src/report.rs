@@ -2,6 +2,7 @@
 
 use crate::attribute::Attribution;
 use crate::compare::{Metrics, Summary};
+use crate::cycles::CyclesReport;
 use crate::quantise::Scale;
 use crate::ranges::SignalReport;
 use comfy_table::{CellAlignment, Table, presets};
@@ -32,6 +33,8 @@ pub struct Report {
     pub fragments: Fragments,
     /// Every signal's range.
     pub signals: Vec<SignalReport>,
+    /// How long the machine takes.
+    pub cycles: CyclesReport,
     /// What the golden renderer found on the same scene.
     pub golden: Golden,
     /// Who makes how much of the error; only where that was asked for.
@@ -89,6 +92,8 @@ pub struct MachineReport {
     pub fragment_bits: i32,
     /// Bits of the widest multiplier operand.
     pub widest_operand_bits: i32,
+    /// The microarchitecture, nothing left out.
+    pub timing: rtl_model::machine::timing::Elaborated,
 }
 
 /// Distances of the three pictures.
@@ -152,6 +157,10 @@ pub struct Host {
     pub fixed_seconds: f64,
     /// The machine, watched.
     pub watched_seconds: f64,
+    /// The machine, its work recorded.
+    pub recorded_seconds: f64,
+    /// Replaying that.
+    pub replay_seconds: f64,
     /// `golden`.
     pub golden_seconds: f64,
     /// `ideal`.
@@ -173,6 +182,7 @@ impl MachineReport {
             description: machine.machine.clone(),
             fragment_bits: machine.machine.fragment_bits(),
             widest_operand_bits: widest.unwrap_or(0),
+            timing: machine.timing.clone(),
         }
     }
 }
@@ -202,6 +212,7 @@ impl Report {
         let _ = writeln!(text, "{}\n", self.accuracy_table());
         let _ = writeln!(text, "{}\n", self.lockstep_summary());
         let _ = writeln!(text, "{}\n", self.work_table());
+        let _ = writeln!(text, "{}\n", self.cycles.summary());
         let _ = writeln!(text, "{}", self.signal_summary());
         for note in &scene.notes {
             let _ = writeln!(text, "{}", wrapped(&format!("note: {note}")));

@@ -9,6 +9,7 @@
 use crate::attribute::attribute;
 use crate::chart;
 use crate::compare::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
+use crate::cycles::CyclesReport;
 use crate::error::{Error, Result};
 use crate::fixed;
 use crate::golden::{self, Rendering};
@@ -18,7 +19,9 @@ use crate::ranges::{self, SignalReport};
 use crate::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::Scene;
 use rtl_model::Machine;
+use rtl_model::timing;
 use std::fs;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -49,6 +52,8 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, attributed: bool
     let quantised = quantised?;
     let (drawing, fixed_seconds) = timed(|| fixed::draw(&elaborated, &quantised));
     let ((_, ranges), watched_seconds) = timed(|| fixed::draw_ranged(&elaborated, &quantised));
+    let ((_, work), recorded_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
+    let (cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work));
     let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
     let (lockstep, lockstep_seconds) = timed(|| lockstep(scene, &elaborated, &quantised));
@@ -77,6 +82,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, attributed: bool
         },
         fragments: drawing.outcomes.into(),
         signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
+        cycles: CyclesReport::new(&elaborated.timing, &cycles),
         golden: found(&golden),
         attribution,
         error_scale: error.scale,
@@ -86,6 +92,8 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, attributed: bool
             quantise_seconds,
             fixed_seconds,
             watched_seconds,
+            recorded_seconds,
+            replay_seconds,
             golden_seconds,
             ideal_seconds,
             lockstep_seconds,
@@ -153,6 +161,9 @@ impl Outcome {
         let path = folder.join("ranges.png");
         let chart = ranges::chart(&self.report);
         chart::write_png(&[&chart], 1, chart.size_px(), &path)?;
+        written.push(path);
+        let path = folder.join("cycles.csv");
+        write_beside(&path, |file| file.write_all(self.report.cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;
         written.push(path);
         let path = folder.join("report.json");
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;

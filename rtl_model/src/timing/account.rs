@@ -54,6 +54,8 @@ pub struct Places {
     room: u64,
     taken: u64,
     given: u64,
+    /// The first that was not given back before the last was taken.
+    oldest: u64,
     occupancy: Box<[u64]>,
 }
 
@@ -64,6 +66,7 @@ impl Places {
             room: room as u64,
             taken: 0,
             given: 0,
+            oldest: 0,
             occupancy: vec![0; room + 1].into(),
         }
     }
@@ -84,11 +87,11 @@ impl Places {
     pub fn take(&mut self, now: u64) {
         self.taken += 1;
         // With this one, those that were taken and not given back before this cycle.
-        let mut oldest = self.given;
-        while oldest > 0 && self.taken - oldest < self.room && self.given_back[self.at(oldest - 1)] >= now {
-            oldest -= 1;
+        self.oldest = self.oldest.max(self.taken.saturating_sub(self.room));
+        while self.oldest < self.given && self.given_back[self.at(self.oldest)] < now {
+            self.oldest += 1;
         }
-        self.occupancy[((self.taken - oldest) as usize).min(self.occupancy.len() - 1)] += 1;
+        self.occupancy[((self.taken - self.oldest) as usize).min(self.occupancy.len() - 1)] += 1;
     }
 
     /// Gives the oldest back.

@@ -35,11 +35,11 @@ pub struct MemoryCycles {
     pub busy: u64,
     /// Bytes read and written by each client.
     pub bytes: [[u64; 2]; CLIENTS.len()],
-    /// Requests of each client.
+    /// Bursts of each client.
     pub requests: [u64; CLIENTS.len()],
-    /// Requests that found their row open.
+    /// Bursts that found their row open.
     pub row_hits: u64,
-    /// Reads by latency: `latencies[n]` counts those of 2^n to 2^(n+1) − 1 cycles.
+    /// Reads, of however many bursts, by latency: `latencies[n]` counts those of 2^n to 2^(n+1) − 1 cycles.
     pub latencies: [u64; LATENCY_BINS],
 }
 
@@ -55,12 +55,21 @@ const SPAN: u64 = 32;
 /// Pages that are kept open for requests that come late.
 const PAGES: usize = 1 << 12;
 
+/// A page of the calendar.
+#[derive(Clone, Copy, Debug)]
+struct Page {
+    /// Bytes given away.
+    given: u64,
+    /// Where to look once it is full: no page before that one is free.
+    skip: u64,
+}
+
 /// The channel.
 #[derive(Clone, Debug)]
 pub struct Memory {
     description: Description,
-    /// Bytes given away on each page, page n at n modulo [`PAGES`].
-    pages: Box<[u64]>,
+    /// Page n at n modulo [`PAGES`].
+    pages: Box<[Page]>,
     /// The last page that was begun.
     last: u64,
     open: Box<[u64]>,
@@ -78,55 +87,54 @@ impl Memory {
     pub fn new(description: Description) -> Self {
         Memory {
             description,
-            pages: vec![0; PAGES].into(),
+            pages: vec![Page { given: 0, skip: 1 }; PAGES].into(),
             last: 0,
             open: vec![u64::MAX; description.banks as usize].into(),
             cycles: MemoryCycles::default(),
         }
     }
 
-    /// Moves bytes from an address on, as requests of whole bursts; says when the last has come.
+    /// Moves bytes from an address on, in whole bursts; says when the last has come. A row is opened for each that the bytes lie in.
     pub fn request(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
-        let burst = u64::from(self.description.burst_bytes);
-        let (first, end) = (address / burst, (address + bytes.max(1)).div_ceil(burst));
+        let Description { burst_bytes, row_bytes, .. } = self.description;
+        let [burst, row] = [burst_bytes, row_bytes].map(u64::from);
+        let end = (address + bytes.max(1)).next_multiple_of(burst);
+        let mut from = address / burst * burst;
+        self.cycles.bytes[client as usize][direction as usize] += end - from;
+        self.cycles.requests[client as usize] += (end - from) / burst;
         let mut done = now;
-        for burst_index in first..end {
-            done = done.max(self.burst(now, client, direction, burst_index * burst));
+        while from < end {
+            let to = end.min((from / row + 1) * row);
+            done = done.max(self.in_a_row(now, from / row, to - from));
+            from = to;
+        }
+        if direction == Direction::Read {
+            self.cycles.latencies[((done - now).max(1).ilog2() as usize).min(LATENCY_BINS - 1)] += 1;
         }
         done
     }
 
-    fn burst(&mut self, now: u64, client: Client, direction: Direction, address: u64) -> u64 {
-        let Description { burst_bytes, row_bytes, banks, hit_latency, miss_latency, .. } = self.description;
-        let row = address / u64::from(row_bytes);
+    fn in_a_row(&mut self, now: u64, row: u64, bytes: u64) -> u64 {
+        let Description { burst_bytes, banks, hit_latency, miss_latency, .. } = self.description;
         let open = &mut self.open[(row % u64::from(banks)) as usize];
-        let is_open = *open == row;
-        *open = row;
-        let moved = self.move_bytes(now, u64::from(burst_bytes));
-        let done = moved + u64::from(if is_open { hit_latency } else { miss_latency });
-        let cycles = &mut self.cycles;
-        cycles.row_hits += u64::from(is_open);
-        cycles.bytes[client as usize][direction as usize] += u64::from(burst_bytes);
-        cycles.requests[client as usize] += 1;
-        if direction == Direction::Read {
-            cycles.latencies[((done - now).max(1).ilog2() as usize).min(LATENCY_BINS - 1)] += 1;
-        }
-        done
+        let is_open = std::mem::replace(open, row) == row;
+        // After its first burst the row is open.
+        self.cycles.row_hits += u64::from(is_open) + bytes / u64::from(burst_bytes) - 1;
+        self.move_bytes(now, bytes) + u64::from(if is_open { hit_latency } else { miss_latency })
     }
 
     /// When the channel has moved so many bytes, from a cycle on.
     fn move_bytes(&mut self, now: u64, mut bytes: u64) -> u64 {
         let a_cycle = u64::from(self.description.bytes_per_cycle);
         let a_page = SPAN * a_cycle;
-        let mut page = (now / SPAN).max((self.last + 1).saturating_sub(PAGES as u64));
+        let mut page = now / SPAN;
         loop {
-            self.begin(page);
-            let given = &mut self.pages[(page % PAGES as u64) as usize];
+            page = self.first_free(page);
+            let given = &mut self.pages[page as usize % PAGES].given;
             // What lies before this cycle on its page is gone, if nobody took it.
             let before = if page == now / SPAN { (now % SPAN) * a_cycle } else { 0 };
             let from = (*given).max(before);
             let take = bytes.min(a_page - from);
-            // Those who come later may still have what was left before.
             *given += take;
             bytes -= take;
             if bytes == 0 {
@@ -136,13 +144,25 @@ impl Memory {
         }
     }
 
-    /// Opens all pages up to this one.
-    fn begin(&mut self, page: u64) {
-        if page > self.last {
-            let first = (self.last + 1).max((page + 1).saturating_sub(PAGES as u64));
-            (first..=page).for_each(|page| self.pages[(page % PAGES as u64) as usize] = 0);
-            self.last = page;
+    /// The first page from this one on that is not full; opens it, and all before it.
+    fn first_free(&mut self, page: u64) -> u64 {
+        let a_page = SPAN * u64::from(self.description.bytes_per_cycle);
+        // Whoever comes so late that his page is gone takes from the first that is left.
+        let page = page.max((self.last + 1).saturating_sub(PAGES as u64));
+        let mut free = page;
+        while free <= self.last && self.pages[free as usize % PAGES].given == a_page {
+            free = self.pages[free as usize % PAGES].skip;
         }
+        if free > self.last {
+            let first = (self.last + 1).max((free + 1).saturating_sub(PAGES as u64));
+            (first..=free).for_each(|page| self.pages[page as usize % PAGES] = Page { given: 0, skip: page + 1 });
+            self.last = free;
+        }
+        let mut full = page.max((self.last + 1).saturating_sub(PAGES as u64));
+        while full < free {
+            full = std::mem::replace(&mut self.pages[full as usize % PAGES].skip, free);
+        }
+        free
     }
 
     /// The traffic, and for how long the channel was busy with it.

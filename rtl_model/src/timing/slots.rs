@@ -33,8 +33,8 @@ pub struct Slots {
     pub slots: Vec<Slot>,
     /// Pixels with a weight, slot by slot: column and row.
     pub pixels: Vec<[u16; 2]>,
-    /// Pixels as they are found: the slot, the pixel.
-    found: Vec<(u32, [u16; 2])>,
+    /// The slot of each.
+    slot_of: Vec<u32>,
 }
 
 /// Readers of all recorded tiles, and where each tile's is.
@@ -69,7 +69,7 @@ impl<'a> Readers<'a> {
         let [across, down] = [size[0].div_ceil(lanes[0]), size[1].div_ceil(lanes[1])];
         slots.slots.clear();
         slots.slots.resize((across * down) as usize, Slot::default());
-        slots.found.clear();
+        (slots.pixels.clear(), slots.slot_of.clear());
         let tile = |at: u16| usize::from(at) / TILE_PX;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
             for tile_column in tile(columns[0])..=tile(columns[1]) {
@@ -117,7 +117,8 @@ impl<'a> Readers<'a> {
                     }
                     _ => {}
                 }
-                slots.found.push((index, [x, y]));
+                slots.pixels.push([x, y]);
+                slots.slot_of.push(index);
             }
         }
     }
@@ -126,11 +127,13 @@ impl<'a> Readers<'a> {
 impl Slots {
     /// Pixels by slots.
     fn settle(&mut self) {
-        if !self.found.is_sorted_by_key(|(slot, _)| *slot) {
-            self.found.sort_by_key(|(slot, _)| *slot);
+        // Slots of one row, in one recorded tile, come in order.
+        if !self.slot_of.is_sorted() {
+            let mut all: Vec<_> = self.slot_of.iter().copied().zip(self.pixels.iter().copied()).collect();
+            all.sort_by_key(|(slot, _)| *slot);
+            self.pixels.clear();
+            self.pixels.extend(all.into_iter().map(|(_, pixel)| pixel));
         }
-        self.pixels.clear();
-        self.pixels.extend(self.found.iter().map(|(_, pixel)| pixel));
         let mut end = 0;
         for slot in &mut self.slots {
             end += slot.kept - slot.faint;

@@ -1,0 +1,224 @@
+//! Cycles: how long a machine takes for a frame, as part of `report.json`, as a table and as CSV.
+//!
+//! ```text
+//! recorded work ─►( rtl_model::timing )─► [cycles of every unit, traffic] ─┬─► report.json
+//!                                                                          ├─► table, 80 columns
+//!                                                                          └─► cycles.csv
+//! ```
+
+use crate::report::{aligned, plain_table, thousands, wrapped};
+use rtl_model::machine::timing::Elaborated;
+use rtl_model::timing::{self, Cycles, Wait};
+use serde::Serialize;
+use std::fmt::Write;
+
+/// A frame's time.
+#[derive(Clone, Debug, Serialize)]
+pub struct CyclesReport {
+    /// Cycles from the first request to the last word written.
+    pub total: u64,
+    /// Cycles a second.
+    pub clock_hz: u64,
+    /// Frames a second.
+    pub frames_per_second: f64,
+    /// What is busy longest: a unit, or memory.
+    pub bottleneck: &'static str,
+    /// Every unit, in the order of the diagram; its four counts sum to `total`.
+    pub units: Vec<UnitReport>,
+    /// What went to memory and back.
+    pub memory: MemoryReport,
+    /// Slots that the rasteriser tested, and those that kept a pixel.
+    pub slots: [u64; 2],
+    /// Lines that the cache looked up, and those that it had; none where there is no cache.
+    pub lookups: Option<[u64; 2]>,
+}
+
+/// A unit's time.
+#[derive(Clone, Debug, Serialize)]
+pub struct UnitReport {
+    /// Its name; of several side by side, with a number.
+    pub name: String,
+    /// Items taken.
+    pub items: u64,
+    /// Cycles with an item.
+    pub busy: u64,
+    /// Cycles without one.
+    pub starved: u64,
+    /// Cycles in which an item was here and could not be taken.
+    pub blocked: u64,
+    /// Cycles in which it waited for memory.
+    pub memory: u64,
+    /// The unit that it had no item from.
+    pub starved_by: Option<&'static str>,
+    /// Who blocked it, for how many cycles: `hazard` is a pixel still under way.
+    pub blocked_by: Vec<Blocker>,
+    /// `occupancy[n]`: how often n results waited behind it, or were on their way, when it took one.
+    pub occupancy: Vec<u64>,
+}
+
+/// Who blocked a unit.
+#[derive(Clone, Debug, Serialize)]
+pub struct Blocker {
+    by: &'static str,
+    cycles: u64,
+}
+
+/// Traffic.
+#[derive(Clone, Debug, Serialize)]
+pub struct MemoryReport {
+    /// Cycles in which bytes moved.
+    pub busy: u64,
+    /// Bytes that moved.
+    pub bytes: u64,
+    /// Bytes a second, over the whole frame.
+    pub bytes_per_second: f64,
+    /// Bytes a second that could move.
+    pub peak_bytes_per_second: f64,
+    /// Part of the requests that found their row open.
+    pub row_hit_share: Option<f64>,
+    /// Who moved what.
+    pub clients: Vec<ClientReport>,
+    /// `read_latency_log2[n]`: reads of 2^n to 2^(n+1) − 1 cycles.
+    pub read_latency_log2: Vec<u64>,
+}
+
+/// A client's traffic.
+#[derive(Clone, Debug, Serialize)]
+pub struct ClientReport {
+    /// What it is for.
+    pub name: &'static str,
+    /// Bursts.
+    pub requests: u64,
+    /// Bytes from memory.
+    pub bytes_read: u64,
+    /// Bytes to memory.
+    pub bytes_written: u64,
+}
+
+const CLIENTS: [&str; 4] = ["splats", "lists", "frame_read", "frame_write"];
+
+impl CyclesReport {
+    /// What a replay found.
+    pub fn new(timing: &Elaborated, cycles: &Cycles) -> Self {
+        let clock_hz = timing.timing.clock_hz;
+        let seconds = cycles.total as f64 / clock_hz as f64;
+        let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };
+        let memory = &cycles.memory;
+        let requests: u64 = memory.requests.iter().sum();
+        let last = memory.latencies.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1);
+        CyclesReport {
+            total: cycles.total,
+            clock_hz,
+            frames_per_second: per_second(1),
+            bottleneck: cycles.bottleneck(),
+            units: cycles.units.iter().map(|unit| unit_report(unit, &cycles.units)).collect(),
+            memory: MemoryReport {
+                busy: memory.busy,
+                bytes: memory.total_bytes(),
+                bytes_per_second: per_second(memory.total_bytes()),
+                peak_bytes_per_second: clock_hz as f64 * f64::from(timing.timing.memory.bytes_per_cycle),
+                row_hit_share: (requests > 0).then(|| memory.row_hits as f64 / requests as f64),
+                clients: (0..CLIENTS.len())
+                    .filter(|client| memory.requests[*client] > 0)
+                    .map(|client| {
+                        let [bytes_read, bytes_written] = memory.bytes[client];
+                        ClientReport { name: CLIENTS[client], requests: memory.requests[client], bytes_read, bytes_written }
+                    })
+                    .collect(),
+                read_latency_log2: memory.latencies[..last].to_vec(),
+            },
+            slots: cycles.slots,
+            lookups: (cycles.lookups[0] > 0).then_some(cycles.lookups),
+        }
+    }
+
+    /// The summary, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let mut table = plain_table(&["", "items", "busy", "starved", "blocked", "memory", "blocked by"]);
+        for unit in &self.units {
+            let part = |cycles: u64| share(cycles, self.total);
+            let longest = unit.blocked_by.iter().max_by_key(|blocker| blocker.cycles).map_or("", |blocker| blocker.by);
+            let row = [thousands(unit.items), part(unit.busy), part(unit.starved), part(unit.blocked), part(unit.memory), longest.into()];
+            table.add_row(std::iter::once(unit.name.clone()).chain(row));
+        }
+        let memory = &self.memory;
+        let gigabytes = |bytes: f64| format!("{:.2} GB/s", bytes / 1e9);
+        let mut text = format!(
+            "{} cycles at {:.0} MHz: {} frames/s; busiest: {}\n{}\n",
+            thousands(self.total),
+            self.clock_hz as f64 / 1e6,
+            rate(self.frames_per_second),
+            self.bottleneck,
+            aligned(table)
+        );
+        let clients: Vec<String> = (memory.clients.iter())
+            .map(|client| format!("{} {}", client.name.replace('_', " "), megabytes(client.bytes_read + client.bytes_written)))
+            .collect();
+        let traffic = format!(
+            "memory: {} ({}); {} of {}, busy {}",
+            megabytes(memory.bytes),
+            clients.join(", "),
+            gigabytes(memory.bytes_per_second),
+            gigabytes(memory.peak_bytes_per_second),
+            share(memory.busy, self.total)
+        );
+        let _ = write!(text, "{}", wrapped(&traffic));
+        if let Some([lookups, hits]) = self.lookups {
+            let _ = write!(text, "\ncache: {} look-ups, {} hits", thousands(lookups), share(hits, lookups));
+        }
+        let _ = write!(text, "\nslots: {} tested, {} kept a pixel", thousands(self.slots[0]), share(self.slots[1], self.slots[0]));
+        text
+    }
+
+    /// One line a unit.
+    pub fn csv(&self) -> String {
+        let mut text = String::from("unit,items,busy,starved,blocked,memory,total\n");
+        for unit in &self.units {
+            let UnitReport { name, items, busy, starved, blocked, memory, .. } = unit;
+            let _ = writeln!(text, "{name},{items},{busy},{starved},{blocked},{memory},{}", self.total);
+        }
+        text
+    }
+}
+
+fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitReport {
+    let several = all.iter().filter(|other| other.name == unit.name).count() > 1;
+    let timing::Account { busy, starved, blocked, memory } = unit.account;
+    UnitReport {
+        name: if several { format!("{}.{}", unit.name, unit.index) } else { unit.name.into() },
+        items: unit.items,
+        busy,
+        starved,
+        blocked,
+        memory,
+        starved_by: unit.starved_by,
+        blocked_by: (unit.blocked_by.iter())
+            .map(|(wait, cycles)| Blocker {
+                by: match wait {
+                    Wait::Unit(name) => name,
+                    Wait::Hazard => "hazard",
+                },
+                cycles: *cycles,
+            })
+            .collect(),
+        occupancy: unit.occupancy.clone(),
+    }
+}
+
+/// A part of a whole; neither all nor nothing is said of what is not.
+fn share(part: u64, whole: u64) -> String {
+    match part {
+        0 => "–".into(),
+        _ if part == whole => "100%".into(),
+        _ if part * 100 < whole => "< 1%".into(),
+        _ => format!("{}%", part * 100 / whole),
+    }
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.1} MB", bytes as f64 / 1e6)
+}
+
+fn rate(per_second: f64) -> String {
+    if per_second < 100.0 { format!("{per_second:.1}") } else { format!("{per_second:.0}") }
+}
