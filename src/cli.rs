@@ -3,8 +3,9 @@
 use crate::error::{Error, Result};
 use crate::explain::explain;
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
-use crate::run::{self, open_folder, timed};
+use crate::run::{self, Asked, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
+use crate::timings::{self, Axes};
 use crate::{fixed, machines, prove, ranges, stress};
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
@@ -58,6 +59,9 @@ struct Run {
     /// Tell which words make the error (draws 170 frames)
     #[arg(long)]
     attribute: bool,
+    /// Replay the frame for each value, as in timing.raster.fifo=1,2,4
+    #[arg(long, value_name = "PATH=A,B,…")]
+    timing: Option<Axes>,
     /// Print every signal's range too
     #[arg(long)]
     ranges: bool,
@@ -247,12 +251,14 @@ impl Run {
     fn run(&self) -> Result<String> {
         let machine = self.common.machine()?;
         fixed::elaborate(&machine)?;
+        self.timing.as_ref().map(|axes| timings::machines(&machine, axes)).transpose()?;
         let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
         let scene = scene?;
         if let Some(folder) = &self.out {
             open_folder(folder)?;
         }
-        let outcome = run::run(&scene, &machine, load_seconds, self.attribute)?;
+        let asked = Asked { attribution: self.attribute, timings: self.timing.clone() };
+        let outcome = run::run(&scene, &machine, load_seconds, &asked)?;
         let end = match &self.out {
             Some(folder) => {
                 let written = outcome.write(folder, self.exr)?;

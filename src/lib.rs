@@ -21,4 +21,5 @@ pub mod report;
 pub mod run;
 pub mod scene;
 pub mod stress;
+pub mod timings;
 mod validate;

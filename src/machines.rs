@@ -25,6 +25,17 @@ pub fn load(spec: &str, settings: &[String]) -> Result<Machine> {
     checked(&value, spec)
 }
 
+/// A machine with one field changed.
+///
+/// # Errors
+/// As [`load`].
+pub fn changed(machine: &Machine, setting: &str) -> Result<Machine> {
+    let mut value = to_value(machine);
+    let change = parse_setting(setting).ok_or_else(|| Error::input(format!("{setting}: write PATH=VALUE")))?;
+    merge(&mut value, change);
+    checked(&value, setting)
+}
+
 /// The JSON Schema of a machine file.
 pub fn schema() -> Value {
     schemars::schema_for!(Machine).to_value()

@@ -5,6 +5,7 @@ use crate::compare::{Metrics, Summary};
 use crate::cycles::CyclesReport;
 use crate::quantise::Scale;
 use crate::ranges::SignalReport;
+use crate::timings::Timings;
 use comfy_table::{CellAlignment, Table, presets};
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::pipeline::Culled;
@@ -35,6 +36,9 @@ pub struct Report {
     pub signals: Vec<SignalReport>,
     /// How long the machine takes.
     pub cycles: CyclesReport,
+    /// How long others would take; only where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timings: Option<Timings>,
     /// What the golden renderer found on the same scene.
     pub golden: Golden,
     /// Who makes how much of the error; only where that was asked for.
@@ -213,6 +217,9 @@ impl Report {
         let _ = writeln!(text, "{}\n", self.lockstep_summary());
         let _ = writeln!(text, "{}\n", self.work_table());
         let _ = writeln!(text, "{}\n", self.cycles.summary());
+        if let Some(timings) = &self.timings {
+            let _ = writeln!(text, "{}\n", timings.table());
+        }
         let _ = writeln!(text, "{}", self.signal_summary());
         for note in &scene.notes {
             let _ = writeln!(text, "{}", wrapped(&format!("note: {note}")));

@@ -18,12 +18,22 @@ use crate::quantise::quantise;
 use crate::ranges::{self, SignalReport};
 use crate::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::Scene;
+use crate::timings::{self, Axes, Timings};
 use rtl_model::Machine;
 use rtl_model::timing;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// What is done only where it was asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Asked {
+    /// Who makes the error.
+    pub attribution: bool,
+    /// The frame on other microarchitectures.
+    pub timings: Option<Axes>,
+}
 
 /// Three pictures, their difference, and what was found.
 #[derive(Clone, Debug)]
@@ -46,14 +56,17 @@ pub struct Outcome {
 ///
 /// # Errors
 /// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
-pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, attributed: bool) -> Result<Outcome> {
+pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -> Result<Outcome> {
     let elaborated = fixed::elaborate(machine)?;
+    let others = asked.timings.as_ref().map(|axes| timings::machines(machine, axes)).transpose()?;
+    let attributed = asked.attribution;
     let (quantised, quantise_seconds) = timed(|| quantise(scene, machine));
     let quantised = quantised?;
     let (drawing, fixed_seconds) = timed(|| fixed::draw(&elaborated, &quantised));
     let ((_, ranges), watched_seconds) = timed(|| fixed::draw_ranged(&elaborated, &quantised));
     let ((_, work), recorded_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
     let (cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work));
+    let timings = asked.timings.as_ref().zip(others).map(|(axes, machines)| Timings::new(axes, &machines, &work));
     let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
     let (lockstep, lockstep_seconds) = timed(|| lockstep(scene, &elaborated, &quantised));
@@ -83,6 +96,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, attributed: bool
         fragments: drawing.outcomes.into(),
         signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
         cycles: CyclesReport::new(&elaborated.timing, &cycles),
+        timings,
         golden: found(&golden),
         attribution,
         error_scale: error.scale,
@@ -162,6 +176,11 @@ impl Outcome {
         let chart = ranges::chart(&self.report);
         chart::write_png(&[&chart], 1, chart.size_px(), &path)?;
         written.push(path);
+        if let Some(timings) = &self.report.timings {
+            let path = folder.join("timings.png");
+            chart::write_png(&[&timings.chart()], 1, [760, 520], &path)?;
+            written.push(path);
+        }
         let path = folder.join("cycles.csv");
         write_beside(&path, |file| file.write_all(self.report.cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;
         written.push(path);

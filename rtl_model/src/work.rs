@@ -339,7 +339,9 @@ impl Recorder {
         self.now.run = 0;
         let TileRecorder { rows, events, pixels, .. } = &mut self.now;
         let tile = Tile { corner, rows: rows.as_slice().into(), events: events.as_slice().into(), pixels: pixels.as_slice().into() };
-        (rows.clear(), events.clear(), pixels.clear());
+        rows.clear();
+        events.clear();
+        pixels.clear();
         self.tiles.push(tile);
     }
 }

@@ -189,7 +189,7 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Lists, memory: &mut Me
         each_tile(footprint, side, lists.columns, |tile| {
             when += 1;
             lengths[tile] += 1;
-            if lengths[tile] * ENTRY_BYTES % burst == 0 {
+            if (lengths[tile] * ENTRY_BYTES).is_multiple_of(burst) {
                 write(when, 2 * REGION + tile as u64 * LIST_BYTES + lengths[tile] * ENTRY_BYTES - burst);
             }
         });
@@ -197,10 +197,10 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Lists, memory: &mut Me
     }
     // What is left of the last records and of every list.
     let last = end;
-    if work.footprints.len() as u64 * u64::from(t.prepared_bytes) % burst != 0 {
+    if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {
         end = end.max(memory.request(last, Client::Lists, Direction::Write, REGION + record_bursts * burst, burst));
     }
-    for (tile, length) in lengths.into_iter().enumerate().filter(|(_, length)| length * ENTRY_BYTES % burst != 0) {
+    for (tile, length) in lengths.into_iter().enumerate().filter(|(_, length)| !(length * ENTRY_BYTES).is_multiple_of(burst)) {
         let address = 2 * REGION + tile as u64 * LIST_BYTES + length * ENTRY_BYTES / burst * burst;
         end = end.max(memory.request(last, Client::Lists, Direction::Write, address, burst));
     }

@@ -69,7 +69,8 @@ impl<'a> Readers<'a> {
         let [across, down] = [size[0].div_ceil(lanes[0]), size[1].div_ceil(lanes[1])];
         slots.slots.clear();
         slots.slots.resize((across * down) as usize, Slot::default());
-        (slots.pixels.clear(), slots.slot_of.clear());
+        slots.pixels.clear();
+        slots.slot_of.clear();
         let tile = |at: u16| usize::from(at) / TILE_PX;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
             for tile_column in tile(columns[0])..=tile(columns[1]) {

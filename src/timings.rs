@@ -1,0 +1,156 @@
+//! Timings: one frame's work on many microarchitectures, as part of `report.json`, as a table and as a chart.
+//!
+//! ```text
+//! work, recorded once ─┬─► timing.raster.fifo = 1 ─► cycles ─┐
+//!                      ├─► timing.raster.fifo = 2 ─► cycles ─┼─► table, timings.png
+//!                      └─► …                                 ┘
+//! ```
+
+use crate::chart::{Axis, Mark, Panel, Series};
+use crate::cycles::CyclesReport;
+use crate::error::{Error, Result};
+use crate::report::{aligned, plain_table, thousands};
+use crate::{fixed, machines};
+use rayon::prelude::*;
+use rtl_model::Machine;
+use rtl_model::machine::timing::Elaborated;
+use rtl_model::timing;
+use rtl_model::work::Work;
+use serde::Serialize;
+use std::str::FromStr;
+
+/// Most values of one field.
+const MOST: usize = 10_000;
+
+/// A field of a machine's timing, and the values that it is to take.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Axes {
+    path: String,
+    values: Vec<String>,
+}
+
+impl FromStr for Axes {
+    type Err = String;
+
+    /// `timing.raster.fifo=1,2,4`: commas inside of brackets part nothing.
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let told = "write PATH=VALUE,VALUE,… of a field below timing, as in timing.raster.fifo=1,2,4";
+        let (path, values) = text.split_once('=').filter(|(path, _)| path.starts_with("timing.")).ok_or(told)?;
+        let mut all = vec![String::new()];
+        let mut depth = 0;
+        for letter in values.chars() {
+            depth += i32::from(letter == '[') - i32::from(letter == ']');
+            match all.last_mut() {
+                Some(last) if letter != ',' || depth > 0 => last.push(letter),
+                _ => all.push(String::new()),
+            }
+        }
+        if all.iter().any(|value| value.trim().is_empty()) {
+            return Err(told.into());
+        }
+        if all.len() > MOST {
+            return Err(format!("{} values are more than {MOST}", all.len()));
+        }
+        Ok(Axes { path: path.into(), values: all.iter().map(|value| value.trim().into()).collect() })
+    }
+}
+
+/// A microarchitecture for each value.
+///
+/// # Errors
+/// [`Error::Input`] naming the first value that no machine can have.
+pub fn machines(machine: &Machine, axes: &Axes) -> Result<Vec<Elaborated>> {
+    let one = |value: &String| {
+        let other = machines::changed(machine, &format!("{}={value}", axes.path))?;
+        let elaborated = fixed::elaborate(&other).map_err(|error| Error::input(format!("--timing {}={value}: {error}", axes.path)))?;
+        Ok(elaborated.timing)
+    };
+    axes.values.iter().map(one).collect()
+}
+
+/// What each value makes of a frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct Timings {
+    /// The field.
+    pub path: String,
+    /// Value by value.
+    pub rows: Vec<Row>,
+}
+
+/// A frame's time with one value.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    /// The value.
+    pub value: String,
+    /// What it makes of the frame.
+    pub cycles: CyclesReport,
+}
+
+impl Timings {
+    /// Replays a frame's work on all of them.
+    pub fn new(axes: &Axes, machines: &[Elaborated], work: &Work) -> Self {
+        let row = |(value, machine): (&String, &Elaborated)| Row {
+            value: value.clone(),
+            cycles: CyclesReport::new(machine, &timing::replay(machine, work)),
+        };
+        Timings { path: axes.path.clone(), rows: axes.values.par_iter().zip(machines).map(row).collect() }
+    }
+
+    /// At most 80 columns.
+    pub fn table(&self) -> String {
+        let mut table = plain_table(&[self.path.trim_start_matches("timing."), "cycles", "frames/s", "of best", "busiest", "memory MB"]);
+        let best = self.rows.iter().map(|row| row.cycles.frames_per_second).fold(0.0, f64::max);
+        for Row { value, cycles } in &self.rows {
+            table.add_row([
+                value.clone(),
+                thousands(cycles.total),
+                format!("{:.1}", cycles.frames_per_second),
+                format!("{:.1}%", 100.0 * cycles.frames_per_second / best),
+                cycles.bottleneck.into(),
+                format!("{:.1}", cycles.memory.bytes as f64 / 1e6),
+            ]);
+        }
+        aligned(table).to_string()
+    }
+
+    /// Frames a second over the value; over its number where it is none.
+    pub fn chart(&self) -> Panel {
+        let numbers: Option<Vec<f64>> = self.rows.iter().map(|row| row.value.parse().ok()).collect();
+        let label = self.path.trim_start_matches("timing.");
+        let (axis, at) = match numbers {
+            Some(at) => {
+                let least = at.iter().copied().fold(f64::INFINITY, f64::min);
+                let wide = least > 0.0 && at.iter().any(|value| *value >= 8.0 * least);
+                (if wide { Axis::log(label) } else { Axis::linear(label) }, at)
+            }
+            None => {
+                let all: Vec<&str> = self.rows.iter().map(|row| row.value.as_str()).collect();
+                (Axis::linear(&format!("{label}: {}", all.join(", "))), (1..=all.len()).map(|nth| nth as f64).collect())
+            }
+        };
+        let points: Vec<[f64; 2]> = at.iter().zip(&self.rows).map(|(at, row)| [*at, row.cycles.frames_per_second]).collect();
+        let most = points.iter().map(|point| point[1]).fold(0.0, f64::max);
+        let series = |mark| Series { name: String::new(), points: points.clone(), mark, colour: 0 };
+        Panel {
+            title: format!("Frames a second by {}", self.path),
+            x: axis,
+            y: Axis::linear("frames/s").within(0.0, 1.08 * most),
+            series: vec![series(Mark::Line), series(Mark::Dots)],
+            limits: Vec::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_are_parted_by_commas_outside_of_brackets() {
+        let axes: Axes = "timing.raster.lanes=[1,1], [2,2],[4,1]".parse().unwrap();
+        assert_eq!((axes.path.as_str(), axes.values), ("timing.raster.lanes", ["[1,1]", "[2,2]", "[4,1]"].map(String::from).to_vec()));
+        for wrong in ["", "raster.fifo=1", "timing.fifo", "timing.fifo=", "timing.fifo=1,,2"] {
+            assert!(wrong.parse::<Axes>().unwrap_err().contains("timing.raster.fifo=1,2,4"), "{wrong}");
+        }
+    }
+}
