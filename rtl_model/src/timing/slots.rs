@@ -124,10 +124,11 @@ impl<'a> Readers<'a> {
 }
 
 impl Slots {
-    /// Pixels by slots.
+    /// Pixels by slots, in each row by row, wherever recorded tiles meet.
     fn settle(&mut self) {
-        if !self.found.is_sorted_by_key(|(slot, _)| *slot) {
-            self.found.sort_by_key(|(slot, _)| *slot);
+        let place = |(slot, [x, y]): &(u32, [u16; 2])| (*slot, *y, *x);
+        if !self.found.is_sorted_by_key(place) {
+            self.found.sort_unstable_by_key(place);
         }
         self.pixels.clear();
         self.pixels.extend(self.found.iter().map(|(_, pixel)| pixel));
