@@ -6,15 +6,7 @@ use rtl_model::machine::timing::{Cache, Elaborated, Fetch, Fragment, Memory, Org
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
 pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
-    Memory {
-        bytes_per_cycle: 1 << 20,
-        hit_latency: latency,
-        miss_latency: latency,
-        burst_bytes,
-        outstanding,
-        row_bytes: 2048,
-        banks: 4,
-    }
+    Memory { bytes_per_cycle: 1 << 20, hit_latency: latency, miss_latency: latency, burst_bytes, outstanding, row_bytes: 2048, banks: 4 }
 }
 
 pub fn elaborate(timing: Timing) -> Elaborated {

@@ -4,7 +4,7 @@ use crate::frames::Dice;
 use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work, clip};
 
 /// A splat, and what became of every pixel of its box, row by row; of those that it does not cover, nothing.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Splat {
     pub fate: Fate,
     pub columns: [u16; 2],
@@ -33,7 +33,7 @@ impl Splat {
 }
 
 /// A frame: its splats, and how many fragments of each pixel are left to shade in the end.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     pub width: u32,
     pub height: u32,
@@ -91,10 +91,28 @@ pub fn random(dice: &mut Dice, [width, height]: [u64; 2], splats: u64) -> Scene 
         .collect();
     let lit = dice.below(4);
     let left = (0..width * height).map(|_| if dice.below(4) < lit { dice.below(4) as u8 } else { 0 }).collect();
-    Scene { width, height, splats, left }
+    let mut scene = Scene { width, height, splats, left };
+    scene.clear_untouched();
+    scene
 }
 
 impl Scene {
+    /// Where no box touches a tile, nothing is left to shade.
+    fn clear_untouched(&mut self) {
+        let touched = |tile: [u16; 2]| {
+            self.splats.iter().filter(|splat| splat.fate == Fate::Drawn).any(|splat| {
+                let [columns, rows] = [splat.columns, splat.rows].map(|interval| interval.map(|at| at / 16));
+                (columns[0]..=columns[1]).contains(&tile[0]) && (rows[0]..=rows[1]).contains(&tile[1])
+            })
+        };
+        for (pixel, left) in self.left.iter_mut().enumerate() {
+            let [x, y] = [pixel as u32 % self.width, pixel as u32 / self.width];
+            if !touched([x as u16 / 16, y as u16 / 16]) {
+                *left = 0;
+            }
+        }
+    }
+
     /// Tells a recorder what is drawn.
     pub fn record(&self) -> Work {
         let mut recorder = Recorder::default();
@@ -134,29 +152,14 @@ impl Scene {
                 }
                 for pixel in 0..TILE_PX * TILE_PX {
                     let [x, y] = [usize::from(left) + pixel % TILE_PX, usize::from(top) + pixel / TILE_PX];
-                    let shades = if x < self.width as usize && y < self.height as usize { self.left[y * self.width as usize + x] } else { 0 };
+                    let shades =
+                        if x < self.width as usize && y < self.height as usize { self.left[y * self.width as usize + x] } else { 0 };
                     recorder.pixel(shades, shades);
                 }
                 recorder.tile([left, top]);
             }
         }
         recorder.work(self.width, self.height)
-    }
-
-    /// Where no box touches a tile, nothing is left to shade.
-    pub fn clear_untouched(&mut self) {
-        let touched = |tile: [u16; 2]| {
-            self.splats.iter().filter(|splat| splat.fate == Fate::Drawn).any(|splat| {
-                let [columns, rows] = [splat.columns, splat.rows].map(|interval| interval.map(|at| at / 16));
-                (columns[0]..=columns[1]).contains(&tile[0]) && (rows[0]..=rows[1]).contains(&tile[1])
-            })
-        };
-        for (pixel, left) in self.left.iter_mut().enumerate() {
-            let [x, y] = [pixel as u32 % self.width, pixel as u32 / self.width];
-            if !touched([x as u16 / 16, y as u16 / 16]) {
-                *left = 0;
-            }
-        }
     }
 
     /// Reads a recorded frame.

@@ -238,11 +238,6 @@ struct Looking {
     reads: Vec<usize>,
 }
 
-/// A footprint in the raster unit.
-struct Rastering {
-    slots: VecDeque<Slot>,
-}
-
 /// The machine.
 struct Machine<'a> {
     timing: &'a Elaborated,
@@ -258,7 +253,9 @@ struct Machine<'a> {
     ellipse: Unit,
     ellipses: Link<usize>,
     raster: Unit,
-    rastering: Option<Rastering>,
+    /// The slots of every splat, and whose the raster is at.
+    footprints: Vec<VecDeque<Slot>>,
+    rastering: Option<usize>,
     slots: Link<Slot>,
     gauss: Unit,
     weighted: Link<Slot>,
@@ -271,10 +268,12 @@ struct Machine<'a> {
     pixel_free: Vec<u64>,
     /// When each slot is written.
     written: Vec<Option<u64>>,
+    /// When those that were taken are.
+    all_written: u64,
     shade: Unit,
     to_shade: VecDeque<(u64, u64)>,
     resolve: Unit,
-    /// Slots that reach the fragment unit, and those among them that raster has not yet taken.
+    /// Slots that will reach the fragment unit, and those among them that the raster took.
     expected: usize,
     numbered: usize,
     line_reads: Reads,
@@ -287,6 +286,9 @@ struct Machine<'a> {
 /// The slots of a splat.
 fn slots_of(timing: &Elaborated, scene: &Scene, splat: usize) -> VecDeque<Slot> {
     let splat = &scene.splats[splat];
+    if splat.fate != Fate::Drawn {
+        return VecDeque::new();
+    }
     let [columns, rows] = splat.size();
     let lanes = timing.timing.raster.lanes.map(|lanes| lanes as usize);
     let [line_width, line_height] = timing.timing.cache.line_px.map(|size| size as usize);
@@ -325,9 +327,8 @@ impl<'a> Machine<'a> {
         let t = &timing.timing;
         let places = |fifo: u32, latency: u32, interval: u32, units: u32| (fifo + latency.div_ceil(interval)) * units;
         let [project, ellipse] = [t.project, t.ellipse];
-        let reaching = |splat: usize| slots_of(timing, scene, splat).into_iter().filter(|slot| !slot.pixels.is_empty()).count();
-        let drawn = (0..scene.splats.len()).filter(|splat| scene.splats[*splat].fate == Fate::Drawn);
-        let expected = drawn.map(reaching).sum();
+        let footprints: Vec<_> = (0..scene.splats.len()).map(|splat| slots_of(timing, scene, splat)).collect();
+        let expected = footprints.iter().flatten().filter(|slot| !slot.pixels.is_empty()).count();
         Machine {
             timing,
             scene,
@@ -341,6 +342,7 @@ impl<'a> Machine<'a> {
             ellipse: Unit::new("ellipse", ellipse.units),
             ellipses: Link::new(places(ellipse.fifo, timing.ellipse.latency, timing.ellipse.interval, ellipse.units)),
             raster: Unit::new("raster", 1),
+            footprints,
             rastering: None,
             slots: Link::new(places(t.raster.fifo, timing.raster.latency, 1, 1)),
             gauss: Unit::new("gauss", 1),
@@ -361,6 +363,7 @@ impl<'a> Machine<'a> {
             fragment: Unit::new("fragment", 1),
             pixel_free: vec![0; (scene.width * scene.height) as usize],
             written: vec![None; expected],
+            all_written: 0,
             shade: Unit::new("shade", 1),
             to_shade: VecDeque::new(),
             resolve: Unit::new("resolve", 1),
@@ -424,25 +427,16 @@ impl<'a> Machine<'a> {
     }
 
     fn raster(&mut self) -> Act {
-        let slot = match &self.rastering {
-            Some(rastering) => rastering.slots.front().expect("a slot").clone(),
-            None => {
-                let Some(&record) = self.ellipses.front(self.now) else { return Act::Starve };
-                slots_of(self.timing, self.scene, record).pop_front().expect("a slot")
-            }
-        };
-        if slot.kept && !self.slots.has_room() {
+        let Some(splat) = self.rastering.or_else(|| self.ellipses.front(self.now).copied()) else { return Act::Starve };
+        let slots = &mut self.footprints[splat];
+        if slots[0].kept && !self.slots.has_room() {
             return Act::Block;
         }
         if self.rastering.is_none() {
-            let record = self.ellipses.pop();
-            self.rastering = Some(Rastering { slots: slots_of(self.timing, self.scene, record) });
+            self.ellipses.pop();
         }
-        let slots = &mut self.rastering.as_mut().expect("a footprint").slots;
         let mut slot = slots.pop_front().expect("a slot");
-        if slots.is_empty() {
-            self.rastering = None;
-        }
+        self.rastering = (!slots.is_empty()).then_some(splat);
         if slot.kept {
             slot.number = self.numbered;
             self.numbered += usize::from(!slot.pixels.is_empty());
@@ -514,28 +508,38 @@ impl<'a> Machine<'a> {
         }
         let last = self.now + cycles - 1;
         slot.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = last + u64::from(self.timing.hazard));
-        self.written[slot.number] = Some(last + u64::from(self.timing.fragment.latency));
+        self.all_written = last + u64::from(self.timing.fragment.latency);
+        self.written[slot.number] = Some(self.all_written);
         self.to_shade.extend((0..shades).map(|_| (self.now + 1, u64::from(shade.interval))));
         Act::Take(cycles)
     }
 
-    fn resolve(&mut self) -> Act {
-        if !self.written.iter().all(|at| at.is_some_and(|at| at <= self.now)) {
-            return Act::Starve;
+    fn lines_across_and_down(&self) -> [usize; 2] {
+        let [columns, rows] = self.timing.timing.cache.line_px;
+        [self.scene.width.div_ceil(columns) as usize, self.scene.height.div_ceil(rows) as usize]
+    }
+
+    /// Once the last slot is written, what resolve needs is read, whatever it does itself.
+    fn read_lines(&mut self) {
+        if self.fragment.log.len() < self.expected || self.all_written > self.now {
+            return;
         }
-        let [line_width, line_height] = self.timing.timing.cache.line_px.map(|size| size as usize);
-        let [width, height] = [self.scene.width, self.scene.height].map(|size| size as usize);
-        let [across, down] = [width.div_ceil(line_width), height.div_ceil(line_height)];
+        let [across, down] = self.lines_across_and_down();
         let reads = self.resolve_reads.get_or_insert_with(|| {
             let mut reads = 0..;
-            let lines = &self.lines;
-            (0..across * down).map(|line| (lines.touched.contains(&line) && !lines.holds(line)).then(|| reads.next().expect("a number"))).collect()
+            let is_read = |line: &usize| self.lines.touched.contains(line) && !self.lines.holds(*line);
+            (0..across * down).map(|line| if is_read(&line) { reads.next() } else { None }).collect()
         });
         while self.line_reads.here.len() < reads.iter().flatten().count() && self.line_reads.is_free(self.now) {
             self.line_reads.here.push(Some(self.now + 1 + self.latency));
         }
+    }
+
+    fn resolve(&mut self) -> Act {
         let line = self.resolve.log.len();
-        if !self.resolve.is_free(self.now) || line == across * down {
+        let [across, down] = self.lines_across_and_down();
+        let Some(reads) = &self.resolve_reads else { return Act::Starve };
+        if line == across * down {
             return Act::Starve;
         }
         if let Some(read) = reads[line]
@@ -543,6 +547,8 @@ impl<'a> Machine<'a> {
         {
             return Act::Wait;
         }
+        let [line_width, line_height] = self.timing.timing.cache.line_px.map(|size| size as usize);
+        let [width, height] = [self.scene.width, self.scene.height].map(|size| size as usize);
         let [left, top] = [line % across * line_width, line / across * line_height];
         let [shade, pace] = [self.timing.shade, self.timing.resolve];
         let [mut cycles, mut shades] = [0; 2];
@@ -596,10 +602,7 @@ impl<'a> Machine<'a> {
         self.cache();
         self.lines.send(self.now, self.latency, &self.written);
         self.turn(|m| &mut m.fragment, Self::fragment);
-        if !self.resolve.is_free(self.now) {
-            // Its reads go on while it works.
-            self.resolve();
-        }
+        self.read_lines();
         self.turn(|m| &mut m.resolve, Self::resolve);
         self.turn(|m| &mut m.shade, Self::shade);
         self.records.tick();
@@ -613,12 +616,11 @@ impl<'a> Machine<'a> {
 
     fn is_done(&self) -> bool {
         let splats = self.scene.splats.len();
-        let [line_width, line_height] = self.timing.timing.cache.line_px;
-        let lines = self.scene.width.div_ceil(line_width) * self.scene.height.div_ceil(line_height);
+        let [across, down] = self.lines_across_and_down();
         let units = [&self.fetch, &self.project, &self.ellipse, &self.raster, &self.gauss, &self.fragment, &self.shade, &self.resolve];
         let waiting = [self.records.items.len(), self.projected.items.len(), self.ellipses.items.len()];
         let slots = [self.slots.items.len(), self.weighted.items.len(), self.looked_up.items.len(), self.to_shade.len()];
-        self.resolve.log.len() == lines as usize
+        self.resolve.log.len() == across * down
             && self.fetch.log.len() == splats
             && waiting == [0; 3]
             && slots == [0; 4]
