@@ -31,8 +31,14 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
             }
         }
     }
-    (ticked.total != replayed.total || ticked.lookups != replayed.lookups)
-        .then(|| format!("ticked {} {:?}, replayed {} {:?}", ticked.total, ticked.lookups, replayed.total, replayed.lookups))
+    for (unit, occupancy) in ticked.units.iter().zip(&ticked.occupancies) {
+        let first = replayed.units.iter().find(|other| other.name == unit.name && other.index == 0);
+        if first.is_none_or(|first| first.occupancy != *occupancy) {
+            return Some(format!("behind {}: ticked {occupancy:?}, replayed {:?}", unit.name, first.map(|first| &first.occupancy)));
+        }
+    }
+    let [ticked, replayed] = [(ticked.total, ticked.lookups, ticked.slots), (replayed.total, replayed.lookups, replayed.slots)];
+    (ticked != replayed).then(|| format!("total, look-ups, slots: ticked {ticked:?}, replayed {replayed:?}"))
 }
 
 fn compare(timing: &Elaborated, scene: &Scene, work: &Work) -> Result<Ticked, String> {

@@ -31,7 +31,11 @@ pub struct Unit {
 pub struct Ticked {
     pub total: u64,
     pub units: Vec<Unit>,
+    /// How full it was behind the units from the first on.
+    pub occupancies: Vec<Vec<u64>>,
     pub lookups: [u64; 2],
+    /// All that the raster took, and those that kept a pixel.
+    pub slots: [u64; 2],
 }
 
 /// What a free unit does in a cycle.
@@ -85,19 +89,27 @@ struct Link<T> {
     credits: u32,
     /// Given back in this cycle.
     returned: u32,
+    /// How often so many places were taken when another one was, with that.
+    occupancy: Vec<u64>,
 }
 
 impl<T> Link<T> {
     fn new(places: u32) -> Self {
-        Link { items: VecDeque::new(), credits: places, returned: 0 }
+        Link { items: VecDeque::new(), credits: places, returned: 0, occupancy: vec![0; places as usize + 1] }
     }
 
     fn has_room(&self) -> bool {
         self.credits > 0
     }
 
-    fn push(&mut self, here: u64, item: T) {
+    fn reserve(&mut self) {
         self.credits = self.credits.checked_sub(1).expect("a place");
+        let taken = self.occupancy.len() - 1 - self.credits as usize;
+        self.occupancy[taken] += 1;
+    }
+
+    fn push(&mut self, here: u64, item: T) {
+        self.reserve();
         self.items.push_back((here, item));
     }
 
@@ -466,11 +478,11 @@ impl<'a> Machine<'a> {
                 account.starved += 1;
                 return;
             }
-            // The place is kept free from the beginning: nobody else takes it.
             if !self.looked_up.has_room() {
                 account.blocked += 1;
                 return;
             }
+            self.looked_up.reserve();
             self.looking = Some(Looking { slot: self.weighted.pop(), next: 0, reads: Vec::new() });
             self.cache.sides[0].items += 1;
             self.cache.log.push(self.now);
@@ -487,7 +499,7 @@ impl<'a> Machine<'a> {
         looking.next += 1;
         if looking.next == looking.slot.lines.len() {
             let Looking { slot, reads, .. } = self.looking.take().expect("a slot");
-            self.looked_up.push(self.now + u64::from(self.timing.cache.latency), (slot, reads));
+            self.looked_up.items.push_back((self.now + u64::from(self.timing.cache.latency), (slot, reads)));
         }
     }
 
@@ -639,6 +651,21 @@ pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
         machine.tick();
         assert!(machine.now < 10_000_000, "it is stuck");
     }
-    let Machine { fetch, project, ellipse, raster, gauss, cache, fragment, shade, resolve, lines, now, .. } = machine;
-    Ticked { total: now, units: vec![fetch, project, ellipse, raster, gauss, cache, fragment, shade, resolve], lookups: lines.lookups }
+    let Machine { fetch, project, ellipse, raster, gauss, cache, fragment, shade, resolve, .. } = machine;
+    let Machine { records, projected, ellipses, slots, weighted, looked_up, lines, now, .. } = machine;
+    let counts = [&raster, &gauss].map(|unit| unit.log.len() as u64);
+    Ticked {
+        total: now,
+        units: vec![fetch, project, ellipse, raster, gauss, cache, fragment, shade, resolve],
+        occupancies: vec![
+            records.occupancy,
+            projected.occupancy,
+            ellipses.occupancy,
+            slots.occupancy,
+            weighted.occupancy,
+            looked_up.occupancy,
+        ],
+        lookups: lines.lookups,
+        slots: counts,
+    }
 }
