@@ -126,14 +126,15 @@ impl<'a> Readers<'a> {
 }
 
 impl Slots {
-    /// Pixels by slots.
+    /// Pixels by slots, in each row by row, wherever recorded tiles meet.
     fn settle(&mut self) {
-        // Slots of one row, in one recorded tile, come in order.
-        if !self.slot_of.is_sorted() {
-            let mut all: Vec<_> = self.slot_of.iter().copied().zip(self.pixels.iter().copied()).collect();
-            all.sort_by_key(|(slot, _)| *slot);
+        let place = |(slot, [x, y]): (u32, [u16; 2])| (slot, y, x);
+        let all = || self.slot_of.iter().copied().zip(self.pixels.iter().copied());
+        if !all().is_sorted_by_key(place) {
+            let mut sorted: Vec<_> = all().collect();
+            sorted.sort_unstable_by_key(|pixel| place(*pixel));
             self.pixels.clear();
-            self.pixels.extend(all.into_iter().map(|(_, pixel)| pixel));
+            self.pixels.extend(sorted.into_iter().map(|(_, pixel)| pixel));
         }
         let mut end = 0;
         for slot in &mut self.slots {

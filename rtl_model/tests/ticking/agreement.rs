@@ -1,0 +1,131 @@
+//! Do ticks and replay agree in every number, on any machine and any work?
+
+use crate::frames::{Dice, frame};
+use crate::scene::Scene;
+use crate::ticks::{Ticked, draw};
+use crate::{machines, scene};
+use rtl_model::Machine;
+use rtl_model::machine::timing::Elaborated;
+use rtl_model::pipeline::draw_recorded;
+use rtl_model::timing::{Cycles, replay_logged};
+use rtl_model::work::Work;
+use std::collections::BTreeMap;
+
+/// The first number in which they differ.
+fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
+    for unit in &ticked.units {
+        let mut sides: Vec<_> = replayed.units.iter().filter(|other| other.name == unit.name).collect();
+        sides.sort_by_key(|side| side.index);
+        if sides.len() != unit.sides.len() {
+            return Some(format!("{} has {} sides, replayed {}", unit.name, unit.sides.len(), sides.len()));
+        }
+        if unit.log != sides[0].log {
+            let at = unit.log.iter().zip(&sides[0].log).take_while(|(ticked, replayed)| ticked == replayed).count();
+            let [ticked, replayed] = [&unit.log, &sides[0].log].map(|log| (log.len(), log.get(at)));
+            return Some(format!("{} takes item {at} (of so many, in cycle): ticked {ticked:?}, replayed {replayed:?}", unit.name));
+        }
+        for (place, (ticked, replayed)) in unit.sides.iter().zip(sides).enumerate() {
+            let [ticked, replayed] = [(ticked.items, ticked.account), (replayed.items, replayed.account)];
+            if ticked != replayed {
+                return Some(format!("{} {place}: ticked {ticked:?}, replayed {replayed:?}", unit.name));
+            }
+        }
+    }
+    for (unit, occupancy) in ticked.units.iter().zip(&ticked.occupancies) {
+        let first = replayed.units.iter().find(|other| other.name == unit.name && other.index == 0);
+        if first.is_none_or(|first| first.occupancy != *occupancy) {
+            return Some(format!("behind {}: ticked {occupancy:?}, replayed {:?}", unit.name, first.map(|first| &first.occupancy)));
+        }
+    }
+    let [ticked, replayed] = [(ticked.total, ticked.lookups, ticked.slots), (replayed.total, replayed.lookups, replayed.slots)];
+    (ticked != replayed).then(|| format!("total, look-ups, slots: ticked {ticked:?}, replayed {replayed:?}"))
+}
+
+fn compare(timing: &Elaborated, scene: &Scene, work: &Work) -> Result<Ticked, String> {
+    let ticked = draw(timing, scene);
+    match difference(&ticked, &replay_logged(timing, work)) {
+        Some(difference) => Err(difference),
+        None => Ok(ticked),
+    }
+}
+
+/// Counts what came to pass, so that nothing is tried only in name.
+#[derive(Default)]
+struct Seen(BTreeMap<String, u64>);
+
+impl Seen {
+    fn see(&mut self, ticked: &Ticked) {
+        for unit in &ticked.units {
+            for side in &unit.sides {
+                let account = side.account;
+                for (what, cycles) in
+                    [("busy", account.busy), ("starved", account.starved), ("memory", account.memory), ("blocked", account.blocked)]
+                {
+                    *self.0.entry(format!("{} {what}", unit.name)).or_default() += cycles;
+                }
+            }
+        }
+        *self.0.entry("look-ups".into()).or_default() += ticked.lookups[0];
+        *self.0.entry("misses".into()).or_default() += ticked.lookups[0] - ticked.lookups[1];
+    }
+
+    fn demand(&self, least: u64, never: &[&str]) {
+        for (what, cycles) in &self.0 {
+            assert!(if never.contains(&what.as_str()) { *cycles == 0 } else { *cycles > least }, "{what}: {:?}", self.0);
+        }
+    }
+}
+
+/// What cannot happen to a unit: only fetch, project, cache, fragment and resolve wait for memory, and nobody blocks the last ones.
+const NEVER: [&str; 6] = ["ellipse memory", "raster memory", "gauss memory", "shade memory", "shade blocked", "resolve blocked"];
+
+#[test]
+fn a_frame_ticks_as_it_is_replayed() {
+    let mut seen = Seen::default();
+    let sizes = [([3, 3], 1, 2000), ([4, 4], 3, 4000), ([8, 8], 6, 4000), ([20, 20], 12, 4000), ([60, 50], 40, 6000)];
+    for (size, splats, cases) in sizes {
+        for seed in 0..cases {
+            let mut dice = Dice(seed);
+            let timing = machines::elaborate(machines::random(&mut dice));
+            let scene = scene::random(&mut dice, size, splats);
+            match compare(&timing, &scene, &scene.record()) {
+                Ok(ticked) => seen.see(&ticked),
+                Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", timing.timing),
+            }
+        }
+    }
+    seen.demand(1000, &NEVER);
+}
+
+#[test]
+fn a_drawn_frame_ticks_as_it_is_replayed() {
+    let mut seen = Seen::default();
+    for name in Machine::NAMES {
+        for seed in 0..80 {
+            let mut dice = Dice(seed);
+            let mut machine = Machine::named(name).unwrap();
+            machine.timing = machines::random(&mut dice);
+            let mut frame = frame(&machine, seed, 500);
+            // Some are crowds.
+            if seed % 8 == 0 {
+                (frame.width, frame.height) = (75, 40);
+                frame.splats = (0..20).flat_map(|other| crate::frames::frame(&machine, seed + other, 500).splats).collect();
+            }
+            let machine = machine.elaborate().unwrap();
+            let (_, work) = draw_recorded(&machine, &frame);
+            match compare(&machine.timing, &Scene::read(&work), &work) {
+                Ok(ticked) => seen.see(&ticked),
+                Err(difference) => panic!("{difference}\nframe {seed} of {name}\n{:#?}", machine.timing.timing),
+            }
+        }
+    }
+    seen.demand(50, &NEVER);
+}
+
+#[test]
+fn a_scene_is_read_as_it_was_told() {
+    for seed in 0..300 {
+        let scene = scene::random(&mut Dice(seed), [60, 50], 40);
+        assert_eq!(Scene::read(&scene.record()), scene, "seed {seed}");
+    }
+}

@@ -1,0 +1,59 @@
+//! Which machines are tried? Any small numbers, and memory so wide that when data comes is known beforehand.
+
+use crate::frames::Dice;
+use rtl_model::Machine;
+use rtl_model::machine::timing::{Cache, Elaborated, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Timing};
+
+/// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
+pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
+    Memory { bytes_per_cycle: 1 << 20, hit_latency: latency, miss_latency: latency, burst_bytes, outstanding, row_bytes: 2048, banks: 4 }
+}
+
+pub fn elaborate(timing: Timing) -> Elaborated {
+    let mut machine = Machine::named("tiny").unwrap();
+    machine.timing = timing;
+    machine.elaborate().unwrap().timing
+}
+
+pub fn random(dice: &mut Dice) -> Timing {
+    let of = |dice: &mut Dice, values: &[u32]| values[dice.below(values.len() as u64) as usize];
+    let to = |dice: &mut Dice, most: u64| 1 + dice.below(most) as u32;
+    let setup = |dice: &mut Dice| Setup {
+        units: to(dice, 3),
+        latency: Some(to(dice, 9)),
+        interval: Some(to(dice, 5)),
+        multipliers: None,
+        fifo: to(dice, 6),
+    };
+    let [project, ellipse] = [setup(dice), setup(dice)];
+    let lines = of(dice, &[1, 2, 4, 8, 16, 16, 64, 512]);
+    let lanes = [[1, 1], [2, 2], [4, 1], [4, 4], [8, 1], [1, 3], [3, 2]][dice.below(7) as usize];
+    Timing {
+        organisation: Organisation::Immediate,
+        fetch: Fetch { fifo: to(dice, 6) },
+        project,
+        ellipse,
+        raster: Raster { lanes, latency: Some(to(dice, 9)), fifo: to(dice, 6) },
+        gauss: Stage { latency: Some(to(dice, 9)), fifo: to(dice, 6) },
+        cache: Cache {
+            line_px: [of(dice, &[1, 2, 4, 8]), of(dice, &[1, 2, 4, 8])],
+            lines,
+            ways: of(dice, &[1, 2, 4]).min(lines),
+            misses: to(dice, 4),
+            latency: to(dice, 4),
+            fifo: to(dice, 6),
+        },
+        fragment: Fragment { latency: Some(to(dice, 9)), hazard: Some(to(dice, 9)), merge: dice.below(4) as u32 },
+        shade: Shade { latency: Some(to(dice, 9)), interval: to(dice, 3) },
+        resolve: Resolve { latency: Some(to(dice, 9)), interval: to(dice, 3) },
+        memory: {
+            let outstanding = match dice.below(3) {
+                0 => 1 << 16,
+                _ => to(dice, 6),
+            };
+            let burst_bytes = of(dice, &[4, 16, 64, 256]);
+            ideal(to(dice, 30), outstanding, burst_bytes)
+        },
+        ..Machine::named("tiny").unwrap().timing
+    }
+}

@@ -1,0 +1,9 @@
+//! Is a frame that is replayed by recurrences the frame that a machine, ticking cycle by cycle, would draw?
+
+mod agreement;
+#[path = "../machines/frames.rs"]
+mod frames;
+mod laws;
+mod machines;
+mod scene;
+mod ticks;

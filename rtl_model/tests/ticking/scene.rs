@@ -1,0 +1,201 @@
+//! What is drawn? A plain list of splats and their pixels, drawn at random or read from a recorded frame.
+
+use crate::frames::Dice;
+use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work, clip};
+
+/// A splat, and what became of every pixel of its box, row by row; of those that it does not cover, nothing.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Splat {
+    pub fate: Fate,
+    pub columns: [u16; 2],
+    pub rows: [u16; 2],
+    pub pixels: Vec<Option<Event>>,
+}
+
+impl Splat {
+    pub fn culled(fate: Fate) -> Self {
+        Splat { fate, columns: [0; 2], rows: [0; 2], pixels: Vec::new() }
+    }
+
+    /// One pixel.
+    pub fn dot([x, y]: [u16; 2], event: Event) -> Self {
+        Splat { fate: Fate::Drawn, columns: [x; 2], rows: [y; 2], pixels: vec![Some(event)] }
+    }
+
+    pub fn size(&self) -> [usize; 2] {
+        [self.columns, self.rows].map(|[first, last]| usize::from(last - first) + 1)
+    }
+
+    /// A pixel, counted from the box's first.
+    pub fn pixel(&self, column: usize, row: usize) -> Option<Event> {
+        self.pixels[row * self.size()[0] + column]
+    }
+}
+
+/// A frame: its splats, and how many fragments of each pixel are left to shade in the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    pub width: u32,
+    pub height: u32,
+    pub splats: Vec<Splat>,
+    pub left: Vec<u8>,
+}
+
+fn any_event(dice: &mut Dice, dull: u64) -> Event {
+    if dice.below(100) < dull {
+        return Event::Accumulated;
+    }
+    match dice.below(9) {
+        0..=2 => Event::Faint,
+        3 => Event::Inserted,
+        4 => Event::Merged(0),
+        5 => Event::Merged(1),
+        6 => Event::Merged(2),
+        7 => Event::Evicted,
+        _ => Event::Replaced,
+    }
+}
+
+fn any_splat(dice: &mut Dice, [width, height]: [u32; 2], largest: u64, [covered, dull]: [u64; 2]) -> Splat {
+    let mut interval = |size: u32| {
+        let length = 1 + dice.below(largest.min(u64::from(size)));
+        let first = dice.below(u64::from(size) - length + 1);
+        [first as u16, (first + length - 1) as u16]
+    };
+    let [columns, rows] = [interval(width), interval(height)];
+    let mut splat = Splat { fate: Fate::Drawn, columns, rows, pixels: Vec::new() };
+    let area = splat.size()[0] * splat.size()[1];
+    // Some keep nothing, some nothing but faint pixels.
+    let kind = dice.below(12);
+    splat.pixels = (0..area)
+        .map(|_| match kind {
+            0 => None,
+            1 => (dice.below(100) < covered).then_some(Event::Faint),
+            _ => (dice.below(100) < covered).then(|| any_event(dice, dull)),
+        })
+        .collect();
+    splat
+}
+
+/// A scene of at most so many pixels a side and so many splats.
+pub fn random(dice: &mut Dice, [width, height]: [u64; 2], splats: u64) -> Scene {
+    let [width, height] = [width, height].map(|most| 1 + dice.below(most) as u32);
+    let culled = dice.below(60);
+    let largest = [1, 3, 6, 20][dice.below(4) as usize];
+    let covering = [1 + dice.below(100), dice.below(101)];
+    let splats = (0..dice.below(splats + 1))
+        .map(|_| match dice.below(100) < culled {
+            true => Splat::culled(CULLED[dice.below(5) as usize]),
+            false => any_splat(dice, [width, height], largest, covering),
+        })
+        .collect();
+    let lit = dice.below(4);
+    let left = (0..width * height).map(|_| if dice.below(4) < lit { dice.below(4) as u8 } else { 0 }).collect();
+    let mut scene = Scene { width, height, splats, left };
+    scene.clear_untouched();
+    scene
+}
+
+impl Scene {
+    /// Where no box touches a tile, nothing is left to shade.
+    fn clear_untouched(&mut self) {
+        let touched = |tile: [u16; 2]| {
+            self.splats.iter().filter(|splat| splat.fate == Fate::Drawn).any(|splat| {
+                let [columns, rows] = [splat.columns, splat.rows].map(|interval| interval.map(|at| at / 16));
+                (columns[0]..=columns[1]).contains(&tile[0]) && (rows[0]..=rows[1]).contains(&tile[1])
+            })
+        };
+        for (pixel, left) in self.left.iter_mut().enumerate() {
+            let [x, y] = [pixel as u32 % self.width, pixel as u32 / self.width];
+            if !touched([x as u16 / 16, y as u16 / 16]) {
+                *left = 0;
+            }
+        }
+    }
+
+    /// Tells a recorder what is drawn.
+    pub fn record(&self) -> Work {
+        let mut recorder = Recorder::default();
+        for (first, splats) in self.splats.chunks(8).enumerate() {
+            let lanes = CULLED.map(|fate| (0..splats.len()).map(|lane| u8::from(splats[lane].fate == fate) << lane).sum());
+            recorder.culled(8 * first as u32, lanes);
+        }
+        let drawn = || self.splats.iter().enumerate().filter(|(_, splat)| splat.fate == Fate::Drawn);
+        for (place, splat) in drawn() {
+            recorder.drawn(place as u32, [splat.columns, splat.rows]);
+        }
+        for top in (0..self.height as u16).step_by(TILE_PX) {
+            for left in (0..self.width as u16).step_by(TILE_PX) {
+                let mut touched = false;
+                for (_, splat) in drawn() {
+                    let [columns, rows] = [clip(splat.columns, left), clip(splat.rows, top)];
+                    if columns.is_empty() || rows.is_empty() {
+                        continue;
+                    }
+                    touched = true;
+                    let mut places = Vec::new();
+                    let mut events = Vec::new();
+                    for row in rows.clone() {
+                        for column in columns.clone() {
+                            let [x, y] = [usize::from(left) + column, usize::from(top) + row];
+                            if let Some(event) = splat.pixel(x - usize::from(splat.columns[0]), y - usize::from(splat.rows[0])) {
+                                places.push((16 * (row - rows.start) + column - columns.start) as u8);
+                                events.push(event);
+                            }
+                        }
+                    }
+                    recorder.span(rows.len(), columns.start, &places);
+                    events.into_iter().for_each(|event| recorder.became(event));
+                }
+                if !touched {
+                    continue;
+                }
+                for pixel in 0..TILE_PX * TILE_PX {
+                    let [x, y] = [usize::from(left) + pixel % TILE_PX, usize::from(top) + pixel / TILE_PX];
+                    let shades =
+                        if x < self.width as usize && y < self.height as usize { self.left[y * self.width as usize + x] } else { 0 };
+                    recorder.pixel(shades, shades);
+                }
+                recorder.tile([left, top]);
+            }
+        }
+        recorder.work(self.width, self.height)
+    }
+
+    /// Reads a recorded frame.
+    pub fn read(work: &Work) -> Self {
+        let mut splats: Vec<Splat> = work.fates.iter().map(|fate| Splat::culled(*fate)).collect();
+        for footprint in &work.footprints {
+            let splat = &mut splats[footprint.splat as usize];
+            (splat.columns, splat.rows) = (footprint.columns, footprint.rows);
+            splat.pixels = vec![None; splat.size()[0] * splat.size()[1]];
+        }
+        let mut left = vec![0; (work.width * work.height) as usize];
+        for tile in &work.tiles {
+            let mut reader = tile.reader();
+            let [first, top] = tile.corner;
+            for footprint in &work.footprints {
+                let [columns, rows] = [clip(footprint.columns, first), clip(footprint.rows, top)];
+                if columns.is_empty() {
+                    continue;
+                }
+                let splat = &mut splats[footprint.splat as usize];
+                for row in rows {
+                    let kept = reader.row();
+                    for column in (0..TILE_PX).filter(|column| kept & (1 << column) != 0) {
+                        let [x, y] = [usize::from(first) + column, usize::from(top) + row];
+                        let pixel = (y - usize::from(splat.rows[0])) * splat.size()[0] + x - usize::from(splat.columns[0]);
+                        splat.pixels[pixel] = Some(reader.event());
+                    }
+                }
+            }
+            for pixel in 0..TILE_PX * TILE_PX {
+                let [x, y] = [usize::from(first) + pixel % TILE_PX, usize::from(top) + pixel / TILE_PX];
+                if x < work.width as usize && y < work.height as usize {
+                    left[y * work.width as usize + x] = tile.pixel(pixel)[1];
+                }
+            }
+        }
+        Scene { width: work.width, height: work.height, splats, left }
+    }
+}
