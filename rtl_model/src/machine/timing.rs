@@ -188,10 +188,10 @@ pub struct Memory {
     pub banks: u32,
 }
 
-/// The default microarchitecture: one slot of 4×1 pixels a cycle, everything pipelined, memory of 6.4 GB/s.
+/// The default microarchitecture: tiles, one slot of 4×1 pixels a cycle, everything pipelined, memory of 6.4 GB/s.
 pub const DEFAULT: Timing = Timing {
     clock_hz: 400_000_000,
-    organisation: Organisation::Immediate,
+    organisation: Organisation::Binned,
     fetch: Fetch { fifo: 16 },
     project: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 4 },
     ellipse: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 16 },
@@ -313,22 +313,15 @@ impl Machine {
         let (p, l, s) = (&self.project, &self.ellipse, &self.shade);
         // Difference, normalise, rotate, 1/t_z, quotient, pixel.
         let project = SUM + NORMALISE + (PRODUCT + 2 * SUM) + reciprocal(p.reciprocal) + 2 * PRODUCT;
+        // Rotation, guard band, quotient, pixel.
         let project_products = 9 + 2 + 2 + 2 + 2 * p.reciprocal.newton_steps;
         // Normal, facing; radius to variance; determinant, root, inverse, conic, amplitude. Extents and slopes beside that.
         let ellipse =
             (PRODUCT + 2 * SUM) * 2 + (PRODUCT + SUM) * 2 + PRODUCT + SUM + (PRODUCT + SUM) + NORMALISE + root(l.root) + 3 * PRODUCT;
-        let ellipse_products = 9
-            + 5
-            + 2
-            + 6
-            + 3
-            + 3
-            + 3
-            + 4
-            + 4
-            + 3
+        // Normal, tilt and facing, size, shape, variance, area and determinant, conic, amplitude, two sides, slopes, depth range.
+        let ellipse_products = (9 + 4 + 3 + 6 + 3 + 4 + 4 + 2 + 4 + 4 + 1)
             + 3 * l.root.newton_steps
-            + 2 * (3 * l.extent_root.newton_steps + 2)
+            + 6 * l.extent_root.newton_steps
             + 2 * l.slope_reciprocal.newton_steps;
         // Offset, gradient, seed, compare.
         let raster = SUM + (PRODUCT + SUM) * 2 + SUM;
