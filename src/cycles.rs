@@ -201,7 +201,7 @@ fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitRep
                 cycles: *cycles,
             })
             .collect(),
-        occupancy: unit.occupancy.clone(),
+        occupancy: unit.occupancy[..unit.occupancy.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1)].to_vec(),
     }
 }
 

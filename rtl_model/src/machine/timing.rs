@@ -268,7 +268,7 @@ const PRODUCT: u32 = 2;
 const SUM: u32 = 1;
 const TABLE: u32 = 1;
 const NORMALISE: u32 = 2;
-/// The most cycles, items or bytes that any field may say.
+/// The most that a field of memory may say.
 const MOST: u32 = 1 << 20;
 
 /// Normalise, look up, and two products and a sum for each Newton step.
@@ -391,24 +391,26 @@ impl Machine {
 impl Timing {
     /// What no machine can be.
     fn check(&self, e: &mut Elaboration) {
-        let at_least_one = [
-            ("project.units", self.project.units),
-            ("ellipse.units", self.ellipse.units),
-            ("project.fifo", self.project.fifo),
-            ("ellipse.fifo", self.ellipse.fifo),
-            ("fetch.fifo", self.fetch.fifo),
-            ("raster.lanes[0]", self.raster.lanes[0]),
-            ("raster.lanes[1]", self.raster.lanes[1]),
-            ("raster.fifo", self.raster.fifo),
-            ("gauss.fifo", self.gauss.fifo),
-            ("cache.fifo", self.cache.fifo),
-            ("cache.misses", self.cache.misses),
-            ("cache.latency", self.cache.latency),
-            ("shade.interval", self.shade.interval),
-            ("resolve.interval", self.resolve.interval),
-            ("memory.bytes_per_cycle", self.memory.bytes_per_cycle),
-            ("memory.hit_latency", self.memory.hit_latency),
-            ("memory.outstanding", self.memory.outstanding),
+        let (latency, fifo) = (1..=4096, 1..=65_536);
+        let fields = [
+            ("project.units", self.project.units, 1..=16),
+            ("ellipse.units", self.ellipse.units, 1..=16),
+            ("project.fifo", self.project.fifo, fifo.clone()),
+            ("ellipse.fifo", self.ellipse.fifo, fifo.clone()),
+            ("fetch.fifo", self.fetch.fifo, fifo.clone()),
+            ("raster.fifo", self.raster.fifo, fifo.clone()),
+            ("gauss.fifo", self.gauss.fifo, fifo.clone()),
+            ("cache.fifo", self.cache.fifo, fifo),
+            ("raster.lanes[0]", self.raster.lanes[0], 1..=64),
+            ("raster.lanes[1]", self.raster.lanes[1], 1..=64),
+            ("cache.misses", self.cache.misses, 1..=MOST),
+            ("cache.latency", self.cache.latency, latency.clone()),
+            ("shade.interval", self.shade.interval, latency.clone()),
+            ("resolve.interval", self.resolve.interval, latency.clone()),
+            ("fragment.merge", self.fragment.merge, 0..=4096),
+            ("memory.bytes_per_cycle", self.memory.bytes_per_cycle, 1..=MOST),
+            ("memory.hit_latency", self.memory.hit_latency, 1..=MOST),
+            ("memory.outstanding", self.memory.outstanding, 1..=MOST),
         ];
         let left_out = [
             ("project.latency", self.project.latency),
@@ -424,11 +426,10 @@ impl Timing {
             ("shade.latency", self.shade.latency),
             ("resolve.latency", self.resolve.latency),
         ];
-        let given = left_out.into_iter().filter_map(|(name, value)| value.map(|value| (name, value)));
-        for (name, value) in at_least_one.into_iter().chain(given) {
-            e.require((1..=MOST).contains(&value), || format!("timing.{name} is {value}: it can be 1 to {MOST}"));
+        let given = left_out.into_iter().filter_map(|(name, value)| value.map(|value| (name, value, latency.clone())));
+        for (name, value, range) in fields.into_iter().chain(given) {
+            e.require(range.contains(&value), || format!("timing.{name} is {value}: it can be {} to {}", range.start(), range.end()));
         }
-        e.require(self.fragment.merge <= MOST, || format!("timing.fragment.merge is {}: it can be 0 to {MOST}", self.fragment.merge));
         e.require((1..=1_000_000_000_000).contains(&self.clock_hz), || {
             format!("timing.clock_hz is {}: it can be 1 to 1000000000000", self.clock_hz)
         });

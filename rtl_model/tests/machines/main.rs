@@ -4,4 +4,5 @@ mod drawing;
 mod elaboration;
 mod frames;
 mod mutation;
+mod timing;
 mod working;
