@@ -1,8 +1,9 @@
 //! Do ticks and replay agree in every number, on any machine and any work?
 
 use crate::frames::{Dice, frame};
+use crate::immediate::draw;
+use crate::parts::Ticked;
 use crate::scene::Scene;
-use crate::ticks::{Ticked, draw};
 use crate::{machines, scene};
 use rtl_model::Machine;
 use rtl_model::machine::timing::Elaborated;
@@ -13,29 +14,27 @@ use std::collections::BTreeMap;
 
 /// The first number in which they differ.
 fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
+    let mut others = replayed.units.iter();
     for unit in &ticked.units {
-        let mut sides: Vec<_> = replayed.units.iter().filter(|other| other.name == unit.name).collect();
-        sides.sort_by_key(|side| side.index);
-        if sides.len() != unit.sides.len() {
-            return Some(format!("{} has {} sides, replayed {}", unit.name, unit.sides.len(), sides.len()));
-        }
-        if unit.log != sides[0].log {
-            let at = unit.log.iter().zip(&sides[0].log).take_while(|(ticked, replayed)| ticked == replayed).count();
-            let [ticked, replayed] = [&unit.log, &sides[0].log].map(|log| (log.len(), log.get(at)));
-            return Some(format!("{} takes item {at} (of so many, in cycle): ticked {ticked:?}, replayed {replayed:?}", unit.name));
-        }
-        for (place, (ticked, replayed)) in unit.sides.iter().zip(sides).enumerate() {
-            let [ticked, replayed] = [(ticked.items, ticked.account), (replayed.items, replayed.account)];
+        for (place, side) in unit.sides.iter().enumerate() {
+            let other = others.next().filter(|other| other.name == unit.name && other.index as usize == place);
+            let Some(other) = other else { return Some(format!("{} {place} is not there", unit.name)) };
+            if place == 0 && unit.log != other.log {
+                let at = unit.log.iter().zip(&other.log).take_while(|(ticked, replayed)| ticked == replayed).count();
+                let [ticked, replayed] = [&unit.log, &other.log].map(|log| (log.len(), log.get(at)));
+                return Some(format!("{} takes item {at} (of so many, in cycle): ticked {ticked:?}, replayed {replayed:?}", unit.name));
+            }
+            let [ticked, replayed] = [(side.items, side.account), (other.items, other.account)];
             if ticked != replayed {
                 return Some(format!("{} {place}: ticked {ticked:?}, replayed {replayed:?}", unit.name));
             }
+            if place == 0 && !unit.occupancy.is_empty() && unit.occupancy != other.occupancy {
+                return Some(format!("behind {}: ticked {:?}, replayed {:?}", unit.name, unit.occupancy, other.occupancy));
+            }
         }
     }
-    for (unit, occupancy) in ticked.units.iter().zip(&ticked.occupancies) {
-        let first = replayed.units.iter().find(|other| other.name == unit.name && other.index == 0);
-        if first.is_none_or(|first| first.occupancy != *occupancy) {
-            return Some(format!("behind {}: ticked {occupancy:?}, replayed {:?}", unit.name, first.map(|first| &first.occupancy)));
-        }
+    if others.next().is_some() {
+        return Some("a unit does not tick".into());
     }
     let [ticked, replayed] = [(ticked.total, ticked.lookups, ticked.slots), (replayed.total, replayed.lookups, replayed.slots)];
     (ticked != replayed).then(|| format!("total, look-ups, slots: ticked {ticked:?}, replayed {replayed:?}"))

@@ -3,7 +3,7 @@
 use crate::frames::Dice;
 use crate::machines::{elaborate, ideal, random};
 use crate::scene::{Scene, Splat};
-use crate::{scene, ticks};
+use crate::{immediate, scene};
 use rtl_model::machine::timing::{Cache, Timing};
 use rtl_model::timing::replay;
 use rtl_model::work::Event;
@@ -26,7 +26,7 @@ fn single(dice: &mut Dice) -> Timing {
 fn cycles(timing: Timing, scene: &Scene) -> u64 {
     let timing = elaborate(timing);
     let total = replay(&timing, &scene.record()).total;
-    assert_eq!(ticks::draw(&timing, scene).total, total);
+    assert_eq!(immediate::draw(&timing, scene).total, total);
     total
 }
 

@@ -3,7 +3,8 @@
 mod agreement;
 #[path = "../machines/frames.rs"]
 mod frames;
+mod immediate;
 mod laws;
 mod machines;
+mod parts;
 mod scene;
-mod ticks;
