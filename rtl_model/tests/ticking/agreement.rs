@@ -1,12 +1,11 @@
 //! Do ticks and replay agree in every number, on any machine and any work?
 
 use crate::frames::{Dice, frame};
-use crate::immediate::draw;
 use crate::parts::Ticked;
 use crate::scene::Scene;
-use crate::{machines, scene};
+use crate::{binned, immediate, machines, scene};
 use rtl_model::Machine;
-use rtl_model::machine::timing::Elaborated;
+use rtl_model::machine::timing::{Elaborated, Organisation, Timing};
 use rtl_model::pipeline::draw_recorded;
 use rtl_model::timing::{Cycles, replay_logged};
 use rtl_model::work::Work;
@@ -41,7 +40,10 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
 }
 
 fn compare(timing: &Elaborated, scene: &Scene, work: &Work) -> Result<Ticked, String> {
-    let ticked = draw(timing, scene);
+    let ticked = match timing.timing.organisation {
+        Organisation::Immediate => immediate::draw(timing, scene),
+        Organisation::Binned => binned::draw(timing, scene),
+    };
     match difference(&ticked, &replay_logged(timing, work)) {
         Some(difference) => Err(difference),
         None => Ok(ticked),
@@ -75,17 +77,34 @@ impl Seen {
     }
 }
 
-/// What cannot happen to a unit: only fetch, project, cache, fragment and resolve wait for memory, and nobody blocks the last ones.
+/// What cannot happen to the units of an immediate machine.
 const NEVER: [&str; 6] = ["ellipse memory", "raster memory", "gauss memory", "shade memory", "shade blocked", "resolve blocked"];
+/// And to those of a binned one, which looks nothing up.
+const NEVER_BINNED: [&str; 10] = [
+    "ellipse memory",
+    "gauss memory",
+    "shade memory",
+    "shade blocked",
+    "fragment memory",
+    "resolve blocked",
+    "resolve memory",
+    "bin blocked",
+    "look-ups",
+    "misses",
+];
 
-#[test]
-fn a_frame_ticks_as_it_is_replayed() {
+fn of(organisation: Organisation, dice: &mut Dice) -> Timing {
+    let mut timing = Timing { organisation, ..machines::random(dice) };
+    (timing.tile.side_px, timing.tile.buffers) = ([16, 16, 32, 48][dice.below(4) as usize], 1 + dice.below(2) as u32);
+    timing
+}
+
+fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
     let mut seen = Seen::default();
-    let sizes = [([3, 3], 1, 2000), ([4, 4], 3, 4000), ([8, 8], 6, 4000), ([20, 20], 12, 4000), ([60, 50], 40, 6000)];
-    for (size, splats, cases) in sizes {
-        for seed in 0..cases {
+    for (size, splats, share) in [([3, 3], 1, 1), ([4, 4], 3, 2), ([8, 8], 6, 2), ([20, 20], 12, 2), ([60, 50], 40, 3)] {
+        for seed in 0..cases * share {
             let mut dice = Dice(seed);
-            let timing = machines::elaborate(machines::random(&mut dice));
+            let timing = machines::elaborate(of(organisation, &mut dice));
             let scene = scene::random(&mut dice, size, splats);
             match compare(&timing, &scene, &scene.record()) {
                 Ok(ticked) => seen.see(&ticked),
@@ -93,17 +112,15 @@ fn a_frame_ticks_as_it_is_replayed() {
             }
         }
     }
-    seen.demand(1000, &NEVER);
+    seen.demand(1000, never);
 }
 
-#[test]
-fn a_drawn_frame_ticks_as_it_is_replayed() {
+fn compare_drawn(organisation: Organisation, never: &[&str]) {
     let mut seen = Seen::default();
     for name in Machine::NAMES {
         for seed in 0..80 {
-            let mut dice = Dice(seed);
             let mut machine = Machine::named(name).unwrap();
-            machine.timing = machines::random(&mut dice);
+            machine.timing = of(organisation, &mut Dice(seed));
             let mut frame = frame(&machine, seed, 500);
             // Some are crowds.
             if seed % 8 == 0 {
@@ -118,7 +135,27 @@ fn a_drawn_frame_ticks_as_it_is_replayed() {
             }
         }
     }
-    seen.demand(50, &NEVER);
+    seen.demand(50, never);
+}
+
+#[test]
+fn a_frame_ticks_as_it_is_replayed() {
+    compare_random(Organisation::Immediate, 1500, &NEVER);
+}
+
+#[test]
+fn a_binned_frame_ticks_as_it_is_replayed() {
+    compare_random(Organisation::Binned, 1500, &NEVER_BINNED);
+}
+
+#[test]
+fn a_drawn_frame_ticks_as_it_is_replayed() {
+    compare_drawn(Organisation::Immediate, &NEVER);
+}
+
+#[test]
+fn a_drawn_and_binned_frame_ticks_as_it_is_replayed() {
+    compare_drawn(Organisation::Binned, &NEVER_BINNED);
 }
 
 #[test]
