@@ -71,8 +71,10 @@ fn splats_in_a_row_take_the_largest_interval_each() {
     }
 }
 
+type Field = fn(&mut Timing) -> &mut u32;
+
 /// Every number of which a machine can have more.
-const RAISES: [(&str, fn(&mut Timing) -> &mut u32); 11] = [
+const RAISES: [(&str, Field); 11] = [
     ("fetch.fifo", |timing| &mut timing.fetch.fifo),
     ("project.fifo", |timing| &mut timing.project.fifo),
     ("project.units", |timing| &mut timing.project.units),
