@@ -1,10 +1,11 @@
-//! What can be said without ticking: how long a frame takes by hand, and that more of anything never makes it slower.
+//! What can be said beforehand: how long does a frame take, by hand? Can more of anything make it slower?
 
 use crate::frames::Dice;
 use crate::machines::{elaborate, ideal, random};
 use crate::scene::{Scene, Splat};
-use crate::{scene, ticks};
-use rtl_model::machine::timing::{Cache, Timing};
+use crate::{immediate, scene};
+use rtl_model::Machine;
+use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
 use rtl_model::timing::replay;
 use rtl_model::work::Event;
 
@@ -26,7 +27,7 @@ fn single(dice: &mut Dice) -> Timing {
 fn cycles(timing: Timing, scene: &Scene) -> u64 {
     let timing = elaborate(timing);
     let total = replay(&timing, &scene.record()).total;
-    assert_eq!(ticks::draw(&timing, scene).total, total);
+    assert_eq!(immediate::draw(&timing, scene).total, total);
     total
 }
 
@@ -70,8 +71,10 @@ fn splats_in_a_row_take_the_largest_interval_each() {
     }
 }
 
+type Field = fn(&mut Timing) -> &mut u32;
+
 /// Every number of which a machine can have more.
-const RAISES: [(&str, fn(&mut Timing) -> &mut u32); 10] = [
+const RAISES: [(&str, Field); 11] = [
     ("fetch.fifo", |timing| &mut timing.fetch.fifo),
     ("project.fifo", |timing| &mut timing.project.fifo),
     ("project.units", |timing| &mut timing.project.units),
@@ -81,10 +84,11 @@ const RAISES: [(&str, fn(&mut Timing) -> &mut u32); 10] = [
     ("gauss.fifo", |timing| &mut timing.gauss.fifo),
     ("cache.fifo", |timing| &mut timing.cache.fifo),
     ("cache.misses", |timing| &mut timing.cache.misses),
+    ("tile.buffers", |timing| &mut timing.tile.buffers),
     ("memory.outstanding", |timing| &mut timing.memory.outstanding),
 ];
 
-/// Cycles that more of something costs in how many of so many cases; and the first of them.
+/// What makes a frame slower if there is more of it: in how many of so many cases, and the first of them.
 fn slower(cases: u64, of: impl Fn(&mut Dice) -> Timing) -> Vec<(&'static str, u64, u64)> {
     let mut found: Vec<(&str, u64, u64)> = Vec::new();
     for seed in 0..cases {
@@ -95,6 +99,7 @@ fn slower(cases: u64, of: impl Fn(&mut Dice) -> Timing) -> Vec<(&'static str, u6
         for (name, field) in RAISES {
             let mut more = timing;
             *field(&mut more) += 1 + dice.below(4) as u32;
+            more.tile.buffers = more.tile.buffers.min(2);
             if replay(&elaborate(more), &scene).total > before {
                 match found.iter_mut().find(|(other, ..)| *other == name) {
                     Some((_, count, _)) => *count += 1,
@@ -122,41 +127,50 @@ fn more_of_anything_is_never_slower_if_lines_come_and_go() {
 }
 
 #[test]
-#[ignore]
-fn explore_real_memory() {
-    eprintln!(
-        "real memory {:?}",
-        slower(3000, |dice| {
-            let mut timing = random(dice);
-            timing.memory.bytes_per_cycle = 4 << dice.below(5);
-            timing.memory.miss_latency += dice.below(20) as u32;
-            timing.memory.row_bytes = 256 << dice.below(3);
-            timing
-        })
-    );
-    eprintln!(
-        "narrow memory, one latency {:?}",
-        slower(3000, |dice| {
-            let mut timing = random(dice);
-            timing.memory.bytes_per_cycle = 4 << dice.below(5);
-            timing
-        })
-    );
-    let mut lanes = [0; 3];
-    for seed in 0..3000 {
+fn more_of_anything_but_requests_is_never_slower_if_tiles_are_binned() {
+    let mut found = slower(1500, |dice| {
+        let timing = Timing { organisation: Organisation::Binned, ..random(dice) };
+        Timing { tile: Tile { buffers: 1 + dice.below(2) as u32, ..timing.tile }, ..timing }
+    });
+    found.retain(|(name, ..)| *name != "memory.outstanding");
+    assert_eq!(found, []);
+}
+
+/// An entry that begins a burst asks for two things, but waits for one to be free: of five on their way, the one that it waits for may be
+/// a splat, which was asked for late, where of four it is a burst of the list.
+#[test]
+fn more_requests_can_be_slower_if_tiles_are_binned() {
+    let scene = Scene { width: 4, height: 1, splats: (0..4).map(|x| Splat::dot([x, 0], Event::Accumulated)).collect(), left: vec![0; 4] };
+    let total = |outstanding: u32| {
+        let timing =
+            Timing { organisation: Organisation::Binned, memory: ideal(8, outstanding, 4), ..Machine::named("tiny").unwrap().timing };
+        replay(&elaborate(timing), &scene.record()).total
+    };
+    assert_eq!(total(5), total(4) + 8);
+}
+
+/// One channel gives its moments to who asks first: what comes earlier may take the moment of something more urgent.
+#[test]
+fn more_of_something_can_be_slower_where_memory_is_shared() {
+    let found = slower(600, |dice| {
+        let timing = random(dice);
+        Timing { memory: Memory { bytes_per_cycle: 4 << dice.below(5), ..timing.memory }, ..timing }
+    });
+    assert!(!found.is_empty());
+}
+
+/// A wide slot waits for all of its lines and for all of its pixels.
+#[test]
+fn wider_lanes_can_be_slower() {
+    let mut counts = [0; 3];
+    for seed in 0..600 {
         let mut dice = Dice(seed);
         let mut timing = random(&mut dice);
         let scene = scene::random(&mut dice, [30, 30], 20).record();
         let before = replay(&elaborate(timing), &scene).total;
-        timing.raster.lanes = timing.raster.lanes.map(|l| 2 * l);
-        let after = replay(&elaborate(timing), &scene).total;
-        lanes[if after > before {
-            2
-        } else if after == before {
-            1
-        } else {
-            0
-        }] += 1;
+        timing.raster.lanes = timing.raster.lanes.map(|lanes| 2 * lanes);
+        counts[(1 + replay(&elaborate(timing), &scene).total.cmp(&before) as i8) as usize] += 1;
     }
-    eprintln!("lanes doubled: faster, same, slower {lanes:?}");
+    let [faster, _, slower] = counts;
+    assert!(faster > 5 * slower && slower > 0, "{counts:?}");
 }

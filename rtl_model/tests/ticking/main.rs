@@ -1,9 +1,11 @@
 //! Is a frame that is replayed by recurrences the frame that a machine, ticking cycle by cycle, would draw?
 
 mod agreement;
+mod binned;
 #[path = "../machines/frames.rs"]
 mod frames;
+mod immediate;
 mod laws;
 mod machines;
+mod parts;
 mod scene;
-mod ticks;

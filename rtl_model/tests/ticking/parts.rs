@@ -1,0 +1,484 @@
+//! What is a ticking machine made of? Units, FIFOs with credits, reads on their way, slots; and the units that both organisations have.
+
+use crate::scene::Scene;
+use rtl_model::machine::timing::{Elaborated, Pace};
+use rtl_model::timing::Account;
+use rtl_model::work::{Event, Fate};
+use std::collections::VecDeque;
+
+/// One of several side by side.
+#[derive(Clone, Debug, Default)]
+pub struct Side {
+    pub items: u64,
+    pub account: Account,
+    /// The first cycle in which nothing holds it.
+    pub until: u64,
+}
+
+/// A unit.
+#[derive(Clone, Debug)]
+pub struct Unit {
+    pub name: &'static str,
+    pub sides: Vec<Side>,
+    pub log: Vec<u64>,
+    /// How full it was behind it.
+    pub occupancy: Vec<u64>,
+}
+
+/// What happened.
+#[derive(Clone, Debug)]
+pub struct Ticked {
+    pub total: u64,
+    pub units: Vec<Unit>,
+    pub lookups: [u64; 2],
+    /// All that the raster took, and those that kept a pixel.
+    pub slots: [u64; 2],
+}
+
+/// What a free unit does in a cycle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Act {
+    Starve,
+    Wait,
+    Block,
+    /// Takes an item that holds it for so many cycles.
+    Take(u64),
+}
+
+impl Unit {
+    pub fn new(name: &'static str, sides: u32) -> Self {
+        Unit { name, sides: vec![Side::default(); sides as usize], log: Vec::new(), occupancy: Vec::new() }
+    }
+
+    /// In the end it takes over what its FIFO counted.
+    pub fn before<T>(self, link: Link<T>) -> Self {
+        Unit { occupancy: link.occupancy, ..self }
+    }
+
+    /// Whose turn it is.
+    pub fn turn(&self) -> usize {
+        self.log.len() % self.sides.len()
+    }
+
+    pub fn is_idle(&self, now: u64) -> bool {
+        self.sides.iter().all(|side| side.until <= now)
+    }
+
+    pub fn is_free(&self, now: u64) -> bool {
+        self.sides[self.turn()].until <= now
+    }
+
+    pub fn take(&mut self, now: u64, cycles: u64) {
+        let turn = self.turn();
+        self.sides[turn].until = now + cycles;
+        self.sides[turn].items += 1;
+        self.log.push(now);
+    }
+
+    /// Counts the cycle. The side whose turn it is would have taken an item but for a reason.
+    pub fn count(&mut self, now: u64, reason: Act) {
+        let turn = self.turn();
+        for (place, side) in self.sides.iter_mut().enumerate() {
+            match reason {
+                _ if side.until > now => side.account.busy += 1,
+                Act::Wait if place == turn => side.account.memory += 1,
+                Act::Block if place == turn => side.account.blocked += 1,
+                _ => side.account.starved += 1,
+            }
+        }
+    }
+}
+
+/// A FIFO and the pipeline before it: items with the cycle in which they are here. Places are credits.
+pub struct Link<T> {
+    pub items: VecDeque<(u64, T)>,
+    pub credits: u32,
+    /// Given back in this cycle.
+    pub returned: u32,
+    /// How often so many places were taken when another one was, with that.
+    pub occupancy: Vec<u64>,
+}
+
+impl<T> Link<T> {
+    pub fn new(places: u32) -> Self {
+        Link { items: VecDeque::new(), credits: places, returned: 0, occupancy: vec![0; places as usize + 1] }
+    }
+
+    pub fn has_room(&self) -> bool {
+        self.credits > 0
+    }
+
+    pub fn reserve(&mut self) {
+        self.credits = self.credits.checked_sub(1).expect("a place");
+        let taken = self.occupancy.len() - 1 - self.credits as usize;
+        self.occupancy[taken] += 1;
+    }
+
+    pub fn push(&mut self, here: u64, item: T) {
+        self.reserve();
+        self.items.push_back((here, item));
+    }
+
+    pub fn front(&self, now: u64) -> Option<&T> {
+        self.items.front().filter(|(here, _)| *here <= now).map(|(_, item)| item)
+    }
+
+    pub fn pop(&mut self) -> T {
+        self.returned += 1;
+        self.items.pop_front().expect("an item").1
+    }
+
+    pub fn tick(&mut self) {
+        self.credits += std::mem::take(&mut self.returned);
+    }
+}
+
+/// The pixels of a slot.
+#[derive(Clone, Debug, Default)]
+pub struct Slot {
+    pub kept: bool,
+    /// Its pixels that are not faint, as places in the picture.
+    pub pixels: Vec<usize>,
+    pub merges: u64,
+    pub shades: Vec<u64>,
+    /// Lines in the order in which pixels meet them.
+    pub lines: Vec<usize>,
+    /// Among those that reach the fragment unit.
+    pub number: usize,
+}
+
+/// Reads on their way, in the order of asking, at most so many at a time.
+pub struct Reads {
+    pub limit: usize,
+    /// When the data is here, if it was asked for.
+    pub here: Vec<Option<u64>>,
+}
+
+impl Reads {
+    pub fn new(limit: u32) -> Self {
+        Reads { limit: limit as usize, here: Vec::new() }
+    }
+
+    pub fn is_free(&self, now: u64) -> bool {
+        match self.here.len().checked_sub(self.limit) {
+            Some(before) => self.has_come(before, now),
+            None => true,
+        }
+    }
+
+    pub fn has_come(&self, read: usize, now: u64) -> bool {
+        self.here[read].is_some_and(|here| here <= now)
+    }
+}
+
+/// The slots of a splat's part from one pixel to another.
+pub fn slots_of(timing: &Elaborated, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Slot> {
+    let splat = &scene.splats[splat];
+    if splat.fate != Fate::Drawn {
+        return VecDeque::new();
+    }
+    let from = [splat.columns[0], splat.rows[0]].map(usize::from);
+    let to = [splat.columns[1], splat.rows[1]].map(usize::from);
+    let [left_most, top_most] = [0, 1].map(|axis| first[axis].max(from[axis]));
+    let [right_most, bottom_most] = [0, 1].map(|axis| last[axis].min(to[axis]));
+    let lanes = timing.timing.raster.lanes.map(|lanes| lanes as usize);
+    let [line_width, line_height] = timing.timing.cache.line_px.map(|size| size as usize);
+    let lines_across = (scene.width as usize).div_ceil(line_width);
+    let mut slots = VecDeque::new();
+    for top in (top_most..=bottom_most).step_by(lanes[1]) {
+        for left in (left_most..=right_most).step_by(lanes[0]) {
+            let mut slot = Slot::default();
+            for y in top..(bottom_most + 1).min(top + lanes[1]) {
+                for x in left..(right_most + 1).min(left + lanes[0]) {
+                    let Some(event) = splat.pixel(x - from[0], y - from[1]) else { continue };
+                    slot.kept = true;
+                    if event == Event::Faint {
+                        continue;
+                    }
+                    slot.pixels.push(y * scene.width as usize + x);
+                    if let Event::Merged(shades) = event {
+                        slot.merges += 1;
+                        slot.shades.push(u64::from(shades));
+                    }
+                    let line = y / line_height * lines_across + x / line_width;
+                    if !slot.lines.contains(&line) {
+                        slot.lines.push(line);
+                    }
+                }
+            }
+            slots.push_back(slot);
+        }
+    }
+    slots
+}
+
+/// Places behind a unit.
+pub fn places(pace: Pace) -> u32 {
+    (pace.fifo + pace.latency.div_ceil(pace.interval)) * pace.units
+}
+
+/// Every side of a unit gets its chance.
+pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, act: fn(&mut M) -> Act) {
+    let mut reason = Act::Starve;
+    for _ in 0..unit(machine).sides.len() {
+        if !unit(machine).is_free(now) {
+            break;
+        }
+        reason = act(machine);
+        let Act::Take(cycles) = reason else { break };
+        unit(machine).take(now, cycles);
+    }
+    unit(machine).count(now, reason);
+}
+
+/// Fetch, project and ellipse.
+pub struct SetUp<'a> {
+    timing: &'a Elaborated,
+    scene: &'a Scene,
+    latency: u64,
+    pub now: u64,
+    pub fetch: Unit,
+    requests: Reads,
+    pub records: Link<usize>,
+    pub project: Unit,
+    pub projected: Link<usize>,
+    pub ellipse: Unit,
+    pub ellipses: Link<usize>,
+}
+
+impl<'a> SetUp<'a> {
+    pub fn new(timing: &'a Elaborated, scene: &'a Scene) -> Self {
+        SetUp {
+            timing,
+            scene,
+            latency: timing.timing.memory.hit_latency.into(),
+            now: 0,
+            fetch: Unit::new("fetch", 1),
+            requests: Reads::new(timing.timing.memory.outstanding),
+            records: Link::new(places(timing.fetch)),
+            project: Unit::new("project", timing.project.units),
+            projected: Link::new(places(timing.project)),
+            ellipse: Unit::new("ellipse", timing.ellipse.units),
+            ellipses: Link::new(places(timing.ellipse)),
+        }
+    }
+
+    fn fetch(&mut self) -> Act {
+        let record = self.fetch.log.len();
+        if record == self.scene.splats.len() {
+            return Act::Starve;
+        }
+        let bytes = (record + 1) * self.timing.splat_bytes as usize;
+        let needed = bytes.div_ceil(self.timing.timing.memory.burst_bytes as usize);
+        if needed > self.requests.here.len() && !self.requests.is_free(self.now) {
+            return Act::Wait;
+        }
+        if !self.records.has_room() {
+            return Act::Block;
+        }
+        // All bursts of a record go in one cycle, so that more can be on their way than may be, if a record has more.
+        let asked = needed.max(self.requests.here.len());
+        self.requests.here.resize(asked, Some(self.now + 1 + self.latency));
+        self.records.push(self.now + 1, record);
+        Act::Take(1)
+    }
+
+    fn project(&mut self) -> Act {
+        let Some(&record) = self.records.front(self.now) else { return Act::Starve };
+        let bytes = (record + 1) * self.timing.splat_bytes as usize;
+        let last = bytes.div_ceil(self.timing.timing.memory.burst_bytes as usize) - 1;
+        if !self.requests.has_come(last, self.now) {
+            return Act::Wait;
+        }
+        let ends = matches!(self.scene.splats[record].fate, Fate::Near | Fate::Outside);
+        if !ends && !self.projected.has_room() {
+            return Act::Block;
+        }
+        self.records.pop();
+        if !ends {
+            self.projected.push(self.now + u64::from(self.timing.project.latency), record);
+        }
+        Act::Take(self.timing.project.interval.into())
+    }
+
+    fn ellipse(&mut self) -> Act {
+        let Some(&record) = self.projected.front(self.now) else { return Act::Starve };
+        let ends = self.scene.splats[record].fate != Fate::Drawn;
+        if !ends && !self.ellipses.has_room() {
+            return Act::Block;
+        }
+        self.projected.pop();
+        if !ends {
+            self.ellipses.push(self.now + u64::from(self.timing.ellipse.latency), record);
+        }
+        Act::Take(self.timing.ellipse.interval.into())
+    }
+
+    pub fn tick(&mut self) {
+        let now = self.now;
+        turn(self, now, |m| &mut m.fetch, Self::fetch);
+        turn(self, now, |m| &mut m.project, Self::project);
+        turn(self, now, |m| &mut m.ellipse, Self::ellipse);
+    }
+
+    /// After all that happens in a cycle.
+    pub fn end_tick(&mut self) {
+        self.records.tick();
+        self.projected.tick();
+        self.ellipses.tick();
+        self.now += 1;
+    }
+
+    pub fn is_done(&self) -> bool {
+        let waiting = [self.records.items.len(), self.projected.items.len(), self.ellipses.items.len()];
+        self.fetch.log.len() == self.scene.splats.len()
+            && waiting == [0; 3]
+            && [&self.fetch, &self.project, &self.ellipse].iter().all(|unit| unit.is_idle(self.now))
+    }
+}
+
+/// Raster and gauss.
+pub struct Fill {
+    latencies: [u64; 2],
+    pub raster: Unit,
+    /// What is left of the footprint that the raster looks at, and whether it took any of it.
+    left: VecDeque<Slot>,
+    begun: bool,
+    /// Slots so far that go on to the fragment unit.
+    numbered: usize,
+    pub slots: Link<Slot>,
+    pub gauss: Unit,
+    pub weighted: Link<Slot>,
+}
+
+impl Fill {
+    pub fn new(timing: &Elaborated) -> Self {
+        Fill {
+            latencies: [timing.raster.latency.into(), timing.gauss.latency.into()],
+            raster: Unit::new("raster", 1),
+            left: VecDeque::new(),
+            begun: false,
+            numbered: 0,
+            slots: Link::new(places(timing.raster)),
+            gauss: Unit::new("gauss", 1),
+            weighted: Link::new(places(timing.gauss)),
+        }
+    }
+
+    /// Looks at a footprint, of which `slots` says which it has, unless they are on their way.
+    pub fn raster<T>(&mut self, now: u64, from: &mut Link<T>, slots: impl FnOnce(&T) -> Option<VecDeque<Slot>>) -> Act {
+        if self.left.is_empty() {
+            let Some(item) = from.front(now) else { return Act::Starve };
+            let Some(slots) = slots(item) else { return Act::Wait };
+            (self.left, self.begun) = (slots, false);
+        }
+        if self.left[0].kept && !self.slots.has_room() {
+            return Act::Block;
+        }
+        if !std::mem::replace(&mut self.begun, true) {
+            from.pop();
+        }
+        let mut slot = self.left.pop_front().expect("a slot");
+        if slot.kept {
+            slot.number = self.numbered;
+            self.numbered += usize::from(!slot.pixels.is_empty());
+            self.slots.push(now + self.latencies[0], slot);
+        }
+        Act::Take(1)
+    }
+
+    pub fn gauss(&mut self, now: u64) -> Act {
+        let Some(slot) = self.slots.front(now) else { return Act::Starve };
+        let ends = slot.pixels.is_empty();
+        if !ends && !self.weighted.has_room() {
+            return Act::Block;
+        }
+        let slot = self.slots.pop();
+        if !ends {
+            self.weighted.push(now + self.latencies[1], slot);
+        }
+        Act::Take(1)
+    }
+
+    pub fn end_tick(&mut self) {
+        self.slots.tick();
+        self.weighted.tick();
+    }
+
+    pub fn is_done(&self, now: u64) -> bool {
+        let waiting = [self.left.len(), self.slots.items.len(), self.weighted.items.len()];
+        waiting == [0; 3] && self.raster.is_idle(now) && self.gauss.is_idle(now)
+    }
+}
+
+/// Fragment, and the light for its merges.
+pub struct Merge {
+    fragment_latency: u64,
+    shade_pace: Pace,
+    merge: u64,
+    hazard: u64,
+    pub fragment: Unit,
+    /// From when on each pixel can be taken again.
+    pixel_free: Vec<u64>,
+    pub shade: Unit,
+    /// Work for the shade unit, from which cycle on, and for how long.
+    pub to_shade: VecDeque<(u64, u64)>,
+}
+
+impl Merge {
+    pub fn new(timing: &Elaborated, scene: &Scene) -> Self {
+        Merge {
+            fragment_latency: timing.fragment.latency.into(),
+            shade_pace: timing.shade,
+            merge: timing.timing.fragment.merge.into(),
+            hazard: timing.hazard.into(),
+            fragment: Unit::new("fragment", 1),
+            pixel_free: vec![0; (scene.width * scene.height) as usize],
+            shade: Unit::new("shade", 1),
+            to_shade: VecDeque::new(),
+        }
+    }
+
+    pub fn may_take(&self, now: u64, slot: &Slot) -> bool {
+        slot.pixels.iter().all(|pixel| self.pixel_free[*pixel] <= now)
+    }
+
+    /// Takes a slot: for how long, and when it is written.
+    pub fn take(&mut self, now: u64, slot: &Slot) -> [u64; 2] {
+        let shades: u64 = slot.shades.iter().sum();
+        let [latency, interval] = [self.shade_pace.latency, self.shade_pace.interval].map(u64::from);
+        let cycles = 1 + slot.merges * self.merge + if shades > 0 { latency + (shades - 1) * interval } else { 0 };
+        let last = now + cycles - 1;
+        slot.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = last + self.hazard);
+        self.to_shade.extend((0..shades).map(|_| (now + 1, interval)));
+        [cycles, last + self.fragment_latency]
+    }
+
+    pub fn shade(&mut self, now: u64) -> Act {
+        match self.to_shade.front() {
+            Some(&(here, cycles)) if here <= now => {
+                self.to_shade.pop_front();
+                Act::Take(cycles)
+            }
+            _ => Act::Starve,
+        }
+    }
+
+    pub fn is_done(&self, now: u64) -> bool {
+        self.to_shade.is_empty() && self.fragment.is_idle(now) && self.shade.is_idle(now)
+    }
+}
+
+/// For how long pixels hold resolve, and how many fragments are shaded for that.
+pub fn resolve_cycles(timing: &Elaborated, scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> [u64; 2] {
+    let [width, height] = [scene.width, scene.height].map(|size| size as usize);
+    let [mut cycles, mut shades] = [0; 2];
+    for y in top..height.min(top + rows) {
+        for x in left..width.min(left + columns) {
+            let left = u64::from(scene.left[y * width + x]);
+            cycles += (left * u64::from(timing.shade.interval)).max(timing.resolve.interval.into());
+            shades += left;
+        }
+    }
+    [cycles, shades]
+}
