@@ -134,6 +134,15 @@ enum MachineCommand {
         #[arg(long = "set", value_name = "PATH=VALUE")]
         settings: Vec<String>,
     },
+    /// A machine's latencies, intervals, FIFOs and record sizes, those that follow from its formats too
+    Timing {
+        /// Named machine or machine file
+        #[arg(value_name = "NAME|FILE")]
+        machine: String,
+        /// Change a field of the machine
+        #[arg(long = "set", value_name = "PATH=VALUE")]
+        settings: Vec<String>,
+    },
     /// Write proofs of a machine's error bounds, for Gappa to check
     Prove {
         /// Named machine or machine file
@@ -209,6 +218,7 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
         Command::Explain(arguments) => arguments.common.threads.run(|| arguments.explain()),
         Command::Machine(MachineCommand::List) => list(),
         Command::Machine(MachineCommand::Show { machine, settings }) => show(&machine, &settings),
+        Command::Machine(MachineCommand::Timing { machine, settings }) => timing(&machine, &settings),
         Command::Machine(MachineCommand::Prove { machine, settings, out }) => write_proofs(&machine, &settings, &out),
         Command::Machine(MachineCommand::Schema) => pretty(&machines::schema()),
         Command::Scene(SceneCommand::Schema) => pretty(&scene::schema()),
@@ -324,6 +334,10 @@ fn show(machine: &str, settings: &[String]) -> Result<String> {
     let machine = machines::load(machine, settings)?;
     fixed::elaborate(&machine)?;
     pretty(&machine)
+}
+
+fn timing(machine: &str, settings: &[String]) -> Result<String> {
+    pretty(&fixed::elaborate(&machines::load(machine, settings)?)?.timing)
 }
 
 fn write_proofs(machine: &str, settings: &[String], out: &Path) -> Result<String> {

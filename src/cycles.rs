@@ -149,7 +149,7 @@ impl CyclesReport {
             self.clock_hz as f64 / 1e6,
             rate(self.frames_per_second),
             self.bottleneck,
-            aligned(table)
+            aligned(table).trim_fmt()
         );
         let clients: Vec<String> = (memory.clients.iter())
             .map(|client| format!("{} {}", client.name.replace('_', " "), megabytes(client.bytes_read + client.bytes_written)))

@@ -6,7 +6,7 @@
 //!                      └─► …                                 ┘
 //! ```
 
-use crate::chart::{Axis, Mark, Panel, Series};
+use crate::chart::{Axis, Bars};
 use crate::cycles::CyclesReport;
 use crate::error::{Error, Result};
 use crate::report::{aligned, plain_table, thousands};
@@ -110,33 +110,17 @@ impl Timings {
                 format!("{:.1}", cycles.memory.bytes as f64 / 1e6),
             ]);
         }
-        aligned(table).to_string()
+        aligned(table).trim_fmt()
     }
 
-    /// Frames a second over the value; over its number where it is none.
-    pub fn chart(&self) -> Panel {
-        let numbers: Option<Vec<f64>> = self.rows.iter().map(|row| row.value.parse().ok()).collect();
-        let label = self.path.trim_start_matches("timing.");
-        let (axis, at) = match numbers {
-            Some(at) => {
-                let least = at.iter().copied().fold(f64::INFINITY, f64::min);
-                let wide = least > 0.0 && at.iter().any(|value| *value >= 8.0 * least);
-                (if wide { Axis::log(label) } else { Axis::linear(label) }, at)
-            }
-            None => {
-                let all: Vec<&str> = self.rows.iter().map(|row| row.value.as_str()).collect();
-                (Axis::linear(&format!("{label}: {}", all.join(", "))), (1..=all.len()).map(|nth| nth as f64).collect())
-            }
-        };
-        let points: Vec<[f64; 2]> = at.iter().zip(&self.rows).map(|(at, row)| [*at, row.cycles.frames_per_second]).collect();
-        let most = points.iter().map(|point| point[1]).fold(0.0, f64::max);
-        let series = |mark| Series { name: String::new(), points: points.clone(), mark, colour: 0 };
-        Panel {
+    /// Frames a second by value.
+    pub fn chart(&self) -> Bars {
+        let most = self.rows.iter().map(|row| row.cycles.frames_per_second).fold(0.0, f64::max);
+        Bars {
             title: format!("Frames a second by {}", self.path),
-            x: axis,
-            y: Axis::linear("frames/s").within(0.0, 1.08 * most),
-            series: vec![series(Mark::Line), series(Mark::Dots)],
-            limits: Vec::new(),
+            axis: Axis::linear("frames/s").within(0.0, 1.05 * most),
+            legend: vec![String::new()],
+            rows: self.rows.iter().map(|row| (row.value.clone(), vec![row.cycles.frames_per_second])).collect(),
         }
     }
 }

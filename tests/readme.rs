@@ -115,6 +115,15 @@ fn the_sample_summary_is_what_the_first_command_prints() {
     assert!(sample == now, "README should have:\n{printed}");
 }
 
+#[test]
+fn the_sample_timings_are_what_their_command_prints() {
+    let text = readme();
+    let command = fenced(&text, "sh").into_iter().find(|line| line.contains("--timing")).unwrap();
+    let sample = fenced(after(&text, "<!-- timings -->"), "text").join("\n");
+    let printed = splatsim(command.trim_start_matches("cargo run --release -- "));
+    assert!(sample.lines().count() > 4 && printed.contains(&sample), "README should have:\n{printed}");
+}
+
 const ATTRIBUTION: &str = "cargo run --release -- run --attribute --out out";
 
 #[test]
