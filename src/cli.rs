@@ -56,11 +56,14 @@ struct Run {
     /// Write OpenEXR pictures too (float32, linear)
     #[arg(long, requires = "out")]
     exr: bool,
+    /// Write the requests to memory too
+    #[arg(long, requires = "out")]
+    requests: bool,
     /// Tell which words make the error (draws 170 frames)
     #[arg(long)]
     attribute: bool,
-    /// Replay the frame for each value, as in timing.raster.fifo=1,2,4
-    #[arg(long, value_name = "PATH=A,B,…")]
+    /// Replay with each value, as in timing.raster.fifo=1,2
+    #[arg(long, value_name = "PATH=A,…")]
     timing: Option<Axes>,
     /// Print every signal's range too
     #[arg(long)]
@@ -134,7 +137,7 @@ enum MachineCommand {
         #[arg(long = "set", value_name = "PATH=VALUE")]
         settings: Vec<String>,
     },
-    /// A machine's latencies, intervals, FIFOs and record sizes, those that follow from its formats too
+    /// A machine's timing as JSON, with all that follows from its formats
     Timing {
         /// Named machine or machine file
         #[arg(value_name = "NAME|FILE")]
@@ -267,7 +270,7 @@ impl Run {
         if let Some(folder) = &self.out {
             open_folder(folder)?;
         }
-        let asked = Asked { attribution: self.attribute, timings: self.timing.clone() };
+        let asked = Asked { attribution: self.attribute, timings: self.timing.clone(), requests: self.requests };
         let outcome = run::run(&scene, &machine, load_seconds, &asked)?;
         let end = match &self.out {
             Some(folder) => {

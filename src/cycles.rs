@@ -8,7 +8,7 @@
 
 use crate::report::{aligned, plain_table, thousands, wrapped};
 use rtl_model::machine::timing::Elaborated;
-use rtl_model::timing::{self, Cycles, Wait};
+use rtl_model::timing::{self, Cycles, Direction, Request, Wait};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -181,6 +181,51 @@ impl CyclesReport {
     }
 }
 
+/// Requests to memory, burst by burst, in the formats of DRAM simulators.
+#[derive(Clone, Debug)]
+pub struct Requests {
+    burst_bytes: u64,
+    requests: Vec<Request>,
+}
+
+/// A format of traces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trace {
+    /// `LD ADDRESS` and `ST ADDRESS`: the front end LoadStoreTrace.
+    Ramulator2,
+    /// `ADDRESS READ CYCLE` and `ADDRESS WRITE CYCLE`.
+    Dramsim3,
+}
+
+impl Requests {
+    /// File names.
+    pub const FORMATS: [(&'static str, Trace); 2] = [("requests.ramulator2", Trace::Ramulator2), ("requests.dramsim3", Trace::Dramsim3)];
+
+    /// In the order of cycles; those of one cycle as they were made.
+    pub fn new(timing: &Elaborated, mut requests: Vec<Request>) -> Self {
+        requests.sort_by_key(|request| request.cycle);
+        Requests { burst_bytes: timing.timing.memory.burst_bytes.into(), requests }
+    }
+
+    /// Writes a trace, a burst a line.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn write(&self, format: Trace, file: &mut impl std::io::Write) -> std::io::Result<()> {
+        for Request { cycle, address, bytes, direction } in &self.requests {
+            for at in (*address..address + bytes).step_by(self.burst_bytes as usize) {
+                match (format, direction) {
+                    (Trace::Ramulator2, Direction::Read) => writeln!(file, "LD 0x{at:x}")?,
+                    (Trace::Ramulator2, Direction::Write) => writeln!(file, "ST 0x{at:x}")?,
+                    (Trace::Dramsim3, Direction::Read) => writeln!(file, "0x{at:x} READ {cycle}")?,
+                    (Trace::Dramsim3, Direction::Write) => writeln!(file, "0x{at:x} WRITE {cycle}")?,
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
 fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitReport {
     let several = all.iter().filter(|other| other.name == unit.name).count() > 1;
     let timing::Account { busy, starved, blocked, memory } = unit.account;
@@ -221,4 +266,29 @@ fn megabytes(bytes: u64) -> String {
 
 fn rate(per_second: f64) -> String {
     if per_second < 100.0 { format!("{per_second:.1}") } else { format!("{per_second:.0}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rtl_model::Machine;
+
+    #[test]
+    fn requests_are_told_burst_by_burst_in_the_order_of_cycles() {
+        let timing = Machine::named("tiny").unwrap().elaborate().unwrap().timing;
+        let request = |cycle, address, bytes, direction| Request { cycle, address, bytes, direction };
+        let requests = Requests::new(&timing, vec![request(9, 256, 128, Direction::Write), request(3, 64, 64, Direction::Read)]);
+        let told = |format| {
+            let mut text = Vec::new();
+            requests.write(format, &mut text).unwrap();
+            String::from_utf8(text).unwrap()
+        };
+        assert_eq!(told(Trace::Dramsim3), "0x40 READ 3\n0x100 WRITE 9\n0x140 WRITE 9\n");
+        assert_eq!(told(Trace::Ramulator2), "LD 0x40\nST 0x100\nST 0x140\n");
+    }
+
+    #[test]
+    fn parts_are_not_rounded_to_all_or_nothing() {
+        assert_eq!([(0, 9), (1, 1000), (999, 1000), (9, 9)].map(|(part, whole)| share(part, whole)), ["–", "< 1%", "99%", "100%"]);
+    }
 }

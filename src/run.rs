@@ -9,7 +9,7 @@
 use crate::attribute::attribute;
 use crate::chart;
 use crate::compare::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
-use crate::cycles::CyclesReport;
+use crate::cycles::{CyclesReport, Requests};
 use crate::error::{Error, Result};
 use crate::fixed;
 use crate::golden::{self, Rendering};
@@ -33,6 +33,8 @@ pub struct Asked {
     pub attribution: bool,
     /// The frame on other microarchitectures.
     pub timings: Option<Axes>,
+    /// Every request to memory.
+    pub requests: bool,
 }
 
 /// Three pictures, their difference, and what was found.
@@ -48,6 +50,8 @@ pub struct Outcome {
     pub error: ErrorPicture,
     /// The machine with `golden` in lockstep.
     pub lockstep: Lockstep,
+    /// Every request to memory, if that was asked for.
+    pub requests: Option<Requests>,
     /// What was found.
     pub report: Report,
 }
@@ -65,7 +69,10 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
     let (drawing, fixed_seconds) = timed(|| fixed::draw(&elaborated, &quantised));
     let ((_, ranges), watched_seconds) = timed(|| fixed::draw_ranged(&elaborated, &quantised));
     let ((_, work), recorded_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
-    let (cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work));
+    let (mut cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work));
+    if asked.requests {
+        cycles = timing::replay_logged(&elaborated.timing, &work);
+    }
     let timings = asked.timings.as_ref().zip(others).map(|(axes, machines)| Timings::new(axes, &machines, &work));
     let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
@@ -115,7 +122,8 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             fragments_per_second: fragments as f64 / fixed_seconds,
         },
     };
-    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, report })
+    let requests = asked.requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
+    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, report })
 }
 
 fn found(golden: &Rendering) -> Golden {
@@ -179,6 +187,13 @@ impl Outcome {
         if let Some(timings) = &self.report.timings {
             let path = folder.join("timings.png");
             chart::write_png(&[&timings.chart()], 1, [760, 520], &path)?;
+            written.push(path);
+        }
+        for (name, format) in self.requests.iter().flat_map(|_| Requests::FORMATS) {
+            let path = folder.join(name);
+            write_beside(&path, |file| {
+                self.requests.iter().try_for_each(|requests| requests.write(format, file)).map_err(|e| e.to_string())
+            })?;
             written.push(path);
         }
         let path = folder.join("cycles.csv");

@@ -155,9 +155,58 @@ fn the_report_has_the_promised_fields_with_the_promised_kinds() {
 
 /// A section that is not built yet is absent, never filled with zeros.
 #[test]
-fn the_report_holds_no_section_of_what_is_not_built() {
-    let (_out, report) = run(&SMALL);
-    assert_eq!(report.get("cycles"), None);
+fn every_units_cycles_sum_to_the_frames() {
+    for organisation in ["binned", "immediate"] {
+        let setting = format!("timing.organisation={organisation}");
+        let (out, report) = run(&[&SMALL[..], &["--set", &setting, "--set", "timing.ellipse.units=2"]].concat());
+        let cycles = &report["cycles"];
+        let total = cycles["total"].as_u64().unwrap();
+        let count = |unit: &Value, name: &str| unit[name].as_u64().unwrap_or_else(|| panic!("{name} of {unit}"));
+        let units = cycles["units"].as_array().unwrap();
+        for unit in units {
+            assert_eq!(["busy", "starved", "blocked", "memory"].map(|name| count(unit, name)).iter().sum::<u64>(), total, "{unit}");
+        }
+        let names: Vec<&str> = units.iter().map(|unit| unit["name"].as_str().unwrap()).collect();
+        assert!(names.contains(&"ellipse.0") && names.contains(&"ellipse.1") && names.contains(&"fragment"), "{names:?}");
+        let seconds = total as f64 / cycles["clock_hz"].as_f64().unwrap();
+        assert!((cycles["frames_per_second"].as_f64().unwrap() * seconds - 1.0).abs() < 1e-12);
+        let bottleneck = cycles["bottleneck"].as_str().unwrap();
+        assert!(bottleneck == "memory" || names.contains(&bottleneck), "{bottleneck}");
+        let csv = std::fs::read_to_string(out.path().join("cycles.csv")).unwrap();
+        assert_eq!((csv.lines().count(), csv.lines().next()), (names.len() + 1, Some("unit,items,busy,starved,blocked,memory,total")));
+    }
+}
+
+#[test]
+fn a_frame_is_replayed_with_every_value_of_a_field() {
+    let (out, report) = run(&[&SMALL[..], &["--timing", "timing.raster.lanes=[1,1],[4,1]"]].concat());
+    let rows = report["timings"]["rows"].as_array().unwrap();
+    let totals: Vec<u64> = rows.iter().map(|row| row["cycles"]["total"].as_u64().unwrap()).collect();
+    assert!(rows.len() == 2 && totals[0] > totals[1] && totals[1] == report["cycles"]["total"].as_u64().unwrap(), "{totals:?}");
+    assert!(out.path().join("timings.png").exists());
+    run_refused(
+        &["--timing", "timing.raster.fifo=1,0"],
+        "--timing timing.raster.fifo=0: machine reference cannot be built: timing.raster.fifo",
+    );
+    run_refused(&["--timing", "gauss.weight=1"], "timing.raster.fifo=1,2,4");
+    run_refused(&["--timing", "timing.memry.banks=1"], "the nearest is `memory`");
+    run_refused(&["--set", "timing.clock_hz=0"], "timing.clock_hz is 0");
+}
+
+#[test]
+fn requests_are_written_in_the_order_of_cycles_and_hold_all_traffic() {
+    let (out, report) = run(&[&SMALL[..], &["--requests"]].concat());
+    let [ramulator, dramsim] =
+        ["requests.ramulator2", "requests.dramsim3"].map(|name| std::fs::read_to_string(out.path().join(name)).unwrap());
+    let clients = report["cycles"]["memory"]["clients"].as_array().unwrap();
+    let bursts: u64 = clients.iter().map(|client| client["requests"].as_u64().unwrap()).sum();
+    assert_eq!([ramulator.lines().count(), dramsim.lines().count()], [bursts as usize; 2]);
+    let cycles: Vec<u64> = dramsim.lines().map(|line| line.split(' ').nth(2).unwrap().parse().unwrap()).collect();
+    assert!(cycles.is_sorted() && cycles[0] == 0);
+    for (load, read) in ramulator.lines().zip(dramsim.lines()) {
+        let (load, read) = (load.split_once(' ').unwrap(), read.split(' ').collect::<Vec<_>>());
+        assert_eq!((load.1, load.0 == "LD"), (read[0], read[1] == "READ"));
+    }
 }
 
 #[test]
@@ -374,7 +423,7 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(&[], "a command is missing: run, stress, explain, machine, scene (see --help)");
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "sweep");
-    refused(&["machine"], "a command is missing: list, show, prove, schema (see --help)");
+    refused(&["machine"], "a command is missing: list, show, timing, prove, schema (see --help)");
     refused(&["machine", "lits"], "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'");
     run_refused(&["--sizes", "5x5"], "--size");
     run_refused(&["glass-spheres", "checkerboard"], "checkerboard");

@@ -343,10 +343,26 @@ fn a_unit_names_no_other_unit() {
 
 #[test]
 fn only_the_wiring_knows_several_units() {
-    // machine.rs elaborates them, probe.rs watches their ports, pipeline.rs wires them.
-    let wiring = ["pipeline.rs", "pipeline/real.rs", "machine.rs", "probe.rs", "lib.rs"].map(|file| format!("{MACHINE}{file}"));
-    let rule = |_: &str, code: &str| names(code, "units").then(|| "names the units".into()).into_iter().collect();
+    // machine.rs elaborates them, probe.rs and a recorder watch their ports, pipeline.rs wires them. A field may be called `units`.
+    let wiring = ["pipeline.rs", "pipeline/real.rs", "machine.rs", "probe.rs", "probe/recorder.rs", "lib.rs"];
+    let wiring = wiring.map(|file| format!("{MACHINE}{file}"));
+    let rule = |_: &str, code: &str| steps_from(code, "crate").contains("units").then(|| "names the units".into()).into_iter().collect();
     check(&sources(&[MACHINE]), |path| !wiring.iter().any(|file| file == path) && !path.starts_with(UNITS), rule);
+}
+
+/// Function and time meet only in recorded work: timing computes no value, and what computes values counts no cycle.
+#[test]
+fn timing_knows_recorded_work_and_its_own_description_alone() {
+    let is_timing = |path: &str| path.starts_with(&format!("{MACHINE}timing")) || path == format!("{MACHINE}work.rs");
+    let all = sources(&[MACHINE]);
+    assert!(all.keys().filter(|path| is_timing(path)).count() >= 8);
+    let stranger = |_: &str, code: &str| -> Vec<String> {
+        let steps = steps_from(code, "crate");
+        steps.into_iter().filter(|step| !["machine", "work", "timing"].contains(step)).map(|step| format!("crate::{step}")).collect()
+    };
+    check(&all, is_timing, stranger);
+    let counts = |_: &str, code: &str| steps_from(code, "crate").contains("timing").then(|| "crate::timing".into()).into_iter().collect();
+    check(&all, |path| !is_timing(path) && !path.ends_with("/lib.rs"), counts);
 }
 
 #[test]

@@ -24,7 +24,7 @@ mod memory;
 mod slots;
 
 pub use account::{Account, UnitCycles, Wait};
-pub use memory::{Client, MemoryCycles};
+pub use memory::{Client, Direction, MemoryCycles, Request};
 
 use crate::machine::timing::{Elaborated, Organisation};
 use crate::work::Work;
@@ -38,6 +38,8 @@ pub struct Cycles {
     pub units: Vec<UnitCycles>,
     /// What lies outside of the chip.
     pub memory: MemoryCycles,
+    /// Every request to memory, in the order in which items are gone through, if that was to be logged.
+    pub requests: Vec<Request>,
     /// Lines looked up by the cache, and those among them that it had.
     pub lookups: [u64; 2],
     /// Slots of the rasteriser, and those among them that kept a pixel.
@@ -60,7 +62,7 @@ pub fn replay(timing: &Elaborated, work: &Work) -> Cycles {
     replay_as(timing, work, false)
 }
 
-/// [`replay`], and when each unit took each item.
+/// [`replay`], when each unit took each item, and every request to memory.
 pub fn replay_logged(timing: &Elaborated, work: &Work) -> Cycles {
     replay_as(timing, work, true)
 }

@@ -1,4 +1,4 @@
-//! Draws a scene once on a machine, one thread, nobody watching or ranges watched: for counting instructions.
+//! Draws a scene once on a machine, one thread, nobody watching, or ranges or work recorded: for counting instructions.
 //!
 //! ```sh
 //! cargo build --release --example instructions
@@ -6,7 +6,7 @@
 //!   valgrind --tool=callgrind --callgrind-out-file=/tmp/$1.out --collect-atstart=no "${@:2}" \
 //!     target/release/examples/instructions ../shared/data/scenes/dragon.json reference $watcher
 //! }
-//! watcher=   # nobody, or: ranges
+//! watcher=   # nobody, or: ranges, work
 //! count setup --toggle-collect="instructions::setup*"
 //! count fill --toggle-collect="instructions::fill*"
 //! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*Bins::new*" --toggle-collect="*::shade_for_merge*" \
@@ -20,26 +20,33 @@
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::pipeline::{self, Drawing, Setup};
 use rtl_model::probe::Meters;
+use rtl_model::work::Recorder;
 use splatsim::error::{Error, Result};
 use splatsim::quantise::{Quantised, quantise};
 use splatsim::scene::{Overrides, Scene};
 
-/// Nobody, or meters.
-type Watcher = Option<Meters>;
+/// Who watches.
+enum Watcher {
+    Nobody,
+    Ranges(Box<Meters>),
+    Work(Recorder),
+}
 
 #[inline(never)]
 fn setup(machine: &Elaborated, quantised: &Quantised, watcher: &mut Watcher) -> Setup {
     match watcher {
-        Some(meters) => pipeline::set_up_metered(machine, &quantised.frame, meters),
-        None => pipeline::set_up_unwatched(machine, &quantised.frame),
+        Watcher::Nobody => pipeline::set_up_unwatched(machine, &quantised.frame),
+        Watcher::Ranges(meters) => pipeline::set_up_metered(machine, &quantised.frame, meters),
+        Watcher::Work(recorder) => pipeline::set_up_recorded(machine, &quantised.frame, recorder),
     }
 }
 
 #[inline(never)]
 fn fill(machine: &Elaborated, quantised: &Quantised, setup: &Setup, watcher: &mut Watcher) -> Drawing {
     match watcher {
-        Some(meters) => pipeline::fill_metered(machine, &quantised.frame, setup, meters),
-        None => pipeline::fill_unwatched(machine, &quantised.frame, setup),
+        Watcher::Nobody => pipeline::fill_unwatched(machine, &quantised.frame, setup),
+        Watcher::Ranges(meters) => pipeline::fill_metered(machine, &quantised.frame, setup, meters),
+        Watcher::Work(recorder) => pipeline::fill_recorded(machine, &quantised.frame, setup, recorder),
     }
 }
 
@@ -53,7 +60,11 @@ fn main() -> Result<()> {
     let elaborated = splatsim::fixed::elaborate(&machine)?;
     let quantised = quantise(&scene, &machine)?;
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
-    let mut watcher = arguments.next().filter(|watcher| watcher == "ranges").map(|_| Meters::new(&elaborated));
+    let mut watcher = match arguments.next().as_deref() {
+        Some("ranges") => Watcher::Ranges(Box::new(Meters::new(&elaborated))),
+        Some("work") => Watcher::Work(Recorder::default()),
+        _ => Watcher::Nobody,
+    };
     let drawing = one_thread.install(|| {
         let setup = setup(&elaborated, &quantised, &mut watcher);
         fill(&elaborated, &quantised, &setup, &mut watcher)

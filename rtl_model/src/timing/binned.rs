@@ -66,7 +66,7 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let t = timing;
     let side = t.timing.tile.side_px;
     let burst = u64::from(t.timing.memory.burst_bytes);
-    let mut memory = Memory::new(t.timing.memory);
+    let mut memory = Memory::new(t.timing.memory, logged);
     let lists = Lists::new(work, side);
     let (setup, bin, sorted) = first_pass(t, work, &lists, &mut memory, logged);
 
@@ -155,7 +155,8 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     units.push(resolve);
     let total = units.iter().map(Unit::done).max().unwrap_or(0).max(end);
     let units: Vec<UnitCycles> = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
-    Cycles { total, units, memory: memory.finish(), lookups: [0; 2], slots: fill.slots }
+    let (memory, requests) = memory.finish();
+    Cycles { total, units, memory, requests, lookups: [0; 2], slots: fill.slots }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.

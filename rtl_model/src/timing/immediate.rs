@@ -229,7 +229,7 @@ impl Lines {
 /// Replays a frame.
 pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let t = timing;
-    let mut memory = Memory::new(t.timing.memory);
+    let mut memory = Memory::new(t.timing.memory, logged);
     let mut setup = SetUp::new(t, "raster", logged);
     let mut fill = Fill::new(t, "ellipse", "cache", logged);
     let mut lookup = Unit::new("cache", t.cache, Some("gauss"), Some("fragment"), logged);
@@ -285,7 +285,8 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let units = [setup.fetch, setup.project, setup.ellipse, fill.raster, fill.gauss, lookup, merge.fragment, merge.shade, resolve];
     let total = units.iter().map(Unit::done).max().unwrap_or(0).max(end);
     let units: Vec<UnitCycles> = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
-    Cycles { total, units, memory: memory.finish(), lookups, slots: fill.slots }
+    let (memory, requests) = memory.finish();
+    Cycles { total, units, memory, requests, lookups, slots: fill.slots }
 }
 
 /// Line by line: what was touched is read, if the cache has it not; every word is written. Says when the last one is.

@@ -73,24 +73,42 @@ pub struct Memory {
     /// The last page that was begun.
     last: u64,
     open: Box<[u64]>,
-    pub cycles: MemoryCycles,
+    cycles: MemoryCycles,
+    log: Option<Vec<Request>>,
+}
+
+/// What was asked of memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// When.
+    pub cycle: u64,
+    /// The first byte, at a burst's beginning.
+    pub address: u64,
+    /// Whole bursts of them.
+    pub bytes: u64,
+    /// From memory or to it.
+    pub direction: Direction,
 }
 
 /// Read or write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
+    /// From memory.
     Read,
+    /// To memory.
     Write,
 }
 
 impl Memory {
-    pub fn new(description: Description) -> Self {
+    /// `logged` keeps every request.
+    pub fn new(description: Description, logged: bool) -> Self {
         Memory {
             description,
             pages: vec![Page { given: 0, skip: 1 }; PAGES].into(),
             last: 0,
             open: vec![u64::MAX; description.banks as usize].into(),
             cycles: MemoryCycles::default(),
+            log: logged.then(Vec::new),
         }
     }
 
@@ -102,6 +120,9 @@ impl Memory {
         let mut from = address / burst * burst;
         self.cycles.bytes[client as usize][direction as usize] += end - from;
         self.cycles.requests[client as usize] += (end - from) / burst;
+        if let Some(log) = &mut self.log {
+            log.push(Request { cycle: now, address: from, bytes: end - from, direction });
+        }
         let mut done = now;
         while from < end {
             let to = end.min((from / row + 1) * row);
@@ -165,10 +186,10 @@ impl Memory {
         free
     }
 
-    /// The traffic, and for how long the channel was busy with it.
-    pub fn finish(self) -> MemoryCycles {
+    /// The traffic, for how long the channel was busy with it, and what was logged.
+    pub fn finish(self) -> (MemoryCycles, Vec<Request>) {
         let busy = self.cycles.total_bytes().div_ceil(u64::from(self.description.bytes_per_cycle));
-        MemoryCycles { busy, ..self.cycles }
+        (MemoryCycles { busy, ..self.cycles }, self.log.unwrap_or_default())
     }
 }
 
