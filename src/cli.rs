@@ -62,7 +62,7 @@ struct Run {
     /// Tell which words make the error (draws 170 frames)
     #[arg(long)]
     attribute: bool,
-    /// Replay with each value, as in timing.raster.fifo=1,2
+    /// Replay with every value: timing.raster.fifo=1,2,4
     #[arg(long, value_name = "PATH=A,…")]
     timing: Option<Axes>,
     /// Print every signal's range too
