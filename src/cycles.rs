@@ -6,6 +6,7 @@
 //!                                                                          └─► cycles.csv
 //! ```
 
+use crate::chart::{Axis, Mark, Panel, Series};
 use crate::report::{aligned, plain_table, thousands, wrapped};
 use rtl_model::machine::timing::Elaborated;
 use rtl_model::timing::{self, Cycles, Direction, Request, Wait};
@@ -52,8 +53,20 @@ pub struct UnitReport {
     pub starved_by: Option<&'static str>,
     /// Who blocked it, for how many cycles: `hazard` is a pixel still under way.
     pub blocked_by: Vec<Blocker>,
+    /// When it, and those beside it, had items; with the first of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub over_time: Option<OverTime>,
     /// `occupancy[n]`: how often n results waited behind it, or were on their way, when it took one.
     pub occupancy: Vec<u64>,
+}
+
+/// Cycles with an item, window by window.
+#[derive(Clone, Debug, Serialize)]
+pub struct OverTime {
+    /// Cycles of a window.
+    pub window: u64,
+    /// Such cycles in each.
+    pub busy: Vec<u64>,
 }
 
 /// Who blocked a unit.
@@ -170,6 +183,30 @@ impl CyclesReport {
         text
     }
 
+    /// Every unit's use over time, in per cent; of several side by side together.
+    pub fn charts(&self) -> Vec<Panel> {
+        let panel = |(nth, unit, over_time): (usize, &UnitReport, &OverTime)| {
+            let name = unit.name.split('.').next().unwrap_or_default();
+            let beside = self.units.iter().filter(|other| other.name.split('.').next() == Some(name)).count();
+            let whole = (over_time.window * beside as u64) as f64;
+            let at = |window: usize| (window as u64 * over_time.window) as f64 / 1e6;
+            // As steps.
+            let steps = |(window, busy): (usize, &u64)| {
+                [[at(window), *busy as f64 * 100.0 / whole], [at(window + 1), *busy as f64 * 100.0 / whole]]
+            };
+            let points = over_time.busy.iter().enumerate().flat_map(steps).collect();
+            Panel {
+                title: format!("{name}: {}", share(unit.busy, self.total)),
+                x: Axis::linear("million cycles").within(0.0, self.total as f64 / 1e6),
+                y: Axis::linear("% of cycles").within(0.0, 100.0),
+                series: vec![Series { name: String::new(), points, mark: Mark::Line, colour: nth }],
+                limits: Vec::new(),
+            }
+        };
+        let timed = self.units.iter().filter_map(|unit| unit.over_time.as_ref().map(|over_time| (unit, over_time)));
+        timed.enumerate().map(|(nth, (unit, over_time))| panel((nth % 6, unit, over_time))).collect()
+    }
+
     /// One line a unit.
     pub fn csv(&self) -> String {
         let mut text = String::from("unit,items,busy,starved,blocked,memory,total\n");
@@ -246,6 +283,7 @@ fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitRep
                 cycles: *cycles,
             })
             .collect(),
+        over_time: (unit.index == 0).then(|| OverTime { window: unit.timeline.window, busy: unit.timeline.busy.clone() }),
         occupancy: unit.occupancy[..unit.occupancy.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1)].to_vec(),
     }
 }

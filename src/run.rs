@@ -7,7 +7,7 @@
 //! ```
 
 use crate::attribute::attribute;
-use crate::chart;
+use crate::chart::{self, Draw};
 use crate::compare::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
 use crate::cycles::{CyclesReport, Requests};
 use crate::error::{Error, Result};
@@ -196,6 +196,11 @@ impl Outcome {
             })?;
             written.push(path);
         }
+        let charts = self.report.cycles.charts();
+        let charts: Vec<&dyn Draw> = charts.iter().map(|chart| chart as &dyn Draw).collect();
+        let path = folder.join("cycles.png");
+        chart::write_png(&charts, 2, [460, 240], &path)?;
+        written.push(path);
         let path = folder.join("cycles.csv");
         write_beside(&path, |file| file.write_all(self.report.cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;
         written.push(path);

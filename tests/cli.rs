@@ -56,8 +56,18 @@ fn run(arguments: &[&str]) -> (tempfile::TempDir, Value) {
 // ---- run ----
 
 /// What a run writes.
-const WRITTEN: [&str; 9] =
-    ["bounds.png", "cycles.csv", "error.png", "fixed.png", "flips.png", "golden.png", "ideal.png", "ranges.png", "report.json"];
+const WRITTEN: [&str; 10] = [
+    "bounds.png",
+    "cycles.csv",
+    "cycles.png",
+    "error.png",
+    "fixed.png",
+    "flips.png",
+    "golden.png",
+    "ideal.png",
+    "ranges.png",
+    "report.json",
+];
 
 #[test]
 fn run_writes_five_pictures_a_chart_and_a_report_and_nothing_else() {

@@ -23,7 +23,7 @@ mod immediate;
 mod memory;
 mod slots;
 
-pub use account::{Account, UnitCycles, Wait};
+pub use account::{Account, Timeline, UnitCycles, Wait};
 pub use memory::{Client, Direction, MemoryCycles, Request};
 
 use crate::machine::timing::{Elaborated, Organisation};

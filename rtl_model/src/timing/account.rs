@@ -39,12 +39,66 @@ pub struct UnitCycles {
     pub account: Account,
     /// When it, and those beside it, took each item, if that was to be logged.
     pub log: Vec<u64>,
+    /// When it, and those beside it, had items.
+    pub timeline: Timeline,
     /// Who starved it; nobody starves the first.
     pub starved_by: Option<&'static str>,
     /// Who blocked it, and for how long.
     pub blocked_by: Vec<(Wait, u64)>,
     /// How often so many items waited behind it when it took one: the FIFO's and those under way.
     pub occupancy: Vec<u64>,
+}
+
+/// Cycles with an item over time, window by window.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Timeline {
+    /// Cycles of a window.
+    pub window: u64,
+    /// Such cycles in each, of several units side by side together; of the cache those too in which a look-up waits for memory.
+    pub busy: Vec<u64>,
+    /// Where the last window ends.
+    end: u64,
+}
+
+/// Most windows; then two become one.
+const WINDOWS: usize = 256;
+
+impl Default for Timeline {
+    fn default() -> Self {
+        Timeline { window: 256, busy: vec![0], end: 256 }
+    }
+}
+
+impl Timeline {
+    /// Cycles from this one on, which is not before the last one's.
+    #[inline(always)]
+    fn add(&mut self, mut from: u64, mut cycles: u64) {
+        while from + cycles > self.end {
+            if from < self.end {
+                let here = self.end - from;
+                self.last(here);
+                (from, cycles) = (self.end, cycles - here);
+            }
+            self.open();
+        }
+        self.last(cycles);
+    }
+
+    #[inline(always)]
+    fn last(&mut self, cycles: u64) {
+        let last = self.busy.len() - 1;
+        self.busy[last] += cycles;
+    }
+
+    #[cold]
+    fn open(&mut self) {
+        if self.busy.len() == WINDOWS {
+            self.busy = self.busy.chunks(2).map(|pair| pair.iter().sum()).collect();
+            self.window *= 2;
+        }
+        self.busy.push(0);
+        self.end += self.window;
+    }
 }
 
 /// The places behind a unit: when each of the last was given back.
@@ -113,6 +167,7 @@ pub struct Unit {
     sides: Vec<Side>,
     turn: usize,
     last: u64,
+    timeline: Timeline,
     /// When it took each item, for whoever wants to know.
     log: Option<Vec<u64>>,
     pub behind: Places,
@@ -149,6 +204,7 @@ impl Unit {
             sides: vec![Side::default(); pace.units as usize],
             turn: 0,
             last: 0,
+            timeline: Timeline::default(),
             log: logged.then(Vec::new),
             behind: Places::new(pace.room()),
         }
@@ -171,6 +227,7 @@ impl Unit {
         side.account.busy += cycles;
         side.items += 1;
         side.free = now + cycles;
+        self.timeline.add(now, cycles);
         if let Some(log) = &mut self.log {
             log.push(now);
         }
@@ -218,7 +275,7 @@ impl Unit {
 
     /// Its cycles in a frame of so many: at the end it is starved.
     pub fn cycles(self, total: u64) -> Vec<UnitCycles> {
-        let Unit { name, starved_by, blocked_by, sides, behind, log, .. } = self;
+        let Unit { name, starved_by, blocked_by, sides, behind, log, timeline, .. } = self;
         let mut log = log.unwrap_or_default();
         let mut of = |(index, side): (usize, Side)| {
             let Account { busy, starved, blocked, memory } = side.account;
@@ -228,6 +285,7 @@ impl Unit {
                 index: index as u32,
                 items: side.items,
                 log: std::mem::take(&mut log),
+                timeline: if index == 0 { timeline.clone() } else { Timeline::default() },
                 account: Account { busy, starved: starved + total - side.free, blocked, memory },
                 starved_by,
                 blocked_by: by_unit.into_iter().chain([(Wait::Hazard, side.hazard)]).filter(|(_, cycles)| *cycles > 0).collect(),

@@ -65,6 +65,12 @@ fn accounts_for_all(cycles: &Cycles) {
         assert_eq!(account.busy + account.starved + account.blocked + account.memory, cycles.total, "{} {account:?}", unit.name);
         let blamed: u64 = unit.blocked_by.iter().map(|(_, cycles)| cycles).sum();
         assert_eq!(blamed, if unit.blocked_by.is_empty() { 0 } else { account.blocked }, "{}", unit.name);
+        let together = cycles.units.iter().filter(|other| other.name == unit.name);
+        let busy: u64 = together.map(|unit| unit.account.busy).sum();
+        let over_time: u64 = unit.timeline.busy.iter().sum();
+        let waits = unit.name == "cache" && over_time >= busy;
+        assert!(unit.index > 0 || over_time == busy || waits, "{}: {over_time} of {busy}", unit.name);
+        assert!(unit.timeline.busy.len() <= 257 && unit.timeline.window * (unit.timeline.busy.len() as u64 - 1) <= cycles.total);
     }
 }
 
