@@ -75,7 +75,7 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let mut fill = Fill::new(t, "list", "fragment", logged);
     let mut merge = Merge::new(t, work, "gauss", Some("resolve"), logged);
     let mut resolve = Unit::new("resolve", t.resolve, Some("fragment"), None, logged);
-    let mut lit = Unit::new("shade", t.shade, Some("resolve"), None, logged);
+    let mut lit = Unit::new("resolve-shade", t.shade, Some("resolve"), None, logged);
     let mut readers = Readers::new(work);
     let mut slots = Slots::default();
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);

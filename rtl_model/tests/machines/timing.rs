@@ -66,6 +66,9 @@ fn accounts_for_all(cycles: &Cycles) {
         let blamed: u64 = unit.blocked_by.iter().map(|(_, cycles)| cycles).sum();
         assert_eq!(blamed, if unit.blocked_by.is_empty() { 0 } else { account.blocked }, "{}", unit.name);
         let together = cycles.units.iter().filter(|other| other.name == unit.name);
+        let [index, first] =
+            [together.clone().filter(|other| other.index == unit.index).count(), together.clone().filter(|other| other.index == 0).count()];
+        assert_eq!([index, first], [1, 1], "two units are called {}", unit.name);
         let busy: u64 = together.map(|unit| unit.account.busy).sum();
         let over_time: u64 = unit.timeline.busy.iter().sum();
         let waits = unit.name == "cache" && over_time >= busy;

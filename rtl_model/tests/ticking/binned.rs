@@ -122,7 +122,7 @@ impl<'a> Machine<'a> {
             written: Vec::new(),
             resolve: Unit::new("resolve", 1),
             resolved: Vec::new(),
-            lit: Unit::new("shade", 1),
+            lit: Unit::new("resolve-shade", 1),
             to_light: VecDeque::new(),
             end: 0,
         }
