@@ -15,9 +15,10 @@
 //!
 //! Each unit is one file in `units/`: ports, formats, losses, function, laws. `num/` says what a number is and holds the one
 //! lossy act, [`num::Fit`]. [`machine`] holds every format on one page and elaborates it; [`pipeline`] wires the units;
-//! [`probe`] watches; [`frame`] is what the machine is given; `host.rs` knows the computer that all this runs on.
+//! [`probe`] watches; [`frame`] is what the machine is given; `host.rs` knows the computer that all this runs on. [`work`] records what
+//! happened, and [`timing`] makes cycles of that: the two meet nowhere else.
 //!
-//! Absent on purpose: floats in the datapath, files, clocks, printing, hash-ordered maps, cycles. Real numbers become words in
+//! Absent on purpose: floats in the datapath, files, clocks, printing, hash-ordered maps. Real numbers become words in
 //! the bench, in one file; no unit counts time.
 
 pub mod frame;

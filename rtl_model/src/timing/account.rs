@@ -1,6 +1,6 @@
 //! Account: each cycle of a unit is busy, starved, blocked or memory's.
 //!
-//! Laws: `every_cycle_is_accounted_for`, `a_line_of_units_ticks_as_it_is_replayed`.
+//! Laws: `every_cycle_of_the_default_machines_is_accounted_for`, `a_frame_ticks_as_it_is_replayed`.
 
 use crate::machine::timing::Pace;
 

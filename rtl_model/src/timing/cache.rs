@@ -2,7 +2,7 @@
 //!
 //! A line that was never written needs not be read: a bit for each says so, as a fast clear does.
 //!
-//! Law: `a_cache_keeps_what_was_used_last`.
+//! Laws: `a_frame_ticks_as_it_is_replayed`, `more_of_anything_is_never_slower_if_lines_come_and_go`.
 
 use super::memory::{Client, Direction, Memory, Outstanding};
 use crate::machine::timing::{Cache as Description, Elaborated};

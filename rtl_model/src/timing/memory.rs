@@ -6,6 +6,8 @@
 //! Items are gone through one after the other, each through all units, so that requests do not come in the order of time. The channel
 //! therefore keeps a calendar: [`SPAN`] cycles a page, and how many of their bytes are given away. A request takes the first bytes left
 //! from its cycle on. Rows are opened in the order of requests.
+//!
+//! Law: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`.
 
 use crate::machine::timing::Memory as Description;
 

@@ -7,7 +7,7 @@
 //! ```
 //! Slots lie side by side from the first pixel of the box, or of its part in a tile, row by row.
 //!
-//! Law: `slots_hold_what_was_kept`.
+//! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
 
 use crate::work::{Event, Footprint, Reader, TILE_PX, Work, clip};
 
