@@ -80,12 +80,14 @@ impl Seen {
 /// What cannot happen to the units of an immediate machine.
 const NEVER: [&str; 6] = ["ellipse memory", "raster memory", "gauss memory", "shade memory", "shade blocked", "resolve blocked"];
 /// And to those of a binned one, which looks nothing up.
-const NEVER_BINNED: [&str; 10] = [
+const NEVER_BINNED: [&str; 12] = [
     "ellipse memory",
     "gauss memory",
     "shade memory",
     "shade blocked",
     "fragment memory",
+    "resolve-shade memory",
+    "resolve-shade blocked",
     "resolve blocked",
     "resolve memory",
     "bin blocked",
