@@ -5,7 +5,7 @@ use crate::explain::explain;
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
 use crate::run::{self, Asked, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
-use crate::timings::{self, Axes};
+use crate::timings::{Axes, Variants};
 use crate::{fixed, machines, prove, ranges, stress};
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
@@ -264,13 +264,13 @@ impl Run {
     fn run(&self) -> Result<String> {
         let machine = self.common.machine()?;
         fixed::elaborate(&machine)?;
-        self.timing.as_ref().map(|axes| timings::machines(&machine, axes)).transpose()?;
+        let timings = self.timing.as_ref().map(|axes| Variants::new(&machine, axes)).transpose()?;
         let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
         let scene = scene?;
         if let Some(folder) = &self.out {
             open_folder(folder)?;
         }
-        let asked = Asked { attribution: self.attribute, timings: self.timing.clone(), requests: self.requests };
+        let asked = Asked { attribution: self.attribute, timings, requests: self.requests };
         let outcome = run::run(&scene, &machine, load_seconds, &asked)?;
         let end = match &self.out {
             Some(folder) => {

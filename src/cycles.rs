@@ -7,9 +7,9 @@
 //! ```
 
 use crate::chart::{Axis, Mark, Panel, Series};
-use crate::report::{aligned, plain_table, thousands, wrapped};
+use crate::report::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::machine::timing::Elaborated;
-use rtl_model::timing::{self, Cycles, Direction, Request, Wait};
+use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Request, Wait};
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -108,8 +108,6 @@ pub struct ClientReport {
     pub bytes_written: u64,
 }
 
-const CLIENTS: [&str; 4] = ["splats", "lists", "frame_read", "frame_write"];
-
 impl CyclesReport {
     /// What a replay found.
     pub fn new(timing: &Elaborated, cycles: &Cycles) -> Self {
@@ -118,6 +116,10 @@ impl CyclesReport {
         let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };
         let memory = &cycles.memory;
         let requests: u64 = memory.requests.iter().sum();
+        let of_client = |client: Client| {
+            let [bytes_read, bytes_written] = memory.bytes[client as usize];
+            ClientReport { name: client.name(), requests: memory.requests[client as usize], bytes_read, bytes_written }
+        };
         let last = memory.latencies.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1);
         CyclesReport {
             total: cycles.total,
@@ -131,13 +133,7 @@ impl CyclesReport {
                 bytes_per_second: per_second(memory.total_bytes()),
                 peak_bytes_per_second: clock_hz as f64 * f64::from(timing.timing.memory.bytes_per_cycle),
                 row_hit_share: (requests > 0).then(|| memory.row_hits as f64 / requests as f64),
-                clients: (0..CLIENTS.len())
-                    .filter(|client| memory.requests[*client] > 0)
-                    .map(|client| {
-                        let [bytes_read, bytes_written] = memory.bytes[client];
-                        ClientReport { name: CLIENTS[client], requests: memory.requests[client], bytes_read, bytes_written }
-                    })
-                    .collect(),
+                clients: CLIENTS.into_iter().filter(|client| memory.requests[*client as usize] > 0).map(of_client).collect(),
                 read_latency_log2: memory.latencies[..last].to_vec(),
             },
             slots: cycles.slots,
@@ -288,16 +284,6 @@ fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitRep
     }
 }
 
-/// A part of a whole; neither all nor nothing is said of what is not.
-fn share(part: u64, whole: u64) -> String {
-    match part {
-        0 => "–".into(),
-        _ if part == whole => "100%".into(),
-        _ if part * 100 < whole => "< 1%".into(),
-        _ => format!("{}%", part * 100 / whole),
-    }
-}
-
 fn megabytes(bytes: u64) -> String {
     format!("{:.1} MB", bytes as f64 / 1e6)
 }
@@ -323,10 +309,5 @@ mod tests {
         };
         assert_eq!(told(Trace::Dramsim3), "0x40 READ 3\n0x100 WRITE 9\n0x140 WRITE 9\n");
         assert_eq!(told(Trace::Ramulator2), "LD 0x40\nST 0x100\nST 0x140\n");
-    }
-
-    #[test]
-    fn parts_are_not_rounded_to_all_or_nothing() {
-        assert_eq!([(0, 9), (1, 1000), (999, 1000), (9, 9)].map(|(part, whole)| share(part, whole)), ["–", "< 1%", "99%", "100%"]);
     }
 }

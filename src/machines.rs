@@ -17,23 +17,23 @@ pub fn load(spec: &str, settings: &[String]) -> Result<Machine> {
     };
     checked(&value, spec)?;
     for setting in settings {
-        let told = format!("--set {setting}");
-        let change = parse_setting(setting).ok_or_else(|| Error::input(format!("{told}: write PATH=VALUE, as in gauss.weight=U-2F16")))?;
-        merge(&mut value, change);
-        checked(&value, &told)?;
+        set(&mut value, setting, &format!("--set {setting}"))?;
     }
     checked(&value, spec)
 }
 
-/// A machine with one field changed.
+/// A machine with one field changed, as by `told`.
 ///
 /// # Errors
 /// As [`load`].
-pub fn changed(machine: &Machine, setting: &str) -> Result<Machine> {
-    let mut value = to_value(machine);
-    let change = parse_setting(setting).ok_or_else(|| Error::input(format!("{setting}: write PATH=VALUE")))?;
-    merge(&mut value, change);
-    checked(&value, setting)
+pub fn changed(machine: &Machine, setting: &str, told: &str) -> Result<Machine> {
+    set(&mut to_value(machine), setting, told)
+}
+
+fn set(value: &mut Value, setting: &str, told: &str) -> Result<Machine> {
+    let change = parse_setting(setting).ok_or_else(|| Error::input(format!("{told}: write PATH=VALUE, as in gauss.weight=U-2F16")))?;
+    merge(value, change);
+    checked(value, told)
 }
 
 /// The JSON Schema of a machine file.

@@ -13,7 +13,7 @@
 
 use crate::chart::{Extent, Extents};
 use crate::mixed::UNITS;
-use crate::report::Report;
+use crate::report::{Report, share};
 use rtl_model::machine::Signal;
 use rtl_model::probe::Range;
 use serde::Serialize;
@@ -142,7 +142,7 @@ impl SignalReport {
         let [high, low] = [self.unused_high_bits, self.unused_low_bits].map(|bits| bits.map_or(String::new(), |bits| bits.to_string()));
         let needs = self.narrowest.clone().unwrap_or_default();
         let limited = if self.overflows() > 0 { few_letters(self.overflows()) } else { String::new() };
-        let inexact = self.inexact_share.map_or(String::new(), percent);
+        let inexact = if self.words > 0 { share(self.inexact, self.words) } else { String::new() };
         row([&self.name, &self.format, &min, &max, &high, &low, &needs, &limited, &inexact])
     }
 
@@ -152,7 +152,7 @@ impl SignalReport {
         let top = self.extent[1];
         Extent {
             name: self.name.clone(),
-            says: [self.format.clone(), self.narrowest.clone().unwrap_or_default(), percent(part(zeros))],
+            says: [self.format.clone(), self.narrowest.clone().unwrap_or_default(), share(*zeros, self.words)],
             places: self.extent,
             // The least word of a signed format is as large as what the others stay below.
             parts: counts.iter().zip(*first_log2..).map(|(count, log2)| (log2.min(top - 1), part(count))).collect(),
@@ -200,16 +200,6 @@ fn few_letters(count: u64) -> String {
         0..10_000 => count.to_string(),
         10_000..1_000_000 => format!("{thousands}k"),
         _ => format!("{millions}M"),
-    }
-}
-
-/// A part of a whole. Neither all nor nothing is said of what is not.
-fn percent(part: f64) -> String {
-    match part {
-        0.0 => "–".into(),
-        _ if part < 0.01 => "< 1%".into(),
-        _ if part < 1.0 => format!("{:.0}%", (100.0 * part).floor()),
-        _ => "100%".into(),
     }
 }
 

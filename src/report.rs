@@ -318,6 +318,16 @@ impl Report {
     }
 }
 
+/// A part of a whole; neither all nor nothing is said of what is not.
+pub fn share(part: u64, whole: u64) -> String {
+    match part {
+        0 => "–".into(),
+        _ if part == whole => "100%".into(),
+        _ if part * 100 < whole => "< 1%".into(),
+        _ => format!("{}%", part * 100 / whole),
+    }
+}
+
 /// A line broken between words where it is longer than a terminal's; what follows the break is set in.
 pub fn wrapped(line: &str) -> String {
     let mut out = String::new();

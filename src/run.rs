@@ -18,7 +18,7 @@ use crate::quantise::quantise;
 use crate::ranges::{self, SignalReport};
 use crate::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::Scene;
-use crate::timings::{self, Axes, Timings};
+use crate::timings::{Timings, Variants};
 use rtl_model::Machine;
 use rtl_model::timing;
 use std::fs;
@@ -32,7 +32,7 @@ pub struct Asked {
     /// Who makes the error.
     pub attribution: bool,
     /// The frame on other microarchitectures.
-    pub timings: Option<Axes>,
+    pub timings: Option<Variants>,
     /// Every request to memory.
     pub requests: bool,
 }
@@ -62,18 +62,15 @@ pub struct Outcome {
 /// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
 pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -> Result<Outcome> {
     let elaborated = fixed::elaborate(machine)?;
-    let others = asked.timings.as_ref().map(|axes| timings::machines(machine, axes)).transpose()?;
     let attributed = asked.attribution;
     let (quantised, quantise_seconds) = timed(|| quantise(scene, machine));
     let quantised = quantised?;
     let (drawing, fixed_seconds) = timed(|| fixed::draw(&elaborated, &quantised));
     let ((_, ranges), watched_seconds) = timed(|| fixed::draw_ranged(&elaborated, &quantised));
     let ((_, work), recorded_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
-    let (mut cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work));
-    if asked.requests {
-        cycles = timing::replay_logged(&elaborated.timing, &work);
-    }
-    let timings = asked.timings.as_ref().zip(others).map(|(axes, machines)| Timings::new(axes, &machines, &work));
+    let replay = if asked.requests { timing::replay_logged } else { timing::replay };
+    let (cycles, replay_seconds) = timed(|| replay(&elaborated.timing, &work));
+    let timings = asked.timings.as_ref().map(|variants| Timings::new(variants, &work));
     let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
     let (lockstep, lockstep_seconds) = timed(|| lockstep(scene, &elaborated, &quantised));

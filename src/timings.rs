@@ -55,17 +55,28 @@ impl FromStr for Axes {
     }
 }
 
-/// A microarchitecture for each value.
-///
-/// # Errors
-/// [`Error::Input`] naming the first value that no machine can have.
-pub fn machines(machine: &Machine, axes: &Axes) -> Result<Vec<Elaborated>> {
-    let one = |value: &String| {
-        let other = machines::changed(machine, &format!("{}={value}", axes.path))?;
-        let elaborated = fixed::elaborate(&other).map_err(|error| Error::input(format!("--timing {}={value}: {error}", axes.path)))?;
-        Ok(elaborated.timing)
-    };
-    axes.values.iter().map(one).collect()
+/// A field, and a microarchitecture for each value.
+#[derive(Clone, Debug)]
+pub struct Variants {
+    axes: Axes,
+    machines: Vec<Elaborated>,
+}
+
+impl Variants {
+    /// Of a machine.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first value that no machine can have.
+    pub fn new(machine: &Machine, axes: &Axes) -> Result<Self> {
+        let one = |value: &String| {
+            let setting = format!("{}={value}", axes.path);
+            let told = format!("--timing {setting}");
+            let other = machines::changed(machine, &setting, &told)?;
+            let elaborated = fixed::elaborate(&other).map_err(|error| Error::input(format!("{told}: {error}")))?;
+            Ok(elaborated.timing)
+        };
+        Ok(Variants { axes: axes.clone(), machines: axes.values.iter().map(one).collect::<Result<_>>()? })
+    }
 }
 
 /// What each value makes of a frame.
@@ -88,7 +99,8 @@ pub struct Row {
 
 impl Timings {
     /// Replays a frame's work on all of them.
-    pub fn new(axes: &Axes, machines: &[Elaborated], work: &Work) -> Self {
+    pub fn new(variants: &Variants, work: &Work) -> Self {
+        let Variants { axes, machines } = variants;
         let row = |(value, machine): (&String, &Elaborated)| Row {
             value: value.clone(),
             cycles: CyclesReport::new(machine, &timing::replay(machine, work)),

@@ -19,7 +19,7 @@ use crate::units::fragment::{
 };
 use crate::units::resolve::Layer;
 use crate::units::{ellipse, project, raster, shade};
-use crate::work::{Recorder, Work as Recorded};
+use crate::work::{Bins, Recorder, Work as Recorded};
 use rayon::prelude::*;
 
 /// Splats that were not drawn, by reason.
@@ -179,7 +179,7 @@ impl Setup {
     }
 
     /// Every splat in input order, with what a bin calls it.
-    fn entries(&self) -> impl Iterator<Item = (u32, &Prepared)> {
+    fn entries(&self) -> impl Iterator<Item = (u32, &Prepared)> + Clone {
         let numbered = |(block, splats): (usize, &'_ Vec<Prepared>)| (block * BLOCK_SPLATS, splats.len());
         let numbers = self.blocks.iter().enumerate().map(numbered).flat_map(|(first, count)| first..first + count);
         numbers.map(|number| (number as u32, self.splat(number as u32)))
@@ -349,14 +349,14 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
         inverse_threshold: frame.inverse_threshold,
     };
     let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
-    let bins = Bins::new(frame, setup);
-    let touched: Vec<usize> = (0..bins.columns * bins.rows).filter(|&tile| !bins.splats(tile).is_empty()).collect();
+    let bins = bins(frame, setup);
+    let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
     // One tile's fragments at a time, and one watcher, for every run of tiles that a thread takes.
     let start = || Run { tile: Box::<Tile<L>>::default(), probe: probe.fork(), done: Vec::new() };
     let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
         let shared = Shared { machine, frame, lights: &lights, setup, registers };
         let part =
-            Part { splats: bins.splats(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
+            Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
         let resolved = worked::<P, _>(FillTile::<PLAIN, L, P> { shared, part, tile: &mut run.tile, probe: &mut run.probe });
         if let Some(ranges) = run.probe.again(nth, touched.len()) {
             fill_again(shared, part, ranges);
@@ -397,50 +397,11 @@ struct Run<L, P> {
     done: Vec<Resolved>,
 }
 
-/// Which splats touch which tile, in input order.
-struct Bins {
-    columns: usize,
-    rows: usize,
-    /// Tile t's entries are `starts[t]..starts[t + 1]`.
-    starts: Vec<usize>,
-    entries: Vec<u32>,
-}
-
-impl Bins {
-    #[inline(never)]
-    fn new(frame: &Frame, setup: &Setup) -> Self {
-        let columns = (frame.width as usize).div_ceil(TILE_PX);
-        let rows = (frame.height as usize).div_ceil(TILE_PX);
-        let mut starts = vec![0; columns * rows + 1];
-        for (_, splat) in setup.entries() {
-            each_tile(&splat.raster, columns, |tile| starts[tile + 1] += 1);
-        }
-        for tile in 0..columns * rows {
-            starts[tile + 1] += starts[tile];
-        }
-        let mut next = starts.clone();
-        let mut entries = vec![0; starts[columns * rows]];
-        for (entry, splat) in setup.entries() {
-            each_tile(&splat.raster, columns, |tile| {
-                entries[next[tile]] = entry;
-                next[tile] += 1;
-            });
-        }
-        Bins { columns, rows, starts, entries }
-    }
-
-    fn splats(&self, tile: usize) -> &[u32] {
-        &self.entries[self.starts[tile]..self.starts[tile + 1]]
-    }
-}
-
-fn each_tile(splat: &raster::Input, columns: usize, mut visit: impl FnMut(usize)) {
-    let side = |pixels: [u16; 2]| usize::from(pixels[0]) / TILE_PX..=usize::from(pixels[1]) / TILE_PX;
-    for row in side(splat.rows) {
-        for column in side(splat.columns) {
-            visit(row * columns + column);
-        }
-    }
+/// Which splats touch which tile. A call of its own, so that its instructions can be counted.
+#[inline(never)]
+fn bins(frame: &Frame, setup: &Setup) -> Bins {
+    let boxes = setup.entries().map(|(entry, splat)| (entry, [splat.raster.columns, splat.raster.rows]));
+    Bins::new([frame.width, frame.height], TILE_PX, boxes)
 }
 
 /// A tile's part of the frame.

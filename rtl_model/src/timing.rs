@@ -22,12 +22,15 @@ mod cache;
 mod immediate;
 mod memory;
 mod slots;
+mod stages;
 
 pub use account::{Account, Timeline, UnitCycles, Wait};
-pub use memory::{Client, Direction, MemoryCycles, Request};
+pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
 
 use crate::machine::timing::{Elaborated, Organisation};
 use crate::work::Work;
+use account::Unit;
+use memory::Memory;
 
 /// How long a frame takes, and why.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,6 +50,14 @@ pub struct Cycles {
 }
 
 impl Cycles {
+    /// Of units and memory when all is through; what is written is there at `end`. Nothing looked up, no slots.
+    fn of(units: Vec<Unit>, memory: Memory, end: u64) -> Self {
+        let total = units.iter().map(Unit::done).max().unwrap_or(0).max(end);
+        let units = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
+        let (memory, requests) = memory.finish();
+        Cycles { total, units, memory, requests, lookups: [0; 2], slots: [0; 2] }
+    }
+
     /// What is busy in the most cycles: a unit, or memory.
     pub fn bottleneck(&self) -> &'static str {
         let busiest = self.units.iter().max_by_key(|unit| unit.account.busy);

@@ -12,12 +12,8 @@
 //!
 //! Laws: `what_is_recorded_is_what_was_drawn`, `a_record_is_the_same_for_any_number_of_threads`.
 
-use std::ops::Range;
-
 /// Side of a recorded tile, pixels.
 pub const TILE_PX: usize = 16;
-/// Pixels of a recorded tile.
-pub const TILE_AREA: usize = TILE_PX * TILE_PX;
 
 /// What became of a splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,6 +65,13 @@ pub struct Footprint {
     pub columns: [u16; 2],
     /// First and last row.
     pub rows: [u16; 2],
+}
+
+impl Footprint {
+    /// Columns and rows.
+    pub fn sides(&self) -> [[u16; 2]; 2] {
+        [self.columns, self.rows]
+    }
 }
 
 /// What happened in a tile.
@@ -170,6 +173,12 @@ pub struct Work {
 }
 
 impl Work {
+    /// The drawn splats by tiles of so many pixels a side: their places among [`Work::footprints`].
+    pub fn bins(&self, side_px: usize) -> Bins {
+        let boxes = self.footprints.iter().zip(0..).map(|(footprint, nth)| (nth, footprint.sides()));
+        Bins::new([self.width, self.height], side_px, boxes)
+    }
+
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
         self.fates.len() + size_of::<Footprint>() * self.footprints.len() + self.tiles.iter().map(Tile::bytes).sum::<usize>()
@@ -346,9 +355,59 @@ impl Recorder {
     }
 }
 
-/// The part of an interval of pixels that lies in a recorded tile, counted from the tile's first.
+/// Which boxes touch which tile, in input order.
+#[derive(Clone, Debug)]
+pub struct Bins {
+    /// Tiles of a row.
+    pub columns: usize,
+    /// Rows of tiles.
+    pub rows: usize,
+    /// Tile t's entries are `starts[t]..starts[t + 1]`.
+    starts: Vec<usize>,
+    entries: Vec<u32>,
+}
+
+impl Bins {
+    /// For a picture in tiles of so many pixels a side, and numbered boxes: first and last column, first and last row.
+    #[inline(always)]
+    pub fn new(size_px: [u32; 2], side_px: usize, boxes: impl Iterator<Item = (u32, [[u16; 2]; 2])> + Clone) -> Self {
+        let [columns, rows] = size_px.map(|size| (size as usize).div_ceil(side_px));
+        let mut starts = vec![0; columns * rows + 1];
+        for (_, sides) in boxes.clone() {
+            each_tile(sides, side_px, columns, |tile| starts[tile + 1] += 1);
+        }
+        for tile in 0..columns * rows {
+            starts[tile + 1] += starts[tile];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![0; starts[columns * rows]];
+        for (entry, sides) in boxes {
+            each_tile(sides, side_px, columns, |tile| {
+                entries[next[tile]] = entry;
+                next[tile] += 1;
+            });
+        }
+        Bins { columns, rows, starts, entries }
+    }
+
+    /// How many tiles there are.
+    pub fn tiles(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// The numbers of the boxes that touch a tile.
+    pub fn of(&self, tile: usize) -> &[u32] {
+        &self.entries[self.starts[tile]..self.starts[tile + 1]]
+    }
+}
+
+/// Every tile that a box touches, by rows.
 #[inline(always)]
-pub fn clip([first, last]: [u16; 2], corner: u16) -> Range<usize> {
-    let [from, to] = [usize::from(first), usize::from(last) + 1].map(|pixel| pixel.saturating_sub(usize::from(corner)));
-    from..to.min(TILE_PX)
+pub fn each_tile(sides: [[u16; 2]; 2], side_px: usize, columns: usize, mut visit: impl FnMut(usize)) {
+    let [across, down] = sides.map(|[first, last]| usize::from(first) / side_px..=usize::from(last) / side_px);
+    for row in down {
+        for column in across.clone() {
+            visit(row * columns + column);
+        }
+    }
 }

@@ -43,6 +43,7 @@ fn a_table_has_at_most_eighty_columns() {
 #[test]
 fn numbers_are_short_and_parts_are_not_rounded_to_all_or_nothing() {
     assert_eq!([0.0, -12.5, 0.012, 1234.56, -65536.0, 1e-7].map(few_digits), ["0", "-12.5", "0.012", "1234.6", "-6.6e4", "1.0e-7"]);
-    assert_eq!([0.0, 1e-9, 0.5, 0.9999, 1.0].map(percent), ["–", "< 1%", "50%", "99%", "100%"]);
+    let parts = [(0, 9), (1, 1_000_000_000), (1, 2), (9999, 10_000), (7, 7)].map(|(part, whole)| share(part, whole));
+    assert_eq!(parts, ["–", "< 1%", "50%", "99%", "100%"]);
     assert_eq!([9_999, 10_000, 999_999, 12_345_678].map(few_letters), ["9999", "10k", "999k", "12M"]);
 }

@@ -6,13 +6,13 @@
 //! ```
 //! The second pass begins when the first is through. Tiles follow each other by rows; those without an entry are only written.
 
+use super::Cycles;
 use super::account::{Ready, Unit};
-use super::immediate::{Fill, Merge, SetUp, resolve_cycles};
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::slots::{Readers, Slots};
-use super::{Cycles, UnitCycles};
+use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::{Elaborated, Pace};
-use crate::work::{Footprint, Work};
+use crate::work::{Bins, Work, each_tile};
 
 /// Bytes of a list's entry: which splat.
 const ENTRY_BYTES: u64 = 4;
@@ -20,46 +20,7 @@ const ENTRY_BYTES: u64 = 4;
 const REGION: u64 = 1 << 40;
 
 /// Lists lie so far apart.
-const LIST_BYTES: u64 = 1 << 20;
-
-/// Which footprints touch which tile, in input order.
-struct Lists {
-    columns: u32,
-    rows: u32,
-    starts: Vec<usize>,
-    entries: Vec<u32>,
-}
-
-impl Lists {
-    fn new(work: &Work, side: u32) -> Self {
-        let [columns, rows] = [work.width, work.height].map(|size| size.div_ceil(side));
-        let mut starts = vec![0; (columns * rows) as usize + 1];
-        for footprint in &work.footprints {
-            each_tile(footprint, side, columns, |tile| starts[tile + 1] += 1);
-        }
-        for tile in 1..starts.len() {
-            starts[tile] += starts[tile - 1];
-        }
-        let mut next = starts.clone();
-        let mut entries = vec![0; starts.last().copied().unwrap_or(0)];
-        for (index, footprint) in work.footprints.iter().enumerate() {
-            each_tile(footprint, side, columns, |tile| {
-                entries[next[tile]] = index as u32;
-                next[tile] += 1;
-            });
-        }
-        Lists { columns, rows, starts, entries }
-    }
-}
-
-fn each_tile(footprint: &Footprint, side: u32, columns: u32, mut visit: impl FnMut(usize)) {
-    let tiles = |[first, last]: [u16; 2]| u32::from(first) / side..=u32::from(last) / side;
-    for row in tiles(footprint.rows) {
-        for column in tiles(footprint.columns) {
-            visit((row * columns + column) as usize);
-        }
-    }
-}
+const LIST_BYTES: u64 = 1 << 24;
 
 /// Replays a frame.
 pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
@@ -67,14 +28,14 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let side = t.timing.tile.side_px;
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut memory = Memory::new(t.timing.memory, logged);
-    let lists = Lists::new(work, side);
+    let lists = work.bins(side as usize);
     let (setup, bin, sorted) = first_pass(t, work, &lists, &mut memory, logged);
 
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
     let mut list = Unit::new("list", one, Some("bin"), Some("raster"), logged);
     let mut fill = Fill::new(t, "list", "fragment", logged);
     let mut merge = Merge::new(t, work, "gauss", Some("resolve"), logged);
-    let mut resolve = Unit::new("resolve", t.resolve, Some("fragment"), None, logged);
+    let mut resolve = Resolve::new(t, work, logged);
     let mut lit = Unit::new("resolve-shade", t.shade, Some("resolve"), None, logged);
     let mut readers = Readers::new(work);
     let mut slots = Slots::default();
@@ -82,11 +43,10 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
     let mut end = sorted;
-    let left_to_shade = work.left_to_shade();
-    for tile in 0..(lists.columns * lists.rows) as usize {
-        let corner = [tile as u32 % lists.columns * side, tile as u32 / lists.columns * side];
+    for tile in 0..lists.tiles() {
+        let corner = [tile % lists.columns, tile / lists.columns].map(|at| at as u32 * side);
         let corner_16 = corner.map(|at| at as u16);
-        let entries = &lists.entries[lists.starts[tile]..lists.starts[tile + 1]];
+        let entries = lists.of(tile);
         let buffer_free = if t.timing.tile.buffers == 2 { buffers[0] } else { buffers[1] };
         let (mut bursts, mut burst_here) = (0, 0);
         merge.written = sorted;
@@ -120,31 +80,15 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
                 },
             );
         }
-        // Words of the tile, pixel by pixel; of one without entries they are the background.
-        let size = [work.width - corner[0], work.height - corner[1]].map(|left| left.min(side));
-        let pixels = u64::from(size[0]) * u64::from(size[1]);
-        let (mut cycles, mut shades) = (0, 0);
-        if !entries.is_empty() {
-            for row in corner[1]..corner[1] + size[1] {
-                let first = (row * work.width + corner[0]) as usize;
-                for left in &left_to_shade[first..first + size[0] as usize] {
-                    cycles += resolve_cycles(t, *left);
-                    shades += u64::from(*left);
-                }
-            }
-        }
+        // Words of the tile; of one without entries they are the background.
+        let [across, down] = [(corner[0], work.width), (corner[1], work.height)].map(|(from, size)| from..size.min(from + side));
+        let bytes = u64::from(across.end - across.start) * u64::from(down.end - down.start) * u64::from(t.frame_bytes);
         let mut done = merge.written.max(buffer_free);
-        if cycles > 0 {
-            let now = resolve.take(Ready { here: merge.written, ..Ready::default() }, cycles);
-            if shades > 0 {
-                let shade = if t.timing.tile.buffers == 2 { &mut lit } else { &mut merge.shade };
-                shade.take(Ready { here: now, ..Ready::default() }, shades * u64::from(t.shade.interval));
-            }
-            let latency = u64::from(t.resolve.latency) + if shades > 0 { u64::from(t.shade.latency) } else { 0 };
-            done = now + cycles + latency;
+        if !entries.is_empty() {
+            let shade = if t.timing.tile.buffers == 2 { &mut lit } else { &mut merge.shade };
+            done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade);
             buffers = [buffers[1], done];
         }
-        let bytes = pixels * u64::from(t.frame_bytes);
         let address = tile as u64 * u64::from(side * side * t.frame_bytes);
         end = end.max(memory.request(done, Client::FrameWrite, Direction::Write, address, bytes));
     }
@@ -152,28 +96,25 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     if t.timing.tile.buffers == 2 {
         units.push(lit);
     }
-    units.push(resolve);
-    let total = units.iter().map(Unit::done).max().unwrap_or(0).max(end);
-    let units: Vec<UnitCycles> = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
-    let (memory, requests) = memory.finish();
-    Cycles { total, units, memory, requests, lookups: [0; 2], slots: fill.slots }
+    units.push(resolve.unit);
+    Cycles { slots: fill.slots, ..Cycles::of(units, memory, end) }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
-fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Lists, memory: &mut Memory, logged: bool) -> (SetUp<'a>, Unit, u64) {
-    let side = t.timing.tile.side_px;
+fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Memory, logged: bool) -> (SetUp<'a>, Unit, u64) {
+    let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut setup = SetUp::new(t, "bin", logged);
     let mut bin = Unit::new("bin", Pace { units: 1, latency: 1, interval: 1, fifo: 1 }, Some("ellipse"), None, logged);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
-    let mut lengths = vec![0u64; (lists.columns * lists.rows) as usize];
+    let mut lengths = vec![0u64; lists.tiles()];
     let mut footprints = work.footprints.iter().enumerate();
     let (mut record_bursts, mut end) = (0, 0);
     for (index, fate) in work.fates.iter().enumerate() {
         let Some(here) = setup.splat(index as u64, *fate, memory) else { continue };
         let Some((nth, footprint)) = footprints.next() else { break };
         let mut entries = 0;
-        each_tile(footprint, side, lists.columns, |_| entries += 1);
+        each_tile(footprint.sides(), side, lists.columns, |_| entries += 1);
         // A record, then an entry a cycle; what is written waits for its turn.
         let now = bin.take(Ready { here, memory: outstanding.free(), ..Ready::default() }, 1 + entries);
         setup.ellipse.behind.give(now);
@@ -187,7 +128,7 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Lists, memory: &mut Me
         (record_bursts..full).for_each(|full| write(now, REGION + full * burst));
         record_bursts = full;
         let mut when = now;
-        each_tile(footprint, side, lists.columns, |tile| {
+        each_tile(footprint.sides(), side, lists.columns, |tile| {
             when += 1;
             lengths[tile] += 1;
             if (lengths[tile] * ENTRY_BYTES).is_multiple_of(burst) {

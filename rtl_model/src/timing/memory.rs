@@ -24,6 +24,18 @@ pub enum Client {
     FrameWrite,
 }
 
+impl Client {
+    /// What it is called in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Client::Splats => "splats",
+            Client::Lists => "lists",
+            Client::FrameRead => "frame_read",
+            Client::FrameWrite => "frame_write",
+        }
+    }
+}
+
 /// All of them, in the order of reports.
 pub const CLIENTS: [Client; 4] = [Client::Splats, Client::Lists, Client::FrameRead, Client::FrameWrite];
 

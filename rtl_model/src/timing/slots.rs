@@ -9,7 +9,8 @@
 //!
 //! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
 
-use crate::work::{Event, Footprint, Reader, TILE_PX, Work, clip};
+use crate::work::{Event, Footprint, Reader, TILE_PX, Work};
+use std::ops::Range;
 
 /// What happens in a slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -142,4 +143,11 @@ impl Slots {
             slot.end = end;
         }
     }
+}
+
+/// The part of an interval of pixels that lies in a recorded tile, counted from the tile's first.
+#[inline(always)]
+fn clip([first, last]: [u16; 2], corner: u16) -> Range<usize> {
+    let [from, to] = [usize::from(first), usize::from(last) + 1].map(|pixel| pixel.saturating_sub(usize::from(corner)));
+    from..to.min(TILE_PX)
 }

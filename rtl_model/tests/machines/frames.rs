@@ -145,3 +145,9 @@ fn lighting(machine: &Machine, w: &mut Words) -> Lighting {
     let materials = vec![Material::Unlit, shiny(w), shiny(w)];
     Lighting { lights, materials }
 }
+
+/// Which of sixteen pixels from `corner` on lie between the first and the last, counted from the corner.
+pub fn in_tile([first, last]: [u16; 2], corner: u16) -> std::ops::Range<usize> {
+    let inside: Vec<usize> = (0..16).filter(|at| (usize::from(first)..=usize::from(last)).contains(&(usize::from(corner) + at))).collect();
+    inside.first().map_or(0..0, |from| *from..from + inside.len())
+}

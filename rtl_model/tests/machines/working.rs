@@ -1,12 +1,12 @@
 //! Is the work that is recorded the work that was done?
 
-use crate::frames::frame;
+use crate::frames::{frame, in_tile};
 use rtl_model::machine::Merge;
 use rtl_model::pipeline::{draw, draw_recorded, draw_unwatched};
 use rtl_model::probe::Probe;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
-use rtl_model::work::{Event, Fate, TILE_PX, Work, clip};
+use rtl_model::work::{Event, Fate, TILE_PX, Work};
 use rtl_model::{Elaborated, Frame, Machine};
 use std::collections::BTreeMap;
 
@@ -47,7 +47,7 @@ fn told(work: &Work) -> BTreeMap<[u32; 2], Vec<(u32, Event)>> {
         let mut reader = tile.reader();
         let [left, top] = tile.corner;
         for footprint in &work.footprints {
-            let [columns, rows] = [clip(footprint.columns, left), clip(footprint.rows, top)];
+            let [columns, rows] = [in_tile(footprint.columns, left), in_tile(footprint.rows, top)];
             if columns.is_empty() {
                 continue;
             }

@@ -1,7 +1,7 @@
 //! What is drawn? A plain list of splats and their pixels, drawn at random or read from a recorded frame.
 
-use crate::frames::Dice;
-use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work, clip};
+use crate::frames::{Dice, in_tile};
+use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work};
 
 /// A splat, and what became of every pixel of its box, row by row; of those that it does not cover, nothing.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,7 +128,7 @@ impl Scene {
             for left in (0..self.width as u16).step_by(TILE_PX) {
                 let mut touched = false;
                 for (_, splat) in drawn() {
-                    let [columns, rows] = [clip(splat.columns, left), clip(splat.rows, top)];
+                    let [columns, rows] = [in_tile(splat.columns, left), in_tile(splat.rows, top)];
                     if columns.is_empty() || rows.is_empty() {
                         continue;
                     }
@@ -175,7 +175,7 @@ impl Scene {
             let mut reader = tile.reader();
             let [first, top] = tile.corner;
             for footprint in &work.footprints {
-                let [columns, rows] = [clip(footprint.columns, first), clip(footprint.rows, top)];
+                let [columns, rows] = [in_tile(footprint.columns, first), in_tile(footprint.rows, top)];
                 if columns.is_empty() {
                     continue;
                 }
