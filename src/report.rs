@@ -7,7 +7,7 @@ use crate::quantise::Scale;
 use crate::ranges::SignalReport;
 use crate::timings::Timings;
 use comfy_table::{CellAlignment, Table, presets};
-use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::machine::{Elaborated, Machine, Operator, Part};
 use rtl_model::pipeline::Culled;
 use rtl_model::units::fragment::Outcomes;
 use serde::Serialize;
@@ -181,7 +181,8 @@ pub struct Host {
 impl MachineReport {
     /// Describes a machine.
     pub fn new(machine: &Elaborated) -> Self {
-        let widest = machine.multipliers.iter().flat_map(|multiplier| multiplier.operand_bits).max();
+        let operands = |part: &Part| if let Operator::Multiplier(bits) = part.operator { bits } else { [0; 2] };
+        let widest = machine.parts.iter().flat_map(operands).max();
         MachineReport {
             description: machine.machine.clone(),
             fragment_bits: machine.machine.fragment_bits(),

@@ -3,12 +3,15 @@
 //! A description is checked once, as an RTL elaboration would: [`Machine::elaborate`] returns a machine that cannot fail,
 //! or every misfit at once, in sentences. The units read their formats from here and from nowhere else.
 
-use crate::num::{Exact, Fit, Format, MAX_WIDTH_BITS, Overflow, Reciprocal, ReciprocalRoot, Rounding, Table, Word};
+use crate::num::{Format, Overflow, Reciprocal, ReciprocalRoot, Rounding, Table, Word};
 use crate::units::{ellipse, fragment, gauss, project, raster, resolve, shade};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+mod elaboration;
 pub mod timing;
+
+pub use elaboration::{Elaboration, MAX_OPERAND_BITS, Operator, Part, Signal};
 
 /// A whole machine.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -316,165 +319,6 @@ pub struct Resolve {
     pub frame: Word,
 }
 
-/// A named place where bits can be lost.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Signal {
-    /// The unit it belongs to.
-    pub unit: &'static str,
-    /// Its name there.
-    pub name: String,
-    /// Its word.
-    pub word: Word,
-}
-
-/// A multiplier of the machine, for whoever counts them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Multiplier {
-    /// The unit it belongs to.
-    pub unit: &'static str,
-    /// Bits of both operands, sign bits included.
-    pub operand_bits: [i32; 2],
-}
-
-/// What elaboration gathers: signals, multipliers, misfits.
-#[derive(Clone, Debug, Default)]
-pub struct Elaboration {
-    /// Every signal, in the order of the diagram.
-    pub signals: Vec<Signal>,
-    /// Every multiplier.
-    pub multipliers: Vec<Multiplier>,
-    /// Every misfit, a sentence each.
-    pub misfits: Vec<String>,
-}
-
-/// Widest word on a port or at a multiplier, sign included.
-pub const MAX_OPERAND_BITS: i32 = 32;
-/// Widest magnitude of an exact result.
-const MAX_EXACT_BITS: i32 = 62;
-
-impl Elaboration {
-    /// A word on a port or at a multiplier: at most 32 bits.
-    pub fn port(&mut self, unit: &'static str, name: &str, word: Word) {
-        let Format { signed, frac_bits, .. } = word.format;
-        let limit = if signed { MAX_OPERAND_BITS } else { MAX_OPERAND_BITS - 1 };
-        if word.format.width() > limit {
-            let fits = Format { int_bits: limit - frac_bits.min(limit), frac_bits: frac_bits.min(limit), signed };
-            self.misfits
-                .push(format!("{unit}.{name} is {word}, {} bits on a port that carries {limit}: {fits} would fit", word.format.width()));
-        }
-        self.saturates(unit, name, word);
-    }
-
-    /// A word whose values mean nothing once they have wrapped.
-    pub fn saturates(&mut self, unit: &'static str, name: &str, word: Word) {
-        self.require(word.overflow == Overflow::Saturate, || {
-            format!("{unit}.{name} wraps, but only the raster's registers and the fragment's sums may: let it saturate")
-        });
-    }
-
-    /// An exact result that is used without being fitted first: `what` names it.
-    pub fn holds_exact(&mut self, what: &str, exact: Exact) {
-        self.require(exact.bits() <= MAX_EXACT_BITS, || {
-            let over = exact.bits() - MAX_EXACT_BITS;
-            format!("{what} needs {} bits, but {MAX_EXACT_BITS} can be held: {over} bits must go from its operands", exact.bits())
-        });
-    }
-
-    /// A multiplier of two words: the exact product.
-    pub fn times(&mut self, unit: &'static str, a: impl Into<Operand>, b: impl Into<Operand>) -> Exact {
-        let (a, b) = (a.into(), b.into());
-        self.multipliers.push(Multiplier { unit, operand_bits: [a.bits, b.bits] });
-        a.exact.times(b.exact)
-    }
-
-    /// The place where an exact result becomes the word called `name`.
-    pub fn fit(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
-        let left = (word.format.frac_bits - from.frac_bits).max(0);
-        if from.bits() > MAX_EXACT_BITS {
-            self.misfits.push(format!(
-                "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} bits must go from its operands",
-                from.bits(),
-                from.bits() - MAX_EXACT_BITS
-            ));
-        }
-        if left > 31 {
-            self.misfits.push(format!(
-                "{unit}.{name} is {word}, {left} fraction bits finer than the result that it is made from: {} would hold all of it",
-                Format { frac_bits: from.frac_bits, ..word.format }.within(MAX_WIDTH_BITS)
-            ));
-        }
-        Fit::new(self.signal(unit, name, word), word, from)
-    }
-
-    fn signal(&mut self, unit: &'static str, name: &str, word: Word) -> usize {
-        if let Some(known) = self.signals.iter().position(|s| s.unit == unit && s.name == name) {
-            return known;
-        }
-        self.signals.push(Signal { unit, name: name.to_owned(), word });
-        self.signals.len() - 1
-    }
-
-    /// A function unit's shape, made possible if it is not, so that elaboration can go on.
-    pub fn function_unit(&mut self, unit: &'static str, name: &str, config: FunctionUnit) -> FunctionUnit {
-        let bits = self.within(unit, &format!("{name}.bits"), config.bits, 4, 30);
-        let table_bits = self.within(unit, &format!("{name}.table_bits"), config.table_bits, 1, 12.min(bits));
-        let newton_steps = self.within(unit, &format!("{name}.newton_steps"), config.newton_steps, 0, 3);
-        FunctionUnit { table_bits, newton_steps, bits }
-    }
-
-    /// A number that must lie in a range.
-    pub fn within(&mut self, unit: &'static str, name: &str, value: u32, least: u32, most: u32) -> u32 {
-        if !(least..=most).contains(&value) {
-            self.misfits.push(format!("{unit}.{name} is {value}: {least} to {most} can be built"));
-        }
-        value.clamp(least, most)
-    }
-
-    /// A condition that must hold, or the sentence that says what does not.
-    pub fn require(&mut self, holds: bool, misfit: impl FnOnce() -> String) {
-        if !holds {
-            self.misfits.push(misfit());
-        }
-    }
-
-    /// A word that must represent 1.
-    pub fn holds_one(&mut self, unit: &'static str, name: &str, word: Word) {
-        let format = word.format;
-        self.require(format.max() >= format.one(), || {
-            let frac_bits = format.frac_bits.min(MAX_OPERAND_BITS - 2);
-            let fits = Format { int_bits: if format.signed { 2 } else { 1 }, frac_bits, ..format };
-            format!("{unit}.{name} is {word} and must hold 1: {fits} would fit")
-        });
-    }
-
-    /// A word that must be unsigned (`signed` false) or signed.
-    pub fn signedness(&mut self, unit: &'static str, name: &str, word: Word, signed: bool) {
-        self.require(word.format.signed == signed, || {
-            let fits = Format { signed, ..word.format };
-            format!("{unit}.{name} is {word}, but its values are {}: {fits} would fit", if signed { "signed" } else { "never negative" })
-        });
-    }
-}
-
-/// One side of a multiplier.
-#[derive(Clone, Copy, Debug)]
-pub struct Operand {
-    bits: i32,
-    exact: Exact,
-}
-
-impl From<Word> for Operand {
-    fn from(word: Word) -> Self {
-        Operand { bits: word.format.width(), exact: word.into() }
-    }
-}
-
-impl From<Format> for Operand {
-    fn from(format: Format) -> Self {
-        Operand { bits: format.width(), exact: format.into() }
-    }
-}
-
 impl FunctionUnit {
     /// Format of mantissas and results: `U1F{bits}`.
     pub fn format(self) -> Format {
@@ -489,8 +333,8 @@ pub struct Elaborated {
     pub machine: Machine,
     /// Every signal, in the order of the diagram.
     pub signals: Vec<Signal>,
-    /// Every multiplier.
-    pub multipliers: Vec<Multiplier>,
+    /// What its units are built of.
+    pub parts: Vec<Part>,
     pub(crate) project: project::Project,
     pub(crate) ellipse: ellipse::Ellipse,
     pub(crate) raster: raster::Raster,
@@ -535,14 +379,14 @@ impl Machine {
             project: project::Project::new(e, self),
             ellipse: ellipse::Ellipse::new(e, self),
             raster: raster::Raster::new(e, self),
-            gauss: gauss::Gauss::new(e, self),
+            gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),
             fragment: fragment::Fragment::new(e, self, raster::Raster::depth_exact(self)),
             shade: shade::Shade::new(e, self),
             resolve: resolve::Resolve::new(e, self),
             timing: self.elaborate_timing(e),
             machine: self.clone(),
             signals: std::mem::take(&mut e.signals),
-            multipliers: std::mem::take(&mut e.multipliers),
+            parts: std::mem::take(&mut e.parts),
         };
         if e.misfits.is_empty() { Ok(elaborated) } else { Err(std::mem::take(&mut e.misfits)) }
     }

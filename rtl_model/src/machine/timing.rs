@@ -6,7 +6,7 @@
 //! ```
 //! Nothing here changes a picture.
 
-use super::{Elaboration, FunctionUnit, Interpolation, Machine};
+use super::{Elaboration, FunctionUnit, Interpolation, Machine, Part};
 use crate::num::Word;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -310,19 +310,14 @@ impl Machine {
             interval: 1,
             fifo,
         };
+        let products = |unit: &str| e.parts.iter().filter(|part| part.unit == unit).map(Part::products).sum();
+        let [project_products, ellipse_products] = ["project", "ellipse"].map(products);
         let (p, l, s) = (&self.project, &self.ellipse, &self.shade);
         // Difference, normalise, rotate, 1/t_z, quotient, pixel.
         let project = SUM + NORMALISE + (PRODUCT + 2 * SUM) + reciprocal(p.reciprocal) + 2 * PRODUCT;
-        // Rotation, guard band, quotient, pixel.
-        let project_products = 9 + 2 + 2 + 2 + 2 * p.reciprocal.newton_steps;
         // Normal, facing; radius to variance; determinant, root, inverse, conic, amplitude. Extents and slopes beside that.
         let ellipse =
             (PRODUCT + 2 * SUM) * 2 + (PRODUCT + SUM) * 2 + PRODUCT + SUM + (PRODUCT + SUM) + NORMALISE + root(l.root) + 3 * PRODUCT;
-        // Normal, tilt and facing, size, shape, variance, area and determinant, conic, amplitude, two sides, slopes, depth range.
-        let ellipse_products = (9 + 4 + 3 + 6 + 3 + 4 + 4 + 2 + 4 + 4 + 1)
-            + 3 * l.root.newton_steps
-            + 6 * l.extent_root.newton_steps
-            + 2 * l.slope_reciprocal.newton_steps;
         // Offset, gradient, seed, compare.
         let raster = SUM + (PRODUCT + SUM) * 2 + SUM;
         let gauss = TABLE + if self.gauss.table.interpolation == Interpolation::Linear { PRODUCT + SUM } else { 0 } + PRODUCT;

@@ -9,7 +9,7 @@
 //! Laws: `a_reciprocal_is_within_its_bound`, `normalisation_restores_the_operand`.
 
 use super::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
-use crate::machine::{Elaboration, FunctionUnit};
+use crate::machine::{Elaboration, FunctionUnit, Operator};
 use crate::probe::{Probe, Tap};
 
 /// Fraction bits of an operand shifted left until its leading one stands at bit 61.
@@ -43,16 +43,19 @@ impl Reciprocal {
         let config = e.function_unit(unit, name, config);
         let word = Word::new(Format::unsigned(1, config.bits as i32));
         let product = Exact::from(word).times(word);
-        if config.newton_steps > 0 {
-            // m·y and y·c.
+        let steps = config.newton_steps;
+        // m·y, 2 − m·y and y·c.
+        e.copies(steps, |e| {
+            let product = e.times(unit, word, word);
+            e.part(unit, Operator::Adder(product.bits()));
             e.times(unit, word, word);
-            e.times(unit, word, word);
-        }
+        });
+        e.part(unit, Operator::Rom([1 << config.table_bits, config.bits as i32]));
         let normalised = Exact { int_bits: 1, frac_bits: NORMALISED_FRAC_BITS };
         Reciprocal {
             mantissa: e.fit(unit, &format!("{name}.mantissa"), word.rounded(Rounding::Truncate), normalised),
-            correction: e.fit(unit, &format!("{name}.correction"), word, product),
-            result: e.fit(unit, &format!("{name}.result"), word, product),
+            correction: e.copies(steps, |e| e.fit(unit, &format!("{name}.correction"), word, product)),
+            result: e.copies(steps, |e| e.fit(unit, &format!("{name}.result"), word, product)),
             table: table(config),
             table_bits: config.table_bits,
             newton_steps: config.newton_steps,

@@ -11,7 +11,7 @@
 
 use super::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
 use super::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
-use crate::machine::{Elaboration, FunctionUnit};
+use crate::machine::{Elaboration, FunctionUnit, Operator};
 use crate::probe::{Probe, Tap};
 
 /// An elaborated reciprocal square root unit.
@@ -35,18 +35,21 @@ impl ReciprocalRoot {
         let word = Word::new(Format::unsigned(1, config.bits as i32));
         let operand = Word::new(Format::unsigned(2, config.bits as i32 - 1)).rounded(Rounding::Truncate);
         let product = Exact::from(word).times(word);
-        if config.newton_steps > 0 {
-            // y·y, m·q and y·c.
+        let steps = config.newton_steps;
+        // y·y, m·q, 3 − m·q and y·c.
+        e.copies(steps, |e| {
             e.times(unit, word, word);
-            e.times(unit, operand, word);
+            let product = e.times(unit, operand, word);
+            e.part(unit, Operator::Adder(product.bits()));
             e.times(unit, word, word);
-        }
+        });
+        e.part(unit, Operator::Rom([1 << config.table_bits, config.bits as i32]));
         let normalised = Exact { int_bits: 2, frac_bits: NORMALISED_FRAC_BITS - 1 };
         ReciprocalRoot {
             mantissa: e.fit(unit, &format!("{name}.mantissa"), operand, normalised),
-            square: e.fit(unit, &format!("{name}.square"), word, product),
-            correction: e.fit(unit, &format!("{name}.correction"), word, product),
-            result: e.fit(unit, &format!("{name}.result"), word, product),
+            square: e.copies(steps, |e| e.fit(unit, &format!("{name}.square"), word, product)),
+            correction: e.copies(steps, |e| e.fit(unit, &format!("{name}.correction"), word, product)),
+            result: e.copies(steps, |e| e.fit(unit, &format!("{name}.result"), word, product)),
             table: table(config),
             table_bits: config.table_bits,
             newton_steps: config.newton_steps,

@@ -9,7 +9,7 @@
 //! Laws: `a_table_is_within_its_bound`, `the_exponential_table_is_right_to_the_last_place`.
 
 use super::{Exact, Fit, Format, Lanes, Word};
-use crate::machine::{Elaboration, Interpolation, TableShape};
+use crate::machine::{Elaboration, Interpolation, Operator, TableShape};
 
 /// An elaborated table.
 #[derive(Clone, Debug)]
@@ -127,7 +127,10 @@ pub fn shape(e: &mut Elaboration, unit: &'static str, name: &str, shape: TableSh
 /// The multiplier between a table's words, where there is one: a step, as wide as a word at most, times a fraction.
 pub fn interpolator(e: &mut Elaboration, unit: &'static str, shape: TableShape, word: Word, fraction_bits: u32) {
     if shape.interpolation == Interpolation::Linear && fraction_bits > 0 {
-        e.times(unit, word, Format::unsigned(0, fraction_bits as i32));
+        let line = e.times(unit, word, Format::unsigned(0, fraction_bits as i32));
+        // The step between two words; the word that it starts from.
+        e.part(unit, Operator::Adder(word.format.width()));
+        e.sum(unit, [line, word.into()]);
     }
 }
 

@@ -17,7 +17,7 @@
 //! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside* where the box misses the picture.
 
 use crate::frame::View;
-use crate::machine::{Elaboration, MAX_OPERAND_BITS, Machine};
+use crate::machine::{Elaboration, MAX_OPERAND_BITS, Machine, Operator};
 use crate::num::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
 use crate::num::{Exact, Exacts, Fit, Format, Reciprocal, ReciprocalRoot, Rounding, Word, Words, align, three, two};
 use crate::probe::{Probe, Tap};
@@ -171,27 +171,41 @@ impl Ellipse {
         e.holds_one(UNIT, "inverse_focal", m.inverse_focal);
         let inverse_depth = p.reciprocal.format();
 
-        let rotated = e.times(UNIT, p.rotation, machine.splat.normal);
-        let normal = e.fit(UNIT, "normal", m.normal, rotated.plus(rotated).plus(rotated));
-        let leaned = e.times(UNIT, p.slope, m.normal);
-        let tilt = e.fit(UNIT, "tilt", m.tilt, leaned.plus(m.normal));
-        let facing = e.fit(UNIT, "facing", m.facing, leaned.plus(leaned).plus(m.normal));
+        let normal = e.copies(3, |e| {
+            let rotated = e.copies(3, |e| e.times(UNIT, p.rotation, machine.splat.normal));
+            let sum = e.sum(UNIT, [rotated; 3]);
+            e.fit(UNIT, "normal", m.normal, sum)
+        });
+        let leaned = e.copies(4, |e| e.times(UNIT, p.slope, m.normal));
+        let tilt = e.copies(2, |e| {
+            let sum = e.sum(UNIT, [leaned, m.normal.into()]);
+            e.fit(UNIT, "tilt", m.tilt, sum)
+        });
+        let sum = e.sum(UNIT, [leaned, leaned, m.normal.into()]);
+        let facing = e.fit(UNIT, "facing", m.facing, sum);
 
         let scaled = e.times(UNIT, p.focal, machine.splat.radius);
+        e.normaliser(UNIT, scaled.bits());
         let normalised = Exact { int_bits: 1, frac_bits: NORMALISED_FRAC_BITS };
         let scaled_radius = e.fit(UNIT, "scaled_radius", m.scaled_radius, normalised);
         let sized = e.times(UNIT, m.scaled_radius, inverse_depth);
-        let size = e.fit(UNIT, "size", m.size, sized);
+        let size = e.fit_shifted(UNIT, "size", m.size, sized);
         let squared = e.times(UNIT, m.size, m.size);
         let size_squared = e.fit(UNIT, "size_squared", m.size_squared, squared);
 
-        let slope_squared = e.times(UNIT, p.slope, p.slope);
-        let tilt_squared = e.times(UNIT, m.tilt, m.tilt);
         let one = Exact { int_bits: 1, frac_bits: 0 };
-        let shape = e.fit(UNIT, "shape", m.shape, slope_squared.plus(one).plus(tilt_squared));
-        let low_pass = e.fit(UNIT, "low_pass", m.low_pass, m.low_pass.into());
-        let spread = e.times(UNIT, m.size_squared, m.shape);
-        let variance = e.fit(UNIT, "variance", m.variance, spread.plus(m.low_pass));
+        let shape = e.copies(3, |e| {
+            let slope_squared = e.times(UNIT, p.slope, p.slope);
+            let tilt_squared = e.times(UNIT, m.tilt, m.tilt);
+            let sum = e.sum(UNIT, [slope_squared, one, tilt_squared]);
+            e.fit(UNIT, "shape", m.shape, sum)
+        });
+        let low_pass = e.fit_shifted(UNIT, "low_pass", m.low_pass, m.low_pass.into());
+        let spread = e.copies(3, |e| e.times(UNIT, m.size_squared, m.shape));
+        let variance = e.copies(2, |e| {
+            let sum = e.sum(UNIT, [spread, m.low_pass.into()]);
+            e.fit(UNIT, "variance", m.variance, sum)
+        });
         let variance_cross = e.fit(UNIT, "variance_cross", m.variance_cross, spread);
 
         let turned = e.times(UNIT, m.size_squared, m.facing);
@@ -200,40 +214,54 @@ impl Ellipse {
         let area_squared = e.times(UNIT, m.area, m.area);
         let filtered = e.times(UNIT, m.low_pass, trace);
         let filter_squared = e.times(UNIT, m.low_pass, m.low_pass);
-        let determinant = e.fit(UNIT, "determinant", m.determinant, area_squared.plus(filtered).plus(filter_squared));
+        e.part(UNIT, Operator::Adder(trace.width()));
+        let sum = e.sum(UNIT, [area_squared, filtered, filter_squared]);
+        let determinant = e.fit(UNIT, "determinant", m.determinant, sum);
+        e.normaliser(UNIT, m.determinant.format.width());
         let root = ReciprocalRoot::new(e, UNIT, "root", m.root, m.determinant.format.frac_bits);
         let square = e.times(UNIT, m.root.format(), m.root.format());
         let inverse = e.fit(UNIT, "inverse", m.inverse, square);
-        let inverted = e.times(UNIT, m.variance, m.inverse);
-        let conic = e.fit(UNIT, "conic", m.conic, inverted);
+        let conic = e.copies(2, |e| {
+            let inverted = e.times(UNIT, m.variance, m.inverse);
+            e.fit_shifted(UNIT, "conic", m.conic, inverted)
+        });
         let inverted_cross = e.times(UNIT, m.variance_cross, m.inverse);
-        let conic_cross = e.fit(UNIT, "conic_cross", m.conic_cross, inverted_cross);
+        let conic_cross = e.fit_shifted(UNIT, "conic_cross", m.conic_cross, inverted_cross);
         let seen = e.times(UNIT, m.area, m.root.format());
-        let visibility = e.fit(UNIT, "visibility", m.visibility, seen);
+        let visibility = e.fit_shifted(UNIT, "visibility", m.visibility, seen);
         let shown = e.times(UNIT, m.visibility, m.inverse_two_pi);
         let amplitude = e.fit(UNIT, "amplitude", m.amplitude, shown);
 
-        let reach = e.times(UNIT, machine.raster.cutoff, m.variance);
+        let reach = e.copies(2, |e| e.times(UNIT, machine.raster.cutoff, m.variance));
+        e.copies(2, |e| e.normaliser(UNIT, reach.bits()));
         e.holds_exact("the operand of ellipse.extent_root, raster.cutoff · ellipse.variance, normalised,", reach.scaled(1).plus(reach));
-        let extent_root = ReciprocalRoot::new(e, UNIT, "extent_root", m.extent_root, reach.frac_bits);
+        let extent_root = e.copies(2, |e| ReciprocalRoot::new(e, UNIT, "extent_root", m.extent_root, reach.frac_bits));
         let root_bits = m.extent_root.format();
-        let reached = e.times(UNIT, root_bits, root_bits).scaled(1);
-        let extent = e.fit(UNIT, "extent", m.extent, reached);
+        let extent = e.copies(2, |e| {
+            let reached = e.times(UNIT, root_bits, root_bits).scaled(1);
+            e.fit_shifted(UNIT, "extent", m.extent, reached)
+        });
         let edge_frac_bits = p.pixel.format.frac_bits.max(m.extent.format.frac_bits);
         // The picture's middle lies up to 8192 pixels from its first.
-        let edge_exact = Exact::from(p.pixel).plus(Exact { int_bits: 14, frac_bits: 1 }).plus(m.extent).plus(m.extent);
-        let edge = e.fit(UNIT, "edge", Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate), edge_exact);
+        let middle = Exact { int_bits: 14, frac_bits: 1 };
+        let edge = e.copies(4, |e| {
+            let sum = e.sum(UNIT, [p.pixel.into(), middle, m.extent.into(), m.extent.into()]);
+            e.fit(UNIT, "edge", Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate), sum)
+        });
 
+        e.normaliser(UNIT, m.facing.format.width());
         let slope_reciprocal = Reciprocal::new(e, UNIT, "slope_reciprocal", m.slope_reciprocal, m.facing.format.frac_bits);
         let step = e.times(UNIT, p.camera, m.inverse_focal);
         let depth_step = e.fit(UNIT, "depth_step", m.depth_step, step);
         let steep = e.times(UNIT, m.depth_step, m.slope_reciprocal.format());
         let slope_scale = e.fit(UNIT, "depth_step", m.depth_step, steep);
-        let leaning = e.times(UNIT, m.depth_step, m.normal);
-        let depth_slope = e.fit(UNIT, "depth_slope", m.depth_slope, leaning);
+        let depth_slope = e.copies(2, |e| {
+            let leaning = e.times(UNIT, m.depth_step, m.normal);
+            e.fit_shifted(UNIT, "depth_slope", m.depth_slope, leaning)
+        });
         let deep = e.times(UNIT, machine.splat.radius, m.root_cutoff);
         let depth_range = e.fit(UNIT, "depth_range", m.depth_range, deep);
-        let fragment_normal = e.fit("fragment", "normal", machine.fragment.normal, m.normal.into());
+        let fragment_normal = e.copies(3, |e| e.fit("fragment", "normal", machine.fragment.normal, m.normal.into()));
 
         let f = |word: Word| word.format.frac_bits;
         let shape_align = align([2 * f(p.slope), 2 * f(m.tilt)]);

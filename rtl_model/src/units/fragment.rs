@@ -11,7 +11,7 @@
 //!
 //! Laws: `every_contribution_has_one_outcome`, `slots_are_in_depth_order_after_a_merge`.
 
-use crate::machine::{Elaboration, FragmentDepth, Machine, Merge};
+use crate::machine::{Elaboration, FragmentDepth, Machine, Merge, Operator};
 use crate::num::{Exact, Fit, Lanes, Seen, Word, Words, three};
 use crate::probe::{Probe, Tap};
 use std::cmp::Ordering;
@@ -410,16 +410,29 @@ impl Fragment {
         let attributes = [one, s.rgb, s.rgb, s.rgb, s.opacity, m.normal, m.normal, m.normal];
         let words = [m.weight_sum, m.colour_sum, m.colour_sum, m.colour_sum, m.opacity_sum, m.normal_sum, m.normal_sum, m.normal_sum];
         let products: [Exact; SUMS] = std::array::from_fn(|lane| {
-            if lane == WEIGHT { machine.gauss.weight.into() } else { e.times(UNIT, machine.gauss.weight, attributes[lane]) }
+            if lane == WEIGHT { machine.gauss.weight.into() } else { e.per_lane(|e| e.times(UNIT, machine.gauss.weight, attributes[lane])) }
         });
-        let sums: [Fit; SUMS] = std::array::from_fn(|lane| e.fit(UNIT, SIGNALS[lane], words[lane], products[lane].plus(words[lane])));
+        let sums: [Fit; SUMS] = std::array::from_fn(|lane| {
+            e.per_lane(|e| {
+                let sum = e.sum(UNIT, [products[lane], words[lane].into()]);
+                e.fit(UNIT, SIGNALS[lane], words[lane], sum)
+            })
+        });
+        e.per_lane(|e| {
+            // |z − z_f| < ε against every slot; the slot that was found is read, and written.
+            e.copies(2 * layers as u32, |e| e.part(UNIT, Operator::Adder(m.depth.format.width())));
+            e.copies(2 * layers as u32, |e| e.part(UNIT, Operator::Multiplexer(machine.fragment_bits())));
+        });
         let align = std::array::from_fn(|lane| {
             let (sum, product) = (words[lane].format.frac_bits, products[lane].frac_bits);
             [(product - sum).clamp(0, 62) as u32, (sum - product).clamp(0, 62) as u32]
         });
         let premultiplied = machine.shade.premultiplied;
         let shaded = Exact::from(premultiplied);
-        let over = e.times(UNIT, premultiplied, premultiplied).plus(shaded);
+        let over = e.copies(4, |e| {
+            let product = e.times(UNIT, premultiplied, premultiplied);
+            e.sum(UNIT, [product, shaded])
+        });
         // Compared in 128 bits: Σw·α with the opacity limit times Σw.
         let limit = e.times(UNIT, m.opaque, m.weight_sum);
         let compared = limit.plus(m.opacity_sum).bits();
@@ -438,7 +451,7 @@ impl Fragment {
             merge: m.merge,
             evict_hidden: m.evict_hidden,
             nearest_depth: m.fragment_depth == FragmentDepth::Nearest,
-            depth: e.fit(UNIT, "depth", m.depth, depth),
+            depth: e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth)),
             narrow_limits: Limits::new(half, right, words),
             wide_limits: Limits::new(half, right, words),
             narrow: (0..SUMS).all(|lane| is_narrow(machine.gauss.weight, attributes[lane], words[lane], &sums[lane])),
@@ -446,9 +459,10 @@ impl Fragment {
             align,
             opaque_scales: [1 << (limit_places - opacity_places).max(0), opaque << (opacity_places - limit_places).max(0)],
             opaque_shaded: -((-opaque << opacity_places) >> m.opaque.format.frac_bits) as i64,
-            store: [e.fit(UNIT, "colour_sum", m.colour_sum, shaded), e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded)],
-            read: [m.colour_sum, m.opacity_sum].map(|sum| e.fit("shade", "premultiplied", premultiplied, sum.into())),
-            blend: [e.fit(UNIT, "colour_sum", m.colour_sum, over), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
+            store: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, shaded)), e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded)],
+            read: [(3, m.colour_sum), (1, m.opacity_sum)]
+                .map(|(copies, sum)| e.copies(copies, |e| e.fit("shade", "premultiplied", premultiplied, sum.into()))),
+            blend: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, over)), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
         }
     }

@@ -9,7 +9,7 @@
 //!
 //! Law: `a_weight_never_exceeds_its_amplitude`.
 
-use crate::machine::{Elaboration, Machine};
+use crate::machine::{Elaboration, Machine, Operator};
 use crate::num::{Fit, Lanes, Table, table};
 use crate::probe::{Probe, Tap};
 
@@ -43,6 +43,7 @@ impl Gauss {
             shape.interpolation,
             m.falloff.format.frac_bits.min(31) as u32,
         );
+        e.part(UNIT, Operator::Rom([words.len() as i32, m.falloff.format.width()]));
         let fraction_bits = Table::fraction_bits(shape.index_bits, argument.width() as u32);
         table::interpolator(e, UNIT, shape, m.falloff, fraction_bits);
         let falloff = e.fit(UNIT, "falloff", m.falloff, table::interpolated(m.falloff, fraction_bits));

@@ -82,25 +82,44 @@ impl Project {
         }
         e.holds_one(UNIT, "rotation", m.rotation);
         e.require(m.pixel.format.frac_bits >= 1, || "project.pixel needs at least one fraction bit: pixel centres lie at halves".into());
-        e.holds_exact("the difference of splat.position and project.eye", Exact::from(machine.splat.position).plus(m.eye));
+        let difference = e.copies(3, |e| {
+            let difference = e.sum(UNIT, [machine.splat.position.into(), m.eye.into()]);
+            e.normaliser(UNIT, difference.bits());
+            difference
+        });
+        e.holds_exact("the difference of splat.position and project.eye", difference);
         let [position, eye] = [machine.splat.position, m.eye].map(|word| word.format.frac_bits);
-        let relative = e.fit(UNIT, "relative", m.relative, Exact { int_bits: 0, frac_bits: NORMALISED_FRAC_BITS });
-        let rotated = e.times(UNIT, m.rotation, m.relative);
-        let camera = e.fit(UNIT, "camera", m.camera, rotated.plus(rotated).plus(rotated));
-        let depth = e.fit(UNIT, "depth", m.depth, m.camera.into());
+        let normalised = Exact { int_bits: 0, frac_bits: NORMALISED_FRAC_BITS };
+        let relative = e.copies(3, |e| e.fit(UNIT, "relative", m.relative, normalised));
+        let camera = e.copies(3, |e| {
+            let rotated = e.copies(3, |e| e.times(UNIT, m.rotation, m.relative));
+            let sum = e.sum(UNIT, [rotated; 3]);
+            e.fit(UNIT, "camera", m.camera, sum)
+        });
+        let depth = e.fit_shifted(UNIT, "depth", m.depth, m.camera.into());
         // |t_x| is aligned with guard · t_z: a bit more than the product, for the least word's magnitude is one above the greatest.
-        let beyond = e.times(UNIT, m.camera, m.slope).plus(m.camera);
+        let beyond = e.copies(2, |e| {
+            let limit = e.times(UNIT, m.camera, m.slope);
+            e.sum(UNIT, [limit, m.camera.into()])
+        });
         e.holds_exact("the comparison of project.camera with the guard band project.slope", beyond);
+        e.normaliser(UNIT, m.camera.format.width());
         let reciprocal = Reciprocal::new(e, UNIT, "reciprocal", m.reciprocal, m.camera.format.frac_bits);
         // The quotient's binary point moves with the exponent of 1/t_z.
-        let quotient = e.times(UNIT, m.camera, m.reciprocal.format());
-        let screen = e.times(UNIT, m.focal, m.slope);
+        let slope = e.copies(2, |e| {
+            let quotient = e.times(UNIT, m.camera, m.reciprocal.format());
+            e.fit_shifted(UNIT, "slope", m.slope, quotient)
+        });
+        let pixel = e.copies(2, |e| {
+            let screen = e.times(UNIT, m.focal, m.slope);
+            e.fit(UNIT, "pixel", m.pixel, screen)
+        });
         Project {
             relative,
             camera,
             depth,
-            slope: e.fit(UNIT, "slope", m.slope, quotient),
-            pixel: e.fit(UNIT, "pixel", m.pixel, screen),
+            slope,
+            pixel,
             reciprocal,
             align: align([position, eye]),
             difference_frac_bits: i64::from(position.max(eye)),

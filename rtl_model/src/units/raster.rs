@@ -18,7 +18,7 @@
 //! Laws: `stepping_equals_the_closed_form`, `seeded_and_differenced_rows_agree_within_their_guard_bits`,
 //! `a_radial_index_below_zero_is_zero`.
 
-use crate::machine::{Elaboration, Machine, Rows};
+use crate::machine::{Elaboration, Machine, Operator, Rows};
 use crate::num::register::Held;
 use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, three, two};
 use crate::probe::{Probe, Tap};
@@ -271,21 +271,48 @@ impl Raster {
         });
         let pixel = machine.project.pixel;
         // The picture's middle lies up to 8192 pixels from its first.
-        let offset = e.fit(UNIT, "offset", m.offset, Exact::from(pixel).plus(Exact { int_bits: 14, frac_bits: 1 }));
-        let along = e.times(UNIT, s.conic, m.offset);
-        let across = e.times(UNIT, s.conic_cross, m.offset);
+        let middle = Exact { int_bits: 14, frac_bits: 1 };
+        let offset = e.copies(2, |e| {
+            let sum = e.sum(UNIT, [pixel.into(), middle]);
+            e.fit(UNIT, "offset", m.offset, sum)
+        });
+        let along = e.copies(2, |e| e.times(UNIT, s.conic, m.offset));
+        // Q01·dy; and Q01·dx, where rows are differenced.
+        let directions = if m.rows == Rows::Differenced { 2 } else { 1 };
+        let across = e.copies(directions, |e| e.times(UNIT, s.conic_cross, m.offset));
         let aligned = f(s.conic) == f(s.conic_cross);
         e.require(aligned, || {
             format!("ellipse.conic {} and ellipse.conic_cross {} need the same fraction bits: they are summed", s.conic, s.conic_cross)
         });
-        let gradient = e.fit(UNIT, "gradient", m.gradient, along.plus(across.doubled()));
-        let square = e.times(UNIT, m.offset, m.gradient);
-        let radial = e.fit(UNIT, "radial", m.radial, square.plus(square));
-        let first = e.fit(UNIT, "first", m.first, along.doubled().plus(along).plus(across.doubled()));
-        let second = e.fit(UNIT, "second", m.second, Exact::from(s.conic).doubled());
-        let lean = e.times(UNIT, s.depth_slope, m.offset);
-        let plane = lean.plus(lean).plus(machine.project.depth);
+        let gradient = e.copies(2, |e| {
+            let sum = e.sum(UNIT, [along, across.doubled()]);
+            e.fit(UNIT, "gradient", m.gradient, sum)
+        });
+        let square = e.copies(2, |e| e.times(UNIT, m.offset, m.gradient));
+        let sum = e.sum(UNIT, [square; 2]);
+        let radial = e.fit(UNIT, "radial", m.radial, sum);
+        let first = e.copies(directions, |e| {
+            let sum = e.sum(UNIT, [along.doubled(), along, across.doubled()]);
+            e.fit(UNIT, "first", m.first, sum)
+        });
+        let second = e.copies(directions, |e| e.fit(UNIT, "second", m.second, Exact::from(s.conic).doubled()));
+        let lean = e.copies(2, |e| e.times(UNIT, s.depth_slope, m.offset));
+        let plane = e.sum(UNIT, [lean, lean, machine.project.depth.into()]);
         let depth = e.fit(UNIT, "depth", m.depth, plane);
+        e.per_lane(|e| {
+            // radial += first, first += second, depth += slope; less than the cutoff; clamped from both sides.
+            let clamped = Raster::depth_exact(machine).bits();
+            let [radial, first, depth] = [m.radial, m.first, m.depth].map(|word| word.format.width());
+            for bits in [radial, first, depth] {
+                e.part(UNIT, Operator::Register(bits));
+                e.part(UNIT, Operator::Adder(bits));
+            }
+            e.part(UNIT, Operator::Adder(radial));
+            e.copies(2, |e| {
+                e.part(UNIT, Operator::Adder(clamped));
+                e.part(UNIT, Operator::Multiplexer(clamped));
+            });
+        });
         let camera = f(machine.project.depth);
         let finest = f(m.depth).max(camera).max(f(s.depth_range));
         Raster {

@@ -8,7 +8,7 @@
 //!
 //! Laws: `an_empty_pixel_is_background`, `an_opaque_layer_hides_all_behind_it`.
 
-use crate::machine::{Elaboration, Machine};
+use crate::machine::{Elaboration, Machine, Operator};
 use crate::num::{Fit, three};
 use crate::probe::{Probe, Tap};
 
@@ -51,13 +51,18 @@ impl Resolve {
             e.signedness(UNIT, name, word, false);
             e.holds_one(UNIT, name, word);
         }
-        let through = e.times(UNIT, m.transmittance, premultiplied);
-        let behind = e.times(UNIT, m.transmittance, m.frame);
+        // Three colours and what goes through; a layer after the other.
+        let through = e.copies(4, |e| e.times(UNIT, m.transmittance, premultiplied));
+        let behind = e.copies(4, |e| e.times(UNIT, m.transmittance, m.frame));
         let sum = through.plus(through).plus(through).plus(through).plus(behind);
+        e.copies(4, |e| {
+            e.part(UNIT, Operator::Adder(sum.bits()));
+            e.part(UNIT, Operator::Register(sum.bits()));
+        });
         let finest = through.frac_bits.max(behind.frac_bits);
         Resolve {
             transmittance: e.fit(UNIT, "transmittance", m.transmittance, through),
-            frame: e.fit(UNIT, "frame", m.frame, sum),
+            frame: e.copies(4, |e| e.fit(UNIT, "frame", m.frame, sum)),
             one: [m.transmittance.format.one(), premultiplied.format.one(), m.frame.format.one(), 1 << finest.clamp(0, 62)],
             align: [through.frac_bits, behind.frac_bits].map(|bits| (finest - bits).clamp(0, 62) as u32),
         }

@@ -13,7 +13,7 @@
 //! Laws: `white_stays_white`, `shading_ignores_the_length_of_a_normal`.
 
 use crate::frame::{Light, Lighting, Material, Scaled};
-use crate::machine::{Elaboration, Machine};
+use crate::machine::{Elaboration, Machine, Operator};
 use crate::num::{Fit, Reciprocal, ReciprocalRoot, Table, table, three};
 use crate::probe::{Probe, Tap};
 
@@ -120,43 +120,59 @@ impl Shade {
             e.signedness(UNIT, name, word, signed);
             e.holds_one(UNIT, name, word);
         }
+        e.normaliser(UNIT, f.weight_sum.format.width());
         let reciprocal = Reciprocal::new(e, UNIT, "reciprocal", m.reciprocal, f.weight_sum.format.frac_bits);
         let inverse = m.reciprocal.format();
-        let divided = e.times(UNIT, m.share, inverse);
-        let squared = e.times(UNIT, m.normal_share, m.normal_share);
+        let divided = e.copies(4, |e| e.times(UNIT, m.share, inverse));
+        let squared = e.copies(3, |e| e.times(UNIT, m.normal_share, m.normal_share));
         e.holds_exact("the operand of shade.root, Σ shade.normal_share², normalised,", squared.plus(squared).plus(squared).plus(squared));
+        let squares = e.sum(UNIT, [squared; 3]);
+        e.normaliser(UNIT, squares.bits());
         let root = ReciprocalRoot::new(e, UNIT, "root", m.root, squared.frac_bits);
-        let unit_normal = e.times(UNIT, m.normal_share, m.root.format());
-        let projected = e.times(UNIT, m.normal, m.light);
-        let lit = e.times(UNIT, m.cosine, m.reflectance);
-        let coloured = e.times(UNIT, m.rgb, m.irradiance);
-        let glossy = e.times(UNIT, m.highlight, m.reflectance);
+        let unit_normal = e.copies(3, |e| e.times(UNIT, m.normal_share, m.root.format()));
+        // One light, and its half-way vector, at a time.
+        let projected = e.copies(6, |e| e.times(UNIT, m.normal, m.light));
+        let lit = e.copies(3, |e| e.times(UNIT, m.cosine, m.reflectance));
+        let coloured = e.copies(3, |e| e.times(UNIT, m.rgb, m.irradiance));
+        let glossy = e.copies(3, |e| e.times(UNIT, m.highlight, m.reflectance));
         let covered = e.times(UNIT, m.share, m.inverse_threshold);
         let thinned = e.times(UNIT, m.opacity, m.coverage);
-        let premultiplied = e.times(UNIT, m.colour, m.premultiplied);
+        let premultiplied = e.copies(3, |e| e.times(UNIT, m.colour, m.premultiplied));
         let cosine_bits = m.cosine.format.frac_bits.clamp(1, 30);
         let highlight_table = table::shape(e, UNIT, "highlight_table", m.highlight_table, cosine_bits);
         let fraction_bits = Table::fraction_bits(highlight_table.index_bits, cosine_bits as u32);
         table::interpolator(e, UNIT, highlight_table, m.highlight, fraction_bits);
+        // Its words are the materials': as many as a frame has.
+        e.part(UNIT, Operator::Rom([1 << highlight_table.index_bits, m.highlight.format.width()]));
         let colour_frac_bits = coloured.frac_bits.max(glossy.frac_bits);
         let places = |finer: i32, coarser: i32| (finer - coarser).clamp(0, 62) as u32;
         Shade {
             reciprocal,
             root,
-            weight_share: e.fit(UNIT, "share", m.share, f.weight_sum.into()),
-            colour_share: e.fit(UNIT, "share", m.share, f.colour_sum.into()),
-            opacity_share: e.fit(UNIT, "share", m.share, f.opacity_sum.into()),
-            normal_share: e.fit(UNIT, "normal_share", m.normal_share, f.normal_sum.into()),
-            rgb: e.fit(UNIT, "rgb", m.rgb, divided),
+            weight_share: e.fit_shifted(UNIT, "share", m.share, f.weight_sum.into()),
+            colour_share: e.copies(3, |e| e.fit_shifted(UNIT, "share", m.share, f.colour_sum.into())),
+            opacity_share: e.fit_shifted(UNIT, "share", m.share, f.opacity_sum.into()),
+            normal_share: e.copies(3, |e| e.fit_shifted(UNIT, "normal_share", m.normal_share, f.normal_sum.into())),
+            rgb: e.copies(3, |e| e.fit(UNIT, "rgb", m.rgb, divided)),
             opacity: e.fit(UNIT, "opacity", m.opacity, divided),
-            normal: e.fit(UNIT, "normal", m.normal, unit_normal),
-            cosine: e.fit(UNIT, "cosine", m.cosine, projected.plus(projected).plus(projected)),
+            normal: e.copies(3, |e| e.fit_shifted(UNIT, "normal", m.normal, unit_normal)),
+            cosine: e.copies(2, |e| {
+                let sum = e.sum(UNIT, [projected; 3]);
+                e.fit(UNIT, "cosine", m.cosine, sum)
+            }),
             highlight: e.fit(UNIT, "highlight", m.highlight, table::interpolated(m.highlight, fraction_bits)),
-            irradiance: e.fit(UNIT, "irradiance", m.irradiance, lit.plus(lit).plus(lit)),
-            colour: e.fit(UNIT, "colour", m.colour, coloured.plus(glossy).plus(glossy)),
-            coverage: e.fit(UNIT, "coverage", m.coverage, covered),
+            irradiance: e.copies(3, |e| {
+                let sum = lit.plus(lit).plus(lit);
+                e.part(UNIT, Operator::Adder(sum.bits()));
+                e.fit(UNIT, "irradiance", m.irradiance, sum)
+            }),
+            colour: e.copies(3, |e| {
+                let sum = e.sum(UNIT, [coloured, glossy, glossy]);
+                e.fit(UNIT, "colour", m.colour, sum)
+            }),
+            coverage: e.fit_shifted(UNIT, "coverage", m.coverage, covered),
             covered: e.fit(UNIT, "premultiplied", m.premultiplied, thinned),
-            premultiplied: e.fit(UNIT, "premultiplied", m.premultiplied, premultiplied),
+            premultiplied: e.copies(3, |e| e.fit(UNIT, "premultiplied", m.premultiplied, premultiplied)),
             words: Words {
                 ambient: places(lit.frac_bits, m.reflectance.format.frac_bits),
                 lit: places(colour_frac_bits, coloured.frac_bits),
