@@ -1,10 +1,13 @@
 //! Cli: flags as typed → a checked run (INTERFACE: "Commands").
 
+use crate::cost::{self, Cost, Prices};
 use crate::error::{Error, Result};
 use crate::explain::explain;
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
 use crate::run::{self, Asked, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
+use crate::sweep::plan::Points;
+use crate::sweep::{self, Shard};
 use crate::timings::{Axes, Variants};
 use crate::{fixed, machines, prove, ranges, stress};
 use clap::error::ErrorKind;
@@ -12,7 +15,7 @@ use clap::{Args, Parser, Subcommand};
 use comfy_table::CellAlignment;
 use rtl_model::Machine;
 use std::ffi::OsString;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -32,6 +35,9 @@ enum Command {
     /// Drive small scenes into trouble: where methods fail, and machines
     #[command(after_help = STRESS)]
     Stress(Stress),
+    /// Try many machines on one or many scenes, a row each
+    #[command(after_help = SWEEP)]
+    Sweep(Sweep),
     /// Tell one pixel's whole story, the machine beside golden
     #[command(after_help = NAMES)]
     Explain(Explain),
@@ -65,6 +71,9 @@ struct Run {
     /// Replay with every value: timing.raster.fifo=1,2,4
     #[arg(long, value_name = "PATH=A,…")]
     timing: Option<Axes>,
+    /// What a bit of each kind costs [default: machine prices]
+    #[arg(long, value_name = "FILE")]
+    prices: Option<PathBuf>,
     /// Print every signal's range too
     #[arg(long)]
     ranges: bool,
@@ -87,6 +96,29 @@ struct Stress {
     #[command(flatten)]
     threads: Threads,
     /// Print no table
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args, Debug)]
+struct Sweep {
+    /// A .json plan or the name of a ready one
+    plan: String,
+    /// Write rows into this folder, or go on there [default: PLAN-sweep]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Draw only part I of N, as 2/5; parts in one folder are the whole
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Draw as many points, if the plan has more than usual
+    #[arg(long, value_name = "POINTS", default_value_t = sweep::MOST_POINTS)]
+    most: u64,
+    /// What a bit of each kind costs [default: machine prices]
+    #[arg(long, value_name = "FILE")]
+    prices: Option<PathBuf>,
+    #[command(flatten)]
+    threads: Threads,
+    /// Print nothing
     #[arg(long)]
     quiet: bool,
 }
@@ -146,6 +178,20 @@ enum MachineCommand {
         #[arg(long = "set", value_name = "PATH=VALUE")]
         settings: Vec<String>,
     },
+    /// What a machine takes in area, unit by unit
+    Cost {
+        /// Named machine or machine file
+        #[arg(value_name = "NAME|FILE")]
+        machine: String,
+        /// Change a field of the machine
+        #[arg(long = "set", value_name = "PATH=VALUE")]
+        settings: Vec<String>,
+        /// What a bit of each kind costs [default: LUTs of a Xilinx 7]
+        #[arg(long, value_name = "FILE")]
+        prices: Option<PathBuf>,
+    },
+    /// What a bit of each kind costs, as JSON
+    Prices,
     /// Write proofs of a machine's error bounds, for Gappa to check
     Prove {
         /// Named machine or machine file
@@ -166,6 +212,8 @@ enum MachineCommand {
 enum SceneCommand {
     /// The JSON Schema of a scene file
     Schema,
+    /// The JSON Schema of a plan of `sweep`
+    PlanSchema,
 }
 
 /// What the help texts end with.
@@ -173,6 +221,9 @@ const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, t
 
 /// What the help text of `stress` ends with.
 const STRESS: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a failure is silent";
+
+/// What the help text of `sweep` ends with.
+const SWEEP: &str = "Ready plans: precision, architecture; `scene plan-schema` says what a plan may hold";
 
 /// Two whole numbers with a separator between them.
 #[derive(Clone, Copy, Debug)]
@@ -218,13 +269,17 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
     match typed.command {
         Command::Run(arguments) => arguments.common.threads.run(|| arguments.run()),
         Command::Stress(arguments) => arguments.threads.run(|| arguments.run()),
+        Command::Sweep(arguments) => arguments.threads.run(|| arguments.run()),
         Command::Explain(arguments) => arguments.common.threads.run(|| arguments.explain()),
         Command::Machine(MachineCommand::List) => list(),
         Command::Machine(MachineCommand::Show { machine, settings }) => show(&machine, &settings),
         Command::Machine(MachineCommand::Timing { machine, settings }) => timing(&machine, &settings),
+        Command::Machine(MachineCommand::Cost { machine, settings, prices }) => cost(&machine, &settings, prices.as_deref()),
+        Command::Machine(MachineCommand::Prices) => pretty(&cost::DEFAULT),
         Command::Machine(MachineCommand::Prove { machine, settings, out }) => write_proofs(&machine, &settings, &out),
         Command::Machine(MachineCommand::Schema) => pretty(&machines::schema()),
         Command::Scene(SceneCommand::Schema) => pretty(&scene::schema()),
+        Command::Scene(SceneCommand::PlanSchema) => pretty(&sweep::plan::schema()),
     }
 }
 
@@ -265,12 +320,13 @@ impl Run {
         let machine = self.common.machine()?;
         fixed::elaborate(&machine)?;
         let timings = self.timing.as_ref().map(|axes| Variants::new(&machine, axes)).transpose()?;
+        let prices = Prices::load_or_default(self.prices.as_deref())?;
         let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
         let scene = scene?;
         if let Some(folder) = &self.out {
             open_folder(folder)?;
         }
-        let asked = Asked { attribution: self.attribute, timings, requests: self.requests };
+        let asked = Asked { attribution: self.attribute, timings, requests: self.requests, prices };
         let outcome = run::run(&scene, &machine, load_seconds, &asked)?;
         let end = match &self.out {
             Some(folder) => {
@@ -309,6 +365,22 @@ impl Stress {
     }
 }
 
+impl Sweep {
+    fn run(&self) -> Result<String> {
+        let points = Points::load(&self.plan)?;
+        let prices = Prices::load_or_default(self.prices.as_deref())?;
+        let stem = Path::new(&self.plan).file_stem().unwrap_or_default().to_string_lossy();
+        let folder = self.out.clone().unwrap_or_else(|| format!("{stem}-sweep").into());
+        open_folder(&folder)?;
+        let progress = !self.quiet && std::io::stderr().is_terminal();
+        let asked = sweep::Asked { shard: self.shard, most: self.most, prices, progress };
+        let outcome = sweep::run(&points, &folder, &asked)?;
+        let names: Vec<_> = outcome.files.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+        let told = wrapped(&format!("written to {}: {}", folder.display(), names.join(" ")));
+        Ok(if self.quiet { String::new() } else { format!("{}\n\n{told}", outcome.summary()) })
+    }
+}
+
 impl Explain {
     fn explain(&self) -> Result<String> {
         let machine = self.common.machine()?;
@@ -341,6 +413,11 @@ fn show(machine: &str, settings: &[String]) -> Result<String> {
 
 fn timing(machine: &str, settings: &[String]) -> Result<String> {
     pretty(&fixed::elaborate(&machines::load(machine, settings)?)?.timing)
+}
+
+fn cost(machine: &str, settings: &[String], prices: Option<&Path>) -> Result<String> {
+    let elaborated = fixed::elaborate(&machines::load(machine, settings)?)?;
+    Ok(Cost::new(&elaborated, &Prices::load_or_default(prices)?).table())
 }
 
 fn write_proofs(machine: &str, settings: &[String], out: &Path) -> Result<String> {

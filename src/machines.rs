@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::validate;
 use rtl_model::Machine;
+use rtl_model::num::Format;
 use serde_json::{Map, Value};
 use std::path::Path;
 
@@ -12,7 +13,7 @@ use std::path::Path;
 /// [`Error::Input`], one sentence naming the file or the setting, the field, what is wrong and what would be right.
 pub fn load(spec: &str, settings: &[String]) -> Result<Machine> {
     let mut value = match Machine::named(spec) {
-        Some(machine) if !Path::new(spec).exists() => to_value(&machine),
+        Some(machine) if !Path::new(spec).exists() => value(&machine),
         _ => read(spec)?,
     };
     checked(&value, spec)?;
@@ -27,7 +28,42 @@ pub fn load(spec: &str, settings: &[String]) -> Result<Machine> {
 /// # Errors
 /// As [`load`].
 pub fn changed(machine: &Machine, setting: &str, told: &str) -> Result<Machine> {
-    set(&mut to_value(machine), setting, told)
+    set(&mut value(machine), setting, told)
+}
+
+/// A machine with fields changed, each as PATH and a JSON value.
+///
+/// # Errors
+/// [`Error::Input`], beginning with `told`, where it has no such field or the field no such value.
+pub fn with(machine: &Machine, changes: &[(String, Value)], told: &str) -> Result<Machine> {
+    let mut value = value(machine);
+    for (path, leaf) in changes {
+        merge(&mut value, nested(path, leaf.clone()));
+    }
+    checked(&value, told)
+}
+
+/// Every word of a machine that can be set, as PATH and format.
+pub fn words(machine: &Machine) -> Vec<(String, Format)> {
+    let mut words = Vec::new();
+    gather(&value(machine), "", &mut words);
+    words
+}
+
+fn gather(value: &Value, path: &str, words: &mut Vec<(String, Format)>) {
+    let Value::Object(fields) = value else { return };
+    for (name, field) in fields {
+        let path = format!("{path}{name}");
+        let format = field.get("format").unwrap_or(field).as_str().and_then(|text| text.parse().ok());
+        match format {
+            Some(format) => words.push((path, format)),
+            None => gather(field, &format!("{path}."), words),
+        }
+    }
+}
+
+fn nested(path: &str, leaf: Value) -> Value {
+    path.rsplit('.').fold(leaf, |inner, step| Value::Object(Map::from_iter([(step.to_owned(), inner)])))
 }
 
 fn set(value: &mut Value, setting: &str, told: &str) -> Result<Machine> {
@@ -41,7 +77,8 @@ pub fn schema() -> Value {
     schemars::schema_for!(Machine).to_value()
 }
 
-fn to_value(machine: &Machine) -> Value {
+/// A machine as JSON.
+pub fn value(machine: &Machine) -> Value {
     serde_json::to_value(machine).unwrap_or_default()
 }
 
@@ -56,7 +93,7 @@ fn read(spec: &str) -> Result<Value> {
     let Value::Object(mut fields) = value else { return Err(told("a machine is a JSON object".into())) };
     let Some(base) = fields.remove("base") else { return Ok(Value::Object(fields)) };
     let base = base.as_str().and_then(Machine::named).ok_or_else(|| told(format!("base must be one of {names}, but is {base}")))?;
-    let mut value = to_value(&base);
+    let mut value = self::value(&base);
     fields.entry("name").or_insert_with(|| Path::new(spec).file_stem().unwrap_or_default().to_string_lossy().into());
     merge(&mut value, Value::Object(fields));
     Ok(value)
@@ -71,8 +108,7 @@ fn checked(value: &Value, told: &str) -> Result<Machine> {
 fn parse_setting(setting: &str) -> Option<Value> {
     let (path, text) = setting.split_once('=')?;
     let leaf = serde_json::from_str(text).unwrap_or_else(|_| Value::from(text));
-    let nest = |inner: Value, step: &str| Value::Object(Map::from_iter([(step.to_owned(), inner)]));
-    (!path.is_empty()).then(|| path.rsplit('.').fold(leaf, nest))
+    (!path.is_empty()).then(|| nested(path, leaf))
 }
 
 /// Lays `change` over `value`, object by object. A word in short form opens up where a part of it is changed.

@@ -2,6 +2,7 @@
 
 use crate::attribute::Attribution;
 use crate::compare::{Metrics, Summary};
+use crate::cost::CostReport;
 use crate::cycles::CyclesReport;
 use crate::quantise::Scale;
 use crate::ranges::SignalReport;
@@ -36,6 +37,8 @@ pub struct Report {
     pub signals: Vec<SignalReport>,
     /// How long the machine takes.
     pub cycles: CyclesReport,
+    /// What it takes in area, and the frame in energy.
+    pub cost: CostReport,
     /// How long others would take; only where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timings: Option<Timings>,
@@ -217,7 +220,7 @@ impl Report {
         let _ = writeln!(text, "{}\n", self.accuracy_table());
         let _ = writeln!(text, "{}\n", self.lockstep_summary());
         let _ = writeln!(text, "{}\n", self.work_table());
-        let _ = writeln!(text, "{}\n", self.cycles.summary());
+        let _ = writeln!(text, "{}\n{}\n", self.cycles.summary(), self.cost.summary());
         if let Some(timings) = &self.timings {
             let _ = writeln!(text, "{}\n", timings.table());
         }

@@ -9,6 +9,7 @@
 use crate::attribute::attribute;
 use crate::chart::{self, Draw};
 use crate::compare::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
+use crate::cost::{CostReport, Prices};
 use crate::cycles::{CyclesReport, Requests};
 use crate::error::{Error, Result};
 use crate::fixed;
@@ -35,6 +36,8 @@ pub struct Asked {
     pub timings: Option<Variants>,
     /// Every request to memory.
     pub requests: bool,
+    /// What bits cost.
+    pub prices: Prices,
 }
 
 /// Three pictures, their difference, and what was found.
@@ -99,6 +102,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
         },
         fragments: drawing.outcomes.into(),
         signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
+        cost: CostReport::new(&elaborated, &cycles, &asked.prices),
         cycles: CyclesReport::new(&elaborated.timing, &cycles),
         timings,
         golden: found(&golden),

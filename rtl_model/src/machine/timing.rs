@@ -261,6 +261,19 @@ pub struct Elaborated {
     pub frame_bytes: u32,
     /// Bytes of a line of the frame buffer.
     pub line_bytes: u32,
+    /// What waits and what is kept on the chip.
+    pub storage: Storage,
+}
+
+/// Words kept on the chip, besides the registers of the units: bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Storage {
+    /// All FIFOs, in the order of the diagram.
+    pub fifos: [Fifo; 7],
+    /// Tiles, or the cache.
+    pub memory_bits: u64,
+    /// A pixel of the frame buffer: frame words, or all fragments of an immediate machine.
+    pub frame_bits_per_pixel: u64,
 }
 
 /// Cycles of operators, all pipelined: a product, a sum, a table's word, a normalisation (count zeros, shift).
@@ -345,7 +358,11 @@ impl Machine {
             (3, f.normal),
         ]) + 4 * 16
             + 8;
+        let splat =
+            bits(&[(3, self.splat.position), (3, self.splat.normal), (1, self.splat.radius), (3, self.splat.rgb), (1, self.splat.opacity)])
+                + 8;
         let fragment_bytes = bytes(self.fragment_bits());
+        let frame_bytes = bytes(4 * self.resolve.frame.format.width());
         let pixels = t.cache.line_px[0].saturating_mul(t.cache.line_px[1]);
         let line_bytes = pixels.saturating_mul(f.layers).saturating_mul(fragment_bytes);
         e.require(line_bytes <= MOST, || {
@@ -366,19 +383,63 @@ impl Machine {
             hazard: t.fragment.hazard.unwrap_or(fragment.latency).max(1),
             shade: Pace { interval: t.shade.interval.max(1), ..stage(t.shade.latency, shade, 1) },
             resolve: Pace { interval: t.resolve.interval.max(1), ..stage(t.resolve.latency, f.layers * (PRODUCT + SUM), 1) },
-            splat_bytes: bytes(
-                bits(&[
-                    (3, self.splat.position),
-                    (3, self.splat.normal),
-                    (1, self.splat.radius),
-                    (3, self.splat.rgb),
-                    (1, self.splat.opacity),
-                ]) + 8,
-            ),
+            splat_bytes: bytes(splat),
             prepared_bytes: bytes(prepared),
             fragment_bytes,
-            frame_bytes: bytes(4 * self.resolve.frame.format.width()),
+            frame_bytes,
             line_bytes,
+            storage: self.storage([splat, prepared], [fragment_bytes, frame_bytes]),
+        }
+    }
+}
+
+/// A FIFO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Fifo {
+    /// The unit that takes from it.
+    pub to: &'static str,
+    /// Results that it holds; none where the organisation has no such FIFO.
+    pub places: u32,
+    /// Bits of each.
+    pub bits: u32,
+}
+
+impl Machine {
+    /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, slots. A slot's lanes carry a
+    /// radial index or a weight, and a depth; its splat's attributes go with it.
+    fn storage(&self, [splat, prepared]: [i32; 2], [fragment_bytes, frame_bytes]: [u32; 2]) -> Storage {
+        let (t, p, f) = (&self.timing, &self.project, &self.fragment);
+        let exponent = 8;
+        let reciprocal = p.reciprocal.format().width();
+        let point = bits(&[(3, p.camera), (1, p.depth), (2, p.slope), (2, p.pixel)]) + reciprocal + 2 * exponent;
+        let rest = splat - bits(&[(3, self.splat.position)]);
+        let attributes = bits(&[(3, self.splat.rgb), (1, self.splat.opacity), (3, f.normal)]) + 8;
+        let lanes = t.raster.lanes[0].saturating_mul(t.raster.lanes[1]) as i32;
+        let slot = |word: Word| lanes.saturating_mul(bits(&[(1, word), (1, f.depth)])) + attributes;
+        let fragments = u64::from(f.layers) * u64::from(fragment_bytes) * 8;
+        let fifo = |to, places: u32, units: u32, bits: i32| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
+        let immediate = t.organisation == Organisation::Immediate;
+        let (set_up, weighed) = if immediate { ("raster", "cache") } else { ("bin", "fragment") };
+        let fifos = [
+            fifo("project", t.fetch.fifo, 1, splat),
+            fifo("ellipse", t.project.fifo, t.project.units, point + rest),
+            fifo(set_up, t.ellipse.fifo, t.ellipse.units, prepared),
+            fifo("raster", if immediate { 0 } else { t.fetch.fifo }, 1, prepared),
+            fifo("gauss", t.raster.fifo, 1, slot(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)])),
+            fifo(weighed, t.gauss.fifo, 1, slot(self.gauss.weight)),
+            fifo("fragment", if immediate { t.cache.fifo } else { 0 }, 1, slot(self.gauss.weight)),
+        ];
+        let [columns, rows] = t.cache.line_px.map(u64::from);
+        let side = u64::from(t.tile.side_px);
+        let kept_px = if immediate {
+            columns.saturating_mul(rows).saturating_mul(t.cache.lines.into())
+        } else {
+            u64::from(t.tile.buffers) * side * side
+        };
+        Storage {
+            fifos,
+            memory_bits: kept_px.saturating_mul(fragments),
+            frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
         }
     }
 }

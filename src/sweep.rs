@@ -1,0 +1,405 @@
+//! Sweep: many machines over one or many scenes, a row each; what they have in common is done once.
+//!
+//! ```text
+//! plan ─► points ─┬─ scene A ─┬─ machine, formats alone ─► frame, work, ranges, errors ─┬─ timing ─► cycles, energy ─► row
+//!                 │  ideal    │  golden, by its rules                                   └─ timing ─► …
+//!                 └─ scene B  └─ …
+//! ```
+//! A point has a key: a digest of all that determines its row. A folder knows its rows by their keys, so that a sweep that was cut off
+//! goes on, and that no row comes from anything else than the plan says.
+//!
+//! Laws (tests/sweep.rs): `a_row_says_what_a_run_says`, `a_sweep_that_is_killed_goes_on`, `parts_are_the_whole`.
+
+pub mod plan;
+pub mod table;
+
+use crate::compare::{lockstep, metrics};
+use crate::cost::{CostReport, Prices};
+use crate::cycles::CyclesReport;
+use crate::error::{Error, Result};
+use crate::golden::{self, Rules};
+use crate::picture::Picture;
+use crate::quantise::quantise;
+use crate::ranges::SignalReport;
+use crate::report::{MachineReport, thousands, wrapped};
+use crate::run::timed;
+use crate::scene::Scene;
+use crate::{fixed, machines};
+use indicatif::{ProgressBar, ProgressStyle};
+use plan::{Change, Points};
+use rayon::prelude::*;
+use rtl_model::Machine;
+use rtl_model::timing;
+use serde_json::{Map, Value, json};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use table::{Column, Journal, Kind, Row, digest};
+
+/// Most points, if nobody asks for more.
+pub const MOST_POINTS: u64 = 100_000;
+
+/// What comes before the plan's own fields.
+const POINT: [(&str, Kind); 4] = [("point", Kind::Whole), ("key", Kind::Text), ("scene", Kind::Text), ("changes", Kind::Text)];
+
+/// What comes after them. Empty where the machine cannot be built, which `misfit` says; a PSNR also where pictures are equal.
+const FOUND: [(&str, Kind); 30] = [
+    ("misfit", Kind::Text),
+    ("psnr_db", Kind::Number),
+    ("psnr_covered_db", Kind::Number),
+    ("ssim", Kind::Number),
+    ("max_error", Kind::Number),
+    ("mean_error", Kind::Number),
+    ("pixels_over_1_255", Kind::Whole),
+    ("golden_vs_ideal_psnr_db", Kind::Number),
+    ("lockstep_psnr_db", Kind::Number),
+    ("lockstep_max_error", Kind::Number),
+    ("bound_violations", Kind::Whole),
+    ("decision_flips", Kind::Whole),
+    ("saturated", Kind::Whole),
+    ("wrapped", Kind::Whole),
+    ("contributions", Kind::Whole),
+    ("merged", Kind::Whole),
+    ("evicted", Kind::Whole),
+    ("cycles", Kind::Whole),
+    ("frames_per_second", Kind::Number),
+    ("bottleneck", Kind::Text),
+    ("memory_bytes", Kind::Whole),
+    ("area", Kind::Number),
+    ("multiplier_blocks_18", Kind::Whole),
+    ("fifo_bits", Kind::Whole),
+    ("memory_bits", Kind::Whole),
+    ("frame_bits_per_pixel", Kind::Whole),
+    ("fragment_bits", Kind::Whole),
+    ("widest_operand_bits", Kind::Whole),
+    ("energy_j", Kind::Number),
+    ("host_seconds", Kind::Number),
+];
+
+/// Part `index` of `of`, from 1 on: every `of`-th machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Which.
+    pub index: u64,
+    /// Of how many.
+    pub of: u64,
+}
+
+impl std::str::FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let numbers = text.split_once('/').and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
+        let (index, of) = numbers.filter(|(index, of)| (1..=*of).contains(index)).ok_or("write I/N, as in 2/5, with I from 1 to N")?;
+        Ok(Shard { index, of })
+    }
+}
+
+/// How a plan is carried out.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    /// A part of it.
+    pub shard: Option<Shard>,
+    /// At most so many points.
+    pub most: u64,
+    /// What bits cost.
+    pub prices: Prices,
+    /// Show how far it is.
+    pub progress: bool,
+}
+
+/// What became of a plan.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Points of the plan, of this part, and those that were drawn now.
+    pub counts: [u64; 3],
+    /// What was written.
+    pub files: Vec<PathBuf>,
+    columns: Vec<Column>,
+    rows: Vec<Row>,
+}
+
+/// A machine of the plan on a scene.
+struct Point {
+    number: u64,
+    changes: Vec<Change>,
+    machine: Machine,
+    key: String,
+}
+
+/// Carries a plan out; what the folder has already is not done again.
+///
+/// # Errors
+/// [`Error::Input`] where plan or folder are wrong, [`Error::Job`] where a row cannot be written.
+pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
+    let count = points.count();
+    if count > asked.most {
+        let sentence =
+            format!("the plan has {} points, more than {}: --most {count} draws them all", thousands(count), thousands(asked.most));
+        return Err(Error::input(sentence));
+    }
+    let fields = points.fields();
+    let own = fields.iter().map(|field| (field.clone(), Kind::Text));
+    let fixed = |columns: &[(&str, Kind)]| columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect::<Vec<_>>();
+    let columns: Vec<Column> = fixed(&POINT).into_iter().chain(own).chain(fixed(&FOUND)).collect();
+    let part = asked.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
+    let mut journal = Journal::open(folder, &part, columns.clone())?;
+    let is_mine = |number: u64| asked.shard.is_none_or(|Shard { index, of }| number % of == index - 1);
+    let mine = (0..count).filter(|number| is_mine(*number)).count() as u64;
+    if let Some((last, _)) = journal.rows().filter_map(|row| Some((row[0].as_u64()?, row))).max_by_key(|(point, _)| *point)
+        && last >= count
+    {
+        return Err(Error::input(format!("{} has point {last}, and the plan {count} points: it is of another plan", folder.display())));
+    }
+    let bar = if asked.progress { ProgressBar::new(mine) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len} points, {eta} left") {
+        bar.set_style(style);
+    }
+    let mut drawn = 0;
+    for nth in 0..points.plan.scenes.len() {
+        let mut on_scene: Vec<(u64, Vec<Change>)> = (0..count)
+            .filter(|number| is_mine(*number))
+            .map(|number| (number, points.point(number)))
+            .filter(|(_, (scene, _))| *scene == nth)
+            .map(|(number, (_, changes))| (number, changes))
+            .collect();
+        if on_scene.is_empty() {
+            continue;
+        }
+        let mut stage = Stage::new(points, nth, asked)?;
+        let mut groups: Vec<(String, Vec<Point>)> = Vec::new();
+        for (number, changes) in on_scene.drain(..) {
+            let point = stage.point(number, changes)?;
+            if let Some(row) = journal.get(number) {
+                if row[1].as_str() != Some(&point.key) {
+                    let told = format!("{}: point {number} was drawn from something else than now", folder.display());
+                    return Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")));
+                }
+                bar.inc(1);
+                continue;
+            }
+            let formats = json!(Machine { timing: points.base.timing, ..point.machine.clone() }).to_string();
+            match groups.iter_mut().find(|(other, _)| *other == formats) {
+                Some((_, group)) => group.push(point),
+                None => groups.push((formats, vec![point])),
+            }
+        }
+        for (_, group) in groups {
+            for (number, row) in stage.rows(&group, &fields) {
+                journal.push(number, row)?;
+                drawn += 1;
+                bar.inc(1);
+            }
+        }
+    }
+    bar.finish_and_clear();
+    let files = journal.write(folder)?;
+    Ok(Outcome { counts: [count, mine, drawn], files, columns, rows: journal.rows().cloned().collect() })
+}
+
+/// What all points on a scene have in common.
+struct Stage<'a> {
+    points: &'a Points,
+    asked: &'a Asked,
+    scene: Scene,
+    digest: String,
+    ideal: Picture,
+    /// What golden makes by the rules that were needed last.
+    goldens: Vec<(Rules, Picture, Value)>,
+}
+
+/// Golden pictures that are kept.
+const GOLDENS: usize = 16;
+
+impl<'a> Stage<'a> {
+    fn new(points: &'a Points, nth: usize, asked: &'a Asked) -> Result<Self> {
+        let scene = points.scene(nth)?;
+        let digest = digest_of(&scene);
+        let ideal = golden::ideal(&scene).picture;
+        Ok(Stage { points, asked, scene, digest, ideal, goldens: Vec::new() })
+    }
+
+    fn point(&self, number: u64, changes: Vec<Change>) -> Result<Point> {
+        let machine = machines::with(&self.points.base, &changes, &format!("point {number}"))?;
+        let prices = json!(self.asked.prices);
+        let all = json!([
+            env!("CARGO_PKG_VERSION"),
+            self.digest,
+            Machine { name: String::new(), ..machine.clone() },
+            prices,
+            self.points.plan.lockstep
+        ]);
+        Ok(Point { number, changes, machine, key: digest(all.to_string().as_bytes()) })
+    }
+
+    fn golden(&mut self, rules: &Rules) -> &(Rules, Picture, Value) {
+        let known = self.goldens.iter().position(|(other, ..)| other == rules);
+        let at = known.unwrap_or_else(|| {
+            let picture = golden::render(&self.scene, rules).picture;
+            let method = json!(metrics(&picture, &self.ideal).psnr_db);
+            self.goldens.truncate(GOLDENS - 1);
+            self.goldens.insert(0, (*rules, picture, method));
+            0
+        });
+        &self.goldens[at]
+    }
+
+    /// The rows of points whose machines differ in timing alone.
+    fn rows(&mut self, group: &[Point], fields: &[String]) -> Vec<(u64, Row)> {
+        let (drawn, seconds) = timed(|| self.drawn(&group[0].machine));
+        let base = machines::value(&self.points.base);
+        let row = |point: &Point| {
+            let (found, own_seconds) = timed(|| match &drawn {
+                Ok(drawn) => drawn.on(&point.machine, &self.asked.prices),
+                Err(sentence) => Err(sentence.clone()),
+            });
+            let found = found.unwrap_or_else(|sentence| Map::from_iter([("misfit".to_owned(), json!(sentence))]));
+            let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            let changes: Vec<String> = point.changes.iter().map(|(field, value)| format!("{field}={}", text(value))).collect();
+            let own = fields.iter().map(|field| {
+                let changed = point.changes.iter().find(|(other, _)| other == field).map(|(_, value)| value);
+                changed.or_else(|| base.pointer(&format!("/{}", field.replace('.', "/")))).map_or(Value::Null, |value| json!(text(value)))
+            });
+            let head = [json!(point.number), json!(point.key), json!(self.scene.name), json!(changes.join(" "))];
+            let seconds = seconds / group.len() as f64 + own_seconds;
+            let found = FOUND.iter().map(|(name, _)| match *name {
+                "host_seconds" => json!(seconds),
+                name => found.get(name).cloned().unwrap_or(Value::Null),
+            });
+            (point.number, head.into_iter().chain(own).chain(found).collect())
+        };
+        group.par_iter().map(row).collect()
+    }
+
+    /// What does not depend on timing; or why the machine cannot draw.
+    fn drawn(&mut self, machine: &Machine) -> std::result::Result<Drawn, String> {
+        let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
+        let quantised = quantise(&self.scene, machine).map_err(|error| error.to_string())?;
+        let (drawing, work) = fixed::draw_recorded(&elaborated, &quantised);
+        let (_, ranges) = fixed::draw_ranged(&elaborated, &quantised);
+        let picture = fixed::picture(&elaborated, &drawing);
+        let (_, golden, method) = self.golden(&fixed::rules(machine));
+        let m = metrics(&picture, golden);
+        let signals = elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range));
+        let (saturated, wrapped) = signals.fold((0, 0), |(saturated, wrapped), signal| {
+            let over = if signal.is_declared_clamp() { 0 } else { signal.overflows() - signal.wrapped() };
+            (saturated + over, wrapped + signal.wrapped())
+        });
+        let outcomes = drawing.outcomes;
+        let mut found = json!({
+            "psnr_db": m.psnr_db,
+            "psnr_covered_db": m.psnr_covered_db,
+            "ssim": m.ssim,
+            "max_error": m.max_error,
+            "mean_error": m.mean_error,
+            "pixels_over_1_255": m.pixels_over_1_255,
+            "golden_vs_ideal_psnr_db": method,
+            "saturated": saturated,
+            "wrapped": wrapped,
+            "contributions": outcomes.total(),
+            "merged": outcomes.merged,
+            "evicted": outcomes.evicted,
+        });
+        if self.points.plan.lockstep {
+            let lockstep = lockstep(&self.scene, &elaborated, &quantised).summary(&picture);
+            found["lockstep_psnr_db"] = json!(lockstep.psnr_db);
+            found["lockstep_max_error"] = json!(lockstep.max_error);
+            found["bound_violations"] = json!(lockstep.bound_violations);
+            found["decision_flips"] = json!(lockstep.decision_flips);
+        }
+        let Value::Object(found) = found else { return Err(String::new()) };
+        Ok(Drawn { found, work })
+    }
+}
+
+/// A frame, all but its time.
+struct Drawn {
+    found: Map<String, Value>,
+    work: rtl_model::work::Work,
+}
+
+impl Drawn {
+    /// With the time that it takes on a machine.
+    fn on(&self, machine: &Machine, prices: &Prices) -> std::result::Result<Map<String, Value>, String> {
+        let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
+        let replayed = timing::replay(&elaborated.timing, &self.work);
+        let cycles = CyclesReport::new(&elaborated.timing, &replayed);
+        let CostReport { cost, energy } = CostReport::new(&elaborated, &replayed, prices);
+        let described = MachineReport::new(&elaborated);
+        let mut found = self.found.clone();
+        let blocks: u64 = cost.units.iter().map(|unit| unit.bits.blocks_18).sum();
+        for (name, value) in [
+            ("cycles", json!(cycles.total)),
+            ("frames_per_second", json!(cycles.frames_per_second)),
+            ("bottleneck", json!(cycles.bottleneck)),
+            ("memory_bytes", json!(cycles.memory.bytes)),
+            ("area", json!(cost.area)),
+            ("multiplier_blocks_18", json!(blocks)),
+            ("fifo_bits", json!(cost.fifo_bits)),
+            ("memory_bits", json!(cost.memory_bits)),
+            ("frame_bits_per_pixel", json!(cost.frame_bits_per_pixel)),
+            ("fragment_bits", json!(described.fragment_bits)),
+            ("widest_operand_bits", json!(described.widest_operand_bits)),
+            ("energy_j", json!(energy.total)),
+        ] {
+            found.insert(name.to_owned(), value);
+        }
+        Ok(found)
+    }
+}
+
+/// A digest of all that is drawn of a scene.
+fn digest_of(scene: &Scene) -> String {
+    use sha2::{Digest, Sha256};
+    let mut sha = Sha256::new();
+    let Scene { camera, image, kernel, surface, lights, materials, .. } = scene;
+    sha.update(format!("{camera:?}{image:?}{kernel:?}{surface:?}{lights:?}{materials:?}"));
+    for splat in &scene.splats {
+        let numbers = [splat.position.to_array(), splat.normal.to_array(), splat.rgb, [splat.radius, splat.opacity, splat.material.into()]];
+        numbers.as_flattened().iter().for_each(|number| sha.update(number.to_le_bytes()));
+    }
+    sha.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+impl Outcome {
+    /// What was done, and the best and the worst, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let [count, mine, drawn] = self.counts;
+        let rows = self.rows.len() as u64;
+        let mut text = format!("{} points", thousands(count));
+        if mine < count {
+            let _ = write!(text, ", {} of this part", thousands(mine));
+        }
+        let _ = write!(text, ": {} drawn now, {} known before", thousands(drawn), thousands(mine - drawn));
+        if rows < count {
+            let _ = write!(text, "; the table has {} of them", thousands(rows));
+        }
+        let at = |name: &str| self.columns.iter().position(|(other, _)| other == name).unwrap_or(0);
+        let [misfit, psnr, area, rate, changes, scene] =
+            ["misfit", "psnr_covered_db", "area", "frames_per_second", "changes", "scene"].map(at);
+        let misfits = self.rows.iter().filter(|row| !row[misfit].is_null()).count() as u64;
+        if misfits > 0 {
+            let _ = write!(text, "; {} cannot be built, the column `misfit` says why", thousands(misfits));
+        }
+        let mut text = wrapped(&text) + "\n";
+        let mut built: Vec<&Row> = self.rows.iter().filter(|row| row[misfit].is_null()).collect();
+        let number = |cell: &Value| cell.as_f64().unwrap_or(f64::INFINITY);
+        let mut told = |what: &str, row: Option<&&Row>| {
+            let Some(row) = row else { return };
+            let psnr = number(&row[psnr]);
+            let psnr = if psnr.is_finite() { format!("{psnr:.1} dB") } else { "equal pictures".into() };
+            let (rate, area) = (number(&row[rate]), thousands(number(&row[area]) as u64));
+            let words = |column: usize| row[column].as_str().unwrap_or_default();
+            let changes = if words(changes).is_empty() { "as it is" } else { words(changes) };
+            let _ = write!(text, "\n{what:<11} {psnr:>8}, {rate:>6.1} frames/s, area {area:>9}  {}", words(scene));
+            let _ = write!(text, "\n{}", wrapped(&format!("    {changes}")));
+        };
+        built.sort_by(|a, b| number(&a[psnr]).total_cmp(&number(&b[psnr])));
+        told("worst", built.first());
+        told("best", built.last());
+        built.sort_by(|a, b| number(&a[area]).total_cmp(&number(&b[area])));
+        told("least area", built.first());
+        built.sort_by(|a, b| number(&a[rate]).total_cmp(&number(&b[rate])));
+        told("fastest", built.last());
+        text
+    }
+}

@@ -1,0 +1,260 @@
+//! Does a sweep say what single runs say, and nothing twice, however often it is killed?
+
+use assert_cmd::Command;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Output, Stdio};
+use std::time::Duration;
+
+fn splatsim() -> Command {
+    Command::cargo_bin("splatsim").unwrap()
+}
+
+fn written(folder: &Path, plan: &Value) -> String {
+    let path = folder.join("plan.json");
+    fs::write(&path, plan.to_string()).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// A few machines, small pictures.
+fn plan() -> Value {
+    json!({"scenes": ["terrain", "torus-knot"], "size": [24, 16], "machine": "tiny", "order": "one-at-a-time", "axes": [
+        {"field": "gauss.weight", "add_frac_bits": [-2, -1, 1, 2]},
+        {"field": "fragment.layers", "values": [1, 2, 4]},
+        {"field": "timing.raster.lanes", "values": [[1, 1], [2, 2], [8, 1]]},
+        {"field": "project.camera", "values": ["U2F8"]}]})
+}
+
+fn sweep(plan: &str, out: &Path, more: &[&str]) -> Output {
+    splatsim().args(["sweep", plan, "--out", out.to_str().unwrap()]).args(more).output().unwrap()
+}
+
+fn ok(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn refused(output: &Output) -> String {
+    let told = String::from_utf8(output.stderr.clone()).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert_eq!(told.trim_end().lines().count(), 1, "{told}");
+    told
+}
+
+/// Rows by column; host times, which differ from run to run, left out.
+fn rows(out: &Path) -> Vec<BTreeMap<String, String>> {
+    let text = fs::read_to_string(out.join("sweep.csv")).unwrap();
+    let mut lines = text.lines().map(cells);
+    let header = lines.next().unwrap();
+    lines
+        .map(|line| {
+            assert_eq!(line.len(), header.len());
+            header.iter().cloned().zip(line).filter(|(name, _)| !name.starts_with("host_")).collect()
+        })
+        .collect()
+}
+
+fn cells(line: &str) -> Vec<String> {
+    let mut cells = vec![String::new()];
+    let mut quoted = false;
+    for letter in line.chars() {
+        match letter {
+            '"' => quoted = !quoted,
+            ',' if !quoted => cells.push(String::new()),
+            _ => cells.last_mut().unwrap().push(letter),
+        }
+    }
+    cells
+}
+
+#[test]
+fn a_row_says_what_a_run_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let told = ok(&sweep(&written(folder.path(), &plan()), &out, &[]));
+    assert!(told.starts_with("24 points: 24 drawn now, 0 known before; 2 cannot be built"), "{told}");
+    assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    let rows = rows(&out);
+    assert_eq!(rows.iter().map(|row| row["point"].parse::<u64>().unwrap()).collect::<Vec<_>>(), (0..24).collect::<Vec<_>>());
+    for number in [0, 3, 6, 9, 15] {
+        let row = &rows[number];
+        let run_out = folder.path().join(format!("run-{number}"));
+        let settings = row["changes"].split(' ').filter(|change| !change.is_empty()).flat_map(|change| ["--set", change]);
+        let run = splatsim()
+            .args(["run", &row["scene"], "--machine", "tiny", "--size", "24x16", "--out", run_out.to_str().unwrap()])
+            .args(settings)
+            .output()
+            .unwrap();
+        ok(&run);
+        let report: Value = serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap()).unwrap();
+        for (column, pointer) in [
+            ("psnr_db", "/accuracy/fixed_vs_golden/psnr_db"),
+            ("psnr_covered_db", "/accuracy/fixed_vs_golden/psnr_covered_db"),
+            ("ssim", "/accuracy/fixed_vs_golden/ssim"),
+            ("max_error", "/accuracy/fixed_vs_golden/max_error"),
+            ("mean_error", "/accuracy/fixed_vs_golden/mean_error"),
+            ("pixels_over_1_255", "/accuracy/fixed_vs_golden/pixels_over_1_255"),
+            ("golden_vs_ideal_psnr_db", "/accuracy/golden_vs_ideal/psnr_db"),
+            ("lockstep_psnr_db", "/accuracy/lockstep/psnr_db"),
+            ("decision_flips", "/accuracy/lockstep/decision_flips"),
+            ("bound_violations", "/accuracy/lockstep/bound_violations"),
+            ("contributions", "/scene/fragments"),
+            ("merged", "/fragments/merged"),
+            ("evicted", "/fragments/evicted"),
+            ("cycles", "/cycles/total"),
+            ("frames_per_second", "/cycles/frames_per_second"),
+            ("bottleneck", "/cycles/bottleneck"),
+            ("memory_bytes", "/cycles/memory/bytes"),
+            ("area", "/cost/area"),
+            ("energy_j", "/cost/energy/total"),
+            ("fragment_bits", "/machine/fragment_bits"),
+            ("widest_operand_bits", "/machine/widest_operand_bits"),
+        ] {
+            let said = report.pointer(pointer).unwrap_or_else(|| panic!("no {pointer}"));
+            let said = said.as_str().map_or_else(|| said.to_string(), str::to_owned);
+            assert_eq!(row[column], if said == "null" { String::new() } else { said }, "{column} of point {number}");
+        }
+        let signals = report["signals"].as_array().unwrap();
+        let wrapped: u64 = signals.iter().map(|signal| signal["wrapped"].as_u64().unwrap()).sum();
+        assert_eq!(row["wrapped"], wrapped.to_string());
+    }
+    let misfit = &rows[11];
+    assert!(misfit["misfit"].contains("project.camera") && misfit["psnr_db"].is_empty() && misfit["cycles"].is_empty(), "{misfit:?}");
+    assert_eq!(rows[5]["fragment.layers"], "1");
+    assert_eq!((rows[0]["fragment.layers"].as_str(), rows[10]["timing.raster.lanes"].as_str()), ("3", "[8,1]"));
+}
+
+#[test]
+fn parts_are_the_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = written(folder.path(), &plan());
+    let [whole, parts] = ["whole", "parts"].map(|name| folder.path().join(name));
+    ok(&sweep(&plan, &whole, &["--threads", "1"]));
+    for part in ["3/3", "1/3", "2/3"] {
+        let told = ok(&sweep(&plan, &parts, &["--shard", part]));
+        assert!(told.contains("8 of this part: 8 drawn now"), "{told}");
+    }
+    assert_eq!(rows(&whole), rows(&parts));
+    let told = ok(&sweep(&plan, &parts, &[]));
+    assert!(told.starts_with("24 points: 0 drawn now, 24 known before"), "{told}");
+    assert_eq!(rows(&whole), rows(&parts));
+}
+
+#[test]
+fn a_sweep_that_is_killed_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan = written(folder.path(), &plan());
+    let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
+    ok(&sweep(&plan, &whole, &[]));
+    let journal = killed.join("points.jsonl");
+    let mut wait_ms = 5;
+    let mut kept = 0;
+    for _ in 0..20 {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_splatsim"))
+            .args(["sweep", &plan, "--out", killed.to_str().unwrap()])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        // Some are killed between rows, some soon after the start; none is waited for.
+        wait_ms = wait_ms * 7 % 240;
+        std::thread::sleep(Duration::from_millis(wait_ms));
+        let _ = child.kill();
+        child.wait().unwrap();
+        let text = fs::read_to_string(&journal).unwrap_or_default();
+        let whole_rows = text.matches('\n').count().saturating_sub(1);
+        assert!(whole_rows >= kept, "rows were lost: {kept}, then {whole_rows}");
+        kept = whole_rows;
+    }
+    ok(&sweep(&plan, &killed, &[]));
+    assert_eq!(rows(&whole), rows(&killed));
+    let text = fs::read_to_string(&journal).unwrap();
+    assert_eq!(text.lines().count(), 1 + 24, "a row was drawn twice");
+}
+
+#[test]
+fn a_line_cut_short_is_drawn_again_and_a_changed_one_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let plan_file = written(folder.path(), &plan());
+    let out = folder.path().join("out");
+    ok(&sweep(&plan_file, &out, &[]));
+    let before = rows(&out);
+    let journal = out.join("points.jsonl");
+    let text = fs::read_to_string(&journal).unwrap();
+    fs::write(&journal, &text[..text.len() - 10]).unwrap();
+    let told = ok(&sweep(&plan_file, &out, &[]));
+    assert!(told.starts_with("24 points: 1 drawn now, 23 known before"), "{told}");
+    assert_eq!(rows(&out), before);
+
+    let lines: Vec<&str> = text.lines().collect();
+    let changed = |line: usize, new: &str| {
+        let mut lines = lines.clone();
+        lines[line] = new;
+        fs::write(&journal, lines.join("\n") + "\n").unwrap();
+        refused(&sweep(&plan_file, &out, &[]))
+    };
+    assert!(changed(0, "[]").contains("line 1: has other columns"));
+    assert!(changed(2, "nothing").contains("line 3: is not as it was written"));
+    assert!(changed(2, &lines[2].replace("terrain", "terrace")).contains("line 3: is not as it was written"));
+    fs::write(&journal, &text).unwrap();
+
+    // Another scene size, and another number of points: rows of another plan.
+    let other = written(
+        folder.path(),
+        &json!({"size": [16, 16], "scenes": plan()["scenes"], "machine": "tiny", "order": "one-at-a-time",
+        "axes": plan()["axes"]}),
+    );
+    assert!(refused(&sweep(&other, &out, &[])).contains("choose another folder"));
+    let fewer = written(
+        folder.path(),
+        &json!({"size": [24, 16], "scenes": ["terrain"], "machine": "tiny", "order": "one-at-a-time",
+        "axes": plan()["axes"]}),
+    );
+    assert!(refused(&sweep(&fewer, &out, &[])).contains("it is of another plan"));
+}
+
+#[test]
+fn a_billion_points_are_refused_with_their_count() {
+    let folder = tempfile::tempdir().unwrap();
+    let range = |field: &str| json!({"field": field, "range": [1, 1000, 1]});
+    let plan = json!({"scenes": ["terrain"], "axes": [
+        range("timing.raster.fifo"), range("timing.gauss.fifo"), range("timing.fetch.fifo")]});
+    let told = refused(&sweep(&written(folder.path(), &plan), &folder.path().join("out"), &[]));
+    assert!(told.contains("1,000,000,000 points") && told.contains("--most 1000000000"), "{told}");
+    for (arguments, says) in [
+        (vec!["sweep", "no-such-plan"], "ready are precision, architecture"),
+        (vec!["sweep", "precision", "--shard", "3/2"], "I from 1 to N"),
+        (vec!["sweep", "precision", "--shard", "0/2"], "I from 1 to N"),
+    ] {
+        let told = refused(&splatsim().args(&arguments).current_dir(folder.path()).output().unwrap());
+        assert!(told.contains(says), "{told}");
+    }
+}
+
+#[test]
+fn the_columnar_file_holds_what_the_csv_holds() {
+    use parquet::file::reader::{FileReader, SerializedFileReader};
+    use parquet::record::Field;
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    ok(&sweep(&written(folder.path(), &plan()), &out, &[]));
+    let reader = SerializedFileReader::new(fs::File::open(out.join("sweep.parquet")).unwrap()).unwrap();
+    let columnar: Vec<_> = reader.get_row_iter(None).unwrap().map(Result::unwrap).collect();
+    let rows = rows(&out);
+    assert_eq!(columnar.len(), rows.len());
+    for (columnar, row) in columnar.iter().zip(&rows) {
+        let columnar: BTreeMap<&String, &Field> = columnar.get_column_iter().map(|(name, field)| (name, field)).collect();
+        assert_eq!(columnar.len(), row.len() + 1, "host_seconds is left out of the rows alone");
+        for (name, cell) in row {
+            match columnar[name] {
+                Field::Null => assert_eq!(cell, "", "{name}"),
+                Field::Str(text) => assert_eq!(cell, text, "{name}"),
+                Field::Long(number) => assert_eq!(cell, &number.to_string(), "{name}"),
+                Field::Double(number) => assert_eq!(cell.parse::<f64>().unwrap(), *number, "{name}"),
+                other => panic!("{name}: {other:?}"),
+            }
+        }
+    }
+}
