@@ -5,42 +5,53 @@
 //!      │··│##│#·│    a slot that keeps no pixel takes its cycle, and nothing comes of it
 //!      └──┴──┴──┘
 //! ```
-//! Slots lie side by side from the first pixel of the box, or of its part in a tile, row by row.
+//! Slots lie side by side from the first pixel of the box, or of its part in a tile, row by row. What a slot keeps lies in strips: 16
+//! pixels of a row, as wide as a recorded tile.
 //!
 //! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
 
 use crate::work::{Event, Footprint, Reader, TILE_PX, Work};
 use std::ops::Range;
 
-/// What happens in a slot.
+/// What a slot keeps in a strip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Slot {
-    /// Pixels kept by the rasteriser.
-    pub kept: u32,
-    /// Those whose weight is 0.
-    pub faint: u32,
+pub struct Piece {
+    /// Which slot of the footprint.
+    pub slot: u32,
+    /// The strip's first pixel: column and row.
+    pub corner: [u16; 2],
+    /// Its pixels that have a weight, the first in the last place.
+    pub pixels: u16,
     /// Contributions that make two fragments merge.
-    pub merges: u32,
+    pub merges: u8,
     /// Fragments shaded for that.
-    pub shades: u32,
-    /// Where its pixels that have a weight end in the list of all.
-    pub end: u32,
+    pub shades: u8,
 }
 
 /// The slots of one footprint.
 #[derive(Clone, Debug, Default)]
 pub struct Slots {
-    /// Slot by slot.
-    pub slots: Vec<Slot>,
-    /// Pixels with a weight, slot by slot: column and row.
-    pub pixels: Vec<[u16; 2]>,
-    /// The slot of each.
-    slot_of: Vec<u32>,
+    /// How many there are.
+    pub count: u32,
+    /// What they keep, slot by slot, in each row by row.
+    pub pieces: Vec<Piece>,
+    /// The recorded tiles side by side that the box lies in.
+    parts: Vec<Part>,
+}
+
+/// What a splat did in a recorded tile: columns of each row, the first in the last place.
+#[derive(Clone, Copy, Debug, Default)]
+struct Part {
+    kept: [u16; TILE_PX],
+    /// Those whose weight is 0.
+    faint: [u16; TILE_PX],
+    merged: [u16; TILE_PX],
+    /// Fragments shaded for the merges of a column: one if it is in the first, two if in the second.
+    shaded: [[u16; TILE_PX]; 2],
 }
 
 /// Readers of all recorded tiles, and where each tile's is.
 pub struct Readers<'a> {
-    work: &'a Work,
     columns: usize,
     /// By place in the picture: the recorded tile, if it has one.
     tiles: Vec<u32>,
@@ -55,7 +66,7 @@ impl<'a> Readers<'a> {
             let [column, row] = tile.corner.map(|at| usize::from(at) / TILE_PX);
             tiles[row * columns + column] = index as u32;
         }
-        Readers { work, columns, tiles, readers: work.tiles.iter().map(|tile| tile.reader()).collect() }
+        Readers { columns, tiles, readers: work.tiles.iter().map(|tile| tile.reader()).collect() }
     }
 
     /// The next footprint of these pixels of the picture, which are whole recorded tiles, in slots of so many columns and rows.
@@ -68,80 +79,101 @@ impl<'a> Readers<'a> {
         let rows = within(footprint.rows, corner[1]);
         let size = [columns, rows].map(|[first, last]| u32::from(last - first) + 1);
         let [across, down] = [size[0].div_ceil(lanes[0]), size[1].div_ceil(lanes[1])];
-        slots.slots.clear();
-        slots.slots.resize((across * down) as usize, Slot::default());
-        slots.pixels.clear();
-        slots.slot_of.clear();
+        slots.count = across * down;
+        slots.pieces.clear();
         let tile = |at: u16| usize::from(at) / TILE_PX;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
+            let top = (tile_row * TILE_PX) as u16;
+            let part = clip(rows, top);
+            slots.parts.clear();
             for tile_column in tile(columns[0])..=tile(columns[1]) {
                 let index = self.tiles[tile_row * self.columns + tile_column] as usize;
-                self.part(index, columns, rows, across, lanes, slots);
+                slots.parts.push(Part::read(&mut self.readers[index], part.clone()));
             }
-        }
-        slots.settle();
-    }
-
-    /// The part in one recorded tile.
-    #[inline(always)]
-    fn part(&mut self, index: usize, columns: [u16; 2], rows: [u16; 2], across: u32, lanes: [u32; 2], slots: &mut Slots) {
-        let [left, top] = self.work.tiles[index].corner;
-        let reader = &mut self.readers[index];
-        // The rows first, then what became of their pixels.
-        let mut kept = [0u16; TILE_PX];
-        let part = clip(rows, top);
-        let mut all = 0;
-        for row in part.clone() {
-            kept[row] = reader.row();
-            all += kept[row].count_ones();
-        }
-        let plain = reader.only_accumulates(all);
-        for row in part {
-            let y = top + row as u16;
-            let slot_row = u32::from(y - rows[0]) / lanes[1] * across;
-            let mut mask = kept[row];
-            while mask != 0 {
-                let column = mask.trailing_zeros() as u16;
-                mask &= mask - 1;
-                let x = left + column;
-                let index = slot_row + u32::from(x - columns[0]) / lanes[0];
-                let slot = &mut slots.slots[index as usize];
-                slot.kept += 1;
-                let event = if plain { Event::Accumulated } else { reader.event() };
-                match event {
-                    Event::Faint => {
-                        slot.faint += 1;
-                        continue;
-                    }
-                    Event::Merged(shades) => {
-                        slot.merges += 1;
-                        slot.shades += u32::from(shades);
-                    }
-                    _ => {}
+            for row in part {
+                let y = top + row as u16;
+                let first_slot = u32::from(y - rows[0]) / lanes[1] * across;
+                let mut left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
+                for part in &slots.parts {
+                    part.cut(row, [left, y], columns[0], lanes[0], first_slot, &mut slots.pieces);
+                    left += TILE_PX as u16;
                 }
-                slots.pixels.push([x, y]);
-                slots.slot_of.push(index);
             }
+        }
+        if lanes[1] > 1 {
+            slots.pieces.sort_by_key(|piece| piece.slot);
         }
     }
 }
 
+impl Part {
+    #[inline(always)]
+    fn read(reader: &mut Reader<'_>, rows: Range<usize>) -> Self {
+        let mut part = Part::default();
+        // The rows first, then what became of their pixels.
+        let mut pixels = 0;
+        for row in rows.clone() {
+            part.kept[row] = reader.row();
+            pixels += part.kept[row].count_ones();
+        }
+        if !reader.only_accumulates(pixels) {
+            rows.for_each(|row| part.read_events(reader, row));
+        }
+        part
+    }
+
+    fn read_events(&mut self, reader: &mut Reader<'_>, row: usize) {
+        let mut mask = self.kept[row];
+        if reader.only_accumulates(mask.count_ones()) {
+            return;
+        }
+        while mask != 0 {
+            let pixel = mask & mask.wrapping_neg();
+            mask -= pixel;
+            match reader.event() {
+                Event::Faint => self.faint[row] |= pixel,
+                Event::Merged(shades) => {
+                    self.merged[row] |= pixel;
+                    if let Some(nth) = usize::from(shades).checked_sub(1) {
+                        self.shaded[nth][row] |= pixel;
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Cuts a row into slots of so many columns, the first of which begins in this one.
+    #[inline(always)]
+    fn cut(&self, row: usize, corner: [u16; 2], first: u16, lanes: u32, first_slot: u32, pieces: &mut Vec<Piece>) {
+        let mut left = self.kept[row];
+        while left != 0 {
+            let column = u32::from(corner[0]) + left.trailing_zeros() - u32::from(first);
+            let nth = column / lanes;
+            let here = left & below(u32::from(first) + (nth + 1) * lanes - u32::from(corner[0]));
+            left -= here;
+            let merged = here & self.merged[row];
+            let mut piece = Piece { slot: first_slot + nth, corner, pixels: here & !self.faint[row], merges: 0, shades: 0 };
+            if merged != 0 {
+                let [one, two] = self.shaded.map(|rows| (here & rows[row]).count_ones() as u8);
+                (piece.merges, piece.shades) = (merged.count_ones() as u8, one + 2 * two);
+            }
+            pieces.push(piece);
+        }
+    }
+}
+
+/// The columns of a strip before this one.
+#[inline(always)]
+pub fn below(column: u32) -> u16 {
+    if column < TILE_PX as u32 { (1 << column) - 1 } else { u16::MAX }
+}
+
 impl Slots {
-    /// Pixels by slots, in each row by row, wherever recorded tiles meet.
-    fn settle(&mut self) {
-        let place = |(slot, [x, y]): (u32, [u16; 2])| (slot, y, x);
-        let all = || self.slot_of.iter().copied().zip(self.pixels.iter().copied());
-        if !all().is_sorted_by_key(place) {
-            let mut sorted: Vec<_> = all().collect();
-            sorted.sort_unstable_by_key(|pixel| place(*pixel));
-            self.pixels.clear();
-            self.pixels.extend(sorted.into_iter().map(|(_, pixel)| pixel));
-        }
-        let mut end = 0;
-        for slot in &mut self.slots {
-            end += slot.kept - slot.faint;
-            slot.end = end;
-        }
+    /// What each slot that keeps a pixel keeps.
+    #[inline(always)]
+    pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
+        self.pieces.chunk_by(|one, next| one.slot == next.slot)
     }
 }
 
