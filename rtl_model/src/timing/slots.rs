@@ -30,23 +30,29 @@ pub struct Piece {
 
 /// The slots of one footprint.
 #[derive(Clone, Debug, Default)]
-pub struct Slots {
+pub struct Slots<'a> {
     /// How many there are.
     pub count: u32,
     /// What they keep, slot by slot, in each row by row.
     pub pieces: Vec<Piece>,
     /// The recorded tiles side by side that the box lies in.
-    parts: Vec<Part>,
+    parts: Vec<Part<'a>>,
 }
 
 /// What a splat did in a recorded tile: columns of each row, the first in the last place.
-#[derive(Clone, Copy, Debug, Default)]
-struct Part {
-    kept: [u16; TILE_PX],
-    /// Those whose weight is 0.
+#[derive(Clone, Debug)]
+struct Part<'a> {
+    kept: &'a [u16],
+    /// Those of which more is to be told.
+    told: Option<Told>,
+}
+
+/// What became of columns that were kept.
+#[derive(Clone, Debug, Default)]
+struct Told {
     faint: [u16; TILE_PX],
     merged: [u16; TILE_PX],
-    /// Fragments shaded for the merges of a column: one if it is in the first, two if in the second.
+    /// Merges for which one fragment was shaded, and those for which two were.
     shaded: [[u16; TILE_PX]; 2],
 }
 
@@ -70,7 +76,7 @@ impl<'a> Readers<'a> {
     }
 
     /// The next footprint of these pixels of the picture, which are whole recorded tiles, in slots of so many columns and rows.
-    pub fn next(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32, lanes: [u32; 2], slots: &mut Slots) {
+    pub fn next(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32, lanes: [u32; 2], slots: &mut Slots<'a>) {
         let within = |[first, last]: [u16; 2], corner: u16| {
             let end = u32::from(corner) + side - 1;
             [first.max(corner), u32::from(last).min(end) as u16]
@@ -85,13 +91,14 @@ impl<'a> Readers<'a> {
         for tile_row in tile(rows[0])..=tile(rows[1]) {
             let top = (tile_row * TILE_PX) as u16;
             let part = clip(rows, top);
+            let first_y = top + part.start as u16;
             slots.parts.clear();
             for tile_column in tile(columns[0])..=tile(columns[1]) {
                 let index = self.tiles[tile_row * self.columns + tile_column] as usize;
-                slots.parts.push(Part::read(&mut self.readers[index], part.clone()));
+                slots.parts.push(Part::read(&mut self.readers[index], part.len()));
             }
-            for row in part {
-                let y = top + row as u16;
+            for row in 0..part.len() {
+                let y = first_y + row as u16;
                 let first_slot = u32::from(y - rows[0]) / lanes[1] * across;
                 let mut left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
                 for part in &slots.parts {
@@ -106,41 +113,11 @@ impl<'a> Readers<'a> {
     }
 }
 
-impl Part {
+impl<'a> Part<'a> {
     #[inline(always)]
-    fn read(reader: &mut Reader<'_>, rows: Range<usize>) -> Self {
-        let mut part = Part::default();
-        // The rows first, then what became of their pixels.
-        let mut pixels = 0;
-        for row in rows.clone() {
-            part.kept[row] = reader.row();
-            pixels += part.kept[row].count_ones();
-        }
-        if !reader.only_accumulates(pixels) {
-            rows.for_each(|row| part.read_events(reader, row));
-        }
-        part
-    }
-
-    fn read_events(&mut self, reader: &mut Reader<'_>, row: usize) {
-        let mut mask = self.kept[row];
-        if reader.only_accumulates(mask.count_ones()) {
-            return;
-        }
-        while mask != 0 {
-            let pixel = mask & mask.wrapping_neg();
-            mask -= pixel;
-            match reader.event() {
-                Event::Faint => self.faint[row] |= pixel,
-                Event::Merged(shades) => {
-                    self.merged[row] |= pixel;
-                    if let Some(nth) = usize::from(shades).checked_sub(1) {
-                        self.shaded[nth][row] |= pixel;
-                    }
-                }
-                _ => {}
-            }
-        }
+    fn read(reader: &mut Reader<'a>, rows: usize) -> Self {
+        let (kept, events) = reader.splat(rows);
+        Part { kept, told: (!events.is_empty()).then(|| Told::of(events)) }
     }
 
     /// Cuts a row into slots of so many columns, the first of which begins in this one.
@@ -152,14 +129,34 @@ impl Part {
             let nth = column / lanes;
             let here = left & below(u32::from(first) + (nth + 1) * lanes - u32::from(corner[0]));
             left -= here;
-            let merged = here & self.merged[row];
-            let mut piece = Piece { slot: first_slot + nth, corner, pixels: here & !self.faint[row], merges: 0, shades: 0 };
-            if merged != 0 {
-                let [one, two] = self.shaded.map(|rows| (here & rows[row]).count_ones() as u8);
-                (piece.merges, piece.shades) = (merged.count_ones() as u8, one + 2 * two);
+            let mut piece = Piece { slot: first_slot + nth, corner, pixels: here, merges: 0, shades: 0 };
+            if let Some(told) = &self.told {
+                let [merges, one, two] = [told.merged, told.shaded[0], told.shaded[1]].map(|rows| (here & rows[row]).count_ones() as u8);
+                (piece.merges, piece.shades) = (merges, one + 2 * two);
+                piece.pixels &= !told.faint[row];
             }
             pieces.push(piece);
         }
+    }
+}
+
+impl Told {
+    fn of(events: &[(u8, Event)]) -> Self {
+        let mut told = Told::default();
+        for (place, event) in events {
+            let (row, pixel) = (usize::from(*place) / TILE_PX, 1 << (usize::from(*place) % TILE_PX));
+            match event {
+                Event::Faint => told.faint[row] |= pixel,
+                Event::Merged(shades) => {
+                    told.merged[row] |= pixel;
+                    if let Some(nth) = usize::from(*shades).checked_sub(1) {
+                        told.shaded[nth][row] |= pixel;
+                    }
+                }
+                _ => {}
+            }
+        }
+        told
     }
 }
 
@@ -169,7 +166,7 @@ pub fn below(column: u32) -> u16 {
     if column < TILE_PX as u32 { (1 << column) - 1 } else { u16::MAX }
 }
 
-impl Slots {
+impl Slots<'_> {
     /// What each slot that keeps a pixel keeps.
     #[inline(always)]
     pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {

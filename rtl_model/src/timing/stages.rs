@@ -100,7 +100,14 @@ impl<'a> Fill<'a> {
     /// A footprint is here, or comes from memory; `give` is told when the raster takes it, `next` takes each slot that has a weight, with
     /// the first cycle in which gauss has it, and says when.
     #[inline(always)]
-    pub fn footprint(&mut self, here: u64, memory: u64, slots: &Slots, give: impl FnOnce(u64), mut next: impl FnMut(&[Piece], u64) -> u64) {
+    pub fn footprint(
+        &mut self,
+        here: u64,
+        memory: u64,
+        slots: &Slots<'_>,
+        give: impl FnOnce(u64),
+        mut next: impl FnMut(&[Piece], u64) -> u64,
+    ) {
         let t = self.timing;
         let mut give = Some(give);
         let mut taken = |now: u64| {
