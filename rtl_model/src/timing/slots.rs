@@ -37,14 +37,16 @@ pub struct Slots<'a> {
     pub pieces: Vec<Piece>,
     /// The recorded tiles side by side that the box lies in.
     parts: Vec<Part<'a>>,
+    /// Of those in which more happened than that contributions were added, what else.
+    told: Vec<Told>,
 }
 
 /// What a splat did in a recorded tile: columns of each row, the first in the last place.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Part<'a> {
     kept: &'a [u16],
-    /// Those of which more is to be told.
-    told: Option<Told>,
+    /// Its place among what else is told.
+    told: Option<u32>,
 }
 
 /// What became of columns that were kept.
@@ -93,16 +95,26 @@ impl<'a> Readers<'a> {
             let part = clip(rows, top);
             let first_y = top + part.start as u16;
             slots.parts.clear();
+            slots.told.clear();
             for tile_column in tile(columns[0])..=tile(columns[1]) {
                 let index = self.tiles[tile_row * self.columns + tile_column] as usize;
-                slots.parts.push(Part::read(&mut self.readers[index], part.len()));
+                let (kept, events) = self.readers[index].splat(part.len());
+                let told = (!events.is_empty()).then_some(slots.told.len() as u32);
+                slots.parts.push(Part { kept, told });
+                if told.is_some() {
+                    slots.told.push(Told::of(events));
+                }
             }
             for row in 0..part.len() {
                 let y = first_y + row as u16;
                 let first_slot = u32::from(y - rows[0]) / lanes[1] * across;
                 let mut left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
                 for part in &slots.parts {
-                    part.cut(row, [left, y], columns[0], lanes[0], first_slot, &mut slots.pieces);
+                    let told = part.told.map(|nth| &slots.told[nth as usize]);
+                    for (nth, pixels) in cut(part.kept[row], left, columns[0], lanes[0]) {
+                        let piece = Piece { slot: first_slot + nth, corner: [left, y], pixels, merges: 0, shades: 0 };
+                        slots.pieces.push(told.map_or(piece, |told| told.of_piece(row, piece)));
+                    }
                     left += TILE_PX as u16;
                 }
             }
@@ -113,31 +125,19 @@ impl<'a> Readers<'a> {
     }
 }
 
-impl<'a> Part<'a> {
-    #[inline(always)]
-    fn read(reader: &mut Reader<'a>, rows: usize) -> Self {
-        let (kept, events) = reader.splat(rows);
-        Part { kept, told: (!events.is_empty()).then(|| Told::of(events)) }
-    }
-
-    /// Cuts a row into slots of so many columns, the first of which begins in this one.
-    #[inline(always)]
-    fn cut(&self, row: usize, corner: [u16; 2], first: u16, lanes: u32, first_slot: u32, pieces: &mut Vec<Piece>) {
-        let mut left = self.kept[row];
-        while left != 0 {
-            let column = u32::from(corner[0]) + left.trailing_zeros() - u32::from(first);
-            let nth = column / lanes;
-            let here = left & below(u32::from(first) + (nth + 1) * lanes - u32::from(corner[0]));
-            left -= here;
-            let mut piece = Piece { slot: first_slot + nth, corner, pixels: here, merges: 0, shades: 0 };
-            if let Some(told) = &self.told {
-                let [merges, one, two] = [told.merged, told.shaded[0], told.shaded[1]].map(|rows| (here & rows[row]).count_ones() as u8);
-                (piece.merges, piece.shades) = (merges, one + 2 * two);
-                piece.pixels &= !told.faint[row];
-            }
-            pieces.push(piece);
+/// Pixels of a strip, which begins in this column, cut into slots of so many, the first of which begins in that one.
+#[inline(always)]
+fn cut(mut pixels: u16, left: u16, first: u16, lanes: u32) -> impl Iterator<Item = (u32, u16)> {
+    let [left, first] = [left, first].map(u32::from);
+    std::iter::from_fn(move || {
+        if pixels == 0 {
+            return None;
         }
-    }
+        let nth = (left + pixels.trailing_zeros() - first) / lanes;
+        let here = pixels & below(first + (nth + 1) * lanes - left);
+        pixels -= here;
+        Some((nth, here))
+    })
 }
 
 impl Told {
@@ -157,6 +157,18 @@ impl Told {
             }
         }
         told
+    }
+
+    /// What else happened to a piece in this row.
+    #[inline(always)]
+    fn of_piece(&self, row: usize, piece: Piece) -> Piece {
+        let pixels = piece.pixels & !self.faint[row];
+        let merged = piece.pixels & self.merged[row];
+        if merged == 0 {
+            return Piece { pixels, ..piece };
+        }
+        let [one, two] = self.shaded.map(|rows| (merged & rows[row]).count_ones() as u8);
+        Piece { pixels, merges: merged.count_ones() as u8, shades: one + 2 * two, ..piece }
     }
 }
 
