@@ -19,6 +19,7 @@
 mod account;
 mod binned;
 mod cache;
+mod hazards;
 mod immediate;
 mod memory;
 mod slots;

@@ -4,7 +4,7 @@
 //!                    ┌─ fates   what became of each splat                  1 byte a splat
 //! frame ─► Recorder ─┼─ boxes   what the drawn ones covered               12 bytes a splat
 //!                    └─ tiles   which pixels each row kept                 2 bytes a row
-//!                               what became of their contributions         1 byte for each that was not just added
+//!                               what became of their contributions         2 bytes a splat, 3 for each that was not just added
 //!                               what each pixel held in the end            1 byte a pixel
 //! ```
 //! The simulator draws tiles of 16×16 pixels, and records them so; within a tile splats come in input order. Every organisation of a
@@ -49,13 +49,6 @@ pub enum Event {
     Replaced,
 }
 
-/// Events in the order of their codes.
-const EVENTS: [Event; 7] =
-    [Event::Faint, Event::Inserted, Event::Merged(0), Event::Merged(1), Event::Merged(2), Event::Evicted, Event::Replaced];
-/// The longest run of accumulations before an event that its byte holds; a byte of all ones is so many and no event.
-const LONGEST: u8 = 31;
-const CODES: u8 = 8;
-
 /// Where a drawn splat lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Footprint {
@@ -81,8 +74,10 @@ pub struct Tile {
     pub corner: [u16; 2],
     /// Splat by splat, row by row of its box in the tile: which columns were kept, the first of the tile in the last place.
     rows: Vec<u16>,
-    /// Runs of accumulations, each with the event that ends it.
-    events: Vec<u8>,
+    /// Splat by splat, how many of its contributions were not just added.
+    counts: Vec<u16>,
+    /// Those: where, 16 times the row of the box in the tile, and the tile's column; and what.
+    events: Vec<(u8, Event)>,
     /// Fragments at the end, and 16 times how many of them were left to shade.
     pixels: Vec<u8>,
 }
@@ -95,65 +90,32 @@ impl Tile {
 
     /// Bytes that it takes.
     fn bytes(&self) -> usize {
-        2 * self.rows.len() + self.events.len() + self.pixels.len()
+        2 * (self.rows.len() + self.counts.len()) + size_of::<(u8, Event)>() * self.events.len() + self.pixels.len()
     }
 
     /// Reads it from its beginning.
     pub fn reader(&self) -> Reader<'_> {
-        Reader { tile: self, row: 0, event: 0, accumulated: 0 }
+        Reader { rows: &self.rows, counts: &self.counts, events: &self.events }
     }
 }
 
 /// Goes through a tile, splat by splat.
 #[derive(Clone, Debug)]
 pub struct Reader<'a> {
-    tile: &'a Tile,
-    row: usize,
-    /// The next byte.
-    event: usize,
-    /// Accumulations of its run that are told.
-    accumulated: u8,
+    rows: &'a [u16],
+    counts: &'a [u16],
+    events: &'a [(u8, Event)],
 }
 
-impl Reader<'_> {
-    /// Which columns the next row kept.
+impl<'a> Reader<'a> {
+    /// The next splat, of so many rows: which columns each row kept; where, 16 times the row and the column, a contribution was not just
+    /// added, and what became of it.
     #[inline(always)]
-    pub fn row(&mut self) -> u16 {
-        self.row += 1;
-        self.tile.rows[self.row - 1]
-    }
-
-    /// What became of the next pixel that was kept.
-    #[inline(always)]
-    pub fn event(&mut self) -> Event {
-        loop {
-            let Some(&byte) = self.tile.events.get(self.event) else { return Event::Accumulated };
-            let run = byte / CODES;
-            if self.accumulated < run {
-                self.accumulated += 1;
-                return Event::Accumulated;
-            }
-            (self.event, self.accumulated) = (self.event + 1, 0);
-            if run < LONGEST {
-                return EVENTS[usize::from(byte % CODES) % EVENTS.len()];
-            }
-        }
-    }
-
-    /// Whether nothing but accumulations lies among the next so many pixels; then they are told.
-    #[inline(always)]
-    pub fn only_accumulates(&mut self, pixels: u32) -> bool {
-        let left = match self.tile.events.get(self.event) {
-            Some(byte) => u32::from(byte / CODES - self.accumulated),
-            None => u32::MAX,
-        };
-        if pixels > left {
-            return false;
-        }
-        if left < u32::MAX {
-            self.accumulated += pixels as u8;
-        }
-        true
+    pub fn splat(&mut self, rows: usize) -> (&'a [u16], &'a [(u8, Event)]) {
+        let ([count, counts @ ..], Some((rows, rows_left))) = (self.counts, self.rows.split_at_checked(rows)) else { return (&[], &[]) };
+        let (events, events_left) = self.events.split_at(usize::from(*count));
+        (self.rows, self.counts, self.events) = (rows_left, counts, events_left);
+        (rows, events)
     }
 }
 
@@ -210,50 +172,13 @@ impl Work {
 #[derive(Clone, Debug, Default)]
 struct TileRecorder {
     rows: Vec<u16>,
-    events: Vec<u8>,
+    counts: Vec<u16>,
+    events: Vec<(u8, Event)>,
     pixels: Vec<u8>,
-    /// Accumulations since the last event.
-    run: u32,
-    /// The span that is being told: where its contributions lie, how many of them were told, and what was not just added.
+    /// The span that is being told: where its contributions lie, and how many of them were told.
     places: Vec<u8>,
     told: usize,
-    told_events: Vec<(u8, u8)>,
     shaded: u8,
-}
-
-impl TileRecorder {
-    #[inline(always)]
-    fn became(&mut self, event: Event) {
-        if event != Event::Accumulated {
-            let code = EVENTS.iter().position(|other| *other == event).unwrap_or(0) as u8;
-            self.told_events.push((self.places[self.told], code));
-        }
-        self.told += 1;
-    }
-
-    /// All of a span is told. The simulator may go through its columns first: here it goes by rows.
-    #[inline(always)]
-    fn end_span(&mut self) {
-        let mut told = 0;
-        if !self.told_events.is_empty() {
-            self.told_events.sort_unstable();
-            self.places.sort_unstable();
-            for &(place, code) in &self.told_events {
-                let before = self.places.partition_point(|other| *other < place);
-                self.run += (before - told) as u32;
-                while self.run >= u32::from(LONGEST) {
-                    self.events.push(LONGEST * CODES);
-                    self.run -= u32::from(LONGEST);
-                }
-                self.events.push(self.run as u8 * CODES + code);
-                (self.run, told) = (0, before + 1);
-            }
-            self.told_events.clear();
-        }
-        self.run += (self.places.len() - told) as u32;
-        self.places.clear();
-        self.told = 0;
-    }
 }
 
 /// Records the work of a frame, or of a part of it.
@@ -308,19 +233,28 @@ impl Recorder {
     /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
     #[inline(always)]
     pub fn span(&mut self, rows: usize, left: usize, places: &[u8]) {
-        self.now.end_span();
-        self.now.places.extend_from_slice(places);
+        self.now.places.clear();
+        self.now.told = 0;
         let mut kept = [0u16; TILE_PX];
         for place in places {
             kept[usize::from(place / 16) % TILE_PX] |= 1 << (usize::from(place % 16) + left);
+            self.now.places.push(place + left as u8);
         }
         self.now.rows.extend_from_slice(&kept[..rows]);
+        self.now.counts.push(0);
     }
 
     /// What became of the next place.
     #[inline(always)]
     pub fn became(&mut self, event: Event) {
-        self.now.became(event);
+        let TileRecorder { places, told, counts, events, .. } = &mut self.now;
+        if event != Event::Accumulated
+            && let Some(count) = counts.last_mut()
+        {
+            *count += 1;
+            events.push((places[*told], event));
+        }
+        *told += 1;
     }
 
     /// A fragment is shaded so that it can merge.
@@ -343,12 +277,10 @@ impl Recorder {
 
     /// The tile is done.
     pub fn tile(&mut self, corner: [u16; 2]) {
-        self.now.end_span();
-        // A run that no event ends is not told: where bytes end, all accumulates.
-        self.now.run = 0;
-        let TileRecorder { rows, events, pixels, .. } = &mut self.now;
-        let tile = Tile { corner, rows: rows.as_slice().into(), events: events.as_slice().into(), pixels: pixels.as_slice().into() };
+        let TileRecorder { rows, counts, events, pixels, .. } = &mut self.now;
+        let tile = Tile { corner, rows: rows.clone(), counts: counts.clone(), events: events.clone(), pixels: pixels.clone() };
         rows.clear();
+        counts.clear();
         events.clear();
         pixels.clear();
         self.tiles.push(tile);

@@ -3,6 +3,7 @@
 //! Laws: `every_cycle_of_the_default_machines_is_accounted_for`, `a_frame_ticks_as_it_is_replayed`.
 
 use crate::machine::timing::Pace;
+use std::collections::VecDeque;
 
 /// Cycles of a unit. They sum to the frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,7 +73,16 @@ impl Default for Timeline {
 impl Timeline {
     /// Cycles from this one on, which is not before the last one's.
     #[inline(always)]
-    fn add(&mut self, mut from: u64, mut cycles: u64) {
+    fn add(&mut self, from: u64, mut cycles: u64) {
+        if from + cycles > self.end {
+            cycles = self.fill(from, cycles);
+        }
+        self.last(cycles);
+    }
+
+    /// Fills all windows but the one in which they end; says how many of the cycles are left for that.
+    #[cold]
+    fn fill(&mut self, mut from: u64, mut cycles: u64) -> u64 {
         while from + cycles > self.end {
             if from < self.end {
                 let here = self.end - from;
@@ -81,16 +91,16 @@ impl Timeline {
             }
             self.open();
         }
-        self.last(cycles);
+        cycles
     }
 
     #[inline(always)]
     fn last(&mut self, cycles: u64) {
-        let last = self.busy.len() - 1;
-        self.busy[last] += cycles;
+        if let Some(last) = self.busy.last_mut() {
+            *last += cycles;
+        }
     }
 
-    #[cold]
     fn open(&mut self) {
         if self.busy.len() == WINDOWS {
             self.busy = self.busy.chunks(2).map(|pair| pair.iter().sum()).collect();
@@ -101,59 +111,51 @@ impl Timeline {
     }
 }
 
-/// The places behind a unit: when each of the last was given back.
+/// The places behind a unit, which take turns.
 #[derive(Clone, Debug)]
 pub struct Places {
-    given_back: Box<[u64]>,
-    room: u64,
-    taken: u64,
-    given: u64,
-    /// The first that was not given back before the last was taken.
-    oldest: u64,
+    /// From when on each is free.
+    free: Box<[u64]>,
+    /// Whose turn it is.
+    turn: usize,
+    /// The first of those that were held when one was taken last, and how many they were.
+    oldest: usize,
+    held: usize,
     occupancy: Box<[u64]>,
 }
 
 impl Places {
     pub fn new(room: usize) -> Self {
-        Places {
-            given_back: vec![0; room.next_power_of_two()].into(),
-            room: room as u64,
-            taken: 0,
-            given: 0,
-            oldest: 0,
-            occupancy: vec![0; room + 1].into(),
-        }
+        Places { free: vec![0; room].into(), turn: 0, oldest: 0, held: 0, occupancy: vec![0; room + 1].into() }
     }
 
     #[inline(always)]
-    fn at(&self, index: u64) -> usize {
-        index as usize & (self.given_back.len() - 1)
+    fn after(&self, place: usize) -> usize {
+        if place + 1 == self.free.len() { 0 } else { place + 1 }
     }
 
     /// The first cycle in which one is free.
     #[inline(always)]
     pub fn free(&self) -> u64 {
-        if self.taken < self.room { 0 } else { self.given_back[self.at(self.taken - self.room)] + 1 }
+        self.free[self.turn]
     }
 
     /// Takes one in a cycle in which one is free.
     #[inline(always)]
     pub fn take(&mut self, now: u64) {
-        self.taken += 1;
-        // With this one, those that were taken and not given back before this cycle.
-        self.oldest = self.oldest.max(self.taken.saturating_sub(self.room));
-        while self.oldest < self.given && self.given_back[self.at(self.oldest)] < now {
-            self.oldest += 1;
+        while self.held > 0 && self.free[self.oldest] <= now {
+            self.oldest = self.after(self.oldest);
+            self.held -= 1;
         }
-        self.occupancy[((self.taken - self.oldest) as usize).min(self.occupancy.len() - 1)] += 1;
+        self.held += 1;
+        self.occupancy[self.held] += 1;
     }
 
-    /// Gives the oldest back.
+    /// Gives it back. That is said before another is taken, for each item is gone through to its end.
     #[inline(always)]
     pub fn give(&mut self, now: u64) {
-        let at = self.at(self.given);
-        self.given_back[at] = now;
-        self.given += 1;
+        self.free[self.turn] = now + 1;
+        self.turn = self.after(self.turn);
     }
 }
 
@@ -163,9 +165,9 @@ pub struct Unit {
     name: &'static str,
     starved_by: Option<&'static str>,
     blocked_by: Option<&'static str>,
-    /// One for each that works side by side: when it is free, and its cycles.
-    sides: Vec<Side>,
-    turn: usize,
+    /// Of those that work side by side the one whose turn it is, and the others as they follow.
+    side: Side,
+    others: VecDeque<Side>,
     last: u64,
     timeline: Timeline,
     /// When it took each item, for whoever wants to know.
@@ -175,9 +177,12 @@ pub struct Unit {
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Side {
+    index: u32,
     free: u64,
     items: u64,
+    /// All but when it is starved: that is the rest.
     account: Account,
+    /// Cycles blocked by itself.
     hazard: u64,
 }
 
@@ -201,8 +206,8 @@ impl Unit {
             name,
             starved_by,
             blocked_by,
-            sides: vec![Side::default(); pace.units as usize],
-            turn: 0,
+            side: Side::default(),
+            others: (1..pace.units).map(|index| Side { index, ..Side::default() }).collect(),
             last: 0,
             timeline: Timeline::default(),
             log: logged.then(Vec::new),
@@ -213,51 +218,46 @@ impl Unit {
     /// Takes the next item, which holds it for so many cycles; says when.
     #[inline(always)]
     pub fn take(&mut self, ready: Ready, cycles: u64) -> u64 {
-        let side = &mut self.sides[self.turn];
-        // In order: side by side, but never before the item before.
-        let here = ready.here.max(self.last);
-        let with_memory = here.max(ready.memory);
-        let unblocked = with_memory.max(ready.hazard);
-        let now = side.free.max(unblocked).max(ready.room);
-        let gap = |from: u64, to: u64| to.saturating_sub(from.max(side.free));
-        side.account.starved += gap(0, here);
-        side.account.memory += gap(here, with_memory);
-        side.hazard += gap(with_memory, unblocked);
-        side.account.blocked += gap(with_memory, now);
-        side.account.busy += cycles;
-        side.items += 1;
-        side.free = now + cycles;
-        self.timeline.add(now, cycles);
-        if let Some(log) = &mut self.log {
-            log.push(now);
-        }
-        self.last = now;
-        self.turn += 1;
-        if self.turn == self.sides.len() {
-            self.turn = 0;
-        }
-        now
+        self.hold(ready, 1, cycles, cycles)
     }
 
     /// Takes the next item, which holds it for so many cycles, of which it works so many and waits for memory in the others.
     #[inline(always)]
     pub fn take_with_memory(&mut self, ready: Ready, busy: u64, cycles: u64) -> u64 {
-        let turn = self.turn;
-        let now = self.take(ready, cycles);
-        let account = &mut self.sides[turn].account;
-        account.busy -= cycles - busy.min(cycles);
-        account.memory += cycles - busy.min(cycles);
-        now
+        self.hold(ready, 1, busy.min(cycles), cycles)
     }
 
     /// Takes so many items, a cycle each, that need no room; says when it takes the first.
     #[inline(always)]
     pub fn take_run(&mut self, ready: Ready, items: u64) -> u64 {
-        let turn = self.turn;
-        let now = self.take(ready, items);
-        self.sides[turn].items += items - 1;
+        let now = self.hold(ready, items, items, items);
         if let Some(log) = &mut self.log {
             log.extend(now + 1..now + items);
+        }
+        now
+    }
+
+    #[inline(always)]
+    fn hold(&mut self, ready: Ready, items: u64, busy: u64, cycles: u64) -> u64 {
+        let side = &mut self.side;
+        // In order: side by side, but never before the item before.
+        let here = side.free.max(ready.here).max(self.last);
+        let with_memory = here.max(ready.memory);
+        let unblocked = with_memory.max(ready.hazard);
+        let now = unblocked.max(ready.room);
+        side.account.memory += with_memory - here + cycles - busy;
+        side.hazard += unblocked - with_memory;
+        side.account.blocked += now - with_memory;
+        side.account.busy += busy;
+        side.items += items;
+        side.free = now + cycles;
+        self.last = now;
+        self.timeline.add(now, cycles);
+        if let Some(log) = &mut self.log {
+            log.push(now);
+        }
+        if let Some(next) = self.others.pop_front() {
+            self.others.push_back(std::mem::replace(&mut self.side, next));
         }
         now
     }
@@ -265,33 +265,35 @@ impl Unit {
     /// When the unit that has the next turn is free.
     #[inline(always)]
     pub fn free(&self) -> u64 {
-        self.sides[self.turn].free
+        self.side.free
     }
 
     /// When all that it took is done with it.
     pub fn done(&self) -> u64 {
-        self.sides.iter().map(|side| side.free).max().unwrap_or(0)
+        self.others.iter().fold(self.side.free, |done, side| done.max(side.free))
     }
 
     /// Its cycles in a frame of so many: at the end it is starved.
     pub fn cycles(self, total: u64) -> Vec<UnitCycles> {
-        let Unit { name, starved_by, blocked_by, sides, behind, log, timeline, .. } = self;
+        let Unit { name, starved_by, blocked_by, side, others, behind, log, timeline, .. } = self;
         let mut log = log.unwrap_or_default();
-        let mut of = |(index, side): (usize, Side)| {
-            let Account { busy, starved, blocked, memory } = side.account;
+        let mut sides: Vec<Side> = others.into_iter().chain([side]).collect();
+        sides.sort_by_key(|side| side.index);
+        let mut of = |side: Side| {
+            let (index, Account { busy, blocked, memory, .. }) = (side.index, side.account);
             let by_unit = blocked_by.map(|unit| (Wait::Unit(unit), blocked - side.hazard));
             UnitCycles {
                 name,
-                index: index as u32,
+                index,
                 items: side.items,
                 log: std::mem::take(&mut log),
                 timeline: if index == 0 { timeline.clone() } else { Timeline::default() },
-                account: Account { busy, starved: starved + total - side.free, blocked, memory },
+                account: Account { busy, starved: total - busy - blocked - memory, blocked, memory },
                 starved_by,
                 blocked_by: by_unit.into_iter().chain([(Wait::Hazard, side.hazard)]).filter(|(_, cycles)| *cycles > 0).collect(),
                 occupancy: if index == 0 { behind.occupancy.to_vec() } else { Vec::new() },
             }
         };
-        sides.into_iter().enumerate().map(&mut of).collect()
+        sides.into_iter().map(&mut of).collect()
     }
 }

@@ -67,16 +67,15 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             outstanding.push(here);
 
             readers.next(footprint, corner_16, side, t.timing.raster.lanes, &mut slots);
-            let pixels = &slots.pixels;
             let behind = &mut list.behind;
             fill.footprint(
                 now + 1,
                 here,
-                &slots.slots,
+                &slots,
                 |taken| behind.give(taken),
-                |slot, from, here| {
+                |slot, here| {
                     // The tile before is still in the buffer.
-                    merge.slot(slot, &pixels[from..slot.end as usize], Ready { here, room: buffer_free, ..Ready::default() })[0]
+                    merge.slot(slot, Ready { here, room: buffer_free, ..Ready::default() })[0]
                 },
             );
         }

@@ -6,6 +6,7 @@
 
 use super::memory::{Client, Direction, Memory, Outstanding};
 use crate::machine::timing::{Cache as Description, Elaborated};
+use std::ops::Range;
 
 /// Nothing is there.
 const EMPTY: u32 = u32::MAX;
@@ -54,14 +55,21 @@ impl Cache {
         }
     }
 
+    /// The places in which a line can be.
+    #[inline(always)]
+    fn set(&self, line: u32) -> Range<usize> {
+        let ways = self.description.ways as usize;
+        let first = (line & (self.sets - 1)) as usize * ways;
+        first..first + ways
+    }
+
     /// Looks a line up; says when it is here, and in which cycle the look-up was over: it waits where too many are on their way.
     pub fn look_up(&mut self, now: u64, line: u32, memory: &mut Memory) -> [u64; 2] {
         self.clock += 1;
         self.lookups[0] += 1;
         self.touched[line as usize] = true;
-        let ways = self.description.ways as usize;
-        let first = (line % self.sets) as usize * ways;
-        let set = &mut self.places[first..first + ways];
+        let set = self.set(line);
+        let set = &mut self.places[set];
         if let Some(place) = set.iter_mut().find(|place| place.line == line) {
             self.lookups[1] += 1;
             place.used = self.clock;
@@ -94,17 +102,14 @@ impl Cache {
 
     /// A pixel of a line, if it is still there, is written in this cycle.
     pub fn written(&mut self, line: u32, when: u64) {
-        let ways = self.description.ways as usize;
-        let first = (line % self.sets) as usize * ways;
-        if let Some(place) = self.places[first..first + ways].iter_mut().find(|place| place.line == line) {
+        let set = self.set(line);
+        if let Some(place) = self.places[set].iter_mut().find(|place| place.line == line) {
             place.written = place.written.max(when);
         }
     }
 
     /// Whether a line is here, whether anything was ever written to it.
     pub fn holds(&self, line: u32) -> [bool; 2] {
-        let ways = self.description.ways as usize;
-        let first = (line % self.sets) as usize * ways;
-        [self.places[first..first + ways].iter().any(|place| place.line == line), self.touched[line as usize]]
+        [self.places[self.set(line)].iter().any(|place| place.line == line), self.touched[line as usize]]
     }
 }

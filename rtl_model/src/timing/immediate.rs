@@ -10,7 +10,7 @@ use super::Cycles;
 use super::account::{Ready, Unit};
 use super::cache::Cache;
 use super::memory::{Client, Direction, Memory, Outstanding};
-use super::slots::{Readers, Slots};
+use super::slots::{Piece, Readers, Slots, below};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::Elaborated;
 use crate::work::Work;
@@ -28,10 +28,20 @@ impl Lines {
         Lines { log: [columns.ilog2(), rows.ilog2()], across: work.width.div_ceil(columns), down: work.height.div_ceil(rows) }
     }
 
+    /// Adds those that a piece lies in, if they are new.
     #[inline(always)]
-    fn of(&self, [x, y]: [u16; 2]) -> u32 {
+    fn touch(&self, piece: &Piece, touched: &mut Vec<u32>) {
         let [columns, rows] = self.log.map(|log| 1u32 << log);
-        u32::from(y) / rows * self.across + u32::from(x) / columns
+        let [left, y] = piece.corner.map(u32::from);
+        let mut pixels = piece.pixels;
+        while pixels != 0 {
+            let column = (left + pixels.trailing_zeros()) / columns;
+            pixels &= !below((column + 1) * columns - left);
+            let line = y / rows * self.across + column;
+            if !touched.contains(&line) {
+                touched.push(line);
+            }
+        }
     }
 }
 
@@ -53,22 +63,15 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
         let Some(here) = setup.splat(index as u64, *fate, &mut memory) else { continue };
         let Some(footprint) = footprints.next() else { break };
         readers.next(footprint, [0, 0], u32::from(u16::MAX), t.timing.raster.lanes, &mut slots);
-        let pixels = &slots.pixels;
         let ellipse = &mut setup.ellipse;
         fill.footprint(
             here,
             0,
-            &slots.slots,
+            &slots,
             |taken| ellipse.behind.give(taken),
-            |slot, from, here| {
-                let pixels = &pixels[from..slot.end as usize];
+            |slot, here| {
                 touched.clear();
-                for pixel in pixels {
-                    let line = lines.of(*pixel);
-                    if !touched.contains(&line) {
-                        touched.push(line);
-                    }
-                }
+                slot.iter().for_each(|piece| lines.touch(piece, &mut touched));
                 let ready = Ready { here, room: lookup.behind.free(), ..Ready::default() };
                 // What it waits for along the way holds it: the first look-up begins when it takes the slot.
                 let start = lookup.free().max(ready.here).max(ready.room);
@@ -81,7 +84,7 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
                 let taken = lookup.take_with_memory(ready, touched.len() as u64, over + 1 - start);
                 lookup.behind.take(taken);
                 let here = over + u64::from(t.cache.latency);
-                let [now, written] = merge.slot(slot, pixels, Ready { here, memory: lines_here, ..Ready::default() });
+                let [now, written] = merge.slot(slot, Ready { here, memory: lines_here, ..Ready::default() });
                 lookup.behind.give(now);
                 touched.iter().for_each(|line| cache.written(*line, written));
                 taken

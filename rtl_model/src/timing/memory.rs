@@ -82,13 +82,15 @@ struct Page {
 #[derive(Clone, Debug)]
 pub struct Memory {
     description: Description,
+    /// Logarithms of a burst's and a row's bytes.
+    log: [u32; 2],
     /// Page n at n modulo [`PAGES`].
-    pages: Box<[Page]>,
+    pages: Box<[Page; PAGES]>,
     /// The last page that was begun.
     last: u64,
     open: Box<[u64]>,
     cycles: MemoryCycles,
-    log: Option<Vec<Request>>,
+    logged: Option<Vec<Request>>,
 }
 
 /// What was asked of memory.
@@ -118,24 +120,24 @@ impl Memory {
     pub fn new(description: Description, logged: bool) -> Self {
         Memory {
             description,
-            pages: vec![Page { given: 0, skip: 1 }; PAGES].into(),
+            log: [description.burst_bytes, description.row_bytes].map(u32::ilog2),
+            pages: Box::new([Page { given: 0, skip: 1 }; PAGES]),
             last: 0,
             open: vec![u64::MAX; description.banks as usize].into(),
             cycles: MemoryCycles::default(),
-            log: logged.then(Vec::new),
+            logged: logged.then(Vec::new),
         }
     }
 
     /// Moves bytes from an address on, in whole bursts; says when the last has come. A row is opened for each that the bytes lie in.
     pub fn request(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
-        let Description { burst_bytes, row_bytes, .. } = self.description;
-        let [burst, row] = [burst_bytes, row_bytes].map(u64::from);
-        let end = (address + bytes.max(1)).next_multiple_of(burst);
+        let [burst, row] = self.log.map(|log| 1u64 << log);
+        let end = (address + bytes.max(1)).div_ceil(burst) * burst;
         let mut from = address / burst * burst;
         self.cycles.bytes[client as usize][direction as usize] += end - from;
         self.cycles.requests[client as usize] += (end - from) / burst;
-        if let Some(log) = &mut self.log {
-            log.push(Request { cycle: now, address: from, bytes: end - from, direction });
+        if let Some(logged) = &mut self.logged {
+            logged.push(Request { cycle: now, address: from, bytes: end - from, direction });
         }
         let mut done = now;
         while from < end {
@@ -150,11 +152,12 @@ impl Memory {
     }
 
     fn in_a_row(&mut self, now: u64, row: u64, bytes: u64) -> u64 {
-        let Description { burst_bytes, banks, hit_latency, miss_latency, .. } = self.description;
-        let open = &mut self.open[(row % u64::from(banks)) as usize];
+        let Description { hit_latency, miss_latency, .. } = self.description;
+        let bank = row as usize & (self.open.len() - 1);
+        let open = &mut self.open[bank];
         let is_open = std::mem::replace(open, row) == row;
         // After its first burst the row is open.
-        self.cycles.row_hits += u64::from(is_open) + bytes / u64::from(burst_bytes) - 1;
+        self.cycles.row_hits += u64::from(is_open) + bytes / (1 << self.log[0]) - 1;
         self.move_bytes(now, bytes) + u64::from(if is_open { hit_latency } else { miss_latency })
     }
 
@@ -203,7 +206,7 @@ impl Memory {
     /// The traffic, for how long the channel was busy with it, and what was logged.
     pub fn finish(self) -> (MemoryCycles, Vec<Request>) {
         let busy = self.cycles.total_bytes().div_ceil(u64::from(self.description.bytes_per_cycle));
-        (MemoryCycles { busy, ..self.cycles }, self.log.unwrap_or_default())
+        (MemoryCycles { busy, ..self.cycles }, self.logged.unwrap_or_default())
     }
 }
 
@@ -227,6 +230,6 @@ impl Outstanding {
     /// Another is done then.
     pub fn push(&mut self, done: u64) {
         self.done[self.next] = done;
-        self.next = (self.next + 1) % self.done.len();
+        self.next = if self.next + 1 == self.done.len() { 0 } else { self.next + 1 };
     }
 }

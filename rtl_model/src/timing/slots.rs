@@ -5,42 +5,61 @@
 //!      │··│##│#·│    a slot that keeps no pixel takes its cycle, and nothing comes of it
 //!      └──┴──┴──┘
 //! ```
-//! Slots lie side by side from the first pixel of the box, or of its part in a tile, row by row.
+//! Slots lie side by side from the first pixel of the box, or of its part in a tile, row by row. What a slot keeps lies in strips: 16
+//! pixels of a row, as wide as a recorded tile.
 //!
 //! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
 
 use crate::work::{Event, Footprint, Reader, TILE_PX, Work};
 use std::ops::Range;
 
-/// What happens in a slot.
+/// What a slot keeps in a strip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Slot {
-    /// Pixels kept by the rasteriser.
-    pub kept: u32,
-    /// Those whose weight is 0.
-    pub faint: u32,
+pub struct Piece {
+    /// Which slot of the footprint.
+    pub slot: u32,
+    /// The strip's first pixel: column and row.
+    pub corner: [u16; 2],
+    /// Its pixels that have a weight, the first in the last place.
+    pub pixels: u16,
     /// Contributions that make two fragments merge.
-    pub merges: u32,
+    pub merges: u8,
     /// Fragments shaded for that.
-    pub shades: u32,
-    /// Where its pixels that have a weight end in the list of all.
-    pub end: u32,
+    pub shades: u8,
 }
 
 /// The slots of one footprint.
 #[derive(Clone, Debug, Default)]
-pub struct Slots {
-    /// Slot by slot.
-    pub slots: Vec<Slot>,
-    /// Pixels with a weight, slot by slot: column and row.
-    pub pixels: Vec<[u16; 2]>,
-    /// The slot of each.
-    slot_of: Vec<u32>,
+pub struct Slots<'a> {
+    /// How many there are.
+    pub count: u32,
+    /// What they keep, slot by slot, in each row by row.
+    pub pieces: Vec<Piece>,
+    /// The recorded tiles side by side that the box lies in.
+    parts: Vec<Part<'a>>,
+    /// Of those in which more happened than that contributions were added, what else.
+    told: Vec<Told>,
+}
+
+/// What a splat did in a recorded tile: columns of each row, the first in the last place.
+#[derive(Clone, Copy, Debug)]
+struct Part<'a> {
+    kept: &'a [u16],
+    /// Its place among what else is told.
+    told: Option<u32>,
+}
+
+/// What became of columns that were kept.
+#[derive(Clone, Debug, Default)]
+struct Told {
+    faint: [u16; TILE_PX],
+    merged: [u16; TILE_PX],
+    /// Merges for which one fragment was shaded, and those for which two were.
+    shaded: [[u16; TILE_PX]; 2],
 }
 
 /// Readers of all recorded tiles, and where each tile's is.
 pub struct Readers<'a> {
-    work: &'a Work,
     columns: usize,
     /// By place in the picture: the recorded tile, if it has one.
     tiles: Vec<u32>,
@@ -55,11 +74,11 @@ impl<'a> Readers<'a> {
             let [column, row] = tile.corner.map(|at| usize::from(at) / TILE_PX);
             tiles[row * columns + column] = index as u32;
         }
-        Readers { work, columns, tiles, readers: work.tiles.iter().map(|tile| tile.reader()).collect() }
+        Readers { columns, tiles, readers: work.tiles.iter().map(|tile| tile.reader()).collect() }
     }
 
     /// The next footprint of these pixels of the picture, which are whole recorded tiles, in slots of so many columns and rows.
-    pub fn next(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32, lanes: [u32; 2], slots: &mut Slots) {
+    pub fn next(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32, lanes: [u32; 2], slots: &mut Slots<'a>) {
         let within = |[first, last]: [u16; 2], corner: u16| {
             let end = u32::from(corner) + side - 1;
             [first.max(corner), u32::from(last).min(end) as u16]
@@ -68,80 +87,102 @@ impl<'a> Readers<'a> {
         let rows = within(footprint.rows, corner[1]);
         let size = [columns, rows].map(|[first, last]| u32::from(last - first) + 1);
         let [across, down] = [size[0].div_ceil(lanes[0]), size[1].div_ceil(lanes[1])];
-        slots.slots.clear();
-        slots.slots.resize((across * down) as usize, Slot::default());
-        slots.pixels.clear();
-        slots.slot_of.clear();
+        slots.count = across * down;
+        slots.pieces.clear();
         let tile = |at: u16| usize::from(at) / TILE_PX;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
+            let top = (tile_row * TILE_PX) as u16;
+            let part = clip(rows, top);
+            let first_y = top + part.start as u16;
+            slots.parts.clear();
+            slots.told.clear();
             for tile_column in tile(columns[0])..=tile(columns[1]) {
                 let index = self.tiles[tile_row * self.columns + tile_column] as usize;
-                self.part(index, columns, rows, across, lanes, slots);
-            }
-        }
-        slots.settle();
-    }
-
-    /// The part in one recorded tile.
-    #[inline(always)]
-    fn part(&mut self, index: usize, columns: [u16; 2], rows: [u16; 2], across: u32, lanes: [u32; 2], slots: &mut Slots) {
-        let [left, top] = self.work.tiles[index].corner;
-        let reader = &mut self.readers[index];
-        // The rows first, then what became of their pixels.
-        let mut kept = [0u16; TILE_PX];
-        let part = clip(rows, top);
-        let mut all = 0;
-        for row in part.clone() {
-            kept[row] = reader.row();
-            all += kept[row].count_ones();
-        }
-        let plain = reader.only_accumulates(all);
-        for row in part {
-            let y = top + row as u16;
-            let slot_row = u32::from(y - rows[0]) / lanes[1] * across;
-            let mut mask = kept[row];
-            while mask != 0 {
-                let column = mask.trailing_zeros() as u16;
-                mask &= mask - 1;
-                let x = left + column;
-                let index = slot_row + u32::from(x - columns[0]) / lanes[0];
-                let slot = &mut slots.slots[index as usize];
-                slot.kept += 1;
-                let event = if plain { Event::Accumulated } else { reader.event() };
-                match event {
-                    Event::Faint => {
-                        slot.faint += 1;
-                        continue;
-                    }
-                    Event::Merged(shades) => {
-                        slot.merges += 1;
-                        slot.shades += u32::from(shades);
-                    }
-                    _ => {}
+                let (kept, events) = self.readers[index].splat(part.len());
+                let told = (!events.is_empty()).then_some(slots.told.len() as u32);
+                slots.parts.push(Part { kept, told });
+                if told.is_some() {
+                    slots.told.push(Told::of(events));
                 }
-                slots.pixels.push([x, y]);
-                slots.slot_of.push(index);
             }
+            for row in 0..part.len() {
+                let y = first_y + row as u16;
+                let first_slot = u32::from(y - rows[0]) / lanes[1] * across;
+                let mut left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
+                for part in &slots.parts {
+                    let told = part.told.map(|nth| &slots.told[nth as usize]);
+                    for (nth, pixels) in cut(part.kept[row], left, columns[0], lanes[0]) {
+                        let piece = Piece { slot: first_slot + nth, corner: [left, y], pixels, merges: 0, shades: 0 };
+                        slots.pieces.push(told.map_or(piece, |told| told.of_piece(row, piece)));
+                    }
+                    left += TILE_PX as u16;
+                }
+            }
+        }
+        if lanes[1] > 1 {
+            slots.pieces.sort_by_key(|piece| piece.slot);
         }
     }
 }
 
-impl Slots {
-    /// Pixels by slots, in each row by row, wherever recorded tiles meet.
-    fn settle(&mut self) {
-        let place = |(slot, [x, y]): (u32, [u16; 2])| (slot, y, x);
-        let all = || self.slot_of.iter().copied().zip(self.pixels.iter().copied());
-        if !all().is_sorted_by_key(place) {
-            let mut sorted: Vec<_> = all().collect();
-            sorted.sort_unstable_by_key(|pixel| place(*pixel));
-            self.pixels.clear();
-            self.pixels.extend(sorted.into_iter().map(|(_, pixel)| pixel));
+/// Pixels of a strip, which begins in this column, cut into slots of so many, the first of which begins in that one.
+#[inline(always)]
+fn cut(mut pixels: u16, left: u16, first: u16, lanes: u32) -> impl Iterator<Item = (u32, u16)> {
+    let [left, first] = [left, first].map(u32::from);
+    std::iter::from_fn(move || {
+        if pixels == 0 {
+            return None;
         }
-        let mut end = 0;
-        for slot in &mut self.slots {
-            end += slot.kept - slot.faint;
-            slot.end = end;
+        let nth = (left + pixels.trailing_zeros() - first) / lanes;
+        let here = pixels & below(first + (nth + 1) * lanes - left);
+        pixels -= here;
+        Some((nth, here))
+    })
+}
+
+impl Told {
+    fn of(events: &[(u8, Event)]) -> Self {
+        let mut told = Told::default();
+        for (place, event) in events {
+            let (row, pixel) = (usize::from(*place) / TILE_PX, 1 << (usize::from(*place) % TILE_PX));
+            match event {
+                Event::Faint => told.faint[row] |= pixel,
+                Event::Merged(shades) => {
+                    told.merged[row] |= pixel;
+                    if let Some(nth) = usize::from(*shades).checked_sub(1) {
+                        told.shaded[nth][row] |= pixel;
+                    }
+                }
+                _ => {}
+            }
         }
+        told
+    }
+
+    /// What else happened to a piece in this row.
+    #[inline(always)]
+    fn of_piece(&self, row: usize, piece: Piece) -> Piece {
+        let pixels = piece.pixels & !self.faint[row];
+        let merged = piece.pixels & self.merged[row];
+        if merged == 0 {
+            return Piece { pixels, ..piece };
+        }
+        let [one, two] = self.shaded.map(|rows| (merged & rows[row]).count_ones() as u8);
+        Piece { pixels, merges: merged.count_ones() as u8, shades: one + 2 * two, ..piece }
+    }
+}
+
+/// The columns of a strip before this one.
+#[inline(always)]
+pub fn below(column: u32) -> u16 {
+    if column < TILE_PX as u32 { (1 << column) - 1 } else { u16::MAX }
+}
+
+impl Slots<'_> {
+    /// What each slot that keeps a pixel keeps.
+    #[inline(always)]
+    pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
+        self.pieces.chunk_by(|one, next| one.slot == next.slot)
     }
 }
 

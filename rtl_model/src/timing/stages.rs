@@ -6,8 +6,9 @@
 //! Each goes through what it is given, one item after the other, and says when the next unit has it.
 
 use super::account::{Ready, Unit};
+use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
-use super::slots::Slot;
+use super::slots::{Piece, Slots};
 use crate::machine::timing::Elaborated;
 use crate::work::{Fate, Work};
 use std::ops::Range;
@@ -103,51 +104,44 @@ impl<'a> Fill<'a> {
         &mut self,
         here: u64,
         memory: u64,
-        slots: &[Slot],
-        mut give: impl FnMut(u64),
-        mut next: impl FnMut(&Slot, usize, u64) -> u64,
+        slots: &Slots<'_>,
+        give: impl FnOnce(u64),
+        mut next: impl FnMut(&[Piece], u64) -> u64,
     ) {
         let t = self.timing;
-        let mut first = true;
-        let mut empty = 0;
-        let mut before = 0;
-        self.slots[0] += slots.len() as u64;
-        for slot in slots {
-            let from = std::mem::replace(&mut before, slot.end as usize);
-            if slot.kept == 0 {
-                empty += 1;
-                continue;
-            }
-            self.slots[1] += 1;
-            // Slots that keep nothing wait for no room.
-            if empty > 0 {
-                let now = self.raster.take_run(Ready { here, memory, ..Ready::default() }, std::mem::take(&mut empty));
-                if std::mem::take(&mut first) {
-                    give(now);
-                }
-            }
-            let room = self.raster.behind.free();
-            let now = self.raster.take(Ready { here, memory, room, ..Ready::default() }, 1);
-            if std::mem::take(&mut first) {
+        let mut give = Some(give);
+        let mut taken = |now: u64| {
+            if let Some(give) = give.take() {
                 give(now);
             }
+        };
+        let ready = Ready { here, memory, ..Ready::default() };
+        let mut gone_through = 0;
+        self.slots[0] += u64::from(slots.count);
+        for slot in slots.kept() {
+            self.slots[1] += 1;
+            // Slots that keep nothing wait for no room.
+            let empty = slot[0].slot - gone_through;
+            gone_through = slot[0].slot + 1;
+            if empty > 0 {
+                taken(self.raster.take_run(ready, empty.into()));
+            }
+            let now = self.raster.take(Ready { room: self.raster.behind.free(), ..ready }, 1);
+            taken(now);
             self.raster.behind.take(now);
-            let goes_on = slot.kept > slot.faint;
+            let goes_on = slot.iter().any(|piece| piece.pixels != 0);
             let room = if goes_on { self.gauss.behind.free() } else { 0 };
             let here = now + u64::from(t.raster.latency);
             let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
             self.raster.behind.give(now);
             if goes_on {
                 self.gauss.behind.take(now);
-                let taken = next(slot, from, now + u64::from(t.gauss.latency));
+                let taken = next(slot, now + u64::from(t.gauss.latency));
                 self.gauss.behind.give(taken);
             }
         }
-        if empty > 0 {
-            let now = self.raster.take_run(Ready { here, memory, ..Ready::default() }, empty);
-            if first {
-                give(now);
-            }
+        if gone_through < slots.count {
+            taken(self.raster.take_run(ready, (slots.count - gone_through).into()));
         }
     }
 }
@@ -157,9 +151,7 @@ pub struct Merge<'a> {
     timing: &'a Elaborated,
     pub fragment: Unit,
     pub shade: Unit,
-    width: usize,
-    /// When each pixel can be taken again.
-    pixels: Vec<u64>,
+    hazards: Hazards,
     /// When all that was taken is written.
     pub written: u64,
 }
@@ -170,29 +162,27 @@ impl<'a> Merge<'a> {
             timing,
             fragment: Unit::new("fragment", timing.fragment, Some(before), behind, logged),
             shade: Unit::new("shade", timing.shade, Some("fragment"), None, logged),
-            width: work.width as usize,
-            pixels: vec![0; work.width as usize * work.height as usize],
+            hazards: Hazards::new(timing, work),
             written: 0,
         }
     }
 
     /// Takes a slot; says when, and when it is written.
     #[inline(always)]
-    pub fn slot(&mut self, slot: &Slot, pixels: &[[u16; 2]], ready: Ready) -> [u64; 2] {
+    pub fn slot(&mut self, slot: &[Piece], ready: Ready) -> [u64; 2] {
         let t = self.timing;
-        let at = |[x, y]: [u16; 2], width: usize| usize::from(y) * width + usize::from(x);
-        let hazard = pixels.iter().map(|pixel| self.pixels[at(*pixel, self.width)]).max().unwrap_or(0);
-        let mut cycles = 1 + u64::from(slot.merges) * u64::from(t.timing.fragment.merge);
-        if slot.shades > 0 {
-            cycles += u64::from(t.shade.latency) + u64::from(slot.shades - 1) * u64::from(t.shade.interval);
+        let hazard = self.hazards.until(slot, ready.here.max(self.fragment.free()));
+        let [merges, shades] =
+            slot.iter().fold([0, 0], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]);
+        let mut cycles = 1 + merges * u64::from(t.timing.fragment.merge);
+        if shades > 0 {
+            cycles += u64::from(t.shade.latency) + (shades - 1) * u64::from(t.shade.interval);
         }
         let now = self.fragment.take(Ready { hazard, ..ready }, cycles);
-        for _ in 0..slot.shades {
+        for _ in 0..shades {
             self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
         }
-        for pixel in pixels {
-            self.pixels[at(*pixel, self.width)] = now + cycles - 1 + u64::from(t.hazard);
-        }
+        self.hazards.take(slot, now + cycles - 1 + u64::from(t.hazard));
         let written = now + cycles - 1 + u64::from(t.fragment.latency);
         self.written = self.written.max(written);
         [now, written]

@@ -176,16 +176,17 @@ impl Scene {
             let [first, top] = tile.corner;
             for footprint in &work.footprints {
                 let [columns, rows] = [in_tile(footprint.columns, first), in_tile(footprint.rows, top)];
-                if columns.is_empty() {
+                if columns.is_empty() || rows.is_empty() {
                     continue;
                 }
                 let splat = &mut splats[footprint.splat as usize];
-                for row in rows {
-                    let kept = reader.row();
+                let (kept, events) = reader.splat(rows.len());
+                for (nth, (row, kept)) in rows.zip(kept).enumerate() {
                     for column in (0..TILE_PX).filter(|column| kept & (1 << column) != 0) {
                         let [x, y] = [usize::from(first) + column, usize::from(top) + row];
                         let pixel = (y - usize::from(splat.rows[0])) * splat.size()[0] + x - usize::from(splat.columns[0]);
-                        splat.pixels[pixel] = Some(reader.event());
+                        let told = events.iter().find(|(place, _)| usize::from(*place) == 16 * nth + column);
+                        splat.pixels[pixel] = Some(told.map_or(Event::Accumulated, |(_, event)| *event));
                     }
                 }
             }

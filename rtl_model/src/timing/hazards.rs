@@ -1,0 +1,76 @@
+//! Hazards: pixels that were taken, and cannot be taken again yet.
+//!
+//! ```text
+//! strip ─► what was taken of it last ─► what before that ─► … as far back as it is under way
+//! ```
+//! What is taken later is under way longer, so the first that shares a pixel is the one to wait for.
+//!
+//! Law: `a_drawn_frame_ticks_as_it_is_replayed`.
+
+use super::slots::Piece;
+use crate::machine::timing::Elaborated;
+use crate::work::{TILE_PX, Work};
+
+/// A piece that was taken: until when it is under way, and its place.
+#[derive(Clone, Copy, Debug, Default)]
+struct Taken {
+    until: u64,
+    place: u32,
+}
+
+/// Pixels under way.
+#[derive(Clone, Debug)]
+pub struct Hazards {
+    /// Strips of a row.
+    columns: usize,
+    /// Of each strip what was taken last.
+    last: Vec<Taken>,
+    /// Pixels of each piece, and what was taken of its strip before: as many pieces as can be under way, in turn.
+    pieces: Box<[(u16, Taken)]>,
+    turn: usize,
+}
+
+impl Hazards {
+    pub fn new(timing: &Elaborated, work: &Work) -> Self {
+        let columns = (work.width as usize).div_ceil(TILE_PX);
+        let [across, down] = timing.timing.raster.lanes.map(|lanes| lanes as usize);
+        // A cycle at least for each slot; its pixels lie in so many strips at most.
+        let under_way = timing.hazard as usize * ((across - 1).div_ceil(TILE_PX) + 1) * down;
+        let last = vec![Taken::default(); columns * work.height as usize];
+        Hazards { columns, last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0 }
+    }
+
+    #[inline(always)]
+    fn strip(&self, piece: &Piece) -> usize {
+        let [x, y] = piece.corner.map(usize::from);
+        y * self.columns + x / TILE_PX
+    }
+
+    /// Until when a pixel of a slot is under way, if that is after this cycle, from which on a slot can be taken.
+    #[inline(always)]
+    pub fn until(&self, slot: &[Piece], now: u64) -> u64 {
+        let mut until = now;
+        for piece in slot {
+            let mut taken = self.last[self.strip(piece)];
+            while taken.until > until {
+                let (pixels, before) = self.pieces[taken.place as usize];
+                if pixels & piece.pixels != 0 {
+                    until = taken.until;
+                }
+                taken = before;
+            }
+        }
+        until
+    }
+
+    /// A slot is taken, and under way until then.
+    #[inline(always)]
+    pub fn take(&mut self, slot: &[Piece], until: u64) {
+        for piece in slot {
+            let strip = self.strip(piece);
+            self.pieces[self.turn] = (piece.pixels, self.last[strip]);
+            self.last[strip] = Taken { until, place: self.turn as u32 };
+            self.turn = if self.turn + 1 == self.pieces.len() { 0 } else { self.turn + 1 };
+        }
+    }
+}
