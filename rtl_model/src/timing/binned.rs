@@ -8,7 +8,7 @@
 
 use super::Cycles;
 use super::account::{Ready, Unit};
-use super::memory::{Client, Direction, Memory, Outstanding};
+use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
 use super::slots::{Readers, Slots};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::{Elaborated, Pace};
@@ -16,9 +16,6 @@ use crate::work::{Bins, Work, each_tile};
 
 /// Bytes of a list's entry: which splat.
 const ENTRY_BYTES: u64 = 4;
-/// Regions of memory lie so far apart.
-const REGION: u64 = 1 << 40;
-
 /// Lists lie so far apart.
 const LIST_BYTES: u64 = 1 << 24;
 
@@ -57,12 +54,12 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             let now = list.take(ready, 1);
             list.behind.take(now);
             if needed > bursts {
-                let address = 2 * REGION + tile as u64 * LIST_BYTES + bursts * burst;
+                let address = LISTS + tile as u64 * LIST_BYTES + bursts * burst;
                 burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
                 outstanding.push(burst_here);
                 bursts = needed;
             }
-            let address = REGION + u64::from(*entry) * u64::from(t.prepared_bytes);
+            let address = RECORDS + u64::from(*entry) * u64::from(t.prepared_bytes);
             let here = memory.request(now.max(burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
             outstanding.push(here);
 
@@ -89,7 +86,7 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade);
             buffers = [buffers[1], done];
         }
-        let address = tile as u64 * u64::from(side * side * t.frame_bytes);
+        let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
         end = end.max(memory.request(done, Client::FrameWrite, Direction::Write, address, bytes));
     }
     let mut units = vec![setup.fetch, setup.project, setup.ellipse, bin, list, fill.raster, fill.gauss, merge.fragment, merge.shade];
@@ -125,14 +122,14 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Mem
         };
         // Records lie side by side: a burst goes when it is full.
         let full = (nth as u64 + 1) * u64::from(t.prepared_bytes) / burst;
-        (record_bursts..full).for_each(|full| write(now, REGION + full * burst));
+        (record_bursts..full).for_each(|full| write(now, RECORDS + full * burst));
         record_bursts = full;
         let mut when = now;
         each_tile(footprint.sides(), side, lists.columns, |tile| {
             when += 1;
             lengths[tile] += 1;
             if (lengths[tile] * ENTRY_BYTES).is_multiple_of(burst) {
-                write(when, 2 * REGION + tile as u64 * LIST_BYTES + lengths[tile] * ENTRY_BYTES - burst);
+                write(when, LISTS + tile as u64 * LIST_BYTES + lengths[tile] * ENTRY_BYTES - burst);
             }
         });
         end = end.max(when + 1);
@@ -140,10 +137,10 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Mem
     // What is left of the last records and of every list.
     let last = end;
     if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {
-        end = end.max(memory.request(last, Client::Lists, Direction::Write, REGION + record_bursts * burst, burst));
+        end = end.max(memory.request(last, Client::Lists, Direction::Write, RECORDS + record_bursts * burst, burst));
     }
     for (tile, length) in lengths.into_iter().enumerate().filter(|(_, length)| !(length * ENTRY_BYTES).is_multiple_of(burst)) {
-        let address = 2 * REGION + tile as u64 * LIST_BYTES + length * ENTRY_BYTES / burst * burst;
+        let address = LISTS + tile as u64 * LIST_BYTES + length * ENTRY_BYTES / burst * burst;
         end = end.max(memory.request(last, Client::Lists, Direction::Write, address, burst));
     }
     (setup, bin, end)

@@ -9,7 +9,7 @@
 use super::Cycles;
 use super::account::{Ready, Unit};
 use super::cache::Cache;
-use super::memory::{Client, Direction, Memory, Outstanding};
+use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
 use super::slots::{Readers, Slots};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::Elaborated;
@@ -107,7 +107,6 @@ fn resolve_frame(
     let start = merge.written;
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let line_bytes = u64::from(t.line_bytes);
-    let frame_base = line_bytes * u64::from(lines.across * lines.down);
     let mut end = start;
     let [columns, rows] = t.timing.cache.line_px;
     for line in 0..lines.across * lines.down {
@@ -115,14 +114,14 @@ fn resolve_frame(
         let mut ready = Ready { here: start, ..Ready::default() };
         if touched && !here {
             let from = start.max(outstanding.free());
-            ready.memory = memory.request(from, Client::FrameRead, Direction::Read, u64::from(line) * line_bytes, line_bytes);
+            ready.memory = memory.request(from, Client::FrameRead, Direction::Read, LINES + u64::from(line) * line_bytes, line_bytes);
             outstanding.push(ready.memory);
         }
         let [left, top] = [line % lines.across * columns, line / lines.across * rows];
         let (across, down) = (left..(left + columns).min(work.width), top..(top + rows).min(work.height));
         let pixels = u64::from(across.end - left) * u64::from(down.end - top);
         let done = resolve.pixels(across, down, ready, &mut merge.shade);
-        let address = frame_base + u64::from(line) * u64::from(columns * rows * t.frame_bytes);
+        let address = WORDS + u64::from(line) * u64::from(columns * rows * t.frame_bytes);
         end = end.max(memory.request(done, Client::FrameWrite, Direction::Write, address, pixels * u64::from(t.frame_bytes)));
     }
     end

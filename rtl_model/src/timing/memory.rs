@@ -39,6 +39,17 @@ impl Client {
 /// All of them, in the order of reports.
 pub const CLIENTS: [Client; 4] = [Client::Splats, Client::Lists, Client::FrameRead, Client::FrameWrite];
 
+/// Where what lies: regions so far apart that no two share a row. Splat records begin at 0.
+const REGION: u64 = 1 << 40;
+/// Splats that were set up.
+pub const RECORDS: u64 = REGION;
+/// Lists of tiles.
+pub const LISTS: u64 = 2 * REGION;
+/// Lines of fragments.
+pub const LINES: u64 = 3 * REGION;
+/// Frame words.
+pub const WORDS: u64 = 4 * REGION;
+
 /// Bins of the histogram of latencies.
 pub const LATENCY_BINS: usize = 24;
 

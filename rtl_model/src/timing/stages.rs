@@ -19,7 +19,7 @@ pub struct SetUp<'a> {
     pub project: Unit,
     pub ellipse: Unit,
     outstanding: Outstanding,
-    /// Bursts fetched so far, and when the last of them was here.
+    /// Bursts fetched so far, and when all of them are here.
     bursts: u64,
     burst_here: u64,
 }
@@ -50,8 +50,9 @@ impl<'a> SetUp<'a> {
         let now = self.fetch.take(ready, 1);
         self.fetch.behind.take(now);
         while self.bursts < needed {
-            self.burst_here = memory.request(now, Client::Splats, Direction::Read, self.bursts * burst, burst);
-            self.outstanding.push(self.burst_here);
+            let here = memory.request(now, Client::Splats, Direction::Read, self.bursts * burst, burst);
+            self.outstanding.push(here);
+            self.burst_here = self.burst_here.max(here);
             self.bursts += 1;
         }
 

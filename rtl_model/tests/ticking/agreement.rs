@@ -1,6 +1,7 @@
 //! Do ticks and replay agree in every number, on any machine and any work?
 
 use crate::frames::{Dice, frame};
+use crate::memory::Traffic;
 use crate::parts::Ticked;
 use crate::scene::Scene;
 use crate::{binned, immediate, machines, scene};
@@ -39,12 +40,20 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     (ticked != replayed).then(|| format!("total, look-ups, slots: ticked {ticked:?}, replayed {replayed:?}"))
 }
 
+/// What is moved does not depend on when.
+fn difference_in_traffic(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
+    let Traffic { bytes, bursts, .. } = ticked.traffic;
+    let [ticked, replayed] = [(bytes, bursts), (replayed.memory.bytes, replayed.memory.requests)];
+    (ticked != replayed).then(|| format!("bytes and bursts: ticked {ticked:?}, replayed {replayed:?}"))
+}
+
 fn compare(timing: &Elaborated, scene: &Scene, work: &Work) -> Result<Ticked, String> {
     let ticked = match timing.timing.organisation {
         Organisation::Immediate => immediate::draw(timing, scene),
         Organisation::Binned => binned::draw(timing, scene),
     };
-    match difference(&ticked, &replay_logged(timing, work)) {
+    let replayed = replay_logged(timing, work);
+    match difference(&ticked, &replayed).or_else(|| difference_in_traffic(&ticked, &replayed)) {
         Some(difference) => Err(difference),
         None => Ok(ticked),
     }

@@ -7,5 +7,6 @@ mod frames;
 mod immediate;
 mod laws;
 mod machines;
+mod memory;
 mod parts;
 mod scene;
