@@ -4,12 +4,14 @@
 //! request ─►( first free moment of the channel at or after it )─► bytes ÷ bandwidth ─►( + latency of an open or another row )─► done
 //! ```
 //! Items are gone through one after the other, each through all units, so that requests do not come in the order of time. The channel
-//! therefore keeps a calendar: [`SPAN`] cycles a page, and how many of their bytes are given away. A request takes the first bytes left
-//! from its cycle on. Rows are opened in the order of requests.
+//! therefore keeps the gaps between what it gave away. A request takes the first bytes left from its cycle on. Rows are opened in the
+//! order of requests.
 //!
 //! Law: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`.
 
 use crate::machine::timing::Memory as Description;
+use std::collections::VecDeque;
+use std::ops::Range;
 
 /// Who asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,28 +77,15 @@ impl MemoryCycles {
     }
 }
 
-/// Cycles of a page of the calendar.
-const SPAN: u64 = 32;
-/// Pages that are kept open for requests that come late.
-const PAGES: usize = 1 << 12;
-
-/// A page of the calendar.
-#[derive(Clone, Copy, Debug)]
-struct Page {
-    /// Bytes given away.
-    given: u64,
-    /// Where to look once it is full: no page before that one is free.
-    skip: u64,
-}
+/// Gaps that are kept for requests that come late.
+const GAPS: usize = 1 << 12;
 
 /// The channel.
 #[derive(Clone, Debug)]
 pub struct Memory {
     description: Description,
-    /// Page n at n modulo [`PAGES`].
-    pages: Box<[Page]>,
-    /// The last page that was begun.
-    last: u64,
+    /// What was not given away, in bytes since the first cycle; the last gap has no end.
+    free: VecDeque<Range<u64>>,
     open: Box<[u64]>,
     cycles: MemoryCycles,
     log: Option<Vec<Request>>,
@@ -129,8 +118,7 @@ impl Memory {
     pub fn new(description: Description, logged: bool) -> Self {
         Memory {
             description,
-            pages: vec![Page { given: 0, skip: 1 }; PAGES].into(),
-            last: 0,
+            free: [0..u64::MAX].into(),
             open: vec![u64::MAX; description.banks as usize].into(),
             cycles: MemoryCycles::default(),
             log: logged.then(Vec::new),
@@ -172,43 +160,30 @@ impl Memory {
     /// When the channel has moved so many bytes, from a cycle on.
     fn move_bytes(&mut self, now: u64, mut bytes: u64) -> u64 {
         let a_cycle = u64::from(self.description.bytes_per_cycle);
-        let a_page = SPAN * a_cycle;
-        let mut page = now / SPAN;
+        let now = now * a_cycle;
+        let mut index = self.free.partition_point(|gap| gap.end <= now);
         loop {
-            page = self.first_free(page);
-            let given = &mut self.pages[page as usize % PAGES].given;
-            // What lies before this cycle on its page is gone, if nobody took it.
-            let before = if page == now / SPAN { (now % SPAN) * a_cycle } else { 0 };
-            let from = (*given).max(before);
-            let take = bytes.min(a_page - from);
-            *given += take;
-            bytes -= take;
-            if bytes == 0 {
-                return page * SPAN + (from + take).div_ceil(a_cycle);
+            let gap = &mut self.free[index];
+            let from = now.max(gap.start);
+            let to = gap.end.min(from + bytes);
+            bytes -= to - from;
+            let after = to..std::mem::replace(&mut gap.end, from);
+            if from == gap.start {
+                // A gap that is used up goes, but for what is left behind.
+                if after.is_empty() { drop(self.free.remove(index)) } else { *gap = after }
+            } else {
+                index += 1;
+                if !after.is_empty() {
+                    self.free.insert(index, after);
+                }
             }
-            page += 1;
+            if bytes == 0 {
+                if self.free.len() > GAPS {
+                    self.free.pop_front();
+                }
+                return to.div_ceil(a_cycle);
+            }
         }
-    }
-
-    /// The first page from this one on that is not full; opens it, and all before it.
-    fn first_free(&mut self, page: u64) -> u64 {
-        let a_page = SPAN * u64::from(self.description.bytes_per_cycle);
-        // Whoever comes so late that his page is gone takes from the first that is left.
-        let page = page.max((self.last + 1).saturating_sub(PAGES as u64));
-        let mut free = page;
-        while free <= self.last && self.pages[free as usize % PAGES].given == a_page {
-            free = self.pages[free as usize % PAGES].skip;
-        }
-        if free > self.last {
-            let first = (self.last + 1).max((free + 1).saturating_sub(PAGES as u64));
-            (first..=free).for_each(|page| self.pages[page as usize % PAGES] = Page { given: 0, skip: page + 1 });
-            self.last = free;
-        }
-        let mut full = page.max((self.last + 1).saturating_sub(PAGES as u64));
-        while full < free {
-            full = std::mem::replace(&mut self.pages[full as usize % PAGES].skip, free);
-        }
-        free
     }
 
     /// The traffic, for how long the channel was busy with it, and what was logged.
