@@ -50,11 +50,11 @@ pub struct Cycles {
 }
 
 impl Cycles {
-    /// Of units and memory when all is through; what is written is there at `end`. Nothing looked up, no slots.
-    fn of(units: Vec<Unit>, memory: Memory, end: u64) -> Self {
-        let total = units.iter().map(Unit::done).max().unwrap_or(0).max(end);
+    /// Of units and memory when all is through. Nothing looked up, no slots.
+    fn of(units: Vec<Unit>, memory: Memory) -> Self {
+        let (memory, requests, written) = memory.finish();
+        let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
         let units = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
-        let (memory, requests) = memory.finish();
         Cycles { total, units, memory, requests, lookups: [0; 2], slots: [0; 2] }
     }
 

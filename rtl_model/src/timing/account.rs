@@ -107,6 +107,7 @@ pub struct Places {
     given_back: Box<[u64]>,
     room: u64,
     taken: u64,
+    counted: u64,
     given: u64,
     /// The first that was not given back before the last was taken.
     oldest: u64,
@@ -119,6 +120,7 @@ impl Places {
             given_back: vec![0; room.next_power_of_two()].into(),
             room: room as u64,
             taken: 0,
+            counted: 0,
             given: 0,
             oldest: 0,
             occupancy: vec![0; room + 1].into(),
@@ -130,6 +132,11 @@ impl Places {
         index as usize & (self.given_back.len() - 1)
     }
 
+    /// Whether it is known when one is free.
+    pub fn is_known(&self) -> bool {
+        self.taken < self.given + self.room
+    }
+
     /// The first cycle in which one is free.
     #[inline(always)]
     pub fn free(&self) -> u64 {
@@ -139,13 +146,26 @@ impl Places {
     /// Takes one in a cycle in which one is free.
     #[inline(always)]
     pub fn take(&mut self, now: u64) {
+        self.claim();
+        self.count(now);
+    }
+
+    /// Takes one of which [`count`](Self::count) is told when: once those before it are given back as far as they will be by then.
+    #[inline(always)]
+    pub fn claim(&mut self) {
         self.taken += 1;
+    }
+
+    /// The next one was taken in this cycle.
+    #[inline(always)]
+    pub fn count(&mut self, now: u64) {
+        self.counted += 1;
         // With this one, those that were taken and not given back before this cycle.
-        self.oldest = self.oldest.max(self.taken.saturating_sub(self.room));
+        self.oldest = self.oldest.max(self.counted.saturating_sub(self.room));
         while self.oldest < self.given && self.given_back[self.at(self.oldest)] < now {
             self.oldest += 1;
         }
-        self.occupancy[((self.taken - self.oldest) as usize).min(self.occupancy.len() - 1)] += 1;
+        self.occupancy[((self.counted - self.oldest) as usize).min(self.occupancy.len() - 1)] += 1;
     }
 
     /// Gives the oldest back.

@@ -13,6 +13,7 @@ use super::slots::{Readers, Slots};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::{Elaborated, Pace};
 use crate::work::{Bins, Work, each_tile};
+use std::collections::VecDeque;
 
 /// Bytes of a list's entry: which splat.
 const ENTRY_BYTES: u64 = 4;
@@ -39,7 +40,6 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
-    let mut end = sorted;
     for tile in 0..lists.tiles() {
         let corner = [tile % lists.columns, tile / lists.columns].map(|at| at as u32 * side);
         let corner_16 = corner.map(|at| at as u16);
@@ -53,6 +53,8 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             let ready = Ready { here: sorted, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
             let now = list.take(ready, 1);
             list.behind.take(now);
+            // Tiles without an entry may still be written when the tile before last is.
+            memory.forget(now.min(buffers[0]));
             if needed > bursts {
                 let address = LISTS + tile as u64 * LIST_BYTES + bursts * burst;
                 burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
@@ -87,14 +89,14 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             buffers = [buffers[1], done];
         }
         let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
-        end = end.max(memory.request(done, Client::FrameWrite, Direction::Write, address, bytes));
+        memory.write_later(done, Client::FrameWrite, address, bytes);
     }
     let mut units = vec![setup.fetch, setup.project, setup.ellipse, bin, list, fill.raster, fill.gauss, merge.fragment, merge.shade];
     if t.timing.tile.buffers == 2 {
         units.push(lit);
     }
     units.push(resolve.unit);
-    Cycles { slots: fill.slots, ..Cycles::of(units, memory, end) }
+    Cycles { slots: fill.slots, ..Cycles::of(units, memory) }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
@@ -105,16 +107,27 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Mem
     let mut bin = Unit::new("bin", Pace { units: 1, latency: 1, interval: 1, fifo: 1 }, Some("ellipse"), None, logged);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
-    let mut footprints = work.footprints.iter().enumerate();
+    let mut fates = work.fates.iter().zip(0..).peekable();
+    // Splats that were set up: when bin has them.
+    let mut ahead = VecDeque::new();
     let (mut record_bursts, mut end) = (0, 0);
-    for (index, fate) in work.fates.iter().enumerate() {
-        let Some(here) = setup.splat(index as u64, *fate, memory) else { continue };
-        let Some((nth, footprint)) = footprints.next() else { break };
+    for (nth, footprint) in work.footprints.iter().enumerate() {
+        // What is fetched before bin takes the next splat asks before it, as far as there is room.
+        while let Some((fate, index)) = fates.next_if(|(_, index)| match ahead.front() {
+            Some(here) => setup.ellipse.behind.is_known() && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here),
+            None => true,
+        }) {
+            if let Some(here) = setup.splat(index, *fate, memory) {
+                ahead.push_back(here);
+                memory.forget(setup.fetched);
+            }
+        }
+        let Some(here) = ahead.pop_front() else { break };
         let mut entries = 0;
         each_tile(footprint.sides(), side, lists.columns, |_| entries += 1);
         // A record, then an entry a cycle; what is written waits for its turn.
         let now = bin.take(Ready { here, memory: outstanding.free(), ..Ready::default() }, 1 + entries);
-        setup.ellipse.behind.give(now);
+        setup.give(here, now);
         let mut write = |when: u64, address: u64| {
             let done = memory.request(when, Client::Lists, Direction::Write, address, burst);
             outstanding.push(done);
@@ -133,6 +146,9 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Mem
             }
         });
         end = end.max(when + 1);
+    }
+    for (fate, index) in fates {
+        setup.splat(index, *fate, memory);
     }
     // What is left of the last records and of every list.
     let last = end;

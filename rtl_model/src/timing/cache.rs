@@ -70,7 +70,7 @@ impl Cache {
         let Some(place) = set.iter_mut().min_by_key(|place| place.used) else { return [now; 2] };
         if place.line != EMPTY {
             let address = LINES + u64::from(place.line) * self.line_bytes;
-            memory.request(place.written.max(now), Client::FrameWrite, Direction::Write, address, self.line_bytes);
+            memory.write_later(place.written.max(now), Client::FrameWrite, address, self.line_bytes);
             self.in_memory[place.line as usize] = true;
         }
         let mut over = now;

@@ -54,12 +54,11 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
         let Some(footprint) = footprints.next() else { break };
         readers.next(footprint, [0, 0], u32::from(u16::MAX), t.timing.raster.lanes, &mut slots);
         let pixels = &slots.pixels;
-        let ellipse = &mut setup.ellipse;
         fill.footprint(
             here,
             0,
             &slots.slots,
-            |taken| ellipse.behind.give(taken),
+            |taken| setup.give(here, taken),
             |slot, from, here| {
                 let pixels = &pixels[from..slot.end as usize];
                 touched.clear();
@@ -87,27 +86,22 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
                 taken
             },
         );
+        // Resolve begins when the last pixel is written, whatever is fetched by then.
+        if !slots.pixels.is_empty() {
+            memory.forget(setup.fetched);
+        }
     }
     let mut resolve = Resolve::new(t, work, logged);
-    let end = resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
+    resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
     let units = [setup.fetch, setup.project, setup.ellipse, fill.raster, fill.gauss, lookup, merge.fragment, merge.shade, resolve.unit];
-    Cycles { lookups: cache.lookups, slots: fill.slots, ..Cycles::of(units.into(), memory, end) }
+    Cycles { lookups: cache.lookups, slots: fill.slots, ..Cycles::of(units.into(), memory) }
 }
 
-/// Line by line: what was touched is read, if the cache has it not; every word is written. Says when the last one is.
-fn resolve_frame(
-    t: &Elaborated,
-    work: &Work,
-    lines: &Lines,
-    cache: &Cache,
-    merge: &mut Merge,
-    resolve: &mut Resolve,
-    memory: &mut Memory,
-) -> u64 {
+/// Line by line: what was touched is read, if the cache has it not; every word is written.
+fn resolve_frame(t: &Elaborated, work: &Work, lines: &Lines, cache: &Cache, merge: &mut Merge, resolve: &mut Resolve, memory: &mut Memory) {
     let start = merge.written;
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let line_bytes = u64::from(t.line_bytes);
-    let mut end = start;
     let [columns, rows] = t.timing.cache.line_px;
     for line in 0..lines.across * lines.down {
         let [here, touched] = cache.holds(line);
@@ -122,7 +116,6 @@ fn resolve_frame(
         let pixels = u64::from(across.end - left) * u64::from(down.end - top);
         let done = resolve.pixels(across, down, ready, &mut merge.shade);
         let address = WORDS + u64::from(line) * u64::from(columns * rows * t.frame_bytes);
-        end = end.max(memory.request(done, Client::FrameWrite, Direction::Write, address, pixels * u64::from(t.frame_bytes)));
+        memory.write_later(done, Client::FrameWrite, address, pixels * u64::from(t.frame_bytes));
     }
-    end
 }

@@ -77,8 +77,14 @@ impl MemoryCycles {
     }
 }
 
-/// Gaps that are kept for requests that come late.
-const GAPS: usize = 1 << 12;
+/// A write for which nobody waits.
+#[derive(Clone, Copy, Debug)]
+struct Later {
+    cycle: u64,
+    client: Client,
+    address: u64,
+    bytes: u64,
+}
 
 /// The channel.
 #[derive(Clone, Debug)]
@@ -87,6 +93,9 @@ pub struct Memory {
     /// What was not given away, in bytes since the first cycle; the last gap has no end.
     free: VecDeque<Range<u64>>,
     open: Box<[u64]>,
+    /// What is still to be written, by cycle, and when the last that was is there.
+    later: VecDeque<Later>,
+    written: u64,
     cycles: MemoryCycles,
     log: Option<Vec<Request>>,
 }
@@ -120,13 +129,42 @@ impl Memory {
             description,
             free: [0..u64::MAX].into(),
             open: vec![u64::MAX; description.banks as usize].into(),
+            later: VecDeque::new(),
+            written: 0,
             cycles: MemoryCycles::default(),
             log: logged.then(Vec::new),
         }
     }
 
-    /// Moves bytes from an address on, in whole bursts; says when the last has come. A row is opened for each that the bytes lie in.
+    /// Writes bytes for which nobody waits: after all that is asked for before this cycle, whenever that is said.
+    pub fn write_later(&mut self, cycle: u64, client: Client, address: u64, bytes: u64) {
+        let at = self.later.partition_point(|before| before.cycle <= cycle);
+        self.later.insert(at, Later { cycle, client, address, bytes });
+    }
+
+    /// Moves bytes from an address on, in whole bursts; says when the last has come.
     pub fn request(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+        self.write_until(now);
+        self.serve(now, client, direction, address, bytes)
+    }
+
+    /// Nobody will ask for anything before this cycle.
+    pub fn forget(&mut self, before: u64) {
+        self.write_until(before);
+        let before = before * u64::from(self.description.bytes_per_cycle);
+        while self.free.pop_front_if(|gap| gap.end <= before).is_some() {}
+    }
+
+    /// Writes what is to be written up to a cycle.
+    fn write_until(&mut self, now: u64) {
+        while let Some(Later { cycle, client, address, bytes }) = self.later.pop_front_if(|later| later.cycle <= now) {
+            let done = self.serve(cycle, client, Direction::Write, address, bytes);
+            self.written = self.written.max(done);
+        }
+    }
+
+    /// A row is opened for each that the bytes lie in.
+    fn serve(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
         let Description { burst_bytes, row_bytes, .. } = self.description;
         let [burst, row] = [burst_bytes, row_bytes].map(u64::from);
         let end = (address + bytes.max(1)).next_multiple_of(burst);
@@ -178,18 +216,16 @@ impl Memory {
                 }
             }
             if bytes == 0 {
-                if self.free.len() > GAPS {
-                    self.free.pop_front();
-                }
                 return to.div_ceil(a_cycle);
             }
         }
     }
 
-    /// The traffic, for how long the channel was busy with it, and what was logged.
-    pub fn finish(self) -> (MemoryCycles, Vec<Request>) {
+    /// The traffic, for how long the channel was busy with it, what was logged, and when all is written for which nobody waited.
+    pub fn finish(mut self) -> (MemoryCycles, Vec<Request>, u64) {
+        self.write_until(u64::MAX);
         let busy = self.cycles.total_bytes().div_ceil(u64::from(self.description.bytes_per_cycle));
-        (MemoryCycles { busy, ..self.cycles }, self.log.unwrap_or_default())
+        (MemoryCycles { busy, ..self.cycles }, self.log.unwrap_or_default(), self.written)
     }
 }
 
