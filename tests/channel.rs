@@ -57,19 +57,6 @@ fn compare(name: &str, work: &Work, scene: &Scene, what: &str, timing: Timing) -
     let took = start.elapsed().as_secs_f64();
     let replayed = replay(&timing, work);
     assert_eq!((ticked.traffic.bytes, ticked.traffic.bursts), (replayed.memory.bytes, replayed.memory.requests), "{name}");
-    if true {
-        let logged = rtl_model::timing::replay_logged(&timing, work);
-        for name in ["fetch", "ellipse", "bin", "list", "raster", "gauss", "fragment", "resolve"] {
-            let Some(a) = ticked.units.iter().find(|unit| unit.name == name) else { continue };
-            let b = logged.units.iter().find(|unit| unit.name == name).unwrap();
-            let n = a.log.len() - 1;
-            print!("{name}: ");
-            for k in [0, n / 4, n / 2, 3 * n / 4, n] {
-                print!("{}/{} ", a.log[k], b.log[k]);
-            }
-            println!(" {:?} {:?} %", a.sides[0].account, b.account);
-        }
-    }
     let error = (replayed.total as f64 - ticked.total as f64) / ticked.total as f64;
     println!(
         "{name:14} {:10} {what:8} {:10} {:10} {:+7.3} % {:9} {:9} {:10} {:10} {took:.2}",

@@ -53,8 +53,7 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             let ready = Ready { here: sorted, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
             let now = list.take(ready, 1);
             list.behind.take(now);
-            // Tiles without an entry may still be written when the tile before last is.
-            memory.forget(now.min(buffers[0]));
+            memory.forget(now);
             if needed > bursts {
                 let address = LISTS + tile as u64 * LIST_BYTES + bursts * burst;
                 burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
@@ -79,10 +78,10 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
                 },
             );
         }
-        // Words of the tile; of one without entries they are the background.
+        // Words of the tile; of one without entries they are the background, written behind the tile before.
         let [across, down] = [(corner[0], work.width), (corner[1], work.height)].map(|(from, size)| from..size.min(from + side));
         let bytes = u64::from(across.end - across.start) * u64::from(down.end - down.start) * u64::from(t.frame_bytes);
-        let mut done = merge.written.max(buffer_free);
+        let mut done = buffers[1];
         if !entries.is_empty() {
             let shade = if t.timing.tile.buffers == 2 { &mut lit } else { &mut merge.shade };
             done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade);

@@ -189,7 +189,7 @@ impl<'a> Machine<'a> {
         }
         self.sorted = self.writes.have_all_come(self.now);
         if self.sorted {
-            (0..self.buffers()).for_each(|tiles| self.leave_out(self.now, tiles));
+            self.leave_out(self.now);
         }
     }
 
@@ -197,8 +197,9 @@ impl<'a> Machine<'a> {
         self.timing.timing.tile.buffers as usize
     }
 
-    /// Tiles without an entry that come after so many others are written when those are resolved, as far as buffers go.
-    fn leave_out(&mut self, when: u64, tiles: usize) {
+    /// Tiles without an entry are written behind the one before, which is resolved then.
+    fn leave_out(&mut self, when: u64) {
+        let tiles = self.resolved.len();
         let empty: Vec<u64> = self.empty.iter().filter(|(before, _)| *before == tiles).map(|(_, place)| *place).collect();
         empty.into_iter().for_each(|place| self.write_words(when, place));
     }
@@ -295,7 +296,7 @@ impl<'a> Machine<'a> {
         }
         self.resolved.push(done);
         self.write_words(done, place);
-        self.leave_out(done, self.resolved.len() - 1 + self.buffers());
+        self.leave_out(done);
         Act::Take(cycles)
     }
 
