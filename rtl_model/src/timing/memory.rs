@@ -5,9 +5,15 @@
 //! ```
 //! Items are gone through one after the other, each through all units, so that requests do not come in the order of time. The channel
 //! therefore keeps the gaps between what it gave away. A request takes the first bytes left from its cycle on. Rows are opened in the
-//! order of requests.
+//! order of requests. What nobody waits for is written after all that is asked for before; where the first pass of a binned machine
+//! fetches and writes lists, who comes first asks first, as far as it has room.
 //!
-//! Law: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`.
+//! A channel that serves who came first takes as long within 0.6 % on small versions of the built-in scenes, within 0.63 % on themselves
+//! (terrain, binned, both times); of random frames with narrow memory nine in ten are off by at most 1.5 % (immediate) and 4.5 % (binned),
+//! one of a few hundred cycles by 25 %, all together by 0.3 %. The same bytes are moved in the same bursts.
+//!
+//! Laws: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`, `replayed_scenes_are_at_most_a_hundredth_off`,
+//! `a_frame_with_narrow_memory_moves_the_same_bytes_in_about_the_time`.
 
 use crate::machine::timing::Memory as Description;
 use std::collections::VecDeque;
@@ -127,7 +133,7 @@ impl Memory {
     pub fn new(description: Description, logged: bool) -> Self {
         Memory {
             description,
-            free: [0..u64::MAX].into(),
+            free: std::iter::once(0..u64::MAX).collect(),
             open: vec![u64::MAX; description.banks as usize].into(),
             later: VecDeque::new(),
             written: 0,
@@ -207,8 +213,11 @@ impl Memory {
             bytes -= to - from;
             let after = to..std::mem::replace(&mut gap.end, from);
             if from == gap.start {
-                // A gap that is used up goes, but for what is left behind.
-                if after.is_empty() { drop(self.free.remove(index)) } else { *gap = after }
+                // From its beginning on: what is left of it stays.
+                *gap = after;
+                if gap.is_empty() {
+                    self.free.remove(index);
+                }
             } else {
                 index += 1;
                 if !after.is_empty() {
