@@ -12,9 +12,12 @@
 //! - *Room*: behind a unit lie as many places as its FIFO has and as are under way in its pipeline. A place is taken when the unit takes an
 //!   item that goes on, and given back when the next unit takes that; it can be taken again in the cycle after.
 //!
-//! Exact, cycle by cycle, is all of this but memory, whose one channel serves requests in the order in which items are gone through, each
-//! as soon as the channel has a free moment (`memory.rs`). Not modelled: refresh, turning the channel from reading to writing, and
-//! the contention of merges and resolve for one shade unit where tiles have two buffers.
+//! Exact, cycle by cycle, is all of this but memory, whose one channel serves requests in the order in which items are gone through, not
+//! first come, first served (`memory.rs`): a frame is off by at most 0.6 % on small versions of the built-in scenes, by 0.63 % on
+//! themselves. Not modelled: refresh, turning the channel from reading to writing, and the contention of merges and resolve for one shade
+//! unit where tiles have two buffers.
+//!
+//! Laws: `a_frame_ticks_as_it_is_replayed`, `a_binned_frame_ticks_as_it_is_replayed`, `replayed_scenes_are_at_most_a_hundredth_off`.
 
 mod account;
 mod binned;
@@ -51,11 +54,11 @@ pub struct Cycles {
 }
 
 impl Cycles {
-    /// Of units and memory when all is through; what is written is there at `end`. Nothing looked up, no slots.
-    fn of(units: Vec<Unit>, memory: Memory, end: u64) -> Self {
-        let total = units.iter().map(Unit::done).max().unwrap_or(0).max(end);
+    /// Of units and memory when all is through. Nothing looked up, no slots.
+    fn of(units: Vec<Unit>, memory: Memory) -> Self {
+        let (memory, requests, written) = memory.finish();
+        let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
         let units = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
-        let (memory, requests) = memory.finish();
         Cycles { total, units, memory, requests, lookups: [0; 2], slots: [0; 2] }
     }
 

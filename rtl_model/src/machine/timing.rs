@@ -414,8 +414,9 @@ impl Machine {
         let point = bits(&[(3, p.camera), (1, p.depth), (2, p.slope), (2, p.pixel)]) + reciprocal + 2 * exponent;
         let rest = splat - bits(&[(3, self.splat.position)]);
         let attributes = bits(&[(3, self.splat.rgb), (1, self.splat.opacity), (3, f.normal)]) + 8;
-        let lanes = t.raster.lanes[0].saturating_mul(t.raster.lanes[1]) as i32;
-        let slot = |word: Word| lanes.saturating_mul(bits(&[(1, word), (1, f.depth)])) + attributes;
+        // What is out of range is a misfit already: here it must do no harm.
+        let lanes = t.raster.lanes[0].saturating_mul(t.raster.lanes[1]).min(64) as i32;
+        let slot = |word: Word| lanes * bits(&[(1, word), (1, f.depth)]) + attributes;
         let fragments = u64::from(f.layers) * u64::from(fragment_bytes) * 8;
         let fifo = |to, places: u32, units: u32, bits: i32| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
         let immediate = t.organisation == Organisation::Immediate;
@@ -429,13 +430,12 @@ impl Machine {
             fifo(weighed, t.gauss.fifo, 1, slot(self.gauss.weight)),
             fifo("fragment", if immediate { t.cache.fifo } else { 0 }, 1, slot(self.gauss.weight)),
         ];
-        let [columns, rows] = t.cache.line_px.map(u64::from);
-        let side = u64::from(t.tile.side_px);
-        let kept_px = if immediate {
-            columns.saturating_mul(rows).saturating_mul(t.cache.lines.into())
+        let kept = if immediate {
+            [t.cache.line_px[0], t.cache.line_px[1], t.cache.lines]
         } else {
-            u64::from(t.tile.buffers) * side * side
+            [t.tile.side_px, t.tile.side_px, t.tile.buffers]
         };
+        let kept_px = kept.map(u64::from).into_iter().fold(1, u64::saturating_mul);
         Storage {
             fifos,
             memory_bits: kept_px.saturating_mul(fragments),

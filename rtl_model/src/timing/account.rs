@@ -116,9 +116,11 @@ impl Timeline {
 pub struct Places {
     /// From when on each is free.
     free: Box<[u64]>,
-    /// Whose turn it is.
-    turn: usize,
-    /// The first of those that were held when one was taken last, and how many they were.
+    /// Those that are taken and given back next, and how many are taken and not given back.
+    next: usize,
+    back: usize,
+    out: usize,
+    /// The first of those that were held when one was counted last, and how many they were.
     oldest: usize,
     held: usize,
     occupancy: Box<[u64]>,
@@ -126,7 +128,7 @@ pub struct Places {
 
 impl Places {
     pub fn new(room: usize) -> Self {
-        Places { free: vec![0; room].into(), turn: 0, oldest: 0, held: 0, occupancy: vec![0; room + 1].into() }
+        Places { free: vec![0; room].into(), next: 0, back: 0, out: 0, oldest: 0, held: 0, occupancy: vec![0; room + 1].into() }
     }
 
     #[inline(always)]
@@ -134,15 +136,34 @@ impl Places {
         if place + 1 == self.free.len() { 0 } else { place + 1 }
     }
 
+    /// Whether it is known when one is free.
+    pub fn is_known(&self) -> bool {
+        self.out < self.free.len()
+    }
+
     /// The first cycle in which one is free.
     #[inline(always)]
     pub fn free(&self) -> u64 {
-        self.free[self.turn]
+        self.free[self.next]
     }
 
     /// Takes one in a cycle in which one is free.
     #[inline(always)]
     pub fn take(&mut self, now: u64) {
+        self.claim();
+        self.count(now);
+    }
+
+    /// Takes one of which [`count`](Self::count) is told when, as soon as it is known.
+    #[inline(always)]
+    pub fn claim(&mut self) {
+        self.next = self.after(self.next);
+        self.out += 1;
+    }
+
+    /// The next one was taken in this cycle; it is said of all before it when they are given back.
+    #[inline(always)]
+    pub fn count(&mut self, now: u64) {
         while self.held > 0 && self.free[self.oldest] <= now {
             self.oldest = self.after(self.oldest);
             self.held -= 1;
@@ -151,11 +172,12 @@ impl Places {
         self.occupancy[self.held] += 1;
     }
 
-    /// Gives it back. That is said before another is taken, for each item is gone through to its end.
+    /// Gives the one back that was taken first.
     #[inline(always)]
     pub fn give(&mut self, now: u64) {
-        self.free[self.turn] = now + 1;
-        self.turn = self.after(self.turn);
+        self.free[self.back] = now + 1;
+        self.back = self.after(self.back);
+        self.out -= 1;
     }
 }
 

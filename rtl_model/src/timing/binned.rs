@@ -8,17 +8,15 @@
 
 use super::Cycles;
 use super::account::{Ready, Unit};
-use super::memory::{Client, Direction, Memory, Outstanding};
+use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
 use super::slots::{Readers, Slots};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::{Elaborated, Pace};
 use crate::work::{Bins, Work, each_tile};
+use std::collections::VecDeque;
 
 /// Bytes of a list's entry: which splat.
 const ENTRY_BYTES: u64 = 4;
-/// Regions of memory lie so far apart.
-const REGION: u64 = 1 << 40;
-
 /// Lists lie so far apart.
 const LIST_BYTES: u64 = 1 << 24;
 
@@ -42,7 +40,6 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
-    let mut end = sorted;
     for tile in 0..lists.tiles() {
         let corner = [tile % lists.columns, tile / lists.columns].map(|at| at as u32 * side);
         let corner_16 = corner.map(|at| at as u16);
@@ -56,13 +53,14 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             let ready = Ready { here: sorted, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
             let now = list.take(ready, 1);
             list.behind.take(now);
+            memory.forget(now);
             if needed > bursts {
-                let address = 2 * REGION + tile as u64 * LIST_BYTES + bursts * burst;
+                let address = LISTS + tile as u64 * LIST_BYTES + bursts * burst;
                 burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
                 outstanding.push(burst_here);
                 bursts = needed;
             }
-            let address = REGION + u64::from(*entry) * u64::from(t.prepared_bytes);
+            let address = RECORDS + u64::from(*entry) * u64::from(t.prepared_bytes);
             let here = memory.request(now.max(burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
             outstanding.push(here);
 
@@ -79,24 +77,24 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
                 },
             );
         }
-        // Words of the tile; of one without entries they are the background.
+        // Words of the tile; of one without entries they are the background, written behind the tile before.
         let [across, down] = [(corner[0], work.width), (corner[1], work.height)].map(|(from, size)| from..size.min(from + side));
         let bytes = u64::from(across.end - across.start) * u64::from(down.end - down.start) * u64::from(t.frame_bytes);
-        let mut done = merge.written.max(buffer_free);
+        let mut done = buffers[1];
         if !entries.is_empty() {
             let shade = if t.timing.tile.buffers == 2 { &mut lit } else { &mut merge.shade };
             done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade);
             buffers = [buffers[1], done];
         }
-        let address = tile as u64 * u64::from(side * side * t.frame_bytes);
-        end = end.max(memory.request(done, Client::FrameWrite, Direction::Write, address, bytes));
+        let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
+        memory.write_later(done, Client::FrameWrite, address, bytes);
     }
     let mut units = vec![setup.fetch, setup.project, setup.ellipse, bin, list, fill.raster, fill.gauss, merge.fragment, merge.shade];
     if t.timing.tile.buffers == 2 {
         units.push(lit);
     }
     units.push(resolve.unit);
-    Cycles { slots: fill.slots, ..Cycles::of(units, memory, end) }
+    Cycles { slots: fill.slots, ..Cycles::of(units, memory) }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
@@ -107,16 +105,27 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Mem
     let mut bin = Unit::new("bin", Pace { units: 1, latency: 1, interval: 1, fifo: 1 }, Some("ellipse"), None, logged);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
-    let mut footprints = work.footprints.iter().enumerate();
+    let mut fates = work.fates.iter().zip(0..).peekable();
+    // Splats that were set up: when bin has them.
+    let mut ahead = VecDeque::new();
     let (mut record_bursts, mut end) = (0, 0);
-    for (index, fate) in work.fates.iter().enumerate() {
-        let Some(here) = setup.splat(index as u64, *fate, memory) else { continue };
-        let Some((nth, footprint)) = footprints.next() else { break };
+    for (nth, footprint) in work.footprints.iter().enumerate() {
+        // What is fetched before bin takes the next splat asks before it, as far as there is room.
+        while let Some((fate, index)) = fates.next_if(|(_, index)| match ahead.front() {
+            Some(here) => setup.ellipse.behind.is_known() && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here),
+            None => true,
+        }) {
+            if let Some(here) = setup.splat(index, *fate, memory) {
+                ahead.push_back(here);
+                memory.forget(setup.fetched);
+            }
+        }
+        let Some(here) = ahead.pop_front() else { break };
         let mut entries = 0;
         each_tile(footprint.sides(), side, lists.columns, |_| entries += 1);
         // A record, then an entry a cycle; what is written waits for its turn.
         let now = bin.take(Ready { here, memory: outstanding.free(), ..Ready::default() }, 1 + entries);
-        setup.ellipse.behind.give(now);
+        setup.give(here, now);
         let mut write = |when: u64, address: u64| {
             let done = memory.request(when, Client::Lists, Direction::Write, address, burst);
             outstanding.push(done);
@@ -124,25 +133,28 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Mem
         };
         // Records lie side by side: a burst goes when it is full.
         let full = (nth as u64 + 1) * u64::from(t.prepared_bytes) / burst;
-        (record_bursts..full).for_each(|full| write(now, REGION + full * burst));
+        (record_bursts..full).for_each(|full| write(now, RECORDS + full * burst));
         record_bursts = full;
         let mut when = now;
         each_tile(footprint.sides(), side, lists.columns, |tile| {
             when += 1;
             lengths[tile] += 1;
             if (lengths[tile] * ENTRY_BYTES).is_multiple_of(burst) {
-                write(when, 2 * REGION + tile as u64 * LIST_BYTES + lengths[tile] * ENTRY_BYTES - burst);
+                write(when, LISTS + tile as u64 * LIST_BYTES + lengths[tile] * ENTRY_BYTES - burst);
             }
         });
         end = end.max(when + 1);
     }
+    for (fate, index) in fates {
+        setup.splat(index, *fate, memory);
+    }
     // What is left of the last records and of every list.
     let last = end;
     if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {
-        end = end.max(memory.request(last, Client::Lists, Direction::Write, REGION + record_bursts * burst, burst));
+        end = end.max(memory.request(last, Client::Lists, Direction::Write, RECORDS + record_bursts * burst, burst));
     }
     for (tile, length) in lengths.into_iter().enumerate().filter(|(_, length)| !(length * ENTRY_BYTES).is_multiple_of(burst)) {
-        let address = 2 * REGION + tile as u64 * LIST_BYTES + length * ENTRY_BYTES / burst * burst;
+        let address = LISTS + tile as u64 * LIST_BYTES + length * ENTRY_BYTES / burst * burst;
         end = end.max(memory.request(last, Client::Lists, Direction::Write, address, burst));
     }
     (setup, bin, end)

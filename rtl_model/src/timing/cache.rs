@@ -4,7 +4,7 @@
 //!
 //! Laws: `a_frame_ticks_as_it_is_replayed`, `more_of_anything_is_never_slower_if_lines_come_and_go`.
 
-use super::memory::{Client, Direction, Memory, Outstanding};
+use super::memory::{Client, Direction, LINES, Memory, Outstanding};
 use crate::machine::timing::{Cache as Description, Elaborated};
 use std::ops::Range;
 
@@ -77,8 +77,8 @@ impl Cache {
         }
         let Some(place) = set.iter_mut().min_by_key(|place| place.used) else { return [now; 2] };
         if place.line != EMPTY {
-            let address = u64::from(place.line) * self.line_bytes;
-            memory.request(place.written.max(now), Client::FrameWrite, Direction::Write, address, self.line_bytes);
+            let address = LINES + u64::from(place.line) * self.line_bytes;
+            memory.write_later(place.written.max(now), Client::FrameWrite, address, self.line_bytes);
             self.in_memory[place.line as usize] = true;
         }
         let mut over = now;
@@ -88,7 +88,7 @@ impl Cache {
                 over.max(place.written),
                 Client::FrameRead,
                 Direction::Read,
-                u64::from(line) * self.line_bytes,
+                LINES + u64::from(line) * self.line_bytes,
                 self.line_bytes,
             );
             self.outstanding.push(here);

@@ -9,7 +9,7 @@
 use super::Cycles;
 use super::account::{Ready, Unit};
 use super::cache::Cache;
-use super::memory::{Client, Direction, Memory, Outstanding};
+use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
 use super::slots::{Piece, Readers, Slots, below};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::Elaborated;
@@ -63,12 +63,11 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
         let Some(here) = setup.splat(index as u64, *fate, &mut memory) else { continue };
         let Some(footprint) = footprints.next() else { break };
         readers.next(footprint, [0, 0], u32::from(u16::MAX), t.timing.raster.lanes, &mut slots);
-        let ellipse = &mut setup.ellipse;
         fill.footprint(
             here,
             0,
             &slots,
-            |taken| ellipse.behind.give(taken),
+            |taken| setup.give(here, taken),
             |slot, here| {
                 touched.clear();
                 slot.iter().for_each(|piece| lines.touch(piece, &mut touched));
@@ -90,43 +89,36 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
                 taken
             },
         );
+        // Resolve begins when the last pixel is written, whatever is fetched by then.
+        if slots.pieces.iter().any(|piece| piece.pixels != 0) {
+            memory.forget(setup.fetched);
+        }
     }
     let mut resolve = Resolve::new(t, work, logged);
-    let end = resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
+    resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
     let units = [setup.fetch, setup.project, setup.ellipse, fill.raster, fill.gauss, lookup, merge.fragment, merge.shade, resolve.unit];
-    Cycles { lookups: cache.lookups, slots: fill.slots, ..Cycles::of(units.into(), memory, end) }
+    Cycles { lookups: cache.lookups, slots: fill.slots, ..Cycles::of(units.into(), memory) }
 }
 
-/// Line by line: what was touched is read, if the cache has it not; every word is written. Says when the last one is.
-fn resolve_frame(
-    t: &Elaborated,
-    work: &Work,
-    lines: &Lines,
-    cache: &Cache,
-    merge: &mut Merge,
-    resolve: &mut Resolve,
-    memory: &mut Memory,
-) -> u64 {
+/// Line by line: what was touched is read, if the cache has it not; every word is written.
+fn resolve_frame(t: &Elaborated, work: &Work, lines: &Lines, cache: &Cache, merge: &mut Merge, resolve: &mut Resolve, memory: &mut Memory) {
     let start = merge.written;
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let line_bytes = u64::from(t.line_bytes);
-    let frame_base = line_bytes * u64::from(lines.across * lines.down);
-    let mut end = start;
     let [columns, rows] = t.timing.cache.line_px;
     for line in 0..lines.across * lines.down {
         let [here, touched] = cache.holds(line);
         let mut ready = Ready { here: start, ..Ready::default() };
         if touched && !here {
             let from = start.max(outstanding.free());
-            ready.memory = memory.request(from, Client::FrameRead, Direction::Read, u64::from(line) * line_bytes, line_bytes);
+            ready.memory = memory.request(from, Client::FrameRead, Direction::Read, LINES + u64::from(line) * line_bytes, line_bytes);
             outstanding.push(ready.memory);
         }
         let [left, top] = [line % lines.across * columns, line / lines.across * rows];
         let (across, down) = (left..(left + columns).min(work.width), top..(top + rows).min(work.height));
         let pixels = u64::from(across.end - left) * u64::from(down.end - top);
         let done = resolve.pixels(across, down, ready, &mut merge.shade);
-        let address = frame_base + u64::from(line) * u64::from(columns * rows * t.frame_bytes);
-        end = end.max(memory.request(done, Client::FrameWrite, Direction::Write, address, pixels * u64::from(t.frame_bytes)));
+        let address = WORDS + u64::from(line) * u64::from(columns * rows * t.frame_bytes);
+        memory.write_later(done, Client::FrameWrite, address, pixels * u64::from(t.frame_bytes));
     }
-    end
 }

@@ -4,12 +4,20 @@
 //! request ─►( first free moment of the channel at or after it )─► bytes ÷ bandwidth ─►( + latency of an open or another row )─► done
 //! ```
 //! Items are gone through one after the other, each through all units, so that requests do not come in the order of time. The channel
-//! therefore keeps a calendar: [`SPAN`] cycles a page, and how many of their bytes are given away. A request takes the first bytes left
-//! from its cycle on. Rows are opened in the order of requests.
+//! therefore keeps the gaps between what it gave away. A request takes the first bytes left from its cycle on. Rows are opened in the
+//! order of requests. What nobody waits for is written after all that is asked for before; where the first pass of a binned machine
+//! fetches and writes lists, who comes first asks first, as far as it has room.
 //!
-//! Law: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`.
+//! A channel that serves who came first takes as long within 0.6 % on small versions of the built-in scenes, within 0.63 % on themselves
+//! (terrain, binned, both times); of random frames with narrow memory nine in ten are off by at most 1.5 % (immediate) and 4.5 % (binned),
+//! one of a few hundred cycles by 25 %, all together by 0.3 %. The same bytes are moved in the same bursts.
+//!
+//! Laws: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`, `replayed_scenes_are_at_most_a_hundredth_off`,
+//! `a_frame_with_narrow_memory_moves_the_same_bytes_in_about_the_time`.
 
 use crate::machine::timing::Memory as Description;
+use std::collections::VecDeque;
+use std::ops::Range;
 
 /// Who asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,6 +47,17 @@ impl Client {
 /// All of them, in the order of reports.
 pub const CLIENTS: [Client; 4] = [Client::Splats, Client::Lists, Client::FrameRead, Client::FrameWrite];
 
+/// Where what lies: regions so far apart that no two share a row. Splat records begin at 0.
+const REGION: u64 = 1 << 40;
+/// Splats that were set up.
+pub const RECORDS: u64 = REGION;
+/// Lists of tiles.
+pub const LISTS: u64 = 2 * REGION;
+/// Lines of fragments.
+pub const LINES: u64 = 3 * REGION;
+/// Frame words.
+pub const WORDS: u64 = 4 * REGION;
+
 /// Bins of the histogram of latencies.
 pub const LATENCY_BINS: usize = 24;
 
@@ -64,18 +83,13 @@ impl MemoryCycles {
     }
 }
 
-/// Cycles of a page of the calendar.
-const SPAN: u64 = 32;
-/// Pages that are kept open for requests that come late.
-const PAGES: usize = 1 << 12;
-
-/// A page of the calendar.
+/// A write for which nobody waits.
 #[derive(Clone, Copy, Debug)]
-struct Page {
-    /// Bytes given away.
-    given: u64,
-    /// Where to look once it is full: no page before that one is free.
-    skip: u64,
+struct Later {
+    cycle: u64,
+    client: Client,
+    address: u64,
+    bytes: u64,
 }
 
 /// The channel.
@@ -84,11 +98,12 @@ pub struct Memory {
     description: Description,
     /// Logarithms of a burst's and a row's bytes.
     log: [u32; 2],
-    /// Page n at n modulo [`PAGES`].
-    pages: Box<[Page; PAGES]>,
-    /// The last page that was begun.
-    last: u64,
+    /// What was not given away, in bytes since the first cycle; the last gap has no end.
+    free: VecDeque<Range<u64>>,
     open: Box<[u64]>,
+    /// What is still to be written, by cycle, and when the last that was is there.
+    later: VecDeque<Later>,
+    written: u64,
     cycles: MemoryCycles,
     logged: Option<Vec<Request>>,
 }
@@ -121,16 +136,44 @@ impl Memory {
         Memory {
             description,
             log: [description.burst_bytes, description.row_bytes].map(u32::ilog2),
-            pages: Box::new([Page { given: 0, skip: 1 }; PAGES]),
-            last: 0,
+            free: std::iter::once(0..u64::MAX).collect(),
             open: vec![u64::MAX; description.banks as usize].into(),
+            later: VecDeque::new(),
+            written: 0,
             cycles: MemoryCycles::default(),
             logged: logged.then(Vec::new),
         }
     }
 
-    /// Moves bytes from an address on, in whole bursts; says when the last has come. A row is opened for each that the bytes lie in.
+    /// Writes bytes for which nobody waits: after all that is asked for before this cycle, whenever that is said.
+    pub fn write_later(&mut self, cycle: u64, client: Client, address: u64, bytes: u64) {
+        let at = self.later.partition_point(|before| before.cycle <= cycle);
+        self.later.insert(at, Later { cycle, client, address, bytes });
+    }
+
+    /// Moves bytes from an address on, in whole bursts; says when the last has come.
     pub fn request(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+        self.write_until(now);
+        self.serve(now, client, direction, address, bytes)
+    }
+
+    /// Nobody will ask for anything before this cycle.
+    pub fn forget(&mut self, before: u64) {
+        self.write_until(before);
+        let before = before * u64::from(self.description.bytes_per_cycle);
+        while self.free.pop_front_if(|gap| gap.end <= before).is_some() {}
+    }
+
+    /// Writes what is to be written up to a cycle.
+    fn write_until(&mut self, now: u64) {
+        while let Some(Later { cycle, client, address, bytes }) = self.later.pop_front_if(|later| later.cycle <= now) {
+            let done = self.serve(cycle, client, Direction::Write, address, bytes);
+            self.written = self.written.max(done);
+        }
+    }
+
+    /// A row is opened for each that the bytes lie in.
+    fn serve(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
         let [burst, row] = self.log.map(|log| 1u64 << log);
         let end = (address + bytes.max(1)).div_ceil(burst) * burst;
         let mut from = address / burst * burst;
@@ -164,49 +207,37 @@ impl Memory {
     /// When the channel has moved so many bytes, from a cycle on.
     fn move_bytes(&mut self, now: u64, mut bytes: u64) -> u64 {
         let a_cycle = u64::from(self.description.bytes_per_cycle);
-        let a_page = SPAN * a_cycle;
-        let mut page = now / SPAN;
+        let now = now * a_cycle;
+        let mut index = self.free.partition_point(|gap| gap.end <= now);
         loop {
-            page = self.first_free(page);
-            let given = &mut self.pages[page as usize % PAGES].given;
-            // What lies before this cycle on its page is gone, if nobody took it.
-            let before = if page == now / SPAN { (now % SPAN) * a_cycle } else { 0 };
-            let from = (*given).max(before);
-            let take = bytes.min(a_page - from);
-            *given += take;
-            bytes -= take;
-            if bytes == 0 {
-                return page * SPAN + (from + take).div_ceil(a_cycle);
+            let gap = &mut self.free[index];
+            let from = now.max(gap.start);
+            let to = gap.end.min(from + bytes);
+            bytes -= to - from;
+            let after = to..std::mem::replace(&mut gap.end, from);
+            if from == gap.start {
+                // From its beginning on: what is left of it stays.
+                *gap = after;
+                if gap.is_empty() {
+                    self.free.remove(index);
+                }
+            } else {
+                index += 1;
+                if !after.is_empty() {
+                    self.free.insert(index, after);
+                }
             }
-            page += 1;
+            if bytes == 0 {
+                return to.div_ceil(a_cycle);
+            }
         }
     }
 
-    /// The first page from this one on that is not full; opens it, and all before it.
-    fn first_free(&mut self, page: u64) -> u64 {
-        let a_page = SPAN * u64::from(self.description.bytes_per_cycle);
-        // Whoever comes so late that his page is gone takes from the first that is left.
-        let page = page.max((self.last + 1).saturating_sub(PAGES as u64));
-        let mut free = page;
-        while free <= self.last && self.pages[free as usize % PAGES].given == a_page {
-            free = self.pages[free as usize % PAGES].skip;
-        }
-        if free > self.last {
-            let first = (self.last + 1).max((free + 1).saturating_sub(PAGES as u64));
-            (first..=free).for_each(|page| self.pages[page as usize % PAGES] = Page { given: 0, skip: page + 1 });
-            self.last = free;
-        }
-        let mut full = page.max((self.last + 1).saturating_sub(PAGES as u64));
-        while full < free {
-            full = std::mem::replace(&mut self.pages[full as usize % PAGES].skip, free);
-        }
-        free
-    }
-
-    /// The traffic, for how long the channel was busy with it, and what was logged.
-    pub fn finish(self) -> (MemoryCycles, Vec<Request>) {
+    /// The traffic, for how long the channel was busy with it, what was logged, and when all is written for which nobody waited.
+    pub fn finish(mut self) -> (MemoryCycles, Vec<Request>, u64) {
+        self.write_until(u64::MAX);
         let busy = self.cycles.total_bytes().div_ceil(u64::from(self.description.bytes_per_cycle));
-        (MemoryCycles { busy, ..self.cycles }, self.logged.unwrap_or_default())
+        (MemoryCycles { busy, ..self.cycles }, self.logged.unwrap_or_default(), self.written)
     }
 }
 

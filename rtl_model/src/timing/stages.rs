@@ -20,7 +20,9 @@ pub struct SetUp<'a> {
     pub project: Unit,
     pub ellipse: Unit,
     outstanding: Outstanding,
-    /// Bursts fetched so far, and when the last of them was here.
+    /// When the last splat was fetched.
+    pub fetched: u64,
+    /// Bursts fetched so far, and when all of them are here.
     bursts: u64,
     burst_here: u64,
 }
@@ -33,9 +35,25 @@ impl<'a> SetUp<'a> {
             project: Unit::new("project", timing.project, Some("fetch"), Some("ellipse"), logged),
             ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(behind), logged),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
+            fetched: 0,
             bursts: 0,
             burst_here: 0,
         }
+    }
+
+    /// Up to which burst a splat lies, and when it can be fetched.
+    #[inline(always)]
+    fn ready(&self, index: u64) -> (u64, Ready) {
+        let burst = u64::from(self.timing.timing.memory.burst_bytes);
+        let needed = ((index + 1) * u64::from(self.timing.splat_bytes)).div_ceil(burst);
+        let memory = if needed > self.bursts { self.outstanding.free() } else { 0 };
+        (needed, Ready { room: self.fetch.behind.free(), memory, ..Ready::default() })
+    }
+
+    /// When a splat, the next one, will be fetched.
+    pub fn when(&self, index: u64) -> u64 {
+        let (_, Ready { room, memory, .. }) = self.ready(index);
+        self.fetch.free().max(room).max(memory)
     }
 
     /// A splat goes through; says when it is done, if it goes on.
@@ -43,16 +61,14 @@ impl<'a> SetUp<'a> {
     pub fn splat(&mut self, index: u64, fate: Fate, memory: &mut Memory) -> Option<u64> {
         let t = self.timing;
         let burst = u64::from(t.timing.memory.burst_bytes);
-        let needed = ((index + 1) * u64::from(t.splat_bytes)).div_ceil(burst);
-        let mut ready = Ready { room: self.fetch.behind.free(), ..Ready::default() };
-        if needed > self.bursts {
-            ready.memory = self.outstanding.free();
-        }
+        let (needed, ready) = self.ready(index);
         let now = self.fetch.take(ready, 1);
         self.fetch.behind.take(now);
+        self.fetched = now;
         while self.bursts < needed {
-            self.burst_here = memory.request(now, Client::Splats, Direction::Read, self.bursts * burst, burst);
-            self.outstanding.push(self.burst_here);
+            let here = memory.request(now, Client::Splats, Direction::Read, self.bursts * burst, burst);
+            self.outstanding.push(here);
+            self.burst_here = self.burst_here.max(here);
             self.bursts += 1;
         }
 
@@ -74,8 +90,15 @@ impl<'a> SetUp<'a> {
         if !goes_on {
             return None;
         }
-        self.ellipse.behind.take(now);
+        self.ellipse.behind.claim();
         Some(now + u64::from(t.ellipse.latency))
+    }
+
+    /// The next splat, which was here then, goes to the unit behind in this cycle.
+    #[inline(always)]
+    pub fn give(&mut self, here: u64, now: u64) {
+        self.ellipse.behind.count(here - u64::from(self.timing.ellipse.latency));
+        self.ellipse.behind.give(now);
     }
 }
 

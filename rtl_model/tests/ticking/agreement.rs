@@ -1,6 +1,7 @@
 //! Do ticks and replay agree in every number, on any machine and any work?
 
 use crate::frames::{Dice, frame};
+use crate::memory::Traffic;
 use crate::parts::Ticked;
 use crate::scene::Scene;
 use crate::{binned, immediate, machines, scene};
@@ -39,12 +40,24 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     (ticked != replayed).then(|| format!("total, look-ups, slots: ticked {ticked:?}, replayed {replayed:?}"))
 }
 
-fn compare(timing: &Elaborated, scene: &Scene, work: &Work) -> Result<Ticked, String> {
-    let ticked = match timing.timing.organisation {
+/// What is moved does not depend on when.
+pub fn difference_in_traffic(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
+    let Traffic { bytes, bursts, .. } = ticked.traffic;
+    let [ticked, replayed] = [(bytes, bursts), (replayed.memory.bytes, replayed.memory.requests)];
+    (ticked != replayed).then(|| format!("bytes and bursts: ticked {ticked:?}, replayed {replayed:?}"))
+}
+
+pub fn tick(timing: &Elaborated, scene: &Scene) -> Ticked {
+    match timing.timing.organisation {
         Organisation::Immediate => immediate::draw(timing, scene),
         Organisation::Binned => binned::draw(timing, scene),
-    };
-    match difference(&ticked, &replay_logged(timing, work)) {
+    }
+}
+
+fn compare(timing: &Elaborated, scene: &Scene, work: &Work) -> Result<Ticked, String> {
+    let ticked = tick(timing, scene);
+    let replayed = replay_logged(timing, work);
+    match difference(&ticked, &replayed).or_else(|| difference_in_traffic(&ticked, &replayed)) {
         Some(difference) => Err(difference),
         None => Ok(ticked),
     }
@@ -95,7 +108,8 @@ const NEVER_BINNED: [&str; 12] = [
     "misses",
 ];
 
-fn of(organisation: Organisation, dice: &mut Dice) -> Timing {
+/// Any machine with ideal memory.
+pub fn of(organisation: Organisation, dice: &mut Dice) -> Timing {
     let mut timing = Timing { organisation, ..machines::random(dice) };
     (timing.tile.side_px, timing.tile.buffers) = ([16, 16, 32, 48][dice.below(4) as usize], 1 + dice.below(2) as u32);
     timing

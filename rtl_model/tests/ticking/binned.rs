@@ -3,9 +3,11 @@
 //! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun go when the last word is written. `list`
 //! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its slots is written.
 
-use crate::parts::{Act, Fill, Link, Merge, Reads, SetUp, Slot, Ticked, Unit, places, resolve_cycles, slots_of, turn};
+use crate::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
+use crate::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, slots_of, turn};
 use crate::scene::Scene;
 use rtl_model::machine::timing::{Elaborated, Pace};
+use rtl_model::timing::{Client, Direction};
 use rtl_model::work::Fate;
 use std::collections::VecDeque;
 
@@ -14,15 +16,19 @@ const ENTRY_BYTES: u64 = 4;
 
 /// A splat in a tile.
 struct Entry {
-    slots: VecDeque<Slot>,
-    /// Its place in its tile's list; its number among all.
+    splat: usize,
+    /// How many splats are drawn before it.
+    record: u64,
+    corner: [usize; 2],
+    /// Its tile's place in the picture, and its own place in the tile's list.
+    tile: u64,
     nth: u64,
-    number: usize,
 }
 
 /// A tile to be drawn: those without an entry are none.
 struct Tile {
     corner: [usize; 2],
+    place: u64,
     /// Slots before the first that comes after it.
     end: usize,
 }
@@ -30,7 +36,7 @@ struct Tile {
 struct Machine<'a> {
     timing: &'a Elaborated,
     scene: &'a Scene,
-    latency: u64,
+    memory: Memory,
     now: u64,
     /// First pass.
     setup: SetUp<'a>,
@@ -38,33 +44,37 @@ struct Machine<'a> {
     touched: Vec<Vec<usize>>,
     drawn: usize,
     bin: Unit,
-    writes: Reads,
+    writes: Requests,
     record_bytes: u64,
     list_bytes: Vec<u64>,
+    /// When the last entry's cycle is over.
     binned: u64,
-    /// When all lists are in memory.
-    sorted: Option<u64>,
+    /// What is left of records and lists goes; all lists are in memory.
+    flushed: bool,
+    sorted: bool,
     /// Second pass.
     entries: Vec<Entry>,
     tiles: Vec<Tile>,
-    has_empty_tiles: bool,
+    /// Those without an entry: how many that have one come before, and the place in the picture.
+    empty: Vec<(usize, u64)>,
     list: Unit,
-    reads: Reads,
-    /// The burst of its list that the last entry is in; records that are read when that has come; the record's read of every entry.
-    burst: usize,
-    waiting: VecDeque<[usize; 2]>,
-    record_reads: Vec<usize>,
+    reads: Requests,
+    /// The burst of its list that the last entry is in; entries whose records are read when that has come; every entry's record.
+    burst: Done,
+    waiting: VecDeque<(Done, usize)>,
+    records: Vec<Done>,
     listed: Link<usize>,
     fill: Fill,
     merge: Merge,
-    /// When each slot is written.
+    /// When each slot is written; the tile that the last one was in.
     written: Vec<u64>,
+    drawing: usize,
     resolve: Unit,
     /// When each tile has left its buffer.
     resolved: Vec<u64>,
     lit: Unit,
     to_light: VecDeque<(u64, u64)>,
-    end: u64,
+    words: Requests,
 }
 
 impl<'a> Machine<'a> {
@@ -74,12 +84,13 @@ impl<'a> Machine<'a> {
         let across = (scene.width as usize).div_ceil(side);
         let down = (scene.height as usize).div_ceil(side);
         let mut touched = vec![Vec::new(); scene.splats.len()];
-        let (mut entries, mut tiles) = (Vec::new(), Vec::new());
+        let (mut entries, mut tiles, mut empty) = (Vec::new(), Vec::new(), Vec::new());
         let mut end = 0;
         for tile in 0..across * down {
             let corner = [tile % across * side, tile / across * side];
             let mut nth = 0;
-            for (place, splat) in scene.splats.iter().enumerate().filter(|(_, splat)| splat.fate == Fate::Drawn) {
+            let drawn = scene.splats.iter().enumerate().filter(|(_, splat)| splat.fate == Fate::Drawn);
+            for (record, (place, splat)) in drawn.enumerate() {
                 let meets = |[first, last]: [u16; 2], from: usize| usize::from(first) < from + side && usize::from(last) >= from;
                 if !meets(splat.columns, corner[0]) || !meets(splat.rows, corner[1]) {
                     continue;
@@ -87,51 +98,58 @@ impl<'a> Machine<'a> {
                 touched[place].push(tile);
                 let slots = slots_of(timing, scene, place, [corner, corner.map(|at| at + side - 1)]);
                 end += slots.iter().filter(|slot| !slot.pixels.is_empty()).count();
-                entries.push(Entry { slots, nth, number: entries.len() });
+                entries.push(Entry { splat: place, record: record as u64, corner, tile: tile as u64, nth });
                 nth += 1;
             }
-            if nth > 0 {
-                tiles.push(Tile { corner, end });
+            match nth {
+                0 => empty.push((tiles.len(), tile as u64)),
+                _ => tiles.push(Tile { corner, place: tile as u64, end }),
             }
         }
         Machine {
             timing,
             scene,
-            latency: t.memory.hit_latency.into(),
+            memory: Memory::new(t.memory),
             now: 0,
             setup: SetUp::new(timing, scene),
             drawn: touched.iter().filter(|tiles| !tiles.is_empty()).count(),
             touched,
             bin: Unit::new("bin", 1),
-            writes: Reads::new(t.memory.outstanding),
+            writes: Requests::new(t.memory.outstanding),
             record_bytes: 0,
             list_bytes: vec![0; across * down],
             binned: 0,
-            sorted: None,
-            has_empty_tiles: tiles.len() < across * down,
+            flushed: false,
+            sorted: false,
             entries,
             tiles,
+            empty,
             list: Unit::new("list", 1),
-            reads: Reads::new(t.memory.outstanding),
-            burst: 0,
+            reads: Requests::new(t.memory.outstanding),
+            burst: Done::default(),
             waiting: VecDeque::new(),
-            record_reads: Vec::new(),
+            records: Vec::new(),
             listed: Link::new(places(Pace { units: 1, latency: 1, interval: 1, fifo: t.fetch.fifo })),
             fill: Fill::new(timing),
             merge: Merge::new(timing, scene),
             written: Vec::new(),
+            drawing: 0,
             resolve: Unit::new("resolve", 1),
             resolved: Vec::new(),
             lit: Unit::new("resolve-shade", 1),
             to_light: VecDeque::new(),
-            end: 0,
+            words: Requests::new(u32::MAX),
         }
     }
 
-    fn write(&mut self, when: u64) {
-        let done = when + 1 + self.latency;
-        self.writes.here.push(Some(done));
-        self.binned = self.binned.max(done);
+    fn burst(&self) -> u64 {
+        self.timing.timing.memory.burst_bytes.into()
+    }
+
+    /// Writes the burst that ends here, or would if it were full.
+    fn write(&mut self, when: u64, region: u64, end: u64) {
+        let end = region + end.next_multiple_of(self.burst());
+        self.memory.ask(when, Client::Lists, Direction::Write, end - self.burst()..end, &self.writes.next());
     }
 
     fn bin(&mut self) -> Act {
@@ -140,37 +158,64 @@ impl<'a> Machine<'a> {
             return Act::Wait;
         }
         self.setup.ellipses.pop();
-        let burst = u64::from(self.timing.timing.memory.burst_bytes);
+        let burst = self.burst();
+        let before = self.record_bytes / burst;
         self.record_bytes += u64::from(self.timing.prepared_bytes);
-        while self.record_bytes >= burst {
-            self.record_bytes -= burst;
-            self.write(self.now);
-        }
+        (before + 1..=self.record_bytes / burst).for_each(|full| self.write(self.now, RECORDS, full * burst));
         let mut when = self.now;
         for tile in self.touched[splat].clone() {
             when += 1;
             self.list_bytes[tile] += ENTRY_BYTES;
-            if self.list_bytes[tile] == burst {
-                self.list_bytes[tile] = 0;
-                self.write(when);
+            if self.list_bytes[tile].is_multiple_of(burst) {
+                self.write(when, LISTS + tile as u64 * LIST_BYTES, self.list_bytes[tile]);
             }
         }
-        self.binned = self.binned.max(when + 1);
+        self.binned = when + 1;
         Act::Take(when + 1 - self.now)
     }
 
     /// Between the passes.
     fn sort(&mut self) {
-        if self.sorted.is_some() || self.bin.log.len() < self.drawn || self.binned > self.now {
+        if self.sorted || self.bin.log.len() < self.drawn || self.binned > self.now || !self.writes.have_all_come(self.now) {
             return;
         }
-        let begun = self.record_bytes > 0 || self.list_bytes.iter().any(|bytes| *bytes > 0);
-        self.sorted = Some(if begun { self.now + 1 + self.latency } else { self.now });
+        if !std::mem::replace(&mut self.flushed, true) {
+            let lists = self.list_bytes.clone().into_iter().enumerate().map(|(tile, bytes)| (LISTS + tile as u64 * LIST_BYTES, bytes));
+            for (region, bytes) in [(RECORDS, self.record_bytes)].into_iter().chain(lists) {
+                if !bytes.is_multiple_of(self.burst()) {
+                    self.write(self.now, region, bytes);
+                }
+            }
+        }
+        self.sorted = self.writes.have_all_come(self.now);
+        if self.sorted {
+            self.leave_out(self.now);
+        }
+    }
+
+    fn buffers(&self) -> usize {
+        self.timing.timing.tile.buffers as usize
+    }
+
+    /// Tiles without an entry are written behind the one before, which is resolved then.
+    fn leave_out(&mut self, when: u64) {
+        let tiles = self.resolved.len();
+        let empty: Vec<u64> = self.empty.iter().filter(|(before, _)| *before == tiles).map(|(_, place)| *place).collect();
+        empty.into_iter().for_each(|place| self.write_words(when, place));
+    }
+
+    fn write_words(&mut self, when: u64, place: u64) {
+        let side = u64::from(self.timing.timing.tile.side_px);
+        let [width, height] = [self.scene.width, self.scene.height].map(u64::from);
+        let across = width.div_ceil(side);
+        let size = [(place % across, width), (place / across, height)].map(|(at, size)| side.min(size - at * side));
+        let [from, bytes] = [place * side * side, size[0] * size[1]].map(|words| words * u64::from(self.timing.frame_bytes));
+        self.memory.ask(when, Client::FrameWrite, Direction::Write, WORDS + from..WORDS + from + bytes, &self.words.next());
     }
 
     fn list(&mut self) -> Act {
         let number = self.list.log.len();
-        if number == self.entries.len() || self.sorted.is_none_or(|sorted| sorted > self.now) {
+        if number == self.entries.len() || !self.sorted {
             return Act::Starve;
         }
         if !self.reads.is_free(self.now) {
@@ -179,34 +224,36 @@ impl<'a> Machine<'a> {
         if !self.listed.has_room() {
             return Act::Block;
         }
-        let burst = u64::from(self.timing.timing.memory.burst_bytes);
-        let nth = self.entries[number].nth;
-        if nth == 0 || (nth * ENTRY_BYTES).is_multiple_of(burst) {
-            self.burst = self.reads.here.len();
-            self.reads.here.push(Some(self.now + 1 + self.latency));
+        let Entry { nth, tile, .. } = self.entries[number];
+        if (nth * ENTRY_BYTES).is_multiple_of(self.burst()) {
+            self.burst = self.reads.next();
+            let from = LISTS + tile * LIST_BYTES + nth * ENTRY_BYTES;
+            self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + self.burst(), &self.burst);
         }
-        self.waiting.push_back([self.burst, self.reads.here.len()]);
-        self.record_reads.push(self.reads.here.len());
-        self.reads.here.push(None);
+        self.waiting.push_back((self.burst.clone(), number));
+        self.records.push(self.reads.next());
         self.listed.push(self.now + 1, number);
         Act::Take(1)
     }
 
     /// Records are read when it is known which.
     fn read_records(&mut self) {
-        while let Some(&[burst, read]) = self.waiting.front()
-            && self.reads.has_come(burst, self.now)
-        {
-            self.reads.here[read] = Some(self.now + 1 + self.latency);
-            self.waiting.pop_front();
-        }
+        let bytes = u64::from(self.timing.prepared_bytes);
+        self.waiting.retain(|(burst, number)| {
+            let is_known = burst.has_come(self.now);
+            if is_known {
+                let from = RECORDS + self.entries[*number].record * bytes;
+                self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + bytes, &self.records[*number]);
+            }
+            !is_known
+        });
     }
 
     fn raster(&mut self) -> Act {
-        let (now, reads, entries, record_reads) = (self.now, &self.reads, &self.entries, &self.record_reads);
-        self.fill.raster(now, &mut self.listed, |number| {
-            let entry = &entries[*number];
-            reads.has_come(record_reads[entry.number], now).then(|| entry.slots.clone())
+        self.fill.raster(self.now, &mut self.listed, |number| {
+            let Entry { splat, corner, .. } = self.entries[*number];
+            let last = corner.map(|at| at + self.timing.timing.tile.side_px as usize - 1);
+            self.records[*number].has_come(self.now).then(|| slots_of(self.timing, self.scene, splat, [corner, last]))
         })
     }
 
@@ -216,9 +263,11 @@ impl<'a> Machine<'a> {
 
     fn fragment(&mut self) -> Act {
         let Some(slot) = self.fill.weighted.front(self.now) else { return Act::Starve };
-        let tile = self.tiles.iter().position(|tile| slot.number < tile.end).expect("a tile");
-        let buffers = self.timing.timing.tile.buffers as usize;
-        let has_buffer = tile < buffers || self.resolved.get(tile - buffers).is_some_and(|at| *at <= self.now);
+        while self.tiles[self.drawing].end <= slot.number {
+            self.drawing += 1;
+        }
+        let before = self.drawing.checked_sub(self.buffers());
+        let has_buffer = before.is_none_or(|tile| self.resolved.get(tile).is_some_and(|at| *at <= self.now));
         if !has_buffer || !self.merge.may_take(self.now, slot) {
             return Act::Block;
         }
@@ -229,16 +278,16 @@ impl<'a> Machine<'a> {
     }
 
     fn resolve(&mut self) -> Act {
-        let Some(Tile { corner, end }) = self.tiles.get(self.resolved.len()) else { return Act::Starve };
-        let is_written = self.written.len() >= *end && (*end == 0 || self.written[*end - 1] <= self.now);
-        if !is_written || self.sorted.is_none_or(|sorted| sorted > self.now) {
+        let Some(&Tile { corner, place, end }) = self.tiles.get(self.resolved.len()) else { return Act::Starve };
+        let is_written = self.written.len() >= end && (end == 0 || self.written[end - 1] <= self.now);
+        if !is_written || !self.sorted {
             return Act::Starve;
         }
-        let [cycles, shades] = resolve_cycles(self.timing, self.scene, *corner, [self.timing.timing.tile.side_px as usize; 2]);
+        let [cycles, shades] = resolve_cycles(self.timing, self.scene, corner, [self.timing.timing.tile.side_px as usize; 2]);
         let mut done = self.now + cycles + u64::from(self.timing.resolve.latency);
         if shades > 0 {
             let work = (self.now, shades * u64::from(self.timing.shade.interval));
-            if self.timing.timing.tile.buffers == 2 {
+            if self.buffers() == 2 {
                 self.to_light.push_back(work)
             } else {
                 self.merge.to_shade.push_back(work)
@@ -246,7 +295,8 @@ impl<'a> Machine<'a> {
             done += u64::from(self.timing.shade.latency);
         }
         self.resolved.push(done);
-        self.end = self.end.max(done + 1 + self.latency);
+        self.write_words(done, place);
+        self.leave_out(done);
         Act::Take(cycles)
     }
 
@@ -266,7 +316,7 @@ impl<'a> Machine<'a> {
 
     fn tick(&mut self) {
         let now = self.now;
-        self.setup.tick();
+        self.setup.tick(&mut self.memory);
         turn(self, now, |m| &mut m.bin, Self::bin);
         self.sort();
         turn(self, now, |m| &mut m.list, Self::list);
@@ -277,15 +327,15 @@ impl<'a> Machine<'a> {
         turn(self, now, |m| &mut m.resolve, Self::resolve);
         turn(self, now, |m| &mut m.merge.shade, Self::shade);
         turn(self, now, |m| &mut m.lit, Self::light);
+        self.memory.tick(now);
         self.setup.end_tick();
         self.listed.tick();
         self.fill.end_tick();
         self.now += 1;
     }
 
-    fn is_done(&self) -> bool {
-        let background = self.sorted.map(|sorted| if self.has_empty_tiles { sorted + 1 + self.latency } else { sorted });
-        background.is_some_and(|at| at <= self.now)
+    fn is_done(&mut self) -> bool {
+        self.sorted
             && self.setup.is_done()
             && self.list.log.len() == self.entries.len()
             && self.listed.items.is_empty()
@@ -294,33 +344,18 @@ impl<'a> Machine<'a> {
             && self.resolved.len() == self.tiles.len()
             && self.to_light.is_empty()
             && [&self.bin, &self.list, &self.resolve, &self.lit].iter().all(|unit| unit.is_idle(self.now))
-            && self.end <= self.now
+            && self.words.have_all_come(self.now)
     }
 }
 
 /// Draws a scene, cycle by cycle.
 pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
-    while !machine.is_done() {
-        machine.tick();
-        assert!(machine.now < 10_000_000, "it is stuck");
-    }
-    let Machine { setup, bin, list, listed, fill, merge, resolve, lit, now, .. } = machine;
-    let slots = [&fill.raster, &fill.gauss].map(|unit| unit.log.len() as u64);
-    let mut units = vec![
-        setup.fetch.before(setup.records),
-        setup.project.before(setup.projected),
-        setup.ellipse.before(setup.ellipses),
-        bin,
-        list.before(listed),
-        fill.raster.before(fill.slots),
-        fill.gauss.before(fill.weighted),
-        merge.fragment,
-        merge.shade,
-    ];
-    if timing.timing.tile.buffers == 2 {
-        units.push(lit);
-    }
-    units.push(resolve);
-    Ticked { total: now, units, lookups: [0; 2], slots }
+    let total = run(&mut machine, Machine::tick, Machine::is_done);
+    let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, .. } = machine;
+    let slots = fill.taken();
+    let lit = if timing.timing.tile.buffers == 2 { vec![lit] } else { Vec::new() };
+    let second = [fill.units(), vec![merge.fragment, merge.shade], lit, vec![resolve]].concat();
+    let units = [setup.units(), vec![bin, list.before(listed)], second].concat();
+    Ticked { total, units, lookups: [0; 2], slots, traffic: memory.traffic }
 }

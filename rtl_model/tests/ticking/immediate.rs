@@ -3,10 +3,13 @@
 //! Nothing that happens in a cycle is seen in the same cycle by another unit (but shading by its unit, which goes last), so their order
 //! within a cycle does not matter.
 
-use crate::parts::{Act, Fill, Link, Merge, Reads, SetUp, Slot, Ticked, Unit, places, resolve_cycles, slots_of, turn};
+use crate::memory::{Done, LINES, Memory, Requests, WORDS};
+use crate::parts::{Act, Fill, Link, Merge, SetUp, Slot, Ticked, Unit, places, resolve_cycles, run, slots_of, turn};
 use crate::scene::Scene;
 use rtl_model::machine::timing::Elaborated;
+use rtl_model::timing::{Client, Direction};
 use std::collections::{BTreeSet, VecDeque};
+use std::ops::Range;
 
 /// A line in the cache.
 struct Way {
@@ -14,28 +17,48 @@ struct Way {
     used: u64,
     /// The slots that looked it up.
     users: Vec<usize>,
-    read: Option<usize>,
+    read: Option<Done>,
+}
+
+/// A line that leaves, or one that is read in its place, when the slots that used the one that leaves are written.
+struct HeldUp {
+    client: Client,
+    line: usize,
+    slots: Vec<usize>,
+    done: Done,
 }
 
 /// What the cache holds.
 struct Lines {
     sets: Vec<Vec<Way>>,
     ways: usize,
+    line_bytes: u64,
     clock: u64,
     written_back: BTreeSet<usize>,
     touched: BTreeSet<usize>,
-    reads: Reads,
-    /// Reads that wait for these slots to be written.
-    held_up: Vec<(usize, Vec<usize>)>,
+    reads: Requests,
+    /// The slots that used the line that left for the look-up that is not over yet.
+    before: Vec<usize>,
+    held_up: Vec<HeldUp>,
     lookups: [u64; 2],
 }
 
 impl Lines {
     /// Looks a line up for a slot: whether that is over in this cycle, and for which read the slot has to wait.
-    fn look_up(&mut self, now: u64, line: usize, slot: usize) -> Option<Option<usize>> {
+    fn look_up(&mut self, now: u64, line: usize, slot: usize) -> Option<Option<Done>> {
         let of = line % self.sets.len();
         let set = &mut self.sets[of];
         let found = set.iter().position(|way| way.line == line);
+        // The line used longest ago leaves, even if the one that comes has to wait.
+        if found.is_none() && set.len() == self.ways {
+            let oldest = (0..set.len()).min_by_key(|way| set[*way].used).expect("a way");
+            let victim = set.swap_remove(oldest);
+            self.written_back.insert(victim.line);
+            // A slot cannot wait for itself.
+            self.before = victim.users.into_iter().filter(|user| *user != slot).collect();
+            let slots = self.before.clone();
+            self.held_up.push(HeldUp { client: Client::FrameWrite, line: victim.line, slots, done: Done::default() });
+        }
         let must_read = found.is_none() && self.written_back.contains(&line);
         if must_read && !self.reads.is_free(now) {
             return None;
@@ -50,35 +73,32 @@ impl Lines {
             if way.users.last() != Some(&slot) {
                 way.users.push(slot);
             }
-            return Some(way.read);
+            return Some(way.read.clone());
         }
-        let mut before = Vec::new();
-        if set.len() == self.ways {
-            let oldest = (0..set.len()).min_by_key(|way| set[*way].used).expect("a way");
-            let victim = set.swap_remove(oldest);
-            self.written_back.insert(victim.line);
-            // A slot cannot wait for itself.
-            before = victim.users.into_iter().filter(|user| *user != slot).collect();
-        }
+        let slots = std::mem::take(&mut self.before);
         let read = must_read.then(|| {
-            self.reads.here.push(None);
-            self.held_up.push((self.reads.here.len() - 1, before));
-            self.reads.here.len() - 1
+            let done = self.reads.next();
+            self.held_up.push(HeldUp { client: Client::FrameRead, line, slots, done: done.clone() });
+            done
         });
-        set.push(Way { line, used: self.clock, users: vec![slot], read });
+        set.push(Way { line, used: self.clock, users: vec![slot], read: read.clone() });
         Some(read)
     }
 
-    /// Sends the reads whose victims are written.
-    fn send(&mut self, now: u64, latency: u64, written: &[Option<u64>]) {
-        let reads = &mut self.reads;
-        self.held_up.retain(|(read, slots)| {
-            let all = slots.iter().all(|slot| written[*slot].is_some_and(|at| at <= now));
-            if all {
-                reads.here[*read] = Some(now + 1 + latency);
-            }
-            !all
-        });
+    /// The bytes of a line.
+    fn bytes(&self, line: usize) -> Range<u64> {
+        let from = LINES + line as u64 * self.line_bytes;
+        from..from + self.line_bytes
+    }
+
+    /// Asks for what is no longer held up.
+    fn send(&mut self, now: u64, memory: &mut Memory, written: &[Option<u64>]) {
+        // The last slot is written last.
+        let is_held_up = |of: &HeldUp| !of.slots.iter().rev().all(|slot| written[*slot].is_some_and(|at| at <= now));
+        for HeldUp { client, line, done, .. } in self.held_up.extract_if(.., |of| !is_held_up(of)).collect::<Vec<_>>() {
+            let direction = if client == Client::FrameRead { Direction::Read } else { Direction::Write };
+            memory.ask(now, client, direction, self.bytes(line), &done);
+        }
     }
 
     fn holds(&self, line: usize) -> bool {
@@ -90,59 +110,61 @@ impl Lines {
 struct Looking {
     slot: Slot,
     next: usize,
-    reads: Vec<usize>,
+    reads: Vec<Done>,
 }
 
 /// The machine.
 struct Machine<'a> {
     timing: &'a Elaborated,
     scene: &'a Scene,
-    latency: u64,
+    memory: Memory,
     now: u64,
     setup: SetUp<'a>,
-    /// The slots of every splat, and how many of them will reach the fragment unit.
-    footprints: Vec<VecDeque<Slot>>,
+    /// How many slots will reach the fragment unit.
     expected: usize,
     fill: Fill,
     cache: Unit,
     lines: Lines,
     looking: Option<Looking>,
-    looked_up: Link<(Slot, Vec<usize>)>,
+    looked_up: Link<(Slot, Vec<Done>)>,
     merge: Merge,
     /// When each slot is written, and when those that were taken all are.
     written: Vec<Option<u64>>,
     all_written: u64,
     resolve: Unit,
-    line_reads: Reads,
-    /// For each line of the picture its read, if it has one; known when resolve begins.
-    resolve_reads: Option<Vec<Option<usize>>>,
-    /// All words are in memory.
-    end: u64,
+    /// For each line of the picture its read, if it has one; known when resolve begins. Those that are still to be asked for.
+    line_reads: Option<Vec<Option<Done>>>,
+    to_read: VecDeque<usize>,
+    reads: Requests,
+    words: Requests,
 }
+
+/// A whole splat.
+const ALL: [[usize; 2]; 2] = [[0; 2], [usize::MAX; 2]];
 
 impl<'a> Machine<'a> {
     fn new(timing: &'a Elaborated, scene: &'a Scene) -> Self {
         let t = &timing.timing;
-        let all = [[0; 2], [usize::MAX; 2]];
-        let footprints: Vec<_> = (0..scene.splats.len()).map(|splat| slots_of(timing, scene, splat, all)).collect();
-        let expected = footprints.iter().flatten().filter(|slot| !slot.pixels.is_empty()).count();
+        let slots = (0..scene.splats.len()).flat_map(|splat| slots_of(timing, scene, splat, ALL));
+        let expected = slots.filter(|slot| !slot.pixels.is_empty()).count();
         Machine {
             timing,
             scene,
-            latency: t.memory.hit_latency.into(),
+            memory: Memory::new(t.memory),
             now: 0,
             setup: SetUp::new(timing, scene),
-            footprints,
             expected,
             fill: Fill::new(timing),
             cache: Unit::new("cache", 1),
             lines: Lines {
                 sets: (0..t.cache.lines / t.cache.ways).map(|_| Vec::new()).collect(),
                 ways: t.cache.ways as usize,
+                line_bytes: timing.line_bytes.into(),
                 clock: 0,
                 written_back: BTreeSet::new(),
                 touched: BTreeSet::new(),
-                reads: Reads::new(t.cache.misses),
+                reads: Requests::new(t.cache.misses),
+                before: Vec::new(),
                 held_up: Vec::new(),
                 lookups: [0; 2],
             },
@@ -152,14 +174,15 @@ impl<'a> Machine<'a> {
             written: vec![None; expected],
             all_written: 0,
             resolve: Unit::new("resolve", 1),
-            line_reads: Reads::new(t.memory.outstanding),
-            resolve_reads: None,
-            end: 0,
+            line_reads: None,
+            to_read: VecDeque::new(),
+            reads: Requests::new(t.memory.outstanding),
+            words: Requests::new(u32::MAX),
         }
     }
 
     fn raster(&mut self) -> Act {
-        self.fill.raster(self.now, &mut self.setup.ellipses, |splat| Some(self.footprints[*splat].clone()))
+        self.fill.raster(self.now, &mut self.setup.ellipses, |splat| Some(slots_of(self.timing, self.scene, *splat, ALL)))
     }
 
     fn gauss(&mut self) -> Act {
@@ -201,7 +224,7 @@ impl<'a> Machine<'a> {
 
     fn fragment(&mut self) -> Act {
         let Some((slot, reads)) = self.looked_up.front(self.now) else { return Act::Starve };
-        if !reads.iter().all(|read| self.lines.reads.has_come(*read, self.now)) {
+        if !reads.iter().all(|read| read.has_come(self.now)) {
             return Act::Wait;
         }
         if !self.merge.may_take(self.now, slot) {
@@ -225,36 +248,44 @@ impl<'a> Machine<'a> {
             return;
         }
         let [across, down] = self.lines_across_and_down();
-        let reads = self.resolve_reads.get_or_insert_with(|| {
-            let mut reads = 0..;
-            let is_read = |line: &usize| self.lines.touched.contains(line) && !self.lines.holds(*line);
-            (0..across * down).map(|line| if is_read(&line) { reads.next() } else { None }).collect()
+        let reads = self.line_reads.get_or_insert_with(|| {
+            self.to_read = (0..across * down).filter(|line| self.lines.touched.contains(line) && !self.lines.holds(*line)).collect();
+            let mut reads = vec![None; across * down];
+            self.to_read.iter().for_each(|line| reads[*line] = Some(Done::default()));
+            reads
         });
-        while self.line_reads.here.len() < reads.iter().flatten().count() && self.line_reads.is_free(self.now) {
-            self.line_reads.here.push(Some(self.now + 1 + self.latency));
+        while self.reads.is_free(self.now)
+            && let Some(line) = self.to_read.pop_front()
+        {
+            let done = self.reads.next();
+            self.memory.ask(self.now, Client::FrameRead, Direction::Read, self.lines.bytes(line), &done);
+            reads[line] = Some(done);
         }
     }
 
     fn resolve(&mut self) -> Act {
         let line = self.resolve.log.len();
         let [across, down] = self.lines_across_and_down();
-        let Some(reads) = &self.resolve_reads else { return Act::Starve };
+        let Some(reads) = &self.line_reads else { return Act::Starve };
         if line == across * down {
             return Act::Starve;
         }
-        if let Some(read) = reads[line]
-            && !(read < self.line_reads.here.len() && self.line_reads.has_come(read, self.now))
-        {
+        if reads[line].as_ref().is_some_and(|read| !read.has_come(self.now)) {
             return Act::Wait;
         }
-        let lines = self.timing.timing.cache.line_px.map(|size| size as usize);
-        let [cycles, shades] = resolve_cycles(self.timing, self.scene, [line % across * lines[0], line / across * lines[1]], lines);
+        let size = self.timing.timing.cache.line_px.map(|size| size as usize);
+        let corner = [line % across * size[0], line / across * size[1]];
+        let [cycles, shades] = resolve_cycles(self.timing, self.scene, corner, size);
         let mut written = self.now + cycles + u64::from(self.timing.resolve.latency);
         if shades > 0 {
             self.merge.to_shade.push_back((self.now, shades * u64::from(self.timing.shade.interval)));
             written += u64::from(self.timing.shade.latency);
         }
-        self.end = self.end.max(written + 1 + self.latency);
+        let [width, height] = [self.scene.width, self.scene.height].map(|size| size as usize);
+        let inside = size[0].min(width - corner[0]) * size[1].min(height - corner[1]);
+        let [from, bytes] = [line * size[0] * size[1], inside].map(|words| words as u64 * u64::from(self.timing.frame_bytes));
+        let words = WORDS + from..WORDS + from + bytes;
+        self.memory.ask(written, Client::FrameWrite, Direction::Write, words, &self.words.next());
         Act::Take(cycles)
     }
 
@@ -264,22 +295,23 @@ impl<'a> Machine<'a> {
 
     fn tick(&mut self) {
         let now = self.now;
-        self.setup.tick();
+        self.setup.tick(&mut self.memory);
         turn(self, now, |m| &mut m.fill.raster, Self::raster);
         turn(self, now, |m| &mut m.fill.gauss, Self::gauss);
         self.cache();
-        self.lines.send(now, self.latency, &self.written);
+        self.lines.send(now, &mut self.memory, &self.written);
         turn(self, now, |m| &mut m.merge.fragment, Self::fragment);
         self.read_lines();
         turn(self, now, |m| &mut m.resolve, Self::resolve);
         turn(self, now, |m| &mut m.merge.shade, Self::shade);
+        self.memory.tick(now);
         self.setup.end_tick();
         self.fill.end_tick();
         self.looked_up.tick();
         self.now += 1;
     }
 
-    fn is_done(&self) -> bool {
+    fn is_done(&mut self) -> bool {
         let [across, down] = self.lines_across_and_down();
         self.resolve.log.len() == across * down
             && self.setup.is_done()
@@ -289,32 +321,16 @@ impl<'a> Machine<'a> {
             && self.merge.is_done(self.now)
             && self.merge.fragment.log.len() == self.expected
             && self.resolve.is_idle(self.now)
-            && self.end <= self.now
+            && self.words.have_all_come(self.now)
     }
 }
 
 /// Draws a scene, cycle by cycle.
 pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
-    while !machine.is_done() {
-        machine.tick();
-        assert!(machine.now < 10_000_000, "it is stuck");
-    }
-    let Machine { setup, fill, cache, lines, looked_up, merge, resolve, now, .. } = machine;
-    Ticked {
-        total: now,
-        lookups: lines.lookups,
-        slots: [&fill.raster, &fill.gauss].map(|unit| unit.log.len() as u64),
-        units: vec![
-            setup.fetch.before(setup.records),
-            setup.project.before(setup.projected),
-            setup.ellipse.before(setup.ellipses),
-            fill.raster.before(fill.slots),
-            fill.gauss.before(fill.weighted),
-            cache.before(looked_up),
-            merge.fragment,
-            merge.shade,
-            resolve,
-        ],
-    }
+    let total = run(&mut machine, Machine::tick, Machine::is_done);
+    let Machine { memory, setup, fill, cache, lines, looked_up, merge, resolve, .. } = machine;
+    let slots = fill.taken();
+    let units = [setup.units(), fill.units(), vec![cache.before(looked_up), merge.fragment, merge.shade, resolve]].concat();
+    Ticked { total, units, lookups: lines.lookups, slots, traffic: memory.traffic }
 }

@@ -1,10 +1,12 @@
-//! What is a ticking machine made of? Units, FIFOs with credits, reads on their way, slots; and the units that both organisations have.
+//! What is a ticking machine made of? Units, FIFOs with credits, slots; and the units that both organisations have.
 
+use crate::memory::{Memory, Requests, SPLATS, Traffic};
 use crate::scene::Scene;
 use rtl_model::machine::timing::{Elaborated, Pace};
-use rtl_model::timing::Account;
+use rtl_model::timing::{Account, Client, Direction};
 use rtl_model::work::{Event, Fate};
 use std::collections::VecDeque;
+use std::ops::RangeInclusive;
 
 /// One of several side by side.
 #[derive(Clone, Debug, Default)]
@@ -33,6 +35,7 @@ pub struct Ticked {
     pub lookups: [u64; 2],
     /// All that the raster took, and those that kept a pixel.
     pub slots: [u64; 2],
+    pub traffic: Traffic,
 }
 
 /// What a free unit does in a cycle.
@@ -147,30 +150,6 @@ pub struct Slot {
     pub number: usize,
 }
 
-/// Reads on their way, in the order of asking, at most so many at a time.
-pub struct Reads {
-    pub limit: usize,
-    /// When the data is here, if it was asked for.
-    pub here: Vec<Option<u64>>,
-}
-
-impl Reads {
-    pub fn new(limit: u32) -> Self {
-        Reads { limit: limit as usize, here: Vec::new() }
-    }
-
-    pub fn is_free(&self, now: u64) -> bool {
-        match self.here.len().checked_sub(self.limit) {
-            Some(before) => self.has_come(before, now),
-            None => true,
-        }
-    }
-
-    pub fn has_come(&self, read: usize, now: u64) -> bool {
-        self.here[read].is_some_and(|here| here <= now)
-    }
-}
-
 /// The slots of a splat's part from one pixel to another.
 pub fn slots_of(timing: &Elaborated, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Slot> {
     let splat = &scene.splats[splat];
@@ -217,8 +196,19 @@ pub fn places(pace: Pace) -> u32 {
     (pace.fifo + pace.latency.div_ceil(pace.interval)) * pace.units
 }
 
+/// Ticks a machine until it is done; says for how many cycles.
+pub fn run<M>(machine: &mut M, tick: fn(&mut M), is_done: fn(&mut M) -> bool) -> u64 {
+    let mut cycles = 0;
+    while !is_done(machine) {
+        tick(machine);
+        cycles += 1;
+        assert!(cycles < 1_000_000_000, "it is stuck");
+    }
+    cycles
+}
+
 /// Every side of a unit gets its chance.
-pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, act: fn(&mut M) -> Act) {
+pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, mut act: impl FnMut(&mut M) -> Act) {
     let mut reason = Act::Starve;
     for _ in 0..unit(machine).sides.len() {
         if !unit(machine).is_free(now) {
@@ -235,14 +225,13 @@ pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, act: fn
 pub struct SetUp<'a> {
     timing: &'a Elaborated,
     scene: &'a Scene,
-    latency: u64,
-    pub now: u64,
-    pub fetch: Unit,
-    requests: Reads,
-    pub records: Link<usize>,
-    pub project: Unit,
-    pub projected: Link<usize>,
-    pub ellipse: Unit,
+    now: u64,
+    fetch: Unit,
+    requests: Requests,
+    records: Link<usize>,
+    project: Unit,
+    projected: Link<usize>,
+    ellipse: Unit,
     pub ellipses: Link<usize>,
 }
 
@@ -251,10 +240,9 @@ impl<'a> SetUp<'a> {
         SetUp {
             timing,
             scene,
-            latency: timing.timing.memory.hit_latency.into(),
             now: 0,
             fetch: Unit::new("fetch", 1),
-            requests: Reads::new(timing.timing.memory.outstanding),
+            requests: Requests::new(timing.timing.memory.outstanding),
             records: Link::new(places(timing.fetch)),
             project: Unit::new("project", timing.project.units),
             projected: Link::new(places(timing.project)),
@@ -263,31 +251,37 @@ impl<'a> SetUp<'a> {
         }
     }
 
-    fn fetch(&mut self) -> Act {
+    /// The bursts that a record lies in.
+    fn bursts(&self, record: usize) -> RangeInclusive<usize> {
+        let [bytes, burst] = [self.timing.splat_bytes, self.timing.timing.memory.burst_bytes].map(|bytes| bytes as usize);
+        record * bytes / burst..=((record + 1) * bytes - 1) / burst
+    }
+
+    fn fetch(&mut self, memory: &mut Memory) -> Act {
         let record = self.fetch.log.len();
         if record == self.scene.splats.len() {
             return Act::Starve;
         }
-        let bytes = (record + 1) * self.timing.splat_bytes as usize;
-        let needed = bytes.div_ceil(self.timing.timing.memory.burst_bytes as usize);
-        if needed > self.requests.here.len() && !self.requests.is_free(self.now) {
+        let last = *self.bursts(record).end();
+        if last >= self.requests.asked.len() && !self.requests.is_free(self.now) {
             return Act::Wait;
         }
         if !self.records.has_room() {
             return Act::Block;
         }
         // All bursts of a record go in one cycle, so that more can be on their way than may be, if a record has more.
-        let asked = needed.max(self.requests.here.len());
-        self.requests.here.resize(asked, Some(self.now + 1 + self.latency));
+        let burst = u64::from(self.timing.timing.memory.burst_bytes);
+        for nth in self.requests.asked.len()..=last {
+            let from = SPLATS + nth as u64 * burst;
+            memory.ask(self.now, Client::Splats, Direction::Read, from..from + burst, &self.requests.next());
+        }
         self.records.push(self.now + 1, record);
         Act::Take(1)
     }
 
     fn project(&mut self) -> Act {
         let Some(&record) = self.records.front(self.now) else { return Act::Starve };
-        let bytes = (record + 1) * self.timing.splat_bytes as usize;
-        let last = bytes.div_ceil(self.timing.timing.memory.burst_bytes as usize) - 1;
-        if !self.requests.has_come(last, self.now) {
+        if !self.requests.asked[self.bursts(record)].iter().all(|burst| burst.has_come(self.now)) {
             return Act::Wait;
         }
         let ends = matches!(self.scene.splats[record].fate, Fate::Near | Fate::Outside);
@@ -314,9 +308,9 @@ impl<'a> SetUp<'a> {
         Act::Take(self.timing.ellipse.interval.into())
     }
 
-    pub fn tick(&mut self) {
+    pub fn tick(&mut self, memory: &mut Memory) {
         let now = self.now;
-        turn(self, now, |m| &mut m.fetch, Self::fetch);
+        turn(self, now, |m| &mut m.fetch, |m| m.fetch(memory));
         turn(self, now, |m| &mut m.project, Self::project);
         turn(self, now, |m| &mut m.ellipse, Self::ellipse);
     }
@@ -335,6 +329,10 @@ impl<'a> SetUp<'a> {
             && waiting == [0; 3]
             && [&self.fetch, &self.project, &self.ellipse].iter().all(|unit| unit.is_idle(self.now))
     }
+
+    pub fn units(self) -> Vec<Unit> {
+        vec![self.fetch.before(self.records), self.project.before(self.projected), self.ellipse.before(self.ellipses)]
+    }
 }
 
 /// Raster and gauss.
@@ -346,7 +344,7 @@ pub struct Fill {
     begun: bool,
     /// Slots so far that go on to the fragment unit.
     numbered: usize,
-    pub slots: Link<Slot>,
+    slots: Link<Slot>,
     pub gauss: Unit,
     pub weighted: Link<Slot>,
 }
@@ -408,6 +406,15 @@ impl Fill {
     pub fn is_done(&self, now: u64) -> bool {
         let waiting = [self.left.len(), self.slots.items.len(), self.weighted.items.len()];
         waiting == [0; 3] && self.raster.is_idle(now) && self.gauss.is_idle(now)
+    }
+
+    /// Slots that the raster took, and those that kept a pixel.
+    pub fn taken(&self) -> [u64; 2] {
+        [&self.raster, &self.gauss].map(|unit| unit.log.len() as u64)
+    }
+
+    pub fn units(self) -> Vec<Unit> {
+        vec![self.raster.before(self.slots), self.gauss.before(self.weighted)]
     }
 }
 

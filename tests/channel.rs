@@ -1,0 +1,117 @@
+//! How far off is the replay where memory is shared? Built-in scenes, replayed and ticked cycle by cycle.
+//!
+//! `cargo test --test channel -- --nocapture` prints a table.
+
+use crate::scene::Scene;
+use rtl_model::Machine;
+use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
+use rtl_model::timing::replay;
+use rtl_model::work::Work;
+use splatsim::quantise::quantise;
+use splatsim::scene::Overrides;
+use std::path::Path;
+
+#[path = "../rtl_model/tests/ticking/binned.rs"]
+mod binned;
+#[allow(dead_code, reason = "no frame is drawn at random here")]
+#[path = "../rtl_model/tests/machines/frames.rs"]
+mod frames;
+#[path = "../rtl_model/tests/ticking/immediate.rs"]
+mod immediate;
+#[path = "../rtl_model/tests/ticking/memory.rs"]
+mod memory;
+#[allow(dead_code, reason = "units are not compared here")]
+#[path = "../rtl_model/tests/ticking/parts.rs"]
+mod parts;
+#[allow(dead_code, reason = "no scene is drawn at random here")]
+#[path = "../rtl_model/tests/ticking/scene.rs"]
+mod scene;
+
+/// Built-in scenes, and how many splats they get here.
+const SCENES: [(&str, usize); 4] = [("glass-spheres", 6000), ("checkerboard", 3000), ("torus-knot", 2500), ("terrain", 4000)];
+const SIZE: (usize, usize) = (96, 72);
+
+/// What the reference machine does to draw a built-in scene with its own view; with fewer splats, if so many are said.
+fn record(name: &str, count: Option<usize>, size: Option<(usize, usize)>) -> Work {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/scene/builtin/{name}.json"));
+    let mut scene: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(own).unwrap()).unwrap();
+    if let Some(count) = count {
+        scene["splats"]["count"] = count.into();
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.json");
+    std::fs::write(&path, scene.to_string()).unwrap();
+    let scene = splatsim::scene::Scene::load(path.to_str().unwrap(), &Overrides { size }).unwrap();
+    let machine = Machine::named("reference").unwrap();
+    splatsim::fixed::draw_recorded(&splatsim::fixed::elaborate(&machine).unwrap(), &quantise(&scene, &machine).unwrap()).1
+}
+
+/// Prints a line of the table; says by what share of the ticks the replay is off.
+fn compare(name: &str, work: &Work, scene: &Scene, what: &str, timing: Timing) -> f64 {
+    let machine = Machine { timing, ..Machine::named("reference").unwrap() };
+    let timing = splatsim::fixed::elaborate(&machine).unwrap().timing;
+    let ticked = match timing.timing.organisation {
+        Organisation::Immediate => immediate::draw(&timing, scene),
+        Organisation::Binned => binned::draw(&timing, scene),
+    };
+    let replayed = replay(&timing, work);
+    assert_eq!((ticked.traffic.bytes, ticked.traffic.bursts), (replayed.memory.bytes, replayed.memory.requests), "{name}, {what}");
+    let error = replayed.total as f64 / ticked.total as f64 - 1.0;
+    println!(
+        "{name:13} {what:29} {:10} {:10} {:+8.3} % {:8} {:8} {:9} {:9}",
+        ticked.total,
+        replayed.total,
+        100.0 * error,
+        ticked.traffic.row_hits,
+        replayed.memory.row_hits,
+        ticked.traffic.busy,
+        replayed.memory.busy,
+    );
+    error.abs()
+}
+
+/// Both organisations; with a small cache, with two buffers; all that with a narrow channel and few requests on their way.
+fn machines() -> Vec<(String, Timing)> {
+    let default = Machine::named("reference").unwrap().timing;
+    let immediate = Timing { organisation: Organisation::Immediate, ..default };
+    let binned = Timing { organisation: Organisation::Binned, ..default };
+    let wide = [
+        ("immediate", immediate),
+        ("immediate, 16 lines", Timing { cache: Cache { lines: 16, ..default.cache }, ..immediate }),
+        ("binned", binned),
+        ("binned, 2 buffers", Timing { tile: Tile { buffers: 2, ..default.tile }, ..binned }),
+    ];
+    let narrow = |timing: Timing| Timing {
+        memory: Memory { bytes_per_cycle: 4, outstanding: 4, ..timing.memory },
+        cache: Cache { misses: 2, ..timing.cache },
+        ..timing
+    };
+    wide.into_iter().flat_map(|(name, timing)| [(name.into(), timing), (format!("{name}, narrow"), narrow(timing))]).collect()
+}
+
+fn check(name: &str, work: &Work, machines: &[(String, Timing)]) {
+    let scene = Scene::read(work);
+    println!("{:43} {:>10} {:>10} {:>10} {:>17} {:>19}", "", "ticked", "replayed", "off by", "row hits of both", "memory busy, both");
+    for (what, timing) in machines {
+        let error = compare(name, work, &scene, what, *timing);
+        assert!(error <= 0.01, "{name}, {what}: off by {:.2} %", 100.0 * error);
+    }
+}
+
+#[test]
+fn replayed_scenes_are_at_most_a_hundredth_off() {
+    let machines = machines();
+    for (name, count) in SCENES {
+        check(name, &record(name, Some(count), Some(SIZE)), &machines);
+    }
+}
+
+#[test]
+#[ignore = "takes a minute"]
+fn a_replayed_scene_of_full_size_is_at_most_a_hundredth_off() {
+    let mut machines = machines();
+    machines.retain(|(what, _)| ["immediate", "binned"].contains(&what.as_str()));
+    for (name, _) in SCENES {
+        check(name, &record(name, None, None), &machines);
+    }
+}
