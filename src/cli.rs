@@ -223,7 +223,7 @@ const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, t
 const STRESS: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a failure is silent";
 
 /// What the help text of `sweep` ends with.
-const SWEEP: &str = "Ready plans: precision, architecture; `scene plan-schema` says what a plan may hold";
+const SWEEP: &str = "Ready plans: precision, precision-in-lockstep, architecture, layers\n`scene plan-schema` says what a plan may hold";
 
 /// Two whole numbers with a separator between them.
 #[derive(Clone, Copy, Debug)]

@@ -279,7 +279,8 @@ impl CostReport {
     pub fn summary(&self) -> String {
         let Energy { total, units, storage, dram, leakage } = self.energy;
         let parts = [("units", units), ("storage", storage), ("DRAM", dram), ("leakage", leakage)];
-        let parts = parts.map(|(name, joules)| format!("{name} {:.0}%", joules / total * 100.0)).join(", ");
+        let femtojoules = |joules: f64| (joules * 1e15) as u64;
+        let parts = parts.map(|(name, joules)| format!("{name} {}", share(femtojoules(joules), femtojoules(total)))).join(", ");
         let area = thousands(self.cost.area as u64);
         format!("area: {area} LUT equivalents\nenergy: {:.2} mJ a frame ({parts})", total * 1e3)
     }

@@ -124,6 +124,25 @@ fn the_sample_timings_are_what_their_command_prints() {
     assert!(sample.lines().count() > 4 && printed.contains(&sample), "README should have:\n{printed}");
 }
 
+#[test]
+fn the_sample_costs_are_what_their_command_prints() {
+    let text = readme();
+    let command = fenced(&text, "sh").into_iter().find(|line| line.contains("machine cost")).unwrap();
+    let sample = fenced(after(&text, "<!-- cost -->"), "text").join("\n");
+    let printed = splatsim(command.trim_start_matches("cargo run --release -- "));
+    assert_eq!(sample, printed.trim_end(), "README should have:\n{printed}");
+}
+
+#[test]
+fn the_sample_plan_can_be_carried_out() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("plan.json"), fenced(after(&readme(), "## Sweeps"), "json").join("\n")).unwrap();
+    let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_splatsim"));
+    let output = command.args(["sweep", "plan.json", "--most", "1"]).current_dir(folder.path()).output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(told.contains("the plan has 64 points, more than 1"), "{told}");
+}
+
 const ATTRIBUTION: &str = "cargo run --release -- run --attribute --out out";
 
 #[test]

@@ -13,6 +13,10 @@ fn splatsim() -> Command {
 }
 
 fn written(folder: &Path, plan: &Value) -> String {
+    for name in ["terrain", "torus-knot"] {
+        let scene = json!({"splats": {"builtin": name, "count": 3000}});
+        fs::write(folder.join(format!("{name}.json")), scene.to_string()).unwrap();
+    }
     let path = folder.join("plan.json");
     fs::write(&path, plan.to_string()).unwrap();
     path.to_str().unwrap().to_owned()
@@ -20,7 +24,7 @@ fn written(folder: &Path, plan: &Value) -> String {
 
 /// A few machines, small pictures.
 fn plan() -> Value {
-    json!({"scenes": ["terrain", "torus-knot"], "size": [24, 16], "machine": "tiny", "order": "one-at-a-time", "axes": [
+    json!({"scenes": ["terrain.json", "torus-knot.json"], "size": [24, 16], "machine": "tiny", "order": "one-at-a-time", "axes": [
         {"field": "gauss.weight", "add_frac_bits": [-2, -1, 1, 2]},
         {"field": "fragment.layers", "values": [1, 2, 4]},
         {"field": "timing.raster.lanes", "values": [[1, 1], [2, 2], [8, 1]]},
@@ -83,7 +87,16 @@ fn a_row_says_what_a_run_says() {
         let run_out = folder.path().join(format!("run-{number}"));
         let settings = row["changes"].split(' ').filter(|change| !change.is_empty()).flat_map(|change| ["--set", change]);
         let run = splatsim()
-            .args(["run", &row["scene"], "--machine", "tiny", "--size", "24x16", "--out", run_out.to_str().unwrap()])
+            .args([
+                "run",
+                folder.path().join(&row["scene"]).to_str().unwrap(),
+                "--machine",
+                "tiny",
+                "--size",
+                "24x16",
+                "--out",
+                run_out.to_str().unwrap(),
+            ])
             .args(settings)
             .output()
             .unwrap();
@@ -209,7 +222,7 @@ fn a_line_cut_short_is_drawn_again_and_a_changed_one_is_an_error() {
     assert!(refused(&sweep(&other, &out, &[])).contains("choose another folder"));
     let fewer = written(
         folder.path(),
-        &json!({"size": [24, 16], "scenes": ["terrain"], "machine": "tiny", "order": "one-at-a-time",
+        &json!({"size": [24, 16], "scenes": ["terrain.json"], "machine": "tiny", "order": "one-at-a-time",
         "axes": plan()["axes"]}),
     );
     assert!(refused(&sweep(&fewer, &out, &[])).contains("it is of another plan"));
@@ -224,7 +237,7 @@ fn a_billion_points_are_refused_with_their_count() {
     let told = refused(&sweep(&written(folder.path(), &plan), &folder.path().join("out"), &[]));
     assert!(told.contains("1,000,000,000 points") && told.contains("--most 1000000000"), "{told}");
     for (arguments, says) in [
-        (vec!["sweep", "no-such-plan"], "ready are precision, architecture"),
+        (vec!["sweep", "no-such-plan"], "ready are precision, precision-in-lockstep, architecture, layers"),
         (vec!["sweep", "precision", "--shard", "3/2"], "I from 1 to N"),
         (vec!["sweep", "precision", "--shard", "0/2"], "I from 1 to N"),
     ] {

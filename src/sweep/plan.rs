@@ -100,8 +100,16 @@ pub struct Points {
 }
 
 /// Plans that need no file.
-pub const READY: [(&str, &str); 2] = [
-    ("precision", r#"{"scenes": ["glass-spheres"], "axes": [{"field": "*", "add_frac_bits": [-4, -2, 2]}], "order": "one-at-a-time"}"#),
+pub const READY: [(&str, &str); 4] = [
+    (
+        "precision",
+        r#"{"scenes": ["glass-spheres"], "axes": [{"field": "*", "add_frac_bits": [-4, -2, 2]}], "order": "one-at-a-time",
+            "lockstep": false}"#,
+    ),
+    (
+        "precision-in-lockstep",
+        r#"{"scenes": ["glass-spheres"], "axes": [{"field": "*", "add_frac_bits": [-4, -2, 2]}], "order": "one-at-a-time"}"#,
+    ),
     (
         "architecture",
         r#"{"scenes": ["glass-spheres"], "lockstep": false, "axes": [
@@ -109,6 +117,12 @@ pub const READY: [(&str, &str); 2] = [
             {"field": "timing.raster.fifo", "values": [1, 4, 16, 64]},
             {"field": "timing.tile.side_px", "values": [16, 32]},
             {"field": "timing.shade.latency", "values": [1, 10, 20, 30, 40]}]}"#,
+    ),
+    (
+        "layers",
+        r#"{"scenes": ["glass-spheres"], "size": [256, 256], "lockstep": false, "axes": [
+            {"field": "fragment.merge", "values": ["nearest-pair", "farthest-pair"]},
+            {"field": "fragment.layers", "values": [1, 2, 3, 4, 6, 8]}]}"#,
     ),
 ];
 

@@ -76,7 +76,7 @@ fn all_numbers_are_shuffled_to_all_places() {
 fn a_plan_that_cannot_be_is_refused_in_a_sentence() {
     let plan = |axes: Value| json!({"scenes": ["terrain"], "axes": axes});
     let axis = |axis: Value| refused(plan(json!([axis])));
-    assert!(axis(json!({"field": "gauss.wait", "values": [1]})).contains("gauss.weight"), "the nearest field is named");
+    assert!(axis(json!({"field": "gauss.wait", "values": [1]})).contains("the nearest is `weight`"));
     assert!(axis(json!({"field": "gauss.weight", "values": ["U99F3"]})).contains("axes: gauss.weight"));
     assert_eq!(axis(json!({"field": "gauss.weight", "values": []})), "axes[0]: gauss.weight has no values");
     let one_of_three = "axes[0]: gauss.weight needs one of values, range and add_frac_bits";
@@ -98,7 +98,7 @@ fn a_plan_that_cannot_be_is_refused_in_a_sentence() {
 
 #[test]
 fn the_ready_plans_can_be_carried_out() {
-    let [precision, architecture] = READY.map(|(name, _)| Points::load(name).unwrap().count());
-    assert!((150..250).contains(&precision), "{precision}");
-    assert_eq!(architecture, 200);
+    let [precision, in_lockstep, architecture, layers] = READY.map(|(name, _)| Points::load(name).unwrap().count());
+    assert!((150..250).contains(&precision) && in_lockstep == precision, "{precision}");
+    assert_eq!((architecture, layers), (200, 12));
 }
