@@ -258,7 +258,7 @@ fn the_columnar_file_holds_what_the_csv_holds() {
     let rows = rows(&out);
     assert_eq!(columnar.len(), rows.len());
     for (columnar, row) in columnar.iter().zip(&rows) {
-        let columnar: BTreeMap<&String, &Field> = columnar.get_column_iter().map(|(name, field)| (name, field)).collect();
+        let columnar: BTreeMap<&String, &Field> = columnar.get_column_iter().collect();
         assert_eq!(columnar.len(), row.len() + 1, "host_seconds is left out of the rows alone");
         for (name, cell) in row {
             match columnar[name] {
