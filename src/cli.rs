@@ -71,7 +71,7 @@ struct Run {
     /// Replay with every value: timing.raster.fifo=1,2,4
     #[arg(long, value_name = "PATH=A,…")]
     timing: Option<Axes>,
-    /// What a bit of each kind costs [default: machine prices]
+    /// What a bit costs [default: machine prices]
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
     /// Print every signal's range too
@@ -104,16 +104,16 @@ struct Stress {
 struct Sweep {
     /// A .json plan or the name of a ready one
     plan: String,
-    /// Write rows into this folder, or go on there [default: PLAN-sweep]
+    /// Write rows here, or go on [default: PLAN-sweep]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Draw only part I of N, as 2/5; parts in one folder are the whole
+    /// Draw part I of N alone, into the same folder
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// Draw as many points, if the plan has more than usual
+    /// Draw as many points
     #[arg(long, value_name = "POINTS", default_value_t = sweep::MOST_POINTS)]
     most: u64,
-    /// What a bit of each kind costs [default: machine prices]
+    /// What a bit costs [default: machine prices]
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
     #[command(flatten)]
@@ -186,7 +186,7 @@ enum MachineCommand {
         /// Change a field of the machine
         #[arg(long = "set", value_name = "PATH=VALUE")]
         settings: Vec<String>,
-        /// What a bit of each kind costs [default: LUTs of a Xilinx 7]
+        /// What a bit costs [default: machine prices]
         #[arg(long, value_name = "FILE")]
         prices: Option<PathBuf>,
     },

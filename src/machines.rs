@@ -6,6 +6,7 @@ use rtl_model::Machine;
 use rtl_model::num::Format;
 use serde_json::{Map, Value};
 use std::path::Path;
+use std::sync::LazyLock;
 
 /// The machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE` changes applied in order.
 ///
@@ -100,7 +101,9 @@ fn read(spec: &str) -> Result<Value> {
 }
 
 fn checked(value: &Value, told: &str) -> Result<Machine> {
-    validate::check(value, &schema()).map_err(|misfit| Error::input(format!("{told}: {misfit}")))?;
+    // A sweep asks a thousand times.
+    static SCHEMA: LazyLock<Value> = LazyLock::new(schema);
+    validate::check(value, &SCHEMA).map_err(|misfit| Error::input(format!("{told}: {misfit}")))?;
     serde_path_to_error::deserialize(value).map_err(|e| Error::input(format!("{told}: {}: {}", e.path(), e.inner())))
 }
 

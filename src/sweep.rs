@@ -31,6 +31,7 @@ use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::timing;
 use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use table::{Column, Journal, Kind, Row, digest};
@@ -156,18 +157,20 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
     }
     let mut drawn = 0;
     for nth in 0..points.plan.scenes.len() {
-        let mut on_scene: Vec<(u64, Vec<Change>)> = (0..count)
+        let on_scene: Vec<(u64, Vec<Change>)> = (0..count)
             .filter(|number| is_mine(*number))
-            .map(|number| (number, points.point(number)))
-            .filter(|(_, (scene, _))| *scene == nth)
-            .map(|(number, (_, changes))| (number, changes))
+            .filter_map(|number| {
+                let (scene, changes) = points.point(number);
+                (scene == nth).then_some((number, changes))
+            })
             .collect();
         if on_scene.is_empty() {
             continue;
         }
         let mut stage = Stage::new(points, nth, asked)?;
-        let mut groups: Vec<(String, Vec<Point>)> = Vec::new();
-        for (number, changes) in on_scene.drain(..) {
+        let mut groups: Vec<Vec<Point>> = Vec::new();
+        let mut places = BTreeMap::new();
+        for (number, changes) in on_scene {
             let point = stage.point(number, changes)?;
             if let Some(row) = journal.get(number) {
                 if row[1].as_str() != Some(&point.key) {
@@ -178,12 +181,13 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
                 continue;
             }
             let formats = json!(Machine { timing: points.base.timing, ..point.machine.clone() }).to_string();
-            match groups.iter_mut().find(|(other, _)| *other == formats) {
-                Some((_, group)) => group.push(point),
-                None => groups.push((formats, vec![point])),
+            let place = *places.entry(formats).or_insert(groups.len());
+            if place == groups.len() {
+                groups.push(Vec::new());
             }
+            groups[place].push(point);
         }
-        for (_, group) in groups {
+        for group in groups {
             for (number, row) in stage.rows(&group, &fields) {
                 journal.push(number, row)?;
                 drawn += 1;

@@ -382,7 +382,9 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["help"],
         vec!["run", "--help"],
         vec!["explain", "--help"],
+        vec!["sweep", "--help"],
         vec!["machine", "--help"],
+        vec!["machine", "cost", "--help"],
         vec!["machine", "show", "--help"],
         vec!["machine", "prove", "--help"],
     ];
@@ -430,10 +432,10 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 
 #[test]
 fn commands_and_flags_that_do_not_exist_are_refused() {
-    refused(&[], "a command is missing: run, stress, explain, machine, scene (see --help)");
+    refused(&[], "a command is missing: run, stress, sweep, explain, machine, scene (see --help)");
     refused(&["rnu"], "rnu");
-    refused(&["sweep"], "sweep");
-    refused(&["machine"], "a command is missing: list, show, timing, prove, schema (see --help)");
+    refused(&["sweep"], "PLAN");
+    refused(&["machine"], "a command is missing: list, show, timing, cost, prices, prove, schema (see --help)");
     refused(&["machine", "lits"], "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'");
     run_refused(&["--sizes", "5x5"], "--size");
     run_refused(&["glass-spheres", "checkerboard"], "checkerboard");
