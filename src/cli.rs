@@ -371,7 +371,6 @@ impl Sweep {
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let stem = Path::new(&self.plan).file_stem().unwrap_or_default().to_string_lossy();
         let folder = self.out.clone().unwrap_or_else(|| format!("{stem}-sweep").into());
-        open_folder(&folder)?;
         let progress = !self.quiet && std::io::stderr().is_terminal();
         let asked = sweep::Asked { shard: self.shard, most: self.most, prices, progress };
         let outcome = sweep::run(&points, &folder, &asked)?;

@@ -22,7 +22,7 @@ use crate::picture::Picture;
 use crate::quantise::quantise;
 use crate::ranges::SignalReport;
 use crate::report::{MachineReport, thousands, wrapped};
-use crate::run::timed;
+use crate::run::{open_folder, timed};
 use crate::scene::Scene;
 use crate::{fixed, machines};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -138,6 +138,7 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
             format!("the plan has {} points, more than {}: --most {count} draws them all", thousands(count), thousands(asked.most));
         return Err(Error::input(sentence));
     }
+    open_folder(folder)?;
     let fields = points.fields();
     let own = fields.iter().map(|field| (field.clone(), Kind::Text));
     let fixed = |columns: &[(&str, Kind)]| columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect::<Vec<_>>();

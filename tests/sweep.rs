@@ -236,6 +236,7 @@ fn a_billion_points_are_refused_with_their_count() {
         range("timing.raster.fifo"), range("timing.gauss.fifo"), range("timing.fetch.fifo")]});
     let told = refused(&sweep(&written(folder.path(), &plan), &folder.path().join("out"), &[]));
     assert!(told.contains("1,000,000,000 points") && told.contains("--most 1000000000"), "{told}");
+    assert!(!folder.path().join("out").exists(), "a refused plan leaves a folder");
     for (arguments, says) in [
         (vec!["sweep", "no-such-plan"], "ready are precision, precision-in-lockstep, architecture, layers"),
         (vec!["sweep", "precision", "--shard", "3/2"], "I from 1 to N"),

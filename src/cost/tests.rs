@@ -103,7 +103,6 @@ fn prices_are_read_whole_or_refused_in_a_sentence() {
     std::fs::write(&path, value.to_string()).unwrap();
     assert_eq!(Prices::load(&path).unwrap(), DEFAULT);
     value["area"]["adder"] = (-1).into();
-    println!("{}", refused(&value.to_string()));
     assert!(refused(&value.to_string()).starts_with("prices.json: area.adder"));
     assert!(refused("{}").starts_with("prices.json: "));
     assert!(refused("[").starts_with("prices.json: not JSON"));
