@@ -129,12 +129,14 @@ impl Attribution {
                 axis: axis(),
                 legend: legend(),
                 rows: std::iter::once(("all".to_owned(), vec![self.all.mean_covered_error])).chain(self.units.iter().map(row)).collect(),
+                ..Bars::default()
             },
             Bars {
                 title: format!("Error of each word, the greatest {SHOWN}"),
                 axis: axis(),
                 legend: legend(),
                 rows: self.greatest().into_iter().map(row).collect(),
+                ..Bars::default()
             },
         ]
     }

@@ -6,8 +6,9 @@ use crate::explain::explain;
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
 use crate::run::{self, Asked, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
+use crate::search::{self, Target};
 use crate::sweep::plan::Points;
-use crate::sweep::{self, Shard};
+use crate::sweep::{self, Shard, charts};
 use crate::timings::{Axes, Variants};
 use crate::{fixed, machines, prove, ranges, stress};
 use clap::error::ErrorKind;
@@ -38,6 +39,11 @@ enum Command {
     /// Try many machines on one or many scenes, a row each
     #[command(after_help = SWEEP)]
     Sweep(Sweep),
+    /// Find the narrowest machine that meets a target on a scene
+    #[command(after_help = NAMES)]
+    Search(Search),
+    /// Draw charts of what a sweep or a search found, and a page of them
+    Chart(Chart),
     /// Tell one pixel's whole story, the machine beside golden
     #[command(after_help = NAMES)]
     Explain(Explain),
@@ -118,6 +124,55 @@ struct Sweep {
     prices: Option<PathBuf>,
     #[command(flatten)]
     threads: Threads,
+    /// Print nothing
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args, Debug)]
+struct Search {
+    /// .json scenes, .ply clouds or built-in names; the target holds on all
+    #[arg(required = true, value_name = "SCENE")]
+    scenes: Vec<String>,
+    /// At least so many dB, fixed − golden over all pixels
+    #[arg(long, value_name = "DB", value_parser = positive, required_unless_present = "max_error")]
+    target_psnr: Option<f64>,
+    /// No pixel further off than this, linear light in [0, 1]
+    #[arg(long, value_name = "ERROR", value_parser = positive)]
+    max_error: Option<f64>,
+    /// No word may leave its range
+    #[arg(long)]
+    no_saturation: bool,
+    /// Unseen cameras on which it must hold too
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(0..=100))]
+    views: u8,
+    /// Only these units, words or sizes; may be given again
+    #[arg(long, value_name = "PATH")]
+    only: Vec<String>,
+    /// Machines that annealing draws
+    #[arg(long, value_name = "N", default_value_t = 300)]
+    tries: u32,
+    /// Another seed, another annealing
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    common: Common,
+    /// What a bit costs [default: machine prices]
+    #[arg(long, value_name = "FILE")]
+    prices: Option<PathBuf>,
+    /// Write here, or go on [default: SCENE-search]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print nothing
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args, Debug)]
+struct Chart {
+    /// The folder that a sweep or a search wrote; charts go there too
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
     /// Print nothing
     #[arg(long)]
     quiet: bool,
@@ -223,7 +278,8 @@ const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, t
 const STRESS: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a failure is silent";
 
 /// What the help text of `sweep` ends with.
-const SWEEP: &str = "Ready plans: precision, precision-in-lockstep, architecture, layers\n`scene plan-schema` says what a plan may hold";
+const SWEEP: &str =
+    "Ready plans: precision, precision-in-lockstep, curves, architecture, layers\n`scene plan-schema` says what a plan may hold";
 
 /// Two whole numbers with a separator between them.
 #[derive(Clone, Copy, Debug)]
@@ -236,6 +292,12 @@ impl<const SEPARATOR: char> FromStr for Pair<SEPARATOR> {
         let pair = text.split_once(SEPARATOR).and_then(|(a, b)| Some(Pair(a.parse().ok()?, b.parse().ok()?)));
         pair.ok_or_else(|| format!("two whole numbers with `{SEPARATOR}` between them are needed"))
     }
+}
+
+/// A number above 0.
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "a number above 0 is needed".into())
 }
 
 impl Common {
@@ -270,6 +332,8 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
         Command::Run(arguments) => arguments.common.threads.run(|| arguments.run()),
         Command::Stress(arguments) => arguments.threads.run(|| arguments.run()),
         Command::Sweep(arguments) => arguments.threads.run(|| arguments.run()),
+        Command::Search(arguments) => arguments.common.threads.run(|| arguments.run()),
+        Command::Chart(arguments) => arguments.run(),
         Command::Explain(arguments) => arguments.common.threads.run(|| arguments.explain()),
         Command::Machine(MachineCommand::List) => list(),
         Command::Machine(MachineCommand::Show { machine, settings }) => show(&machine, &settings),
@@ -377,6 +441,39 @@ impl Sweep {
         let names: Vec<_> = outcome.files.iter().filter_map(|path| path.file_name()?.to_str()).collect();
         let told = wrapped(&format!("written to {}: {}", folder.display(), names.join(" ")));
         Ok(if self.quiet { String::new() } else { format!("{}\n\n{told}", outcome.summary()) })
+    }
+}
+
+impl Search {
+    fn run(&self) -> Result<String> {
+        let machine = self.common.machine()?;
+        let scenes: Vec<Scene> = self.scenes.iter().map(|name| self.common.scene(name)).collect::<Result<_>>()?;
+        let target = Target { psnr_db: self.target_psnr, max_error: self.max_error, no_saturation: self.no_saturation };
+        let asked = search::Asked {
+            target,
+            views: self.views.into(),
+            seed: self.seed,
+            tries: self.tries.into(),
+            only: self.only.clone(),
+            prices: Prices::load_or_default(self.prices.as_deref())?,
+            progress: !self.quiet && std::io::stderr().is_terminal(),
+        };
+        let stem = Path::new(&self.scenes[0]).file_stem().unwrap_or_default().to_string_lossy();
+        let folder = self.out.clone().unwrap_or_else(|| format!("{stem}-search").into());
+        let outcome = search::run(&scenes, &machine, &folder, &asked)?;
+        let names: Vec<_> = outcome.files.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+        let told = wrapped(&format!("written to {}: {}", folder.display(), names.join(" ")));
+        Ok(if self.quiet { String::new() } else { format!("{}\n\n{told}", outcome.summary()) })
+    }
+}
+
+impl Chart {
+    fn run(&self) -> Result<String> {
+        let charts = charts::write(&self.folder)?;
+        let names: Vec<_> = charts.files.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+        let told = wrapped(&format!("written to {}: {}", self.folder.display(), names.join(" ")));
+        let text = [charts.summary(), &told].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("\n\n");
+        Ok(if self.quiet { String::new() } else { text })
     }
 }
 

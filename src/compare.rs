@@ -35,8 +35,7 @@ pub struct Metrics {
 /// If their sizes differ: pictures of one scene have one size.
 pub fn metrics(a: &Picture, b: &Picture) -> Metrics {
     assert_eq!((a.width, a.height), (b.width, b.height), "pictures of one scene have one size");
-    let rows: Vec<Sums> = (0..a.height).into_par_iter().map(|y| Sums::of_row(a, b, y)).collect();
-    let sums = rows.into_iter().fold(Sums::default(), Sums::and);
+    let sums = Sums::new(a, b);
     let pixels = (a.width * a.height) as f64;
     Metrics {
         psnr_db: psnr_db(sums.squares, 3.0 * pixels),
@@ -57,6 +56,8 @@ fn clamped(picture: &Picture, index: usize) -> [f64; 3] {
 /// Distance of two pictures by their pixels alone, which is quick.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Distance {
+    /// As [`Metrics::psnr_db`].
+    pub psnr_db: Option<f64>,
     /// As [`Metrics::psnr_covered_db`].
     pub psnr_covered_db: Option<f64>,
     /// Mean absolute difference over the pixels that a splat touches in either picture, and the colour channels.
@@ -70,9 +71,11 @@ pub struct Distance {
 /// # Panics
 /// If their sizes differ.
 pub fn distance(a: &Picture, b: &Picture) -> Distance {
-    let sums = (0..a.height).map(|y| Sums::of_row(a, b, y)).fold(Sums::default(), Sums::and);
+    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of one scene have one size");
+    let sums = Sums::new(a, b);
     let values = 3.0 * sums.covered_pixels as f64;
     Distance {
+        psnr_db: psnr_db(sums.squares, 3.0 * (a.width * a.height) as f64),
         psnr_covered_db: psnr_db(sums.covered_squares, values),
         mean_covered_error: if values > 0.0 { sums.covered_errors / values } else { 0.0 },
         max_error: sums.max,
@@ -103,6 +106,11 @@ struct Sums {
 }
 
 impl Sums {
+    fn new(a: &Picture, b: &Picture) -> Sums {
+        let rows: Vec<Sums> = (0..a.height).into_par_iter().map(|y| Sums::of_row(a, b, y)).collect();
+        rows.into_iter().fold(Sums::default(), Sums::and)
+    }
+
     fn of_row(a: &Picture, b: &Picture, y: usize) -> Sums {
         let mut sums = Sums::default();
         for index in y * a.width..(y + 1) * a.width {
@@ -179,6 +187,7 @@ mod tests {
         assert_eq!(metrics.pixels_over_1_255, 480);
         let distance = distance(&a, &b);
         assert_eq!((distance.psnr_covered_db, distance.max_error), (metrics.psnr_covered_db, metrics.max_error));
+        assert_eq!(distance.psnr_db, metrics.psnr_db);
         assert!(close(distance.mean_covered_error, 0.02933537746415771), "{distance:?}");
     }
 

@@ -196,7 +196,7 @@ impl CyclesReport {
                 x: Axis::linear("million cycles").within(0.0, self.total as f64 / 1e6),
                 y: Axis::linear("% of cycles").within(0.0, 100.0),
                 series: vec![Series { name: String::new(), points, mark: Mark::Line, colour: nth }],
-                limits: Vec::new(),
+                ..Panel::default()
             }
         };
         let timed = self.units.iter().filter_map(|unit| unit.over_time.as_ref().map(|over_time| (unit, over_time)));

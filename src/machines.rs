@@ -44,6 +44,14 @@ pub fn with(machine: &Machine, changes: &[(String, Value)], told: &str) -> Resul
     checked(&value, told)
 }
 
+/// A machine that is part of a file.
+///
+/// # Errors
+/// [`Error::Input`], beginning with `told`, where it is none.
+pub fn from_value(value: &Value, told: &str) -> Result<Machine> {
+    checked(value, told)
+}
+
 /// Every word of a machine that can be set, as PATH and format.
 pub fn words(machine: &Machine) -> Vec<(String, Format)> {
     let mut words = Vec::new();
@@ -114,9 +122,11 @@ fn parse_setting(setting: &str) -> Option<Value> {
     (!path.is_empty()).then(|| nested(path, leaf))
 }
 
-/// Lays `change` over `value`, object by object. A word in short form opens up where a part of it is changed.
+/// Lays `change` over `value`, object by object. A word in short form opens up where a part of it is changed; one in long form keeps its
+/// rounding where its format alone is.
 fn merge(value: &mut Value, change: Value) {
     match change {
+        Value::String(format) if value.get("format").is_some() => value["format"] = format.into(),
         Value::Object(change) => {
             if let Value::String(format) = value {
                 *value = Value::Object(Map::from_iter([("format".to_owned(), Value::from(format.as_str()))]));

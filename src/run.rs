@@ -7,7 +7,7 @@
 //! ```
 
 use crate::attribute::attribute;
-use crate::chart::{self, Draw};
+use crate::chart::{self, Chart};
 use crate::compare::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
 use crate::cost::{CostReport, Prices};
 use crate::cycles::{CyclesReport, Requests};
@@ -198,7 +198,7 @@ impl Outcome {
             written.push(path);
         }
         let charts = self.report.cycles.charts();
-        let charts: Vec<&dyn Draw> = charts.iter().map(|chart| chart as &dyn Draw).collect();
+        let charts: Vec<&dyn Chart> = charts.iter().map(|chart| chart as &dyn Chart).collect();
         let path = folder.join("cycles.png");
         chart::write_png(&charts, 2, [460, 240], &path)?;
         written.push(path);

@@ -8,17 +8,21 @@
 //! A point has a key: a digest of all that determines its row. A folder knows its rows by their keys, so that a sweep that was cut off
 //! goes on, and that no row comes from anything else than the plan says.
 //!
+//! `plan.json` in the folder says what the rows are of.
+//!
 //! Laws (tests/sweep.rs): `a_row_says_what_a_run_says`, `a_sweep_that_is_killed_goes_on`, `parts_are_the_whole`.
 
+pub mod charts;
+mod page;
 pub mod plan;
 pub mod table;
 
-use crate::compare::{lockstep, metrics};
+use crate::compare::{distance, lockstep, metrics};
 use crate::cost::{CostReport, Prices};
 use crate::cycles::CyclesReport;
 use crate::error::{Error, Result};
 use crate::golden::{self, Rules};
-use crate::picture::Picture;
+use crate::picture::{Picture, write_beside};
 use crate::quantise::quantise;
 use crate::ranges::SignalReport;
 use crate::report::{MachineReport, thousands, wrapped};
@@ -34,7 +38,7 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use table::{Column, Journal, Kind, Row, digest};
+use table::{Column, Journal, Kind, Row, Table, digest};
 
 /// Most points, if nobody asks for more.
 pub const MOST_POINTS: u64 = 100_000;
@@ -52,6 +56,7 @@ const FOUND: [(&str, Kind); 30] = [
     ("mean_error", Kind::Number),
     ("pixels_over_1_255", Kind::Whole),
     ("golden_vs_ideal_psnr_db", Kind::Number),
+    ("fixed_vs_ideal_psnr_db", Kind::Number),
     ("lockstep_psnr_db", Kind::Number),
     ("lockstep_max_error", Kind::Number),
     ("bound_violations", Kind::Whole),
@@ -73,8 +78,16 @@ const FOUND: [(&str, Kind); 30] = [
     ("fragment_bits", Kind::Whole),
     ("widest_operand_bits", Kind::Whole),
     ("energy_j", Kind::Number),
-    ("host_seconds", Kind::Number),
 ];
+
+/// Units with an account of their cycles each, those of several side by side together; empty where a machine has none.
+pub const UNITS: [&str; 11] = ["fetch", "project", "ellipse", "bin", "list", "raster", "gauss", "cache", "fragment", "shade", "resolve"];
+
+/// What a unit does in a cycle.
+pub const ACCOUNTS: [&str; 4] = ["busy", "starved", "blocked", "memory"];
+
+/// Seconds on this computer: a point with all that was done for it, and a frame of each renderer.
+const HOST: [&str; 4] = ["host_seconds", "host_fixed_seconds", "host_golden_seconds", "host_ideal_seconds"];
 
 /// Part `index` of `of`, from 1 on: every `of`-th machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,8 +128,7 @@ pub struct Outcome {
     pub counts: [u64; 3],
     /// What was written.
     pub files: Vec<PathBuf>,
-    columns: Vec<Column>,
-    rows: Vec<Row>,
+    table: Table,
 }
 
 /// A machine of the plan on a scene.
@@ -140,11 +152,12 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
     }
     open_folder(folder)?;
     let fields = points.fields();
+    let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": asked.prices});
     let own = fields.iter().map(|field| (field.clone(), Kind::Text));
     let fixed = |columns: &[(&str, Kind)]| columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect::<Vec<_>>();
-    let columns: Vec<Column> = fixed(&POINT).into_iter().chain(own).chain(fixed(&FOUND)).collect();
+    let columns: Vec<Column> = fixed(&POINT).into_iter().chain(own).chain(fixed(&FOUND)).chain(measured()).collect();
     let part = asked.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
-    let mut journal = Journal::open(folder, &part, columns.clone())?;
+    let mut journal = Journal::open(folder, &part, columns)?;
     let is_mine = |number: u64| asked.shard.is_none_or(|Shard { index, of }| number % of == index - 1);
     let mine = (0..count).filter(|number| is_mine(*number)).count() as u64;
     if let Some((last, _)) = journal.rows().filter_map(|row| Some((row[0].as_u64()?, row))).max_by_key(|(point, _)| *point)
@@ -152,6 +165,7 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
     {
         return Err(Error::input(format!("{} has point {last}, and the plan {count} points: it is of another plan", folder.display())));
     }
+    write_plan(folder, &told)?;
     let bar = if asked.progress { ProgressBar::new(mine) } else { ProgressBar::hidden() };
     if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len} points, {eta} left") {
         bar.set_style(style);
@@ -197,8 +211,22 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
         }
     }
     bar.finish_and_clear();
-    let files = journal.write(folder)?;
-    Ok(Outcome { counts: [count, mine, drawn], files, columns, rows: journal.rows().cloned().collect() })
+    let files = journal.write(folder, "sweep")?;
+    Ok(Outcome { counts: [count, mine, drawn], files, table: journal.table() })
+}
+
+/// The columns that come last.
+fn measured() -> Vec<Column> {
+    let accounts = UNITS.iter().flat_map(|unit| ACCOUNTS.map(|account| (format!("{unit}_{account}"), Kind::Whole)));
+    accounts.chain(HOST.map(|name| (name.to_owned(), Kind::Number))).collect()
+}
+
+/// Says in a folder what its rows are of: of what machine, with `machine`.
+///
+/// # Errors
+/// [`Error::Job`] where it cannot be written.
+pub fn write_plan(folder: &Path, told: &Value) -> Result<()> {
+    write_beside(&folder.join("plan.json"), |file| serde_json::to_writer_pretty(file, told).map_err(|e| e.to_string()))
 }
 
 /// What all points on a scene have in common.
@@ -208,8 +236,18 @@ struct Stage<'a> {
     scene: Scene,
     digest: String,
     ideal: Picture,
+    ideal_seconds: f64,
     /// What golden makes by the rules that were needed last.
-    goldens: Vec<(Rules, Picture, Value)>,
+    goldens: Vec<Golden>,
+}
+
+/// What golden makes by some rules.
+struct Golden {
+    rules: Rules,
+    picture: Picture,
+    /// Against ideal.
+    psnr_db: Option<f64>,
+    seconds: f64,
 }
 
 /// Golden pictures that are kept.
@@ -219,8 +257,8 @@ impl<'a> Stage<'a> {
     fn new(points: &'a Points, nth: usize, asked: &'a Asked) -> Result<Self> {
         let scene = points.scene(nth)?;
         let digest = digest_of(&scene);
-        let ideal = golden::ideal(&scene).picture;
-        Ok(Stage { points, asked, scene, digest, ideal, goldens: Vec::new() })
+        let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
+        Ok(Stage { points, asked, scene, digest, ideal, ideal_seconds, goldens: Vec::new() })
     }
 
     fn point(&self, number: u64, changes: Vec<Change>) -> Result<Point> {
@@ -236,13 +274,13 @@ impl<'a> Stage<'a> {
         Ok(Point { number, changes, machine, key: digest(all.to_string().as_bytes()) })
     }
 
-    fn golden(&mut self, rules: &Rules) -> &(Rules, Picture, Value) {
-        let known = self.goldens.iter().position(|(other, ..)| other == rules);
+    fn golden(&mut self, rules: &Rules) -> &Golden {
+        let known = self.goldens.iter().position(|golden| golden.rules == *rules);
         let at = known.unwrap_or_else(|| {
-            let picture = golden::render(&self.scene, rules).picture;
-            let method = json!(metrics(&picture, &self.ideal).psnr_db);
+            let (picture, seconds) = timed(|| golden::render(&self.scene, rules).picture);
+            let psnr_db = distance(&picture, &self.ideal).psnr_db;
             self.goldens.truncate(GOLDENS - 1);
-            self.goldens.insert(0, (*rules, picture, method));
+            self.goldens.insert(0, Golden { rules: *rules, picture, psnr_db, seconds });
             0
         });
         &self.goldens[at]
@@ -266,7 +304,8 @@ impl<'a> Stage<'a> {
             });
             let head = [json!(point.number), json!(point.key), json!(self.scene.name), json!(changes.join(" "))];
             let seconds = seconds / group.len() as f64 + own_seconds;
-            let found = FOUND.iter().map(|(name, _)| match *name {
+            let names = FOUND.iter().map(|(name, _)| (*name).to_owned()).chain(measured().into_iter().map(|(name, _)| name));
+            let found = names.map(|name| match name.as_str() {
                 "host_seconds" => json!(seconds),
                 name => found.get(name).cloned().unwrap_or(Value::Null),
             });
@@ -279,11 +318,13 @@ impl<'a> Stage<'a> {
     fn drawn(&mut self, machine: &Machine) -> std::result::Result<Drawn, String> {
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
         let quantised = quantise(&self.scene, machine).map_err(|error| error.to_string())?;
-        let (drawing, work) = fixed::draw_recorded(&elaborated, &quantised);
+        let ((drawing, work), fixed_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
         let (_, ranges) = fixed::draw_ranged(&elaborated, &quantised);
         let picture = fixed::picture(&elaborated, &drawing);
-        let (_, golden, method) = self.golden(&fixed::rules(machine));
-        let m = metrics(&picture, golden);
+        let ideal_psnr_db = distance(&picture, &self.ideal).psnr_db;
+        let ideal_seconds = self.ideal_seconds;
+        let golden = self.golden(&fixed::rules(machine));
+        let m = metrics(&picture, &golden.picture);
         let signals = elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range));
         let (saturated, wrapped) = signals.fold((0, 0), |(saturated, wrapped), signal| {
             let over = if signal.is_declared_clamp() { 0 } else { signal.overflows() - signal.wrapped() };
@@ -297,12 +338,16 @@ impl<'a> Stage<'a> {
             "max_error": m.max_error,
             "mean_error": m.mean_error,
             "pixels_over_1_255": m.pixels_over_1_255,
-            "golden_vs_ideal_psnr_db": method,
+            "golden_vs_ideal_psnr_db": golden.psnr_db,
+            "fixed_vs_ideal_psnr_db": ideal_psnr_db,
             "saturated": saturated,
             "wrapped": wrapped,
             "contributions": outcomes.total(),
             "merged": outcomes.merged,
             "evicted": outcomes.evicted,
+            "host_fixed_seconds": fixed_seconds,
+            "host_golden_seconds": golden.seconds,
+            "host_ideal_seconds": ideal_seconds,
         });
         if self.points.plan.lockstep {
             let lockstep = lockstep(&self.scene, &elaborated, &quantised).summary(&picture);
@@ -348,12 +393,21 @@ impl Drawn {
         ] {
             found.insert(name.to_owned(), value);
         }
+        for unit in UNITS.into_iter().filter(|unit| replayed.units.iter().any(|other| other.name == *unit)) {
+            let of = |count: fn(&timing::Account) -> u64| {
+                replayed.units.iter().filter(|other| other.name == unit).map(|other| count(&other.account)).sum::<u64>()
+            };
+            let counts = [of(|a| a.busy), of(|a| a.starved), of(|a| a.blocked), of(|a| a.memory)];
+            for (account, count) in ACCOUNTS.iter().zip(counts) {
+                found.insert(format!("{unit}_{account}"), json!(count));
+            }
+        }
         Ok(found)
     }
 }
 
 /// A digest of all that is drawn of a scene.
-fn digest_of(scene: &Scene) -> String {
+pub fn digest_of(scene: &Scene) -> String {
     use sha2::{Digest, Sha256};
     let mut sha = Sha256::new();
     let Scene { camera, image, kernel, surface, lights, materials, .. } = scene;
@@ -369,7 +423,7 @@ impl Outcome {
     /// What was done, and the best and the worst, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let [count, mine, drawn] = self.counts;
-        let rows = self.rows.len() as u64;
+        let rows = self.table.rows.len() as u64;
         let mut text = format!("{} points", thousands(count));
         if mine < count {
             let _ = write!(text, ", {} of this part", thousands(mine));
@@ -378,33 +432,32 @@ impl Outcome {
         if rows < count {
             let _ = write!(text, "; the table has {} of them", thousands(rows));
         }
-        let at = |name: &str| self.columns.iter().position(|(other, _)| other == name).unwrap_or(0);
-        let [misfit, psnr, area, rate, changes, scene] =
-            ["misfit", "psnr_covered_db", "area", "frames_per_second", "changes", "scene"].map(at);
-        let misfits = self.rows.iter().filter(|row| !row[misfit].is_null()).count() as u64;
+        let is_built = |row: &&Row| self.table.text(row, "misfit").is_empty();
+        let misfits = self.table.rows.iter().filter(|row| !is_built(row)).count() as u64;
         if misfits > 0 {
             let _ = write!(text, "; {} cannot be built, the column `misfit` says why", thousands(misfits));
         }
         let mut text = wrapped(&text) + "\n";
-        let mut built: Vec<&Row> = self.rows.iter().filter(|row| row[misfit].is_null()).collect();
-        let number = |cell: &Value| cell.as_f64().unwrap_or(f64::INFINITY);
-        let mut told = |what: &str, row: Option<&&Row>| {
+        let mut built: Vec<&Row> = self.table.rows.iter().filter(is_built).collect();
+        let number = |row: &Row, name: &str| self.table.number(row, name).unwrap_or(f64::INFINITY);
+        let mut told = |what: &str, row: Option<&Row>| {
             let Some(row) = row else { return };
-            let psnr = number(&row[psnr]);
+            let psnr = number(row, "psnr_covered_db");
             let psnr = if psnr.is_finite() { format!("{psnr:.1} dB") } else { "equal pictures".into() };
-            let (rate, area) = (number(&row[rate]), thousands(number(&row[area]) as u64));
-            let words = |column: usize| row[column].as_str().unwrap_or_default();
-            let changes = if words(changes).is_empty() { "as it is" } else { words(changes) };
-            let _ = write!(text, "\n{what:<11} {psnr:>8}, {rate:>6.1} frames/s, area {area:>9}  {}", words(scene));
+            let (rate, area) = (number(row, "frames_per_second"), thousands(number(row, "area") as u64));
+            let changes = Some(self.table.text(row, "changes")).filter(|changes| !changes.is_empty()).unwrap_or("as it is");
+            let scene = self.table.text(row, "scene");
+            let _ = write!(text, "\n{what:<11} {psnr:>8}, {rate:>6.1} frames/s, area {area:>9}  {scene}");
             let _ = write!(text, "\n{}", wrapped(&format!("    {changes}")));
         };
-        built.sort_by(|a, b| number(&a[psnr]).total_cmp(&number(&b[psnr])));
-        told("worst", built.first());
-        told("best", built.last());
-        built.sort_by(|a, b| number(&a[area]).total_cmp(&number(&b[area])));
-        told("least area", built.first());
-        built.sort_by(|a, b| number(&a[rate]).total_cmp(&number(&b[rate])));
-        told("fastest", built.last());
+        let mut by = |name: &'static str| {
+            built.sort_by(|a, b| number(a, name).total_cmp(&number(b, name)));
+            [built.first().copied(), built.last().copied()]
+        };
+        let ([worst, best], [least, _], [_, fastest]) = (by("psnr_covered_db"), by("area"), by("frames_per_second"));
+        for (what, row) in [("worst", worst), ("best", best), ("least area", least), ("fastest", fastest)] {
+            told(what, row);
+        }
         text
     }
 }

@@ -133,6 +133,7 @@ impl Timings {
             axis: Axis::linear("frames/s").within(0.0, 1.05 * most),
             legend: vec![String::new()],
             rows: self.rows.iter().map(|row| (row.value.clone(), vec![row.cycles.frames_per_second])).collect(),
+            ..Bars::default()
         }
     }
 }

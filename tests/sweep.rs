@@ -110,6 +110,10 @@ fn a_row_says_what_a_run_says() {
             ("mean_error", "/accuracy/fixed_vs_golden/mean_error"),
             ("pixels_over_1_255", "/accuracy/fixed_vs_golden/pixels_over_1_255"),
             ("golden_vs_ideal_psnr_db", "/accuracy/golden_vs_ideal/psnr_db"),
+            ("raster_busy", "/cycles/units/5/busy"),
+            ("fragment_starved", "/cycles/units/7/starved"),
+            ("list_memory", "/cycles/units/4/memory"),
+            ("shade_blocked", "/cycles/units/8/blocked"),
             ("lockstep_psnr_db", "/accuracy/lockstep/psnr_db"),
             ("decision_flips", "/accuracy/lockstep/decision_flips"),
             ("bound_violations", "/accuracy/lockstep/bound_violations"),
@@ -238,7 +242,7 @@ fn a_billion_points_are_refused_with_their_count() {
     assert!(told.contains("1,000,000,000 points") && told.contains("--most 1000000000"), "{told}");
     assert!(!folder.path().join("out").exists(), "a refused plan leaves a folder");
     for (arguments, says) in [
-        (vec!["sweep", "no-such-plan"], "ready are precision, precision-in-lockstep, architecture, layers"),
+        (vec!["sweep", "no-such-plan"], "ready are precision, precision-in-lockstep, curves, architecture, layers"),
         (vec!["sweep", "precision", "--shard", "3/2"], "I from 1 to N"),
         (vec!["sweep", "precision", "--shard", "0/2"], "I from 1 to N"),
     ] {
@@ -260,7 +264,7 @@ fn the_columnar_file_holds_what_the_csv_holds() {
     assert_eq!(columnar.len(), rows.len());
     for (columnar, row) in columnar.iter().zip(&rows) {
         let columnar: BTreeMap<&String, &Field> = columnar.get_column_iter().collect();
-        assert_eq!(columnar.len(), row.len() + 1, "host_seconds is left out of the rows alone");
+        assert_eq!(columnar.len(), row.len() + 4, "host times are left out of the rows alone");
         for (name, cell) in row {
             match columnar[name] {
                 Field::Null => assert_eq!(cell, "", "{name}"),

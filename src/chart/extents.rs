@@ -7,7 +7,7 @@
 //!                needed are empty    binary point
 //! ```
 
-use super::{Area, COLOURS, Draw, FAINT, FONT, INK, told};
+use super::{Area, COLOURS, Draw, Drawn, FAINT, FONT, INK, told};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -94,7 +94,7 @@ fn power(exponent: i32) -> String {
 }
 
 impl Draw for Extents {
-    fn draw(&self, area: &Area) -> Result<(), String> {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let [first, last] = self.span();
         let x = |place: i32| MARGIN_PX + NAMES_PX + (place - first) * PLACE_PX;
         let rows: i32 = self.groups.iter().map(|(_, extents)| extents.len() as i32 + 1).sum();
@@ -125,7 +125,7 @@ impl Draw for Extents {
 }
 
 impl Extents {
-    fn draw_legend(&self, area: &Area) -> Result<(), String> {
+    fn draw_legend<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let y = 48;
         let mut x = MARGIN_PX;
         let words = |text_px: &mut i32, words: &str, width: i32| {
@@ -151,7 +151,7 @@ impl Extents {
 }
 
 impl Extent {
-    fn draw(&self, area: &Area, x: impl Fn(i32) -> i32, top: i32, end: i32) -> Result<(), String> {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>, x: impl Fn(i32) -> i32, top: i32, end: i32) -> Drawn {
         let (upper, lower, middle) = (top + 2, top + ROW_PX - 2, top + ROW_PX / 2);
         let filled = |from: i32, to: i32, colour: RGBColor| {
             let cell = [(x(from), upper), (x(to), lower)];

@@ -2,7 +2,7 @@
 
 use super::*;
 
-fn drawn(drawing: &dyn Draw) -> image::RgbImage {
+fn drawn(drawing: &dyn Chart) -> image::RgbImage {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("chart.png");
     write_png(&[drawing], 1, [640, 400], &path).unwrap();
@@ -15,7 +15,7 @@ fn pixels_of(image: &image::RgbImage, RGBColor(r, g, b): RGBColor) -> usize {
 
 fn panel(points: Vec<[f64; 2]>, y: Axis) -> Panel {
     let series = vec![Series { name: "a".into(), points, mark: Mark::Line, colour: 0 }];
-    Panel { title: "title".into(), x: Axis::linear("x"), y, series, limits: vec![(1.0, "here".into(), 1)] }
+    Panel { title: "title".into(), x: Axis::linear("x"), y, series, limits: vec![(1.0, "here".into(), 1)], notes: Vec::new() }
 }
 
 #[test]
@@ -36,6 +36,7 @@ fn what_a_log_axis_cannot_show_is_left_out() {
 #[test]
 fn a_longer_bar_has_more_pixels() {
     let bars = |value: f64| Bars {
+        shape: Shape::Bars,
         title: String::new(),
         axis: Axis::linear("dB").within(0.0, 10.0),
         legend: vec!["alone".into()],

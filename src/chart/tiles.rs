@@ -1,6 +1,6 @@
 //! Tiles: pictures enlarged pixel by pixel, and words, as cells of a grid.
 
-use super::{Area, COLOURS, Draw, FONT, INK, Mark, told};
+use super::{Area, COLOURS, Draw, Drawn, FONT, INK, Mark, told};
 use crate::colour::srgb_encode;
 use crate::picture::Picture;
 use plotters::element::DashedPathElement;
@@ -30,7 +30,7 @@ const CAPTION_PX: i32 = 18;
 const MARGIN_PX: i32 = 3;
 
 impl Draw for Tile {
-    fn draw(&self, area: &Area) -> Result<(), String> {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let style = (FONT, 13).into_font().color(&INK);
         area.draw(&Text::new(self.caption.clone(), (MARGIN_PX, MARGIN_PX), style)).map_err(told)?;
         let (width, height) = area.dim_in_pixel();
@@ -48,7 +48,7 @@ impl Draw for Tile {
 }
 
 impl Draw for Words {
-    fn draw(&self, area: &Area) -> Result<(), String> {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let title = (FONT, 16).into_font().color(&INK);
         area.draw(&Text::new(self.title.clone(), (2 * MARGIN_PX, 2 * MARGIN_PX), title)).map_err(told)?;
         for (i, (sample, line)) in self.lines.iter().enumerate() {
@@ -60,7 +60,7 @@ impl Draw for Words {
                 match mark {
                     Mark::Line => area.draw(&PathElement::new(path, style)),
                     Mark::Dashed => area.draw(&DashedPathElement::new(path, 7, 5, style)),
-                    Mark::Dots => area.draw(&Circle::new((x + 13, y + 7), 3, style.filled())),
+                    Mark::Dots | Mark::Rings => area.draw(&Circle::new((x + 13, y + 7), 3, style.filled())),
                 }
                 .map_err(told)?;
                 x += 34;

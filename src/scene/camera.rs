@@ -1,7 +1,7 @@
 //! Camera: chooses the eye that a scene does not name, so that its splats fill the picture.
 
-use super::{Splat, neighbours::lone_radius};
-use glam::DVec3;
+use super::{Camera, Splat, neighbours::lone_radius};
+use glam::{DQuat, DVec3};
 
 /// Where the eye is, seen from the splats: in front, a little to the right and above (y is up).
 const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
@@ -47,6 +47,29 @@ impl Ball {
         let tan = tan_y.min(tan_y * aspect);
         // 1/sin of the narrower half angle: the ball touches the edge of the picture.
         FROM.normalize() * (MARGIN * self.radius * (1.0 + 1.0 / (tan * tan)).sqrt())
+    }
+}
+
+/// Turn from one camera to the next, degrees: the golden angle, by which no two come close.
+const TURN_DEGREES: f64 = 137.507_764;
+/// How far cameras rise and sink, degrees.
+const RISE_DEGREES: f64 = 20.0;
+
+impl Camera {
+    /// The n-th camera around the same target, as far from it: turned about `up` and risen or sunk a little. The 0th is this one.
+    pub fn turned(&self, nth: usize) -> Camera {
+        if nth == 0 {
+            return *self;
+        }
+        let up = self.up.normalize();
+        let about = DQuat::from_axis_angle(up, (TURN_DEGREES * nth as f64).to_radians());
+        let way = about * (self.eye - self.target);
+        let right = up.cross(way).normalize();
+        // Evenly spread, by the golden ratio again; never over the pole.
+        let rise = RISE_DEGREES * (2.0 * (nth as f64 * 0.618_033_988_75).fract() - 1.0);
+        let height = way.angle_between(up).to_degrees();
+        let rise = rise.clamp(height - 175.0, height - 5.0);
+        Camera { eye: self.target + DQuat::from_axis_angle(right, -rise.to_radians()) * way, ..*self }
     }
 }
 

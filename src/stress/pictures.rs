@@ -1,7 +1,7 @@
 //! Pictures: the catalogue as a grid of charts, and as a gallery.
 
 use super::{CASES, Case, CaseReport, Catalogue, Exhibit, Failure, Found, MachineReport, Point, SHARE_FAILS, short};
-use crate::chart::{Axis, Draw, Mark, Panel, Series, Tile, Words, write_png};
+use crate::chart::{Axis, Chart, Mark, Panel, Series, Tile, Words, write_png};
 use crate::error::Result;
 use crate::picture::Picture;
 use rtl_model::Machine;
@@ -41,7 +41,7 @@ fn place(case: &Case, value: f64) -> f64 {
 pub fn write_chart(catalogue: &Catalogue, path: &Path) -> Result<()> {
     let key = key();
     let panels: Vec<Panel> = catalogue.cases.iter().map(panel).collect();
-    let drawings: Vec<&dyn Draw> = std::iter::once(&key as &dyn Draw).chain(panels.iter().map(|panel| panel as &dyn Draw)).collect();
+    let drawings: Vec<&dyn Chart> = std::iter::once(&key as &dyn Chart).chain(panels.iter().map(|panel| panel as &dyn Chart)).collect();
     write_png(&drawings, CHART_COLUMNS, CHART_CELL_PX, path)
 }
 
@@ -88,7 +88,7 @@ fn panel(report: &CaseReport) -> Panel {
         limits.extend(limit(case, machine, colour(i)));
     }
     let (x, y) = (if case.log { Axis::log(&label) } else { Axis::linear(&label) }, Axis::log("error").within(FLOOR / 2.0, 1.2 * CEILING));
-    Panel { title: report.name.into(), x, y, series, limits: joined(limits) }
+    Panel { title: report.name.into(), x, y, series, limits: joined(limits), ..Panel::default() }
 }
 
 /// The bound where it says something, else the top of the chart.
@@ -121,10 +121,10 @@ fn joined(limits: Vec<(f64, String, usize)>) -> Vec<(f64, String, usize)> {
 /// One row an exhibit: what it is, ideal, golden, fixed, error.
 pub fn write_gallery(exhibits: &[Exhibit], path: &Path) -> Result<()> {
     let rows: Vec<(Words, [Tile; 4])> = exhibits.iter().map(|exhibit| (words(exhibit), tiles(exhibit))).collect();
-    let mut drawings: Vec<&dyn Draw> = Vec::new();
+    let mut drawings: Vec<&dyn Chart> = Vec::new();
     for (words, tiles) in &rows {
         drawings.push(words);
-        drawings.extend(tiles.iter().map(|tile| tile as &dyn Draw));
+        drawings.extend(tiles.iter().map(|tile| tile as &dyn Chart));
     }
     write_png(&drawings, 5 * GALLERY_COLUMNS.min(rows.len().max(1)), GALLERY_CELL_PX, path)
 }

@@ -51,7 +51,7 @@ fn yes() -> bool {
     true
 }
 
-/// A field, and what it is to be: one of the three.
+/// A field, and what it is to be: values, a range, or other bits.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
@@ -66,6 +66,9 @@ pub struct Axis {
     /// So many fraction bits more than the base machine's; fewer where negative. Of words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub add_frac_bits: Option<Vec<i32>>,
+    /// So many integer bits more than the base machine's; fewer where negative. Of words; beside `add_frac_bits`, one after the other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub add_int_bits: Option<Vec<i32>>,
 }
 
 /// How axes are put together.
@@ -100,7 +103,7 @@ pub struct Points {
 }
 
 /// Plans that need no file.
-pub const READY: [(&str, &str); 4] = [
+pub const READY: [(&str, &str); 5] = [
     (
         "precision",
         r#"{"scenes": ["glass-spheres"], "axes": [{"field": "*", "add_frac_bits": [-4, -2, 2]}], "order": "one-at-a-time",
@@ -109,6 +112,14 @@ pub const READY: [(&str, &str); 4] = [
     (
         "precision-in-lockstep",
         r#"{"scenes": ["glass-spheres"], "axes": [{"field": "*", "add_frac_bits": [-4, -2, 2]}], "order": "one-at-a-time"}"#,
+    ),
+    (
+        "curves",
+        r#"{"scenes": ["glass-spheres"], "size": [256, 256], "order": "one-at-a-time", "axes": [
+            {"field": "splat.rgb", "add_frac_bits": [-8, -7, -6, -5, -4, -3, -2, -1, 1, 2, 3, 4]},
+            {"field": "raster.offset", "add_frac_bits": [-8, -7, -6, -5, -4, -3, -2, -1, 1, 2, 3, 4]},
+            {"field": "gauss.weight", "add_frac_bits": [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 1, 2]},
+            {"field": "project.camera", "add_int_bits": [-3, -2, -1, 1, 2, 3]}]}"#,
     ),
     (
         "architecture",
@@ -270,9 +281,10 @@ pub fn schema() -> Value {
 
 impl Axis {
     fn values(&self, words: &[(String, Format)]) -> std::result::Result<Vec<Value>, String> {
-        let values = match (&self.values, self.range, &self.add_frac_bits) {
-            (Some(values), None, None) => values.clone(),
-            (None, Some([first, last, step]), None) => {
+        let no_bits = self.add_frac_bits.is_none() && self.add_int_bits.is_none();
+        let values = match (&self.values, self.range) {
+            (Some(values), None) if no_bits => values.clone(),
+            (None, Some([first, last, step])) if no_bits => {
                 let falls = (step > 0) != (last >= first) && first != last;
                 let count = if step == 0 || falls { 0 } else { (i128::from(last) - i128::from(first)) / i128::from(step) + 1 };
                 if count > 1_000_000 {
@@ -280,13 +292,17 @@ impl Axis {
                 }
                 (0..count as i64).map(|nth| Value::from(first + nth * step)).collect()
             }
-            (None, None, Some(more)) => {
+            (None, None) if !no_bits => {
                 let word = words.iter().find(|(field, _)| *field == self.field);
-                let Some((_, format)) = word else { return Err(format!("{} is no word, which add_frac_bits needs", self.field)) };
-                let finer = |more: &i32| Format { frac_bits: format.frac_bits.saturating_add(*more), ..*format };
-                more.iter().map(|more| Value::from(finer(more).to_string())).collect()
+                let Some((_, format)) = word else {
+                    return Err(format!("{} is no word, which add_frac_bits and add_int_bits need", self.field));
+                };
+                let [finer, wider] = [&self.add_frac_bits, &self.add_int_bits].map(|more| more.iter().flatten().copied());
+                let finer = finer.map(|more| Format { frac_bits: format.frac_bits.saturating_add(more), ..*format });
+                let wider = wider.map(|more| Format { int_bits: format.int_bits.saturating_add(more), ..*format });
+                finer.chain(wider).map(|format| Value::from(format.to_string())).collect()
             }
-            _ => return Err(format!("{} needs one of values, range and add_frac_bits", self.field)),
+            _ => return Err(format!("{} needs one of values, range and bits to add", self.field)),
         };
         if values.is_empty() { Err(format!("{} has no values", self.field)) } else { Ok(values) }
     }
@@ -309,8 +325,8 @@ fn shuffled(number: u64, count: u64, seed: u64) -> u64 {
     }
 }
 
-/// SplitMix64.
-fn mixed(number: u64) -> u64 {
+/// SplitMix64: what a number is turned into.
+pub fn mixed(number: u64) -> u64 {
     let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -39,6 +39,57 @@ pub type Column = (String, Kind);
 /// A row's cells, in the order of the columns: text, numbers or null.
 pub type Row = Vec<Value>;
 
+/// Rows by their points, and what their cells are.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    /// What the cells are.
+    pub columns: Vec<Column>,
+    /// By rising point.
+    pub rows: Vec<Row>,
+}
+
+impl Table {
+    /// All rows of a folder.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where it has none, or where one was changed.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let cannot = |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
+        let paths = journals(folder).map_err(cannot)?;
+        let told = |what: &str| Error::input(format!("{}: {what}", folder.display()));
+        let first = paths.first().ok_or_else(|| told("has no points.jsonl: it is no folder of `sweep` or `search`"))?;
+        let text = fs::read_to_string(first).map_err(cannot)?;
+        let header = text.lines().next().unwrap_or_default();
+        let columns = columns(header).ok_or_else(|| Error::input(format!("{}: line 1: names no columns", first.display())))?;
+        let mut rows = BTreeMap::new();
+        for path in &paths {
+            let text = fs::read(path).map_err(cannot)?;
+            read(path, whole_lines(&text), header, &mut rows)?;
+        }
+        if rows.is_empty() { Err(told("has no rows yet")) } else { Ok(Table { columns, rows: rows.into_values().collect() }) }
+    }
+
+    /// Where a column is.
+    pub fn at(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|(other, _)| other == name)
+    }
+
+    /// A cell that is a number.
+    pub fn number(&self, row: &Row, name: &str) -> Option<f64> {
+        row[self.at(name)?].as_f64()
+    }
+
+    /// A cell that is text; empty where it is not.
+    pub fn text<'a>(&self, row: &'a Row, name: &str) -> &'a str {
+        self.at(name).and_then(|at| row[at].as_str()).unwrap_or_default()
+    }
+}
+
+/// The lines that were written to their end.
+fn whole_lines(text: &[u8]) -> &[u8] {
+    &text[..text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)]
+}
+
 /// Hexadecimal digits of the first bytes of a SHA-256.
 pub fn digest(text: &[u8]) -> String {
     Sha256::digest(text).iter().take(12).map(|byte| format!("{byte:02x}")).collect()
@@ -67,11 +118,11 @@ impl Journal {
         let mut rows = BTreeMap::new();
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
             let text = fs::read(&path).map_err(|e| cannot(&path, e))?;
-            let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
-            read(&path, &text[..whole], &header, &mut rows)?;
-            if path == own && whole < text.len() {
+            let whole = whole_lines(&text);
+            read(&path, whole, &header, &mut rows)?;
+            if path == own && whole.len() < text.len() {
                 // The last line was cut short.
-                file.set_len(whole as u64).map_err(|e| cannot(&own, e))?;
+                file.set_len(whole.len() as u64).map_err(|e| cannot(&own, e))?;
             }
         }
         if file.metadata().map_err(|e| cannot(&own, e))?.len() == 0 {
@@ -86,8 +137,13 @@ impl Journal {
     }
 
     /// All rows, by their points.
-    pub fn rows(&self) -> impl Iterator<Item = &Row> {
+    pub fn rows(&self) -> impl DoubleEndedIterator<Item = &Row> {
         self.rows.values()
+    }
+
+    /// The same as a table.
+    pub fn table(&self) -> Table {
+        Table { columns: self.columns.clone(), rows: self.rows().cloned().collect() }
     }
 
     /// Another row: in the file before this returns.
@@ -102,12 +158,12 @@ impl Journal {
         Ok(())
     }
 
-    /// Writes all rows as CSV and as Parquet.
+    /// Writes all rows as `stem`.csv and as Parquet.
     ///
     /// # Errors
     /// [`Error::Job`] where they cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        let [csv, parquet] = ["sweep.csv", "sweep.parquet"].map(|name| folder.join(name));
+    pub fn write(&self, folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
+        let [csv, parquet] = ["csv", "parquet"].map(|extension| folder.join(stem).with_extension(extension));
         let text = self.csv();
         write_beside(&csv, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
         let bytes = self.parquet().map_err(|e| Error::job(format!("{}: {e}", parquet.display())))?;
@@ -182,6 +238,16 @@ fn header(columns: &[Column]) -> String {
     Value::from(columns.iter().map(|(name, kind)| Value::from(format!("{name}: {kind:?}"))).collect::<Vec<_>>()).to_string()
 }
 
+fn columns(header: &str) -> Option<Vec<Column>> {
+    let names: Vec<String> = serde_json::from_str(header).ok()?;
+    let column = |text: &String| {
+        let (name, kind) = text.rsplit_once(": ")?;
+        let kind = [Kind::Text, Kind::Whole, Kind::Number].into_iter().find(|other| format!("{other:?}") == kind)?;
+        Some((name.to_owned(), kind))
+    };
+    names.iter().map(column).collect()
+}
+
 /// Every journal of a folder, in the order of their names.
 fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
@@ -196,6 +262,7 @@ fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 
 fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -> Result<()> {
     let told = |line: usize, what: &str| Error::input(format!("{}: line {}: {what}", path.display(), line + 1));
+    let header_cells = columns(header).map_or(0, |columns| columns.len());
     for (nth, line) in text.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
         if nth == 0 {
             if line != header.as_bytes() {
@@ -207,7 +274,7 @@ fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -
         let (said, row): (String, Value) = serde_json::from_slice(line).map_err(|_| changed())?;
         let Value::Array(row) = row else { return Err(changed()) };
         let point = row.first().and_then(Value::as_u64).ok_or_else(changed)?;
-        if said != digest(Value::from(row.clone()).to_string().as_bytes()) {
+        if said != digest(Value::from(row.clone()).to_string().as_bytes()) || row.len() != header_cells {
             return Err(changed());
         }
         rows.insert(point, row);

@@ -110,6 +110,7 @@ impl Lockstep {
             y: Axis::log("error, linear light"),
             series: vec![series("pixels", points, Mark::Dots, 0), series("error = bound", vec![[1e-5, 1e-5], [1.0, 1.0]], Mark::Line, 1)],
             limits: vec![(TELLING, "4/255".into(), 6), (1.0, "says nothing".into(), 6)],
+            ..Panel::default()
         }
     }
 }

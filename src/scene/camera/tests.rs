@@ -81,3 +81,19 @@ fn what_a_camera_leaves_out_is_filled_in_piece_by_piece() {
     assert_eq!(down.up.to_array(), [0.0, 0.0, 1.0]);
     assert!((down.near - 0.028).abs() < 1e-15);
 }
+
+#[test]
+fn turned_cameras_look_at_the_same_target_from_as_far_and_never_twice_from_one_side() {
+    let camera = scene_of(cube(2), (64, 64)).camera;
+    assert_eq!(camera.turned(0), camera);
+    let ways: Vec<_> = (0..40).map(|nth| camera.turned(nth)).map(|camera| camera.eye - camera.target).collect();
+    let far = (camera.eye - camera.target).length();
+    for (i, way) in ways.iter().enumerate() {
+        assert!((way.length() / far - 1.0).abs() < 1e-12, "{i}: {way}");
+        let to_pole = way.angle_between(camera.up).to_degrees();
+        assert!((4.9..175.1).contains(&to_pole), "{i}: {to_pole}");
+        assert!(ways[..i].iter().all(|other| other.angle_between(*way).to_degrees() > 2.0), "{i}");
+    }
+    let nearly_above = super::Camera { eye: camera.target + camera.up + camera.eye * 1e-3, ..camera };
+    assert!((1..20).all(|nth| nearly_above.turned(nth).eye.is_finite()));
+}

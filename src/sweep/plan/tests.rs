@@ -79,9 +79,10 @@ fn a_plan_that_cannot_be_is_refused_in_a_sentence() {
     assert!(axis(json!({"field": "gauss.wait", "values": [1]})).contains("the nearest is `weight`"));
     assert!(axis(json!({"field": "gauss.weight", "values": ["U99F3"]})).contains("axes: gauss.weight"));
     assert_eq!(axis(json!({"field": "gauss.weight", "values": []})), "axes[0]: gauss.weight has no values");
-    let one_of_three = "axes[0]: gauss.weight needs one of values, range and add_frac_bits";
+    let one_of_three = "axes[0]: gauss.weight needs one of values, range and bits to add";
     assert_eq!(axis(json!({"field": "gauss.weight"})), one_of_three);
     assert_eq!(axis(json!({"field": "gauss.weight", "values": ["U0F8"], "add_frac_bits": [1]})), one_of_three);
+    assert_eq!(axis(json!({"field": "gauss.weight", "range": [1, 2, 1], "add_int_bits": [1]})), one_of_three);
     for range in [[1, 4, 0], [4, 1, 1], [1, 4, -1]] {
         assert_eq!(axis(json!({"field": "fragment.layers", "range": range})), "axes[0]: fragment.layers has no values");
     }
@@ -97,8 +98,22 @@ fn a_plan_that_cannot_be_is_refused_in_a_sentence() {
 }
 
 #[test]
+fn bits_are_added_on_either_side_and_a_rounding_stays() {
+    let axes = json!([{"field": "raster.radial", "add_frac_bits": [-1, 0], "add_int_bits": [-2]}]);
+    let all = points(json!({"scenes": ["terrain"], "axes": axes})).unwrap();
+    let base = all.base.raster.radial;
+    let words: Vec<_> = (0..all.count())
+        .map(|number| machines::with(&all.base, &all.point(number).1, "").unwrap().raster.radial)
+        .inspect(|word| assert_eq!((word.round, word.overflow), (base.round, base.overflow)))
+        .map(|word| (word.format.int_bits - base.format.int_bits, word.format.frac_bits - base.format.frac_bits))
+        .collect();
+    assert_eq!(words, [(0, -1), (0, 0), (-2, 0)]);
+    assert_ne!(base.overflow, all.base.raster.first.overflow, "a word that wraps is needed here");
+}
+
+#[test]
 fn the_ready_plans_can_be_carried_out() {
-    let [precision, in_lockstep, architecture, layers] = READY.map(|(name, _)| Points::load(name).unwrap().count());
+    let [precision, in_lockstep, curves, architecture, layers] = READY.map(|(name, _)| Points::load(name).unwrap().count());
     assert!((150..250).contains(&precision) && in_lockstep == precision, "{precision}");
-    assert_eq!((architecture, layers), (200, 12));
+    assert_eq!((curves, architecture, layers), (45, 200, 12));
 }

@@ -1,0 +1,257 @@
+//! Does a search find a machine that is as narrow as can be, and holds on cameras that it never saw?
+
+use assert_cmd::Command;
+use serde_json::{Value, json};
+use std::collections::HashSet;
+use std::fs;
+use std::path::Path;
+use std::process::{Output, Stdio};
+use std::time::Duration;
+
+fn splatsim(arguments: &[&str]) -> Output {
+    Command::cargo_bin("splatsim").unwrap().args(arguments).output().unwrap()
+}
+
+fn ok(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn refused(arguments: &[&str], says: &str) {
+    let output = splatsim(arguments);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), told.trim_end().lines().count()), (Some(2), 1), "{told}");
+    assert!(told.contains(says), "{told}");
+}
+
+fn read(path: &Path) -> Value {
+    serde_json::from_str(&fs::read_to_string(path).unwrap()).unwrap()
+}
+
+fn scene(folder: &Path, name: &str, more: &Value) -> String {
+    let mut scene =
+        json!({"splats": {"builtin": "torus-knot", "count": 2000}, "lights": [{"direction": [0.4, 0.8, 0.5], "rgb": [1, 1, 1]}]});
+    scene.as_object_mut().unwrap().extend(more.as_object().unwrap().clone());
+    let path = folder.join(name);
+    fs::write(&path, scene.to_string()).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// PSNR and area of a machine on a scene, as `run` reports them.
+fn ran(folder: &Path, scene: &str, machine: &str, size: &str) -> (f64, f64) {
+    let out = folder.join("run");
+    ok(&splatsim(&["run", scene, "--machine", machine, "--size", size, "--out", out.to_str().unwrap(), "--quiet"]));
+    let report = read(&out.join("report.json"));
+    (report["accuracy"]["fixed_vs_golden"]["psnr_db"].as_f64().unwrap(), report["cost"]["area"].as_f64().unwrap())
+}
+
+#[test]
+fn a_machine_is_found_that_meets_the_target_elsewhere_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let dir = out.to_str().unwrap();
+    let told = ok(&splatsim(&["search", &path, "--size", "32x24", "--target-psnr", "35", "--views", "3", "--tries", "30", "--out", dir]));
+    assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    assert!(told.contains("holds on 3 unseen views") && told.contains("less than reference") && told.contains("tightest"), "{told}");
+    let machine = out.join("machine.json");
+    let found = read(&out.join("search.json"));
+    let (psnr, area) = ran(folder.path(), &path, machine.to_str().unwrap(), "32x24");
+    let last = found["path"].as_array().unwrap().last().unwrap();
+    // The worst of all views that were searched on is what the file has.
+    assert!(last["psnr_db"].as_f64().unwrap() <= psnr && last["area"].as_f64() == Some(area), "{last}: {psnr} dB, {area}");
+    let (whole_psnr, whole) = ran(folder.path(), &path, "reference", "32x24");
+    let first = &found["path"][0];
+    assert_eq!((first["psnr_db"].as_f64(), first["area"].as_f64()), (Some(whole_psnr), Some(whole)));
+    assert!(psnr >= 35.0 && area < 0.6 * whole, "{psnr} dB, {area} of {whole}");
+    // The unseen views are where the file says, and hold.
+    let views = found["views"].as_array().unwrap();
+    assert_eq!(views.len(), 3);
+    let framed = read_camera(&path);
+    for view in views {
+        let mut camera = framed.clone();
+        camera["eye"] = view["eye"].clone();
+        let seen = scene(folder.path(), "view.json", &json!({"camera": camera}));
+        let (psnr, _) = ran(folder.path(), &seen, machine.to_str().unwrap(), "32x24");
+        assert!(psnr >= 35.0, "{view}: {psnr}");
+        assert!((view["psnr_db"].as_f64().unwrap() - psnr).abs() < 1e-6, "{view}: {psnr}");
+    }
+    // A row for every machine that was drawn, and charts of them.
+    let rows = fs::read_to_string(out.join("points.jsonl")).unwrap().lines().count() as u64 - 1;
+    let drawn = last["drawn"].as_u64().unwrap();
+    assert!((drawn..drawn + 100).contains(&rows), "{rows}, and {drawn} before it was asked what is tight");
+    ok(&splatsim(&["chart", dir]));
+    assert!(out.join("accuracy-area.png").exists());
+    // The same again draws nothing, and finds the same.
+    let before = fs::read(&machine).unwrap();
+    ok(&splatsim(&[
+        "search",
+        &path,
+        "--size",
+        "32x24",
+        "--target-psnr",
+        "35",
+        "--views",
+        "3",
+        "--tries",
+        "30",
+        "--out",
+        dir,
+        "--threads",
+        "1",
+    ]));
+    assert_eq!(fs::read(&machine).unwrap(), before);
+    assert_eq!(fs::read_to_string(out.join("points.jsonl")).unwrap().lines().count() as u64 - 1, rows);
+}
+
+/// The camera that the scene gets where it names none: lights and the z threshold depend on it too, so the scene is read, not guessed.
+fn read_camera(path: &str) -> Value {
+    let scene = splatsim::scene::Scene::load(path, &splatsim::scene::Overrides { size: Some((32, 24)) }).unwrap();
+    let camera = scene.camera;
+    json!({"eye": camera.eye.to_array(), "target": camera.target.to_array(), "up": camera.up.to_array(),
+        "fov_y_degrees": camera.fov_y_degrees, "near": camera.near})
+}
+
+/// All machines of four words, drawn by `sweep`, against what a search draws few of.
+#[test]
+fn it_is_close_to_the_best_of_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let words = [("splat.rgb", 6), ("gauss.weight", 7), ("fragment.normal", 6), ("raster.offset", 5)];
+    let axes: Vec<Value> =
+        words.iter().map(|(field, most)| json!({"field": field, "add_frac_bits": (-most..=0).collect::<Vec<i32>>()})).collect();
+    let plan = folder.path().join("plan.json");
+    let text = json!({"scenes": [path], "size": [24, 20], "machine": "lean", "axes": axes, "lockstep": false});
+    fs::write(&plan, text.to_string()).unwrap();
+    let all = folder.path().join("all");
+    ok(&splatsim(&["sweep", plan.to_str().unwrap(), "--out", all.to_str().unwrap()]));
+    let text = fs::read_to_string(all.join("points.jsonl")).unwrap();
+    let columns: Vec<String> = serde_json::from_str(text.lines().next().unwrap()).unwrap();
+    let at = |name: &str| columns.iter().position(|column| column.starts_with(&format!("{name}:"))).unwrap();
+    let rows: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str::<Value>(line).unwrap()[1].clone()).collect();
+    assert_eq!(rows.len(), 7 * 8 * 7 * 6);
+    let (psnr, area) = (at("psnr_db"), at("area"));
+    for target in [30.0, 34.0, 37.0] {
+        let well = rows.iter().filter(|row| row[psnr].as_f64().is_some_and(|db| db >= target));
+        let best = well.filter_map(|row| row[area].as_f64()).fold(f64::INFINITY, f64::min);
+        let whole = rows.iter().filter_map(|row| row[area].as_f64()).fold(0.0, f64::max);
+        assert!(best < 0.995 * whole, "there is nothing to find: {best} of {whole}");
+        let out = folder.path().join(format!("out-{target}"));
+        let target = target.to_string();
+        let mut arguments =
+            vec!["search", &path, "--size", "24x20", "--machine", "lean", "--target-psnr", &target, "--views", "0", "--out"];
+        arguments.push(out.to_str().unwrap());
+        words.iter().for_each(|(word, _)| arguments.extend(["--only", *word]));
+        ok(&splatsim(&arguments));
+        let found = read(&out.join("search.json"));
+        let last = found["path"].as_array().unwrap().last().unwrap();
+        let area = last["area"].as_f64().unwrap();
+        // Of what these words take at all, not of the whole machine, most of which is none of theirs.
+        assert!(area - best <= 0.05 * (whole - best) && area <= 1.05 * best, "{target} dB: {area}, where {best} can be had of {whole}");
+        assert!(last["drawn"].as_u64().unwrap() < 700, "{last}");
+    }
+}
+
+#[test]
+fn a_search_that_is_killed_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let arguments = |out: &str| {
+        let all =
+            ["search", &path, "--size", "24x20", "--machine", "tiny", "--target-psnr", "24", "--views", "2", "--tries", "40", "--out", out];
+        all.map(str::to_owned)
+    };
+    let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
+    let run = |out: &Path| ok(&Command::cargo_bin("splatsim").unwrap().args(arguments(out.to_str().unwrap())).output().unwrap());
+    run(&whole);
+    for wait_ms in [30, 200, 90, 400, 260, 150] {
+        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_splatsim"))
+            .args(arguments(killed.to_str().unwrap()))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(Duration::from_millis(wait_ms));
+        let _ = child.kill();
+        child.wait().unwrap();
+    }
+    run(&killed);
+    assert_eq!(fs::read(whole.join("machine.json")).unwrap(), fs::read(killed.join("machine.json")).unwrap());
+    let keys = |out: &Path| -> Vec<Value> {
+        let text = fs::read_to_string(out.join("points.jsonl")).unwrap();
+        text.lines().skip(1).map(|line| serde_json::from_str::<Value>(line).unwrap()[1][1].clone()).collect()
+    };
+    let found = keys(&killed);
+    assert_eq!(found.iter().map(Value::to_string).collect::<HashSet<_>>().len(), found.len(), "a machine was drawn twice");
+    assert_eq!(found, keys(&whole), "other machines, or in another order");
+}
+
+#[test]
+fn no_word_leaves_its_range_where_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let arguments = [
+        "search",
+        &path,
+        "--size",
+        "24x20",
+        "--max-error",
+        "0.05",
+        "--no-saturation",
+        "--views",
+        "0",
+        "--tries",
+        "10",
+        "--only",
+        "fragment",
+    ];
+    ok(&splatsim(&[&arguments[..], &["--only", "raster", "--out", out.to_str().unwrap()]].concat()));
+    let found = read(&out.join("search.json"));
+    let last = found["path"].as_array().unwrap().last().unwrap();
+    assert!(last["max_error"].as_f64().unwrap() <= 0.05 && last["saturated"] == 0, "{last}");
+    let run = folder.path().join("run");
+    let machine = out.join("machine.json");
+    ok(&splatsim(&["run", &path, "--machine", machine.to_str().unwrap(), "--size", "24x20", "--out", run.to_str().unwrap()]));
+    let report = read(&run.join("report.json"));
+    for signal in report["signals"].as_array().unwrap().iter().filter(|signal| signal.get("declared_clamp").is_none()) {
+        let over = ["saturated_low", "saturated_high", "wrapped"].map(|what| signal[what].as_u64().unwrap());
+        assert_eq!(over, [0; 3], "{signal}");
+    }
+    // Only what was named has changed.
+    let [reference, found] = [splatsim(&["machine", "show", "reference"]).stdout, fs::read(&machine).unwrap()]
+        .map(|text| serde_json::from_slice::<Value>(&text).unwrap());
+    for unit in ["splat", "project", "ellipse", "gauss", "shade", "resolve", "timing"] {
+        assert_eq!(reference[unit], found[unit], "{unit}");
+    }
+    assert!(reference["fragment"] != found["fragment"] && reference["raster"] != found["raster"]);
+}
+
+#[test]
+fn what_cannot_be_searched_is_refused_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let dir = out.to_str().unwrap();
+    refused(&["search", &path], "--target-psnr");
+    refused(&["search", "--target-psnr", "50"], "<SCENE>");
+    for wrong in ["0", "-3", "nan", "many", "inf"] {
+        refused(&["search", &path, &format!("--target-psnr={wrong}"), "--out", dir], "a number above 0 is needed");
+    }
+    refused(&["search", "no-such.ply", "--target-psnr", "50", "--out", dir], "no-such.ply");
+    refused(
+        &["search", &path, "--target-psnr", "50", "--only", "gauss.wait", "--out", dir],
+        "--only gauss.wait: machine reference has no such",
+    );
+    assert!(!out.exists(), "what is refused leaves no folder");
+    refused(
+        &["search", &path, "--size", "16x16", "--machine", "tiny", "--target-psnr", "90", "--out", dir],
+        "the target is out of reach: on ",
+    );
+    // A folder of something else.
+    let plan = folder.path().join("plan.json");
+    fs::write(&plan, json!({"scenes": [path], "size": [8, 8], "machine": "tiny", "axes": [], "lockstep": false}).to_string()).unwrap();
+    let rows = folder.path().join("rows");
+    ok(&splatsim(&["sweep", plan.to_str().unwrap(), "--out", rows.to_str().unwrap()]));
+    refused(&["search", &path, "--size", "8x8", "--target-psnr", "20", "--out", rows.to_str().unwrap()], "has other columns");
+}
