@@ -3,6 +3,7 @@
 use crate::cost::{self, Cost, Prices};
 use crate::error::{Error, Result};
 use crate::explain::explain;
+use crate::preview::{self, Preview};
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
 use crate::run::{self, Asked, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
@@ -65,6 +66,9 @@ struct Run {
     /// Write pictures and report.json into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Draw a 16th of the pixels; say what that leaves out
+    #[arg(long)]
+    preview: bool,
     /// Write OpenEXR pictures too (float32, linear)
     #[arg(long, requires = "out")]
     exr: bool,
@@ -131,7 +135,7 @@ struct Sweep {
 
 #[derive(Args, Debug)]
 struct Search {
-    /// .json scenes, .ply clouds or built-in names; the target holds on all
+    /// .json scenes, .ply clouds or built-in names; all must do
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<String>,
     /// At least so many dB, fixed − golden over all pixels
@@ -387,11 +391,21 @@ impl Run {
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
         let scene = scene?;
+        let small = self.preview.then(|| preview::scene(&scene)).transpose()?;
         if let Some(folder) = &self.out {
             open_folder(folder)?;
         }
         let asked = Asked { attribution: self.attribute, timings, requests: self.requests, prices };
-        let outcome = run::run(&scene, &machine, load_seconds, &asked)?;
+        if !self.quiet && !self.preview && std::io::stderr().is_terminal() {
+            preview::announcement(&scene, &machine)?.iter().for_each(|told| eprintln!("{told}"));
+        }
+        let (outcome, seconds) = timed(|| run::run(small.as_ref().unwrap_or(&scene), &machine, load_seconds, &asked));
+        let mut outcome = outcome?;
+        if small.is_some() {
+            let preview = Preview::new(&scene, &machine, &outcome.report)?;
+            outcome.report.host.whole_seconds = Some(seconds * preview.growth());
+            outcome.report.preview = Some(preview);
+        }
         let end = match &self.out {
             Some(folder) => {
                 let written = outcome.write(folder, self.exr)?;

@@ -15,6 +15,7 @@ pub mod machines;
 pub mod mixed;
 pub mod pareto;
 pub mod picture;
+pub mod preview;
 pub mod prove;
 pub mod quantise;
 pub mod ranges;

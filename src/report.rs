@@ -4,6 +4,7 @@ use crate::attribute::Attribution;
 use crate::compare::{Metrics, Summary};
 use crate::cost::CostReport;
 use crate::cycles::CyclesReport;
+use crate::preview::Preview;
 use crate::quantise::Scale;
 use crate::ranges::SignalReport;
 use crate::timings::Timings;
@@ -42,6 +43,9 @@ pub struct Report {
     /// How long others would take; only where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timings: Option<Timings>,
+    /// What this says of a larger picture; only where it is a preview.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preview: Option<Preview>,
     /// What the golden renderer found on the same scene.
     pub golden: Golden,
     /// Who makes how much of the error; only where that was asked for.
@@ -177,6 +181,9 @@ pub struct Host {
     /// Finding out who makes the error; only where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attribution_seconds: Option<f64>,
+    /// What the whole of a preview would take, about.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub whole_seconds: Option<f64>,
     /// Contributions a second of the machine, unwatched.
     pub fragments_per_second: f64,
 }
@@ -232,6 +239,9 @@ impl Report {
             let _ = writeln!(text, "\n{}", attribution.summary());
         }
         let _ = write!(text, "\n{}", self.host_summary());
+        if let Some(preview) = &self.preview {
+            let _ = write!(text, "\n\n{}\n", preview.summary(self.host.whole_seconds.unwrap_or(0.0)));
+        }
         text
     }
 

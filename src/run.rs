@@ -105,6 +105,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
         cost: CostReport::new(&elaborated, &cycles, &asked.prices),
         cycles: CyclesReport::new(&elaborated.timing, &cycles),
         timings,
+        preview: None,
         golden: found(&golden),
         attribution,
         error_scale: error.scale,
@@ -120,6 +121,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             ideal_seconds,
             lockstep_seconds,
             attribution_seconds: attributed.then_some(attribution_seconds),
+            whole_seconds: None,
             fragments_per_second: fragments as f64 / fixed_seconds,
         },
     };

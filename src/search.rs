@@ -33,6 +33,7 @@ use rtl_model::Machine;
 use rtl_model::num::Format;
 use serde::Serialize;
 use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -70,6 +71,10 @@ pub struct Asked {
 
 /// Rounds, each with another view, before it is given up.
 const ROUNDS: usize = 12;
+/// Cameras beside the views that ranges are read from, a scene: a word that overflows on another camera spoils its whole picture.
+const RANGE_VIEWS: usize = 16;
+/// The first of them; unseen views come long before.
+const FIRST_RANGE_VIEW: usize = 1_000_000;
 /// By how much a view that fails makes the aim higher, squared error, at most: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
 
@@ -226,7 +231,7 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) ->
     let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
     write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": asked.target, "scenes": names, "machine": machine}))?;
     let views = scenes.iter().map(|scene| View::new(scene, scene.name.clone(), machine)).collect();
-    let mut search = Search::new(machine, knobs, views, journal, asked);
+    let mut search = Search::new(machine, knobs, scenes, views, journal, asked);
     let none = vec![0; search.knobs.len()];
     search.check_reach()?;
     let mut path = vec![search.step(&machine.name, &none)?];
@@ -260,6 +265,7 @@ type Verdict = (Vec<Unseen>, Option<(View, Found)>);
 
 /// What is known.
 struct Search<'a> {
+    scenes: &'a [Scene],
     asked: &'a Asked,
     base: Machine,
     /// The base with integer bits cut.
@@ -280,7 +286,7 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(machine: &Machine, knobs: Vec<Knob>, views: Vec<View>, journal: Journal, asked: &'a Asked) -> Self {
+    fn new(machine: &Machine, knobs: Vec<Knob>, scenes: &'a [Scene], views: Vec<View>, journal: Journal, asked: &'a Asked) -> Self {
         let known = journal.rows().filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?))).collect();
         let bar = if asked.progress { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
         if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed} {msg}") {
@@ -289,6 +295,7 @@ impl<'a> Search<'a> {
         bar.enable_steady_tick(Duration::from_millis(200));
         let (base, cut, fields) = (machine.clone(), machine.clone(), machines::value(machine));
         Search {
+            scenes,
             asked,
             base,
             cut,
@@ -414,12 +421,15 @@ impl<'a> Search<'a> {
         Ok(Step { method: method.to_owned(), area, found: self.found(steps)?, drawn: self.asked_for.len() as u64 })
     }
 
-    /// Cuts integer bits down to what the views need.
+    /// Cuts integer bits down to what the views need, and cameras all around.
     fn cut(&mut self) -> Result<()> {
         let elaborated = fixed::elaborate(&self.base)?;
         let mut needed: HashMap<String, i32> = HashMap::new();
-        for view in &self.views {
-            let quantised = quantise(&view.scene, &self.base)?;
+        let turned = |scene: &Scene, nth| Scene { camera: scene.camera.turned(nth), ..scene.clone() };
+        let around = self.scenes.iter().flat_map(|scene| (0..RANGE_VIEWS).map(move |nth| turned(scene, FIRST_RANGE_VIEW + nth)));
+        let all = self.views.iter().map(|view| Cow::Borrowed(&view.scene)).chain(around.map(Cow::Owned));
+        for scene in all {
+            let Ok(quantised) = quantise(&scene, &self.base) else { continue };
             let (_, ranges) = fixed::draw_ranged(&elaborated, &quantised);
             for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
                 if let Some(narrowest) = range.narrowest(signal.word.format) {

@@ -28,7 +28,7 @@ use crate::ranges::SignalReport;
 use crate::report::{MachineReport, thousands, wrapped};
 use crate::run::{open_folder, timed};
 use crate::scene::Scene;
-use crate::{fixed, machines};
+use crate::{fixed, machines, mixed};
 use indicatif::{ProgressBar, ProgressStyle};
 use plan::{Change, Points};
 use rayon::prelude::*;
@@ -195,7 +195,8 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
                 bar.inc(1);
                 continue;
             }
-            let formats = json!(Machine { timing: points.base.timing, ..point.machine.clone() }).to_string();
+            let formats = Machine { timing: points.base.timing, ..point.machine.clone() };
+            let formats = json!([formats, plan::exact_of(&point.changes)]).to_string();
             let place = *places.entry(formats).or_insert(groups.len());
             if place == groups.len() {
                 groups.push(Vec::new());
@@ -262,14 +263,15 @@ impl<'a> Stage<'a> {
     }
 
     fn point(&self, number: u64, changes: Vec<Change>) -> Result<Point> {
-        let machine = machines::with(&self.points.base, &changes, &format!("point {number}"))?;
+        let machine = plan::machine_of(&self.points.base, &changes, &format!("point {number}"))?;
         let prices = json!(self.asked.prices);
         let all = json!([
             env!("CARGO_PKG_VERSION"),
             self.digest,
             Machine { name: String::new(), ..machine.clone() },
             prices,
-            self.points.plan.lockstep
+            self.points.plan.lockstep,
+            plan::exact_of(&changes),
         ]);
         Ok(Point { number, changes, machine, key: digest(all.to_string().as_bytes()) })
     }
@@ -288,7 +290,9 @@ impl<'a> Stage<'a> {
 
     /// The rows of points whose machines differ in timing alone.
     fn rows(&mut self, group: &[Point], fields: &[String]) -> Vec<(u64, Row)> {
-        let (drawn, seconds) = timed(|| self.drawn(&group[0].machine));
+        let exact = plan::exact_of(&group[0].changes);
+        let (drawn, seconds) =
+            timed(|| if exact.is_empty() { self.drawn(&group[0].machine) } else { self.mixed(&group[0].machine, &exact) });
         let base = machines::value(&self.points.base);
         let row = |point: &Point| {
             let (found, own_seconds) = timed(|| match &drawn {
@@ -321,17 +325,54 @@ impl<'a> Stage<'a> {
         let ((drawing, work), fixed_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
         let (_, ranges) = fixed::draw_ranged(&elaborated, &quantised);
         let picture = fixed::picture(&elaborated, &drawing);
-        let ideal_psnr_db = distance(&picture, &self.ideal).psnr_db;
-        let ideal_seconds = self.ideal_seconds;
-        let golden = self.golden(&fixed::rules(machine));
-        let m = metrics(&picture, &golden.picture);
+        let mut found = self.errors(&picture, machine);
         let signals = elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range));
         let (saturated, wrapped) = signals.fold((0, 0), |(saturated, wrapped), signal| {
             let over = if signal.is_declared_clamp() { 0 } else { signal.overflows() - signal.wrapped() };
             (saturated + over, wrapped + signal.wrapped())
         });
         let outcomes = drawing.outcomes;
-        let mut found = json!({
+        let own = [
+            ("saturated", json!(saturated)),
+            ("wrapped", json!(wrapped)),
+            ("contributions", json!(outcomes.total())),
+            ("merged", json!(outcomes.merged)),
+            ("evicted", json!(outcomes.evicted)),
+            ("host_fixed_seconds", json!(fixed_seconds)),
+            ("host_ideal_seconds", json!(self.ideal_seconds)),
+        ];
+        found.extend(own.map(|(name, value)| (name.to_owned(), value)));
+        if self.points.plan.lockstep {
+            let lockstep = lockstep(&self.scene, &elaborated, &quantised).summary(&picture);
+            let own = [
+                ("lockstep_psnr_db", json!(lockstep.psnr_db)),
+                ("lockstep_max_error", json!(lockstep.max_error)),
+                ("bound_violations", json!(lockstep.bound_violations)),
+                ("decision_flips", json!(lockstep.decision_flips)),
+            ];
+            found.extend(own.map(|(name, value)| (name.to_owned(), value)));
+        }
+        Ok(Drawn { found, work: Some(work) })
+    }
+
+    /// The same with some units or words in f64: errors alone, for no hardware does that.
+    fn mixed(&mut self, machine: &Machine, exact: &[String]) -> std::result::Result<Drawn, String> {
+        let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
+        let quantised = quantise(&self.scene, machine).map_err(|error| error.to_string())?;
+        let is_exact = |word: &str| exact.iter().any(|name| word == name || word.split('.').next() == Some(name));
+        let choice = mixed::Choice::new(&elaborated, |word| !is_exact(word));
+        let stage = mixed::Stage::new(&self.scene, &elaborated, &quantised);
+        let picture = stage.fill(&choice, &stage.set_up(&choice));
+        let found = self.errors(&picture, machine);
+        Ok(Drawn { found, work: None })
+    }
+
+    /// How far a picture is off.
+    fn errors(&mut self, picture: &Picture, machine: &Machine) -> Map<String, Value> {
+        let ideal_psnr_db = distance(picture, &self.ideal).psnr_db;
+        let golden = self.golden(&fixed::rules(machine));
+        let m = metrics(picture, &golden.picture);
+        let found = json!({
             "psnr_db": m.psnr_db,
             "psnr_covered_db": m.psnr_covered_db,
             "ssim": m.ssim,
@@ -340,38 +381,25 @@ impl<'a> Stage<'a> {
             "pixels_over_1_255": m.pixels_over_1_255,
             "golden_vs_ideal_psnr_db": golden.psnr_db,
             "fixed_vs_ideal_psnr_db": ideal_psnr_db,
-            "saturated": saturated,
-            "wrapped": wrapped,
-            "contributions": outcomes.total(),
-            "merged": outcomes.merged,
-            "evicted": outcomes.evicted,
-            "host_fixed_seconds": fixed_seconds,
             "host_golden_seconds": golden.seconds,
-            "host_ideal_seconds": ideal_seconds,
         });
-        if self.points.plan.lockstep {
-            let lockstep = lockstep(&self.scene, &elaborated, &quantised).summary(&picture);
-            found["lockstep_psnr_db"] = json!(lockstep.psnr_db);
-            found["lockstep_max_error"] = json!(lockstep.max_error);
-            found["bound_violations"] = json!(lockstep.bound_violations);
-            found["decision_flips"] = json!(lockstep.decision_flips);
-        }
-        let Value::Object(found) = found else { return Err(String::new()) };
-        Ok(Drawn { found, work })
+        found.as_object().cloned().unwrap_or_default()
     }
 }
 
 /// A frame, all but its time.
 struct Drawn {
     found: Map<String, Value>,
-    work: rtl_model::work::Work,
+    /// None where it was drawn in f64.
+    work: Option<rtl_model::work::Work>,
 }
 
 impl Drawn {
     /// With the time that it takes on a machine.
     fn on(&self, machine: &Machine, prices: &Prices) -> std::result::Result<Map<String, Value>, String> {
+        let Some(work) = &self.work else { return Ok(self.found.clone()) };
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
-        let replayed = timing::replay(&elaborated.timing, &self.work);
+        let replayed = timing::replay(&elaborated.timing, work);
         let cycles = CyclesReport::new(&elaborated.timing, &replayed);
         let CostReport { cost, energy } = CostReport::new(&elaborated, &replayed, prices);
         let described = MachineReport::new(&elaborated);

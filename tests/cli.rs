@@ -113,6 +113,30 @@ fn the_error_is_attributed_on_request() {
 }
 
 #[test]
+fn a_preview_says_what_it_leaves_out_and_is_a_run_of_that_size_else() {
+    let (_, small) = run(&["terrain", "--size", "40x32", "--machine", "tiny"]);
+    let arguments = ["terrain", "--size", "160x128", "--machine", "tiny", "--preview"];
+    let (out, preview) = run(&arguments);
+    assert_eq!(names_in(out.path()), WRITTEN);
+    for part in ["scene", "accuracy", "cycles", "cost", "fragments"] {
+        assert_eq!(small[part], preview[part], "{part}");
+    }
+    let (_, whole) = run(&arguments[..5]);
+    let [about, off, is] =
+        [&preview["preview"]["contributions"], &preview["preview"]["off"], &whole["scene"]["fragments"]].map(|n| n.as_f64().unwrap());
+    assert!((about / is - 1.0).abs() <= off, "{about} is said, {off} of it, and {is} it is");
+    assert_eq!((preview["preview"]["of"].clone(), small.get("preview")), (json!([160, 128]), None));
+    assert!(preview["host"]["whole_seconds"].as_f64().unwrap() > 0.0);
+    let text = says(&[&["run"], &arguments[..]].concat());
+    assert!(text.contains("preview of 160×128: 15 of 16 pixels left out, no splat") && text.contains("do not scale"), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let none = folder();
+    let path = none.path().join("out");
+    refused(&["run", "--size", "100x100", "--preview", "--out", path.to_str().unwrap()], "few already");
+    assert!(!path.exists());
+}
+
+#[test]
 fn a_run_replaces_the_files_of_the_last_one_and_makes_its_folder() {
     let out = folder();
     let deep = out.path().join("a/b");
@@ -383,6 +407,8 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["run", "--help"],
         vec!["explain", "--help"],
         vec!["sweep", "--help"],
+        vec!["search", "--help"],
+        vec!["chart", "--help"],
         vec!["machine", "--help"],
         vec!["machine", "cost", "--help"],
         vec!["machine", "show", "--help"],
@@ -432,9 +458,11 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 
 #[test]
 fn commands_and_flags_that_do_not_exist_are_refused() {
-    refused(&[], "a command is missing: run, stress, sweep, explain, machine, scene (see --help)");
+    refused(&[], "a command is missing: run, stress, sweep, search, chart, explain, machine, scene (see --help)");
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "PLAN");
+    refused(&["chart"], "DIR");
+    refused(&["search"], "SCENE");
     refused(&["machine"], "a command is missing: list, show, timing, cost, prices, prove, schema (see --help)");
     refused(&["machine", "lits"], "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'");
     run_refused(&["--sizes", "5x5"], "--size");

@@ -70,9 +70,12 @@ fn one_place(db: Option<f64>) -> String {
 
 /// Runs the arguments of a README command in a folder of its own; what it prints.
 fn splatsim(arguments: &str) -> String {
-    let folder = tempfile::tempdir().unwrap();
+    splatsim_in(tempfile::tempdir().unwrap().path(), arguments)
+}
+
+fn splatsim_in(folder: &Path, arguments: &str) -> String {
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_splatsim"));
-    let output = command.args(arguments.split(' ')).current_dir(folder.path()).output().unwrap();
+    let output = command.args(arguments.split(' ')).current_dir(folder).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).unwrap()
 }
@@ -88,13 +91,15 @@ fn the_first_two_commands_are_the_main_job_and_the_tests() {
 fn every_command_exists_and_those_of_the_program_run() {
     let commands = fenced(&readme(), "sh");
     assert!(commands.len() >= 10, "{commands:?}");
+    // Some read what others wrote.
+    let folder = tempfile::tempdir().unwrap();
     for line in commands {
         // Takes minutes: `the_sample_attribution_is_what_its_command_prints` runs it.
         if line == ATTRIBUTION {
             continue;
         }
         if let Some(arguments) = line.strip_prefix("cargo run --release -- ") {
-            splatsim(arguments);
+            splatsim_in(folder.path(), arguments);
         } else if let Some(example) = line.strip_prefix("cargo run --release --example ") {
             let name = example.split(' ').next().unwrap();
             assert!(root().join(format!("tests/programs/{name}.rs")).exists(), "{line}");

@@ -251,6 +251,36 @@ fn a_billion_points_are_refused_with_their_count() {
     }
 }
 
+/// With nothing exact it is the machine, with all of it golden; between them what `run --attribute` says.
+#[test]
+fn units_and_words_can_be_exact() {
+    let folder = tempfile::tempdir().unwrap();
+    let units = json!(["splat", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"]);
+    let axes = json!([{"field": "exact", "values": [[], units, ["raster"], ["splat.rgb"]]}]);
+    let plan = json!({"scenes": ["terrain.json"], "size": [24, 16], "machine": "tiny", "axes": axes, "lockstep": false});
+    let out = folder.path().join("out");
+    ok(&sweep(&written(folder.path(), &plan), &out, &[]));
+    let rows = rows(&out);
+    let run_out = folder.path().join("run");
+    let scene = folder.path().join("terrain.json");
+    let arguments =
+        ["run", scene.to_str().unwrap(), "--machine", "tiny", "--size", "24x16", "--attribute", "--out", run_out.to_str().unwrap()];
+    ok(&splatsim().args(arguments).output().unwrap());
+    let report: Value = serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap()).unwrap();
+    assert_eq!(rows[0]["psnr_db"], report["accuracy"]["fixed_vs_golden"]["psnr_db"].to_string());
+    assert_eq!(rows[0]["cycles"], report["cycles"]["total"].to_string());
+    let golden = &rows[1]["psnr_db"];
+    assert!(golden.is_empty() || golden.parse::<f64>().unwrap() > 200.0, "{golden}");
+    let without = |part: &str, name: &str| {
+        let all = report["attribution"][part].as_array().unwrap();
+        let found = all.iter().find(|other| other["name"] == name).unwrap();
+        found["without"]["psnr_covered_db"].to_string()
+    };
+    assert_eq!(rows[2]["psnr_covered_db"], without("units", "raster"));
+    assert_eq!(rows[3]["psnr_covered_db"], without("words", "splat.rgb"));
+    assert!(rows[1..].iter().all(|row| row["cycles"].is_empty() && row["area"].is_empty() && row["misfit"].is_empty()));
+}
+
 #[test]
 fn the_columnar_file_holds_what_the_csv_holds() {
     use parquet::file::reader::{FileReader, SerializedFileReader};

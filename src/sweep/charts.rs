@@ -137,6 +137,9 @@ impl Rows {
         let at = self.table.at("changes");
         let text = at.and_then(|at| row[at].as_str()).unwrap_or_default();
         let is_change = |(field, value): &(&str, &str)| {
+            if *field == "exact" {
+                return *value != "[]";
+            }
             let base = self.fields.pointer(&format!("/{}", field.replace('.', "/")));
             base.is_none_or(|base| base.as_str().map_or_else(|| base.to_string(), str::to_owned) != *value)
         };
@@ -218,11 +221,9 @@ impl Rows {
                 return None;
             }
             let ring = |i: &usize| places[*i];
-            // As many names as there is room for, the ends among them.
-            let every = front.len().saturating_sub(1).div_ceil(NAMES - 1).max(1);
-            let last = front.len() - 1;
-            let named = front.iter().enumerate().filter(|(nth, _)| nth % every == 0 || *nth == last);
-            let mut notes: Vec<([f64; 2], String)> = named.map(|(_, i)| (places[*i], self.name(points[*i].0))).collect();
+            let named = spread(&front.iter().map(ring).collect::<Vec<_>>(), NAMES);
+            let mut notes: Vec<([f64; 2], String)> =
+                named.iter().map(|nth| (places[front[*nth]], self.name(points[front[*nth]].0))).collect();
             // Equal machines have one name.
             notes.dedup_by(|a, b| a.0 == b.0);
             let base = points.iter().position(|(row, _)| self.changes(row).is_empty());
@@ -517,12 +518,13 @@ impl Rows {
                 if !(0..2).all(|axis| varies(points.iter().map(|(_, place)| place[axis]))) {
                     continue;
                 }
-                let mut table = plain_table(&["point", "area", "PSNR dB", "frames/s", ""]);
-                let every = front.len().div_ceil(2 * NAMES).max(1);
-                for i in front.iter().step_by(every) {
-                    let row = points[*i].0;
+                let is_timed = points.iter().any(|(row, _)| self.number(row, "frames_per_second").is_some());
+                let mut table = plain_table(&["point", "area", "PSNR dB", if is_timed { "frames/s" } else { "" }, ""]);
+                let places: Vec<[f64; 2]> = front.iter().map(|i| points[*i].1).collect();
+                for nth in spread(&places, 2 * NAMES) {
+                    let row = points[front[nth]].0;
                     let number =
-                        |name: &str, digits: usize| self.number(row, name).map_or("–".into(), |value| format!("{value:.digits$}"));
+                        |name: &str, digits: usize| self.number(row, name).map_or(String::new(), |value| format!("{value:.digits$}"));
                     let area = thousands(self.number(row, "area").unwrap_or(0.0) as u64);
                     let name = format!("  {}", self.name(row));
                     table.add_row([number("point", 0), area, number("psnr_db", 1), number("frames_per_second", 1), name]);
@@ -548,6 +550,38 @@ fn figure(name: &'static str, title: String, says: &str, mut charts: Vec<Box<dyn
     (!charts.is_empty()).then(|| Figure { name, title, says: says.into(), charts, columns, cell_px })
 }
 
+/// Which of the points of a line to name, at most so many: the ends, and others as far apart as can be along it.
+fn spread(line: &[[f64; 2]], most: usize) -> Vec<usize> {
+    if line.len() <= most {
+        return (0..line.len()).collect();
+    }
+    let range = |axis: usize| {
+        let (low, high) =
+            line.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| (low.min(place[axis]), high.max(place[axis])));
+        (high - low).max(f64::MIN_POSITIVE)
+    };
+    let [width, height] = [range(0), range(1)];
+    let mut along = vec![0.0];
+    for pair in line.windows(2) {
+        let step = ((pair[1][0] - pair[0][0]) / width).abs() + ((pair[1][1] - pair[0][1]) / height).abs();
+        along.push(along[along.len() - 1] + step);
+    }
+    let whole = along[along.len() - 1];
+    let mut named: Vec<usize> = Vec::new();
+    for (i, at) in along.iter().enumerate() {
+        // The next one that is due lies here or before.
+        if named.len() < most && *at >= whole * named.len() as f64 / (most - 1) as f64 - 1e-12 {
+            named.push(i);
+        }
+    }
+    let last = line.len() - 1;
+    if named.last() != Some(&last) {
+        named.pop();
+        named.push(last);
+    }
+    named
+}
+
 fn varies(values: impl Iterator<Item = f64>) -> bool {
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
     low < high
@@ -561,4 +595,20 @@ fn signed(bits: i32) -> String {
 /// The last two steps of a path.
 fn short(field: &str) -> &str {
     field.rmatch_indices('.').nth(1).map_or(field, |(at, _)| &field[at + 1..])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_spread_along_a_line_with_its_ends() {
+        let crowd = |nth: usize| [nth as f64 * 1e-4, 0.0];
+        let line: Vec<[f64; 2]> = (0..100).map(crowd).chain([[1.0, 1.0], [2.0, 1.0], [3.0, 5.0]]).collect();
+        assert_eq!(spread(&line, 4), [0, 101, 102], "the crowd has one name");
+        assert_eq!(spread(&line[..4], 4), [0, 1, 2, 3]);
+        let even: Vec<[f64; 2]> = (0..=90).map(|nth| [f64::from(nth), 0.0]).collect();
+        assert_eq!(spread(&even, 10), (0..10).map(|nth| 10 * nth).collect::<Vec<_>>());
+        assert_eq!(spread(&[[1.0, 1.0]; 9], 3), [0, 1, 8]);
+    }
 }

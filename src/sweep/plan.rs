@@ -6,6 +6,7 @@
 //! ```
 
 use crate::error::{Error, Result};
+use crate::mixed::UNITS;
 use crate::scene::{Overrides, Scene};
 use crate::{machines, validate};
 use rtl_model::Machine;
@@ -55,7 +56,8 @@ fn yes() -> bool {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// A field of the machine, as `gauss.weight` or `timing.raster.lanes`; `*` is every word that can be so, one at a time.
+    /// A field of the machine, as `gauss.weight` or `timing.raster.lanes`; `*` is every word that can be so, one at a time; `exact` lists
+    /// units and words that are f64 instead, as `["raster", "splat.rgb"]`: of such a machine only errors are known.
     pub field: String,
     /// These values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -86,6 +88,35 @@ pub enum Order {
 
 /// A change of the base machine.
 pub type Change = (String, Value);
+
+/// The field that is none of the machine.
+const EXACT: &str = "exact";
+
+/// A machine with these changes, but for those that make it exact.
+///
+/// # Errors
+/// As [`machines::with`].
+pub fn machine_of(base: &Machine, changes: &[Change], told: &str) -> Result<Machine> {
+    let own: Vec<Change> = changes.iter().filter(|(field, _)| field != EXACT).cloned().collect();
+    machines::with(base, &own, told)
+}
+
+/// Units and words that changes make exact.
+pub fn exact_of(changes: &[Change]) -> Vec<String> {
+    let lists = changes.iter().filter(|(field, _)| field == EXACT).filter_map(|(_, value)| value.as_array());
+    lists.flatten().filter_map(|name| name.as_str().map(str::to_owned)).collect()
+}
+
+/// Refuses what names no units or words.
+fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
+    let told = |what: String| Error::input(format!("axes: {EXACT}: {what}"));
+    let names = value.as_array().ok_or_else(|| told(format!("{value} is no list, as [\"raster\", \"splat.rgb\"] is")))?;
+    let is_known = |name: &str| UNITS.contains(&name) || words.iter().any(|(word, _)| word == name);
+    match names.iter().find(|name| !name.as_str().is_some_and(is_known)) {
+        Some(name) => Err(told(format!("{name} is no unit and no word; units are {}", UNITS.join(", ")))),
+        None => Ok(()),
+    }
+}
 
 /// A plan that can be carried out.
 #[derive(Clone, Debug)]
@@ -192,7 +223,10 @@ impl Points {
                 return Err(Error::input(format!("axes has {field} twice")));
             }
             for value in values {
-                machines::with(&base, &[(field.clone(), value.clone())], "axes")?;
+                if field == EXACT {
+                    check_exact(value, &words)?;
+                }
+                machine_of(&base, &[(field.clone(), value.clone())], "axes")?;
             }
         }
         let counts = axes.iter().map(|(_, values)| values.len() as u64);

@@ -89,6 +89,8 @@ fn a_plan_that_cannot_be_is_refused_in_a_sentence() {
     assert!(axis(json!({"field": "fragment.layers", "range": [i64::MIN, i64::MAX, 1]})).contains("a million is the most"));
     assert!(axis(json!({"field": "fragment.layers", "add_frac_bits": [1]})).contains("is no word"));
     assert!(axis(json!({"field": "*", "add_frac_bits": [1]})).contains("one-at-a-time"));
+    assert!(axis(json!({"field": "exact", "values": [["rasta"]]})).contains("\"rasta\" is no unit and no word; units are splat, "));
+    assert!(axis(json!({"field": "exact", "values": ["raster"]})).contains("is no list"));
     let twice = json!([{"field": "fragment.layers", "values": [1]}, {"field": "fragment.layers", "values": [2]}]);
     assert_eq!(refused(plan(twice)), "axes has fragment.layers twice");
     assert!(refused(json!({"scenes": [], "axes": []})).contains("scenes is empty"));

@@ -1,0 +1,241 @@
+//! Preview: the job with a quarter of the columns and rows, and what that says of the whole.
+//!
+//! ```text
+//! scene at 1/16, 1/8 of its side ─► [figures] ─┐
+//! scene at 1/4 ─────────► run ─────► [figures] ─┴─► contributions of the whole, and how far off; what the last doubling did to all else
+//! ```
+//! Contributions grow with the pixels, from a number that the low-pass filter gives every splat (EWA eq. 20): a line through two sizes
+//! tells a third. Nothing else does so: decibels hang on single flips, cycles on how often neighbours meet in a pixel.
+//!
+//! Law: `contributions_of_the_whole_are_as_close_as_is_said`.
+
+use crate::compare::distance;
+use crate::error::{Error, Result};
+use crate::fixed;
+use crate::golden;
+use crate::quantise::quantise;
+use crate::report::{Report, aligned, plain_table, thousands, wrapped};
+use crate::run::timed;
+use crate::scene::Scene;
+use rtl_model::Machine;
+use rtl_model::timing;
+use serde::Serialize;
+
+/// Of columns and rows, one in so many is drawn.
+pub const PART: usize = 4;
+/// Pixels that the shorter side of the whole has at least.
+const LEAST_SIDE_PX: usize = 128;
+/// How many times the line's error from 1/8 to 1/4 of a side it may be from there to the whole: a wrong slope is twenty times as far off
+/// there, of two to five times as many contributions.
+const FARTHER: f64 = 8.0;
+/// And never less than this: on built-in scenes it was up to 13 % where it had seemed to be 1 %.
+const LEAST_OFF: f64 = 0.15;
+
+/// One size.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Figures {
+    width: usize,
+    height: usize,
+    contributions: u64,
+    cycles: u64,
+    memory_bytes: u64,
+    fixed_vs_golden_psnr_db: Option<f64>,
+    golden_vs_ideal_psnr_db: Option<f64>,
+}
+
+/// What was left out, and what the rest says.
+#[derive(Clone, Debug, Serialize)]
+pub struct Preview {
+    /// Pixels of the whole.
+    pub of: [usize; 2],
+    /// Contributions of the whole, about.
+    pub contributions: u64,
+    /// As a part of them, they are off by at most about this.
+    pub off: f64,
+    sizes: Vec<Figures>,
+}
+
+/// The same scene with so many times fewer columns and rows.
+fn smaller(scene: &Scene, part: usize) -> Scene {
+    let mut scene = scene.clone();
+    scene.image.width = (scene.image.width / part).max(1);
+    scene.image.height = (scene.image.height / part).max(1);
+    scene
+}
+
+/// The scene as a preview draws it.
+///
+/// # Errors
+/// [`Error::Input`] where it is small already.
+pub fn scene(whole: &Scene) -> Result<Scene> {
+    let (width, height) = (whole.image.width, whole.image.height);
+    if width.min(height) < LEAST_SIDE_PX {
+        let told = format!(
+            "--preview: {width}×{height} pixels are few already; with {LEAST_SIDE_PX} or more a side there is something to leave out"
+        );
+        return Err(Error::input(told));
+    }
+    Ok(smaller(whole, PART))
+}
+
+fn figures(scene: &Scene, machine: &Machine) -> Result<Figures> {
+    let elaborated = fixed::elaborate(machine)?;
+    let quantised = quantise(scene, machine)?;
+    let (drawing, work) = fixed::draw_recorded(&elaborated, &quantised);
+    let cycles = timing::replay(&elaborated.timing, &work);
+    let golden = golden::render(scene, &fixed::rules(machine)).picture;
+    Ok(Figures {
+        width: scene.image.width,
+        height: scene.image.height,
+        contributions: drawing.outcomes.total(),
+        cycles: cycles.total,
+        memory_bytes: cycles.memory.total_bytes(),
+        fixed_vs_golden_psnr_db: distance(&fixed::picture(&elaborated, &drawing), &golden).psnr_db,
+        golden_vs_ideal_psnr_db: distance(&golden, &golden::ideal(scene).picture).psnr_db,
+    })
+}
+
+/// A line through two sizes, at a third.
+fn line(sizes: [&Figures; 2], pixels: f64) -> f64 {
+    let [(x0, y0), (x1, y1)] = sizes.map(|size| ((size.width * size.height) as f64, size.contributions as f64));
+    if x1 > x0 { (y1 + (y1 - y0) / (x1 - x0) * (pixels - x1)).max(y1) } else { y1 }
+}
+
+impl Preview {
+    /// Of a whole, and what a run of its preview found.
+    ///
+    /// # Errors
+    /// As [`crate::run::run`].
+    pub fn new(whole: &Scene, machine: &Machine, report: &Report) -> Result<Self> {
+        let [least, less] = [4, 2].map(|part| figures(&smaller(whole, part * PART), machine));
+        let now = Figures {
+            width: report.scene.width,
+            height: report.scene.height,
+            contributions: report.scene.fragments,
+            cycles: report.cycles.total,
+            memory_bytes: report.cycles.memory.bytes,
+            fixed_vs_golden_psnr_db: report.accuracy.fixed_vs_golden.psnr_db,
+            golden_vs_ideal_psnr_db: report.accuracy.golden_vs_ideal.psnr_db,
+        };
+        let sizes = vec![least?, less?, now];
+        let (contributions, off) = Preview::expected(&sizes, whole.image.width * whole.image.height);
+        Ok(Preview { of: [whole.image.width, whole.image.height], contributions: contributions as u64, off, sizes })
+    }
+
+    /// How many times more contributions the whole has.
+    pub fn growth(&self) -> f64 {
+        let now = self.sizes.last().map_or(0, |now| now.contributions);
+        self.contributions as f64 / now.max(1) as f64
+    }
+
+    /// Contributions of so many pixels, and how far that may be off.
+    fn expected(sizes: &[Figures], pixels: usize) -> (f64, f64) {
+        let [least, less, now] = [&sizes[0], &sizes[1], &sizes[2]];
+        let known = now.contributions as f64;
+        let missed = (line([least, less], (now.width * now.height) as f64) / known.max(1.0) - 1.0).abs();
+        (line([less, now], pixels as f64), (FARTHER * missed).max(LEAST_OFF))
+    }
+
+    /// What was left out and how far figures can be trusted, at most 80 columns wide. The whole would take so many seconds.
+    pub fn summary(&self, seconds: f64) -> String {
+        let [.., less, now] = &self.sizes[..] else { return String::new() };
+        let size = |figures: &Figures| format!("{}×{}", figures.width, figures.height);
+        let mut table = plain_table(&["", &size(less), &size(now), "last doubling"]);
+        let share = |a: u64, b: u64| if a == 0 { "–".to_owned() } else { format!("{:+.0}%", 100.0 * (b as f64 / a as f64 - 1.0)) };
+        for (name, count) in [
+            ("contributions", (|f| f.contributions) as fn(&Figures) -> u64),
+            ("cycles", |f| f.cycles),
+            ("bytes to and from memory", |f| f.memory_bytes),
+        ] {
+            table.add_row([name.to_owned(), thousands(count(less)), thousands(count(now)), share(count(less), count(now))]);
+        }
+        for (name, db) in [
+            ("fixed − golden, dB", (|f| f.fixed_vs_golden_psnr_db) as fn(&Figures) -> Option<f64>),
+            ("golden − ideal, dB", |f| f.golden_vs_ideal_psnr_db),
+        ] {
+            let told = |db: Option<f64>| db.map_or("equal".into(), |db| format!("{db:.1}"));
+            let change = db(less).zip(db(now)).map_or("–".into(), |(less, now)| format!("{:+.1}", now - less));
+            table.add_row([name.to_owned(), told(db(less)), told(db(now)), change]);
+        }
+        let [width, height] = self.of;
+        let left_out = PART * PART - 1;
+        let head = format!("preview of {width}×{height}: {left_out} of {} pixels left out, no splat", PART * PART);
+        let whole = format!(
+            "the whole has about {} contributions, {:.0}% more or less, and takes about {} here; other figures do not scale: what the last doubling changed, two more will change again",
+            thousands(self.contributions),
+            100.0 * self.off,
+            duration(seconds)
+        );
+        format!("{}\n{}\n{}", wrapped(&head), aligned(table).trim_fmt(), wrapped(&whole))
+    }
+}
+
+/// Jobs longer than this are announced, seconds.
+const LONG: f64 = 10.0;
+/// Splats and pixels from which on a job may be long.
+const MANY: usize = 2_000_000;
+
+/// What to say before a long job; nothing where it is short.
+///
+/// # Errors
+/// As [`crate::run::run`].
+pub fn announcement(scene: &Scene, machine: &Machine) -> Result<Option<String>> {
+    let pixels = scene.image.width * scene.image.height;
+    if scene.splats.len().max(pixels) < MANY || scene.image.width.min(scene.image.height) < LEAST_SIDE_PX {
+        return Ok(None);
+    }
+    let [least, less, now] = [16, 8, 4].map(|part| {
+        let smaller = smaller(scene, part * PART);
+        timed(|| figures(&smaller, machine))
+    });
+    let seconds = now.1;
+    let sizes = [least.0?, less.0?, now.0?];
+    let (contributions, _) = Preview::expected(&sizes, pixels);
+    let expected = RUN_OVER_FIGURES * seconds * (contributions / (sizes[2].contributions as f64).max(1.0)).max(1.0);
+    let told = || {
+        let (splats, contributions) = (thousands(scene.splats.len() as u64), thousands(contributions as u64));
+        format!("{splats} splats, about {contributions} contributions: about {} (--preview is quicker)", duration(expected))
+    };
+    Ok((expected > LONG).then(told))
+}
+
+/// A run draws with every watcher, and in lockstep; what is timed here does not. Measured on glass-spheres and the dragon scan, two cores:
+/// 3.0 and 2.8.
+const RUN_OVER_FIGURES: f64 = 3.0;
+
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => format!("{s:.1} s"),
+        s if s < 100.0 => format!("{s:.0} s"),
+        s => format!("{:.0} minutes", s / 60.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Overrides;
+
+    #[test]
+    fn contributions_of_the_whole_are_as_close_as_is_said() {
+        let machine = Machine::named("lean").unwrap();
+        for name in ["glass-spheres", "checkerboard", "torus-knot", "terrain"] {
+            let whole = Scene::load(name, &Overrides { size: Some((512, 512)) }).unwrap();
+            let sizes: Vec<Figures> = [16, 8, 4].map(|part| figures(&smaller(&whole, part), &machine).unwrap()).into();
+            let (about, off) = Preview::expected(&sizes, 512 * 512);
+            let elaborated = fixed::elaborate(&machine).unwrap();
+            let is = fixed::draw(&elaborated, &quantise(&whole, &machine).unwrap()).outcomes.total() as f64;
+            assert!((about / is - 1.0).abs() <= off, "{name}: {about} is said, {off} of it, and {is} it is");
+            assert!(off < 1.0, "{name}: {off} says nothing");
+        }
+    }
+
+    #[test]
+    fn a_small_picture_has_no_preview_and_a_small_job_no_announcement() {
+        let scene = |side| Scene::load("terrain", &Overrides { size: Some((side, 512)) }).unwrap();
+        assert!(super::scene(&scene(127)).unwrap_err().to_string().contains("127×512 pixels are few"));
+        let smaller = super::scene(&scene(130)).unwrap();
+        assert_eq!((smaller.image.width, smaller.image.height, smaller.splats.len()), (32, 128, scene(130).splats.len()));
+        assert_eq!(announcement(&scene(512), &Machine::named("tiny").unwrap()).unwrap(), None);
+    }
+}
