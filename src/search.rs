@@ -106,6 +106,11 @@ impl View {
         View { name, digest: digest_of(scene), scene: scene.clone(), golden }
     }
 
+    /// Without the scene.
+    fn short_name(&self) -> &str {
+        self.name.rsplit(" from ").next().unwrap_or_default()
+    }
+
     /// The n-th of the cameras that nobody asked for: around the target, by golden angles, a little above and below.
     fn unseen(scene: &Scene, nth: usize, machine: &Machine) -> Self {
         let turned = Scene { camera: scene.camera.turned(nth), ..scene.clone() };
@@ -250,7 +255,7 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) ->
             return Err(Error::job(format!("after {ROUNDS} rounds {} still misses the target: aim lower", worst.name)));
         }
         learnt.push(worst.name.clone());
-        path.push(Step { method: worst.name.clone(), found, ..search.step("", &best)? });
+        path.push(Step { method: format!("{} fails", worst.short_name()), found, ..search.step("", &best)? });
         let load = asked.target.load(&found);
         // Views differ: what just meets the target on some misses it on others.
         search.stricter *= if load.is_finite() { load.min(MOST_STRICTER) } else { 1.0 };

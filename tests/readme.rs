@@ -99,7 +99,12 @@ fn every_command_exists_and_those_of_the_program_run() {
             continue;
         }
         if let Some(arguments) = line.strip_prefix("cargo run --release -- ") {
-            splatsim_in(folder.path(), arguments);
+            let printed = splatsim_in(folder.path(), arguments);
+            if arguments.starts_with("search ") {
+                let text = readme();
+                let sample = fenced(after(&text, "<!-- search -->"), "text").join("\n");
+                assert!(sample.lines().count() > 15 && printed.contains(&sample), "README should have:\n{printed}");
+            }
         } else if let Some(example) = line.strip_prefix("cargo run --release --example ") {
             let name = example.split(' ').next().unwrap();
             assert!(root().join(format!("tests/programs/{name}.rs")).exists(), "{line}");
