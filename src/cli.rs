@@ -141,7 +141,7 @@ struct Search {
     /// At least so many dB, fixed − golden over all pixels
     #[arg(long, value_name = "DB", value_parser = positive, required_unless_present = "max_error")]
     target_psnr: Option<f64>,
-    /// No pixel further off than this, linear light in [0, 1]
+    /// No pixel further off, linear light in [0, 1]
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     max_error: Option<f64>,
     /// No word may leave its range
@@ -403,7 +403,7 @@ impl Run {
         let mut outcome = outcome?;
         if small.is_some() {
             let preview = Preview::new(&scene, &machine, &outcome.report)?;
-            outcome.report.host.whole_seconds = Some(seconds * preview.growth());
+            outcome.report.host.whole_seconds = Some(seconds * preview.growth(scene.splats.len()));
             outcome.report.preview = Some(preview);
         }
         let end = match &self.out {

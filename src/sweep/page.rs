@@ -64,9 +64,9 @@ pub fn html(table: &Table, base: &str, figures: &[(&Figure, String)]) -> String 
     let rows: Vec<Vec<&Value>> = table.rows.iter().map(|row| varied.iter().map(|(at, _)| &row[*at]).collect()).collect();
     // Inside of a script element only its end would end it.
     let rows = json!({"columns": columns, "rows": rows}).to_string().replace("</", "<\\/");
+    let name = escaped(base);
     let mut page = format!(
-        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>splatsim: {base}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>Machines made from {}</h1>\n",
-        escaped(base)
+        "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>splatsim: {name}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>Machines made from {name}</h1>\n"
     );
     for (Figure { name, title, says, .. }, svg) in figures {
         let _ = write!(page, "<h2 id=\"{name}\">{}</h2>\n<p>{}</p>\n{svg}\n", escaped(title), escaped(says));
