@@ -147,10 +147,10 @@ struct Search {
     /// No word may leave its range
     #[arg(long)]
     no_saturation: bool,
-    /// Unseen cameras on which it must hold too
+    /// Unseen cameras where it must hold too
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(0..=100))]
     views: u8,
-    /// Only these units, words or sizes; may be given again
+    /// Only this unit, word or size; may be given again
     #[arg(long, value_name = "PATH")]
     only: Vec<String>,
     /// Machines that annealing draws

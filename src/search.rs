@@ -151,7 +151,7 @@ impl Target {
     /// Part of what is allowed, squared: at most 1 is well.
     fn load(&self, found: &Found) -> f64 {
         let by_psnr = self.psnr_db.zip(found.psnr_db).map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
-        let by_error = self.max_error.map_or(0.0, |most| (found.max_error / most).powi(2));
+        let by_error = self.max_error.map_or(0.0, |most| found.max_error / most * (found.max_error / most));
         let lost = if self.no_saturation && found.saturated.unwrap_or(0) > 0 { f64::INFINITY } else { 0.0 };
         by_psnr.max(by_error).max(lost)
     }
