@@ -162,7 +162,7 @@ impl Preview {
         let head = format!("preview of {width}×{height}: {left_out} of {} pixels left out, no splat", PART * PART);
         let whole = format!(
             "the whole has about {} contributions, {:.0}% more or less, and takes about {} here; other figures do not scale: what the last doubling changed, two more will change again",
-            thousands(self.contributions),
+            thousands(rounded(self.contributions)),
             100.0 * self.off,
             duration(seconds)
         );
@@ -193,14 +193,14 @@ pub fn announcement(scene: &Scene, machine: &Machine) -> Result<Option<String>> 
     let (contributions, _) = Preview::expected(&sizes, pixels);
     let expected = RUN_OVER_FIGURES * seconds * longer(scene.splats.len(), sizes[2].contributions as f64, contributions);
     let told = || {
-        let (splats, contributions) = (thousands(scene.splats.len() as u64), thousands(contributions as u64));
+        let (splats, contributions) = (thousands(scene.splats.len() as u64), thousands(rounded(contributions as u64)));
         format!("{splats} splats, about {contributions} contributions: about {} (--preview is quicker)", duration(expected))
     };
     Ok((expected > LONG).then(told))
 }
 
 /// A run of the whole does more than what is timed here: it draws with every watcher, and in lockstep. Fitted, on the long side: glass-spheres
-/// at 2048² and the dragon scan at 1600² took 40 and 26 s where this tells 68 and 29 (two busy cores).
+/// at 2048² and the dragon scan at 1600² took 21 and 12 s where this told 35 and 15 (two cores).
 const RUN_OVER_FIGURES: f64 = 3.0;
 /// A splat is set up in the time of so many contributions (instructions: 340 and 250).
 const SET_UP: f64 = 1.36;
@@ -209,6 +209,12 @@ const SET_UP: f64 = 1.36;
 fn longer(splats: usize, before: f64, now: f64) -> f64 {
     let set_up = SET_UP * splats as f64;
     (set_up + now) / (set_up + before).max(1.0)
+}
+
+/// To three digits.
+fn rounded(count: u64) -> u64 {
+    let place = 10u64.pow(count.max(1).ilog10().saturating_sub(2));
+    (count + place / 2) / place * place
 }
 
 fn duration(seconds: f64) -> String {
@@ -236,6 +242,11 @@ mod tests {
             assert!((about / is - 1.0).abs() <= off, "{name}: {about} is said, {off} of it, and {is} it is");
             assert!(off < 1.0, "{name}: {off} says nothing");
         }
+    }
+
+    #[test]
+    fn estimates_have_three_digits() {
+        assert_eq!([0, 7, 999, 1004, 1005, 14_051_197, 99_950].map(rounded), [0, 7, 999, 1000, 1010, 14_100_000, 100_000]);
     }
 
     #[test]
