@@ -39,7 +39,7 @@ pub fn changed(machine: &Machine, setting: &str, told: &str) -> Result<Machine> 
 pub fn with(machine: &Machine, changes: &[(String, Value)], told: &str) -> Result<Machine> {
     let mut value = value(machine);
     for (path, leaf) in changes {
-        merge(&mut value, nested(path, leaf.clone()));
+        lay(&mut value, path, leaf.clone());
     }
     checked(&value, told)
 }
@@ -69,6 +69,16 @@ fn gather(value: &Value, path: &str, words: &mut Vec<(String, Format)>) {
             None => gather(field, &format!("{path}."), words),
         }
     }
+}
+
+/// Lays one change over a machine's fields, unchecked.
+pub fn lay(fields: &mut Value, path: &str, leaf: Value) {
+    merge(fields, nested(path, leaf));
+}
+
+/// Whether a path is another one, or leads there and further: `gauss.weight` is below `gauss`.
+pub fn is_below(path: &str, name: &str) -> bool {
+    path.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 fn nested(path: &str, leaf: Value) -> Value {

@@ -23,7 +23,7 @@ use crate::ranges::SignalReport;
 use crate::report::{aligned, plain_table, thousands, wrapped};
 use crate::run::{open_folder, timed};
 use crate::scene::Scene;
-use crate::sweep::table::{Column, Journal, Kind, Row, digest};
+use crate::sweep::table::{Journal, Kind, Row, digest, named};
 use crate::sweep::{digest_of, write_plan};
 use crate::{fixed, golden, machines};
 use descent::Problem;
@@ -223,7 +223,7 @@ pub struct Tight {
 /// what is found cannot be written, or holds on no unseen view.
 pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) -> Result<Outcome> {
     let knobs = knobs::all(machine, &asked.only);
-    if let Some(name) = asked.only.iter().find(|name| !knobs.iter().any(|knob| knobs::is_below(&knob.path, name))) {
+    if let Some(name) = asked.only.iter().find(|name| !knobs.iter().any(|knob| machines::is_below(&knob.path, name))) {
         return Err(Error::input(format!("--only {name}: machine {} has no such unit, word or size", machine.name)));
     }
     fixed::elaborate(machine)?;
@@ -231,8 +231,7 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) ->
         quantise(scene, machine)?;
     }
     open_folder(folder)?;
-    let columns: Vec<Column> = COLUMNS.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect();
-    let journal = Journal::open(folder, "", columns)?;
+    let journal = Journal::open(folder, "", named(&COLUMNS))?;
     let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
     write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": asked.target, "scenes": names, "machine": machine}))?;
     let views = scenes.iter().map(|scene| View::new(scene, scene.name.clone(), machine)).collect();
@@ -342,11 +341,7 @@ impl<'a> Search<'a> {
     fn machine(&self, steps: &[u32]) -> Option<Machine> {
         let mut fields = self.fields.clone();
         for (knob, steps) in self.knobs.iter().zip(steps).filter(|(_, steps)| **steps > 0) {
-            let place = fields.pointer_mut(&format!("/{}", knob.path.replace('.', "/")))?;
-            match place {
-                Value::Object(word) => drop(word.insert("format".into(), knob.value(*steps))),
-                place => *place = knob.value(*steps),
-            }
+            machines::lay(&mut fields, &knob.path, knob.value(*steps));
         }
         serde_json::from_value(fields).ok()
     }
@@ -445,7 +440,7 @@ impl<'a> Search<'a> {
         }
         self.cut = self.base.clone();
         self.take_fields();
-        let is_asked = |path: &str| self.asked.only.is_empty() || self.asked.only.iter().any(|name| knobs::is_below(path, name));
+        let is_asked = |path: &str| self.asked.only.is_empty() || self.asked.only.iter().any(|name| machines::is_below(path, name));
         let words = machines::words(&self.base).into_iter().filter(|(path, _)| is_asked(path));
         let less = |(path, format): (String, Format)| {
             let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);

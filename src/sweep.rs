@@ -38,7 +38,7 @@ use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use table::{Column, Journal, Kind, Row, Table, digest};
+use table::{Column, Journal, Kind, Row, Table, digest, named};
 
 /// Most points, if nobody asks for more.
 pub const MOST_POINTS: u64 = 100_000;
@@ -154,8 +154,7 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
     let fields = points.fields();
     let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": asked.prices});
     let own = fields.iter().map(|field| (field.clone(), Kind::Text));
-    let fixed = |columns: &[(&str, Kind)]| columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect::<Vec<_>>();
-    let columns: Vec<Column> = fixed(&POINT).into_iter().chain(own).chain(fixed(&FOUND)).chain(measured()).collect();
+    let columns: Vec<Column> = named(&POINT).into_iter().chain(own).chain(named(&FOUND)).chain(measured()).collect();
     let part = asked.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
     let mut journal = Journal::open(folder, &part, columns)?;
     let is_mine = |number: u64| asked.shard.is_none_or(|Shard { index, of }| number % of == index - 1);
@@ -359,7 +358,7 @@ impl<'a> Stage<'a> {
     fn mixed(&mut self, machine: &Machine, exact: &[String]) -> std::result::Result<Drawn, String> {
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
         let quantised = quantise(&self.scene, machine).map_err(|error| error.to_string())?;
-        let is_exact = |word: &str| exact.iter().any(|name| word == name || word.split('.').next() == Some(name));
+        let is_exact = |word: &str| exact.iter().any(|name| machines::is_below(word, name));
         let choice = mixed::Choice::new(&elaborated, |word| !is_exact(word));
         let stage = mixed::Stage::new(&self.scene, &elaborated, &quantised);
         let picture = stage.fill(&choice, &stage.set_up(&choice));

@@ -93,6 +93,7 @@ fn every_command_exists_and_those_of_the_program_run() {
     assert!(commands.len() >= 10, "{commands:?}");
     // Some read what others wrote.
     let folder = tempfile::tempdir().unwrap();
+    assert!(commands.iter().any(|line| line.contains("-- search ")), "the sample search is compared with what it prints");
     for line in commands {
         // Takes minutes: `the_sample_attribution_is_what_its_command_prints` runs it.
         if line == ATTRIBUTION {

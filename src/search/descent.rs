@@ -108,12 +108,17 @@ impl Ord for Thought {
     }
 }
 
+/// A step of every knob, each as good as can be until it is measured.
+fn unmeasured(knobs: usize) -> BinaryHeap<Thought> {
+    (0..knobs).map(|knob| Thought { score: f64::INFINITY, knob, at: 0 }).collect()
+}
+
 /// From where all is not well: gives steps back, one after the other, until it is.
 pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> {
     let mut steps = from.to_vec();
     let mut now = load(problem, &steps)?;
     let mut state = 1;
-    let mut thoughts: BinaryHeap<Thought> = (0..steps.len()).map(|knob| Thought { score: f64::INFINITY, knob, at: 0 }).collect();
+    let mut thoughts = unmeasured(steps.len());
     while now > 1.0 {
         let Some(thought) = thoughts.pop() else {
             // Nothing helps alone: all give one back.
@@ -123,7 +128,7 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             steps.iter_mut().for_each(|step| *step = step.saturating_sub(1));
             now = load(problem, &steps)?;
             state += 1;
-            thoughts = (0..steps.len()).map(|knob| Thought { score: f64::INFINITY, knob, at: 0 }).collect();
+            thoughts = unmeasured(steps.len());
             continue;
         };
         let knob = thought.knob;
@@ -139,15 +144,13 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             continue;
         }
         let relief = now - load(problem, &next)?;
-        let (Some(before), Some(after)) = (problem.area(&steps), problem.area(&next)) else {
-            // What cannot be built has no price; whatever makes it better is welcome.
-            if relief > 0.0 {
-                thoughts.push(Thought { score: relief, knob, at: state });
-            }
-            continue;
-        };
         if relief > 0.0 {
-            thoughts.push(Thought { score: relief / (after - before).max(f64::MIN_POSITIVE), knob, at: state });
+            let price = match (problem.area(&steps), problem.area(&next)) {
+                (Some(before), Some(after)) => (after - before).max(f64::MIN_POSITIVE),
+                // What cannot be built has no price; whatever makes it better is welcome.
+                _ => 1.0,
+            };
+            thoughts.push(Thought { score: relief / price, knob, at: state });
         }
     }
     Ok(steps)
@@ -160,7 +163,7 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
     let mut steps = from.to_vec();
     let mut now = load(problem, &steps)?;
     let mut state = 1;
-    let mut thoughts: BinaryHeap<Thought> = (0..steps.len()).map(|knob| Thought { score: f64::INFINITY, knob, at: 0 }).collect();
+    let mut thoughts = unmeasured(steps.len());
     while let Some(thought) = thoughts.pop() {
         let knob = thought.knob;
         if steps[knob] == most[knob] {

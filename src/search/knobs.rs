@@ -31,13 +31,8 @@ pub fn all(machine: &Machine, only: &[String]) -> Vec<Knob> {
     let word = |(path, format): (String, Format)| Knob { path, top: Top::Word(format), most: (format.width() - LEAST_WIDTH).max(0) as u32 };
     let mut knobs: Vec<Knob> = machines::words(machine).into_iter().map(word).collect();
     sizes(&machines::value(machine), "", &mut knobs);
-    knobs.retain(|knob| only.is_empty() || only.iter().any(|name| is_below(&knob.path, name)));
+    knobs.retain(|knob| only.is_empty() || only.iter().any(|name| machines::is_below(&knob.path, name)));
     knobs
-}
-
-/// Whether a path is another one, or leads there and further.
-pub fn is_below(path: &str, name: &str) -> bool {
-    path.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {

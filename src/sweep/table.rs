@@ -36,6 +36,11 @@ pub enum Kind {
 /// A column's name and kind.
 pub type Column = (String, Kind);
 
+/// Columns by name and kind.
+pub fn named(columns: &[(&str, Kind)]) -> Vec<Column> {
+    columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect()
+}
+
 /// A row's cells, in the order of the columns: text, numbers or null.
 pub type Row = Vec<Value>;
 
