@@ -11,7 +11,7 @@ use crate::search::{self, Target};
 use crate::sweep::plan::Points;
 use crate::sweep::{self, Shard, charts};
 use crate::timings::{Axes, Variants};
-use crate::{fixed, machines, prove, ranges, stress};
+use crate::{fixed, machines, prove, ranges, stress, trace};
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use comfy_table::CellAlignment;
@@ -45,6 +45,9 @@ enum Command {
     Search(Search),
     /// Draw charts of what a sweep or a search found, and a page of them
     Chart(Chart),
+    /// Dump what crosses the wires between units, to check hardware
+    #[command(after_help = TRACE)]
+    Trace(Trace),
     /// Tell one pixel's whole story, the machine beside golden
     #[command(after_help = NAMES)]
     Explain(Explain),
@@ -183,6 +186,35 @@ struct Chart {
 }
 
 #[derive(Args, Debug)]
+struct Trace {
+    /// A .json scene, .ply cloud or built-in name
+    scene: String,
+    /// Only ports of these units
+    #[arg(long, value_name = "UNIT,…", value_delimiter = ',')]
+    units: Vec<String>,
+    /// Only these splats, from A to the one before B
+    #[arg(long, value_name = "A..B")]
+    splats: Option<Span>,
+    /// Only these pixels, the last column and row among them
+    #[arg(long, value_name = "X0,Y0,X1,Y1")]
+    pixels: Option<Corners>,
+    /// Only one in N splats and pixels
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    sample: Option<u32>,
+    /// Another seed, another sample
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    common: Common,
+    /// Write the trace into this folder
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Print no table
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args, Debug)]
 struct Explain {
     /// A .json scene, .ply cloud or built-in name
     scene: String,
@@ -281,6 +313,10 @@ const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, t
 /// What the help text of `stress` ends with.
 const STRESS: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a failure is silent";
 
+/// What the help text of `trace` ends with.
+const TRACE: &str = "Units: pipeline, project, ellipse, raster, gauss, fragment, shade, resolve\n\
+    Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain\nNamed machines: reference, lean, tiny";
+
 /// What the help text of `sweep` ends with.
 const SWEEP: &str =
     "Ready plans: precision, precision-in-lockstep, curves, architecture, layers\n`scene plan-schema` says what a plan may hold";
@@ -295,6 +331,33 @@ impl<const SEPARATOR: char> FromStr for Pair<SEPARATOR> {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let pair = text.split_once(SEPARATOR).and_then(|(a, b)| Some(Pair(a.parse().ok()?, b.parse().ok()?)));
         pair.ok_or_else(|| format!("two whole numbers with `{SEPARATOR}` between them are needed"))
+    }
+}
+
+/// A range of whole numbers, A..B.
+#[derive(Clone, Copy, Debug)]
+struct Span([u32; 2]);
+
+impl FromStr for Span {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let span = text.split_once("..").and_then(|(a, b)| Some(Span([a.parse().ok()?, b.parse().ok()?])));
+        span.ok_or_else(|| "two whole numbers with `..` between them are needed".into())
+    }
+}
+
+/// Two corners of a rectangle of pixels.
+#[derive(Clone, Copy, Debug)]
+struct Corners([u32; 4]);
+
+impl FromStr for Corners {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let numbers: Option<Vec<u32>> = text.split(',').map(|number| number.parse().ok()).collect();
+        let corners = numbers.and_then(|numbers| numbers.try_into().ok()).map(Corners);
+        corners.ok_or_else(|| "four whole numbers with commas between them are needed".into())
     }
 }
 
@@ -338,6 +401,7 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
         Command::Sweep(arguments) => arguments.threads.run(|| arguments.run()),
         Command::Search(arguments) => arguments.common.threads.run(|| arguments.run()),
         Command::Chart(arguments) => arguments.run(),
+        Command::Trace(arguments) => arguments.common.threads.run(|| arguments.run()),
         Command::Explain(arguments) => arguments.common.threads.run(|| arguments.explain()),
         Command::Machine(MachineCommand::List) => list(),
         Command::Machine(MachineCommand::Show { machine, settings }) => show(&machine, &settings),
@@ -488,6 +552,25 @@ impl Chart {
         let told = wrapped(&format!("written to {}: {}", self.folder.display(), names.join(" ")));
         let text = [charts.summary(), &told].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("\n\n");
         Ok(if self.quiet { String::new() } else { text })
+    }
+}
+
+impl Trace {
+    fn run(&self) -> Result<String> {
+        let machine = self.common.machine()?;
+        let scene = self.common.scene(&self.scene)?;
+        let text = Scene::text(&self.scene);
+        let window = trace::Window {
+            units: self.units.clone(),
+            splats: self.splats.map(|Span(splats)| splats),
+            pixels: self.pixels.map(|Corners(pixels)| pixels),
+            sample: self.sample,
+            seed: self.seed,
+        };
+        open_folder(&self.out)?;
+        let written = trace::trace(&scene, text.as_deref(), &machine, &window, &self.out)?;
+        let told = wrapped(&format!("written to {}; README.md there says what each file is", self.out.display()));
+        Ok(if self.quiet { String::new() } else { format!("{}\n\n{told}", written.table()) })
     }
 }
 

@@ -27,4 +27,5 @@ pub mod search;
 pub mod stress;
 pub mod sweep;
 pub mod timings;
+pub mod trace;
 mod validate;

@@ -175,6 +175,16 @@ impl Scene {
         }
     }
 
+    /// The text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
+    pub fn text(name_or_path: &str) -> Option<String> {
+        let path = Path::new(name_or_path);
+        if !path.exists() {
+            return Builtin::ALL.into_iter().find(|builtin| builtin.name() == name_or_path).map(|builtin| builtin.scene().to_owned());
+        }
+        path.extension().filter(|extension| extension.eq_ignore_ascii_case("json"))?;
+        std::fs::read_to_string(path).ok()
+    }
+
     /// The viewing transform (ALGORITHM §1): `t = rotation · (p − eye)`.
     pub fn view(&self) -> View {
         let forward = (self.camera.target - self.camera.eye).normalize();

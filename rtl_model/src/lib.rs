@@ -26,6 +26,7 @@ pub mod host;
 pub mod machine;
 pub mod num;
 pub mod pipeline;
+pub mod ports;
 pub mod probe;
 pub mod real;
 pub mod timing;

@@ -364,6 +364,11 @@ impl Elaborated {
         [("ellipse.root", self.ellipse.root()), ("ellipse.extent_root", self.ellipse.extent_root()), ("shade.root", self.shade.root())]
     }
 
+    /// The constant 1/2π as `ellipse` holds it (`ellipse.inverse_two_pi`).
+    pub fn inverse_two_pi(&self) -> i64 {
+        self.ellipse.inverse_two_pi()
+    }
+
     /// The table of e^(−r/2), `gauss.table`.
     pub fn gaussian(&self) -> &Table {
         self.gauss.table()

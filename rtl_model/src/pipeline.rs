@@ -13,7 +13,7 @@ use crate::frame::{Frame, Splat, View};
 use crate::host::{Work, plainly, vectorised};
 use crate::machine::Elaborated;
 use crate::num::{LANES, Lanes, Words, two};
-use crate::probe::{Meters, Probe, Ranges, Tap, Unwatched};
+use crate::probe::{Meters, PROJECTED, Probe, Ranges, SET_UP, Tap, Unwatched, Weighed};
 use crate::units::fragment::{
     self, Attributes, Contribution, Decision, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
@@ -211,6 +211,13 @@ impl<P: Probe> Work for SetUp<'_, P> {
         let (project, ellipse, view) = (self.machine.project.clone(), self.machine.ellipse.clone(), self.frame.view.clone());
         let units = Units { project: &project, ellipse: &ellipse, view: &view, size_px: [self.frame.width, self.frame.height] };
         let mut out = Block { prepared: vec![Prepared::default(); self.splats.len()], count: 0, culled: Culled::default() };
+        if P::TRANSFERS {
+            for (splat, first) in self.splats.iter().zip(self.first..) {
+                units.set_up::<L::Words, P>(&[*splat; LANES], 1, first, self.probe, &mut out);
+            }
+            out.prepared.truncate(out.count);
+            return Setup { blocks: vec![out.prepared], culled: out.culled };
+        }
         let (eights, rest) = self.splats.as_chunks();
         let mut last = [Splat::default(); LANES];
         last[..rest.len()].copy_from_slice(rest);
@@ -267,6 +274,9 @@ impl Units<'_> {
         };
         let ellipse = self.ellipse.lanes(self.view, self.size_px, &input, tap);
 
+        if P::TRANSFERS {
+            tap.probe.set_up(first, projected_words(&point), ellipse_words(&ellipse));
+        }
         let mut left = ((1u32 << live) - 1) as u8;
         let culled = point.near | point.outside | ellipse.backface | ellipse.faint | ellipse.outside;
         if left & culled.signs() != 0 {
@@ -318,6 +328,28 @@ impl Units<'_> {
             out.count += 1;
         }
     }
+}
+
+/// The first lane of what `project` makes, as a record has it.
+fn projected_words<W: Words>(point: &project::Projected<W>) -> [i64; PROJECTED] {
+    let inverse = point.inverse_depth;
+    let ([a, b], [x, y]) = (point.slope, point.pixel);
+    let words = [point.camera[2], point.exponent, point.depth, inverse.mantissa, inverse.exponent, a, b, x, y];
+    record([point.near, point.outside], words)
+}
+
+/// The first lane of what `ellipse` makes, as a record has it.
+fn ellipse_words<W: Words>(e: &ellipse::Output<W>) -> [i64; SET_UP] {
+    let ([n, m, o], [xx, xy, yy], [z_x, z_y]) = (e.normal, e.conic, e.depth_slope);
+    let ([left, right], [top, bottom]) = (e.columns, e.rows);
+    record([e.backface, e.faint, e.outside], [n, m, o, xx, xy, yy, e.amplitude, left, right, top, bottom, z_x, z_y, e.depth_range])
+}
+
+/// The first lane of conditions, as 1 or 0, and of words.
+fn record<W: Words, const FLAGS: usize, const WORDS: usize, const ALL: usize>(flags: [W; FLAGS], words: [W; WORDS]) -> [i64; ALL] {
+    let flags = flags.map(|flag| i64::from(flag.signs() & 1));
+    let words = words.map(|word| i64::from(word.to_array()[0]));
+    std::array::from_fn(|i| if i < FLAGS { flags[i] } else { words[i - FLAGS] })
 }
 
 /// The low and the high half of a word.
@@ -443,6 +475,14 @@ struct Part<'a> {
     corner: [u16; 2],
 }
 
+impl Part<'_> {
+    /// Column and row in the picture of one of the tile's pixels.
+    fn pixel(&self, pixel: u8) -> [u32; 2] {
+        let pixel = u32::from(pixel);
+        [u32::from(self.corner[0]) + pixel % TILE_PX as u32, u32::from(self.corner[1]) + pixel / TILE_PX as u32]
+    }
+}
+
 struct FillTile<'a, const PLAIN: bool, L, P> {
     shared: Shared<'a>,
     part: Part<'a>,
@@ -464,7 +504,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
         self.tile.clear();
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
-        for splats in self.part.splats.chunks(LANES) {
+        for splats in self.part.splats.chunks(Self::AT_A_TIME) {
             self.splats::<AnyLanes>(splats, &mut span, &mut outcomes);
         }
         self.resolve(outcomes)
@@ -472,6 +512,9 @@ impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
 }
 
 impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
+    /// Splats, and fragments, that are worked on side by side.
+    const AT_A_TIME: usize = if P::TRANSFERS { 1 } else { LANES };
+
     /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
     #[inline(always)]
     fn splats<V: Lanes>(&mut self, splats: &[u32], span: &mut raster::Span, outcomes: &mut Outcomes) {
@@ -490,10 +533,13 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
                 let (rows, left) = walks.part(lane);
                 tap.probe.span(rows, left, span.all());
             }
+            if P::TRANSFERS {
+                tap.probe.walked(prepared[lane].splat);
+            }
             let mut first = 0;
             while first < span.fragments() {
                 self.contribute::<V>(prepared[lane], (&walks, lane), span, first, outcomes);
-                first += LANES;
+                first += Self::AT_A_TIME;
             }
         }
     }
@@ -510,11 +556,18 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     ) {
         let Shared { machine, lights, registers, .. } = self.shared;
         let tile = &mut *self.tile;
-        let count = (span.fragments() - first).min(LANES);
+        let count = (span.fragments() - first).min(Self::AT_A_TIME);
         let tap = &mut Tap::new(&mut *self.probe).first(count);
         let places = span.places(first);
         let [radial, depth] = machine.raster.fragments::<V>(walks, lane, span, places);
         let [radial_index, weight] = machine.gauss.lanes::<PLAIN, V, P>(radial, i64::from(prepared.amplitude), tap);
+        let pixels = walks.pixels(lane, places);
+        if P::TRANSFERS {
+            let [x, y] = self.part.pixel(pixels[0]);
+            let splat = prepared.splat;
+            let [radial, depth, weight] = [radial, depth, weight].map(|lanes| lanes.to_array()[0]);
+            tap.probe.weighed(x, y, &Weighed { splat, radial, depth, weight });
+        }
         // A weight that rounds to 0 makes no fragment: its depth is nobody's.
         if P::WORDS {
             tap.live &= weight.above(V::splat(0)).signs();
@@ -522,7 +575,6 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
         let depth = machine.fragment.depth::<PLAIN, V, P>(depth, tap).to_array();
         let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
-        let pixels = walks.pixels(lane, places);
         for lane in 0..count {
             if weight[lane] == 0 {
                 if P::WORK {
@@ -549,11 +601,10 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
                 tap.probe.became(Some(decision));
             }
             if P::DECISIONS {
-                let [x, y] = self.part.corner.map(u32::from);
-                let [column, row] = [usize::from(pixel) % TILE_PX, usize::from(pixel) / TILE_PX].map(|at| at as u32);
+                let [x, y] = self.part.pixel(pixel);
                 let contribution =
                     Contribution { splat: prepared.splat, radial_index: radial_index[lane], weight: weight[lane], depth: depth[lane] };
-                tap.probe.contribution(x + column, y + row, &contribution, decision);
+                tap.probe.contribution(x, y, &contribution, decision);
             }
         }
     }
@@ -569,7 +620,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         for pixel in 0..TILE_AREA {
             let at = pixel as u8;
             let live = self.tile.live(at);
-            let [x, y] = [pixel % TILE_PX + usize::from(corner[0]), pixel / TILE_PX + usize::from(corner[1])].map(|at| at as u32);
+            let [x, y] = self.part.pixel(at);
             if x >= frame.width || y >= frame.height {
                 if P::WORK {
                     tap.probe.held(0, 0);
@@ -581,6 +632,10 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
             }
             if P::WORK {
                 tap.probe.held(live as u8, layers[..live].iter().filter(|layer| !layer.merged).count() as u8);
+            }
+            if P::TRANSFERS {
+                let slots: Vec<Slot> = (0..live).map(|slot| self.tile.slot(at, slot)).collect();
+                tap.probe.holds(x, y, &slots, &layers[..live]);
             }
             layers[..live].sort_by_key(|layer| layer.depth);
             let word = machine.resolve.one(&layers[..live], frame.background, tap);
@@ -617,7 +672,14 @@ fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: &
         normal: [s[NORMAL], s[NORMAL + 1], s[NORMAL + 2]],
         material: slot.material,
     };
-    let shade::Output { colour, opacity } = machine.shade.one(lights, &input, tap);
+    if P::TRANSFERS {
+        tap.probe.shade_in();
+    }
+    let output = machine.shade.one(lights, &input, tap);
+    if P::TRANSFERS {
+        tap.probe.shade_out(&input, &output);
+    }
+    let shade::Output { colour, opacity } = output;
     Premultiplied { colour, opacity }
 }
 

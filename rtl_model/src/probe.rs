@@ -14,8 +14,27 @@ pub use meters::Meters;
 pub use ranges::{BINS, Range, Ranges};
 
 use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
-use crate::units::fragment::{Contribution, Decision};
+use crate::units::fragment::{Contribution, Decision, Slot};
 use crate::units::resolve::Layer;
+use crate::units::shade;
+
+/// Words of a record of `project.out`.
+pub const PROJECTED: usize = 11;
+/// Words of a record of `ellipse.out`.
+pub const SET_UP: usize = 17;
+
+/// A fragment on its way: what `raster.out` and `gauss.out` carry of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Weighed {
+    /// Which splat of the frame.
+    pub splat: u32,
+    /// r (`raster.radial`), at least 0.
+    pub radial: i64,
+    /// z, clamped and exact ([`exact_depth`](crate::ports::exact_depth)).
+    pub depth: i64,
+    /// w (`gauss.weight`), maybe 0.
+    pub weight: i64,
+}
 
 /// A watcher of the machine.
 pub trait Probe: Send + Sync + Sized {
@@ -30,6 +49,9 @@ pub trait Probe: Send + Sync + Sized {
 
     /// Whether work is wanted: what became of splats, rows, contributions and pixels.
     const WORK: bool = false;
+    /// Whether transfers are wanted, record by record as in [`ports`](crate::ports). The machine then takes one item at a time, and what
+    /// is told of words between two transfers belongs to the second.
+    const TRANSFERS: bool = false;
 
     /// A fresh watcher of the same kind, for another part of the frame.
     fn fork(&self) -> Self;
@@ -83,6 +105,18 @@ pub trait Probe: Send + Sync + Sized {
     /// The next pixel of a tile ends with so many fragments, of which so many are left to shade.
     #[inline(always)]
     fn held(&mut self, _fragments: u8, _shades: u8) {}
+    /// A splat left setup with these words: those of `project.out` and of `ellipse.out`, masked by nothing yet.
+    fn set_up(&mut self, _splat: u32, _project: [i64; PROJECTED], _ellipse: [i64; SET_UP]) {}
+    /// The raster has walked a splat's part of a tile.
+    fn walked(&mut self, _splat: u32) {}
+    /// A splat's fragment at pixel (x, y) left raster and gauss.
+    fn weighed(&mut self, _x: u32, _y: u32, _weighed: &Weighed) {}
+    /// A fragment enters shade, from merging or from resolving; what is told from here on is shade's.
+    fn shade_in(&mut self) {}
+    /// It left shade.
+    fn shade_out(&mut self, _input: &shade::Input, _output: &shade::Output) {}
+    /// Pixel (x, y) holds these fragments in the end, slot by slot; the light of each beside it.
+    fn holds(&mut self, _x: u32, _y: u32, _slots: &[Slot], _layers: &[Layer]) {}
     /// The tile whose first pixel is (x, y) is done: all of it has been told.
     fn tile(&mut self, _x: u32, _y: u32) {}
 }

@@ -306,6 +306,11 @@ impl Ellipse {
         }
     }
 
+    /// 1/2π.
+    pub fn inverse_two_pi(&self) -> i64 {
+        self.inverse_two_pi
+    }
+
     /// 1/√det V.
     pub fn root(&self) -> &ReciprocalRoot {
         &self.root

@@ -478,6 +478,11 @@ impl Fragment {
         self.narrow
     }
 
+    /// The opacity (`fragment.opacity_sum`) from which a shaded fragment counts as opaque.
+    pub fn opaque_shaded(&self) -> i64 {
+        self.opaque_shaded
+    }
+
     /// Signals of its sums.
     pub fn sum_signals(&self) -> [usize; SUMS] {
         self.sums.map(|fit| fit.signal)

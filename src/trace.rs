@@ -1,0 +1,376 @@
+//! Trace: dumps what crosses the wires between units, for whoever checks hardware against the machine.
+//!
+//! ```text
+//! DIR/manifest.json     what everything is: machine, scene, window, streams with fields, keys, counts and digests; written last
+//!     README.md         the same for people, and what each unit does
+//!     frame.hex …       constants: registers, lights, materials          one record a line, hexadecimal, for $readmemh
+//!     raster.in.hex …   a stream each: one record for each transfer through the port
+//!     keys/…            where each record comes from: splat, pixel, slot, parent, what happened to its words
+//!     rom/…             tables
+//!     machine_pkg.sv records.svh records.h      formats and records in SystemVerilog and C
+//! ```
+//! Streams are in the order of a machine that takes splat after splat, and each box row by row.
+//!
+//! Laws: `a_trace_replays_through_the_units`, `a_window_replays_alone` (tests/trace.rs).
+
+mod headers;
+mod record;
+mod roms;
+mod transfers;
+mod watcher;
+
+pub use record::{Layout, Malformed};
+pub use transfers::{Key, NONE};
+pub use watcher::flag;
+
+use crate::error::{Error, Result};
+use crate::fixed;
+use crate::picture::write_beside;
+use crate::quantise::quantise;
+use crate::report::{aligned, plain_table, thousands};
+use crate::scene::Scene;
+use crate::sweep::digest_of;
+use rayon::prelude::*;
+use rtl_model::Machine;
+use rtl_model::frame::Frame;
+use rtl_model::machine::Elaborated;
+use rtl_model::pipeline;
+use rtl_model::ports::{self, Order, Stream};
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use transfers::{Rectangle, Source, Transfers};
+use watcher::Watcher;
+
+/// What a trace is asked to hold.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Window {
+    /// Units whose ports are wanted; all if empty.
+    pub units: Vec<String>,
+    /// Splats from the first to the one before the second, by their places in the scene.
+    pub splats: Option<[u32; 2]>,
+    /// First column and row, last column and row.
+    pub pixels: Option<[u32; 4]>,
+    /// One in so many splats and pixels.
+    pub sample: Option<u32>,
+    /// Which of them.
+    pub seed: u64,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// Streams, their records and the bytes of their records.
+    pub streams: Vec<(String, u64, u64)>,
+}
+
+/// The units that have ports, in the order of the diagram.
+pub const UNITS: [&str; 8] = ["pipeline", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
+
+/// Records that are made into text at a time by one thread.
+const CHUNK: usize = 16_384;
+
+/// Draws a scene on a machine and writes what crossed the wires.
+///
+/// # Errors
+/// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file cannot be written.
+pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
+    let elaborated = fixed::elaborate(machine)?;
+    let frame = quantise(scene, machine)?.frame;
+    let rectangle = window.check(&frame)?;
+    let whole = Whole { machine: &elaborated, frame: &frame };
+    let (shown, splats, before) = whole.part(window, rectangle);
+    let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
+    let mut watcher = Watcher::new(before.splats.len() as u32);
+    let setup = pipeline::set_up(&elaborated, &shown, &mut watcher);
+    if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
+        pipeline::fill(&elaborated, &shown, &setup, &mut watcher);
+    }
+    let transfers = Transfers::new(&elaborated, &shown, &splats, watcher, start, rectangle);
+    let written = Folder { folder, machine: &elaborated, frame: &frame };
+    let streams: Vec<Stream> = ports::streams(&elaborated).into_iter().filter(|stream| window.wants(stream)).collect();
+    let constants = written.constants()?;
+    let roms = written.roms()?;
+    fs::create_dir_all(folder.join("keys")).map_err(|e| Error::job(format!("{}: cannot be written: {e}", folder.display())))?;
+    let sources = transfers.sources();
+    let files: Vec<Value> = streams
+        .par_iter()
+        .filter_map(|stream| sources.iter().find(|source| source.name == stream.name).map(|source| (stream, source)))
+        .map(|(stream, source)| written.stream(stream, source, window))
+        .collect::<Result<_>>()?;
+    let text = serde_json::to_string_pretty(machine).unwrap_or_default();
+    let manifest = json!({
+        "format": "splatsim-trace-1",
+        "version": env!("CARGO_PKG_VERSION"),
+        "machine": {"name": machine.name, "sha256": hex(&Sha256::digest(&text)), "description": machine},
+        "scene": {
+            "name": scene.name, "sha256": digest_of(scene), "splats": scene.splats.len(),
+            "width": frame.width, "height": frame.height, "text": scene_text,
+        },
+        "window": {
+            "units": if window.units.is_empty() { UNITS.map(str::to_owned).to_vec() } else { window.units.clone() },
+            "splats": window.splats.unwrap_or([0, frame.splats.len() as u32]),
+            "pixels": [rectangle[0], rectangle[1], rectangle[2] - 1, rectangle[3] - 1],
+            "sample": window.sample.unwrap_or(1), "seed": window.seed,
+        },
+        "records": "one a line: hexadecimal digits of the whole record, two's complement, first field in the most significant bits",
+        "keys": {
+            "fields": key_fields(), "flags": flag::NAMES,
+            "none": "all ones; a record's sequence number is the number of its line, from 0, and `parent` is one of the stream before",
+        },
+        "constants": constants, "roms": roms, "streams": files,
+    });
+    written.headers()?;
+    written.text("manifest.json", &(serde_json::to_string_pretty(&manifest).unwrap_or_default() + "\n"))?;
+    let told = |file: &Value| {
+        let number = |name: &str| file[name].as_u64().unwrap_or(0);
+        (file["name"].as_str().unwrap_or_default().to_owned(), number("records"), number("records") * (number("digits") + 1))
+    };
+    Ok(Written { streams: files.iter().map(told).collect() })
+}
+
+impl Written {
+    /// The streams, their records and sizes.
+    pub fn table(&self) -> String {
+        let mut table = plain_table(&["stream", "records", "bytes"]);
+        for (name, records, bytes) in &self.streams {
+            table.add_row([name.clone(), thousands(*records), thousands(*bytes)]);
+        }
+        aligned(table).trim_fmt()
+    }
+}
+
+fn key_fields() -> Vec<Value> {
+    let mut below: u32 = Key::PARTS.iter().map(|(_, bits)| bits).sum();
+    let field = |(name, bits): &(&str, u32)| {
+        below -= bits;
+        json!({"name": name, "lsb": below, "width": bits})
+    };
+    Key::PARTS.iter().map(field).collect()
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// A number that looks random, from a seed and a number (SplitMix64).
+fn mixed(seed: u64, number: u64) -> u64 {
+    let mut z = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ z >> 31
+}
+
+impl Window {
+    /// The rectangle that is wanted, to the column and row after the last.
+    fn check(&self, frame: &Frame) -> Result<Rectangle> {
+        if let Some(unknown) = self.units.iter().find(|unit| !UNITS.contains(&unit.as_str())) {
+            return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", UNITS.join(", "))));
+        }
+        if let Some([first, end]) = self.splats
+            && (first >= end || end as usize > frame.splats.len())
+        {
+            let count = frame.splats.len();
+            return Err(Error::input(format!(
+                "--splats {first}..{end}: the scene's splats are 0..{count}, and the second number must be greater"
+            )));
+        }
+        if frame.lighting.materials.len() > 1 << ports::MATERIAL_BITS {
+            let count = frame.lighting.materials.len();
+            return Err(Error::input(format!("the scene has {count} materials, but a record's index has {} bits", ports::MATERIAL_BITS)));
+        }
+        let Some([left, top, right, bottom]) = self.pixels else { return Ok([0, 0, frame.width, frame.height]) };
+        if left > right || top > bottom || right >= frame.width || bottom >= frame.height {
+            return Err(Error::input(format!(
+                "--pixels {left},{top},{right},{bottom}: first column and row, last column and row are needed, and the picture is {}×{}",
+                frame.width, frame.height
+            )));
+        }
+        Ok([left, top, right + 1, bottom + 1])
+    }
+
+    fn wants(&self, stream: &Stream) -> bool {
+        // A part of a frame is no frame.
+        let whole = self.splats.is_none() && self.pixels.is_none() && self.sample.is_none();
+        let unit = stream.unit().unwrap_or_default();
+        self.wants_any(&[unit]) && (whole || unit != "pipeline") && (self.splats.is_some() || stream.name != "fragment.start")
+    }
+
+    fn wants_any(&self, units: &[&str]) -> bool {
+        self.units.is_empty() || self.units.iter().any(|unit| units.contains(&unit.as_str()))
+    }
+
+    /// Whether a sample has the record.
+    fn samples(&self, unit: &str, key: &Key) -> bool {
+        let Some(one_in) = self.sample else { return true };
+        // Fragments depend on those before them at their pixel: whole pixels are taken. Everything before that, by splats.
+        let by_pixel = ["fragment", "shade", "resolve"].contains(&unit);
+        let number = if by_pixel { u64::from(key.y) << 16 | u64::from(key.x) } else { u64::from(key.splat) };
+        mixed(self.seed, number).is_multiple_of(u64::from(one_in.max(1)))
+    }
+}
+
+/// A whole frame, of which a window shows a part.
+struct Whole<'a> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+}
+
+impl Whole<'_> {
+    /// The frame to draw, what the scene calls its splats, and the frame of those before the window.
+    fn part(&self, window: &Window, rectangle: Rectangle) -> (Frame, Vec<u32>, Frame) {
+        let mut splats: Vec<u32> = (0..self.frame.splats.len() as u32).collect();
+        if window.pixels.is_some() {
+            let touching = self.touching(rectangle);
+            splats.retain(|splat| touching.binary_search(splat).is_ok());
+        }
+        let [first, end] = window.splats.unwrap_or([0, u32::MAX]);
+        splats.retain(|splat| *splat < end);
+        let before = splats.partition_point(|splat| *splat < first);
+        let of = |splats: &[u32]| Frame {
+            splats: splats.iter().map(|splat| self.frame.splats[*splat as usize]).collect(),
+            ..Frame { splats: Vec::new(), ..self.frame.clone() }
+        };
+        (of(&splats), splats.clone(), of(&splats[..before]))
+    }
+
+    /// The splats whose boxes meet a rectangle.
+    fn touching(&self, [left, top, right, bottom]: Rectangle) -> Vec<u32> {
+        let mut watcher = Watcher::new(0);
+        pipeline::set_up(self.machine, self.frame, &mut watcher);
+        let meets = |splat: &&watcher::SetUp| {
+            let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
+            let drawn = splat.project[..2] == [0, 0] && [backface, faint, outside] == [0; 3];
+            let columns = first_column < i64::from(right) && last_column >= i64::from(left);
+            drawn && columns && first_row < i64::from(bottom) && last_row >= i64::from(top)
+        };
+        watcher.set_up.iter().filter(meets).map(|splat| splat.splat).collect()
+    }
+}
+
+/// The fragments that a rectangle's pixels hold after a frame, slot by slot.
+fn held(
+    machine: &Elaborated,
+    frame: &Frame,
+    [left, top, right, bottom]: Rectangle,
+) -> Vec<([u32; 2], usize, rtl_model::units::fragment::Slot)> {
+    let mut watcher = Watcher::new(u32::MAX);
+    pipeline::draw(machine, frame, &mut watcher);
+    watcher.sort();
+    let pixels = watcher.held.iter().map(|held| {
+        let [_, x, y] = watcher::parts(held.key);
+        ([x, y], &held.slots)
+    });
+    let inside = pixels.filter(|([x, y], _)| (left..right).contains(x) && (top..bottom).contains(y));
+    inside.flat_map(|(pixel, slots)| slots.iter().enumerate().map(move |(number, slot)| (pixel, number, *slot))).collect()
+}
+
+/// The folder that is being written.
+struct Folder<'a> {
+    folder: &'a Path,
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+}
+
+impl Folder<'_> {
+    fn text(&self, name: &str, text: &str) -> Result<()> {
+        write_beside(&self.folder.join(name), |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))
+    }
+
+    /// Writes lines; returns their digest.
+    fn lines(&self, name: &str, layout: &Layout, lines: &[Vec<i64>]) -> Result<String> {
+        let mut text = Vec::new();
+        lines.iter().for_each(|words| layout.write(words, &mut text));
+        write_beside(&self.folder.join(name), |file| file.write_all(&text).map_err(|e| e.to_string()))?;
+        Ok(hex(&Sha256::digest(&text)))
+    }
+
+    fn constants(&self) -> Result<Vec<Value>> {
+        let records = transfers::constants(self.frame);
+        let described = ports::constants(self.machine);
+        let of = |(stream, (_, records)): (&Stream, &(&str, Vec<Vec<i64>>))| {
+            let layout = Layout::new(stream);
+            let file = format!("{}.hex", stream.name);
+            let sha256 = self.lines(&file, &layout, records)?;
+            Ok(json!({
+                "name": stream.name, "file": file, "records": records.len(), "width": layout.width, "digits": layout.digits(),
+                "sha256": sha256, "fields": headers::fields(stream),
+            }))
+        };
+        described.iter().zip(&records).map(of).collect()
+    }
+
+    fn roms(&self) -> Result<Vec<Value>> {
+        fs::create_dir_all(self.folder.join("rom"))
+            .map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.folder.display())))?;
+        let of = |rom: &roms::Rom| {
+            let file = format!("rom/{}.hex", rom.name);
+            let sha256 = self.lines(&file, &rom.layout, &rom.lines)?;
+            let (width, digits) = (rom.layout.width, rom.layout.digits());
+            Ok(json!({
+                "name": rom.name, "file": file, "records": rom.lines.len(), "width": width, "digits": digits, "sha256": sha256,
+                "fields": rom.fields,
+            }))
+        };
+        roms::roms(self.machine, self.frame).iter().map(of).collect()
+    }
+
+    fn headers(&self) -> Result<()> {
+        self.text("machine_pkg.sv", &headers::package(self.machine, self.frame))?;
+        self.text("records.svh", &headers::structs(self.machine))?;
+        self.text("records.h", &headers::c_header(self.machine))?;
+        let units = include_str!("trace/units.md");
+        let (tables, formats) = (headers::tables(self.machine), headers::formats(self.machine, self.frame));
+        self.text("README.md", &format!("{units}\n## Records\n{tables}\n## Words and numbers of this machine\n{formats}"))
+    }
+
+    /// Writes a stream and its keys; returns what the manifest says of it.
+    fn stream(&self, stream: &Stream, source: &Source, window: &Window) -> Result<Value> {
+        let layout = Layout::new(stream);
+        let keys = Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
+        let unit = stream.unit().unwrap_or_default();
+        let (file, key_file) = (format!("{}.hex", stream.name), format!("keys/{}.hex", stream.name));
+        let (mut records, mut sha, mut key_sha) = (0u64, Sha256::new(), Sha256::new());
+        write_beside(&self.folder.join(&key_file), |key_out| {
+            write_beside(&self.folder.join(&file), |out| {
+                let starts: Vec<usize> = (0..source.records).step_by(CHUNK).collect();
+                for group in starts.chunks(rayon::current_num_threads() * 2) {
+                    let chunk = |&start: &usize| {
+                        let (mut text, mut key_text, mut words) = (Vec::new(), Vec::new(), Vec::new());
+                        for record in start..source.records.min(start + CHUNK) {
+                            words.clear();
+                            let key = (source.at)(record, &mut words);
+                            if window.samples(unit, &key) {
+                                layout.mask(&mut words);
+                                layout.write(&words, &mut text);
+                                keys.write(&key.words(), &mut key_text);
+                            }
+                        }
+                        (text, key_text)
+                    };
+                    let texts: Vec<(Vec<u8>, Vec<u8>)> = group.par_iter().map(chunk).collect();
+                    for (text, key_text) in texts {
+                        records += text.len() as u64 / (layout.digits() as u64 + 1);
+                        sha.update(&text);
+                        key_sha.update(&key_text);
+                        out.write_all(&text).map_err(|e| e.to_string())?;
+                        key_out.write_all(&key_text).map_err(|e| e.to_string())?;
+                    }
+                }
+                Ok(())
+            })
+            .map_err(|e| e.to_string())
+        })?;
+        let order = match stream.order {
+            Order::Total => "total",
+            Order::PerPixel => "per-pixel",
+        };
+        Ok(json!({
+            "name": stream.name, "unit": unit, "file": file, "records": records, "width": layout.width, "digits": layout.digits(),
+            "order": order, "sha256": hex(&sha.finalize()), "keys": {"file": key_file, "sha256": hex(&key_sha.finalize())},
+            "fields": headers::fields(stream),
+        }))
+    }
+}

@@ -1,0 +1,257 @@
+//! Headers: a machine's formats and records as SystemVerilog, C and Markdown, so that nobody slices bits by hand.
+
+use rtl_model::frame::Frame;
+use rtl_model::machine::{Elaborated, Interpolation, Merge, Rows};
+use rtl_model::num::{Format, Overflow, Rounding, Word};
+use rtl_model::ports::{self, Field, Order, Stream};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// `project.reciprocal.mantissa` as a name of constants.
+fn constant(name: &str) -> String {
+    name.to_uppercase().replace('.', "_")
+}
+
+/// Every word of a machine by its path: those of the description and those of function units.
+fn words(machine: &Elaborated) -> BTreeMap<String, Word> {
+    let mut words: BTreeMap<String, Word> =
+        machine.signals.iter().map(|signal| (format!("{}.{}", signal.unit, signal.name), signal.word)).collect();
+    let description = serde_json::to_value(&machine.machine).unwrap_or_default();
+    for (unit, fields) in description.as_object().into_iter().flatten() {
+        for (name, value) in fields.as_object().into_iter().flatten() {
+            if let Ok(word) = serde_json::from_value(value.clone()) {
+                words.insert(format!("{unit}.{name}"), word);
+            }
+        }
+    }
+    words
+}
+
+/// Numbers that are no formats: tables, rules, timing.
+fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
+    let mut all = Vec::new();
+    let functions = machine
+        .reciprocals()
+        .map(|(name, unit)| (name, unit.shape()))
+        .into_iter()
+        .chain(machine.roots().map(|(name, unit)| (name, unit.shape())));
+    for (name, shape) in functions {
+        let sizes = [("TABLE_BITS", shape.table_bits), ("NEWTON_STEPS", shape.newton_steps), ("BITS", shape.bits)];
+        all.extend(sizes.map(|(size, value)| (format!("{}_{size}", constant(name)), i64::from(value))));
+    }
+    let m = &machine.machine;
+    let f = &m.fragment;
+    for (name, table) in [("GAUSS_TABLE", m.gauss.table), ("SHADE_HIGHLIGHT_TABLE", m.shade.highlight_table)] {
+        all.push((format!("{name}_BITS"), table.index_bits.into()));
+        all.push((format!("{name}_LINEAR"), (table.interpolation == Interpolation::Linear).into()));
+    }
+    let merge = match f.merge {
+        Merge::NearestPair => 0,
+        Merge::FarthestPair => 1,
+        Merge::Replace => 2,
+    };
+    let rules = [
+        ("RASTER_DIFFERENCED", i64::from(m.raster.rows == Rows::Differenced)),
+        ("RASTER_EXACT_DEPTH_F", ports::exact_depth(m).frac_bits.into()),
+        ("ELLIPSE_INVERSE_TWO_PI_WORD", machine.inverse_two_pi()),
+        ("FRAGMENT_LAYERS", f.layers.into()),
+        ("FRAGMENT_MERGE", merge),
+        ("FRAGMENT_EVICT_HIDDEN", f.evict_hidden.into()),
+        ("FRAGMENT_NEAREST_DEPTH", (f.fragment_depth == rtl_model::machine::FragmentDepth::Nearest).into()),
+        ("FRAGMENT_OPAQUE_LIMIT", f.opaque.format.one() * i64::from(f.opaque_permille) / 1000),
+        ("FRAGMENT_OPAQUE_SHADED", machine.fragment.opaque_shaded()),
+        ("LIGHTS", frame.lighting.lights.len() as i64),
+        ("MATERIALS", frame.lighting.materials.len() as i64),
+    ];
+    all.extend(rules.map(|(name, value)| (name.to_owned(), value)));
+    let t = &machine.timing;
+    let paces = [
+        ("PROJECT", t.project),
+        ("ELLIPSE", t.ellipse),
+        ("RASTER", t.raster),
+        ("GAUSS", t.gauss),
+        ("FRAGMENT", t.fragment),
+        ("SHADE", t.shade),
+        ("RESOLVE", t.resolve),
+    ];
+    for (unit, pace) in paces {
+        all.push((format!("{unit}_LATENCY"), pace.latency.into()));
+        all.push((format!("{unit}_INTERVAL"), pace.interval.into()));
+        all.push((format!("{unit}_ROOM"), pace.room() as i64));
+    }
+    all.push(("FRAGMENT_HAZARD".into(), t.hazard.into()));
+    all.push(("FRAGMENT_MERGE_CYCLES".into(), t.timing.fragment.merge.into()));
+    all
+}
+
+/// The package `machine_pkg`, for one machine and one frame's number of lights and materials.
+pub fn package(machine: &Elaborated, frame: &Frame) -> String {
+    let mut text = format!(
+        "// Formats, rules, timing and records of the machine {}, written by splatsim {}.\n\
+         // For each word: _W bits, _F fraction bits, _S signed, _ROUND 0 truncate, 1 nearest, 2 nearest-even, _WRAP 0 saturate, 1 wrap.\n\
+         // For each record: _W bits, and _LSB and _W of each field.\n\
+         `default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
+        machine.machine.name,
+        env!("CARGO_PKG_VERSION"),
+    );
+    for (path, word) in words(machine) {
+        let name = constant(&path);
+        let round = match word.round {
+            Rounding::Truncate => 0,
+            Rounding::Nearest => 1,
+            Rounding::NearestEven => 2,
+        };
+        let _ = write!(text, "\n  // {path}: {word}\n");
+        let format = word.format;
+        let parts = [
+            ("W", format.width()),
+            ("F", format.frac_bits),
+            ("S", format.signed.into()),
+            ("ROUND", round),
+            ("WRAP", (word.overflow == Overflow::Wrap).into()),
+        ];
+        let told = parts.map(|(part, value)| format!("localparam int {name}_{part} = {value};"));
+        let _ = writeln!(text, "  {}", told.join(" "));
+    }
+    text.push_str("\n  // Tables, rules and timing.\n");
+    for (name, value) in numbers(machine, frame) {
+        let _ = writeln!(text, "  localparam int {name} = {value};");
+    }
+    for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
+        let name = constant(stream.name);
+        let _ = write!(text, "\n  // {}\n  localparam int {name}_W = {};\n", stream.name, stream.width());
+        for (field, place) in stream.fields.iter().zip(stream.places()) {
+            let field_name = constant(&field.name);
+            let _ = writeln!(
+                text,
+                "  localparam int {name}_{field_name}_LSB = {place}; localparam int {name}_{field_name}_W = {};",
+                field.width()
+            );
+        }
+    }
+    let lighting = &frame.lighting;
+    let (lights, materials) = (lighting.lights.len() as u32, lighting.materials.len() as u32);
+    text.push_str(
+        "\n  // All lights, all materials, and what each material makes of each light: one beside the other, the first in the low bits.\n",
+    );
+    let constants = ports::constants(machine);
+    for (port, stream, count) in
+        [("LIGHTS", &constants[1], lights), ("MATERIALS", &constants[2], materials), ("REFLECTIONS", &constants[3], lights * materials)]
+    {
+        let _ = writeln!(text, "  localparam int {port}_PORT_W = {};", (stream.width() * count).max(1));
+    }
+    text.push_str("endpackage\n/* verilator lint_on UNUSEDPARAM */\n`default_nettype wire\n");
+    text
+}
+
+/// The records as packed structs, to be included where they are used.
+pub fn structs(machine: &Elaborated) -> String {
+    let mut text = String::from("// Records as packed structs, first field in the most significant bits: `include it inside a module.\n");
+    for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
+        let _ = write!(text, "\ntypedef struct packed {{\n");
+        for field in &stream.fields {
+            let signed = if field.word.format.signed { " signed" } else { "" };
+            let _ = writeln!(text, "  logic{signed} [{}:0] {};  // {}", field.width() - 1, field.name, told(field));
+        }
+        let _ = writeln!(text, "}} {}_t;", stream.name.replace('.', "_"));
+    }
+    text
+}
+
+/// The records as a C header: places and widths as constants, a struct a record, and a table of its fields.
+pub fn c_header(machine: &Elaborated) -> String {
+    let mut text = String::from(
+        "/* Records of a trace: bit places, structs and tables of fields. value = word * 2^-fraction_bits */\n\
+         #ifndef SPLATSIM_RECORDS_H\n#define SPLATSIM_RECORDS_H\n#include <stdint.h>\n\n\
+         typedef struct {\n  const char *name;\n  int lsb, width, is_signed, fraction_bits;\n} splatsim_field;\n",
+    );
+    for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
+        let (name, upper) = (stream.name.replace('.', "_"), constant(stream.name));
+        let _ =
+            write!(text, "\n#define {upper}_WIDTH {}\n#define {upper}_FIELDS {}\ntypedef struct {{\n", stream.width(), stream.fields.len());
+        for field in &stream.fields {
+            let _ = writeln!(text, "  int64_t {}; /* {} */", field.name, told(field));
+        }
+        let _ = write!(text, "}} {name}_record;\nstatic const splatsim_field {name}_fields[{upper}_FIELDS] = {{\n");
+        for (field, place) in stream.fields.iter().zip(stream.places()) {
+            let Format { signed, frac_bits, .. } = field.word.format;
+            let _ = writeln!(text, "  {{\"{}\", {place}, {}, {}, {frac_bits}}},", field.name, field.width(), i32::from(signed));
+        }
+        text.push_str("};\n");
+    }
+    text.push_str("\n#endif\n");
+    text
+}
+
+fn told(field: &Field) -> String {
+    match &field.signal {
+        Some(signal) => format!("{}, {signal}", field.word),
+        None => field.word.to_string(),
+    }
+}
+
+/// The records as tables for people.
+pub fn tables(machine: &Elaborated) -> String {
+    let mut text = String::new();
+    for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
+        let order = match stream.order {
+            Order::Total => "in this order",
+            Order::PerPixel => "in this order at each pixel",
+        };
+        let _ = write!(
+            text,
+            "\n### `{}`: {} bits, {} digits, {order}\n\n| field | bits | format | signal | rounds, overflows | 0 where |\n|---|---|---|---|---|---|\n",
+            stream.name,
+            stream.width(),
+            stream.width().div_ceil(4)
+        );
+        for (field, place) in stream.fields.iter().zip(stream.places()) {
+            let (signal, how) = match &field.signal {
+                Some(signal) => {
+                    let name = |value: serde_json::Result<serde_json::Value>| {
+                        value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+                    };
+                    let (round, overflow) = (name(serde_json::to_value(field.word.round)), name(serde_json::to_value(field.word.overflow)));
+                    (format!("`{signal}`"), format!("{round}, {overflow}"))
+                }
+                None => (String::new(), "exact".into()),
+            };
+            let bits = format!("{}:{place}", place + field.width() - 1);
+            let _ = writeln!(text, "| `{}` | {bits} | {} | {signal} | {how} | {} |", field.name, field.word, field.unless.join(", "));
+        }
+    }
+    text
+}
+
+/// Words that a stream has no field for, and numbers that units need beside their records.
+pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
+    let mut text = String::from("\n| word | format | rounds | overflows |\n|---|---|---|---|\n");
+    for (path, word) in words(machine) {
+        let _ = writeln!(text, "| `{path}` | {word} | {:?} | {:?} |", word.round, word.overflow);
+    }
+    text.push_str("\n| number | value |\n|---|---|\n");
+    for (name, value) in numbers(machine, frame) {
+        let _ = writeln!(text, "| `{name}` | {value} |");
+    }
+    text
+}
+
+/// Fields of a stream as the manifest has them.
+pub fn fields(stream: &Stream) -> Vec<serde_json::Value> {
+    let described = stream.fields.iter().zip(stream.places()).map(|(field, place)| {
+        let Format { signed, int_bits, frac_bits } = field.word.format;
+        let mut told = serde_json::json!({
+            "name": field.name, "lsb": place, "width": field.width(), "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits,
+        });
+        if let Some(signal) = &field.signal {
+            told["signal"] = signal.clone().into();
+            told["round"] = serde_json::to_value(field.word.round).unwrap_or_default();
+            told["overflow"] = serde_json::to_value(field.word.overflow).unwrap_or_default();
+        }
+        if !field.unless.is_empty() {
+            told["zero_where"] = field.unless.into();
+        }
+        told
+    });
+    described.collect()
+}

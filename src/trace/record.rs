@@ -1,0 +1,159 @@
+//! Record: words side by side as one hexadecimal number of constant width, and back.
+//!
+//! The first field is in the most significant bits; what a number of whole digits has more than the record is 0 and on top.
+
+use rtl_model::ports::Stream;
+
+/// How a stream's records are written.
+#[derive(Clone, Debug)]
+pub struct Layout {
+    /// Bits of each field, from the top.
+    widths: Vec<u32>,
+    signed: Vec<bool>,
+    /// For each field, the flags that make it 0, by their places among the fields.
+    unless: Vec<Vec<usize>>,
+    /// Bits of a record.
+    pub width: u32,
+}
+
+/// What is wrong with a line that should be a record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Malformed {
+    /// So many digits instead of so many.
+    Digits(usize, usize),
+    /// This is no hexadecimal digit.
+    Digit(char),
+    /// Bits above the record's width are set.
+    TooWide,
+}
+
+const DIGITS: &[u8; 16] = b"0123456789abcdef";
+
+impl Layout {
+    /// The layout of a stream.
+    pub fn new(stream: &Stream) -> Self {
+        let place = |name: &str| stream.fields.iter().position(|field| field.name == name);
+        Layout {
+            widths: stream.fields.iter().map(|field| field.width()).collect(),
+            signed: stream.fields.iter().map(|field| field.word.format.signed).collect(),
+            unless: stream.fields.iter().map(|field| field.unless.iter().filter_map(|flag| place(flag)).collect()).collect(),
+            width: stream.width(),
+        }
+    }
+
+    /// The layout of natural numbers of these widths.
+    pub fn of_naturals(widths: &[u32]) -> Self {
+        Layout {
+            widths: widths.to_vec(),
+            signed: vec![false; widths.len()],
+            unless: vec![Vec::new(); widths.len()],
+            width: widths.iter().sum(),
+        }
+    }
+
+    /// Hexadecimal digits of a record.
+    pub fn digits(&self) -> usize {
+        self.width.div_ceil(4) as usize
+    }
+
+    /// Sets to 0 what means nothing in this record.
+    pub fn mask(&self, words: &mut [i64]) {
+        for (field, flags) in self.unless.iter().enumerate() {
+            if flags.iter().any(|flag| words[*flag] != 0) {
+                words[field] = 0;
+            }
+        }
+    }
+
+    /// Appends a record's digits and the end of its line.
+    pub fn write(&self, words: &[i64], text: &mut Vec<u8>) {
+        debug_assert_eq!(words.len(), self.widths.len(), "as many words as fields");
+        let (mut held, mut bits) = (0u64, self.digits() as u32 * 4 - self.width);
+        for (&word, &width) in words.iter().zip(&self.widths) {
+            held = held << width | word as u64 & ((1 << width) - 1);
+            bits += width;
+            while bits >= 4 {
+                bits -= 4;
+                text.push(DIGITS[(held >> bits) as usize & 15]);
+            }
+            held &= (1 << bits) - 1;
+        }
+        text.push(b'\n');
+    }
+
+    /// The words of a line.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn read(&self, line: &str) -> Result<Vec<i64>, Malformed> {
+        if let Some(odd) = line.chars().find(|c| !c.is_ascii_hexdigit()) {
+            return Err(Malformed::Digit(odd));
+        }
+        if line.len() != self.digits() {
+            return Err(Malformed::Digits(line.len(), self.digits()));
+        }
+        let mut digits = line.bytes().map(|digit| u64::from((digit as char).to_digit(16).unwrap_or(0)));
+        let unused = self.digits() as u32 * 4 - self.width;
+        let (mut held, mut bits) = (digits.next().unwrap_or(0), 4 - unused);
+        if held >> bits != 0 {
+            return Err(Malformed::TooWide);
+        }
+        let words = self.widths.iter().zip(&self.signed).map(|(&width, &signed)| {
+            while bits < width {
+                held = held << 4 | digits.next().unwrap_or(0);
+                bits += 4;
+            }
+            bits -= width;
+            let word = held >> bits;
+            held &= (1 << bits) - 1;
+            let negative = signed && word >> (width - 1) & 1 == 1;
+            if negative { word as i64 - (1i64 << width) } else { word as i64 }
+        });
+        Ok(words.collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_record_is_read_as_it_was_written(fields in prop::collection::vec((1u32..=48, any::<bool>(), any::<i64>()), 1..20)) {
+            let layout = Layout {
+                widths: fields.iter().map(|field| field.0).collect(),
+                signed: fields.iter().map(|field| field.1).collect(),
+                unless: vec![Vec::new(); fields.len()],
+                width: fields.iter().map(|field| field.0).sum(),
+            };
+            let words: Vec<i64> = fields.iter().map(|&(width, signed, word)| {
+                let top = word << (64 - width);
+                if signed { top >> (64 - width) } else { (top as u64 >> (64 - width)) as i64 }
+            }).collect();
+            let mut text = Vec::new();
+            layout.write(&words, &mut text);
+            let line = String::from_utf8(text).unwrap();
+            // An oracle that puts bits in a row and cuts them in fours.
+            let bits: String = fields.iter().zip(&words)
+                .flat_map(|(&(width, ..), word)| (0..width).rev().map(move |bit| if word >> bit & 1 == 1 { '1' } else { '0' }))
+                .collect();
+            let padded = format!("{}{bits}", "0".repeat(layout.digits() * 4 - bits.len()));
+            let expected: String = padded.as_bytes().chunks(4)
+                .map(|four| format!("{:x}", u8::from_str_radix(std::str::from_utf8(four).unwrap(), 2).unwrap()))
+                .collect();
+            prop_assert_eq!(line.trim_end(), expected);
+            prop_assert_eq!(layout.read(line.trim_end()), Ok(words));
+        }
+    }
+
+    #[test]
+    fn a_malformed_line_is_told_apart() {
+        let layout = Layout::of_naturals(&[3, 2]);
+        assert_eq!(layout.read("1f"), Ok(vec![7, 3]));
+        assert_eq!(layout.read("3f"), Err(Malformed::TooWide));
+        assert_eq!(layout.read("f"), Err(Malformed::Digits(1, 2)));
+        assert_eq!(layout.read("00f"), Err(Malformed::Digits(3, 2)));
+        assert_eq!(layout.read("1x"), Err(Malformed::Digit('x')));
+    }
+}

@@ -1,0 +1,47 @@
+//! Roms: the contents of a machine's tables, as records.
+
+use super::record::Layout;
+use rtl_model::frame::Frame;
+use rtl_model::machine::Elaborated;
+
+/// A table in ROM.
+pub struct Rom {
+    /// Its path among the machine's words, such as `gauss.table`.
+    pub name: String,
+    /// Names of its fields.
+    pub fields: &'static [&'static str],
+    /// How a line is written.
+    pub layout: Layout,
+    /// Its lines, address by address.
+    pub lines: Vec<Vec<i64>>,
+}
+
+/// A value of so many bits and the step to the next one, which has a sign.
+const LINE: &[&str] = &["value", "step"];
+
+/// All ROMs of a machine; those of highlights hold one table a material, one after the other.
+pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
+    let guesses = machine
+        .reciprocals()
+        .map(|(name, unit)| (name, unit.shape(), unit.guesses()))
+        .into_iter()
+        .chain(machine.roots().map(|(name, unit)| (name, unit.shape(), unit.guesses())));
+    let mut all: Vec<Rom> = guesses
+        .map(|(name, shape, guesses)| Rom {
+            name: name.to_owned(),
+            fields: &["value"],
+            layout: Layout::of_naturals(&[shape.bits + 1]),
+            lines: guesses.into_iter().map(|guess| vec![guess]).collect(),
+        })
+        .collect();
+    let m = &machine.machine;
+    let line = |width: i32| Layout::of_naturals(&[width as u32, width as u32 + 1]);
+    let lines = |table: &rtl_model::num::Table| table.lines().map(|(value, step)| vec![value, step]).collect::<Vec<_>>();
+    let falloff = m.gauss.falloff.format.width();
+    all.push(Rom { name: "gauss.table".into(), fields: LINE, layout: line(falloff), lines: lines(machine.gaussian()) });
+    let size = 1 << m.shade.highlight_table.index_bits;
+    let highlights = machine.shade.highlights(&frame.lighting);
+    let lines = highlights.iter().flat_map(|table| table.as_ref().map_or_else(|| vec![vec![0, 0]; size], lines)).collect();
+    all.push(Rom { name: "shade.highlights".into(), fields: LINE, layout: line(m.shade.highlight.format.width()), lines });
+    all
+}

@@ -1,0 +1,257 @@
+//! Watcher: notes every transfer while the machine draws, as the units make them; order is brought in afterwards.
+
+use rtl_model::num::Fit;
+use rtl_model::probe::{PROJECTED, Probe, SET_UP, Weighed};
+use rtl_model::units::fragment::{Contribution, Decision, Slot};
+use rtl_model::units::resolve::Layer;
+use rtl_model::units::shade;
+
+/// What happened to the words of a record; the bits of `flags` in a key.
+pub mod flag {
+    /// A word lost bits below its last place.
+    pub const INEXACT: u8 = 1;
+    /// A word met its lower limit.
+    pub const SATURATED_LOW: u8 = 2;
+    /// A word met its upper limit.
+    pub const SATURATED_HIGH: u8 = 4;
+    /// A word wrapped.
+    pub const WRAPPED: u8 = 8;
+    /// The record ends here: a culled splat, a weight of 0.
+    pub const CUT_OFF: u8 = 16;
+    /// The contribution made two fragments merge.
+    pub const MERGED: u8 = 32;
+    /// The contribution made a fragment vanish.
+    pub const EVICTED: u8 = 64;
+
+    /// Their names, from the last bit up.
+    pub const NAMES: [&str; 7] = ["inexact", "saturated_low", "saturated_high", "wrapped", "cut_off", "merged", "evicted"];
+}
+
+/// A splat that went through setup.
+#[derive(Clone, Copy, Debug)]
+pub struct SetUp {
+    pub splat: u32,
+    pub project: [i64; PROJECTED],
+    pub ellipse: [i64; SET_UP],
+    pub flags: u8,
+}
+
+/// Where in the picture, and of which splat: in the order of a machine that takes splat after splat, and its box row by row.
+pub fn key(splat: u32, x: u32, y: u32) -> u64 {
+    u64::from(splat) << 28 | u64::from(y) << 14 | u64::from(x)
+}
+
+/// The splat, column and row of a [`key`].
+pub fn parts(key: u64) -> [u32; 3] {
+    [(key >> 28) as u32, key as u32 & 0x3fff, (key >> 14) as u32 & 0x3fff]
+}
+
+/// Nothing was decided: the weight is 0.
+pub const NO_OUTCOME: u8 = 7;
+
+/// A fragment from raster to its slot.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrival {
+    pub key: u64,
+    pub radial: i64,
+    pub depth: i64,
+    pub weight: u32,
+    /// As `fragment.out` has it, or [`NO_OUTCOME`].
+    pub outcome: u8,
+    pub slot: u8,
+    pub gauss_flags: u8,
+    pub fragment_flags: u8,
+}
+
+/// A fragment that went through shade.
+#[derive(Clone, Copy, Debug)]
+pub struct Shaded {
+    /// That of the contribution that made it merge, or of its pixel (splat 0).
+    pub key: u64,
+    /// Which of those with this key.
+    pub nth: u8,
+    pub input: shade::Input,
+    pub output: shade::Output,
+    pub flags: u8,
+}
+
+/// What a pixel holds in the end.
+#[derive(Clone, Debug)]
+pub struct Held {
+    pub key: u64,
+    pub slots: Vec<Slot>,
+    /// The light of each slot.
+    pub layers: Vec<Layer>,
+    pub frame: [i64; 4],
+    pub flags: u8,
+}
+
+/// All transfers of a frame.
+#[derive(Clone, Debug, Default)]
+pub struct Watcher {
+    /// Splats before this one are drawn, but not noted.
+    pub first_splat: u32,
+    pub set_up: Vec<SetUp>,
+    /// Raster's flags, by splat and tile.
+    pub walked: Vec<(u32, u8)>,
+    pub arrivals: Vec<Arrival>,
+    /// Those that merged.
+    pub merged: Vec<Shaded>,
+    /// Those that were left.
+    pub resolved: Vec<Shaded>,
+    pub held: Vec<Held>,
+    /// What was heard since the last transfer.
+    heard: u8,
+    /// What was heard before shade began.
+    before_shade: u8,
+    /// Which contribution is being taken in, and how many fragments it has had shaded.
+    taking: Option<(u64, u8)>,
+    /// Shaded for the pixel that is being resolved.
+    lit: Vec<Shaded>,
+}
+
+impl Watcher {
+    /// One that notes splats from this one on.
+    pub fn new(first_splat: u32) -> Self {
+        Watcher { first_splat, ..Watcher::default() }
+    }
+
+    /// Brings everything into the order of the splats, pixels row by row.
+    pub fn sort(&mut self) {
+        use rayon::prelude::*;
+        self.arrivals.par_sort_unstable_by_key(|arrival| arrival.key);
+        self.merged.par_sort_unstable_by_key(|shaded| (shaded.key, shaded.nth));
+        self.resolved.par_sort_unstable_by_key(|shaded| (shaded.key, shaded.nth));
+        self.held.par_sort_unstable_by_key(|held| held.key);
+        self.walked.sort_unstable();
+        self.walked.dedup_by(|next, kept| {
+            let same = next.0 == kept.0;
+            kept.1 |= if same { next.1 } else { 0 };
+            same
+        });
+    }
+
+    fn flush(&mut self) -> u8 {
+        std::mem::take(&mut self.heard)
+    }
+}
+
+fn outcome(decision: Decision) -> [u8; 2] {
+    match decision {
+        Decision::Accumulated(slot) => [0, slot],
+        Decision::Inserted(slot) => [1, slot],
+        Decision::Merged(front, _) => [2, front],
+        Decision::Evicted(itself) => [3, itself.into()],
+        Decision::Replaced => [4, 0],
+        Decision::Dropped => [5, 0],
+    }
+}
+
+impl Probe for Watcher {
+    const WORDS: bool = true;
+    const DECISIONS: bool = true;
+    const TRANSFERS: bool = true;
+
+    fn fork(&self) -> Self {
+        Watcher::new(self.first_splat)
+    }
+
+    fn absorb(&mut self, fork: Self) {
+        self.set_up.extend(fork.set_up);
+        self.walked.extend(fork.walked);
+        self.arrivals.extend(fork.arrivals);
+        self.merged.extend(fork.merged);
+        self.resolved.extend(fork.resolved);
+        self.held.extend(fork.held);
+    }
+
+    fn word(&mut self, fit: &Fit, exact: i64, more: i64, _word: i64) {
+        let loss = fit.loss(exact, more);
+        let told = [
+            (loss.inexact, flag::INEXACT),
+            (loss.saturated_low, flag::SATURATED_LOW),
+            (loss.saturated_high, flag::SATURATED_HIGH),
+            (loss.wrapped, flag::WRAPPED),
+        ];
+        self.heard |= told.iter().filter(|(lost, _)| *lost).fold(0, |flags, (_, flag)| flags | flag);
+    }
+
+    fn wrapped(&mut self, _signal: usize) {
+        self.heard |= flag::WRAPPED;
+    }
+
+    fn set_up(&mut self, splat: u32, project: [i64; PROJECTED], ellipse: [i64; SET_UP]) {
+        let flags = self.flush();
+        if splat >= self.first_splat {
+            self.set_up.push(SetUp { splat, project, ellipse, flags });
+        }
+    }
+
+    fn walked(&mut self, splat: u32) {
+        let flags = self.flush();
+        if splat >= self.first_splat {
+            self.walked.push((splat, flags));
+        }
+    }
+
+    fn weighed(&mut self, x: u32, y: u32, weighed: &Weighed) {
+        let gauss_flags = self.flush() | if weighed.weight == 0 { flag::CUT_OFF } else { 0 };
+        let key = key(weighed.splat, x, y);
+        self.taking = (weighed.weight > 0).then_some((key, 0));
+        if weighed.splat >= self.first_splat {
+            let Weighed { radial, depth, weight, .. } = *weighed;
+            let arrival =
+                Arrival { key, radial, depth, weight: weight as u32, outcome: NO_OUTCOME, slot: 0, gauss_flags, fragment_flags: 0 };
+            self.arrivals.push(arrival);
+        }
+    }
+
+    fn contribution(&mut self, _x: u32, _y: u32, contribution: &Contribution, decision: Decision) {
+        self.taking = None;
+        let flags = self.flush();
+        if contribution.splat < self.first_splat {
+            return;
+        }
+        if let Some(arrival) = self.arrivals.last_mut() {
+            [arrival.outcome, arrival.slot] = outcome(decision);
+            let told = match decision {
+                Decision::Merged(..) => flag::MERGED,
+                Decision::Evicted(_) => flag::EVICTED,
+                _ => 0,
+            };
+            arrival.fragment_flags = flags | told;
+        }
+    }
+
+    fn shade_in(&mut self) {
+        self.before_shade = self.flush();
+    }
+
+    fn shade_out(&mut self, input: &shade::Input, output: &shade::Output) {
+        let flags = self.flush();
+        self.heard = self.before_shade;
+        let (input, output) = (*input, *output);
+        match &mut self.taking {
+            Some((key, nth)) => {
+                if parts(*key)[0] >= self.first_splat {
+                    self.merged.push(Shaded { key: *key, nth: *nth, input, output, flags });
+                }
+                *nth += 1;
+            }
+            None => self.lit.push(Shaded { key: 0, nth: self.lit.len() as u8, input, output, flags }),
+        }
+    }
+
+    fn holds(&mut self, x: u32, y: u32, slots: &[Slot], layers: &[Layer]) {
+        let key = key(0, x, y);
+        self.resolved.extend(self.lit.drain(..).map(|shaded| Shaded { key, ..shaded }));
+        self.held.push(Held { key, slots: slots.to_vec(), layers: layers.to_vec(), frame: [0; 4], flags: 0 });
+    }
+
+    fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], frame: [i64; 4]) {
+        let flags = self.flush();
+        if let Some(held) = self.held.last_mut() {
+            (held.frame, held.flags) = (frame, flags);
+        }
+    }
+}
