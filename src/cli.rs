@@ -11,7 +11,7 @@ use crate::search::{self, Target};
 use crate::sweep::plan::Points;
 use crate::sweep::{self, Shard, charts};
 use crate::timings::{Axes, Variants};
-use crate::{fixed, machines, prove, ranges, stress, trace};
+use crate::{diff, fixed, machines, prove, ranges, stress, trace};
 use clap::error::ErrorKind;
 use clap::{Args, Parser, Subcommand};
 use comfy_table::CellAlignment;
@@ -48,6 +48,8 @@ enum Command {
     /// Dump what crosses the wires between units, to check hardware
     #[command(after_help = TRACE)]
     Trace(Trace),
+    /// Compare a device's output with a trace; name the first mismatch
+    Diff(Diff),
     /// Tell one pixel's whole story, the machine beside golden
     #[command(after_help = NAMES)]
     Explain(Explain),
@@ -201,7 +203,10 @@ struct Trace {
     /// Only one in N splats and pixels
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     sample: Option<u32>,
-    /// Another seed, another sample
+    /// Instead, corner cases and N random ones for each unit
+    #[arg(long, value_name = "N", conflicts_with_all = ["splats", "pixels", "sample"])]
+    stimulus: Option<u32>,
+    /// Another seed, another sample, other random cases
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
@@ -212,6 +217,19 @@ struct Trace {
     /// Print no table
     #[arg(long)]
     quiet: bool,
+}
+
+#[derive(Args, Debug)]
+struct Diff {
+    /// The folder that `trace` wrote
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// A stream, such as raster.out, and the file of a device's records
+    #[arg(required = true, num_args = 2.., value_names = ["STREAM", "FILE"])]
+    outputs: Vec<String>,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
 }
 
 #[derive(Args, Debug)]
@@ -402,6 +420,7 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
         Command::Search(arguments) => arguments.common.threads.run(|| arguments.run()),
         Command::Chart(arguments) => arguments.run(),
         Command::Trace(arguments) => arguments.common.threads.run(|| arguments.run()),
+        Command::Diff(arguments) => arguments.run(),
         Command::Explain(arguments) => arguments.common.threads.run(|| arguments.explain()),
         Command::Machine(MachineCommand::List) => list(),
         Command::Machine(MachineCommand::Show { machine, settings }) => show(&machine, &settings),
@@ -420,7 +439,11 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
 /// # Errors
 /// As [`run_typed`]. A reader that stops listening is no error.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
-    let text = run_typed(arguments)?;
+    print(&run_typed(arguments)?)
+}
+
+/// Prints a text, if there is one.
+fn print(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
     let written = if text.is_empty() { Ok(()) } else { writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) };
     match written {
@@ -565,12 +588,31 @@ impl Trace {
             splats: self.splats.map(|Span(splats)| splats),
             pixels: self.pixels.map(|Corners(pixels)| pixels),
             sample: self.sample,
+            stimulus: self.stimulus,
             seed: self.seed,
         };
         open_folder(&self.out)?;
         let written = trace::trace(&scene, text.as_deref(), &machine, &window, &self.out)?;
         let told = wrapped(&format!("written to {}; README.md there says what each file is", self.out.display()));
         Ok(if self.quiet { String::new() } else { format!("{}\n\n{told}", written.table()) })
+    }
+}
+
+impl Diff {
+    fn run(&self) -> Result<String> {
+        let (pairs, rest) = self.outputs.as_chunks::<2>();
+        if let [alone] = rest {
+            return Err(Error::input(format!("{alone}: a stream needs the file of a device's records behind it")));
+        }
+        let pairs: Vec<(String, PathBuf)> = pairs.iter().map(|[stream, file]| (stream.clone(), file.into())).collect();
+        let outcome = diff::diff(&self.folder, &pairs)?;
+        let text = if self.json { pretty(&outcome.json)? } else { outcome.text };
+        if outcome.equal {
+            return Ok(text);
+        }
+        // What is different is a result, and goes where results go; the status says that the device failed.
+        print(&text)?;
+        Err(Error::job(outcome.sentence))
     }
 }
 

@@ -7,6 +7,7 @@ pub mod colour;
 pub mod compare;
 pub mod cost;
 pub mod cycles;
+pub mod diff;
 pub mod error;
 pub mod explain;
 pub mod fixed;

@@ -7,15 +7,18 @@
 //!     raster.in.hex …   a stream each: one record for each transfer through the port
 //!     keys/…            where each record comes from: splat, pixel, slot, parent, what happened to its words
 //!     rom/…             tables
+//!     coverage.csv          which roundings, limits and decisions the records met, and how often
 //!     machine_pkg.sv records.svh records.h      formats and records in SystemVerilog and C
 //! ```
 //! Streams are in the order of a machine that takes splat after splat, and each box row by row.
 //!
 //! Laws: `a_trace_replays_through_the_units`, `a_window_replays_alone` (tests/trace.rs).
 
+mod coverage;
 mod headers;
 mod record;
 mod roms;
+mod stimulus;
 mod transfers;
 mod watcher;
 
@@ -30,6 +33,7 @@ use crate::quantise::quantise;
 use crate::report::{aligned, plain_table, thousands};
 use crate::scene::Scene;
 use crate::sweep::digest_of;
+use coverage::Coverage;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::frame::Frame;
@@ -41,6 +45,7 @@ use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::Write;
 use std::path::Path;
+use stimulus::Tag;
 use transfers::{Rectangle, Source, Transfers};
 use watcher::Watcher;
 
@@ -55,7 +60,9 @@ pub struct Window {
     pub pixels: Option<[u32; 4]>,
     /// One in so many splats and pixels.
     pub sample: Option<u32>,
-    /// Which of them.
+    /// So many random cases for each unit, beside those made on purpose, instead of the scene's own transfers.
+    pub stimulus: Option<u32>,
+    /// Which sample, or which random cases.
     pub seed: u64,
 }
 
@@ -64,6 +71,8 @@ pub struct Window {
 pub struct Written {
     /// Streams, their records and the bytes of their records.
     pub streams: Vec<(String, u64, u64)>,
+    /// How many cases were met, of how many ([`coverage`]).
+    pub coverage: [u64; 2],
 }
 
 /// The units that have ports, in the order of the diagram.
@@ -72,7 +81,7 @@ pub const UNITS: [&str; 8] = ["pipeline", "project", "ellipse", "raster", "gauss
 /// Records that are made into text at a time by one thread.
 const CHUNK: usize = 16_384;
 
-/// Draws a scene on a machine and writes what crossed the wires.
+/// Draws a scene on a machine and writes what crossed the wires; or made-up cases for each unit, with the scene's constants.
 ///
 /// # Errors
 /// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file cannot be written.
@@ -80,31 +89,29 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
     let rectangle = window.check(&frame)?;
-    let whole = Whole { machine: &elaborated, frame: &frame };
-    let (shown, splats, before) = whole.part(window, rectangle);
-    let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
-    let mut watcher = Watcher::new(before.splats.len() as u32);
-    let setup = pipeline::set_up(&elaborated, &shown, &mut watcher);
-    if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
-        pipeline::fill(&elaborated, &shown, &setup, &mut watcher);
-    }
-    let transfers = Transfers::new(&elaborated, &shown, &splats, watcher, start, rectangle);
-    let written = Folder { folder, machine: &elaborated, frame: &frame };
-    let streams: Vec<Stream> = ports::streams(&elaborated).into_iter().filter(|stream| window.wants(stream)).collect();
-    let constants = written.constants()?;
-    let roms = written.roms()?;
-    fs::create_dir_all(folder.join("keys")).map_err(|e| Error::job(format!("{}: cannot be written: {e}", folder.display())))?;
-    let sources = transfers.sources();
-    let files: Vec<Value> = streams
-        .par_iter()
-        .filter_map(|stream| sources.iter().find(|source| source.name == stream.name).map(|source| (stream, source)))
-        .map(|(stream, source)| written.stream(stream, source, window))
-        .collect::<Result<_>>()?;
-    let text = serde_json::to_string_pretty(machine).unwrap_or_default();
-    let manifest = json!({
+    let folder = Folder { folder, machine: &elaborated, frame: &frame };
+    let mut contents = if let Some(cases) = window.stimulus {
+        let stimulus::Stimulus { made, tags, coverage } = stimulus::stimulus(&elaborated, &frame, cases, window.seed);
+        let sources: Vec<Source> = made.iter().map(Source::of).collect();
+        folder.contents(window, &sources, &coverage, &tags)?
+    } else {
+        let whole = Whole { machine: &elaborated, frame: &frame };
+        let (shown, splats, before) = whole.part(window, rectangle);
+        let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
+        let mut watcher = Watcher::new(&elaborated, before.splats.len() as u32);
+        let setup = pipeline::set_up(&elaborated, &shown, &mut watcher);
+        if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
+            pipeline::fill(&elaborated, &shown, &setup, &mut watcher);
+        }
+        let coverage = std::mem::take(&mut watcher.coverage);
+        let transfers = Transfers::new(&elaborated, &shown, &splats, watcher, start, rectangle);
+        folder.contents(window, &transfers.sources(), &coverage, &[])?
+    };
+    let description = serde_json::to_string_pretty(machine).unwrap_or_default() + "\n";
+    let mut manifest = json!({
         "format": "splatsim-trace-1",
         "version": env!("CARGO_PKG_VERSION"),
-        "machine": {"name": machine.name, "sha256": hex(&Sha256::digest(&text)), "description": machine},
+        "machine": {"name": machine.name, "sha256": hex(&Sha256::digest(&description)), "description": machine},
         "scene": {
             "name": scene.name, "sha256": digest_of(scene), "splats": scene.splats.len(),
             "width": frame.width, "height": frame.height, "text": scene_text,
@@ -113,33 +120,72 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
             "units": if window.units.is_empty() { UNITS.map(str::to_owned).to_vec() } else { window.units.clone() },
             "splats": window.splats.unwrap_or([0, frame.splats.len() as u32]),
             "pixels": [rectangle[0], rectangle[1], rectangle[2] - 1, rectangle[3] - 1],
-            "sample": window.sample.unwrap_or(1), "seed": window.seed,
+            "sample": window.sample, "stimulus": window.stimulus, "seed": window.seed,
         },
         "records": "one a line: hexadecimal digits of the whole record, two's complement, first field in the most significant bits",
         "keys": {
             "fields": key_fields(), "flags": flag::NAMES,
             "none": "all ones; a record's sequence number is the number of its line, from 0, and `parent` is one of the stream before",
         },
-        "constants": constants, "roms": roms, "streams": files,
     });
-    written.headers()?;
-    written.text("manifest.json", &(serde_json::to_string_pretty(&manifest).unwrap_or_default() + "\n"))?;
-    let told = |file: &Value| {
-        let number = |name: &str| file[name].as_u64().unwrap_or(0);
-        (file["name"].as_str().unwrap_or_default().to_owned(), number("records"), number("records") * (number("digits") + 1))
-    };
-    Ok(Written { streams: files.iter().map(told).collect() })
+    if let (Some(manifest), Some(contents)) = (manifest.as_object_mut(), contents.as_object_mut()) {
+        manifest.append(contents);
+    }
+    folder.headers()?;
+    folder.text("machine.json", &description)?;
+    folder.text("manifest.json", &(serde_json::to_string_pretty(&manifest).unwrap_or_default() + "\n"))?;
+    Ok(Written::new(&manifest))
 }
 
 impl Written {
+    fn new(manifest: &Value) -> Self {
+        let told = |file: &Value| {
+            let number = |name: &str| file[name].as_u64().unwrap_or(0);
+            (file["name"].as_str().unwrap_or_default().to_owned(), number("records"), number("records") * (number("digits") + 1))
+        };
+        let number = |name: &str| manifest["coverage"][name].as_u64().unwrap_or(0);
+        Written {
+            streams: manifest["streams"].as_array().into_iter().flatten().map(told).collect(),
+            coverage: [number("met"), number("cases")],
+        }
+    }
+
     /// The streams, their records and sizes.
     pub fn table(&self) -> String {
         let mut table = plain_table(&["stream", "records", "bytes"]);
         for (name, records, bytes) in &self.streams {
             table.add_row([name.clone(), thousands(*records), thousands(*bytes)]);
         }
-        aligned(table).trim_fmt()
+        let [met, cases] = self.coverage.map(thousands);
+        format!(
+            "{}\n\n{met} of {cases} cases met (coverage.csv): roundings and limits of words, what units decide by",
+            aligned(table).trim_fmt()
+        )
     }
+}
+
+/// The stream whose records a stream's are made from.
+fn parent(stream: &str) -> Option<&'static str> {
+    let all = [
+        ("project.in", "pipeline.in"),
+        ("project.out", "project.in"),
+        ("ellipse.in", "project.out"),
+        ("ellipse.out", "ellipse.in"),
+        ("raster.in", "ellipse.out"),
+        ("raster.out", "raster.in"),
+        ("gauss.in", "raster.out"),
+        ("gauss.out", "gauss.in"),
+        ("fragment.in", "gauss.out"),
+        ("fragment.out", "fragment.in"),
+        ("fragment.request", "fragment.in"),
+        ("fragment.answer", "fragment.request"),
+        ("shade.in", "fragment.request"),
+        ("shade.out", "shade.in"),
+        ("resolve.in", "fragment.held"),
+        ("resolve.out", "resolve.in"),
+        ("pipeline.out", "resolve.out"),
+    ];
+    all.iter().find(|(name, _)| *name == stream).map(|(_, parent)| *parent)
 }
 
 fn key_fields() -> Vec<Value> {
@@ -181,6 +227,12 @@ impl Window {
             let count = frame.lighting.materials.len();
             return Err(Error::input(format!("the scene has {count} materials, but a record's index has {} bits", ports::MATERIAL_BITS)));
         }
+        let places = [frame.view.inverse_focal.places, frame.inverse_threshold.places];
+        if places.iter().any(|places| i8::try_from(*places).is_err()) {
+            return Err(Error::input(
+                "the focal length or the coverage threshold lies beyond 2^±127, and records have 8 bits for that power",
+            ));
+        }
         let Some([left, top, right, bottom]) = self.pixels else { return Ok([0, 0, frame.width, frame.height]) };
         if left > right || top > bottom || right >= frame.width || bottom >= frame.height {
             return Err(Error::input(format!(
@@ -202,13 +254,23 @@ impl Window {
         self.units.is_empty() || self.units.iter().any(|unit| units.contains(&unit.as_str()))
     }
 
-    /// Whether a sample has the record.
+    /// The records that a sample has.
+    fn kept(&self, source: &Source) -> Vec<u32> {
+        let unit = source.name.split('.').next().unwrap_or_default();
+        let mut words = Vec::new();
+        let sampled = |record: &u32| {
+            words.clear();
+            self.samples(unit, &(source.at)(*record as usize, &mut words))
+        };
+        (0..source.records as u32).filter(sampled).collect()
+    }
+
     fn samples(&self, unit: &str, key: &Key) -> bool {
-        let Some(one_in) = self.sample else { return true };
+        let one_in = self.sample.unwrap_or(1);
         // Fragments depend on those before them at their pixel: whole pixels are taken. Everything before that, by splats.
         let by_pixel = ["fragment", "shade", "resolve"].contains(&unit);
         let number = if by_pixel { u64::from(key.y) << 16 | u64::from(key.x) } else { u64::from(key.splat) };
-        mixed(self.seed, number).is_multiple_of(u64::from(one_in.max(1)))
+        mixed(self.seed, number).is_multiple_of(one_in.into())
     }
 }
 
@@ -238,7 +300,7 @@ impl Whole<'_> {
 
     /// The splats whose boxes meet a rectangle.
     fn touching(&self, [left, top, right, bottom]: Rectangle) -> Vec<u32> {
-        let mut watcher = Watcher::new(0);
+        let mut watcher = Watcher::new(self.machine, 0);
         pipeline::set_up(self.machine, self.frame, &mut watcher);
         let meets = |splat: &&watcher::SetUp| {
             let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
@@ -256,7 +318,7 @@ fn held(
     frame: &Frame,
     [left, top, right, bottom]: Rectangle,
 ) -> Vec<([u32; 2], usize, rtl_model::units::fragment::Slot)> {
-    let mut watcher = Watcher::new(u32::MAX);
+    let mut watcher = Watcher::new(machine, u32::MAX);
     pipeline::draw(machine, frame, &mut watcher);
     watcher.sort();
     let pixels = watcher.held.iter().map(|held| {
@@ -326,33 +388,61 @@ impl Folder<'_> {
         self.text("README.md", &format!("{units}\n## Records\n{tables}\n## Words and numbers of this machine\n{formats}"))
     }
 
-    /// Writes a stream and its keys; returns what the manifest says of it.
-    fn stream(&self, stream: &Stream, source: &Source, window: &Window) -> Result<Value> {
+    /// Writes constants, tables, streams and coverage; returns what the manifest says of them.
+    fn contents(&self, window: &Window, sources: &[Source], coverage: &Coverage, tags: &[Tag]) -> Result<Value> {
+        let told = |e: std::io::Error| Error::job(format!("{}: cannot be written: {e}", self.folder.display()));
+        fs::create_dir_all(self.folder.join("keys")).map_err(told)?;
+        fs::create_dir_all(self.folder.join("rom")).map_err(told)?;
+        let streams: Vec<Stream> = ports::streams(self.machine).into_iter().filter(|stream| window.wants(stream)).collect();
+        let kept: Option<Vec<Vec<u32>>> = window.sample.map(|_| sources.par_iter().map(|source| window.kept(source)).collect());
+        let files: Vec<Value> = streams
+            .par_iter()
+            .filter_map(|stream| Some((stream, sources.iter().position(|source| source.name == stream.name)?)))
+            .map(|(stream, place)| {
+                let of = |place: usize| kept.as_ref().map(|kept| &kept[place][..]);
+                let parents = sources.iter().position(|source| Some(source.name) == parent(stream.name)).and_then(of);
+                self.stream(stream, &sources[place], of(place), parents)
+            })
+            .collect::<Result<_>>()?;
+        self.text("coverage.csv", &coverage.csv())?;
+        let [met, cases] = coverage.counts();
+        let tags: Vec<Value> =
+            tags.iter().map(|tag| json!({"stream": tag.stream, "tag": tag.tag, "first": tag.first, "records": tag.records})).collect();
+        Ok(json!({
+            "constants": self.constants()?, "roms": self.roms()?, "streams": files, "tags": tags,
+            "coverage": {"file": "coverage.csv", "met": met, "cases": cases},
+        }))
+    }
+
+    /// Writes a stream and its keys, or those of its records that are kept; returns what the manifest says of it.
+    fn stream(&self, stream: &Stream, source: &Source, kept: Option<&[u32]>, parents: Option<&[u32]>) -> Result<Value> {
         let layout = Layout::new(stream);
         let keys = Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
         let unit = stream.unit().unwrap_or_default();
         let (file, key_file) = (format!("{}.hex", stream.name), format!("keys/{}.hex", stream.name));
-        let (mut records, mut sha, mut key_sha) = (0u64, Sha256::new(), Sha256::new());
+        let (mut sha, mut key_sha) = (Sha256::new(), Sha256::new());
+        let records = kept.map_or(source.records, <[u32]>::len);
+        let parent_of = |key: &Key| match parents {
+            Some(parents) if key.parent != NONE => parents.binary_search(&key.parent).map_or(NONE, |record| record as u32),
+            _ => key.parent,
+        };
         write_beside(&self.folder.join(&key_file), |key_out| {
             write_beside(&self.folder.join(&file), |out| {
-                let starts: Vec<usize> = (0..source.records).step_by(CHUNK).collect();
+                let starts: Vec<usize> = (0..records).step_by(CHUNK).collect();
                 for group in starts.chunks(rayon::current_num_threads() * 2) {
                     let chunk = |&start: &usize| {
                         let (mut text, mut key_text, mut words) = (Vec::new(), Vec::new(), Vec::new());
-                        for record in start..source.records.min(start + CHUNK) {
+                        for record in start..records.min(start + CHUNK) {
                             words.clear();
-                            let key = (source.at)(record, &mut words);
-                            if window.samples(unit, &key) {
-                                layout.mask(&mut words);
-                                layout.write(&words, &mut text);
-                                keys.write(&key.words(), &mut key_text);
-                            }
+                            let key = (source.at)(kept.map_or(record, |kept| kept[record] as usize), &mut words);
+                            layout.mask(&mut words);
+                            layout.write(&words, &mut text);
+                            keys.write(&Key { parent: parent_of(&key), ..key }.words(), &mut key_text);
                         }
                         (text, key_text)
                     };
                     let texts: Vec<(Vec<u8>, Vec<u8>)> = group.par_iter().map(chunk).collect();
                     for (text, key_text) in texts {
-                        records += text.len() as u64 / (layout.digits() as u64 + 1);
                         sha.update(&text);
                         key_sha.update(&key_text);
                         out.write_all(&text).map_err(|e| e.to_string())?;
@@ -369,7 +459,7 @@ impl Folder<'_> {
         };
         Ok(json!({
             "name": stream.name, "unit": unit, "file": file, "records": records, "width": layout.width, "digits": layout.digits(),
-            "order": order, "sha256": hex(&sha.finalize()), "keys": {"file": key_file, "sha256": hex(&key_sha.finalize())},
+            "order": order, "parent": parent(stream.name), "sha256": hex(&sha.finalize()), "keys": {"file": key_file, "sha256": hex(&key_sha.finalize())},
             "fields": headers::fields(stream),
         }))
     }

@@ -21,6 +21,7 @@
 //! Absent on purpose: floats in the datapath, files, clocks, printing, hash-ordered maps. Real numbers become words in
 //! the bench, in one file; no unit counts time.
 
+pub mod alone;
 pub mod frame;
 pub mod host;
 pub mod machine;

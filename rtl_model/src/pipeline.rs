@@ -331,7 +331,7 @@ impl Units<'_> {
 }
 
 /// The first lane of what `project` makes, as a record has it.
-fn projected_words<W: Words>(point: &project::Projected<W>) -> [i64; PROJECTED] {
+pub(crate) fn projected_words<W: Words>(point: &project::Projected<W>) -> [i64; PROJECTED] {
     let inverse = point.inverse_depth;
     let ([a, b], [x, y]) = (point.slope, point.pixel);
     let words = [point.camera[2], point.exponent, point.depth, inverse.mantissa, inverse.exponent, a, b, x, y];
@@ -339,7 +339,7 @@ fn projected_words<W: Words>(point: &project::Projected<W>) -> [i64; PROJECTED] 
 }
 
 /// The first lane of what `ellipse` makes, as a record has it.
-fn ellipse_words<W: Words>(e: &ellipse::Output<W>) -> [i64; SET_UP] {
+pub(crate) fn ellipse_words<W: Words>(e: &ellipse::Output<W>) -> [i64; SET_UP] {
     let ([n, m, o], [xx, xy, yy], [z_x, z_y]) = (e.normal, e.conic, e.depth_slope);
     let ([left, right], [top, bottom]) = (e.columns, e.rows);
     record([e.backface, e.faint, e.outside], [n, m, o, xx, xy, yy, e.amplitude, left, right, top, bottom, z_x, z_y, e.depth_range])

@@ -198,7 +198,7 @@ pub fn streams(elaborated: &Elaborated) -> Vec<Stream> {
         Stream::new("fragment.out").naturals(&["x", "y"], PIXEL_BITS).naturals(&["outcome"], 3).naturals(&["slot"], 4).per_pixel(),
         sums(Stream::new("fragment.request"), m),
         premultiplied(Stream::new("fragment.answer"), m),
-        slot("fragment.start", m).per_pixel(),
+        start(m),
         slot("fragment.held", m)
             .unless(6, &["shaded"])
             .words(&["lit_r", "lit_g", "lit_b", "lit_opacity"], "shade.premultiplied", m.shade.premultiplied)
@@ -316,6 +316,14 @@ fn premultiplied(stream: Stream, m: &Machine) -> Stream {
 fn slot(name: &'static str, m: &Machine) -> Stream {
     let key = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["slot"], 4).naturals(&["shaded"], 1);
     all_sums(key.word("depth", "fragment.depth", m.fragment.depth).naturals(&["material"], MATERIAL_BITS), m)
+}
+
+/// What a pixel held before a window, in the places of its slots.
+fn start(m: &Machine) -> Stream {
+    let mut start = slot("fragment.start", m).per_pixel();
+    let means_nothing = |field: &&mut Field| field.name == "weight" || field.name.starts_with("normal");
+    start.fields.iter_mut().filter(means_nothing).for_each(|field| field.unless = &["shaded"]);
+    start
 }
 
 fn frame_words(name: &'static str, m: &Machine) -> Stream {

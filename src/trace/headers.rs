@@ -115,7 +115,8 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     }
     text.push_str("\n  // Tables, rules and timing.\n");
     for (name, value) in numbers(machine, frame) {
-        let _ = writeln!(text, "  localparam int {name} = {value};");
+        let kind = if i32::try_from(value).is_ok() { "int" } else { "logic signed [63:0]" };
+        let _ = writeln!(text, "  localparam {kind} {name} = {}{value};", if kind == "int" { "" } else { "64'sd" });
     }
     for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
         let name = constant(stream.name);

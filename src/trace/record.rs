@@ -41,14 +41,14 @@ impl Layout {
         }
     }
 
+    /// The layout of fields with these widths, some of them signed, some of them 0 where another, by its place, is not.
+    pub fn of(widths: Vec<u32>, signed: Vec<bool>, unless: Vec<Vec<usize>>) -> Self {
+        Layout { width: widths.iter().sum(), widths, signed, unless }
+    }
+
     /// The layout of natural numbers of these widths.
     pub fn of_naturals(widths: &[u32]) -> Self {
-        Layout {
-            widths: widths.to_vec(),
-            signed: vec![false; widths.len()],
-            unless: vec![Vec::new(); widths.len()],
-            width: widths.iter().sum(),
-        }
+        Layout::of(widths.to_vec(), vec![false; widths.len()], vec![Vec::new(); widths.len()])
     }
 
     /// Hexadecimal digits of a record.

@@ -1,5 +1,6 @@
 //! Transfers: what was watched, as the records of each port, with the keys that tell where each comes from.
 
+use super::stimulus::Made;
 use super::watcher::{Arrival, Shaded, Watcher, flag, key, parts};
 use rtl_model::frame::{Frame, Material};
 use rtl_model::machine::Elaborated;
@@ -44,6 +45,9 @@ impl Key {
     }
 }
 
+/// Appends the words of a record; its key.
+type At<'a> = Box<dyn Fn(usize, &mut Vec<i64>) -> Key + Sync + 'a>;
+
 /// The records of one port.
 pub struct Source<'a> {
     /// The stream's name.
@@ -51,7 +55,17 @@ pub struct Source<'a> {
     /// How many there are.
     pub records: usize,
     /// The words and the key of one.
-    pub at: Box<dyn Fn(usize, &mut Vec<i64>) -> Key + Sync + 'a>,
+    pub at: At<'a>,
+}
+
+impl<'a> Source<'a> {
+    /// Made-up records.
+    pub fn of(made: &'a Made) -> Source<'a> {
+        source(made.name, made.records.len(), move |i, words| {
+            words.extend(&made.records[i].0);
+            made.records[i].1
+        })
+    }
 }
 
 /// Pixels from the first column and row to those before the last two.
@@ -67,7 +81,6 @@ pub struct Transfers<'a> {
     pub watcher: Watcher,
     /// Fragments that were there before: pixel, slot and what it holds.
     pub start: Vec<([u32; 2], usize, Slot)>,
-    pub rectangle: Rectangle,
     /// Places in `watcher.set_up` of what left `project`, and of what left `ellipse`.
     projected: Vec<u32>,
     drawn: Vec<u32>,
@@ -146,7 +159,6 @@ impl<'a> Transfers<'a> {
             splats,
             watcher,
             start,
-            rectangle,
             projected,
             drawn,
             weighed,
@@ -253,10 +265,6 @@ impl<'a> Transfers<'a> {
             source("fragment.start", self.start.len(), move |i, words| {
                 let (pixel, number, slot) = &self.start[i];
                 slot_words(*pixel, *number, slot, words);
-                if slot.shaded {
-                    // Weight and normals of what is shaded mean nothing.
-                    [6, 11, 12, 13].into_iter().for_each(|field| words[field] = 0);
-                }
                 Key::of_pixel(*pixel, *number as u32, NONE, 0)
             }),
             source("fragment.held", self.layers.len(), move |i, words| {

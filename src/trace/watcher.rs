@@ -1,5 +1,7 @@
 //! Watcher: notes every transfer while the machine draws, as the units make them; order is brought in afterwards.
 
+use super::coverage::Coverage;
+use rtl_model::machine::Elaborated;
 use rtl_model::num::Fit;
 use rtl_model::probe::{PROJECTED, Probe, SET_UP, Weighed};
 use rtl_model::units::fragment::{Contribution, Decision, Slot};
@@ -100,6 +102,8 @@ pub struct Watcher {
     /// Those that were left.
     pub resolved: Vec<Shaded>,
     pub held: Vec<Held>,
+    /// Which roundings and limits were met.
+    pub coverage: Coverage,
     /// What was heard since the last transfer.
     heard: u8,
     /// What was heard before shade began.
@@ -112,8 +116,8 @@ pub struct Watcher {
 
 impl Watcher {
     /// One that notes splats from this one on.
-    pub fn new(first_splat: u32) -> Self {
-        Watcher { first_splat, ..Watcher::default() }
+    pub fn new(machine: &Elaborated, first_splat: u32) -> Self {
+        Watcher { first_splat, coverage: Coverage::new(machine), ..Watcher::default() }
     }
 
     /// Brings everything into the order of the splats, pixels row by row.
@@ -136,14 +140,15 @@ impl Watcher {
     }
 }
 
-fn outcome(decision: Decision) -> [u8; 2] {
+/// A decision as `fragment.out` has it: outcome and slot.
+pub fn outcome(decision: Decision) -> (u8, u8) {
     match decision {
-        Decision::Accumulated(slot) => [0, slot],
-        Decision::Inserted(slot) => [1, slot],
-        Decision::Merged(front, _) => [2, front],
-        Decision::Evicted(itself) => [3, itself.into()],
-        Decision::Replaced => [4, 0],
-        Decision::Dropped => [5, 0],
+        Decision::Accumulated(slot) => (0, slot),
+        Decision::Inserted(slot) => (1, slot),
+        Decision::Merged(front, _) => (2, front),
+        Decision::Evicted(itself) => (3, itself.into()),
+        Decision::Replaced => (4, 0),
+        Decision::Dropped => (5, 0),
     }
 }
 
@@ -153,7 +158,7 @@ impl Probe for Watcher {
     const TRANSFERS: bool = true;
 
     fn fork(&self) -> Self {
-        Watcher::new(self.first_splat)
+        Watcher { first_splat: self.first_splat, coverage: self.coverage.fork(), ..Watcher::default() }
     }
 
     fn absorb(&mut self, fork: Self) {
@@ -163,9 +168,11 @@ impl Probe for Watcher {
         self.merged.extend(fork.merged);
         self.resolved.extend(fork.resolved);
         self.held.extend(fork.held);
+        self.coverage.merge(fork.coverage);
     }
 
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, _word: i64) {
+        self.coverage.fitted(fit, exact, more);
         let loss = fit.loss(exact, more);
         let told = [
             (loss.inexact, flag::INEXACT),
@@ -213,7 +220,7 @@ impl Probe for Watcher {
             return;
         }
         if let Some(arrival) = self.arrivals.last_mut() {
-            [arrival.outcome, arrival.slot] = outcome(decision);
+            (arrival.outcome, arrival.slot) = outcome(decision);
             let told = match decision {
                 Decision::Merged(..) => flag::MERGED,
                 Decision::Evicted(_) => flag::EVICTED,

@@ -1,0 +1,50 @@
+// Fit: puts an exact result into a word, the one lossy act. Twin of num/fit.rs, Fit::one.
+//
+//   exact ->(<< left)->(+ round)->(>> right)->[ saturate | wrap ]-> word
+//
+// Loss: bits below the word's last place are rounded away; beyond its range the word saturates or wraps.
+`default_nettype none
+
+module fit #(
+    parameter int IN_W = 1,   // bits of the exact result
+    parameter int PLACES = 0, // its fraction bits less those of the word
+    parameter int W = 1,      // bits of the word
+    parameter int S = 0,      // 1: the word is signed
+    parameter int ROUND = 1,  // 0 truncate, 1 nearest (ties up), 2 nearest-even
+    parameter int WRAP = 0    // 0 saturate, 1 wrap
+) (
+    input wire signed [IN_W-1:0] exact, // the exact result
+    output wire [W-1:0] word            // the word
+);
+  // Further places than these change no word: to the left nothing but a limit is left, to the right nothing but a sign.
+  localparam int LEFT = PLACES >= 0 ? 0 : -PLACES < W ? -PLACES : W;
+  localparam int RIGHT = PLACES <= 0 ? 0 : PLACES < IN_W ? PLACES : IN_W;
+  // Rounding up may need one bit more.
+  localparam int SUM_W = IN_W + LEFT + 1;
+  localparam int CUT_W = SUM_W - RIGHT;
+  localparam [W-1:0] MIN = S != 0 ? W'(1) << (W - 1) : '0;
+  localparam [W-1:0] MAX = S != 0 ? ~MIN : '1;
+  // Half of the last place that is left.
+  localparam [SUM_W-1:0] HALF = (SUM_W'(1) << RIGHT) >> 1;
+
+  wire signed [SUM_W-1:0] shifted = SUM_W'(exact) <<< LEFT;
+  wire signed [SUM_W-1:0] rounded;
+  if (RIGHT == 0 || ROUND == 0) begin : g_truncate
+    assign rounded = shifted;
+  end else if (ROUND == 1) begin : g_nearest
+    assign rounded = shifted + $signed(HALF);
+  end else begin : g_nearest_even
+    // A tie falls short of half, unless the word below it is odd.
+    assign rounded = shifted + $signed(HALF - SUM_W'(1)) + $signed({{(SUM_W - 1) {1'b0}}, shifted[RIGHT]});
+  end
+  wire signed [CUT_W-1:0] cut = CUT_W'(rounded >>> RIGHT);
+
+  // In range where all bits above the word's magnitude are alike, and are no sign that the word cannot have.
+  wire signed [CUT_W-1:0] above = cut >>> (W - S);
+  wire negative = cut[CUT_W-1];
+  wire low = negative && (S == 0 || !(&above));
+  wire high = !negative && |above;
+  assign word = WRAP != 0 ? W'(cut) : low ? MIN : high ? MAX : W'(cut);
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,598 @@
+// Fragment: keeps at most `layers` fragments a pixel: accumulates, inserts, merges, evicts. Twin of units/fragment.rs.
+//
+//   s ->[ read the pixel ]->[ match: unshaded, |z - z_f| < eps, nearest ]-+- found ----> accumulate: sums += weight * attributes
+//                                                                         +- slot free -> insert
+//                                                                         +- full ------> evict the deepest if something hides it,
+//                             q -> shade -> a <-- two fragments --------------------------- else merge a pair, front over back
+//
+//   m <- what became of each contribution        h <- after the last one: what all pixels hold
+//
+// A contribution is taken in one cycle, its pixel is there and is decided upon in the next, and HAZARD - 2 registers later, which synthesis
+// may retime into sums and products, it is written: so the same pixel can be taken again after HAZARD cycles, any other one in the next
+// cycle. While two fragments are shaded and merged nothing is taken: s_ready sees the decision in its own cycle, as the timing model does.
+//
+// Losses: each sum is rounded once a contribution (fragment_sum); so is what a merge writes back (fragment_over); the depth is cut to the
+// comparators' word; a light is cut to what a slot can hold, and what a slot holds to a light.
+`default_nettype none
+
+module fragment #(
+    parameter int WIDTH = 16, // columns of pixels that it keeps
+    parameter int HEIGHT = 16 // rows of pixels that it keeps
+) (
+    input wire clk,                                               // everything happens at its rising edge
+    input wire rst,                                               // empties all pixels
+    // The frame's constants are every unit's: this one looks at its two thresholds.
+    // verilator lint_off UNUSEDSIGNAL
+    input wire [machine_pkg::FRAME_W-1:0] frame,                  // constant while a frame is drawn
+    // verilator lint_on UNUSEDSIGNAL
+    input wire s_valid,                                           // a contribution is there
+    output wire s_ready,                                          // and is taken
+    input wire [machine_pkg::FRAGMENT_IN_W-1:0] s_data,           // the contribution
+    output wire m_valid,                                          // a decision is there
+    input wire m_ready,                                           // and is taken
+    output wire [machine_pkg::FRAGMENT_OUT_W-1:0] m_data,         // the decision
+    output wire q_valid,                                          // a fragment wants to be shaded
+    input wire q_ready,                                           // and is taken
+    output wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] q_data,     // the fragment
+    input wire a_valid,                                           // its light is there
+    output wire a_ready,                                          // and is taken
+    input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] a_data,       // the light
+    input wire drain,                                             // no contribution comes any more: hand out what is held
+    output wire drained,                                          // all is handed out and all pixels are empty, until drain falls
+    output wire h_valid,                                          // a fragment that is held, or a pixel that holds none
+    input wire h_ready,                                           // and is taken
+    output wire h_last,                                           // it is its pixel's last
+    output wire h_empty,                                          // it is none: but for x and y it says nothing
+    output wire [machine_pkg::FRAGMENT_HELD_W-1:0] h_data         // the fragment
+);
+  localparam int LAYERS = machine_pkg::FRAGMENT_LAYERS;
+  localparam int LIVE_W = $clog2(LAYERS + 1);
+  localparam int PIXELS = WIDTH * HEIGHT;
+  localparam int PIXEL_W = PIXELS > 1 ? $clog2(PIXELS) : 1;
+  localparam int X_W = machine_pkg::FRAGMENT_IN_X_W;
+  localparam int Y_W = machine_pkg::FRAGMENT_IN_Y_W;
+  localparam int SLOT_NUMBER_W = machine_pkg::FRAGMENT_OUT_SLOT_W;
+  localparam int HAZARD = machine_pkg::FRAGMENT_HAZARD;
+  localparam int MERGE_CYCLES = machine_pkg::FRAGMENT_MERGE_CYCLES;
+
+  localparam int GAUSS_W = machine_pkg::GAUSS_WEIGHT_W;
+  localparam int RGB_W = machine_pkg::SPLAT_RGB_W;
+  localparam int ALPHA_W = machine_pkg::SPLAT_OPACITY_W;
+  localparam int N_W = machine_pkg::FRAGMENT_NORMAL_W;
+  localparam int MATERIAL_W = machine_pkg::FRAGMENT_IN_MATERIAL_W;
+  localparam int DEPTH_W = machine_pkg::FRAGMENT_DEPTH_W;
+  localparam int WEIGHT_W = machine_pkg::FRAGMENT_WEIGHT_SUM_W;
+  localparam int COLOUR_W = machine_pkg::FRAGMENT_COLOUR_SUM_W;
+  localparam int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W;
+  localparam int NORMAL_W = machine_pkg::FRAGMENT_NORMAL_SUM_W;
+  localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
+
+  // A slot: whether it is shaded, its depth, and what shade is asked: sums and material. A shaded one keeps its premultiplied colour and
+  // its opacity where an unshaded one keeps their sums, and 0 for the rest.
+  localparam int ASKED_W = machine_pkg::FRAGMENT_REQUEST_W;
+  localparam int DEPTH = ASKED_W;
+  localparam int SHADED = DEPTH + DEPTH_W;
+  localparam int SLOT_W = SHADED + 1;
+  localparam int SLOTS_W = LAYERS * SLOT_W;
+  localparam int WEIGHT = machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB;
+  localparam int OPACITY = machine_pkg::FRAGMENT_REQUEST_OPACITY_LSB;
+  localparam int MATERIAL = machine_pkg::FRAGMENT_REQUEST_MATERIAL_LSB;
+  // Blue is the last of the colours, as z is of the normal's parts.
+  localparam int COLOURS = machine_pkg::FRAGMENT_REQUEST_COLOUR_B_LSB;
+  localparam int NORMALS = machine_pkg::FRAGMENT_REQUEST_NORMAL_Z_LSB;
+  // The slots and the fresh one.
+  localparam int PLACES = LAYERS + 1;
+  localparam int PLACE_W = $clog2(PLACES);
+  localparam int STACK_W = PLACES * SLOT_W;
+
+  localparam [machine_pkg::FRAGMENT_OUT_OUTCOME_W-1:0] ACCUMULATED = 0, INSERTED = 1, MERGED = 2, EVICTED = 3, REPLACED = 4, DROPPED = 5;
+  localparam int NEAREST_PAIR = 0, REPLACE = 2;
+
+  // The slot of a stack that one bit says, or 0 where none does.
+  function [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
+    integer at;
+    begin
+      chosen = '0;
+      for (at = 0; at < PLACES; at = at + 1) if (choice[at]) chosen = chosen | stack[at*SLOT_W+:SLOT_W];
+    end
+  endfunction
+
+  // Which of the words that count is the least: one bit, of equals the first one's.
+  function [LAYERS-1:0] least(input [LAYERS-1:0] counts, input [LAYERS*DEPTH_W-1:0] words);
+    integer at;
+    reg any;
+    reg [DEPTH_W-1:0] word;
+    begin
+      least = '0;
+      any = 1'b0;
+      word = '0;
+      for (at = 0; at < LAYERS; at = at + 1) begin
+        if (counts[at] && (!any || words[at*DEPTH_W+:DEPTH_W] < word)) begin
+          least = LAYERS'(1) << at;
+          any = 1'b1;
+          word = words[at*DEPTH_W+:DEPTH_W];
+        end
+      end
+    end
+  endfunction
+
+  // The number of one bit's place.
+  function [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
+    integer at;
+    begin
+      number = '0;
+      for (at = 0; at < PLACES; at = at + 1) if (choice[at]) number = number | SLOT_NUMBER_W'(at);
+    end
+  endfunction
+
+  // How many bits are set.
+  function [PLACE_W-1:0] count(input [PLACES-1:0] bits);
+    integer at;
+    begin
+      count = '0;
+      for (at = 0; at < PLACES; at = at + 1) count = count + PLACE_W'(bits[at]);
+    end
+  endfunction
+
+  wire [DEPTH_W-1:0] z_threshold = frame[machine_pkg::FRAME_Z_THRESHOLD_LSB+:DEPTH_W];
+  wire [WEIGHT_W-1:0] coverage_threshold = frame[machine_pkg::FRAME_COVERAGE_THRESHOLD_LSB+:WEIGHT_W];
+
+  // Read: the pixel of a contribution, or in the end one after the other.
+
+  wire take = s_valid && s_ready;
+  wire [X_W-1:0] s_x = s_data[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
+  wire [Y_W-1:0] s_y = s_data[machine_pkg::FRAGMENT_IN_Y_LSB+:Y_W];
+  wire walk_on;
+  logic walking;
+  logic [X_W-1:0] next_x;
+  logic [Y_W-1:0] next_y;
+  wire read = take || walk_on;
+  wire [X_W-1:0] read_x = walking ? next_x : s_x;
+  wire [Y_W-1:0] read_y = walking ? next_y : s_y;
+  wire [PIXEL_W-1:0] read_pixel = PIXEL_W'((X_W + Y_W)'(read_y) * (X_W + Y_W)'(WIDTH) + (X_W + Y_W)'(read_x));
+
+  wire write;
+  wire [PIXEL_W-1:0] write_pixel;
+  wire [LAYERS-1:0] write_mask;
+  wire [SLOTS_W-1:0] write_slots;
+  wire [LIVE_W-1:0] write_live;
+
+  wire [SLOTS_W-1:0] slots;
+  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_slots
+    logic [SLOT_W-1:0] memory[0:PIXELS-1];
+    logic [SLOT_W-1:0] out;
+    always_ff @(posedge clk) begin
+      if (write && write_mask[slot]) memory[write_pixel] <= write_slots[slot*SLOT_W+:SLOT_W];
+      if (read) out <= memory[read_pixel];
+    end
+    assign slots[slot*SLOT_W+:SLOT_W] = out;
+  end
+
+  // How many slots are in use. A memory cannot be emptied at once: which pixels have been touched at all is kept in registers.
+  logic [LIVE_W-1:0] lives[0:PIXELS-1];
+  logic [LIVE_W-1:0] live_out;
+  logic [PIXELS-1:0] touched;
+  logic touched_out;
+  wire empty_all;
+  wire [LIVE_W-1:0] live = touched_out ? live_out : '0;
+  always_ff @(posedge clk) begin
+    if (write) lives[write_pixel] <= write_live;
+    if (read) live_out <= lives[read_pixel];
+    if (read) touched_out <= touched[read_pixel];
+    if (rst || empty_all) touched <= '0;
+    else if (write) touched[write_pixel] <= 1'b1;
+  end
+
+  // With a hazard of 1 a pixel is read in the cycle in which it is written.
+  wire [SLOTS_W-1:0] held;
+  wire [LIVE_W-1:0] held_live;
+  if (HAZARD == 1) begin : g_forward
+    logic [LAYERS-1:0] mask;
+    logic [SLOTS_W-1:0] late_slots;
+    logic late;
+    logic [LIVE_W-1:0] late_live;
+    always_ff @(posedge clk) begin
+      if (read) begin
+        late <= write && write_pixel == read_pixel;
+        mask <= write_mask;
+        late_slots <= write_slots;
+        late_live <= write_live;
+      end
+    end
+    for (genvar slot = 0; slot < LAYERS; slot++) begin : g_slot
+      assign held[slot*SLOT_W+:SLOT_W] = late && mask[slot] ? late_slots[slot*SLOT_W+:SLOT_W] : slots[slot*SLOT_W+:SLOT_W];
+    end
+    assign held_live = late ? late_live : live;
+  end else begin : g_stall
+    assign held = slots;
+    assign held_live = live;
+  end
+
+  // Contribute: the contribution, and its pixel as it is.
+
+  logic taken;
+  logic [machine_pkg::FRAGMENT_IN_W-1:0] contribution;
+  logic [PIXEL_W-1:0] pixel;
+  wire leave;
+  always_ff @(posedge clk) begin
+    taken <= !rst && (take || taken && !leave);
+    if (take) contribution <= s_data;
+    if (take) pixel <= read_pixel;
+  end
+
+  wire [X_W-1:0] x = contribution[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
+  wire [Y_W-1:0] y = contribution[machine_pkg::FRAGMENT_IN_Y_LSB+:Y_W];
+  wire [GAUSS_W-1:0] weight = contribution[machine_pkg::FRAGMENT_IN_WEIGHT_LSB+:GAUSS_W];
+  wire [ALPHA_W-1:0] opacity = contribution[machine_pkg::FRAGMENT_IN_OPACITY_LSB+:ALPHA_W];
+  wire [3*RGB_W-1:0] colour = contribution[machine_pkg::FRAGMENT_IN_BLUE_LSB+:3*RGB_W];
+  wire [3*N_W-1:0] normal = contribution[machine_pkg::FRAGMENT_IN_NORMAL_Z_LSB+:3*N_W];
+  wire [MATERIAL_W-1:0] material = contribution[machine_pkg::FRAGMENT_IN_MATERIAL_LSB+:MATERIAL_W];
+  wire [DEPTH_W-1:0] depth;
+  fit #(
+      .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
+      .PLACES(machine_pkg::RASTER_EXACT_DEPTH_F - machine_pkg::FRAGMENT_DEPTH_F),
+      .W(DEPTH_W),
+      .S(machine_pkg::FRAGMENT_DEPTH_S),
+      .ROUND(machine_pkg::FRAGMENT_DEPTH_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_DEPTH_WRAP)
+  ) fit_depth (
+      .exact($signed(contribution[machine_pkg::FRAGMENT_IN_DEPTH_LSB+:machine_pkg::FRAGMENT_IN_DEPTH_W])),
+      .word(depth)
+  );
+
+  // Match: the first of the nearest.
+  wire [LAYERS-1:0] there;
+  wire [LAYERS-1:0] near;
+  wire [LAYERS*DEPTH_W-1:0] distances;
+  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_match
+    wire [DEPTH_W-1:0] its_depth = held[slot*SLOT_W+DEPTH+:DEPTH_W];
+    wire [DEPTH_W-1:0] distance = its_depth > depth ? its_depth - depth : depth - its_depth;
+    assign distances[slot*DEPTH_W+:DEPTH_W] = distance;
+    assign there[slot] = held_live > LIVE_W'(slot);
+    assign near[slot] = there[slot] && !held[slot*SLOT_W+SHADED] && distance < z_threshold;
+  end
+  wire [LAYERS-1:0] found = least(near, distances);
+  wire matched = found != '0;
+  wire full = there[LAYERS-1];
+
+  // Accumulate: the sums of what was found, or of a fresh fragment.
+  wire [SHADED-1:0] was = SHADED'(chosen({1'b0, found}, {SLOT_W'(0), held}));
+  wire [SLOT_W-1:0] becomes;
+  fragment_sum #(
+      .ATTRIBUTE_W(1),
+      .W(WEIGHT_W),
+      .F(machine_pkg::FRAGMENT_WEIGHT_SUM_F),
+      .S(machine_pkg::FRAGMENT_WEIGHT_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_WEIGHT_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_WEIGHT_SUM_WRAP)
+  ) weight_sum (
+      .sum(was[WEIGHT+:WEIGHT_W]),
+      .weight(weight),
+      .attribute(1'b1),
+      .next(becomes[WEIGHT+:WEIGHT_W])
+  );
+  fragment_sum #(
+      .ATTRIBUTE_W(ALPHA_W),
+      .ATTRIBUTE_F(machine_pkg::SPLAT_OPACITY_F),
+      .ATTRIBUTE_S(machine_pkg::SPLAT_OPACITY_S),
+      .W(OPACITY_W),
+      .F(machine_pkg::FRAGMENT_OPACITY_SUM_F),
+      .S(machine_pkg::FRAGMENT_OPACITY_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_OPACITY_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_OPACITY_SUM_WRAP)
+  ) opacity_sum (
+      .sum(was[OPACITY+:OPACITY_W]),
+      .weight(weight),
+      .attribute(opacity),
+      .next(becomes[OPACITY+:OPACITY_W])
+  );
+  for (genvar part = 0; part < 3; part++) begin : g_accumulate
+    fragment_sum #(
+        .ATTRIBUTE_W(RGB_W),
+        .ATTRIBUTE_F(machine_pkg::SPLAT_RGB_F),
+        .ATTRIBUTE_S(machine_pkg::SPLAT_RGB_S),
+        .W(COLOUR_W),
+        .F(machine_pkg::FRAGMENT_COLOUR_SUM_F),
+        .S(machine_pkg::FRAGMENT_COLOUR_SUM_S),
+        .ROUND(machine_pkg::FRAGMENT_COLOUR_SUM_ROUND),
+        .WRAP(machine_pkg::FRAGMENT_COLOUR_SUM_WRAP)
+    ) colour_sum (
+        .sum(was[COLOURS+part*COLOUR_W+:COLOUR_W]),
+        .weight(weight),
+        .attribute(colour[part*RGB_W+:RGB_W]),
+        .next(becomes[COLOURS+part*COLOUR_W+:COLOUR_W])
+    );
+    fragment_sum #(
+        .ATTRIBUTE_W(N_W),
+        .ATTRIBUTE_F(machine_pkg::FRAGMENT_NORMAL_F),
+        .ATTRIBUTE_S(machine_pkg::FRAGMENT_NORMAL_S),
+        .W(NORMAL_W),
+        .F(machine_pkg::FRAGMENT_NORMAL_SUM_F),
+        .S(machine_pkg::FRAGMENT_NORMAL_SUM_S),
+        .ROUND(machine_pkg::FRAGMENT_NORMAL_SUM_ROUND),
+        .WRAP(machine_pkg::FRAGMENT_NORMAL_SUM_WRAP)
+    ) normal_sum (
+        .sum(was[NORMALS+part*NORMAL_W+:NORMAL_W]),
+        .weight(weight),
+        .attribute(normal[part*N_W+:N_W]),
+        .next(becomes[NORMALS+part*NORMAL_W+:NORMAL_W])
+    );
+  end
+  wire [DEPTH_W-1:0] depth_was = was[DEPTH+:DEPTH_W];
+  wire keep_depth = matched && (machine_pkg::FRAGMENT_NEAREST_DEPTH == 0 || depth_was < depth);
+  assign becomes[DEPTH+:DEPTH_W] = keep_depth ? depth_was : depth;
+  assign becomes[MATERIAL+:MATERIAL_W] = matched ? was[MATERIAL+:MATERIAL_W] : material;
+  assign becomes[SHADED] = 1'b0;
+
+  // Overflow: all in depth order. Stable: the fresh one, the last, comes after its equals.
+  wire [PLACES-1:0] stacked = {taken, there};
+  wire [STACK_W-1:0] unsorted = {becomes, held};
+  wire [PLACES-1:0] opaque;
+  // Of each place which of them has it, and of each of them which place it has.
+  wire [PLACES*PLACES-1:0] comes;
+  wire [PLACES*PLACES-1:0] goes;
+  for (genvar one = 0; one < PLACES; one++) begin : g_rank
+    wire [DEPTH_W-1:0] its_depth = unsorted[one*SLOT_W+DEPTH+:DEPTH_W];
+    wire [PLACES-1:0] in_front;
+    for (genvar other = 0; other < PLACES; other++) begin : g_in_front
+      wire [DEPTH_W-1:0] other_depth = unsorted[other*SLOT_W+DEPTH+:DEPTH_W];
+      assign in_front[other] = stacked[other] && (other_depth < its_depth || other_depth == its_depth && other < one);
+    end
+    wire [PLACE_W-1:0] rank = count(in_front);
+    for (genvar place = 0; place < PLACES; place++) begin : g_place
+      assign goes[one*PLACES+place] = stacked[one] && rank == PLACE_W'(place);
+      assign comes[place*PLACES+one] = goes[one*PLACES+place];
+    end
+    fragment_opaque is_opaque (
+        .shaded(unsorted[one*SLOT_W+SHADED]),
+        .weight(unsorted[one*SLOT_W+WEIGHT+:WEIGHT_W]),
+        .opacity(unsorted[one*SLOT_W+OPACITY+:OPACITY_W]),
+        .coverage_threshold(coverage_threshold),
+        .opaque(opaque[one])
+    );
+  end
+  wire [STACK_W-1:0] sorted;
+  for (genvar place = 0; place < PLACES; place++) begin : g_sorted
+    assign sorted[place*SLOT_W+:SLOT_W] = chosen(comes[place*PLACES+:PLACES], unsorted);
+  end
+  wire [PLACES-1:0] deepest = comes[LAYERS*PLACES+:PLACES];
+  wire fresh_first = goes[LAYERS*PLACES];
+  wire hides = (opaque & ~deepest) != '0;
+
+  // The pair to merge, by the nearer of the two: the deepest, or the first of the closest.
+  wire [LAYERS-1:0] pair;
+  if (machine_pkg::FRAGMENT_MERGE == NEAREST_PAIR) begin : g_nearest_pair
+    wire [LAYERS*DEPTH_W-1:0] apart;
+    for (genvar place = 0; place < LAYERS; place++) begin : g_apart
+      assign apart[place*DEPTH_W+:DEPTH_W] = sorted[(place+1)*SLOT_W+DEPTH+:DEPTH_W] - sorted[place*SLOT_W+DEPTH+:DEPTH_W];
+    end
+    assign pair = least('1, apart);
+  end else begin : g_farthest_pair
+    assign pair = LAYERS'(1) << (LAYERS - 1);
+  end
+
+  localparam int OUTCOME_W = machine_pkg::FRAGMENT_OUT_OUTCOME_W;
+  wire [OUTCOME_W-1:0] overflow = machine_pkg::FRAGMENT_MERGE == REPLACE ? (fresh_first ? REPLACED : DROPPED)
+      : machine_pkg::FRAGMENT_EVICT_HIDDEN != 0 && hides ? EVICTED : MERGED;
+  wire [OUTCOME_W-1:0] outcome = matched ? ACCUMULATED : !full ? INSERTED : overflow;
+  wire overflows = outcome == MERGED || outcome == EVICTED;
+  wire [SLOT_NUMBER_W-1:0] decided_slot = matched ? number({1'b0, found}) : !full ? SLOT_NUMBER_W'(held_live)
+      : outcome == EVICTED ? SLOT_NUMBER_W'(deepest[LAYERS]) : outcome == MERGED ? number({1'b0, pair}) : '0;
+
+  // Merge: both are shaded, the front one first, once each.
+  wire merging = taken && outcome == MERGED;
+  wire [SLOT_W-1:0] over = chosen({1'b0, pair}, sorted);
+  wire [SLOT_W-1:0] under = chosen({pair, 1'b0}, sorted);
+  wire ask_over = !over[SHADED];
+  wire ask_under = !under[SHADED];
+  logic asked_over, asked_under, here_over;
+  logic [machine_pkg::FRAGMENT_ANSWER_W-1:0] light_over;
+  wire asks_over = ask_over && !asked_over;
+  wire asks_under = ask_under && !asked_under;
+  assign q_valid = merging && (asks_over || asks_under);
+  assign q_data = asks_over ? over[ASKED_W-1:0] : under[ASKED_W-1:0];
+
+  // An answer is the front one's as long as that is missing.
+  wire awaits_over = ask_over && !here_over;
+  wire complete = merging && (awaits_over ? a_valid && !ask_under : a_valid || !ask_under);
+  assign a_ready = merging && (awaits_over && ask_under || leave && (awaits_over || ask_under));
+  always_ff @(posedge clk) begin
+    if (rst || leave) begin
+      asked_over <= 1'b0;
+      asked_under <= 1'b0;
+      here_over <= 1'b0;
+    end else if (merging) begin
+      if (q_valid && q_ready) begin
+        asked_over <= 1'b1;
+        asked_under <= !asks_over;
+      end
+      if (a_valid && a_ready) here_over <= 1'b1;
+    end
+    if (a_valid && a_ready) light_over <= a_data;
+  end
+  wire [4*LIGHT_W-1:0] lit_over, lit_under;
+  fragment_lit lit_front (.slot(over[ASKED_W-1:0]), .shaded(!ask_over), .light(here_over ? light_over : a_data), .lit(lit_over));
+  fragment_lit lit_back (.slot(under[ASKED_W-1:0]), .shaded(!ask_under), .light(a_data), .lit(lit_under));
+
+  // Front over back, at the front's depth.
+  wire [SLOT_W-1:0] merged;
+  for (genvar channel = 0; channel < 3; channel++) begin : g_blend
+    fragment_over #(
+        .W(COLOUR_W),
+        .F(machine_pkg::FRAGMENT_COLOUR_SUM_F),
+        .S(machine_pkg::FRAGMENT_COLOUR_SUM_S),
+        .ROUND(machine_pkg::FRAGMENT_COLOUR_SUM_ROUND),
+        .WRAP(machine_pkg::FRAGMENT_COLOUR_SUM_WRAP)
+    ) blend_colour (
+        .front(lit_over[(channel+1)*LIGHT_W+:LIGHT_W]),
+        .back(lit_under[(channel+1)*LIGHT_W+:LIGHT_W]),
+        .opacity(lit_over[LIGHT_W-1:0]),
+        .word(merged[COLOURS+channel*COLOUR_W+:COLOUR_W])
+    );
+  end
+  fragment_over #(
+      .W(OPACITY_W),
+      .F(machine_pkg::FRAGMENT_OPACITY_SUM_F),
+      .S(machine_pkg::FRAGMENT_OPACITY_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_OPACITY_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_OPACITY_SUM_WRAP)
+  ) blend_opacity (
+      .front(lit_over[LIGHT_W-1:0]),
+      .back(lit_under[LIGHT_W-1:0]),
+      .opacity(lit_over[LIGHT_W-1:0]),
+      .word(merged[OPACITY+:OPACITY_W])
+  );
+  assign merged[WEIGHT+:WEIGHT_W] = '0;
+  assign merged[NORMALS+:3*NORMAL_W] = '0;
+  assign merged[MATERIAL+:MATERIAL_W] = over[MATERIAL+:MATERIAL_W];
+  assign merged[DEPTH+:DEPTH_W] = over[DEPTH+:DEPTH_W];
+  assign merged[SHADED] = 1'b1;
+
+  // What is written, and when.
+  wire [LAYERS-1:0] decided_mask;
+  wire [SLOTS_W-1:0] decided_slots;
+  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_decided
+    // Behind a pair that was merged all move up by one.
+    wire behind_pair = outcome == MERGED && (pair & LAYERS'((1 << slot) - 1)) != '0;
+    wire [SLOT_W-1:0] stays = behind_pair ? sorted[(slot+1)*SLOT_W+:SLOT_W] : sorted[slot*SLOT_W+:SLOT_W];
+    assign decided_mask[slot] = overflows || outcome != DROPPED && decided_slot == SLOT_NUMBER_W'(slot);
+    assign decided_slots[slot*SLOT_W+:SLOT_W] = !overflows ? becomes : outcome == MERGED && pair[slot] ? merged : stays;
+  end
+  wire [LIVE_W-1:0] decided_live = outcome == INSERTED ? held_live + LIVE_W'(1) : held_live;
+  wire under_way;
+  if (HAZARD > 2) begin : g_write
+    localparam int STAGES = HAZARD - 2;
+    localparam int WRITE_W = PIXEL_W + LAYERS + SLOTS_W + LIVE_W;
+    logic [STAGES-1:0] full_stages;
+    logic [STAGES*WRITE_W-1:0] line;
+    always_ff @(posedge clk) begin
+      full_stages <= rst ? '0 : STAGES'({full_stages, leave});
+      line <= (STAGES * WRITE_W)'({line, pixel, decided_mask, decided_slots, decided_live});
+    end
+    assign write = full_stages[STAGES-1];
+    assign {write_pixel, write_mask, write_slots, write_live} = line[STAGES*WRITE_W-1-:WRITE_W];
+    assign under_way = full_stages != '0;
+  end else begin : g_write_at_once
+    assign write = leave;
+    assign {write_pixel, write_mask, write_slots, write_live} = {pixel, decided_mask, decided_slots, decided_live};
+    assign under_way = 1'b0;
+  end
+
+  // A merge keeps the unit until its last cycle; anything else is gone when the next one comes.
+  wire free = leave && (!merging || MERGE_CYCLES == 0);
+
+  // Which pixels were taken in the last HAZARD - 1 cycles; a merge counts as taken in its last cycle.
+  wire waits;
+  wire rests;
+  if (HAZARD > 1) begin : g_hazard
+    localparam int AGES = HAZARD - 1;
+    logic [AGES-1:0] aged;
+    logic [AGES*PIXEL_W-1:0] aged_pixels;
+    wire stays = taken && !free || rests;
+    always_ff @(posedge clk) begin
+      aged <= rst ? '0 : AGES'({aged, take || stays});
+      aged_pixels <= (AGES * PIXEL_W)'({aged_pixels, stays ? pixel : read_pixel});
+    end
+    wire [AGES-1:0] same;
+    for (genvar age = 0; age < AGES; age++) begin : g_age
+      assign same[age] = aged[age] && aged_pixels[age*PIXEL_W+:PIXEL_W] == read_pixel;
+    end
+    assign waits = s_valid && same != '0;
+  end else begin : g_no_hazard
+    assign waits = 1'b0;
+  end
+
+  // Further cycles of a merge: one of them is the one in which it blends.
+  if (MERGE_CYCLES > 1) begin : g_rest
+    localparam int REST_W = $clog2(MERGE_CYCLES);
+    logic [REST_W-1:0] rest;
+    always_ff @(posedge clk) begin
+      if (rst) rest <= '0;
+      else if (leave && merging) rest <= REST_W'(MERGE_CYCLES - 1);
+      else if (rests) rest <= rest - REST_W'(1);
+    end
+    assign rests = rest != '0;
+  end else begin : g_no_rest
+    assign rests = 1'b0;
+  end
+
+  // The decision's way out: the rest of the unit's latency.
+  localparam int REST_OF_LATENCY = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_LATENCY - 1 : 1;
+  localparam int REST_OF_ROOM = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_ROOM - 1 : machine_pkg::FRAGMENT_ROOM;
+  wire decided = taken && (!merging || complete);
+  wire room;
+  pipe #(
+      .W(machine_pkg::FRAGMENT_OUT_W),
+      .LATENCY(REST_OF_LATENCY),
+      .INTERVAL(1),
+      .ROOM(REST_OF_ROOM)
+  ) decisions (
+      .clk(clk),
+      .rst(rst),
+      .s_valid(decided),
+      .s_ready(room),
+      .s_data({x, y, outcome, decided_slot}),
+      .m_valid(m_valid),
+      .m_ready(m_ready),
+      .m_data(m_data)
+  );
+  assign leave = decided && room;
+  logic done;
+  assign s_ready = !walking && !done && !rests && !waits && (!taken || free);
+
+  // Walk: what all pixels hold, row by row, in depth order.
+
+  wire start = drain && !s_valid && !taken && !under_way && !walking && !done;
+  logic [X_W-1:0] at_x;
+  logic [Y_W-1:0] at_y;
+  logic here;
+  logic [LIVE_W-1:0] place;
+  assign h_valid = walking && here;
+  assign h_empty = held_live == '0;
+  assign h_last = h_empty || place + LIVE_W'(1) == held_live;
+  wire next = walking && (!here || h_ready && h_last);
+  wire over_all = next_y == Y_W'(HEIGHT);
+  assign walk_on = next && !over_all;
+  assign empty_all = next && over_all;
+  assign drained = done;
+  always_ff @(posedge clk) begin
+    if (rst) begin
+      walking <= 1'b0;
+      done <= 1'b0;
+    end else begin
+      walking <= start || walking && !empty_all;
+      done <= drain && (done || empty_all);
+    end
+    if (start) begin
+      next_x <= '0;
+      next_y <= '0;
+      here <= 1'b0;
+    end
+    if (walk_on) begin
+      at_x <= next_x;
+      at_y <= next_y;
+      here <= 1'b1;
+      next_x <= next_x == X_W'(WIDTH - 1) ? '0 : next_x + X_W'(1);
+      if (next_x == X_W'(WIDTH - 1)) next_y <= next_y + Y_W'(1);
+    end
+    if (next) place <= '0;
+    else if (h_ready) place <= place + LIVE_W'(1);
+  end
+  wire [PLACES-1:0] shown_place = PLACES'(1) << place;
+  wire [SLOT_W-1:0] shown = chosen(shown_place, sorted);
+  wire [SLOT_NUMBER_W-1:0] shown_slot = number(PLACES'(comes >> (32'(place) * PLACES)));
+  wire [4*LIGHT_W-1:0] lit_shown;
+  fragment_lit lit_held (.slot(shown[ASKED_W-1:0]), .shaded(1'b1), .light({machine_pkg::FRAGMENT_ANSWER_W{1'b0}}), .lit(lit_shown));
+  assign h_data = {
+    at_x,
+    at_y,
+    shown_slot,
+    shown[SHADED],
+    shown[DEPTH+:DEPTH_W],
+    shown[MATERIAL+:MATERIAL_W],
+    shown[SHADED] ? (ASKED_W - MATERIAL_W)'(0) : shown[ASKED_W-1:MATERIAL_W],
+    shown[SHADED] ? lit_shown : (4 * LIGHT_W)'(0)
+  };
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,78 @@
+// Fragment_lit: the light of a fragment as a slot holds it. Twin of `light` and `shaded` in units/fragment.rs.
+//
+//   light ->[ fit ]-> sums -+->[ fit ]-> lit
+//   slot, if shaded --------^
+//
+// Losses: a light is cut to the word of the sum that keeps it, and what a slot keeps to the word of a light.
+`default_nettype none
+
+module fragment_lit (
+    // Of what shade is asked a light has but colour and opacity.
+    // verilator lint_off UNUSEDSIGNAL
+    input wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] slot,        // what a slot holds
+    // verilator lint_on UNUSEDSIGNAL
+    input wire shaded,                                            // whether it is shaded
+    input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] light,        // what shade says, if it is not
+    output wire [4*machine_pkg::SHADE_PREMULTIPLIED_W-1:0] lit    // colour times opacity, and opacity
+);
+  localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
+  localparam int LIGHT_F = machine_pkg::SHADE_PREMULTIPLIED_F;
+  localparam int COLOUR_W = machine_pkg::FRAGMENT_COLOUR_SUM_W;
+  localparam int COLOUR_F = machine_pkg::FRAGMENT_COLOUR_SUM_F;
+  localparam int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W;
+  localparam int OPACITY_F = machine_pkg::FRAGMENT_OPACITY_SUM_F;
+
+  for (genvar channel = 0; channel < 3; channel++) begin : g_colour
+    wire [COLOUR_W-1:0] stored;
+    wire [COLOUR_W-1:0] sum = shaded ? slot[machine_pkg::FRAGMENT_REQUEST_COLOUR_B_LSB+channel*COLOUR_W+:COLOUR_W] : stored;
+    fit #(
+        .IN_W(LIGHT_W + 1),
+        .PLACES(LIGHT_F - COLOUR_F),
+        .W(COLOUR_W),
+        .S(machine_pkg::FRAGMENT_COLOUR_SUM_S),
+        .ROUND(machine_pkg::FRAGMENT_COLOUR_SUM_ROUND),
+        .WRAP(machine_pkg::FRAGMENT_COLOUR_SUM_WRAP)
+    ) fit_store (
+        .exact($signed({1'b0, light[machine_pkg::FRAGMENT_ANSWER_COLOUR_B_LSB+channel*LIGHT_W+:LIGHT_W]})),
+        .word(stored)
+    );
+    fit #(
+        .IN_W(COLOUR_W + 1),
+        .PLACES(COLOUR_F - LIGHT_F),
+        .W(LIGHT_W),
+        .S(machine_pkg::SHADE_PREMULTIPLIED_S),
+        .ROUND(machine_pkg::SHADE_PREMULTIPLIED_ROUND),
+        .WRAP(machine_pkg::SHADE_PREMULTIPLIED_WRAP)
+    ) fit_read (
+        .exact($signed({1'b0, sum})),
+        .word(lit[(channel+1)*LIGHT_W+:LIGHT_W])
+    );
+  end
+
+  wire [OPACITY_W-1:0] stored;
+  wire [OPACITY_W-1:0] sum = shaded ? slot[machine_pkg::FRAGMENT_REQUEST_OPACITY_LSB+:OPACITY_W] : stored;
+  fit #(
+      .IN_W(LIGHT_W + 1),
+      .PLACES(LIGHT_F - OPACITY_F),
+      .W(OPACITY_W),
+      .S(machine_pkg::FRAGMENT_OPACITY_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_OPACITY_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_OPACITY_SUM_WRAP)
+  ) fit_store (
+      .exact($signed({1'b0, light[machine_pkg::FRAGMENT_ANSWER_OPACITY_LSB+:LIGHT_W]})),
+      .word(stored)
+  );
+  fit #(
+      .IN_W(OPACITY_W + 1),
+      .PLACES(OPACITY_F - LIGHT_F),
+      .W(LIGHT_W),
+      .S(machine_pkg::SHADE_PREMULTIPLIED_S),
+      .ROUND(machine_pkg::SHADE_PREMULTIPLIED_ROUND),
+      .WRAP(machine_pkg::SHADE_PREMULTIPLIED_WRAP)
+  ) fit_read (
+      .exact($signed({1'b0, sum})),
+      .word(lit[LIGHT_W-1:0])
+  );
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,77 @@
+// Pipe: the time that a combinational unit takes: registers behind it that synthesis may retime, and a FIFO behind those.
+//
+//   s ->[ register ]*(latency - 1)->[ FIFO ]-> m
+//
+// It takes a record where there is a place for it, as the timing model does. Nothing in the registers ever waits, so all of the places
+// that the model counts, for records on their way and for those that wait, are the FIFO's. One that is given back is free a cycle later.
+`default_nettype none
+
+module pipe #(
+    parameter int W = 1,        // bits of a record
+    parameter int LATENCY = 1,  // cycles from a record's acceptance to its offer
+    parameter int INTERVAL = 1, // cycles from one acceptance to the next, at least
+    parameter int ROOM = 1      // records between their acceptance here and behind, at most
+) (
+    input wire clk,             // everything happens at its rising edge
+    input wire rst,             // empties the pipe
+    input wire s_valid,         // a record is there
+    output wire s_ready,        // and can be taken
+    input wire [W-1:0] s_data,  // the record
+    output wire m_valid,        // a record is offered
+    input wire m_ready,         // and taken
+    output wire [W-1:0] m_data  // the record
+);
+  localparam int COUNT_W = $clog2(ROOM + 1);
+  localparam int PLACE_W = ROOM > 1 ? $clog2(ROOM) : 1;
+  localparam int REST_W = $clog2(INTERVAL + 1);
+
+  logic [COUNT_W-1:0] held;    // taken and not given
+  logic [COUNT_W-1:0] waiting; // of those, in the FIFO
+  logic [REST_W-1:0] rest;     // cycles until the next acceptance
+  logic [PLACE_W-1:0] tail, head;
+
+  assign s_ready = rest == '0 && held != COUNT_W'(ROOM);
+  assign m_valid = waiting != '0;
+  wire take = s_valid && s_ready;
+  wire give = m_valid && m_ready;
+
+  wire arrive;
+  wire [W-1:0] arrived;
+  if (LATENCY > 1) begin : g_delay
+    localparam int STAGES = LATENCY - 1;
+    localparam int LINE_W = STAGES * W;
+    logic [STAGES-1:0] full;
+    logic [LINE_W-1:0] line;
+    always_ff @(posedge clk) begin
+      full <= rst ? '0 : STAGES'({full, take});
+      line <= LINE_W'({line, s_data});
+    end
+    assign arrive = full[STAGES-1];
+    assign arrived = line[LINE_W-1-:W];
+  end else begin : g_none
+    assign arrive = take;
+    assign arrived = s_data;
+  end
+
+  logic [W-1:0] fifo[0:ROOM-1];
+  always_ff @(posedge clk) if (arrive) fifo[tail] <= arrived;
+  assign m_data = fifo[head];
+
+  always_ff @(posedge clk) begin
+    if (rst) begin
+      held <= '0;
+      waiting <= '0;
+      rest <= '0;
+      tail <= '0;
+      head <= '0;
+    end else begin
+      held <= held + COUNT_W'(take) - COUNT_W'(give);
+      waiting <= waiting + COUNT_W'(arrive) - COUNT_W'(give);
+      rest <= take ? REST_W'(INTERVAL - 1) : rest == '0 ? '0 : rest - REST_W'(1);
+      if (arrive) tail <= tail == PLACE_W'(ROOM - 1) ? '0 : tail + PLACE_W'(1);
+      if (give) head <= head == PLACE_W'(ROOM - 1) ? '0 : head + PLACE_W'(1);
+    end
+  end
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,132 @@
+// Project: takes a splat's centre to camera space and to the screen. Twin of units/project.rs.
+//
+//   position ->(- eye)->[ << ]-> relative ->[ W* ]-> camera t -+->[ 1/t_z ]-> inverse_depth -+
+//                         +-> exponent -----------+            +----------------------------(*)-> slope ->(* focal)-> pixel
+//                                                 +----------->[ >> ]-> depth t_z
+//
+// t is relative to a power of two near the splat's distance from the eye, so near and far splats keep the same relative precision.
+//
+// Losses: relative is cut by its normaliser; camera, depth, slope and pixel are rounded; the reciprocal's inner words are its own affair.
+`default_nettype none
+
+module project (
+    input wire clk,                                      // everything happens at its rising edge
+    input wire rst,                                      // forgets what is under way
+    input wire [machine_pkg::FRAME_W-1:0] frame,         // constants: the view
+    input wire s_valid,                                  // a splat is there
+    output wire s_ready,                                 // and can be taken
+    input wire [machine_pkg::PROJECT_IN_W-1:0] s_data,   // project.in
+    output wire m_valid,                                 // a point is offered
+    input wire m_ready,                                  // and taken
+    output wire [machine_pkg::PROJECT_OUT_W-1:0] m_data  // project.out
+);
+  localparam int POSITION_W = machine_pkg::SPLAT_POSITION_W;
+  localparam int POSITION_F = machine_pkg::SPLAT_POSITION_F;
+  localparam int EYE_W = machine_pkg::PROJECT_EYE_W;
+  localparam int EYE_F = machine_pkg::PROJECT_EYE_F;
+  localparam int RELATIVE_W = machine_pkg::PROJECT_RELATIVE_W;
+  localparam int RELATIVE_F = machine_pkg::PROJECT_RELATIVE_F;
+  localparam int ROTATION_W = machine_pkg::PROJECT_ROTATION_W;
+  localparam int CAMERA_W = machine_pkg::PROJECT_CAMERA_W;
+  localparam int CAMERA_F = machine_pkg::PROJECT_CAMERA_F;
+  localparam int DEPTH_W = machine_pkg::PROJECT_DEPTH_W;
+  localparam int INVERSE_BITS = machine_pkg::PROJECT_RECIPROCAL_BITS;
+  localparam int SLOPE_W = machine_pkg::PROJECT_SLOPE_W;
+  localparam int SLOPE_F = machine_pkg::PROJECT_SLOPE_F;
+  localparam int FOCAL_W = machine_pkg::PROJECT_FOCAL_W;
+  localparam int PIXEL_W = machine_pkg::PROJECT_PIXEL_W;
+
+  // Position and eye with a common binary point.
+  localparam int DIFFERENCE_F = POSITION_F > EYE_F ? POSITION_F : EYE_F;
+  localparam int POSITION_LEFT = DIFFERENCE_F - POSITION_F;
+  localparam int EYE_LEFT = DIFFERENCE_F - EYE_F;
+  localparam int MAGNITUDE_W = POSITION_W + POSITION_LEFT > EYE_W + EYE_LEFT ? POSITION_W + POSITION_LEFT : EYE_W + EYE_LEFT;
+  localparam int DIFFERENCE_W = MAGNITUDE_W + 1;
+  // |t| aligned with guard * t_z.
+  localparam int LIMIT_W = CAMERA_W + (SLOPE_W > SLOPE_F + 1 ? SLOPE_W : SLOPE_F + 1);
+
+  // Vectors lie as in a record: z, y, x from the last place on.
+  wire signed [7:0] lead;
+  wire [3*MAGNITUDE_W-1:0] magnitude;
+  wire [3*RELATIVE_W-1:0] relative;
+  for (genvar i = 0; i < 3; i++) begin : g_relative
+    wire signed [POSITION_W-1:0] position = s_data[machine_pkg::PROJECT_IN_POSITION_Z_LSB+i*POSITION_W+:POSITION_W];
+    wire signed [EYE_W-1:0] eye = frame[machine_pkg::FRAME_EYE_Z_LSB+i*EYE_W+:EYE_W];
+    wire signed [DIFFERENCE_W-1:0] difference = (DIFFERENCE_W'(position) <<< POSITION_LEFT) - (DIFFERENCE_W'(eye) <<< EYE_LEFT);
+    assign magnitude[i*MAGNITUDE_W+:MAGNITUDE_W] = MAGNITUDE_W'(difference[DIFFERENCE_W-1] ? -difference : difference);
+    wire signed [DIFFERENCE_W-1:0] normalised = difference <<< lead;
+    fit #(.IN_W(DIFFERENCE_W), .PLACES(MAGNITUDE_W - RELATIVE_F), .W(RELATIVE_W), .S(1), .ROUND(machine_pkg::PROJECT_RELATIVE_ROUND),
+        .WRAP(machine_pkg::PROJECT_RELATIVE_WRAP)) fit_relative (.exact(normalised), .word(relative[i*RELATIVE_W+:RELATIVE_W]));
+  end
+
+  // All go as many places as the largest can, which then lies in [1/2, 1).
+  wire [MAGNITUDE_W-1:0] largest =
+      magnitude[2*MAGNITUDE_W+:MAGNITUDE_W] | magnitude[MAGNITUDE_W+:MAGNITUDE_W] | magnitude[0+:MAGNITUDE_W] | MAGNITUDE_W'(1);
+  wire [MAGNITUDE_W-1:0] unused_normalised;
+  normalise #(.W(MAGNITUDE_W)) normaliser (.value(largest), .normalised(unused_normalised), .lead(lead));
+  wire signed [7:0] exponent = 8'(MAGNITUDE_W - DIFFERENCE_F) - lead;
+
+  wire [3*CAMERA_W-1:0] camera;
+  for (genvar i = 0; i < 3; i++) begin : g_camera
+    wire signed [ROTATION_W+RELATIVE_W:0] rotated;
+    dot #(.A_W(ROTATION_W), .B_W(RELATIVE_W)) rotate (
+        .a(frame[machine_pkg::FRAME_ROTATION_22_LSB+i*3*ROTATION_W+:3*ROTATION_W]), .b(relative), .sum(rotated));
+    fit #(.IN_W(ROTATION_W + RELATIVE_W + 1), .PLACES(machine_pkg::PROJECT_ROTATION_F + RELATIVE_F - CAMERA_F), .W(CAMERA_W), .S(1),
+        .ROUND(machine_pkg::PROJECT_CAMERA_ROUND), .WRAP(machine_pkg::PROJECT_CAMERA_WRAP))
+        fit_camera (.exact(rotated), .word(camera[i*CAMERA_W+:CAMERA_W]));
+  end
+  wire signed [CAMERA_W-1:0] camera_z = camera[0+:CAMERA_W];
+  wire ahead = camera_z > CAMERA_W'(0);
+  wire signed [CAMERA_W-1:0] forward = ahead ? camera_z : CAMERA_W'(1);
+
+  wire signed [CAMERA_W-1:0] natural = ahead ? camera_z : CAMERA_W'(0);
+  wire signed [8:0] depth_more = -(9'(exponent));
+  wire [DEPTH_W-1:0] depth;
+  fit_shifted #(.IN_W(CAMERA_W), .PLACES(CAMERA_F - machine_pkg::PROJECT_DEPTH_F), .MORE_W(9), .W(DEPTH_W), .S(0),
+      .ROUND(machine_pkg::PROJECT_DEPTH_ROUND), .WRAP(machine_pkg::PROJECT_DEPTH_WRAP))
+      fit_depth (.exact(natural), .more(depth_more), .word(depth));
+  wire near = depth <= frame[machine_pkg::FRAME_NEAR_LSB+:DEPTH_W];
+
+  wire [INVERSE_BITS:0] inverse_depth;
+  wire signed [7:0] inverse_depth_exponent;
+  reciprocal #(.IN_W(CAMERA_W - 1), .IN_F(CAMERA_F), .BITS(INVERSE_BITS), .TABLE_BITS(machine_pkg::PROJECT_RECIPROCAL_TABLE_BITS),
+      .NEWTON_STEPS(machine_pkg::PROJECT_RECIPROCAL_NEWTON_STEPS), .ROM("rom/project.reciprocal.hex"))
+      inverter (.x(forward[CAMERA_W-2:0]), .mantissa(inverse_depth), .exponent(inverse_depth_exponent));
+
+  wire signed [8:0] slope_more = -(9'(inverse_depth_exponent));
+  wire [1:0] beyond;
+  wire [2*SLOPE_W-1:0] slope;
+  wire [2*PIXEL_W-1:0] pixel;
+  for (genvar i = 0; i < 2; i++) begin : g_screen
+    wire signed [CAMERA_W-1:0] offset = camera[(i+1)*CAMERA_W+:CAMERA_W];
+    // Before the division, so that no quotient ever saturates.
+    wire signed [SLOPE_W-1:0] guard = frame[machine_pkg::FRAME_GUARD_Y_LSB+i*SLOPE_W+:SLOPE_W];
+    wire signed [LIMIT_W-1:0] limit = guard * forward;
+    wire signed [LIMIT_W-1:0] aligned = LIMIT_W'(offset) <<< SLOPE_F;
+    assign beyond[i] = (aligned[LIMIT_W-1] ? -aligned : aligned) > limit;
+
+    wire signed [CAMERA_W+INVERSE_BITS:0] quotient = offset * $signed({1'b0, inverse_depth});
+    wire signed [SLOPE_W-1:0] tangent;
+    fit_shifted #(.IN_W(CAMERA_W + INVERSE_BITS + 1), .PLACES(CAMERA_F + INVERSE_BITS - SLOPE_F), .MORE_W(9), .W(SLOPE_W), .S(1),
+        .ROUND(machine_pkg::PROJECT_SLOPE_ROUND), .WRAP(machine_pkg::PROJECT_SLOPE_WRAP))
+        fit_slope (.exact(quotient), .more(slope_more), .word(tangent));
+    assign slope[i*SLOPE_W+:SLOPE_W] = tangent;
+
+    wire signed [FOCAL_W-1+SLOPE_W:0] screen = $signed({1'b0, frame[machine_pkg::FRAME_FOCAL_LSB+:FOCAL_W]}) * tangent;
+    fit #(.IN_W(FOCAL_W + SLOPE_W), .PLACES(machine_pkg::PROJECT_FOCAL_F + SLOPE_F - machine_pkg::PROJECT_PIXEL_F), .W(PIXEL_W), .S(1),
+        .ROUND(machine_pkg::PROJECT_PIXEL_ROUND), .WRAP(machine_pkg::PROJECT_PIXEL_WRAP))
+        fit_pixel (.exact(screen), .word(pixel[i*PIXEL_W+:PIXEL_W]));
+  end
+  wire outside = !near && |beyond;
+
+  // The frame has constants for other units too.
+  wire unused = &{1'b0, frame};
+
+  wire [machine_pkg::PROJECT_OUT_W-3:0] point = {forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope, pixel};
+  wire [machine_pkg::PROJECT_OUT_W-1:0] result = {near, outside, near || outside ? '0 : point};
+  pipe #(.W(machine_pkg::PROJECT_OUT_W), .LATENCY(machine_pkg::PROJECT_LATENCY), .INTERVAL(machine_pkg::PROJECT_INTERVAL),
+      .ROOM(machine_pkg::PROJECT_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_data(result),
+      .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
+endmodule
+
+`default_nettype wire

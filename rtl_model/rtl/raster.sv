@@ -1,0 +1,245 @@
+// Raster: walks a splat's box, a pixel a cycle, and makes a fragment wherever the radial index is below the cutoff (forward differencing).
+// Twin of units/raster.rs.
+//
+//   splat ->[ seed ]-> radial ->(+)->(+)-> ...    r at each pixel centre: by_column += by_column_twice, radial += by_column
+//               +-> by_column ->(+)--+
+//               +------> z ->(+)-> ...            z of the tangent plane, clamped to depth +- depth_range on its way out
+//
+// A row is seeded afresh, or rows are differenced as pixels are. A pixel that makes a fragment waits for room behind, one that makes none
+// does not: so the seed of a box is made in the very cycle that takes its first pixel, and the splat with it.
+//
+// Losses: offset, gradient, the seeds of radial and z, and the differences are rounded; a radial index below 0, where differencing may
+// leave it, is 0.
+`default_nettype none
+
+module raster #(
+    parameter int TAG_W = 32 // bits of the tag
+) (
+    input wire clk,                              // everything happens at its rising edge
+    input wire rst,                              // forgets the splat and its fragments
+    input wire [machine_pkg::FRAME_W-1:0] frame, // constants: the picture's size, the cutoff
+    input wire s_valid,                          // a splat is there
+    output wire s_ready,                         // and can be taken, with its first pixel
+    input wire [TAG_W+machine_pkg::RASTER_IN_W-machine_pkg::RASTER_IN_TAG_W-1:0] s_data, // raster.in
+    output wire m_valid,                         // a fragment is offered
+    input wire m_ready,                          // and taken
+    output wire [TAG_W+machine_pkg::RASTER_OUT_W-machine_pkg::RASTER_OUT_TAG_W-1:0] m_data // raster.out
+);
+  localparam int IN_W = TAG_W + machine_pkg::RASTER_IN_W - machine_pkg::RASTER_IN_TAG_W;
+  localparam int OUT_W = TAG_W + machine_pkg::RASTER_OUT_W - machine_pkg::RASTER_OUT_TAG_W;
+  localparam int COLUMN_W = machine_pkg::RASTER_OUT_X_W;
+  localparam int ROW_W = machine_pkg::RASTER_OUT_Y_W;
+  localparam int RADIAL_W = machine_pkg::RASTER_RADIAL_W;
+  localparam int Z_W = machine_pkg::RASTER_DEPTH_W;
+  localparam int SLOPE_W = machine_pkg::ELLIPSE_DEPTH_SLOPE_W;
+
+  // The walk: between the pixels of a splat it is held, with the registers of its next pixel.
+  logic walking;
+  logic [IN_W-1:0] held;
+  logic [COLUMN_W-1:0] column;
+  logic [ROW_W-1:0] row;
+  logic signed [RADIAL_W-1:0] radial, by_column;
+  logic signed [Z_W-1:0] z;
+
+  // The splat of this cycle's pixel.
+  wire [IN_W-1:0] splat = walking ? held : s_data;
+  wire [TAG_W-1:0] tag = splat[IN_W-1-:TAG_W];
+  wire signed [machine_pkg::PROJECT_PIXEL_W-1:0] pixel_x = splat[machine_pkg::RASTER_IN_PIXEL_X_LSB+:machine_pkg::PROJECT_PIXEL_W];
+  wire signed [machine_pkg::PROJECT_PIXEL_W-1:0] pixel_y = splat[machine_pkg::RASTER_IN_PIXEL_Y_LSB+:machine_pkg::PROJECT_PIXEL_W];
+  wire signed [machine_pkg::ELLIPSE_CONIC_W:0] xx = {1'b0, splat[machine_pkg::RASTER_IN_CONIC_XX_LSB+:machine_pkg::ELLIPSE_CONIC_W]};
+  wire signed [machine_pkg::ELLIPSE_CONIC_CROSS_W-1:0] xy =
+      splat[machine_pkg::RASTER_IN_CONIC_XY_LSB+:machine_pkg::ELLIPSE_CONIC_CROSS_W];
+  wire signed [machine_pkg::ELLIPSE_CONIC_W:0] yy = {1'b0, splat[machine_pkg::RASTER_IN_CONIC_YY_LSB+:machine_pkg::ELLIPSE_CONIC_W]};
+  wire signed [machine_pkg::PROJECT_DEPTH_W:0] depth = {1'b0, splat[machine_pkg::RASTER_IN_DEPTH_LSB+:machine_pkg::PROJECT_DEPTH_W]};
+  wire signed [SLOPE_W-1:0] slope_x = splat[machine_pkg::RASTER_IN_DEPTH_SLOPE_X_LSB+:SLOPE_W];
+  wire signed [SLOPE_W-1:0] slope_y = splat[machine_pkg::RASTER_IN_DEPTH_SLOPE_Y_LSB+:SLOPE_W];
+  wire signed [machine_pkg::ELLIPSE_DEPTH_RANGE_W:0] depth_range =
+      {1'b0, splat[machine_pkg::RASTER_IN_DEPTH_RANGE_LSB+:machine_pkg::ELLIPSE_DEPTH_RANGE_W]};
+  wire [COLUMN_W-1:0] first_column = splat[machine_pkg::RASTER_IN_FIRST_COLUMN_LSB+:COLUMN_W];
+  wire [COLUMN_W-1:0] last_column = splat[machine_pkg::RASTER_IN_LAST_COLUMN_LSB+:COLUMN_W];
+  wire [ROW_W-1:0] first_row = splat[machine_pkg::RASTER_IN_FIRST_ROW_LSB+:ROW_W];
+  wire [ROW_W-1:0] last_row = splat[machine_pkg::RASTER_IN_LAST_ROW_LSB+:ROW_W];
+
+  // This cycle's pixel.
+  wire [COLUMN_W-1:0] x = walking ? column : first_column;
+  wire [ROW_W-1:0] y = walking ? row : first_row;
+  wire last_of_row = x == last_column;
+  wire last_of_box = last_of_row && y == last_row;
+
+  // Seed, offsets: from the splat's centre to that of the first pixel of this row. The picture's middle is at half its size.
+  localparam int OFFSET_W = machine_pkg::RASTER_OFFSET_W;
+  localparam int OFFSET_F = machine_pkg::RASTER_OFFSET_F;
+  localparam int PIXEL_F = machine_pkg::PROJECT_PIXEL_F;
+  localparam int MIDDLE_W = (COLUMN_W > ROW_W ? COLUMN_W : ROW_W) + 2;
+  localparam int CENTRE_W = MIDDLE_W + PIXEL_F - 1;
+  localparam int DISTANCE_W = (CENTRE_W > machine_pkg::PROJECT_PIXEL_W ? CENTRE_W : machine_pkg::PROJECT_PIXEL_W) + 1;
+
+  wire [machine_pkg::FRAME_WIDTH_W-1:0] width = frame[machine_pkg::FRAME_WIDTH_LSB+:machine_pkg::FRAME_WIDTH_W];
+  wire [machine_pkg::FRAME_HEIGHT_W-1:0] height = frame[machine_pkg::FRAME_HEIGHT_LSB+:machine_pkg::FRAME_HEIGHT_W];
+  wire signed [MIDDLE_W-1:0] from_middle_x = $signed(MIDDLE_W'({first_column, 1'b1}) - MIDDLE_W'(width));
+  wire signed [MIDDLE_W-1:0] from_middle_y = $signed(MIDDLE_W'({y, 1'b1}) - MIDDLE_W'(height));
+  wire signed [DISTANCE_W-1:0] distance_x = (DISTANCE_W'(from_middle_x) <<< (PIXEL_F - 1)) - DISTANCE_W'(pixel_x);
+  wire signed [DISTANCE_W-1:0] distance_y = (DISTANCE_W'(from_middle_y) <<< (PIXEL_F - 1)) - DISTANCE_W'(pixel_y);
+  wire signed [OFFSET_W-1:0] dx, dy;
+  fit #(.IN_W(DISTANCE_W), .PLACES(PIXEL_F - OFFSET_F), .W(OFFSET_W), .S(1), .ROUND(machine_pkg::RASTER_OFFSET_ROUND),
+      .WRAP(machine_pkg::RASTER_OFFSET_WRAP)) offset_x (.exact(distance_x), .word(dx));
+  fit #(.IN_W(DISTANCE_W), .PLACES(PIXEL_F - OFFSET_F), .W(OFFSET_W), .S(1), .ROUND(machine_pkg::RASTER_OFFSET_ROUND),
+      .WRAP(machine_pkg::RASTER_OFFSET_WRAP)) offset_y (.exact(distance_y), .word(dy));
+
+  // Seed, r: conic words times offsets, and their sums, all in the same places. Slants and steps are by column, or by row.
+  localparam int CONIC_F = machine_pkg::ELLIPSE_CONIC_F;
+  localparam int GRADIENT_W = machine_pkg::RASTER_GRADIENT_W;
+  localparam int ALONG_W = machine_pkg::ELLIPSE_CONIC_W + OFFSET_W;
+  localparam int ACROSS_W = machine_pkg::ELLIPSE_CONIC_CROSS_W + OFFSET_W + 1;
+  localparam int TERM_W = ALONG_W + 1 > ACROSS_W ? ALONG_W + 1 : ACROSS_W;
+  localparam int SLANT_W = TERM_W + 1;
+  localparam int STEP_W = TERM_W + 2;
+  localparam int FIRST_W = machine_pkg::RASTER_FIRST_W;
+  localparam int SQUARE_W = OFFSET_W + GRADIENT_W + 1;
+  // Left shifts to a register's places.
+  localparam int FIRST_LEFT = machine_pkg::RASTER_RADIAL_F - machine_pkg::RASTER_FIRST_F;
+
+  wire signed [ALONG_W-1:0] along_x = xx * dx;
+  wire signed [ALONG_W-1:0] along_y = yy * dy;
+  wire signed [ACROSS_W-1:0] across_y = (ACROSS_W'(xy) * dy) <<< 1;
+  wire signed [SLANT_W-1:0] slant_x = SLANT_W'(along_x) + SLANT_W'(across_y);
+  wire signed [GRADIENT_W-1:0] by_x, by_y;
+  fit #(.IN_W(SLANT_W), .PLACES(CONIC_F + OFFSET_F - machine_pkg::RASTER_GRADIENT_F), .W(GRADIENT_W), .S(1),
+      .ROUND(machine_pkg::RASTER_GRADIENT_ROUND), .WRAP(machine_pkg::RASTER_GRADIENT_WRAP)) gradient_x (.exact(slant_x), .word(by_x));
+  fit #(.IN_W(ALONG_W), .PLACES(CONIC_F + OFFSET_F - machine_pkg::RASTER_GRADIENT_F), .W(GRADIENT_W), .S(1),
+      .ROUND(machine_pkg::RASTER_GRADIENT_ROUND), .WRAP(machine_pkg::RASTER_GRADIENT_WRAP)) gradient_y (.exact(along_y), .word(by_y));
+
+  wire signed [STEP_W-1:0] step_x = (STEP_W'(along_x) <<< 1) + (STEP_W'(xx) <<< OFFSET_F) + STEP_W'(across_y);
+  wire signed [FIRST_W-1:0] first_x;
+  fit #(.IN_W(STEP_W), .PLACES(CONIC_F + OFFSET_F - machine_pkg::RASTER_FIRST_F), .W(FIRST_W), .S(1),
+      .ROUND(machine_pkg::RASTER_FIRST_ROUND), .WRAP(machine_pkg::RASTER_FIRST_WRAP)) first_by_column (.exact(step_x), .word(first_x));
+  wire signed [RADIAL_W-1:0] seed_by_column = RADIAL_W'(first_x) <<< FIRST_LEFT;
+
+  wire signed [SQUARE_W-1:0] square = SQUARE_W'(dx) * by_x + SQUARE_W'(dy) * by_y;
+  wire signed [RADIAL_W-1:0] seed_radial;
+  fit #(.IN_W(SQUARE_W), .PLACES(OFFSET_F + machine_pkg::RASTER_GRADIENT_F - machine_pkg::RASTER_RADIAL_F), .W(RADIAL_W), .S(1),
+      .ROUND(machine_pkg::RASTER_RADIAL_ROUND), .WRAP(machine_pkg::RASTER_RADIAL_WRAP)) radial_seed (.exact(square), .word(seed_radial));
+
+  // Seed, z.
+  localparam int LEAN_W = SLOPE_W + OFFSET_W + 1;
+  localparam int LEAN_F = machine_pkg::ELLIPSE_DEPTH_SLOPE_F + OFFSET_F;
+  localparam int PLANE_F = LEAN_F > machine_pkg::PROJECT_DEPTH_F ? LEAN_F : machine_pkg::PROJECT_DEPTH_F;
+  localparam int LEAN_LEFT = PLANE_F - LEAN_F;
+  localparam int CAMERA_LEFT = PLANE_F - machine_pkg::PROJECT_DEPTH_F;
+  localparam int LEANING_W = LEAN_W + LEAN_LEFT;
+  localparam int CAMERA_W = machine_pkg::PROJECT_DEPTH_W + 1 + CAMERA_LEFT;
+  localparam int PLANE_W = (LEANING_W > CAMERA_W ? LEANING_W : CAMERA_W) + 1;
+
+  wire signed [LEAN_W-1:0] lean = LEAN_W'(slope_x) * dx + LEAN_W'(slope_y) * dy;
+  wire signed [PLANE_W-1:0] plane = (PLANE_W'(lean) <<< LEAN_LEFT) + (PLANE_W'(depth) <<< CAMERA_LEFT);
+  wire signed [Z_W-1:0] seed_z;
+  fit #(.IN_W(PLANE_W), .PLACES(PLANE_F - machine_pkg::RASTER_DEPTH_F), .W(Z_W), .S(1), .ROUND(machine_pkg::RASTER_DEPTH_ROUND),
+      .WRAP(machine_pkg::RASTER_DEPTH_WRAP)) z_seed (.exact(plane), .word(seed_z));
+
+  // Differences that are the same at all pixels.
+  localparam int TWICE_W = (machine_pkg::ELLIPSE_CONIC_W + 1 > machine_pkg::ELLIPSE_CONIC_CROSS_W ? machine_pkg::ELLIPSE_CONIC_W + 1 :
+      machine_pkg::ELLIPSE_CONIC_CROSS_W) + 1;
+  localparam int SECOND_W = machine_pkg::RASTER_SECOND_W;
+  localparam int SECOND_LEFT = machine_pkg::RASTER_RADIAL_F - machine_pkg::RASTER_SECOND_F;
+  localparam int SLOPE_LEFT = machine_pkg::RASTER_DEPTH_F - machine_pkg::ELLIPSE_DEPTH_SLOPE_F;
+
+  wire signed [SECOND_W-1:0] second_x;
+  fit #(.IN_W(TWICE_W), .PLACES(CONIC_F - machine_pkg::RASTER_SECOND_F), .W(SECOND_W), .S(1), .ROUND(machine_pkg::RASTER_SECOND_ROUND),
+      .WRAP(machine_pkg::RASTER_SECOND_WRAP)) second_by_column (.exact(TWICE_W'(xx) <<< 1), .word(second_x));
+  wire signed [RADIAL_W-1:0] by_column_twice = RADIAL_W'(second_x) <<< SECOND_LEFT;
+  wire signed [Z_W-1:0] z_by_column = Z_W'(slope_x) <<< SLOPE_LEFT;
+
+  // The registers at this cycle's pixel, and at the next row's first.
+  wire signed [RADIAL_W-1:0] radial_here, by_column_here, radial_below, by_column_below;
+  wire signed [Z_W-1:0] z_here, z_below;
+  wire seeds, takes;
+  assign radial_here = seeds ? seed_radial : radial;
+  assign by_column_here = seeds ? seed_by_column : by_column;
+  assign z_here = seeds ? seed_z : z;
+
+  if (machine_pkg::RASTER_DIFFERENCED != 0) begin : g_differenced
+    // The registers at this row's first pixel, and the first difference there by row.
+    logic signed [RADIAL_W-1:0] row_radial, row_by_column, by_row;
+    logic signed [Z_W-1:0] row_z;
+    assign seeds = !walking;
+
+    wire signed [ACROSS_W-1:0] across_x = (ACROSS_W'(xy) * dx) <<< 1;
+    wire signed [STEP_W-1:0] step_y = (STEP_W'(along_y) <<< 1) + STEP_W'(across_x) + (STEP_W'(yy) <<< OFFSET_F);
+    wire signed [FIRST_W-1:0] first_y;
+    fit #(.IN_W(STEP_W), .PLACES(CONIC_F + OFFSET_F - machine_pkg::RASTER_FIRST_F), .W(FIRST_W), .S(1),
+        .ROUND(machine_pkg::RASTER_FIRST_ROUND), .WRAP(machine_pkg::RASTER_FIRST_WRAP)) first_by_row (.exact(step_y), .word(first_y));
+    wire signed [SECOND_W-1:0] second_y, second_both;
+    fit #(.IN_W(TWICE_W), .PLACES(CONIC_F - machine_pkg::RASTER_SECOND_F), .W(SECOND_W), .S(1),
+        .ROUND(machine_pkg::RASTER_SECOND_ROUND), .WRAP(machine_pkg::RASTER_SECOND_WRAP))
+        second_by_row (.exact(TWICE_W'(yy) <<< 1), .word(second_y));
+    fit #(.IN_W(TWICE_W), .PLACES(CONIC_F - machine_pkg::RASTER_SECOND_F), .W(SECOND_W), .S(1),
+        .ROUND(machine_pkg::RASTER_SECOND_ROUND), .WRAP(machine_pkg::RASTER_SECOND_WRAP))
+        second_by_both (.exact(TWICE_W'(xy) <<< 1), .word(second_both));
+    wire signed [RADIAL_W-1:0] by_row_twice = RADIAL_W'(second_y) <<< SECOND_LEFT;
+    wire signed [RADIAL_W-1:0] by_both = RADIAL_W'(second_both) <<< SECOND_LEFT;
+    wire signed [Z_W-1:0] z_by_row = Z_W'(slope_y) <<< SLOPE_LEFT;
+
+    wire signed [RADIAL_W-1:0] row_radial_here = seeds ? seed_radial : row_radial;
+    wire signed [RADIAL_W-1:0] row_by_column_here = seeds ? seed_by_column : row_by_column;
+    wire signed [RADIAL_W-1:0] by_row_here = seeds ? RADIAL_W'(first_y) <<< FIRST_LEFT : by_row;
+    wire signed [Z_W-1:0] row_z_here = seeds ? seed_z : row_z;
+    assign radial_below = row_radial_here + by_row_here;
+    assign by_column_below = row_by_column_here + by_both;
+    assign z_below = row_z_here + z_by_row;
+
+    always_ff @(posedge clk) begin
+      if (takes) begin
+        row_radial <= last_of_row ? radial_below : row_radial_here;
+        row_by_column <= last_of_row ? by_column_below : row_by_column_here;
+        row_z <= last_of_row ? z_below : row_z_here;
+        by_row <= last_of_row ? by_row_here + by_row_twice : by_row_here;
+      end
+    end
+  end else begin : g_seeded
+    // Whatever they hold there is seeded over.
+    assign seeds = x == first_column;
+    assign {radial_below, by_column_below, z_below} = {radial, by_column, z};
+  end
+
+  // Fragment: a pixel below the cutoff.
+  localparam int EXACT_W = machine_pkg::RASTER_OUT_DEPTH_W;
+  localparam int EXACT_F = machine_pkg::RASTER_EXACT_DEPTH_F;
+
+  wire [machine_pkg::RASTER_CUTOFF_W-1:0] cutoff = frame[machine_pkg::FRAME_CUTOFF_LSB+:machine_pkg::RASTER_CUTOFF_W];
+  wire signed [RADIAL_W-1:0] limit = $signed(RADIAL_W'(cutoff) << (machine_pkg::RASTER_RADIAL_F - machine_pkg::RASTER_CUTOFF_F));
+  wire kept = radial_here < limit;
+  wire [RADIAL_W-1:0] natural = radial_here[RADIAL_W-1] ? '0 : radial_here;
+
+  wire signed [EXACT_W-1:0] middle = EXACT_W'(depth) <<< (EXACT_F - machine_pkg::PROJECT_DEPTH_F);
+  wire signed [EXACT_W-1:0] reach = EXACT_W'(depth_range) <<< (EXACT_F - machine_pkg::ELLIPSE_DEPTH_RANGE_F);
+  wire signed [EXACT_W-1:0] nearest = middle - reach;
+  wire signed [EXACT_W-1:0] deepest = middle + reach;
+  wire signed [EXACT_W-1:0] exact_z = EXACT_W'(z_here) <<< (EXACT_F - machine_pkg::RASTER_DEPTH_F);
+  wire signed [EXACT_W-1:0] clamped = exact_z < nearest ? nearest : exact_z > deepest ? deepest : exact_z;
+
+  // Before its first pixel a splat waits where it was.
+  wire here = walking || s_valid;
+  wire room;
+  assign takes = here && (room || !kept);
+  assign s_ready = !walking && (room || (s_valid && !kept));
+  pipe #(.W(OUT_W), .LATENCY(machine_pkg::RASTER_LATENCY), .INTERVAL(machine_pkg::RASTER_INTERVAL), .ROOM(machine_pkg::RASTER_ROOM))
+      behind (.clk(clk), .rst(rst), .s_valid(here && kept), .s_ready(room), .s_data({tag, x, y, natural, clamped}), .m_valid(m_valid),
+      .m_ready(m_ready), .m_data(m_data));
+
+  always_ff @(posedge clk) begin
+    if (rst) walking <= 1'b0;
+    else if (takes) walking <= !last_of_box;
+    if (takes) begin
+      held <= splat;
+      column <= last_of_row ? first_column : x + COLUMN_W'(1);
+      row <= last_of_row ? y + ROW_W'(1) : y;
+      radial <= last_of_row ? radial_below : radial_here + by_column_here;
+      by_column <= last_of_row ? by_column_below : by_column_here + by_column_twice;
+      z <= last_of_row ? z_below : z_here + z_by_column;
+    end
+  end
+
+  wire unused = &{1'b0, frame};
+endmodule
+
+`default_nettype wire

@@ -1,0 +1,152 @@
+//! Alone: one unit by itself, records in and records out, as its twin in hardware sees it.
+//!
+//! Words and order of a record are those of [`ports`](crate::ports). The pipeline is not here: what one unit makes reaches no other.
+//!
+//! Laws: `a_trace_replays_through_the_units` (tests/trace.rs of the bench).
+
+use crate::frame::{Frame, View};
+use crate::machine::Elaborated;
+use crate::num::lanes::Plain;
+use crate::num::words::PlainWords;
+use crate::num::{LANES, Lanes, Words, reciprocal::Scientific};
+use crate::pipeline::{ellipse_words, projected_words};
+use crate::probe::{PROJECTED, Probe, SET_UP, Tap};
+use crate::units::fragment::{self, Contribution, Decision, Premultiplied, Slot, TILE_AREA, TILE_PX, Tile};
+use crate::units::resolve::Layer;
+use crate::units::{ellipse, raster, shade};
+
+fn all(word: i64) -> PlainWords {
+    PlainWords::splat(word)
+}
+
+fn narrow(word: i64) -> i32 {
+    word as i32
+}
+
+/// `project`: a record of `project.in`.
+pub fn project<P: Probe>(machine: &Elaborated, view: &View, position: [i64; 3], probe: &mut P) -> [i64; PROJECTED] {
+    let tap = &mut Tap::new(probe).first(1);
+    projected_words(&machine.project.lanes(view, position.map(all), tap))
+}
+
+/// `ellipse`: a record of `ellipse.in`, in a picture of this size.
+pub fn ellipse<P: Probe>(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 12], probe: &mut P) -> [i64; SET_UP] {
+    let [n_x, n_y, n_z, radius, forward, exponent, inverse, inverse_exponent, a, b, x, y] = input.map(all);
+    let input = ellipse::Input {
+        normal: [n_x, n_y, n_z],
+        radius,
+        forward,
+        exponent,
+        inverse_depth: Scientific { mantissa: inverse, exponent: inverse_exponent },
+        slope: [a, b],
+        pixel: [x, y],
+    };
+    let tap = &mut Tap::new(probe).first(1);
+    ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
+}
+
+/// `raster`: a record of `raster.in` without its tag; column, row, radial index and depth of each fragment, row by row.
+pub fn raster<P: Probe>(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 13], probe: &mut P) -> Vec<[i64; 4]> {
+    let [x, y, xx, xy, yy, depth, z_x, z_y, depth_range, left, right, top, bottom] = input;
+    let side = |first: i64, last: i64| [first as u16, last as u16];
+    let input = raster::Input {
+        pixel: [x, y].map(narrow),
+        conic: [xx, xy, yy].map(narrow),
+        depth: narrow(depth),
+        depth_slope: [z_x, z_y].map(narrow),
+        depth_range: narrow(depth_range),
+        columns: side(left, right),
+        rows: side(top, bottom),
+    };
+    let cutoff = machine.raster.cutoff(view.cutoff);
+    let tile = TILE_PX as i64;
+    let mut fragments = Vec::new();
+    for row in top / tile..=bottom / tile {
+        for column in left / tile..=right / tile {
+            let corner = [(column * tile) as u16, (row * tile) as u16];
+            let mut span = raster::Span::default();
+            let walks = machine.raster.enter::<Plain, P>(size_px, corner, &[&input; LANES], &mut Tap::new(probe).first(1));
+            machine.raster.span::<Plain, P>(size_px, &walks, 0, &input, cutoff, &mut span, &mut Tap::new(probe));
+            for first in 0..span.fragments() {
+                let places = span.places(first);
+                let [radial, depth] = machine.raster.fragments::<Plain>(&walks, 0, &span, places).map(|lanes| lanes.to_array()[0]);
+                let pixel = i64::from(walks.pixels(0, places)[0]);
+                fragments.push([column * tile + pixel % tile, row * tile + pixel / tile, radial, depth]);
+            }
+        }
+    }
+    fragments.sort_unstable_by_key(|[x, y, ..]| [*y, *x]);
+    fragments
+}
+
+/// `gauss`: a record of `gauss.in`; its weight.
+pub fn gauss<P: Probe>(machine: &Elaborated, [radial, amplitude]: [i64; 2], probe: &mut P) -> i64 {
+    let tap = &mut Tap::new(probe).first(1);
+    let [_, weight] = machine.gauss.lanes::<false, Plain, P>(Plain::splat(radial), amplitude, tap);
+    weight.to_array()[0]
+}
+
+/// `shade`: one fragment, with the lights and materials of a frame.
+pub fn shade<P: Probe>(machine: &Elaborated, frame: &Frame, input: &shade::Input, probe: &mut P) -> shade::Output {
+    let highlights = machine.shade.highlights(&frame.lighting);
+    machine.shade.one(&lights(frame, &highlights), input, &mut Tap::new(probe))
+}
+
+fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<crate::num::Table>]) -> shade::Registers<'a> {
+    shade::Registers {
+        lighting: &frame.lighting,
+        highlights,
+        coverage_threshold: frame.coverage_threshold,
+        inverse_threshold: frame.inverse_threshold,
+    }
+}
+
+/// `resolve`: the layers of a pixel, front to back; its frame word.
+pub fn resolve<P: Probe>(machine: &Elaborated, frame: &Frame, layers: &[Layer], probe: &mut P) -> [i64; 4] {
+    machine.resolve.one(layers, frame.background, &mut Tap::new(probe))
+}
+
+/// `fragment`, with pixels of one tile.
+pub struct Fragments<'a> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    tile: Box<Tile<i64>>,
+}
+
+impl<'a> Fragments<'a> {
+    /// All pixels empty.
+    pub fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
+        Fragments { machine, frame, tile: Box::default() }
+    }
+
+    /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
+    pub fn take<P: Probe>(&mut self, input: [i64; 12], mut answer: impl FnMut(&Slot) -> Premultiplied, probe: &mut P) -> Decision {
+        let [x, y, weight, exact_depth, red, green, blue, opacity, n_x, n_y, n_z, material] = input;
+        let registers = fragment::Registers { z_threshold: self.frame.z_threshold, coverage_threshold: self.frame.coverage_threshold };
+        let attributes = [1, red, green, blue, opacity, n_x, n_y, n_z].map(narrow);
+        let unit = &self.machine.fragment;
+        let depth = unit.depth::<false, Plain, P>(Plain::splat(exact_depth), &mut Tap::new(probe).first(1)).to_array()[0];
+        let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
+        let answers = std::cell::RefCell::new(&mut answer);
+        let shade = |slot: &Slot, _: &mut Tap<P>| (answers.borrow_mut())(slot);
+        let tap = &mut Tap::new(&mut *probe);
+        let material = material as u32;
+        let weighed = [weight, depth];
+        let decision =
+            unit.contribute::<false, Plain, i64, P>(&mut self.tile, pixel, weighed, &attributes, &material, &registers, shade, tap);
+        let contribution = Contribution { splat: 0, radial_index: 0, weight, depth };
+        tap.probe.contribution(x as u32, y as u32, &contribution, decision);
+        decision
+    }
+
+    /// What a pixel of the tile holds, slot by slot.
+    pub fn held(&self, pixel: usize) -> Vec<Slot> {
+        let at = (pixel % TILE_AREA) as u8;
+        (0..self.tile.live(at)).map(|slot| self.tile.slot(at, slot)).collect()
+    }
+
+    /// What a shaded fragment is read as.
+    pub fn lit<P: Probe>(&self, slot: &Slot, probe: &mut P) -> Premultiplied {
+        self.machine.fragment.shaded(slot, &mut Tap::new(probe))
+    }
+}

@@ -1,0 +1,545 @@
+//! Stimulus: made-up cases for each unit alone: corner values of every field, thresholds and ties on purpose, then seeded random ones.
+//!
+//! A scene's own transfers seldom meet a limit, a tie or a threshold, where hardware goes wrong first. Here each unit is driven by
+//! itself, so what it is given need not be what another unit could make.
+
+use super::coverage::Coverage;
+use super::transfers::{Key, NONE};
+use rtl_model::alone::{self, Fragments};
+use rtl_model::frame::Frame;
+use rtl_model::machine::Elaborated;
+use rtl_model::num::Format;
+use rtl_model::ports::{self, Stream};
+use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
+use rtl_model::units::resolve::Layer;
+use rtl_model::units::shade;
+
+/// The records of one stream, made up.
+#[derive(Clone, Debug, Default)]
+pub struct Made {
+    /// The stream's name.
+    pub name: &'static str,
+    /// Its records and their keys.
+    pub records: Vec<(Vec<i64>, Key)>,
+}
+
+/// Cases of one kind: from which record of a unit's input on, and how many.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Tag {
+    /// The stream that they are driven into.
+    pub stream: &'static str,
+    /// What they are for.
+    pub tag: String,
+    /// The first record.
+    pub first: usize,
+    /// How many.
+    pub records: usize,
+}
+
+/// Everything that was made up.
+#[derive(Clone, Debug, Default)]
+pub struct Stimulus {
+    /// Every stream.
+    pub made: Vec<Made>,
+    /// What the cases are for.
+    pub tags: Vec<Tag>,
+    /// What they met.
+    pub coverage: Coverage,
+}
+
+/// Numbers that look random, the same for the same seed (SplitMix64).
+#[derive(Clone, Debug)]
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        super::mixed(0, self.0)
+    }
+
+    /// 0 to the one before `end`.
+    fn below(&mut self, end: i64) -> i64 {
+        (self.next() % end.max(1) as u64) as i64
+    }
+
+    fn one_in(&mut self, of: i64) -> bool {
+        self.below(of) == 0
+    }
+
+    fn among<T: Copy>(&mut self, all: &[T]) -> T {
+        all[self.below(all.len() as i64) as usize]
+    }
+
+    /// Any word: as often a small one as a great one.
+    fn word(&mut self, format: Format) -> i64 {
+        let bits = self.below(i64::from(format.magnitude_bits()) + 1);
+        let magnitude = self.below(1 << bits);
+        let word = if format.signed && self.one_in(2) { -1 - magnitude } else { magnitude };
+        if self.one_in(4) { self.among(&corners(format)) } else { word }
+    }
+}
+
+/// The words of a format where something may change.
+fn corners(format: Format) -> Vec<i64> {
+    let one = if (0..format.magnitude_bits()).contains(&format.frac_bits) { format.one() } else { 0 };
+    let all = [format.min(), format.min() + 1, -one, -1, 0, 1, one - 1, one, one + 1, format.max() - 1, format.max()];
+    let mut corners: Vec<i64> = all.into_iter().filter(|word| (format.min()..=format.max()).contains(word)).collect();
+    corners.sort_unstable();
+    corners.dedup();
+    corners
+}
+
+/// Makes so many random cases for each unit, behind those that are made on purpose.
+pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64) -> Stimulus {
+    let streams = ports::streams(machine);
+    let mut maker = Maker {
+        machine,
+        frame,
+        streams,
+        random: Random(seed),
+        out: Stimulus { coverage: Coverage::new(machine), ..Stimulus::default() },
+        cases: cases as usize,
+    };
+    maker.splats();
+    maker.raster();
+    maker.gauss();
+    maker.fragments();
+    maker.shade();
+    maker.resolve();
+    maker.out
+}
+
+struct Maker<'a> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    streams: Vec<Stream>,
+    random: Random,
+    out: Stimulus,
+    cases: usize,
+}
+
+/// A key of a case that has no place in a picture.
+fn key(parent: usize) -> Key {
+    Key { splat: NONE, x: 0xffff, y: 0xffff, slot: 0xff, parent: parent as u32, flags: 0 }
+}
+
+fn pixel_key([x, y]: [i64; 2], parent: usize) -> Key {
+    Key { x: x as u32, y: y as u32, ..key(parent) }
+}
+
+const UNKNOWN: usize = NONE as usize;
+
+impl Maker<'_> {
+    fn formats(&self, stream: &str) -> Vec<Format> {
+        let stream = self.streams.iter().find(|other| other.name == stream);
+        stream.map_or_else(Vec::new, |stream| stream.fields.iter().map(|field| field.word.format).collect())
+    }
+
+    fn push(&mut self, name: &'static str, words: Vec<i64>, key: Key) -> usize {
+        let place = self.out.made.iter().position(|made| made.name == name).unwrap_or_else(|| {
+            self.out.made.push(Made { name, records: Vec::new() });
+            self.out.made.len() - 1
+        });
+        let records = &mut self.out.made[place].records;
+        records.push((words, key));
+        records.len() - 1
+    }
+
+    /// What has been made since so many records are cases of one kind.
+    fn tag(&mut self, stream: &'static str, tag: &str, first: usize) -> usize {
+        let end = self.out.made.iter().find(|made| made.name == stream).map_or(0, |made| made.records.len());
+        if end > first {
+            self.out.tags.push(Tag { stream, tag: tag.to_owned(), first, records: end - first });
+        }
+        end
+    }
+
+    /// Every corner of every field with random words beside it, then random words alone.
+    fn words(&mut self, formats: &[Format]) -> Vec<(String, Vec<Vec<i64>>)> {
+        let random = &mut self.random;
+        let mut any = |fixed: Option<(usize, i64)>| -> Vec<i64> {
+            let mut words: Vec<i64> = formats.iter().map(|format| random.word(*format)).collect();
+            if let Some((field, word)) = fixed {
+                words[field] = word;
+            }
+            words
+        };
+        let mut at_corners = Vec::new();
+        for (field, format) in formats.iter().enumerate() {
+            for word in corners(*format) {
+                (0..4).for_each(|_| at_corners.push(any(Some((field, word)))));
+            }
+        }
+        let anywhere = (0..self.cases).map(|_| any(None)).collect();
+        vec![("corners".into(), at_corners), ("random".into(), anywhere)]
+    }
+
+    /// `project`, and `ellipse` behind it.
+    fn splats(&mut self) {
+        let (mut first, mut first_disc) = (0, 0);
+        let mut formats = self.formats("project.in");
+        formats.extend(&self.formats("ellipse.in")[..4]);
+        let size_px = [self.frame.width, self.frame.height];
+        let near_eye = self.near_eye();
+        let mut kinds = self.words(&formats);
+        // Random places mostly lie outside of the view: as many cases in front of the eye.
+        let mut seen = self.words(&formats).pop().unwrap_or_default().1;
+        for words in &mut seen {
+            let place = near_eye[self.random.below(near_eye.len() as i64) as usize];
+            words[..3].copy_from_slice(&place);
+        }
+        kinds.push(("in view".into(), seen));
+        for (kind, records) in kinds {
+            for words in records {
+                let (position, disc) = ([words[0], words[1], words[2]], &words[3..7]);
+                let input = self.push("project.in", position.to_vec(), key(UNKNOWN));
+                let projected = alone::project(self.machine, &self.frame.view, position.map(|word| word), &mut self.out.coverage);
+                let output = self.push("project.out", projected.to_vec(), key(input));
+                let [near, outside, forward, exponent, _, inverse, inverse_exponent, a, b, x, y] = projected;
+                if [near, outside] != [0, 0] {
+                    continue;
+                }
+                let words = [disc[0], disc[1], disc[2], disc[3], forward, exponent, inverse, inverse_exponent, a, b, x, y];
+                let input = self.push("ellipse.in", words.to_vec(), key(output));
+                let set_up = alone::ellipse(self.machine, &self.frame.view, size_px, words, &mut self.out.coverage);
+                self.push("ellipse.out", set_up.to_vec(), key(input));
+            }
+            first = self.tag("project.in", &kind, first);
+            first_disc = self.tag("ellipse.in", &kind, first_disc);
+        }
+    }
+
+    /// Places that the camera sees, from a grid of all places; all of them if it sees none.
+    fn near_eye(&self) -> Vec<[i64; 3]> {
+        let format = self.machine.machine.splat.position.format;
+        let step = (format.max() / 12).max(1);
+        let line: Vec<i64> = (-12..=12).map(|i| (i * step).clamp(format.min(), format.max())).collect();
+        let all = line.iter().flat_map(|&x| line.iter().flat_map(move |&y| [x, y].into_iter().map(move |_| [x, y])));
+        let grid: Vec<[i64; 3]> = all.flat_map(|[x, y]| line.iter().map(move |&z| [x, y, z])).collect();
+        let is_seen =
+            |place: &[i64; 3]| alone::project(self.machine, &self.frame.view, *place, &mut rtl_model::probe::Unwatched)[..2] == [0, 0];
+        let mut seen: Vec<[i64; 3]> = grid.iter().copied().filter(is_seen).collect();
+        seen.dedup();
+        if seen.is_empty() { grid } else { seen }
+    }
+
+    fn raster(&mut self) {
+        let formats = self.formats("raster.in");
+        let mut first = 0;
+        for (kind, records) in self.words(&formats[1..10]) {
+            for words in records {
+                let [left, top] = [self.frame.width, self.frame.height].map(|size| self.random.below(size.into()));
+                let side = if self.random.one_in(8) { 40 } else { 9 };
+                let [right, bottom] = [(left, self.frame.width), (top, self.frame.height)]
+                    .map(|(first, size)| (first + self.random.below(side)).min(i64::from(size) - 1));
+                let mut input = [0; 13];
+                input[..9].copy_from_slice(&words);
+                input[9..].copy_from_slice(&[left, right, top, bottom]);
+                if self.random.one_in(2) {
+                    self.put_in_box(&mut input);
+                }
+                let number = self.out.made.iter().find(|made| made.name == "raster.in").map_or(0, |made| made.records.len());
+                let parent = self.push("raster.in", [&[number as i64], &input[..]].concat(), key(UNKNOWN));
+                let fragments =
+                    alone::raster(self.machine, &self.frame.view, [self.frame.width, self.frame.height], input, &mut self.out.coverage);
+                self.cover_raster(&input, &fragments);
+                for [x, y, radial, depth] in fragments {
+                    self.push("raster.out", vec![number as i64, x, y, radial, depth], pixel_key([x, y], parent));
+                }
+            }
+            first = self.tag("raster.in", &kind, first);
+        }
+    }
+
+    /// A footprint whose centre lies in its box, as most do.
+    fn put_in_box(&mut self, input: &mut [i64; 13]) {
+        let format = self.machine.machine.project.pixel.format;
+        for (axis, size) in [self.frame.width, self.frame.height].into_iter().enumerate() {
+            let [first, last] = [input[9 + 2 * axis], input[10 + 2 * axis]];
+            // From the picture's middle, in half pixels, and then somewhere within the pixel.
+            let halves = 2 * (first + self.random.below(last - first + 1)) + 1 - i64::from(size);
+            let word = (halves << (format.frac_bits - 1)) + self.random.below(1 << format.frac_bits) - (1 << (format.frac_bits - 1));
+            input[axis] = word.clamp(format.min(), format.max());
+        }
+    }
+
+    fn cover_raster(&mut self, input: &[i64; 13], fragments: &[[i64; 4]]) {
+        let m = &self.machine.machine;
+        let depth_f = ports::exact_depth(m).frac_bits;
+        let [depth, range] =
+            [(input[5], m.project.depth), (input[8], m.ellipse.depth_range)].map(|(word, of)| word << (depth_f - of.format.frac_bits));
+        let cutoff = self.frame.view.cutoff << (m.raster.radial.format.frac_bits - m.raster.cutoff.format.frac_bits);
+        let pixels = (input[10] - input[9] + 1) * (input[12] - input[11] + 1);
+        let meet = &mut self.out.coverage;
+        meet.count("raster", if fragments.is_empty() { "box keeps nothing" } else { "box keeps something" });
+        if fragments.len() as i64 == pixels {
+            meet.count("raster", "box keeps everything");
+        }
+        for [_, _, radial, z] in fragments {
+            meet.count_if(*radial == 0, "raster", "radial 0, or below it");
+            meet.count_if(*radial == cutoff - 1, "raster", "radial one below the cutoff");
+            meet.count_if(*z == depth - range, "raster", "depth at the near end of its clamp");
+            meet.count_if(*z == depth + range, "raster", "depth at the far end of its clamp");
+        }
+    }
+
+    fn gauss(&mut self) {
+        let m = &self.machine.machine;
+        let (radial, amplitude) = (m.raster.radial.format, m.ellipse.amplitude.format);
+        let index = m.gauss.radial_index.format;
+        let places = radial.frac_bits - index.frac_bits;
+        // Both ends and the middle of every step of the table, and beside them; one in more where the table is large.
+        let steps = 1i64 << m.gauss.table.index_bits.min(9);
+        let step = ((index.max() + 1) / steps).max(1);
+        let mut at_steps = Vec::new();
+        for place in (0..steps).flat_map(|i| [i * step, i * step + step / 2]) {
+            let word = if places >= 0 { place << places } else { place >> -places };
+            at_steps.extend([-1, 0, 1].map(|by| [word + by, self.random.word(amplitude)]));
+        }
+        let half = if places > 0 { 1 << (places - 1) } else { 0 };
+        let ties = (0..256).map(|_| [(self.random.below(index.max() + 1) << places.max(0)) + half, self.random.word(amplitude)]).collect();
+        let ends = corners(radial).into_iter().flat_map(|r| corners(amplitude).into_iter().map(move |a| [r, a])).collect();
+        let anywhere = (0..self.cases).map(|_| [self.random.word(radial), self.random.word(amplitude)]).collect();
+        let mut first = 0;
+        for (kind, records) in [("table steps", at_steps), ("ties", ties), ("corners", ends), ("random", anywhere)] {
+            for [radial_word, amplitude] in records {
+                let words = [radial_word.clamp(0, radial.max()), amplitude];
+                let parent = self.push("gauss.in", words.to_vec(), key(UNKNOWN));
+                let weight = alone::gauss(self.machine, words, &mut self.out.coverage);
+                self.out.coverage.count("gauss", if weight == 0 { "weight 0" } else { "weight above 0" });
+                self.push("gauss.out", vec![weight], key(parent));
+            }
+            first = self.tag("gauss.in", kind, first);
+        }
+    }
+
+    /// Contributions that lie on purpose at, just within and just beyond ε of what their pixel holds.
+    fn fragments(&mut self) {
+        let m = &self.machine.machine;
+        let formats = self.formats("fragment.in");
+        let depth = m.fragment.depth.format;
+        let places = ports::exact_depth(m).frac_bits - depth.frac_bits;
+        let sides = [self.frame.width, self.frame.height].map(|size| i64::from(size).min(TILE_PX as i64));
+        let threshold = self.frame.z_threshold;
+        let mut unit = Fragments::new(self.machine, self.frame);
+        let mut at = [0, 0];
+        for _ in 0..self.cases + 4096 {
+            if !self.random.one_in(3) {
+                at = sides.map(|side| self.random.below(side));
+            }
+            let pixel = at[1] as usize * TILE_PX + at[0] as usize;
+            let held = unit.held(pixel);
+            let z = self.depth(&held, threshold);
+            self.cover_match(&held, z, threshold);
+            let mut words: Vec<i64> = formats.iter().map(|format| self.random.word(*format)).collect();
+            words[..2].copy_from_slice(&at);
+            words[2] = words[2].max(1);
+            let below = if places > 0 { self.random.below(1 << places) - (1 << (places - 1)) } else { 0 };
+            let exact = if places >= 0 { (z << places) + below } else { z >> -places };
+            if !self.random.one_in(16) {
+                words[3] = exact.clamp(formats[3].min(), formats[3].max());
+            }
+            // Half of all surfaces are opaque, and heavy, so that something is hidden now and then.
+            if self.random.one_in(2) {
+                words[2] = formats[2].max();
+                words[7] = m.splat.opacity.format.one();
+            }
+            words[11] = self.random.below(self.frame.lighting.materials.len() as i64);
+            self.contribution(&mut unit, pixel, &held, words);
+        }
+        self.tag("fragment.in", "thresholds and random", 0);
+        for y in 0..sides[1] {
+            for x in 0..sides[0] {
+                self.end_of_pixel(&unit, [x, y]);
+            }
+        }
+    }
+
+    fn contribution(&mut self, unit: &mut Fragments, pixel: usize, held: &[Slot], words: Vec<i64>) {
+        let at = [words[0], words[1]];
+        let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
+        let mut asked: Vec<(Slot, Premultiplied)> = Vec::new();
+        let (random, machine) = (&mut self.random, self.machine);
+        let decision = unit.take(
+            words.try_into().unwrap_or_default(),
+            |slot| {
+                let answer = answer(random, machine);
+                asked.push((*slot, answer));
+                answer
+            },
+            &mut self.out.coverage,
+        );
+        for (slot, answer) in asked {
+            let request = self.push("fragment.request", [&slot.sums[..], &[slot.material.into()]].concat(), pixel_key(at, input));
+            let [r, g, b] = answer.colour;
+            self.push("fragment.answer", vec![r, g, b, answer.opacity], pixel_key(at, request));
+        }
+        let (outcome, slot) = super::watcher::outcome(decision);
+        let full = held.len() == self.machine.machine.fragment.layers as usize;
+        let shaded = held.iter().filter(|slot| slot.shaded).count();
+        let meet = &mut self.out.coverage;
+        meet.count("fragment", &format!("{} slot {slot}", OUTCOMES[usize::from(outcome)]));
+        if full {
+            meet.count("fragment", &format!("full, {shaded} of them shaded"));
+        }
+        if let Decision::Merged(..) = decision {
+            let same = unit.held(pixel).iter().filter(|slot| slot.shaded).count();
+            meet.count("fragment", &format!("merge leaves {same} shaded"));
+        }
+        self.push("fragment.out", vec![at[0], at[1], outcome.into(), slot.into()], pixel_key(at, input));
+    }
+
+    /// A depth at, or beside, the reach of a fragment that is there, in the middle of two, or anywhere.
+    fn depth(&mut self, held: &[Slot], threshold: i64) -> i64 {
+        let format = self.machine.machine.fragment.depth.format;
+        let random = &mut self.random;
+        if held.is_empty() || random.one_in(4) {
+            // Not farther apart than some tens of ε, or two never meet.
+            let middle = format.max() / 2;
+            let spread = (threshold * 24).clamp(4, format.max());
+            return if random.one_in(8) {
+                random.word(format)
+            } else {
+                (middle - spread / 2 + random.below(spread)).clamp(0, format.max())
+            };
+        }
+        let slot = held[random.below(held.len() as i64) as usize].depth;
+        let other = held[random.below(held.len() as i64) as usize].depth;
+        let reach = threshold + random.below(3) - 1;
+        let z = match random.below(4) {
+            0 => slot + reach,
+            1 => slot - reach,
+            2 => (slot + other) / 2 + random.below(2),
+            _ => slot,
+        };
+        z.clamp(format.min(), format.max())
+    }
+
+    fn cover_match(&mut self, held: &[Slot], z: i64, threshold: i64) {
+        let mut distances: Vec<i64> = held.iter().filter(|slot| !slot.shaded).map(|slot| (slot.depth - z).abs()).collect();
+        let meet = &mut self.out.coverage;
+        for distance in &distances {
+            for (by, name) in [(-1, "depth one within ε"), (0, "depth at ε"), (1, "depth one beyond ε")] {
+                meet.count_if(*distance == threshold + by, "fragment", name);
+            }
+        }
+        distances.retain(|distance| *distance < threshold);
+        distances.sort_unstable();
+        meet.count_if(distances.len() > 1, "fragment", "several within ε");
+        meet.count_if(distances.len() > 1 && distances[0] == distances[1], "fragment", "several within ε, equally near");
+        meet.count_if(held.iter().any(|slot| slot.shaded && (slot.depth - z).abs() < threshold), "fragment", "a shaded one within ε");
+        meet.count_if(held.iter().any(|slot| slot.depth == z), "fragment", "equal depths");
+    }
+
+    fn end_of_pixel(&mut self, unit: &Fragments, at: [i64; 2]) {
+        let slots = unit.held(at[1] as usize * TILE_PX + at[0] as usize);
+        let mut order: Vec<usize> = (0..slots.len()).collect();
+        order.sort_by_key(|&slot| slots[slot].depth);
+        for number in order {
+            let slot = &slots[number];
+            let mut words = vec![at[0], at[1], number as i64, slot.shaded.into(), slot.depth, slot.material.into()];
+            words.extend(slot.sums);
+            let lit = if slot.shaded { unit.lit(slot, &mut self.out.coverage) } else { Premultiplied::default() };
+            words.extend(lit.colour);
+            words.push(lit.opacity);
+            self.push("fragment.held", words, Key { slot: number as u32, ..pixel_key(at, UNKNOWN) });
+        }
+    }
+
+    fn shade(&mut self) {
+        let formats = self.formats("shade.in");
+        let threshold = self.frame.coverage_threshold;
+        let mut kinds = self.words(&formats[..8]);
+        let mut at_threshold = kinds.remove(0).1;
+        for (i, words) in (0..).zip(&mut at_threshold) {
+            let powers = 1i64 << self.random.below(formats[0].magnitude_bits().into());
+            let weights = [threshold - 1, threshold, threshold + 1, powers, powers - 1, powers + 1, words[0]];
+            words[0] = weights[i % weights.len()].clamp(0, formats[0].max());
+        }
+        kinds.push(("thresholds and powers of two".into(), at_threshold));
+        // Sums that belong together: no colour is brighter than its weight, and normals are as long.
+        let mut likely = self.words(&formats[..8]).pop().unwrap_or_default().1;
+        for words in &mut likely {
+            for field in 1..5 {
+                let by = formats[field].frac_bits - formats[0].frac_bits;
+                let limit = if by >= 0 { words[0] << by } else { words[0] >> -by };
+                words[field] = words[field].rem_euclid(limit.clamp(0, formats[field].max() - 1) + 1);
+            }
+        }
+        kinds.push(("likely sums".into(), likely));
+        let mut first = 0;
+        for (kind, records) in kinds {
+            for mut words in records {
+                let material = self.random.below(self.frame.lighting.materials.len() as i64);
+                words.push(material);
+                let parent = self.push("shade.in", words.clone(), key(UNKNOWN));
+                let input = shade::Input {
+                    weight: words[0],
+                    colour: [words[1], words[2], words[3]],
+                    opacity: words[4],
+                    normal: [words[5], words[6], words[7]],
+                    material: material as u32,
+                };
+                let output = alone::shade(self.machine, self.frame, &input, &mut self.out.coverage);
+                let weight = match words[0] {
+                    0 => "weight 0",
+                    weight if weight < threshold => "weight below τ",
+                    weight if weight == threshold => "weight at τ",
+                    _ => "weight above τ",
+                };
+                self.out.coverage.count("shade", weight);
+                self.out.coverage.count_if(words[5..8] == [0, 0, 0], "shade", "normals cancel");
+                let [r, g, b] = output.colour;
+                self.push("shade.out", vec![r, g, b, output.opacity], key(parent));
+            }
+            first = self.tag("shade.in", &kind, first);
+        }
+    }
+
+    fn resolve(&mut self) {
+        let layers_at_most = i64::from(self.machine.machine.fragment.layers);
+        let (width, height) = (i64::from(self.frame.width), i64::from(self.frame.height));
+        for case in 0..self.cases as i64 {
+            let at = [case % width, case / width % height];
+            let count = self.random.below(layers_at_most + 1);
+            let layers: Vec<Layer> = (0..count)
+                .map(|_| {
+                    let Premultiplied { colour, opacity } = answer(&mut self.random, self.machine);
+                    Layer { colour, opacity, ..Layer::default() }
+                })
+                .collect();
+            let mut first = None;
+            for (i, layer) in layers.iter().enumerate() {
+                let [r, g, b] = layer.colour;
+                let words = vec![at[0], at[1], i64::from(i + 1 == layers.len()), 0, r, g, b, layer.opacity];
+                let record = self.push("resolve.in", words, pixel_key(at, UNKNOWN));
+                first = first.or(Some(record));
+            }
+            if layers.is_empty() {
+                first = Some(self.push("resolve.in", vec![at[0], at[1], 1, 1, 0, 0, 0, 0], pixel_key(at, UNKNOWN)));
+            }
+            let word = alone::resolve(self.machine, self.frame, &layers, &mut self.out.coverage);
+            self.out.coverage.count("resolve", &format!("{count} layers"));
+            self.push("resolve.out", [&at[..], &word[..]].concat(), pixel_key(at, first.unwrap_or(UNKNOWN)));
+        }
+        self.tag("resolve.in", "random layers", 0);
+    }
+}
+
+/// What becomes of contributions, in the order of `fragment.out`.
+const OUTCOMES: [&str; 6] = ["accumulated in", "inserted in", "merged from", "evicted, itself", "replaced", "dropped"];
+
+/// Light that a fragment may have: opaque, at the opacity limit and beside it, clear, or anything; no brighter than 1.
+fn answer(random: &mut Random, machine: &Elaborated) -> Premultiplied {
+    let m = &machine.machine;
+    let (format, limit) = (m.shade.premultiplied.format, m.fragment.opaque_permille);
+    let at_limit = format.one() * i64::from(limit) / 1000;
+    let opacity = match random.below(6) {
+        0 => format.one(),
+        1 => at_limit + random.below(3) - 1,
+        2 => 0,
+        _ => random.below(format.one() + 1),
+    };
+    let colour = [(); 3].map(|()| random.word(format).min(format.one()));
+    Premultiplied { colour, opacity: opacity.clamp(0, format.one()) }
+}

@@ -1,0 +1,170 @@
+//! Co-simulation: runs the twins in SystemVerilog on two simulators, driven by traces.
+
+#![allow(dead_code, reason = "each test file uses its own part")]
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use tempfile::TempDir;
+
+/// A simulator of SystemVerilog.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Simulator {
+    Icarus,
+    Verilator,
+}
+
+/// A twin that the bench can drive.
+#[derive(Clone, Copy, Debug)]
+pub struct Unit {
+    pub name: &'static str,
+    /// What the bench must connect.
+    pub macros: &'static [&'static str],
+}
+
+const FRAME: &str = "HAS_FRAME";
+const LIGHTING: &str = "HAS_LIGHTING";
+const DRAIN: &str = "HAS_DRAIN";
+
+/// All units, in the order of the diagram.
+pub const UNITS: [Unit; 7] = [
+    Unit { name: "project", macros: &[FRAME] },
+    Unit { name: "ellipse", macros: &[FRAME] },
+    Unit { name: "raster", macros: &[FRAME] },
+    Unit { name: "gauss", macros: &[] },
+    Unit { name: "fragment", macros: &[FRAME, DRAIN] },
+    Unit { name: "shade", macros: &[FRAME, LIGHTING] },
+    Unit { name: "resolve", macros: &[FRAME] },
+];
+
+/// All of them wired together.
+pub const PIPELINE: Unit = Unit { name: "pipeline", macros: &[FRAME, LIGHTING, DRAIN] };
+
+/// Where the twins lie.
+pub fn sources() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("rtl_model/rtl")
+}
+
+/// Whether these programs are here; where they are not, says what is skipped, or fails in CI.
+pub fn have(programs: &[&str], what: &str) -> bool {
+    let is_missing = |program: &&&str| Command::new(program).arg("--version").output().is_err() && Command::new(program).arg("-V").output().is_err();
+    let missing: Vec<&str> = programs.iter().filter(is_missing).copied().collect();
+    if missing.is_empty() {
+        return true;
+    }
+    assert!(std::env::var_os("CI").is_none(), "CI needs {}", missing.join(", "));
+    println!("skipped: {what}, for want of {}", missing.join(", "));
+    false
+}
+
+/// Runs a command, which must succeed.
+pub fn run(command: &mut Command) -> Output {
+    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    let told = [&output.stdout[..], &output.stderr[..]].map(String::from_utf8_lossy).concat();
+    assert!(output.status.success(), "{command:?} failed:\n{told}");
+    output
+}
+
+/// A twin, compiled for one machine.
+pub struct Device {
+    program: Vec<PathBuf>,
+    trace: PathBuf,
+    unit: Unit,
+    kept: TempDir,
+}
+
+/// What a device gave.
+pub struct Given {
+    /// The bench's last line.
+    pub last: String,
+    /// Records of the unit's output.
+    pub out: PathBuf,
+    /// When each record was taken in and given, line by line.
+    pub times: PathBuf,
+    /// What `fragment` asked of shade.
+    pub requests: PathBuf,
+    /// What `fragment` held in the end.
+    pub held: PathBuf,
+}
+
+impl Device {
+    /// Compiles a unit, its files taken from `sources`, with the package of a trace's folder, for a picture of so many pixels a side.
+    pub fn new(simulator: Simulator, sources: &Path, trace: &Path, unit: Unit, side: u32) -> Device {
+        let kept = tempfile::tempdir().unwrap();
+        let bench = match unit.name {
+            "fragment" => "bench_fragment",
+            name => name,
+        };
+        let upper = unit.name.to_uppercase();
+        let mut defines = vec![
+            format!("-DDUT={bench}"),
+            format!("-DIN_W=machine_pkg::{upper}_IN_W"),
+            format!("-DOUT_W=machine_pkg::{upper}_OUT_W"),
+        ];
+        defines.extend(unit.macros.iter().map(|name| format!("-D{name}")));
+        if ["fragment", "pipeline"].contains(&unit.name) {
+            defines.push(format!("-DDUT_PARAMETERS=.WIDTH({side}),.HEIGHT({side})"));
+        }
+        let mut files = vec![trace.join("machine_pkg.sv"), sources.join("bench/bench.sv")];
+        if bench == "bench_fragment" {
+            files.push(sources.join("bench/bench_fragment.sv"));
+        }
+        let program = match simulator {
+            Simulator::Icarus => {
+                let program = kept.path().join("device");
+                run(Command::new("iverilog")
+                    .args(["-g2012", "-s", "bench", "-o"])
+                    .arg(&program)
+                    .args(&defines)
+                    .arg("-y")
+                    .arg(sources)
+                    .args(["-Y", ".sv"])
+                    .args(&files));
+                vec!["vvp".into(), program]
+            }
+            Simulator::Verilator => {
+                let folder = kept.path().join("device");
+                run(Command::new("verilator")
+                    .args(["--binary", "--timing", "-O3", "-j", "2", "-Wno-fatal", "--top-module", "bench"])
+                    .args(["-MAKEFLAGS", "OPT_FAST=-O2", "--Mdir"])
+                    .arg(&folder)
+                    .args(&defines)
+                    .arg("-y")
+                    .arg(sources)
+                    .args(&files));
+                vec![folder.join("Vbench")]
+            }
+        };
+        Device { program, trace: trace.to_owned(), unit, kept }
+    }
+
+    /// Drives it with the first so many of a trace's inputs, or all, and expects so many records.
+    pub fn drive(&self, inputs: Option<usize>, expect: usize, arguments: &[&str]) -> Given {
+        let file = |name: &str| self.kept.path().join(name);
+        let (out, times, requests, held) = (file("out.hex"), file("times"), file("requests.hex"), file("held.hex"));
+        let mut input = self.trace.join(format!("{}.in.hex", self.unit.name));
+        if let Some(inputs) = inputs {
+            let text = std::fs::read_to_string(&input).unwrap();
+            input = file("in.hex");
+            std::fs::write(&input, text.lines().take(inputs).map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+        }
+        let mut command = Command::new(&self.program[0]);
+        command.args(&self.program[1..]).current_dir(&self.trace);
+        let mut given = |name: &str, path: &Path| {
+            command.arg(format!("+{name}={}", path.display()));
+        };
+        given("in", &input);
+        given("out", &out);
+        given("times", &times);
+        if self.unit.name == "fragment" {
+            given("answers", &self.trace.join("fragment.answer.hex"));
+            given("requests", &requests);
+            given("held", &held);
+        }
+        command.args([format!("+expect={expect}"), "+quiet=200".into(), "+patience=20000".into()]);
+        command.args(arguments);
+        let output = run(&mut command);
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        let last = text.lines().rfind(|line| line.starts_with("bench:")).unwrap_or_default().to_owned();
+        Given { last, out, times, requests, held }
+    }
+}

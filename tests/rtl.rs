@@ -1,0 +1,234 @@
+//! Do the twins in SystemVerilog give every record that the machine gives, on two simulators, and are mistakes in them caught?
+
+mod cosimulation;
+mod traced;
+
+use cosimulation::{Device, Given, PIPELINE, Simulator, UNITS, Unit, have, run, sources};
+use splatsim::diff::diff;
+use splatsim::trace::Window;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use traced::{Traced, cloud, machine, traced};
+
+/// One lane, as the twins have; the named machines, and rules that none of them has.
+fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
+    let one_lane = "timing.raster.lanes=[1,1]";
+    vec![
+        ("tiny", machine("tiny", &[one_lane])),
+        ("lean", machine("lean", &[one_lane])),
+        ("reference", machine("reference", &[one_lane])),
+    ]
+}
+
+fn unit(name: &str) -> Unit {
+    *UNITS.iter().find(|unit| unit.name == name).unwrap()
+}
+
+/// The streams of what a unit gave, each with the file of its records.
+fn outputs(unit: Unit, given: &Given) -> Vec<(String, PathBuf)> {
+    let mut outputs = vec![(format!("{}.out", unit.name), given.out.clone())];
+    if unit.name == "fragment" {
+        outputs.push(("fragment.request".into(), given.requests.clone()));
+        outputs.push(("fragment.held".into(), given.held.clone()));
+    }
+    outputs
+}
+
+/// What is wrong with what a unit gave; none if nothing is.
+fn fault(trace: &Traced, unit: Unit, given: &Given) -> Option<String> {
+    if !given.last.starts_with("bench: done") {
+        return Some(given.last.clone());
+    }
+    match diff(&trace.folder, &outputs(unit, given)) {
+        Ok(outcome) if outcome.equal => None,
+        Ok(outcome) => Some(outcome.sentence),
+        Err(error) => Some(error.to_string()),
+    }
+}
+
+fn expected(trace: &Traced, unit: Unit) -> usize {
+    trace.stream(&format!("{}.out", unit.name))["records"].as_u64().unwrap() as usize
+}
+
+/// Drives a unit with all that a trace has for it; how many records it gave.
+fn drive(simulator: Simulator, trace: &Traced, unit: Unit, side: u32, arguments: &[&str]) -> usize {
+    let device = Device::new(simulator, &sources(), &trace.folder, unit, side);
+    let records = expected(trace, unit);
+    let given = device.drive(None, records, arguments);
+    if let Some(fault) = fault(trace, unit, &given) {
+        panic!("{} on {simulator:?}: {fault}", unit.name);
+    }
+    records
+}
+
+const STALLS: [&str; 5] = ["+stall_in=30", "+stall_out=30", "+stall_shade=30", "+stall_held=30", "+seed=5"];
+
+#[test]
+fn twins_are_clean_and_can_be_synthesised() {
+    if !have(&["verilator", "iverilog", "yosys"], "lint and synthesis of the twins") {
+        return;
+    }
+    let (_, machine) = &machines()[1];
+    let trace = traced(&cloud(20, 16), machine, &Window { stimulus: Some(1), ..Window::default() });
+    let files: Vec<PathBuf> = std::fs::read_dir(sources()).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
+    let package = trace.path("machine_pkg.sv");
+    for unit in UNITS.iter().chain([&PIPELINE]) {
+        let file = sources().join(unit.name).with_extension("sv");
+        let lint = run(Command::new("verilator").args(["--lint-only", "-Wall", "--top-module", unit.name, "-y"]).arg(sources()).arg(&package).arg(&file));
+        assert!(lint.stderr.is_empty(), "{}: {}", unit.name, String::from_utf8_lossy(&lint.stderr));
+        if unit.name == "pipeline" {
+            continue;
+        }
+        let list: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+        let script = format!(
+            "read_verilog -sv {}; read_verilog -sv -defer {}; hierarchy -top {}; proc; check -assert",
+            package.display(),
+            list.join(" "),
+            unit.name
+        );
+        run(Command::new("yosys").current_dir(&trace.folder).args(["-q", "-p", &script]));
+    }
+}
+
+#[test]
+fn headers_compile() {
+    if !have(&["verilator", "cc"], "compiling the headers of a trace") {
+        return;
+    }
+    let trace = traced(&cloud(20, 16), &machine("reference", &[]), &Window::default());
+    let header = trace.path("check.c");
+    let program = "#include \"records.h\"\nint main(void) { raster_out_record r = {0}; return (int)r.depth + RASTER_OUT_FIELDS * 0; }\n";
+    std::fs::write(&header, program).unwrap();
+    run(Command::new("cc").args(["-Wall", "-Werror", "-Wno-unused-const-variable", "-o"]).arg(trace.path("check")).arg(&header));
+    run(&mut Command::new(trace.path("check")));
+    let module = trace.path("check.sv");
+    let widths: Vec<String> = ["raster.in", "fragment.held", "frame", "ellipse.out"]
+        .iter()
+        .map(|name| {
+            let (lower, upper) = (name.replace('.', "_"), name.replace('.', "_").to_uppercase());
+            format!("if ($bits({lower}_t) != machine_pkg::{upper}_W) $fatal(1, \"{name}\");")
+        })
+        .collect();
+    let text = format!("module check;\n`include \"records.svh\"\ninitial begin {} $finish; end\nendmodule\n", widths.join(" "));
+    std::fs::write(&module, text).unwrap();
+    let folder = trace.path("check_dir");
+    run(Command::new("verilator")
+        .args(["--binary", "--timing", "-Wno-fatal", "--top-module", "check", "--Mdir"])
+        .arg(&folder)
+        .arg(format!("-I{}", trace.folder.display()))
+        .arg(trace.path("machine_pkg.sv"))
+        .arg(&module));
+    run(&mut Command::new(folder.join("Vcheck")));
+}
+
+#[test]
+fn every_twin_gives_every_record_on_icarus() {
+    if !have(&["iverilog"], "co-simulation on Icarus") {
+        return;
+    }
+    let trace = traced(&cloud(60, 16), &machines()[0].1, &Window::default());
+    let made_up = traced(&cloud(20, 16), &machines()[0].1, &Window { stimulus: Some(50), ..Window::default() });
+    for unit in UNITS {
+        drive(Simulator::Icarus, &trace, unit, 16, &[]);
+        drive(Simulator::Icarus, &made_up, unit, 16, &STALLS);
+    }
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn every_twin_of_every_named_machine_gives_fifty_thousand_records_on_icarus() {
+    if !have(&["iverilog"], "co-simulation on Icarus") {
+        return;
+    }
+    let mut given = [0; UNITS.len()];
+    for (name, machine) in machines() {
+        let seen = traced(&cloud(400, 24), &machine, &Window::default());
+        let made_up = traced(&cloud(20, 24), &machine, &Window { stimulus: Some(16_000), ..Window::default() });
+        for (place, unit) in UNITS.into_iter().enumerate() {
+            given[place] += drive(Simulator::Icarus, &seen, unit, 24, &STALLS) + drive(Simulator::Icarus, &made_up, unit, 24, &[]);
+        }
+        println!("{name}: {given:?} records so far");
+    }
+    assert!(given.iter().all(|records| *records >= 50_000), "{given:?}");
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn every_twin_gives_a_million_records_on_verilator() {
+    if !have(&["verilator"], "co-simulation on Verilator") {
+        return;
+    }
+    let text = r#"{"splats": {"builtin": "glass-spheres"}, "image": {"width": 64, "height": 64}}"#;
+    let (_, machine) = &machines()[2];
+    let seen = traced(text, machine, &Window::default());
+    let made_up = traced(text, machine, &Window { stimulus: Some(1_000_000), ..Window::default() });
+    for unit in UNITS {
+        let records = [&seen, &made_up].map(|trace| drive(Simulator::Verilator, trace, unit, 64, &STALLS)).iter().sum::<usize>();
+        println!("{}: {records} records", unit.name);
+        assert!(records >= 1_000_000, "{}: {records}", unit.name);
+    }
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn the_wired_datapath_draws_the_frame() {
+    if !have(&["verilator"], "the wired datapath") {
+        return;
+    }
+    let text = r#"{"splats": {"builtin": "glass-spheres"}, "image": {"width": 64, "height": 64}}"#;
+    for (name, machine) in machines() {
+        let trace = traced(text, &machine, &Window { units: vec!["pipeline".into()], ..Window::default() });
+        let pixels = drive(Simulator::Verilator, &trace, PIPELINE, 64, &[]);
+        assert_eq!(pixels, 64 * 64, "{name}");
+    }
+}
+
+/// A small mistake in a twin: where, what is there, what is put there.
+struct Mutant {
+    unit: &'static str,
+    file: &'static str,
+    find: &'static str,
+    put: &'static str,
+}
+
+include!("cosimulation/mutants.rs");
+
+/// A copy of the twins with a mistake in it.
+fn mutated(mutant: &Mutant, folder: &Path) {
+    std::fs::create_dir_all(folder.join("bench")).unwrap();
+    for path in [sources(), sources().join("bench")] {
+        for entry in std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()) {
+            std::fs::copy(&entry, folder.join(entry.strip_prefix(sources()).unwrap())).unwrap();
+        }
+    }
+    let path = folder.join(mutant.file);
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert_eq!(text.matches(mutant.find).count(), 1, "{}: `{}` must be there, once", mutant.file, mutant.find);
+    std::fs::write(&path, text.replace(mutant.find, mutant.put)).unwrap();
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn every_mutant_is_caught() {
+    if !have(&["iverilog"], "mutants of the twins") {
+        return;
+    }
+    // Both row modes and several layers, with words that round and saturate.
+    let machine = machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3", "fragment.merge=nearest-pair", "fragment.evict_hidden=true"]);
+    let seen = traced(&cloud(150, 16), &machine, &Window::default());
+    let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(400), ..Window::default() });
+    let mut survivors = Vec::new();
+    for mutant in MUTANTS {
+        let folder = tempfile::tempdir().unwrap();
+        mutated(mutant, folder.path());
+        let caught = [&made_up, &seen].iter().any(|trace| {
+            let unit = unit(mutant.unit);
+            let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit, 16);
+            fault(trace, unit, &device.drive(None, expected(trace, unit), &STALLS)).is_some()
+        });
+        if !caught {
+            survivors.push(format!("{}: `{}` for `{}`", mutant.file, mutant.put, mutant.find));
+        }
+    }
+    assert!(survivors.is_empty(), "{} of {} were not caught:\n{}", survivors.len(), MUTANTS.len(), survivors.join("\n"));
+}

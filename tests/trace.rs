@@ -1,0 +1,318 @@
+//! Do traces hold what crossed the wires, and can a unit be driven by its inputs alone?
+
+mod traced;
+
+use proptest::prelude::*;
+use rtl_model::alone;
+use rtl_model::probe::Unwatched;
+use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
+use rtl_model::units::resolve::Layer;
+use rtl_model::units::shade;
+use sha2::{Digest, Sha256};
+use splatsim::quantise::quantise;
+use splatsim::scene::{Overrides, Scene};
+use splatsim::trace::Window;
+use std::collections::BTreeMap;
+use traced::{Traced, cloud, files, machine, traced};
+
+const SPLAT: usize = 0;
+const PARENT: usize = 4;
+
+/// Both row modes, all merge rules, one layer and many.
+fn machines() -> Vec<rtl_model::Machine> {
+    vec![
+        machine("tiny", &[]),
+        machine("lean", &["raster.rows=seeded", "fragment.merge=nearest-pair"]),
+        machine("reference", &["fragment.layers=1", "fragment.merge=replace"]),
+        machine("reference", &["fragment.layers=2", "fragment.evict_hidden=true", "fragment.fragment_depth=nearest"]),
+    ]
+}
+
+fn array<const N: usize>(words: &[i64]) -> [i64; N] {
+    words.try_into().unwrap()
+}
+
+/// The frame that was traced, for the constants.
+fn frame(text: &str, machine: &rtl_model::Machine) -> rtl_model::Frame {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.json");
+    std::fs::write(&path, text).unwrap();
+    quantise(&Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap(), machine).unwrap().frame
+}
+
+/// Words that mean nothing are 0.
+fn masked(trace: &Traced, stream: &str, mut words: Vec<i64>) -> Vec<i64> {
+    let fields = trace.stream(stream)["fields"].as_array().unwrap();
+    for (i, field) in fields.iter().enumerate() {
+        let flags = field["zero_where"].as_array().into_iter().flatten();
+        if flags.map(|flag| trace.field(stream, flag.as_str().unwrap())).any(|flag| words[flag] != 0) {
+            words[i] = 0;
+        }
+    }
+    words
+}
+
+fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
+    let unwatched = &mut Unwatched;
+    let size_px = [frame.width, frame.height];
+    for (input, output) in trace.records("project.in").iter().zip(trace.records("project.out")) {
+        let made = alone::project(elaborated, &frame.view, array(input), unwatched);
+        assert_eq!(masked(trace, "project.out", made.to_vec()), output);
+    }
+    for (input, output) in trace.records("ellipse.in").iter().zip(trace.records("ellipse.out")) {
+        let made = alone::ellipse(elaborated, &frame.view, size_px, array(input), unwatched);
+        assert_eq!(masked(trace, "ellipse.out", made.to_vec()), output);
+    }
+    let mut fragments = trace.records("raster.out").into_iter();
+    for input in trace.records("raster.in") {
+        for made in alone::raster(elaborated, &frame.view, size_px, array(&input[1..]), unwatched) {
+            assert_eq!(fragments.next(), Some([&input[..1], &made].concat()));
+        }
+    }
+    assert_eq!(fragments.next(), None, "raster.out has records that raster.in does not make");
+    for (input, output) in trace.records("gauss.in").iter().zip(trace.records("gauss.out")) {
+        assert_eq!(vec![alone::gauss(elaborated, array(input), unwatched)], output);
+    }
+    for (input, output) in trace.records("shade.in").iter().zip(trace.records("shade.out")) {
+        let words = shade::Input {
+            weight: input[0],
+            colour: array(&input[1..4]),
+            opacity: input[4],
+            normal: array(&input[5..8]),
+            material: input[8] as u32,
+        };
+        let made = alone::shade(elaborated, frame, &words, unwatched);
+        assert_eq!([&made.colour[..], &[made.opacity]].concat(), output);
+    }
+    replay_resolve(trace, elaborated, frame);
+    replay_fragments(trace, elaborated, frame);
+}
+
+fn replay_resolve(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
+    let (mut layers, mut pixels) = (Vec::new(), trace.records("resolve.out").into_iter());
+    for record in trace.records("resolve.in") {
+        let [x, y, last, empty, r, g, b, opacity] = array(&record);
+        if empty == 0 {
+            layers.push(Layer { colour: [r, g, b], opacity, ..Layer::default() });
+        }
+        if last == 1 {
+            let word = alone::resolve(elaborated, frame, &layers, &mut Unwatched);
+            assert_eq!(pixels.next(), Some([&[x, y], &word[..]].concat()));
+            layers.clear();
+        }
+    }
+    assert_eq!(pixels.next(), None);
+}
+
+fn replay_fragments(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
+    let side = TILE_PX as i64;
+    let (decisions, requests) = (trace.records("fragment.out"), trace.records("fragment.request"));
+    let answers = trace.records("fragment.answer");
+    let asked_by: Vec<i64> = trace.keys("fragment.request").iter().map(|key| key[PARENT]).collect();
+    let mut tiles = BTreeMap::new();
+    for (i, input) in trace.records("fragment.in").into_iter().enumerate() {
+        let tile = tiles.entry([input[0] / side, input[1] / side]).or_insert_with(|| alone::Fragments::new(elaborated, frame));
+        let mut next = asked_by.partition_point(|by| (*by as usize) < i);
+        let answer = |slot: &Slot| {
+            assert_eq!(asked_by[next] as usize, i, "a request that the trace does not have");
+            assert_eq!(requests[next], [&slot.sums[..], &[slot.material.into()]].concat());
+            let [r, g, b, opacity] = array(&answers[next]);
+            next += 1;
+            Premultiplied { colour: [r, g, b], opacity }
+        };
+        let decision = tile.take(array(&input), answer, &mut Unwatched);
+        assert!(asked_by.get(next).is_none_or(|by| *by as usize > i), "requests of the trace that were not made");
+        let told = match decision {
+            Decision::Accumulated(slot) => [0, slot.into()],
+            Decision::Inserted(slot) => [1, slot.into()],
+            Decision::Merged(front, back) => {
+                assert_eq!(back, front + 1);
+                [2, front.into()]
+            }
+            Decision::Evicted(itself) => [3, itself.into()],
+            Decision::Replaced => [4, 0],
+            Decision::Dropped => [5, 0],
+        };
+        assert_eq!([&input[..2], &told[..]].concat(), decisions[i]);
+    }
+    for record in trace.records("fragment.held") {
+        let tile = &tiles[&[record[0] / side, record[1] / side]];
+        let slot = tile.held((record[1] % side * side + record[0] % side) as usize)[record[2] as usize];
+        let lit = if slot.shaded { tile.lit(&slot, &mut Unwatched) } else { Premultiplied::default() };
+        let head = [record[0], record[1], record[2], slot.shaded.into(), slot.depth, slot.material.into()];
+        let made = [&head[..], &slot.sums, &lit.colour, &[lit.opacity]].concat();
+        assert_eq!(masked(trace, "fragment.held", made), record);
+    }
+}
+
+#[test]
+fn a_trace_replays_through_the_units() {
+    let text = cloud(1500, 40);
+    for machine in machines() {
+        let trace = traced(&text, &machine, &Window::default());
+        replay(&trace, &machine.elaborate().unwrap(), &frame(&text, &machine));
+        assert!(trace.lines("raster.out").len() > 3000, "a trace of next to nothing");
+    }
+}
+
+#[test]
+fn made_up_cases_replay_through_the_units() {
+    let text = cloud(10, 40);
+    for machine in machines() {
+        let trace = traced(&text, &machine, &Window { stimulus: Some(500), ..Window::default() });
+        replay(&trace, &machine.elaborate().unwrap(), &frame(&text, &machine));
+    }
+}
+
+#[test]
+fn made_up_cases_meet_thresholds_ties_and_limits() {
+    let trace = traced(&cloud(10, 64), &machine("reference", &[]), &Window { stimulus: Some(4000), ..Window::default() });
+    let mut table = csv(&trace);
+    for case in ["depth at ε", "depth one within ε", "depth one beyond ε", "several within ε, equally near", "equal depths"] {
+        assert!(table.remove(&("fragment".to_owned(), case.to_owned())) > Some(0), "{case}");
+    }
+    for (signal, case) in [
+        ("gauss.weight", "tie"),
+        ("gauss.radial_index", "tie"),
+        ("fragment.depth", "high limit"),
+        ("ellipse.depth_slope", "low limit"),
+        ("ellipse.depth_slope", "high limit"),
+        ("resolve.transmittance", "tie"),
+    ] {
+        assert!(table.remove(&(signal.to_owned(), case.to_owned())) > Some(0), "{signal} {case}");
+    }
+    let coverage = &trace.manifest["coverage"];
+    assert!(coverage["met"].as_f64() > coverage["cases"].as_f64().map(|cases| cases * 0.85), "{coverage}");
+}
+
+fn csv(trace: &Traced) -> BTreeMap<(String, String), u64> {
+    let text = std::fs::read_to_string(trace.path("coverage.csv")).unwrap();
+    let row = |line: &str| {
+        let (place, rest) = line.split_once(',').unwrap();
+        let (case, met) = rest.rsplit_once(',').unwrap();
+        ((place.to_owned(), case.trim_matches('"').to_owned()), met.parse().unwrap())
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+#[test]
+fn a_manifest_is_true() {
+    let trace = traced(&cloud(300, 24), &machine("lean", &[]), &Window::default());
+    let digest =
+        |file: &str| Sha256::digest(std::fs::read(trace.path(file)).unwrap()).iter().map(|b| format!("{b:02x}")).collect::<String>();
+    let all = ["constants", "roms", "streams"].into_iter().flat_map(|list| trace.manifest[list].as_array().unwrap());
+    for stream in all {
+        let file = stream["file"].as_str().unwrap();
+        assert_eq!(stream["sha256"], digest(file), "{file}");
+        let text = std::fs::read_to_string(trace.path(file)).unwrap();
+        assert_eq!(stream["records"], text.lines().count(), "{file}");
+        assert!(text.lines().all(|line| line.len() as u64 == stream["digits"].as_u64().unwrap()), "{file}");
+        if let Some(keys) = stream.get("keys") {
+            assert_eq!(keys["sha256"], digest(keys["file"].as_str().unwrap()));
+            assert_eq!(trace.keys(stream["name"].as_str().unwrap()).len() as u64, stream["records"].as_u64().unwrap());
+        }
+    }
+    assert_eq!(trace.manifest["machine"]["sha256"], digest("machine.json"));
+    assert_eq!(trace.manifest["scene"]["text"], cloud(300, 24));
+    let readme = std::fs::read_to_string(trace.path("README.md")).unwrap();
+    for stream in trace.manifest["streams"].as_array().unwrap() {
+        assert!(readme.contains(&format!("### `{}`", stream["name"].as_str().unwrap())));
+    }
+}
+
+#[test]
+fn a_record_names_what_it_was_made_from() {
+    let trace = traced(&cloud(600, 32), &machine("reference", &[]), &Window::default());
+    for stream in trace.manifest["streams"].as_array().unwrap() {
+        let (name, Some(parent)) = (stream["name"].as_str().unwrap(), stream["parent"].as_str()) else { continue };
+        let (keys, parents) = (trace.keys(name), trace.keys(parent));
+        let own = keys.iter().filter(|key| key[PARENT] != 0xffff_ffff).inspect(|key| {
+            let parent = &parents[key[PARENT] as usize];
+            assert!(parent[SPLAT] == key[SPLAT] || [parent[SPLAT], key[SPLAT]].contains(&0xffff_ffff), "{name} {key:?} {parent:?}");
+            let place = [parent[1], parent[2]];
+            assert!(place == [key[1], key[2]] || place == [0xffff; 2], "{name} {key:?} {parent:?}");
+        });
+        let named = own.count();
+        let nobody = name == "shade.in" || name == "resolve.in";
+        assert!(named == keys.len() || nobody && named > 0, "{name}: {named} of {}", keys.len());
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(6))]
+    #[test]
+    fn a_window_is_a_part_of_the_whole(first in 0u32..700, count in 1u32..500, corner in prop::array::uniform2(0u32..32), size in prop::array::uniform2(1u32..9)) {
+        let (text, machine) = (cloud(600, 40), machine("tiny", &[]));
+        let whole = traced(&text, &machine, &Window::default());
+        let rectangle = [corner[0], corner[1], corner[0] + size[0] - 1, corner[1] + size[1] - 1];
+        let splats = [first, first + count];
+        let part = traced(&text, &machine, &Window { splats: Some(splats), pixels: Some(rectangle), ..Window::default() });
+        let inside = |key: &Vec<i64>, place: bool| {
+            let splat = key[SPLAT] >= i64::from(splats[0]) && key[SPLAT] < i64::from(splats[1]);
+            let [left, top, right, bottom] = rectangle.map(i64::from);
+            splat && (!place || (left..=right).contains(&key[1]) && (top..=bottom).contains(&key[2]))
+        };
+        for stream in ["gauss.in", "gauss.out", "fragment.in", "fragment.out", "fragment.request", "fragment.answer"] {
+            let expected: Vec<String> = whole.lines(stream).into_iter().zip(whole.keys(stream)).filter(|(_, key)| inside(key, true)).map(|(line, _)| line).collect();
+            prop_assert_eq!(part.lines(stream), expected, "{}", stream);
+        }
+        // Splats of the window that meet the rectangle, with all of their fragments.
+        let shown: Vec<i64> = part.keys("raster.in").iter().map(|key| key[SPLAT]).collect();
+        for (stream, keys) in [("raster.in", whole.keys("raster.in")), ("raster.out", whole.keys("raster.out"))] {
+            let expected: Vec<String> = whole.lines(stream).into_iter().zip(keys).filter(|(_, key)| shown.binary_search(&key[SPLAT]).is_ok()).map(|(line, _)| line).collect();
+            prop_assert_eq!(part.lines(stream), expected, "{}", stream);
+        }
+        let met = whole.keys("gauss.in").into_iter().filter(|key| inside(key, true)).map(|key| key[SPLAT]);
+        prop_assert!(met.into_iter().all(|splat| shown.binary_search(&splat).is_ok()));
+    }
+}
+
+#[test]
+fn a_window_replays_alone() {
+    let (text, machine) = (cloud(1200, 32), machine("tiny", &[]));
+    let elaborated = machine.elaborate().unwrap();
+    let frame = frame(&text, &machine);
+    let middle = 1100;
+    let before = traced(&text, &machine, &Window { splats: Some([0, middle]), ..Window::default() });
+    let after = traced(&text, &machine, &Window { splats: Some([middle, 2400]), ..Window::default() });
+    // What the second part starts from is what the first part ended with, slot by slot.
+    let slots = |trace: &Traced, stream: &str| {
+        let mut slots: Vec<Vec<i64>> = trace.records(stream).into_iter().map(|record| record[..6].to_vec()).collect();
+        slots.sort_by_key(|slot| [slot[1], slot[0], slot[2]]);
+        slots
+    };
+    assert_eq!(slots(&before, "fragment.held"), slots(&after, "fragment.start"));
+    assert!(slots(&after, "fragment.start").len() > 100);
+    // The whole frame's end is the second part's end.
+    let whole = traced(&text, &machine, &Window::default());
+    assert_eq!(whole.lines("fragment.held"), after.lines("fragment.held"));
+    assert_eq!(whole.lines("resolve.out"), after.lines("resolve.out"));
+    // And each part's first half drives the units.
+    replay_resolve(&after, &elaborated, &frame);
+    replay_fragments(&before, &elaborated, &frame);
+}
+
+#[test]
+fn a_sample_is_a_part_whose_parents_are_found() {
+    let (text, machine) = (cloud(600, 32), machine("tiny", &[]));
+    let whole = traced(&text, &machine, &Window::default());
+    let sample = traced(&text, &machine, &Window { sample: Some(5), seed: 7, ..Window::default() });
+    for stream in ["project.out", "raster.out", "gauss.out", "fragment.out", "shade.out", "resolve.out"] {
+        let (all, some) = (whole.lines(stream), sample.lines(stream));
+        assert!(some.len() * 2 < all.len() && some.len() * 20 > all.len(), "{stream}: {} of {}", some.len(), all.len());
+        let mut rest = all.iter();
+        assert!(some.iter().all(|line| rest.any(|other| other == line)), "{stream} is no part, in order, of the whole");
+    }
+    let (keys, parents) = (sample.keys("raster.out"), sample.keys("raster.in"));
+    assert!(keys.iter().all(|key| parents[key[PARENT] as usize][SPLAT] == key[SPLAT]));
+}
+
+#[test]
+fn a_trace_is_the_same_on_any_number_of_threads() {
+    let (text, machine) = (cloud(500, 24), machine("lean", &[]));
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| files(&traced(&text, &machine, &Window::default()).folder))
+    };
+    assert!(on(1) == on(3));
+}
