@@ -49,6 +49,7 @@ enum Command {
     #[command(after_help = TRACE)]
     Trace(Trace),
     /// Compare a device's output with a trace; name the first mismatch
+    #[command(after_help = DIFF)]
     Diff(Diff),
     /// Tell one pixel's whole story, the machine beside golden
     #[command(after_help = NAMES)]
@@ -197,16 +198,19 @@ struct Trace {
     /// Only these splats, from A to the one before B
     #[arg(long, value_name = "A..B")]
     splats: Option<Span>,
-    /// Only these pixels, the last column and row among them
+    /// Only these pixels, the last ones among them
     #[arg(long, value_name = "X0,Y0,X1,Y1")]
     pixels: Option<Corners>,
     /// Only one in N splats and pixels
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     sample: Option<u32>,
-    /// Instead, corner cases and N random ones for each unit
+    /// Instead, corners and N random cases a unit
     #[arg(long, value_name = "N", conflicts_with_all = ["splats", "pixels", "sample"])]
     stimulus: Option<u32>,
-    /// Another seed, another sample, other random cases
+    /// Waves of these cycles too, as VCD and FST
+    #[arg(long, value_name = "A..B", conflicts_with = "stimulus")]
+    waves: Option<Span>,
+    /// Other samples, other random cases
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
@@ -224,7 +228,7 @@ struct Diff {
     /// The folder that `trace` wrote
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// A stream, such as raster.out, and the file of a device's records
+    /// A stream, as raster.out, and a file of records
     #[arg(required = true, num_args = 2.., value_names = ["STREAM", "FILE"])]
     outputs: Vec<String>,
     /// Print JSON instead of text
@@ -334,6 +338,10 @@ const STRESS: &str = "Exit status 1 where a pixel exceeds its bound, a flip has 
 /// What the help text of `trace` ends with.
 const TRACE: &str = "Units: pipeline, project, ellipse, raster, gauss, fragment, shade, resolve\n\
     Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain\nNamed machines: reference, lean, tiny";
+
+/// What the help text of `diff` ends with.
+const DIFF: &str = "Streams whose order counts at each pixel only may come in another.\n\
+    Exit status 0 where all is equal, 1 where it is not, 2 where a file is malformed";
 
 /// What the help text of `sweep` ends with.
 const SWEEP: &str =
@@ -589,9 +597,9 @@ impl Trace {
             pixels: self.pixels.map(|Corners(pixels)| pixels),
             sample: self.sample,
             stimulus: self.stimulus,
+            waves: self.waves.map(|Span(cycles)| cycles.map(u64::from)),
             seed: self.seed,
         };
-        open_folder(&self.out)?;
         let written = trace::trace(&scene, text.as_deref(), &machine, &window, &self.out)?;
         let told = wrapped(&format!("written to {}; README.md there says what each file is", self.out.display()));
         Ok(if self.quiet { String::new() } else { format!("{}\n\n{told}", written.table()) })
@@ -612,7 +620,7 @@ impl Diff {
         }
         // What is different is a result, and goes where results go; the status says that the device failed.
         print(&text)?;
-        Err(Error::job(outcome.sentence))
+        Err(Error::job(format!("{} is not what the trace has", outcome.json["stream"].as_str().unwrap_or("a stream"))))
     }
 }
 

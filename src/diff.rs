@@ -354,11 +354,15 @@ impl Compared<'_> {
         let what = match first {
             Mismatch::Field { record, field, .. } => format!("record {record}, field {}, is different", self.stream.fields[*field].name),
             Mismatch::Missing { record } => format!("record {record} is missing"),
-            Mismatch::Surplus { line, before } => format!("line {} is one too many, before record {before}", line + 1),
+            Mismatch::Surplus { line, before } if *before < self.expected.len() => {
+                format!("line {} is one too many, before record {before}", line + 1)
+            }
+            Mismatch::Surplus { line, .. } => format!("line {} is one too many, behind the last record", line + 1),
             Mismatch::Swapped { record, .. } => format!("records {record} and {} are swapped", record + 1),
         };
         let more = match count - 1 {
-            0 => "and nothing else is different".to_owned(),
+            0 => "and nothing else of it is".to_owned(),
+            1 => "and one more difference follows".to_owned(),
             more => format!("and {more} more differences follow"),
         };
         format!("{name}: {what}, {more}")
@@ -366,17 +370,15 @@ impl Compared<'_> {
 
     fn field(&self, field: usize, expected: i64, got: i64) -> Value {
         let Field { name, width, frac_bits } = &self.stream.fields[field];
-        let value = |word: i64| word as f64 * f64::from(-frac_bits).exp2();
         json!({
-            "name": name, "expected_hex": digits(expected, *width), "got_hex": digits(got, *width), "expected": value(expected),
-            "got": value(got), "difference_ulp": got - expected,
+            "name": name, "expected_hex": digits(expected, *width), "got_hex": digits(got, *width),
+            "expected": value(expected, *frac_bits), "got": value(got, *frac_bits), "difference_ulp": got - expected,
         })
     }
 
     fn words(&self, stream: &Stream, words: &[i64]) -> Value {
         let word = |(field, &word): (&Field, &i64)| {
-            let value = word as f64 * f64::from(-field.frac_bits).exp2();
-            (field.name.clone(), json!({"hex": digits(word, field.width), "value": value}))
+            (field.name.clone(), json!({"hex": digits(word, field.width), "value": value(word, field.frac_bits)}))
         };
         Value::Object(stream.fields.iter().zip(words).map(word).collect())
     }
@@ -398,7 +400,10 @@ impl Compared<'_> {
     /// A command that traces what led there, and nothing else.
     fn replay(&self, key: &[i64]) -> String {
         let m = &self.trace.manifest;
-        let scene = m["scene"]["name"].as_str().unwrap_or_default();
+        let scene = match m["scene"]["complete"].as_bool() {
+            Some(true) => self.trace.folder.join("scene.json").display().to_string(),
+            _ => m["scene"]["name"].as_str().unwrap_or_default().to_owned(),
+        };
         let (width, height) = (&m["scene"]["width"], &m["scene"]["height"]);
         let machine = self.trace.folder.join("machine.json");
         let mut command =
@@ -437,10 +442,12 @@ impl Compared<'_> {
             line("field", field["name"].as_str().unwrap_or_default().to_owned());
             line("expected", side("expected"));
             line("got", side("got"));
-            line("difference", format!("{} units of the last place", field["difference_ulp"]));
+            line("difference", format!("{} × the last place", field["difference_ulp"]));
         }
         let flags: Vec<&str> = told["flags"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-        line("words", if flags.is_empty() { "exact".into() } else { flags.join(", ") });
+        if !flags.is_empty() {
+            line("words", flags.join(", "));
+        }
         let fields = |record: &Value| {
             let each = |(name, word): (&String, &Value)| format!("{name} {} = {}", word["hex"].as_str().unwrap_or_default(), word["value"]);
             record.as_object().into_iter().flatten().map(each).collect::<Vec<_>>()
@@ -458,6 +465,11 @@ impl Compared<'_> {
         let _ = write!(text, "\n  replay     {}", told["replay"].as_str().unwrap_or_default());
         text
     }
+}
+
+/// What a word stands for: a whole number where it has no fraction.
+fn value(word: i64, frac_bits: i32) -> Value {
+    if frac_bits == 0 { word.into() } else { (word as f64 * f64::from(-frac_bits).exp2()).into() }
 }
 
 /// A word's bits.

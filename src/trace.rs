@@ -8,6 +8,7 @@
 //!     keys/…            where each record comes from: splat, pixel, slot, parent, what happened to its words
 //!     rom/…             tables
 //!     coverage.csv          which roundings, limits and decisions the records met, and how often
+//!     waves.vcd waves.fst   when units took their items, if asked for
 //!     machine_pkg.sv records.svh records.h      formats and records in SystemVerilog and C
 //! ```
 //! Streams are in the order of a machine that takes splat after splat, and each box row by row.
@@ -21,6 +22,7 @@ mod roms;
 mod stimulus;
 mod transfers;
 mod watcher;
+mod waves;
 
 pub use record::{Layout, Malformed};
 pub use transfers::{Key, NONE};
@@ -31,6 +33,7 @@ use crate::fixed;
 use crate::picture::write_beside;
 use crate::quantise::quantise;
 use crate::report::{aligned, plain_table, thousands};
+use crate::run::open_folder;
 use crate::scene::Scene;
 use crate::sweep::digest_of;
 use coverage::Coverage;
@@ -40,6 +43,7 @@ use rtl_model::frame::Frame;
 use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
 use rtl_model::ports::{self, Order, Stream};
+use rtl_model::timing;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::fs;
@@ -48,6 +52,7 @@ use std::path::Path;
 use stimulus::Tag;
 use transfers::{Rectangle, Source, Transfers};
 use watcher::Watcher;
+use waves::Waves;
 
 /// What a trace is asked to hold.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -62,6 +67,8 @@ pub struct Window {
     pub sample: Option<u32>,
     /// So many random cases for each unit, beside those made on purpose, instead of the scene's own transfers.
     pub stimulus: Option<u32>,
+    /// Waves of these cycles, from the first to the one before the second.
+    pub waves: Option<[u64; 2]>,
     /// Which sample, or which random cases.
     pub seed: u64,
 }
@@ -78,6 +85,9 @@ pub struct Written {
 /// The units that have ports, in the order of the diagram.
 pub const UNITS: [&str; 8] = ["pipeline", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
 
+/// Most cycles of waves.
+const MOST_WAVES: u64 = 10_000_000;
+
 /// Records that are made into text at a time by one thread.
 const CHUNK: usize = 16_384;
 
@@ -89,6 +99,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
     let rectangle = window.check(&frame)?;
+    open_folder(folder)?;
     let folder = Folder { folder, machine: &elaborated, frame: &frame };
     let mut contents = if let Some(cases) = window.stimulus {
         let stimulus::Stimulus { made, tags, coverage } = stimulus::stimulus(&elaborated, &frame, cases, window.seed);
@@ -103,9 +114,16 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
             pipeline::fill(&elaborated, &shown, &setup, &mut watcher);
         }
-        let coverage = std::mem::take(&mut watcher.coverage);
+        let mut coverage = std::mem::take(&mut watcher.coverage);
+        watcher.decisions(&mut coverage);
         let transfers = Transfers::new(&elaborated, &shown, &splats, watcher, start, rectangle);
-        folder.contents(window, &transfers.sources(), &coverage, &[])?
+        let sources = transfers.sources();
+        if let Some(cycles) = window.waves {
+            let (_, work) = pipeline::draw_recorded(&elaborated, &shown);
+            let replayed = timing::replay_logged(&elaborated.timing, &work);
+            Waves::new(&elaborated, &replayed.units, &sources, cycles).write(folder.folder)?;
+        }
+        folder.contents(window, &sources, &coverage, &[])?
     };
     let description = serde_json::to_string_pretty(machine).unwrap_or_default() + "\n";
     let mut manifest = json!({
@@ -114,7 +132,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         "machine": {"name": machine.name, "sha256": hex(&Sha256::digest(&description)), "description": machine},
         "scene": {
             "name": scene.name, "sha256": digest_of(scene), "splats": scene.splats.len(),
-            "width": frame.width, "height": frame.height, "text": scene_text,
+            "width": frame.width, "height": frame.height, "text": scene_text, "complete": scene_text.is_some_and(is_complete),
         },
         "window": {
             "units": if window.units.is_empty() { UNITS.map(str::to_owned).to_vec() } else { window.units.clone() },
@@ -128,11 +146,18 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
             "none": "all ones; a record's sequence number is the number of its line, from 0, and `parent` is one of the stream before",
         },
     });
-    if let (Some(manifest), Some(contents)) = (manifest.as_object_mut(), contents.as_object_mut()) {
-        manifest.append(contents);
+    let mut formats = headers::words_and_numbers(&elaborated, &frame);
+    for more in [&mut formats, &mut contents] {
+        if let (Some(manifest), Some(more)) = (manifest.as_object_mut(), more.as_object_mut()) {
+            manifest.append(more);
+        }
     }
-    folder.headers()?;
+    let names: Vec<&str> = manifest["streams"].as_array().into_iter().flatten().filter_map(|stream| stream["name"].as_str()).collect();
+    folder.headers(&scene.name, &names)?;
     folder.text("machine.json", &description)?;
+    if let Some(text) = scene_text.filter(|text| is_complete(text)) {
+        folder.text("scene.json", text)?;
+    }
     folder.text("manifest.json", &(serde_json::to_string_pretty(&manifest).unwrap_or_default() + "\n"))?;
     Ok(Written::new(&manifest))
 }
@@ -157,10 +182,7 @@ impl Written {
             table.add_row([name.clone(), thousands(*records), thousands(*bytes)]);
         }
         let [met, cases] = self.coverage.map(thousands);
-        format!(
-            "{}\n\n{met} of {cases} cases met (coverage.csv): roundings and limits of words, what units decide by",
-            aligned(table).trim_fmt()
-        )
+        format!("{}\n\n{met} of {cases} cases met: coverage.csv has roundings, limits, decisions", aligned(table).trim_fmt())
     }
 }
 
@@ -186,6 +208,14 @@ fn parent(stream: &str) -> Option<&'static str> {
         ("pipeline.out", "resolve.out"),
     ];
     all.iter().find(|(name, _)| *name == stream).map(|(_, parent)| *parent)
+}
+
+/// Whether a scene's text needs no other file.
+fn is_complete(text: &str) -> bool {
+    let scene: Value = serde_json::from_str(text).unwrap_or_default();
+    let splats = &scene["splats"];
+    let mut sources = splats.as_array().map_or_else(|| std::slice::from_ref(splats), Vec::as_slice).iter();
+    scene.is_object() && !sources.any(|source| source.get("file").is_some())
 }
 
 fn key_fields() -> Vec<Value> {
@@ -221,6 +251,13 @@ impl Window {
             let count = frame.splats.len();
             return Err(Error::input(format!(
                 "--splats {first}..{end}: the scene's splats are 0..{count}, and the second number must be greater"
+            )));
+        }
+        if let Some([first, end]) = self.waves
+            && (first >= end || end - first > MOST_WAVES)
+        {
+            return Err(Error::input(format!(
+                "--waves {first}..{end}: cycles are needed, at most {MOST_WAVES}, the second number greater"
             )));
         }
         if frame.lighting.materials.len() > 1 << ports::MATERIAL_BITS {
@@ -379,13 +416,22 @@ impl Folder<'_> {
         roms::roms(self.machine, self.frame).iter().map(of).collect()
     }
 
-    fn headers(&self) -> Result<()> {
+    fn headers(&self, scene: &str, streams: &[&str]) -> Result<()> {
         self.text("machine_pkg.sv", &headers::package(self.machine, self.frame))?;
         self.text("records.svh", &headers::structs(self.machine))?;
         self.text("records.h", &headers::c_header(self.machine))?;
+        let (machine, frame) = (self.machine, self.frame);
+        let head = format!(
+            "# {scene} on {}\n\n{}×{} pixels, {} splats, written by splatsim {}.\n\n",
+            machine.machine.name,
+            frame.width,
+            frame.height,
+            frame.splats.len(),
+            env!("CARGO_PKG_VERSION")
+        );
         let units = include_str!("trace/units.md");
-        let (tables, formats) = (headers::tables(self.machine), headers::formats(self.machine, self.frame));
-        self.text("README.md", &format!("{units}\n## Records\n{tables}\n## Words and numbers of this machine\n{formats}"))
+        let (tables, formats) = (headers::tables(machine, streams), headers::formats(machine, frame));
+        self.text("README.md", &format!("{head}{units}\n## Records\n{tables}\n## Words and numbers\n{formats}"))
     }
 
     /// Writes constants, tables, streams and coverage; returns what the manifest says of them.

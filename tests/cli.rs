@@ -406,6 +406,8 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["help"],
         vec!["run", "--help"],
         vec!["explain", "--help"],
+        vec!["trace", "--help"],
+        vec!["diff", "--help"],
         vec!["sweep", "--help"],
         vec!["search", "--help"],
         vec!["chart", "--help"],
@@ -419,6 +421,57 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         assert!(text.contains("Usage: splatsim") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
     }
     assert_eq!(says(&["--version"]), format!("splatsim {}\n", env!("CARGO_PKG_VERSION")));
+}
+
+// ---- trace, diff ----
+
+#[test]
+fn a_trace_is_written_and_a_device_compared_with_it() {
+    let out = folder();
+    let inside = out.path().join("trace");
+    let inside = inside.to_str().unwrap();
+    let text =
+        says(&[&["trace", "checkerboard", "--units", "gauss,raster", "--splats", "100..4000", "--out", inside], &SMALL[..]].concat());
+    assert!(text.contains("gauss.out") && !text.contains("shade.in") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let equal = format!("{inside}/gauss.out.hex");
+    assert!(says(&["diff", inside, "gauss.out", &equal]).starts_with("gauss.out: "));
+    let device = write(&out, "device.hex", &std::fs::read_to_string(&equal).unwrap().replacen('0', "1", 1));
+    let output = splatsim(&["diff", inside, "gauss.out", &device]);
+    let told = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert_one_line(&String::from_utf8(output.stderr).unwrap());
+    assert!(told.contains("weight") && told.contains("replay") && told.contains("gauss.in record"), "{told}");
+    let output = splatsim(&["diff", inside, "gauss.out", &device, "--json"]);
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((told["equal"].clone(), told["field"]["name"].clone()), (json!(false), json!("weight")));
+    // The command that it names traces that splat.
+    let replay = told["replay"].as_str().unwrap().replace("--out replay", &format!("--out {}", out.path().join("replay").display()));
+    assert!(says(&replay.split_whitespace().skip(1).collect::<Vec<_>>()).contains("gauss.in"));
+}
+
+#[test]
+fn traces_and_comparisons_that_cannot_be_are_refused() {
+    let out = folder();
+    let inside = out.path().join("made");
+    let inside = inside.to_str().unwrap();
+    for (arguments, part) in [
+        (&["--units", "gaus"][..], "no such unit; there are pipeline, project"),
+        (&["--splats", "5..5"], "the second number must be greater"),
+        (&["--splats", "0..9999999"], "the scene's splats are 0.."),
+        (&["--splats", "5-6"], "two whole numbers with `..`"),
+        (&["--pixels", "0,0,48,3"], "the picture is 48×40"),
+        (&["--pixels", "4,4,3,4"], "first column and row, last column and row"),
+        (&["--pixels", "1,2,3"], "four whole numbers"),
+        (&["--sample", "0"], "--sample"),
+        (&["--stimulus", "5", "--sample", "2"], "--sample"),
+    ] {
+        refused(&[&["trace", "checkerboard", "--out", inside], &SMALL[..], arguments].concat(), part);
+        assert!(!Path::new(inside).exists(), "{arguments:?}");
+    }
+    refused(&["trace", "checkerboard"], "--out");
+    refused(&["diff", inside, "gauss.out", "x"], "a folder that `trace` wrote is needed");
+    refused(&["diff", inside, "gauss.out"], "STREAM");
+    refused(&["diff", inside, "gauss.out", "x", "raster.out"], "a stream needs the file of a device's records behind it");
 }
 
 // ---- bad input ----
@@ -458,7 +511,7 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 
 #[test]
 fn commands_and_flags_that_do_not_exist_are_refused() {
-    refused(&[], "a command is missing: run, stress, sweep, search, chart, explain, machine, scene (see --help)");
+    refused(&[], "a command is missing: run, stress, sweep, search, chart, trace, diff, explain, machine, scene (see --help)");
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "PLAN");
     refused(&["chart"], "DIR");

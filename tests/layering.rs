@@ -343,8 +343,9 @@ fn a_unit_names_no_other_unit() {
 
 #[test]
 fn only_the_wiring_knows_several_units() {
-    // machine.rs elaborates them, probe.rs and a recorder watch their ports, pipeline.rs wires them. A field may be called `units`.
-    let wiring = ["pipeline.rs", "pipeline/real.rs", "machine.rs", "probe.rs", "probe/recorder.rs", "lib.rs"];
+    // machine.rs elaborates them, probe.rs and a recorder watch their ports, ports.rs describes those, pipeline.rs wires them, alone.rs
+    // drives each by itself. A field may be called `units`.
+    let wiring = ["pipeline.rs", "pipeline/real.rs", "machine.rs", "probe.rs", "probe/recorder.rs", "lib.rs", "ports.rs", "alone.rs"];
     let wiring = wiring.map(|file| format!("{MACHINE}{file}"));
     let rule = |_: &str, code: &str| steps_from(code, "crate").contains("units").then(|| "names the units".into()).into_iter().collect();
     check(&sources(&[MACHINE]), |path| !wiring.iter().any(|file| file == path) && !path.starts_with(UNITS), rule);
@@ -430,9 +431,11 @@ fn module(path: &str) -> String {
 fn only_quantise_turns_real_numbers_into_bits() {
     let sources = sources(&["src"]);
     assert!(!ways_to_bits(&sources["src/quantise.rs"]).is_empty(), "the rule no longer sees the one door");
-    // Lockstep and what is mixed read words that quantise made, beside the real numbers that they stand for.
+    // Lockstep and what is mixed read words that quantise made, beside the real numbers that they stand for. Traces write them down.
     let reads = |path: &str| path.starts_with("src/compare/lockstep") || path == "src/registers.rs";
-    check(&sources, |path| path != "src/quantise.rs" && !reads(path), |_, code| ways_to_bits(code));
+    let writes = |path: &str| path.starts_with("src/trace");
+    check(&sources, |path| path != "src/quantise.rs" && !reads(path) && !writes(path), |_, code| ways_to_bits(code));
+    check(&sources, writes, |_, code| floats(code));
 }
 
 #[test]

@@ -13,11 +13,7 @@ use traced::{Traced, cloud, machine, traced};
 /// One lane, as the twins have; the named machines, and rules that none of them has.
 fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
     let one_lane = "timing.raster.lanes=[1,1]";
-    vec![
-        ("tiny", machine("tiny", &[one_lane])),
-        ("lean", machine("lean", &[one_lane])),
-        ("reference", machine("reference", &[one_lane])),
-    ]
+    vec![("tiny", machine("tiny", &[one_lane])), ("lean", machine("lean", &[one_lane])), ("reference", machine("reference", &[one_lane]))]
 }
 
 fn unit(name: &str) -> Unit {
@@ -70,11 +66,16 @@ fn twins_are_clean_and_can_be_synthesised() {
     }
     let (_, machine) = &machines()[1];
     let trace = traced(&cloud(20, 16), machine, &Window { stimulus: Some(1), ..Window::default() });
-    let files: Vec<PathBuf> = std::fs::read_dir(sources()).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
+    let files: Vec<PathBuf> =
+        std::fs::read_dir(sources()).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
     let package = trace.path("machine_pkg.sv");
     for unit in UNITS.iter().chain([&PIPELINE]) {
         let file = sources().join(unit.name).with_extension("sv");
-        let lint = run(Command::new("verilator").args(["--lint-only", "-Wall", "--top-module", unit.name, "-y"]).arg(sources()).arg(&package).arg(&file));
+        let lint = run(Command::new("verilator")
+            .args(["--lint-only", "-Wall", "--top-module", unit.name, "-y"])
+            .arg(sources())
+            .arg(&package)
+            .arg(&file));
         assert!(lint.stderr.is_empty(), "{}: {}", unit.name, String::from_utf8_lossy(&lint.stderr));
         if unit.name == "pipeline" {
             continue;
@@ -88,6 +89,16 @@ fn twins_are_clean_and_can_be_synthesised() {
         );
         run(Command::new("yosys").current_dir(&trace.folder).args(["-q", "-p", &script]));
     }
+}
+
+#[test]
+fn the_least_testbench_runs_in_one_command() {
+    if !have(&["iverilog"], "traces/testbench.sh") {
+        return;
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/testbench.sh");
+    let output = run(Command::new("sh").arg(script));
+    assert!(String::from_utf8_lossy(&output.stdout).trim_end().ends_with("records equal"));
 }
 
 #[test]
@@ -214,7 +225,8 @@ fn every_mutant_is_caught() {
         return;
     }
     // Both row modes and several layers, with words that round and saturate.
-    let machine = machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3", "fragment.merge=nearest-pair", "fragment.evict_hidden=true"]);
+    let machine =
+        machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3", "fragment.merge=nearest-pair", "fragment.evict_hidden=true"]);
     let seen = traced(&cloud(150, 16), &machine, &Window::default());
     let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(400), ..Window::default() });
     let mut survivors = Vec::new();
@@ -231,4 +243,94 @@ fn every_mutant_is_caught() {
         }
     }
     assert!(survivors.is_empty(), "{} of {} were not caught:\n{}", survivors.len(), MUTANTS.len(), survivors.join("\n"));
+}
+
+/// Cycles in which records were taken in, and given.
+fn times(given: &Given) -> [Vec<u64>; 2] {
+    let text = std::fs::read_to_string(&given.times).unwrap();
+    ["s ", "m "].map(|side| text.lines().filter_map(|line| line.strip_prefix(side)).map(|cycle| cycle.parse().unwrap()).collect())
+}
+
+/// A constant of a trace's package.
+fn constant(trace: &Traced, name: &str) -> u64 {
+    let package = std::fs::read_to_string(trace.path("machine_pkg.sv")).unwrap();
+    let start = format!("localparam int {name} = ");
+    package.split(&start).nth(1).and_then(|rest| rest.split(';').next()).unwrap().parse().unwrap()
+}
+
+/// The timing model's recurrence (README, "Cycles"): an item is taken at the latest of: it is here, the unit is free, there is room behind.
+struct Stage {
+    latency: u64,
+    interval: u64,
+    room: usize,
+    free: u64,
+    /// Those that were taken so far and have a place behind.
+    held: usize,
+}
+
+impl Stage {
+    fn new(trace: &Traced, unit: &str) -> Stage {
+        let of = |name: &str| constant(trace, &format!("{}_{name}", unit.to_uppercase()));
+        Stage { latency: of("LATENCY"), interval: of("INTERVAL"), room: of("ROOM") as usize, free: 0, held: 0 }
+    }
+
+    /// When the next item, which is always here, is taken; those before were taken behind at these cycles.
+    fn take(&mut self, behind: &[u64], keeps: bool) -> u64 {
+        let room = if keeps && self.held >= self.room { behind[self.held - self.room] + 1 } else { 0 };
+        let now = self.free.max(room);
+        self.free = now + self.interval;
+        self.held += usize::from(keeps);
+        now
+    }
+}
+
+#[test]
+fn accept_times_are_those_of_the_timing_model() {
+    if !have(&["iverilog"], "accept times of the twins") {
+        return;
+    }
+    let interval = ["timing.raster.lanes=[1,1]", "timing.ellipse.interval=3", "timing.gauss.fifo=1", "timing.shade.interval=2"];
+    let trace = traced(&cloud(60, 16), &machine("tiny", &interval), &Window::default());
+    for name in ["project", "ellipse", "gauss", "shade", "raster"] {
+        let unit = unit(name);
+        let device = Device::new(Simulator::Icarus, &sources(), &trace.folder, unit, 16);
+        for stall in ["+stall_out=0", "+stall_out=60", "+stall_out=90"] {
+            let given = device.drive(None, expected(&trace, unit), &[stall]);
+            assert_eq!(fault(&trace, unit, &given), None);
+            let [taken, behind] = times(&given);
+            let mut stage = Stage::new(&trace, name);
+            let (mut due, mut told) = (Vec::new(), Vec::new());
+            if name == "raster" {
+                walk(&trace, &mut stage, &behind, &mut told, &mut due);
+            } else {
+                told.extend((0..taken.len()).map(|_| stage.take(&behind, true)));
+                due.extend(told.iter().map(|now| now + stage.latency));
+            }
+            assert_eq!(taken, told, "{name} {stall}");
+            assert!(behind.iter().zip(&due).all(|(given, due)| given >= due), "{name} {stall}: a record came too early");
+            if stall == "+stall_out=0" {
+                assert_eq!(behind, due, "{name}");
+            }
+        }
+    }
+}
+
+/// The raster takes a cycle for each pixel of a box; what is kept needs a place behind. When boxes are taken, and when fragments are due.
+fn walk(trace: &Traced, stage: &mut Stage, behind: &[u64], taken: &mut Vec<u64>, due: &mut Vec<u64>) {
+    let [left, right, top, bottom] = ["first_column", "last_column", "first_row", "last_row"].map(|name| trace.field("raster.in", name));
+    let mut kept = trace.records("raster.out").into_iter().peekable();
+    for splat in trace.records("raster.in") {
+        let mut first = None;
+        for y in splat[top]..=splat[bottom] {
+            for x in splat[left]..=splat[right] {
+                let is_kept = kept.next_if(|fragment| fragment[..3] == [splat[0], x, y]).is_some();
+                let now = stage.take(behind, is_kept);
+                first = first.or(Some(now));
+                if is_kept {
+                    due.push(now + stage.latency);
+                }
+            }
+        }
+        taken.extend(first);
+    }
 }

@@ -13,9 +13,9 @@ const FITS: [&str; 6] = ["exact", "below half", "tie", "above half", "low limit"
 /// How often each case was met.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
-    /// Names of signals, and for each which of [`FITS`] it can meet and how often it did.
+    /// Names of signals, and how often each met which of [`FITS`].
     signals: Vec<(String, [u64; 6])>,
-    /// Whether some exact result of a signal had places to lose: else its roundings cannot be met.
+    /// Whether some exact result of a signal had places to lose, and was rounded by more than a cut: else there is nothing to meet there.
     loses: Vec<bool>,
     /// What units decide by.
     cases: BTreeMap<(&'static str, String), u64>,
@@ -84,7 +84,7 @@ impl Coverage {
         let places = (fit.places() + more).clamp(0, 63) as u32;
         let loss = fit.loss(exact, more);
         let Some((_, met)) = self.signals.get_mut(fit.signal) else { return };
-        self.loses[fit.signal] |= places > 0;
+        self.loses[fit.signal] |= places > 0 && fit.word.round != Rounding::Truncate;
         let below = exact & ((1i64 << places.min(62)) - 1);
         let half = if places == 0 { 0 } else { 1i64 << (places.min(62) - 1) };
         let case = match below.cmp(&half) {

@@ -191,10 +191,31 @@ fn told(field: &Field) -> String {
     }
 }
 
-/// The records as tables for people.
-pub fn tables(machine: &Elaborated) -> String {
+/// Every word and every number, for the manifest.
+pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Value {
+    let described = words(machine).into_iter().map(|(path, word)| {
+        let Format { signed, int_bits, frac_bits } = word.format;
+        let told = serde_json::json!({
+            "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits, "round": word.round, "overflow": word.overflow,
+        });
+        (path, told)
+    });
+    let numbers = numbers(machine, frame).into_iter().map(|(name, value)| (name, value.into()));
+    serde_json::json!({
+        "words": described.collect::<serde_json::Map<_, _>>(), "numbers": numbers.collect::<serde_json::Map<_, serde_json::Value>>(),
+    })
+}
+
+/// The name of a rounding or an overflow as files write it.
+fn name(value: impl serde::Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
+/// The records of the constants and of these streams as tables for people.
+pub fn tables(machine: &Elaborated, written: &[&str]) -> String {
     let mut text = String::new();
-    for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
+    let streams = ports::streams(machine);
+    for stream in ports::constants(machine).iter().chain(streams.iter().filter(|stream| written.contains(&stream.name))) {
         let order = match stream.order {
             Order::Total => "in this order",
             Order::PerPixel => "in this order at each pixel",
@@ -209,10 +230,7 @@ pub fn tables(machine: &Elaborated) -> String {
         for (field, place) in stream.fields.iter().zip(stream.places()) {
             let (signal, how) = match &field.signal {
                 Some(signal) => {
-                    let name = |value: serde_json::Result<serde_json::Value>| {
-                        value.ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
-                    };
-                    let (round, overflow) = (name(serde_json::to_value(field.word.round)), name(serde_json::to_value(field.word.overflow)));
+                    let (round, overflow) = (name(field.word.round), name(field.word.overflow));
                     (format!("`{signal}`"), format!("{round}, {overflow}"))
                 }
                 None => (String::new(), "exact".into()),
@@ -228,7 +246,7 @@ pub fn tables(machine: &Elaborated) -> String {
 pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
     let mut text = String::from("\n| word | format | rounds | overflows |\n|---|---|---|---|\n");
     for (path, word) in words(machine) {
-        let _ = writeln!(text, "| `{path}` | {word} | {:?} | {:?} |", word.round, word.overflow);
+        let _ = writeln!(text, "| `{path}` | {word} | {} | {} |", name(word.round), name(word.overflow));
     }
     text.push_str("\n| number | value |\n|---|---|\n");
     for (name, value) in numbers(machine, frame) {

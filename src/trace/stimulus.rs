@@ -5,6 +5,7 @@
 
 use super::coverage::Coverage;
 use super::transfers::{Key, NONE};
+use super::watcher::OUTCOMES;
 use rtl_model::alone::{self, Fragments};
 use rtl_model::frame::Frame;
 use rtl_model::machine::Elaborated;
@@ -92,12 +93,16 @@ fn corners(format: Format) -> Vec<i64> {
 /// Makes so many random cases for each unit, behind those that are made on purpose.
 pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64) -> Stimulus {
     let streams = ports::streams(machine);
+    let made =
+        streams.iter().filter(|stream| stream.unit() != Some("pipeline")).map(|stream| Made { name: stream.name, records: Vec::new() });
+    let made = made.collect();
     let mut maker = Maker {
         machine,
         frame,
         streams,
         random: Random(seed),
-        out: Stimulus { coverage: Coverage::new(machine), ..Stimulus::default() },
+        // A stream that nothing is made for is there all the same, and empty.
+        out: Stimulus { made, coverage: Coverage::new(machine), tags: Vec::new() },
         cases: cases as usize,
     };
     maker.splats();
@@ -136,11 +141,7 @@ impl Maker<'_> {
     }
 
     fn push(&mut self, name: &'static str, words: Vec<i64>, key: Key) -> usize {
-        let place = self.out.made.iter().position(|made| made.name == name).unwrap_or_else(|| {
-            self.out.made.push(Made { name, records: Vec::new() });
-            self.out.made.len() - 1
-        });
-        let records = &mut self.out.made[place].records;
+        let Some(Made { records, .. }) = self.out.made.iter_mut().find(|made| made.name == name) else { return UNKNOWN };
         records.push((words, key));
         records.len() - 1
     }
@@ -193,8 +194,11 @@ impl Maker<'_> {
             for words in records {
                 let (position, disc) = ([words[0], words[1], words[2]], &words[3..7]);
                 let input = self.push("project.in", position.to_vec(), key(UNKNOWN));
-                let projected = alone::project(self.machine, &self.frame.view, position.map(|word| word), &mut self.out.coverage);
+                let projected = alone::project(self.machine, &self.frame.view, position, &mut self.out.coverage);
                 let output = self.push("project.out", projected.to_vec(), key(input));
+                for (flag, case) in projected.into_iter().zip(["near", "outside"]) {
+                    self.out.coverage.count_if(flag != 0, "project", case);
+                }
                 let [near, outside, forward, exponent, _, inverse, inverse_exponent, a, b, x, y] = projected;
                 if [near, outside] != [0, 0] {
                     continue;
@@ -202,6 +206,9 @@ impl Maker<'_> {
                 let words = [disc[0], disc[1], disc[2], disc[3], forward, exponent, inverse, inverse_exponent, a, b, x, y];
                 let input = self.push("ellipse.in", words.to_vec(), key(output));
                 let set_up = alone::ellipse(self.machine, &self.frame.view, size_px, words, &mut self.out.coverage);
+                for (flag, case) in set_up.into_iter().zip(["backface", "faint", "outside"]) {
+                    self.out.coverage.count_if(flag != 0, "ellipse", case);
+                }
                 self.push("ellipse.out", set_up.to_vec(), key(input));
             }
             first = self.tag("project.in", &kind, first);
@@ -378,7 +385,7 @@ impl Maker<'_> {
         let full = held.len() == self.machine.machine.fragment.layers as usize;
         let shaded = held.iter().filter(|slot| slot.shaded).count();
         let meet = &mut self.out.coverage;
-        meet.count("fragment", &format!("{} slot {slot}", OUTCOMES[usize::from(outcome)]));
+        meet.count("fragment", &format!("{}, slot {slot}", OUTCOMES[usize::from(outcome)]));
         if full {
             meet.count("fragment", &format!("full, {shaded} of them shaded"));
         }
@@ -526,18 +533,17 @@ impl Maker<'_> {
     }
 }
 
-/// What becomes of contributions, in the order of `fragment.out`.
-const OUTCOMES: [&str; 6] = ["accumulated in", "inserted in", "merged from", "evicted, itself", "replaced", "dropped"];
-
-/// Light that a fragment may have: opaque, at the opacity limit and beside it, clear, or anything; no brighter than 1.
+/// Light that a fragment may have: opaque, at the opacity limit and beside it, clear, a power of two off 1 (two of them make ties), or
+/// anything; no brighter than 1.
 fn answer(random: &mut Random, machine: &Elaborated) -> Premultiplied {
     let m = &machine.machine;
     let (format, limit) = (m.shade.premultiplied.format, m.fragment.opaque_permille);
     let at_limit = format.one() * i64::from(limit) / 1000;
-    let opacity = match random.below(6) {
+    let opacity = match random.below(8) {
         0 => format.one(),
         1 => at_limit + random.below(3) - 1,
         2 => 0,
+        3 | 4 => format.one() - (1 << random.below(i64::from(format.frac_bits) + 1)),
         _ => random.below(format.one() + 1),
     };
     let colour = [(); 3].map(|()| random.word(format).min(format.one()));

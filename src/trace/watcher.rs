@@ -135,10 +135,31 @@ impl Watcher {
         });
     }
 
+    /// Counts what units decided.
+    pub fn decisions(&self, coverage: &mut Coverage) {
+        for splat in &self.set_up {
+            let [near, outside, ..] = splat.project;
+            let [backface, faint, missing, ..] = splat.ellipse;
+            let told = [(near, "project", "near"), (outside, "project", "outside")];
+            told.into_iter().for_each(|(flag, unit, case)| coverage.count_if(flag != 0, unit, case));
+            let told = [(backface, "ellipse", "backface"), (faint, "ellipse", "faint"), (missing, "ellipse", "outside")];
+            told.into_iter().for_each(|(flag, unit, case)| coverage.count_if([near, outside] == [0; 2] && flag != 0, unit, case));
+        }
+        for arrival in &self.arrivals {
+            coverage.count_if(arrival.weight == 0, "gauss", "weight 0");
+            for (number, outcome) in OUTCOMES.iter().enumerate() {
+                coverage.count_if(usize::from(arrival.outcome) == number, "fragment", outcome);
+            }
+        }
+    }
+
     fn flush(&mut self) -> u8 {
         std::mem::take(&mut self.heard)
     }
 }
+
+/// What becomes of contributions, in the order of their numbers in `fragment.out`.
+pub const OUTCOMES: [&str; 6] = ["accumulated", "inserted", "merged", "evicted", "replaced", "dropped"];
 
 /// A decision as `fragment.out` has it: outcome and slot.
 pub fn outcome(decision: Decision) -> (u8, u8) {

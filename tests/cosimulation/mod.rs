@@ -46,7 +46,8 @@ pub fn sources() -> PathBuf {
 
 /// Whether these programs are here; where they are not, says what is skipped, or fails in CI.
 pub fn have(programs: &[&str], what: &str) -> bool {
-    let is_missing = |program: &&&str| Command::new(program).arg("--version").output().is_err() && Command::new(program).arg("-V").output().is_err();
+    let is_missing =
+        |program: &&&str| Command::new(program).arg("--version").output().is_err() && Command::new(program).arg("-V").output().is_err();
     let missing: Vec<&str> = programs.iter().filter(is_missing).copied().collect();
     if missing.is_empty() {
         return true;
@@ -95,11 +96,8 @@ impl Device {
             name => name,
         };
         let upper = unit.name.to_uppercase();
-        let mut defines = vec![
-            format!("-DDUT={bench}"),
-            format!("-DIN_W=machine_pkg::{upper}_IN_W"),
-            format!("-DOUT_W=machine_pkg::{upper}_OUT_W"),
-        ];
+        let mut defines =
+            vec![format!("-DDUT={bench}"), format!("-DIN_W=machine_pkg::{upper}_IN_W"), format!("-DOUT_W=machine_pkg::{upper}_OUT_W")];
         defines.extend(unit.macros.iter().map(|name| format!("-D{name}")));
         if ["fragment", "pipeline"].contains(&unit.name) {
             defines.push(format!("-DDUT_PARAMETERS=.WIDTH({side}),.HEIGHT({side})"));

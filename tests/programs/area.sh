@@ -1,23 +1,22 @@
 #!/bin/sh
 # What the units take in a real technology, beside what the cost model says: synthesises the SystemVerilog of each unit (rtl_model/rtl)
-# for a Xilinx 7, first with multipliers of LUTs, as the model counts them, then with DSPs. Needs Yosys (Debian: yosys).
+# for a Xilinx 7, with multipliers of LUTs, as the model counts them, and with DSPs. Needs Yosys (Debian: yosys).
 #
-#   area.sh [--splatsim BINARY] [--set PATH=VALUE]... [--units UNIT,...] [--seconds N] [--jobs 1|2] [--ice40] [MACHINE...]
+#   area.sh [--splatsim BINARY] [--set PATH=VALUE]... [--units UNIT,...] [--seconds N] [--jobs 1|2] [--without-dsps] [--ice40] [MACHINE...]
 #
 # For each machine (tiny, lean, reference) and unit prints:
-#   LUTs          of any width, with multipliers of LUTs (-nodsp -nowidelut: as in operators.sh)
-#   model         LUT equivalents of `splatsim machine cost`; registers: that part of them which is flip-flops, two to a LUT
-#   ratio         LUTs by what the model has without registers
-#   LUTs+DSP, DSP the same with DSPs; LUTs/DSP: how many LUTs each DSP saves
-#   FD            flip-flops
-# With --ice40 instead LUTs of four inputs, flip-flops, and the ratio to the same model, which counts LUTs of six.
+#   area              LUT equivalents, as `splatsim machine cost` gives them
+#   LUTs model ratio  LUTs of any width with multipliers of LUTs (-nodsp -nowidelut: as in operators.sh); area without registers
+#   LUTs DSPs rest ratio  the same with DSPs; area with neither registers nor multipliers
+#   FDs               flip-flops
+# With --ice40 instead LUTs of four inputs, to the same model, which counts LUTs of six.
 #
 # Only a unit's own logic is synthesised:
 # - The pipe behind each unit is replaced by wires: neither the registers of its latency, which synthesis would retime into the logic and
 #   which the model counts one for each word, nor the FIFO, which the model counts apart. What FDs are left are state: of the raster's walk,
 #   of the resolver's sums, of the fragment's look-up, hazards and writes (-nosrl: none of them is hidden in a LUT).
-# - The fragment unit keeps 2 by 2 pixels, in LUT memories (RAM*), which are not counted.
-# - The raster has one lane, its tag, which the model counts with the FIFOs, one bit. There is one light, and two materials.
+# - The fragment unit keeps 2 by 2 pixels; where these lie in LUT memories (RAM*), they are not counted.
+# - The raster has one lane, and of its tag, which the model counts with the FIFOs, one bit. There is one light, and two materials.
 # - The picture's constants, lights and materials are inputs: synthesis cannot fold them.
 # A synthesis that takes longer than --seconds (180) is left out: `-`.
 set -euf
@@ -28,6 +27,7 @@ units=project,ellipse,raster,gauss,fragment,shade,resolve
 sets="--set timing.raster.lanes=[1,1]"
 seconds=180
 jobs=1
+dsps=yes
 family=xilinx
 while [ $# -gt 0 ]; do
     case $1 in
@@ -36,6 +36,7 @@ while [ $# -gt 0 ]; do
         --units) units=$2; shift 2 ;;
         --seconds) seconds=$2; shift 2 ;;
         --jobs) jobs=$2; shift 2 ;;
+        --without-dsps) dsps=no; shift ;;
         --ice40) family=ice40; shift ;;
         -*) echo "area.sh: what is $1?" >&2; exit 2 ;;
         *) break ;;
@@ -44,6 +45,7 @@ done
 [ $# -gt 0 ] || set -- tiny lean reference
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+trap 'exit 1' INT TERM
 
 cat > "$work/pipe.sv" << 'END'
 module pipe #(parameter int W = 1, parameter int LATENCY = 1, parameter int INTERVAL = 1, parameter int ROOM = 1) (
@@ -70,7 +72,7 @@ synthesise() {
     # ROMs are found from the trace's folder.
     (cd "$work/$1" && timeout "$seconds" yosys -q -p "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources
         hierarchy -top $2 $parameters; $4; tee -o $stat.part stat" > "$stat.log" 2>&1 && mv "$stat.part" "$stat") || {
-        [ $? = 124 ] || { cat "$stat.log" >&2; exit 1; }
+        [ $? = 124 ] || cat "$stat.log" >&2
     }
 }
 
@@ -80,52 +82,51 @@ cells() {
     awk -v like="$4" 'NF == 2 && $1 ~ like && $2 ~ /^[0-9]+$/ { n += $2 } END { print n + 0 }' "$work/$1.$2.$3"
 }
 
-# machine, unit: LUT equivalents, and those of them that are registers
+# machine, unit: area; without registers; without these and multipliers
 model() {
-    awk -v unit="$2" '$1 == unit { gsub(",", ""); print $2, $(NF - 1) / 2 }' "$work/$1.cost"
+    awk -v unit="$2" '
+        FNR == 1 { file += 1 }
+        # The first prices are those of the area.
+        file == 1 && match($1, /^"[a-z]+":$/) { name = substr($1, 2, length($1) - 3); if (!(name in price)) price[name] = $2 + 0 }
+        file == 2 && $1 == unit {
+            gsub(",", "")
+            rest = $(NF - 3) * price["adder"] + $(NF - 2) * price["multiplexer"] + $NF * price["rom"]
+            printf "%d %.0f %.0f\n", $2, $2 - $(NF - 1) * price["register"], rest
+        }' "$work/prices" "$work/$1.cost"
 }
 
-# numerator, denominator, digits
 ratio() {
-    awk -v a="$1" -v b="$2" -v digits="$3" 'BEGIN { if (a == "-" || b == "-" || b == 0) print "-"; else printf "%.*f\n", digits, a / b }'
+    awk -v a="$1" -v b="$2" 'BEGIN { if (a == "-" || b == 0) print "-"; else printf "%.2f\n", a / b }'
 }
 
+"$splatsim" machine prices > "$work/prices"
 xilinx="synth_xilinx -family xc7 -flatten -nowidelut -noiopad -nosrl"
 case $family in
-    xilinx) printf '%-10s %-9s %7s %7s %9s %6s %9s %5s %9s %6s\n' machine unit LUTs model registers ratio LUTs+DSP DSP LUTs/DSP FD ;;
-    ice40) printf '%-10s %-9s %7s %7s %9s %6s %6s\n' machine unit LUTs model registers ratio FD ;;
+    xilinx) row='%-10s %-9s %7s  %7s %7s %5s  %7s %4s %6s %5s  %6s\n'; printf "$row" machine unit area LUTs model ratio LUTs DSPs rest ratio FDs ;;
+    ice40) row='%-10s %-9s %7s  %7s %7s %5s  %6s\n'; printf "$row" machine unit area LUTs model ratio FDs ;;
 esac
-for machine; do
-    file=$machine
+for file; do
     machine=$(basename "$file" .json)
     # Of the trace only the package and the ROMs matter.
     "$splatsim" trace glass-spheres --size 16x16 --stimulus 1 --machine "$file" $sets --quiet --out "$work/$machine" > /dev/null
     "$splatsim" machine cost "$file" $sets > "$work/$machine.cost"
     for unit in $(echo "$units" | tr , ' '); do
-        model=$(model "$machine" "$unit")
-        registers=${model#* }
-        model=${model% *}
-        logic=$(awk -v model="$model" -v registers="$registers" 'BEGIN { print model - registers }')
+        read -r area model rest << END
+$(model "$machine" "$unit")
+END
         if [ $family = ice40 ]; then
-            synthesise "$machine" "$unit" ice40 synth_ice40
-            luts=$(cells "$machine" "$unit" ice40 '^SB_LUT4$')
-            printf '%-10s %-9s %7s %7s %9.0f %6s %6s\n' "$machine" "$unit" "$luts" "$model" "$registers" "$(ratio "$luts" "$logic" 2)" \
-                "$(cells "$machine" "$unit" ice40 '^SB_DFF')"
+            synthesise "$machine" "$unit" luts synth_ice40
+            luts=$(cells "$machine" "$unit" luts '^SB_LUT4$')
+            printf "$row" "$machine" "$unit" "$area" "$luts" "$model" "$(ratio "$luts" "$model")" "$(cells "$machine" "$unit" luts '^SB_DFF')"
             continue
         fi
-        if [ "$jobs" -gt 1 ]; then
-            synthesise "$machine" "$unit" luts "$xilinx -nodsp" &
-            synthesise "$machine" "$unit" dsps "$xilinx"
-            wait
-        else
-            synthesise "$machine" "$unit" luts "$xilinx -nodsp"
-            synthesise "$machine" "$unit" dsps "$xilinx"
-        fi
+        synthesise "$machine" "$unit" luts "$xilinx -nodsp" &
+        [ "$jobs" -gt 1 ] || wait
+        [ $dsps = no ] || synthesise "$machine" "$unit" dsps "$xilinx"
+        wait
         luts=$(cells "$machine" "$unit" luts '^LUT[1-6]$')
         with=$(cells "$machine" "$unit" dsps '^LUT[1-6]$')
-        dsps=$(cells "$machine" "$unit" dsps '^DSP48E1$')
-        [ "$luts" = - ] || [ "$with" = - ] && saved=- || saved=$((luts - with))
-        printf '%-10s %-9s %7s %7s %9.0f %6s %9s %5s %9s %6s\n' "$machine" "$unit" "$luts" "$model" "$registers" \
-            "$(ratio "$luts" "$logic" 2)" "$with" "$dsps" "$(ratio "$saved" "$dsps" 0)" "$(cells "$machine" "$unit" dsps '^FD')"
+        printf "$row" "$machine" "$unit" "$area" "$luts" "$model" "$(ratio "$luts" "$model")" \
+            "$with" "$(cells "$machine" "$unit" dsps '^DSP48E1$')" "$rest" "$(ratio "$with" "$rest")" "$(cells "$machine" "$unit" luts '^FD')"
     done
 done
