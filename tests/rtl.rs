@@ -224,7 +224,7 @@ fn every_mutant_is_caught() {
     if !have(&["iverilog"], "mutants of the twins") {
         return;
     }
-    // Both row modes and several layers, with words that round and saturate.
+    // Several layers, and words so short that most of them round.
     let machine =
         machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3", "fragment.merge=nearest-pair", "fragment.evict_hidden=true"]);
     let seen = traced(&cloud(150, 16), &machine, &Window::default());

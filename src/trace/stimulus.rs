@@ -189,7 +189,13 @@ impl Maker<'_> {
             let place = near_eye[self.random.below(near_eye.len() as i64) as usize];
             words[..3].copy_from_slice(&place);
         }
-        kinds.push(("in view".into(), seen));
+        // Discs seen from the side, and normals of no length.
+        for words in seen.iter_mut().step_by(8) {
+            words[3..6].fill(0);
+            words[6] = formats[6].max();
+        }
+        let edges = self.edges_of_view(&near_eye, &formats);
+        kinds.extend([("in view".into(), seen), ("edges of the view".into(), edges)]);
         for (kind, records) in kinds {
             for words in records {
                 let (position, disc) = ([words[0], words[1], words[2]], &words[3..7]);
@@ -214,6 +220,33 @@ impl Maker<'_> {
             first = self.tag("project.in", &kind, first);
             first_disc = self.tag("ellipse.in", &kind, first_disc);
         }
+    }
+
+    /// Places on both sides of where the camera no longer sees them, as near to each other as words can be.
+    fn edges_of_view(&mut self, seen: &[[i64; 3]], formats: &[Format]) -> Vec<Vec<i64>> {
+        let is_seen = |place: [i64; 3]| {
+            alone::project(self.machine, &self.frame.view, place, &mut rtl_model::probe::Unwatched)[..2] == [0, 0]
+        };
+        let mut edges = Vec::new();
+        for _ in 0..64 {
+            let inside = seen[self.random.below(seen.len() as i64) as usize];
+            let axis = self.random.below(3) as usize;
+            let at = |along: i64| std::array::from_fn(|other| if other == axis { along } else { inside[other] });
+            for end in [formats[axis].min(), formats[axis].max()] {
+                if !is_seen(inside) || is_seen(at(end)) {
+                    continue;
+                }
+                let (mut near, mut far) = (inside[axis], end);
+                while (far - near).abs() > 1 {
+                    let middle = (near + far).div_euclid(2);
+                    *(if is_seen(at(middle)) { &mut near } else { &mut far }) = middle;
+                }
+                edges.extend((-3..=3).map(|by| at((near + by).clamp(formats[axis].min(), formats[axis].max()))));
+            }
+        }
+        let random = &mut self.random;
+        let with_disc = |place: [i64; 3]| place.into_iter().chain(formats[3..].iter().map(|format| random.word(*format))).collect();
+        edges.into_iter().map(with_disc).collect()
     }
 
     /// Places that the camera sees, from a grid of all places; all of them if it sees none.
@@ -330,6 +363,7 @@ impl Maker<'_> {
         let threshold = self.frame.z_threshold;
         let mut unit = Fragments::new(self.machine, self.frame);
         let mut at = [0, 0];
+        self.fill_up(&mut unit, &formats);
         for _ in 0..self.cases + 4096 {
             if !self.random.one_in(3) {
                 at = sides.map(|side| self.random.below(side));
@@ -351,6 +385,9 @@ impl Maker<'_> {
                 words[2] = formats[2].max();
                 words[7] = m.splat.opacity.format.one();
             }
+            if self.random.one_in(16) {
+                self.up_to_threshold(&held, &mut words, places);
+            }
             words[11] = self.random.below(self.frame.lighting.materials.len() as i64);
             self.contribution(&mut unit, pixel, &held, words);
         }
@@ -359,6 +396,38 @@ impl Maker<'_> {
             for x in 0..sides[0] {
                 self.end_of_pixel(&unit, [x, y]);
             }
+        }
+    }
+
+    /// As many of the greatest contributions at one place as its sums can hold, and two more.
+    fn fill_up(&mut self, unit: &mut Fragments, formats: &[Format]) {
+        let f = &self.machine.machine.fragment;
+        let exact = formats[3].max() / 2;
+        let by = formats[2].frac_bits - f.weight_sum.format.frac_bits;
+        let held = if by >= 0 { formats[2].max() >> by } else { formats[2].max() << -by };
+        let count = (f.weight_sum.format.max() / held.max(1) + 2).min(4096);
+        for (at, normal) in [([0, 0], [5, 6, 7].map(|sum| formats[sum + 3].max())), ([1, 0], [5, 6, 7].map(|sum| formats[sum + 3].min()))] {
+            let mut words = vec![at[0], at[1], formats[2].max(), exact];
+            words.extend(formats[4..8].iter().map(|format| format.max()));
+            words.extend(normal);
+            words.push(0);
+            for _ in 0..count {
+                let held = unit.held(at[1] as usize * TILE_PX + at[0] as usize);
+                self.contribution(unit, at[1] as usize * TILE_PX + at[0] as usize, &held, words.clone());
+            }
+        }
+    }
+
+    /// The very weight that brings an opaque fragment to τ, or one beside it.
+    fn up_to_threshold(&mut self, held: &[Slot], words: &mut [i64], places: i32) {
+        let m = &self.machine.machine;
+        let threshold = self.frame.coverage_threshold;
+        let Some(slot) = held.iter().find(|slot| !slot.shaded && slot.sums[0] < threshold) else { return };
+        let by = m.gauss.weight.format.frac_bits - m.fragment.weight_sum.format.frac_bits;
+        let lacks = threshold - slot.sums[0] + self.random.below(3) - 1;
+        let weight = if by >= 0 { lacks << by } else { lacks >> -by };
+        if places >= 0 && (1..=m.gauss.weight.format.max()).contains(&weight) {
+            (words[2], words[3], words[7]) = (weight, slot.depth << places, m.splat.opacity.format.one());
         }
     }
 
@@ -512,6 +581,8 @@ impl Maker<'_> {
             let layers: Vec<Layer> = (0..count)
                 .map(|_| {
                     let Premultiplied { colour, opacity } = answer(&mut self.random, self.machine);
+                    // No unit makes more than 1, but the word holds it.
+                    let opacity = if self.random.one_in(8) { self.random.word(self.machine.machine.shade.premultiplied.format) } else { opacity };
                     Layer { colour, opacity, ..Layer::default() }
                 })
                 .collect();

@@ -35,9 +35,9 @@ pub fn cloud(count: u32, side: u32) -> String {
     let splats: Vec<String> = (0..count).map(splat).collect();
     format!(
         r#"{{"splats": [{}],
-            "camera": {{"eye": [0, 0, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 45, "near": 0.1}},
+            "camera": {{"eye": [0.9, 0.6, 3.8], "target": [0, 0, 0], "up": [0.1, 1, 0], "fov_y_degrees": 45, "near": 0.1}},
             "image": {{"width": {side}, "height": {side}, "background": [0.2, 0.4, 0.6, 0.5]}},
-            "surface": {{"z_threshold": 0.2}},
+            "surface": {{"z_threshold": 0.2, "cull_backfaces": true}},
             "materials": [{{"unlit": true}}, {{"ambient": 0.15, "diffuse": 0.8, "specular": 0.3, "shininess": 32}}],
             "lights": [{{"direction": [0.4, 0.8, 0.5], "rgb": [1, 1, 1]}}, {{"direction": [-1, 0.2, 0.3], "rgb": [0.4, 0.2, 0.1]}}]}}"#,
         splats.join(", ")
