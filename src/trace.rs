@@ -102,7 +102,8 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
     open_folder(folder)?;
     let folder = Folder { folder, machine: &elaborated, frame: &frame };
     let mut contents = if let Some(cases) = window.stimulus {
-        let stimulus::Stimulus { made, tags, coverage } = stimulus::stimulus(&elaborated, &frame, cases, window.seed);
+        let stimulus::Stimulus { made, tags, coverage } =
+            stimulus::stimulus(&elaborated, &frame, cases, window.seed, |units| window.wants_any(units));
         let sources: Vec<Source> = made.iter().map(Source::of).collect();
         folder.contents(window, &sources, &coverage, &tags)?
     } else {

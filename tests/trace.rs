@@ -177,7 +177,7 @@ fn made_up_cases_meet_thresholds_ties_and_limits() {
         ("fragment.depth", "high limit"),
         ("fragment.weight_sum", "high limit"),
         ("fragment.normal_sum", "low limit"),
-        ("project.camera", "tie"),
+        ("project.camera", "above half"),
         ("ellipse.depth_slope", "low limit"),
         ("ellipse.depth_slope", "high limit"),
         ("resolve.transmittance", "tie"),
@@ -369,7 +369,8 @@ fn waves_show_when_units_took_which_records() {
             let place = trace.field(&stream, field);
             let records = trace.records(&stream);
             assert!(items.len() > 20, "{unit}: {}", items.len());
-            for (time, item) in items {
+            // Before the first item nothing is known.
+            for (time, item) in items.into_iter().filter(|(_, item)| !item.contains('x')) {
                 let record = &records[usize::from_str_radix(&item, 2).unwrap()];
                 let seen = words.iter().rev().find(|(changed, _)| *changed <= time).unwrap();
                 let bits: String = (0..width).rev().map(|bit| if record[place] >> bit & 1 == 1 { '1' } else { '0' }).collect();

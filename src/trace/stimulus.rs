@@ -90,8 +90,8 @@ fn corners(format: Format) -> Vec<i64> {
     corners
 }
 
-/// Makes so many random cases for each unit, behind those that are made on purpose.
-pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64) -> Stimulus {
+/// Makes so many random cases for each unit that is wanted, behind those that are made on purpose.
+pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, wants: impl Fn(&[&str]) -> bool) -> Stimulus {
     let streams = ports::streams(machine);
     let made =
         streams.iter().filter(|stream| stream.unit() != Some("pipeline")).map(|stream| Made { name: stream.name, records: Vec::new() });
@@ -105,14 +105,20 @@ pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64) -> S
         out: Stimulus { made, coverage: Coverage::new(machine), tags: Vec::new() },
         cases: cases as usize,
     };
-    maker.splats();
-    maker.raster();
-    maker.gauss();
-    maker.fragments();
-    maker.shade();
-    maker.resolve();
+    let makers: [(&[&str], Make<'_>); 6] = [
+        (&["project", "ellipse"], Maker::splats),
+        (&["raster"], Maker::raster),
+        (&["gauss"], Maker::gauss),
+        (&["fragment"], Maker::fragments),
+        (&["shade"], Maker::shade),
+        (&["resolve"], Maker::resolve),
+    ];
+    makers.iter().filter(|(units, _)| wants(units)).for_each(|(_, make)| make(&mut maker));
     maker.out
 }
+
+/// Makes the cases of a unit.
+type Make<'a> = fn(&mut Maker<'a>);
 
 struct Maker<'a> {
     machine: &'a Elaborated,
@@ -224,9 +230,8 @@ impl Maker<'_> {
 
     /// Places on both sides of where the camera no longer sees them, as near to each other as words can be.
     fn edges_of_view(&mut self, seen: &[[i64; 3]], formats: &[Format]) -> Vec<Vec<i64>> {
-        let is_seen = |place: [i64; 3]| {
-            alone::project(self.machine, &self.frame.view, place, &mut rtl_model::probe::Unwatched)[..2] == [0, 0]
-        };
+        let is_seen =
+            |place: [i64; 3]| alone::project(self.machine, &self.frame.view, place, &mut rtl_model::probe::Unwatched)[..2] == [0, 0];
         let mut edges = Vec::new();
         for _ in 0..64 {
             let inside = seen[self.random.below(seen.len() as i64) as usize];
@@ -582,7 +587,8 @@ impl Maker<'_> {
                 .map(|_| {
                     let Premultiplied { colour, opacity } = answer(&mut self.random, self.machine);
                     // No unit makes more than 1, but the word holds it.
-                    let opacity = if self.random.one_in(8) { self.random.word(self.machine.machine.shade.premultiplied.format) } else { opacity };
+                    let opacity =
+                        if self.random.one_in(8) { self.random.word(self.machine.machine.shade.premultiplied.format) } else { opacity };
                     Layer { colour, opacity, ..Layer::default() }
                 })
                 .collect();

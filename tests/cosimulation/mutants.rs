@@ -4,7 +4,6 @@ const MUTANTS: &[Mutant] = &[
     Mutant { unit: "gauss", file: "fit.sv", find: "low ? MIN : high ? MAX : W'(cut)", put: "low ? MIN : W'(cut)" },
     Mutant { unit: "ellipse", file: "fit.sv", find: "low ? MIN : high", put: "high" },
     Mutant { unit: "fragment", file: "fit.sv", find: "S != 0 ? ~MIN : '1", put: "S != 0 ? ~MIN : ~W'(1)" },
-    Mutant { unit: "ellipse", file: "fit.sv", find: "S != 0 ? ~MIN :", put: "S != 0 ? ~MIN - W'(1) :" },
     Mutant { unit: "ellipse", file: "fit.sv", find: "cut >>> (W - S)", put: "cut >>> W" },
     Mutant { unit: "gauss", file: "fit.sv", find: "IN_W + LEFT + 1", put: "IN_W + LEFT" },
     Mutant { unit: "project", file: "fit_shifted.sv", find: "ROUND == 0 ? 0 : 1", put: "0" },
@@ -65,10 +64,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant { unit: "resolve", file: "resolve.sv", find: "over = sum_here + (SUM_W'(seen_through) << BACKGROUND_LEFT)", put: "over = sum_here" },
     Mutant { unit: "resolve", file: "resolve.sv", find: "over > ONE ? ONE : over", put: "over" },
     Mutant { unit: "resolve", file: "resolve.sv", find: "s_valid && last)", put: "s_valid)" },
-    Mutant { unit: "fragment", file: "fragment_sum.sv", find: ".WRAP(WRAP)", put: ".WRAP(1)" },
     Mutant { unit: "fragment", file: "fragment_opaque.sv", find: "weight >= coverage_threshold", put: "weight > coverage_threshold" },
     Mutant { unit: "fragment", file: "fragment_opaque.sv", find: "SHADED_W'(opacity) >= SHADED_W'", put: "SHADED_W'(opacity) > SHADED_W'" },
     Mutant { unit: "resolve", file: "resolve.sv", find: "opacity > OPAQUE ? '0 : OPAQUE - opacity", put: "OPAQUE - opacity" },
-    Mutant { unit: "project", file: "project.sv", find: "near = depth <= frame", put: "near = depth < frame" },
-    Mutant { unit: "ellipse", file: "ellipse.sv", find: "faint = !backface && (blind", put: "faint = (blind" },
 ];
