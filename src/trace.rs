@@ -78,7 +78,7 @@ pub struct Window {
 pub struct Written {
     /// Streams, their records and the bytes of their records.
     pub streams: Vec<(String, u64, u64)>,
-    /// How many cases were met, of how many ([`coverage`]).
+    /// How many cases were met, of how many (coverage.csv).
     pub coverage: [u64; 2],
 }
 
