@@ -8,7 +8,7 @@
 //! A stream whose order counts is compared record by record, and brought into step again behind a record that is missing, surplus or
 //! swapped with its neighbour; one whose order counts at each pixel only, pixel by pixel.
 //!
-//! Laws: `every_change_of_a_record_is_caught_and_named` (tests/diff.rs).
+//! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`, `a_fault_at_a_pixel_is_named` (tests/diff.rs).
 
 use crate::error::{Error, Result};
 use crate::trace::{Key, Layout, Malformed, flag};
@@ -312,7 +312,7 @@ impl Compared<'_> {
     fn outcome(&self, first: &Mismatch, all: &[Mismatch]) -> Result<Outcome> {
         let keys = self.trace.keys(self.stream)?;
         let record = first.record();
-        // A surplus record has no key: that of the one before it tells where the device was.
+        // A surplus record has no key: that of the one that it stands before tells where the device was.
         let key = keys.get(record.min(keys.len().saturating_sub(1))).cloned().unwrap_or_default();
         let (kind, line) = match first {
             Mismatch::Field { line, .. } => ("field", Some(*line)),

@@ -99,7 +99,11 @@ impl Waves {
         write_beside(&folder.join("waves.vcd"), |file| self.vcd(file).map_err(|e| e.to_string()))?;
         let (part, path) = (folder.join("waves.fst.part"), folder.join("waves.fst"));
         let written = self.fst(&part).map_err(|e| e.to_string()).and_then(|()| std::fs::rename(&part, &path).map_err(|e| e.to_string()));
-        written.map_err(|e| Error::job(format!("{}: cannot be written: {e}", path.display())))
+        written.map_err(|e| {
+            // It may never have come to be; then there is nothing to remove.
+            let _ = std::fs::remove_file(&part);
+            Error::job(format!("{}: cannot be written: {e}", path.display()))
+        })
     }
 
     /// Wires unit by unit, each with its place.
