@@ -117,7 +117,7 @@ impl Trace {
         let mut described = Vec::new();
         let (mut widths, mut signed, mut unless) = (Vec::new(), Vec::new(), Vec::new());
         for field in fields {
-            let width = u32::try_from(number(field, "width")?).ok().filter(|width| (1..=62).contains(width))?;
+            let width = u32::try_from(number(field, "width")?).ok().filter(|width| (1..=63).contains(width))?;
             described.push(Field { name: text(&field["name"])?, width, frac_bits: number(field, "frac_bits")? as i32 });
             widths.push(width);
             signed.push(field["signed"].as_bool()?);

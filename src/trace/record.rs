@@ -68,9 +68,10 @@ impl Layout {
     /// Appends a record's digits and the end of its line.
     pub fn write(&self, words: &[i64], text: &mut Vec<u8>) {
         debug_assert_eq!(words.len(), self.widths.len(), "as many words as fields");
-        let (mut held, mut bits) = (0u64, self.digits() as u32 * 4 - self.width);
+        // A word of 63 bits beside three that wait.
+        let (mut held, mut bits) = (0u128, self.digits() as u32 * 4 - self.width);
         for (&word, &width) in words.iter().zip(&self.widths) {
-            held = held << width | word as u64 & ((1 << width) - 1);
+            held = held << width | u128::from(word as u64 & ((1 << width) - 1));
             bits += width;
             while bits >= 4 {
                 bits -= 4;
@@ -92,7 +93,7 @@ impl Layout {
         if line.len() != self.digits() {
             return Err(Malformed::Digits(line.len(), self.digits()));
         }
-        let mut digits = line.bytes().map(|digit| u64::from((digit as char).to_digit(16).unwrap_or(0)));
+        let mut digits = line.bytes().map(|digit| u128::from((digit as char).to_digit(16).unwrap_or(0)));
         let unused = self.digits() as u32 * 4 - self.width;
         let (mut held, mut bits) = (digits.next().unwrap_or(0), 4 - unused);
         if held >> bits != 0 {
@@ -104,10 +105,10 @@ impl Layout {
                 bits += 4;
             }
             bits -= width;
-            let word = held >> bits;
+            let word = (held >> bits) as i64;
             held &= (1 << bits) - 1;
-            let negative = signed && word >> (width - 1) & 1 == 1;
-            if negative { word as i64 - (1i64 << width) } else { word as i64 }
+            let unused = 64 - width;
+            if signed { word << unused >> unused } else { word }
         });
         Ok(words.collect())
     }
@@ -120,7 +121,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_record_is_read_as_it_was_written(fields in prop::collection::vec((1u32..=48, any::<bool>(), any::<i64>()), 1..20)) {
+        fn a_record_is_read_as_it_was_written(fields in prop::collection::vec((1u32..=63, any::<bool>(), any::<i64>()), 1..20)) {
             let layout = Layout {
                 widths: fields.iter().map(|field| field.0).collect(),
                 signed: fields.iter().map(|field| field.1).collect(),
