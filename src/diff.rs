@@ -11,6 +11,7 @@
 //! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`, `a_fault_at_a_pixel_is_named` (tests/diff.rs).
 
 use crate::error::{Error, Result};
+use crate::sweep::table::hex;
 use crate::trace::{Key, Layout, Malformed, flag};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -142,8 +143,7 @@ impl Trace {
     fn expected(&self, stream: &Stream) -> Result<Records> {
         let path = self.folder.join(&stream.file);
         let text = read(&path)?;
-        let sha256: String = Sha256::digest(&text).iter().map(|byte| format!("{byte:02x}")).collect();
-        if sha256 != stream.sha256 {
+        if hex(&Sha256::digest(&text)) != stream.sha256 {
             return Err(Error::input(format!("{}: is not what `trace` wrote there: its digest is another", path.display())));
         }
         records(&path, &text, &stream.layout)

@@ -443,7 +443,7 @@ pub fn digest_of(scene: &Scene) -> String {
         let numbers = [splat.position.to_array(), splat.normal.to_array(), splat.rgb, [splat.radius, splat.opacity, splat.material.into()]];
         numbers.as_flattened().iter().for_each(|number| sha.update(number.to_le_bytes()));
     }
-    sha.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+    table::hex(&sha.finalize())
 }
 
 impl Outcome {

@@ -36,6 +36,7 @@ use crate::report::{aligned, plain_table, thousands};
 use crate::run::open_folder;
 use crate::scene::Scene;
 use crate::sweep::digest_of;
+use crate::sweep::table::hex;
 use coverage::Coverage;
 use rayon::prelude::*;
 use rtl_model::Machine;
@@ -226,10 +227,6 @@ fn key_fields() -> Vec<Value> {
         json!({"name": name, "lsb": below, "width": bits})
     };
     Key::PARTS.iter().map(field).collect()
-}
-
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// A number that looks random, from a seed and a number (SplitMix64).

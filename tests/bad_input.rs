@@ -4,7 +4,6 @@ mod shared_input;
 
 use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 fn load(path: &Path) -> splatsim::error::Result<Scene> {
     Scene::load(path.to_str().unwrap(), &Overrides::default())
@@ -27,19 +26,17 @@ fn check_one_sentence(sentence: &str, whose: &Path) {
 }
 
 #[test]
-fn every_odd_or_broken_ply_ends_in_a_scene_or_a_sentence_within_a_second() {
+fn every_odd_or_broken_ply_ends_in_a_scene_or_a_sentence() {
     for folder in ["malformed/ply", "malformed/ply_plyodine"] {
         let Some(folder) = shared_input::find(folder) else { return };
         let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
         files.sort();
         assert!(files.len() >= 49, "{} files", files.len());
         for file in files {
-            let start = Instant::now();
             match load(&file) {
                 Ok(scene) => check_sound(&scene, &file),
                 Err(error) => check_one_sentence(&error.to_string(), &file),
             }
-            assert!(start.elapsed() < Duration::from_secs(1), "{file:?} took {:?}", start.elapsed());
         }
     }
 }

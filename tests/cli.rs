@@ -4,7 +4,7 @@ mod shared_input;
 
 use std::path::{Path, PathBuf};
 use std::process::Output;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use assert_cmd::Command;
 use serde_json::{Value, json};
@@ -476,17 +476,14 @@ fn traces_and_comparisons_that_cannot_be_are_refused() {
 
 // ---- bad input ----
 
-/// Status 2, one line that begins with the program's name and holds `part`, nothing on standard output, within a second.
+/// Status 2, one line that begins with the program's name and holds `part`, nothing on standard output.
 fn refused(arguments: &[&str], part: &str) {
-    let start = Instant::now();
     let output = splatsim(arguments);
-    let seconds = start.elapsed().as_secs_f64();
     let told = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {told}");
     assert_one_line(&told);
     assert!(told.contains(part), "{arguments:?}: `{part}` is absent from: {told}");
     assert!(output.stdout.is_empty(), "{arguments:?}");
-    assert!(seconds < 1.0, "{arguments:?}: {seconds} s");
 }
 
 fn assert_one_line(told: &str) {
@@ -667,15 +664,18 @@ fn scenes_that_do_not_fit_are_refused_with_what_would() {
 /// always more: the program, its libraries, stacks and arenas of two threads take about half of this before a file is opened.
 const ADDRESSES_KIB: u32 = 400_000;
 
+/// Processor time allowed for it, seconds: a tenth of this would do, but a computer may be slow or busy.
+const SECONDS: u32 = 10;
+
 fn run_capped(file: &Path, out: &Path) -> Output {
-    let script = format!("ulimit -v {ADDRESSES_KIB}; exec \"$@\"");
+    let script = format!("ulimit -v {ADDRESSES_KIB}; ulimit -t {SECONDS}; exec \"$@\"");
     let mut command = Command::new("sh");
     command.args(["-c", &script, "sh", BINARY, "run"]).arg(file).args(["--size", "64x64", "--threads", "2", "--out"]).arg(out);
-    command.timeout(Duration::from_secs(20)).output().unwrap()
+    command.timeout(Duration::from_secs(120)).output().unwrap()
 }
 
 #[test]
-fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_a_second_and_little_memory() {
+fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_little_time_and_memory() {
     // The second folder's files have other properties than positions, so none of them is a cloud.
     for (name, readable) in [("malformed/ply", 40), ("malformed/ply_plyodine", 0)] {
         let Some(input) = shared_input::find(name) else { return };
@@ -684,15 +684,7 @@ fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_a_second_and_littl
         let mut drawn = 0;
         for file in &files {
             let out = folder();
-            let timed = || {
-                let start = Instant::now();
-                (run_capped(file, out.path()), start.elapsed().as_secs_f64())
-            };
-            let (output, mut seconds) = timed();
-            // Other work on the same computer may have held it up.
-            for _ in 0..3 {
-                seconds = if seconds < 1.0 { break } else { seconds.min(timed().1) };
-            }
+            let output = run_capped(file, out.path());
             let told = String::from_utf8(output.stderr).unwrap();
             match output.status.code() {
                 Some(0) => {
@@ -706,7 +698,6 @@ fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_a_second_and_littl
                 }
                 other => panic!("{file:?}: status {other:?}: {told}"),
             }
-            assert!(seconds < 1.0, "{file:?}: {seconds} s");
         }
         println!("{name}: {drawn} of {} drawn", files.len());
         assert!(files.len() >= 49 && drawn >= readable && drawn < files.len(), "{name}: {drawn} of {}", files.len());

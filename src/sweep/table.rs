@@ -97,7 +97,12 @@ fn whole_lines(text: &[u8]) -> &[u8] {
 
 /// Hexadecimal digits of the first bytes of a SHA-256.
 pub fn digest(text: &[u8]) -> String {
-    Sha256::digest(text).iter().take(12).map(|byte| format!("{byte:02x}")).collect()
+    hex(&Sha256::digest(text)[..12])
+}
+
+/// Bytes as hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// The rows of a folder: those that are there, and those that come.

@@ -78,9 +78,10 @@ fn points_on_a_line_face_the_eye_as_far_as_they_can() {
 #[test]
 fn equal_points_are_quick_and_have_a_radius() {
     let start = Instant::now();
-    let splats = fitted(cloud(vec![[0.5, -0.0, 2.0]; 20_000]), ABOVE);
+    let splats = fitted(cloud(vec![[0.5, -0.0, 2.0]; 200_000]), ABOVE);
     assert!(splats.iter().all(|s| s.radius == 1.0 && s.normal.is_normalized()));
-    assert!(start.elapsed() < Duration::from_millis(500), "{:?}", start.elapsed());
+    // Far more than it takes, and far less than looking at all pairs would.
+    assert!(start.elapsed() < Duration::from_secs(30), "{:?}", start.elapsed());
 }
 
 #[test]
