@@ -249,9 +249,9 @@ struct Explain {
 
 #[derive(Args, Debug)]
 struct Common {
-    /// Named machine or machine file
-    #[arg(long, value_name = "NAME|FILE", default_value = "reference")]
-    machine: String,
+    /// Named machine or machine file [default: by the kind of splats]
+    #[arg(long, value_name = "NAME|FILE")]
+    machine: Option<String>,
     /// Change a field, as in gauss.weight=U-2F16
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
@@ -394,8 +394,9 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
 }
 
 impl Common {
-    fn machine(&self) -> Result<Machine> {
-        machines::load(&self.machine, &self.settings)
+    /// The machine that is asked for, or the usual one for a scene.
+    fn machine(&self, scene: &Scene) -> Result<Machine> {
+        machines::load(self.machine.as_deref().unwrap_or_else(|| machines::usual(scene)), &self.settings)
     }
 
     fn scene(&self, name_or_path: &str) -> Result<Scene> {
@@ -480,12 +481,12 @@ fn told(error: &clap::Error) -> Result<String> {
 
 impl Run {
     fn run(&self) -> Result<String> {
-        let machine = self.common.machine()?;
-        fixed::elaborate(&machine)?;
-        let timings = self.timing.as_ref().map(|axes| Variants::new(&machine, axes)).transpose()?;
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
         let scene = scene?;
+        let machine = self.common.machine(&scene)?;
+        fixed::elaborate(&machine)?;
+        let timings = self.timing.as_ref().map(|axes| Variants::new(&machine, axes)).transpose()?;
         let small = self.preview.then(|| preview::scene(&scene)).transpose()?;
         if let Some(folder) = &self.out {
             open_folder(folder)?;
@@ -555,8 +556,8 @@ impl Sweep {
 
 impl Search {
     fn run(&self) -> Result<String> {
-        let machine = self.common.machine()?;
         let scenes: Vec<Scene> = self.scenes.iter().map(|name| self.common.scene(name)).collect::<Result<_>>()?;
+        let machine = self.common.machine(&scenes[0])?;
         let target = Target { psnr_db: self.target_psnr, max_error: self.max_error, no_saturation: self.no_saturation };
         let asked = search::Asked {
             target,
@@ -588,8 +589,8 @@ impl Chart {
 
 impl Trace {
     fn run(&self) -> Result<String> {
-        let machine = self.common.machine()?;
         let scene = self.common.scene(&self.scene)?;
+        let machine = self.common.machine(&scene)?;
         let text = Scene::text(&self.scene);
         let window = trace::Window {
             units: self.units.clone(),
@@ -626,17 +627,23 @@ impl Diff {
 
 impl Explain {
     fn explain(&self) -> Result<String> {
-        let machine = self.common.machine()?;
         let scene = self.common.scene(&self.scene)?;
+        let machine = self.common.machine(&scene)?;
         let Pair(x, y) = self.pixel;
         explain(&scene, &machine, [x, y])
     }
 }
 
 fn list() -> Result<String> {
-    let says = ["its picture counts as exact; the default", "the cheapest whose picture is still good", "coarse and quick, to see errors"];
+    let says = [
+        "its picture counts as exact; the default",
+        "the cheapest whose picture is still good",
+        "coarse and quick, to see errors",
+        "draws ellipsoids too, sheet by sheet",
+        "the same, sorted: trained Gaussians",
+    ];
     let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
-    for (machine, says) in Machine::NAMES.iter().filter_map(|name| Machine::named(name)).zip(says) {
+    for (machine, says) in Machine::names().filter_map(Machine::named).zip(says) {
         let report = MachineReport::new(&fixed::elaborate(&machine)?);
         let [operand, fragment] = [report.widest_operand_bits, report.fragment_bits].map(|bits| format!("{bits} bits"));
         table.add_row([machine.name, operand, fragment, format!("  {says}")]);

@@ -9,9 +9,10 @@ use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
-use rtl_model::probe::Probe;
+use rtl_model::probe::Watcher;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
+use std::any::Any;
 use std::fmt::Write;
 
 /// Watches one pixel.
@@ -23,18 +24,21 @@ struct Witness {
     frame: Option<[i64; 4]>,
 }
 
-impl Probe for Witness {
-    const WORDS: bool = false;
-    const DECISIONS: bool = true;
-
-    fn fork(&self) -> Self {
-        Witness { pixel: self.pixel, ..Witness::default() }
+impl Watcher<'static> for Witness {
+    fn fork(&self) -> Box<dyn Watcher<'static>> {
+        Box::new(Witness { pixel: self.pixel, ..Witness::default() })
     }
 
-    fn absorb(&mut self, fork: Self) {
-        self.contributions.extend(fork.contributions);
-        self.layers.extend(fork.layers);
-        self.frame = self.frame.or(fork.frame);
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        self
+    }
+
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        if let Ok(fork) = seen.downcast::<Witness>() {
+            self.contributions.extend(fork.contributions);
+            self.layers.extend(fork.layers);
+            self.frame = self.frame.or(fork.frame);
+        }
     }
 
     fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
@@ -64,10 +68,11 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
             height - 1
         )));
     }
+    scene.of_discs("explain tells the story of")?;
     let elaborated = fixed::elaborate(machine)?;
     let quantised = quantise(scene, machine)?;
     let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
-    let drawing = pipeline::draw(&elaborated, &quantised.frame, &mut witness);
+    let drawing = pipeline::draw_decided(&elaborated, &quantised.frame, &mut witness);
     let story = golden::story(scene, &fixed::rules(machine), x, y);
     let told = Told { machine: &elaborated, scale: quantised.scale, fixed: &witness, golden: &story };
 

@@ -14,13 +14,14 @@ pub(crate) mod footprint;
 pub(crate) mod fragments;
 mod ideal;
 pub(crate) mod shade;
+pub(crate) mod sheets;
 mod story;
 pub(crate) mod tiles;
 
 use serde::Serialize;
 
 use crate::picture::Picture;
-use crate::scene::Scene;
+use crate::scene::{Scene, Sheets};
 
 use fragments::Golden;
 use ideal::Ideal;
@@ -152,11 +153,21 @@ impl Outcomes {
 /// Renderer `golden`: the hardware's own algorithm, same rules and same order, in f64.
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
     let shader = Shader::new(scene);
-    tiles::draw(scene, shader.background(), || Golden::new(rules, scene.surface.z_threshold, &shader))
+    match &scene.sheets {
+        Some(sheets) => tiles::draw(scene, &shader, || sheets::Golden::new(sheets, shader.background())),
+        None => tiles::draw(scene, &shader, || Golden::new(rules, scene.surface.z_threshold, &shader)),
+    }
 }
 
-/// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats.
+/// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats; or every contribution of a volume or of
+/// Gaussians by itself, in the order of depth.
 pub fn ideal(scene: &Scene) -> Rendering {
     let shader = Shader::new(scene);
-    tiles::draw(scene, shader.background(), || Ideal::new(scene.surface.z_threshold, &shader))
+    match &scene.sheets {
+        Some(sheets) => {
+            let all = Scene { sheets: Some(Sheets { least_weight: 0.0, ..sheets.clone() }), ..scene.clone() };
+            tiles::draw(&all, &shader, || sheets::Ideal::new(sheets, shader.background()))
+        }
+        None => tiles::draw(scene, &shader, || Ideal::new(scene.surface.z_threshold, &shader)),
+    }
 }

@@ -1,6 +1,7 @@
 //! Machines: finds a machine by name or file, changes it as asked, and publishes the schema that it is held against.
 
 use crate::error::{Error, Result};
+use crate::scene::Scene;
 use crate::validate;
 use rtl_model::Machine;
 use rtl_model::num::Format;
@@ -22,6 +23,15 @@ pub fn load(spec: &str, settings: &[String]) -> Result<Machine> {
         set(&mut value, setting, &format!("--set {setting}"))?;
     }
     checked(&value, spec)
+}
+
+/// The name of the machine that draws a scene where none is asked for.
+pub fn usual(scene: &Scene) -> &'static str {
+    match (&scene.ellipsoids, &scene.sheets) {
+        (Some(ellipsoids), _) if ellipsoids.sorted => "gaussian",
+        (None, None) => Machine::NAMES[0],
+        _ => "volume",
+    }
 }
 
 /// A machine with one field changed, as by `told`.
@@ -103,7 +113,7 @@ pub fn value(machine: &Machine) -> Value {
 
 fn read(spec: &str) -> Result<Value> {
     let told = |sentence: String| Error::input(format!("{spec}: {sentence}"));
-    let names = Machine::NAMES.join(", ");
+    let names = Machine::names().collect::<Vec<_>>().join(", ");
     if !Path::new(spec).exists() {
         return Err(told(format!("no such file, and no named machine either; named are {names}")));
     }

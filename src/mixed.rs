@@ -114,7 +114,7 @@ impl<'a> Stage<'a> {
         let view = registers.view(&hold);
         let one = |index: usize| {
             let splat = registers.splat(&hold, index);
-            let (point, ellipse) = self.machine.real_set_up(&view, &splat);
+            let (point, ellipse) = self.machine.real_set_up(&view, &splat, None);
             let backface = self.scene.surface.cull_backfaces && ellipse.facing.value > 0.0;
             let is_dark = |number: Mixed| number.value == 0.0 || number.value.is_nan();
             let faint = [ellipse.facing, splat.radius, ellipse.determinant, ellipse.amplitude].into_iter().any(is_dark);

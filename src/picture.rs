@@ -11,7 +11,7 @@ use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
 
-use crate::colour::srgb_encode;
+use crate::colour::{srgb_decode, srgb_encode};
 use crate::error::{Error, Result};
 
 /// A finished picture: linear light, RGBA, colour premultiplied by alpha, over the background.
@@ -36,6 +36,15 @@ impl Picture {
             let png = PngEncoder::new(file);
             png.write_image(pixels.as_flattened(), width, height, ExtendedColorType::Rgba8).map_err(|error| error.to_string())
         })
+    }
+
+    /// The same seen as what a screen is sent: linear light that [`Picture::write_png`] encodes to the very numbers that are here.
+    pub fn decoded(&self) -> Picture {
+        let decode = |[r, g, b, alpha]: &[f64; 4]| {
+            let straight = |value: f64| if *alpha > 0.0 { srgb_decode((value / alpha).clamp(0.0, 1.0)) * alpha } else { 0.0 };
+            [straight(*r), straight(*g), straight(*b), *alpha]
+        };
+        Picture { rgba: self.rgba.par_iter().map(decode).collect(), covered: self.covered.clone(), ..*self }
     }
 
     /// Writes an OpenEXR file: float32, linear light, RGBA premultiplied over the background, row 0 on top.

@@ -7,8 +7,8 @@
 //! they are reported. `golden` and `ideal` never see what comes out of here.
 
 use crate::error::{Error, Result};
-use crate::scene::{Light, Material, Scene, Splat, View};
-use glam::DVec3;
+use crate::scene::{Amplitude, Light, Material, Opacity, Orientation, Scene, Sheet, Splat, View};
+use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use rtl_model::frame::{self, Frame, Scaled};
 use rtl_model::machine::{Interpolation, Machine};
@@ -60,6 +60,8 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         background: registers.background(scene.image.background),
         lighting: registers.lighting(scene, &view),
         splats: splats(scene, machine, &scale),
+        ellipsoids: registers.ellipsoids(scene, &view),
+        sheets: registers.sheets(scene),
     };
     if registers.misfits.is_empty() {
         return Ok(Quantised { frame, scale, notes: registers.notes });
@@ -168,7 +170,7 @@ impl Registers<'_> {
         let (p, e, raster) = (self.machine.project, self.machine.ellipse, self.machine.raster);
         let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
         // Beyond what the slope's word holds nothing could be drawn: there the guard band ends.
-        let guard = |half_px: f64| quantised(p.slope, 1.5 * half_px / view.focal_px);
+        let guard = |half_px: f64| quantised(p.slope, scene.kernel.guard * half_px / view.focal_px);
         frame::View {
             rotation: std::array::from_fn(|row| view.rotation.row(row).to_array().map(|x| quantised(p.rotation, x))),
             eye: eye.to_array().map(|x| self.hold("project.eye", p.eye, x)),
@@ -191,6 +193,71 @@ impl Registers<'_> {
             self.misfits.push(format!("gauss.radial_index {reach} spans radial indices below {most}, but the scene's cutoff is {cutoff}"));
         }
         self.hold("raster.cutoff", word, cutoff).max(1)
+    }
+
+    fn ellipsoids(&mut self, scene: &Scene, view: &View) -> Option<frame::Ellipsoids> {
+        let ellipsoids = scene.ellipsoids.as_ref()?;
+        let machine = self.machine;
+        let Some(words) = &machine.ellipse.ellipsoid else {
+            self.misfits.push(
+                "it draws discs alone, and these splats are ellipsoids: `--machine volume` or `--machine gaussian` draws them".into(),
+            );
+            return None;
+        };
+        if ellipsoids.sorted && machine.sort.is_none() {
+            self.misfits.push("it has no `sort`, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
+        }
+        let scales = |scales: DVec3| scales.to_array().map(|scale| quantised(words.scale, scale));
+        let same = ellipsoids.orientations.len() == 1;
+        let turned = view.rotation * DMat3::from_quat(ellipsoids.orientations[0].rotation);
+        let own = |orientation: &Orientation| {
+            let DQuat { x, y, z, w } = orientation.rotation;
+            frame::Orientation {
+                quaternion: [w, x, y, z].map(|part| quantised(words.quaternion, part) as i32),
+                scales: scales(orientation.scales).map(|scale| scale as i32),
+            }
+        };
+        Some(frame::Ellipsoids {
+            kernel: frame::Kernel {
+                amplitude: match ellipsoids.amplitude {
+                    Amplitude::Disc => frame::Amplitude::Disc,
+                    Amplitude::LineIntegral => frame::Amplitude::LineIntegral,
+                    Amplitude::Peak => frame::Amplitude::Peak,
+                },
+                jacobian: view.half_px.map(|half_px| quantised(machine.project.slope, scene.kernel.jacobian * half_px / view.focal_px)),
+                axes: [turned.x_axis, turned.y_axis, turned.z_axis]
+                    .map(|axis| axis.to_array().map(|part| quantised(machine.ellipse.normal, part))),
+                scales: scales(ellipsoids.orientations[0].scales),
+            },
+            own: if same { Vec::new() } else { ellipsoids.orientations.par_iter().map(own).collect() },
+            preshaded: ellipsoids.preshaded,
+            sorted: ellipsoids.sorted,
+        })
+    }
+
+    fn sheets(&mut self, scene: &Scene) -> Option<frame::Sheets> {
+        let sheets = scene.sheets.as_ref()?;
+        let machine = self.machine;
+        let Some(words) = &machine.fragment.sheets else {
+            self.misfits.push(
+                "it groups by depth alone, and these splats are grouped by sheets: `--machine volume` or `--machine gaussian` does".into(),
+            );
+            return None;
+        };
+        let (each, numbers) = match &sheets.of {
+            Sheet::Slice(numbers) => (frame::Each::Slice, numbers.clone()),
+            Sheet::Splat => (frame::Each::Splat, Vec::new()),
+        };
+        Some(frame::Sheets {
+            each,
+            numbers,
+            back_to_front: sheets.back_to_front,
+            stop: quantised(machine.fragment.opacity_sum, sheets.stop),
+            keeps_last: sheets.keeps_last,
+            least_weight: quantised(machine.gauss.weight, sheets.least_weight),
+            most_weight: self.hold("gauss.weight", machine.gauss.weight, sheets.most_weight),
+            ratio: if each == frame::Each::Slice { ratio_words(words, sheets.opacity) } else { Vec::new() },
+        })
     }
 
     fn z_threshold(&mut self, scene: &Scene, scale: &Scale) -> i64 {
@@ -239,6 +306,17 @@ impl Registers<'_> {
             highlight: highlight_words(self.machine, shininess),
         }
     }
+}
+
+/// α/x over all optical depths that the table spans, at the middles or at the ends of its steps.
+fn ratio_words(words: &rtl_model::machine::Sheets, opacity: Opacity) -> Vec<i64> {
+    let steps = 1usize << words.table.index_bits;
+    let range = f64::from(words.depth_index.format.int_bits).exp2();
+    let (count, shift) = match words.table.interpolation {
+        Interpolation::Nearest => (steps, 0.5),
+        Interpolation::Linear => (steps + 1, 0.0),
+    };
+    (0..count).map(|i| quantised(words.ratio, opacity.over_depth((i as f64 + shift) / steps as f64 * range))).collect()
 }
 
 /// x^shininess over [0, 1], at the middles or at the ends of the table's steps.

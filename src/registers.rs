@@ -9,8 +9,8 @@
 use crate::golden::shade::Shader;
 use crate::quantise::{Quantised, quantised as constant};
 use crate::scene::{self, Scene, View};
-use glam::DVec3;
-use rtl_model::frame::real::{self, Splat};
+use glam::{DMat3, DQuat, DVec3};
+use rtl_model::frame::real::{self, Ellipsoid, Orientation, Splat};
 use rtl_model::frame::{self, Scaled};
 use rtl_model::machine::Elaborated;
 use rtl_model::num::Word;
@@ -117,7 +117,7 @@ impl Registers<'_> {
         let (held, scale) = (&quantised.frame.view, &quantised.scale);
         let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
         let (kernel, near) = (&scene.kernel, scene.camera.near * scale.factor());
-        let guard = |axis: usize| hold.hold("project.slope", 1.5 * view.half_px[axis] / view.focal_px, p.slope, held.guard[axis]);
+        let guard = |axis: usize| hold.hold("project.slope", kernel.guard * view.half_px[axis] / view.focal_px, p.slope, held.guard[axis]);
         real::View {
             rotation: [0, 1, 2].map(|row| vector(hold, "project.rotation", view.rotation.row(row), p.rotation, held.rotation[row])),
             eye: vector(hold, "project.eye", eye, p.eye, held.eye),
@@ -145,6 +145,39 @@ impl Registers<'_> {
             rgb: [0, 1, 2].map(|channel| of("splat.rgb", exact.rgb[channel], words.rgb, held.rgb[channel])),
             opacity: of("splat.opacity", exact.opacity, words.opacity, held.opacity),
         }
+    }
+
+    /// What makes an ellipsoid of a splat; none where splats are discs.
+    pub fn ellipsoid<H: Hold>(&self, hold: &H, index: usize) -> Option<Ellipsoid<H::Real>> {
+        let (exact, frame) = (self.scene.ellipsoids.as_ref()?, self.quantised.frame.ellipsoids.as_ref()?);
+        let (m, kernel) = (&self.machine.machine, &frame.kernel);
+        let words = m.ellipse.ellipsoid.as_ref()?;
+        let limit = |axis: usize| {
+            let exact = self.scene.kernel.jacobian * self.eye.half_px[axis] / self.eye.focal_px;
+            hold.hold("project.slope", exact, m.project.slope, kernel.jacobian[axis])
+        };
+        let of = exact.orientation(index);
+        let scales = |held: [i64; 3]| vector(hold, "ellipse.scale", of.scales, words.scale, held);
+        let orientation = match frame.own.get(index) {
+            Some(own) => {
+                let DQuat { x, y, z, w } = of.rotation;
+                let held = own.quaternion.map(i64::from);
+                Orientation::Own {
+                    quaternion: [(w, 0), (x, 1), (y, 2), (z, 3)]
+                        .map(|(part, i)| hold.hold("ellipse.quaternion", part, words.quaternion, held[i])),
+                    scales: scales(own.scales.map(i64::from)),
+                }
+            }
+            None => {
+                let turned = self.eye.rotation * DMat3::from_quat(of.rotation);
+                let axes = [turned.x_axis, turned.y_axis, turned.z_axis];
+                Orientation::Frame {
+                    axes: [0, 1, 2].map(|axis| vector(hold, "ellipse.normal", axes[axis], m.ellipse.normal, kernel.axes[axis])),
+                    scales: scales(kernel.scales),
+                }
+            }
+        };
+        Some(Ellipsoid { amplitude: kernel.amplitude, jacobian: [limit(0), limit(1)], orientation })
     }
 
     /// The lighting registers, in camera space.

@@ -57,6 +57,8 @@ pub struct Outcome {
     pub requests: Option<Requests>,
     /// What was found.
     pub report: Report,
+    /// Colours are not linear light but what a screen is sent.
+    pub encoded: bool,
 }
 
 /// Draws `scene` on `machine` and compares; where asked to, says who makes the error. `load_seconds` goes into the report.
@@ -64,8 +66,11 @@ pub struct Outcome {
 /// # Errors
 /// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
 pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -> Result<Outcome> {
-    let elaborated = fixed::elaborate(machine)?;
     let attributed = asked.attribution;
+    if attributed {
+        scene.of_discs("--attribute tells who makes the error on")?;
+    }
+    let elaborated = fixed::elaborate(machine)?;
     let (quantised, quantise_seconds) = timed(|| quantise(scene, machine));
     let quantised = quantised?;
     let (drawing, fixed_seconds) = timed(|| fixed::draw(&elaborated, &quantised));
@@ -126,7 +131,8 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
         },
     };
     let requests = asked.requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
-    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, report })
+    let encoded = scene.image.encoded;
+    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, report, encoded })
 }
 
 fn found(golden: &Rendering) -> Golden {
@@ -166,7 +172,12 @@ impl Outcome {
             [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal), ("error", &self.error.picture), ("flips", &flips)];
         for (name, picture) in pictures {
             let path = folder.join(name).with_extension("png");
-            picture.write_png(&path)?;
+            let shown = matches!(name, "fixed" | "golden" | "ideal") && self.encoded;
+            if shown {
+                picture.decoded().write_png(&path)?
+            } else {
+                picture.write_png(&path)?
+            }
             written.push(path);
         }
         for (name, picture) in pictures.iter().take(if exr { 3 } else { 0 }) {

@@ -4,18 +4,22 @@
 
 mod builtin;
 mod camera;
+mod fields;
+mod gaussians;
 mod json;
 mod neighbours;
 mod ply;
+mod volume;
+mod voxels;
 
 pub use builtin::Builtin;
 pub use json::schema;
 
 use crate::error::{Error, Result};
-use glam::{DMat3, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 use std::path::Path;
 
-/// One surface splat: a Gaussian disc (ALGORITHM §2).
+/// One splat: a Gaussian disc (ALGORITHM §2), or an ellipsoid ([`Scene::ellipsoids`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splat {
     /// Centre, world units.
@@ -24,9 +28,9 @@ pub struct Splat {
     pub normal: DVec3,
     /// Standard deviation σ of the reconstruction kernel in the tangent plane, world units, > 0.
     pub radius: f64,
-    /// Linear light, each in [0, 1].
+    /// Linear light, each in [0, 1]; of Gaussians whatever their file means, ≥ 0.
     pub rgb: [f64; 3],
-    /// α in [0, 1].
+    /// α in [0, 1]; of volumes the optical depth through the kernel's middle, ≥ 0.
     pub opacity: f64,
     /// Index into [`Scene::materials`].
     pub material: u32,
@@ -56,6 +60,8 @@ pub struct Image {
     pub height: usize,
     /// Linear RGB and straight alpha, each in [0, 1].
     pub background: [f64; 4],
+    /// Colours are not linear light but what a screen is sent: those of trained Gaussians, which are blended as they are.
+    pub encoded: bool,
 }
 
 /// The footprint's constants.
@@ -65,6 +71,100 @@ pub struct Kernel {
     pub cutoff: f64,
     /// Variance of the low-pass filter, pixel², ≥ 0.
     pub low_pass: f64,
+    /// Splats whose centre lies farther to the side than this, in half pictures, are culled: the affine approximation has no meaning
+    /// there. Above 0.
+    pub guard: f64,
+    /// No slope a or b beyond this, in half pictures, counts in an ellipsoid's Jacobian. Above 0.
+    pub jacobian: f64,
+}
+
+/// What an ellipsoid's amplitude is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Amplitude {
+    /// That of the disc which its first two axes span (SS §5): for kernels flattened along the third, which is the normal.
+    Disc,
+    /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ (EWA (33)).
+    LineIntegral,
+    /// The opacity itself, at the peak: the convention of trained Gaussians.
+    Peak,
+}
+
+/// Principal axes of a splat's kernel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orientation {
+    /// The axes are the columns of its matrix, world space.
+    pub rotation: DQuat,
+    /// Standard deviations along them relative to the splat's radius, which is the largest: at most 1, above 0.
+    pub scales: DVec3,
+}
+
+/// What makes ellipsoids of a scene's splats (EWA §6.2, ALGORITHM §9).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ellipsoids {
+    /// One for each splat, or a single one that all have.
+    pub orientations: Vec<Orientation>,
+    /// What amplitudes are.
+    pub amplitude: Amplitude,
+    /// Splats are lit one by one before they are drawn (EWA §6.1), instead of fragments after.
+    pub preshaded: bool,
+    /// Drawn in the order of depth, nearest first, those of equal depth in input order.
+    pub sorted: bool,
+}
+
+impl Ellipsoids {
+    /// Of the splat with this number.
+    pub fn orientation(&self, splat: usize) -> &Orientation {
+        &self.orientations[if self.orientations.len() == 1 { 0 } else { splat }]
+    }
+}
+
+/// What opacity an optical depth x has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Opacity {
+    /// x, as far as 1: e^(−x) ≈ 1 − x (EWA (6)).
+    Linear,
+    /// 1 − e^(−x).
+    Exponential,
+}
+
+impl Opacity {
+    /// α/x.
+    pub fn over_depth(self, depth: f64) -> f64 {
+        match self {
+            Opacity::Linear if depth <= 1.0 => 1.0,
+            Opacity::Linear => 1.0 / depth,
+            Opacity::Exponential if depth == 0.0 => 1.0,
+            Opacity::Exponential => -libm::expm1(-depth) / depth,
+        }
+    }
+}
+
+/// Which splats are one sheet.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sheet {
+    /// Those with the same number, which follow each other: a slice of a volume.
+    Slice(Vec<u32>),
+    /// Every splat is a sheet of its own: a Gaussian.
+    Splat,
+}
+
+/// How splats become pictures where they are grouped by sheets instead of surfaces (EWA §7.1).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sheets {
+    /// Which splats are one sheet.
+    pub of: Sheet,
+    /// The deepest sheet comes first.
+    pub back_to_front: bool,
+    /// What opacity a sheet has.
+    pub opacity: Opacity,
+    /// A pixel that lets through less than this takes nothing more, in [0, 1); 0 never.
+    pub stop: f64,
+    /// What makes a pixel stop is blended still.
+    pub keeps_last: bool,
+    /// Lesser weights make no fragment, in [0, 1].
+    pub least_weight: f64,
+    /// Where each splat is a sheet, no weight counts for more, in (0, 1].
+    pub most_weight: f64,
 }
 
 /// How fragments become surfaces.
@@ -118,6 +218,10 @@ pub struct Scene {
     pub image: Image,
     /// The footprint.
     pub kernel: Kernel,
+    /// What makes ellipsoids of the splats; none where they are discs.
+    pub ellipsoids: Option<Ellipsoids>,
+    /// Grouping by sheets; none where it is by depth.
+    pub sheets: Option<Sheets>,
     /// Surface reconstruction.
     pub surface: Surface,
     /// May be empty: then only ambient light.
@@ -165,13 +269,16 @@ impl Scene {
             let names = Builtin::ALL.map(Builtin::name).join(", ");
             return Err(told(format!("no such file, and no built-in scene either; built in are {names}")));
         }
+        if volume::is_volume(path) {
+            return json::of_cloud(path, name_or_path, overrides);
+        }
         match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
-            Some("ply") => json::of_cloud(path, name_or_path, overrides),
+            Some("ply" | "splat" | "spz") => json::of_cloud(path, name_or_path, overrides),
             Some("json") => {
                 let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
                 json::read(&text, name_or_path, path.parent().unwrap_or(Path::new("")), overrides)
             }
-            _ => Err(told("is of no known kind; a scene is a .json file, a .ply file or a built-in name".into())),
+            _ => Err(told("is of no known kind; a scene is a .json file, points (.ply), Gaussians (.ply, .splat, .spz), a volume (.nrrd, .nhdr, .mhd, .mha, .nii, .nii.gz, .vti) or a built-in name".into())),
         }
     }
 
@@ -183,6 +290,17 @@ impl Scene {
         }
         path.extension().filter(|extension| extension.eq_ignore_ascii_case("json"))?;
         std::fs::read_to_string(path).ok()
+    }
+
+    /// Refuses what is made of anything but discs grouped by depth: `what` it is that only those can have.
+    ///
+    /// # Errors
+    /// [`Error::Input`] that begins with the scene's name.
+    pub fn of_discs(&self, what: &str) -> Result<()> {
+        if self.ellipsoids.is_none() && self.sheets.is_none() {
+            return Ok(());
+        }
+        Err(Error::input(format!("{}: {what} discs alone, and these splats are ellipsoids", self.name)))
     }
 
     /// The viewing transform (ALGORITHM §1): `t = rotation · (p − eye)`.

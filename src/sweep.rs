@@ -27,7 +27,7 @@ use crate::quantise::quantise;
 use crate::ranges::SignalReport;
 use crate::report::{MachineReport, thousands, wrapped};
 use crate::run::{open_folder, timed};
-use crate::scene::Scene;
+use crate::scene::{Ellipsoids, Orientation, Scene, Sheet, Sheets};
 use crate::{fixed, machines, mixed};
 use indicatif::{ProgressBar, ProgressStyle};
 use plan::{Change, Points};
@@ -439,6 +439,19 @@ pub fn digest_of(scene: &Scene) -> String {
     let mut sha = Sha256::new();
     let Scene { camera, image, kernel, surface, lights, materials, .. } = scene;
     sha.update(format!("{camera:?}{image:?}{kernel:?}{surface:?}{lights:?}{materials:?}"));
+    if let Some(Ellipsoids { orientations, amplitude, preshaded, sorted }) = &scene.ellipsoids {
+        sha.update(format!("{amplitude:?}{preshaded}{sorted}"));
+        for Orientation { rotation, scales } in orientations {
+            let numbers = [rotation.to_array().as_slice(), scales.to_array().as_slice()].concat();
+            numbers.iter().for_each(|number| sha.update(number.to_le_bytes()));
+        }
+    }
+    if let Some(sheets) = &scene.sheets {
+        let numbers: &[u32] = if let Sheet::Slice(numbers) = &sheets.of { numbers } else { &[] };
+        numbers.iter().for_each(|number| sha.update(number.to_le_bytes()));
+        let Sheets { back_to_front, opacity, stop, keeps_last, least_weight, most_weight, .. } = sheets;
+        sha.update(format!("{back_to_front}{opacity:?}{stop}{keeps_last}{least_weight}{most_weight}"));
+    }
     for splat in &scene.splats {
         let numbers = [splat.position.to_array(), splat.normal.to_array(), splat.rgb, [splat.radius, splat.opacity, splat.material.into()]];
         numbers.as_flattened().iter().for_each(|number| sha.update(number.to_le_bytes()));

@@ -97,6 +97,7 @@ const CHUNK: usize = 16_384;
 /// # Errors
 /// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file cannot be written.
 pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
+    scene.of_discs("trace writes what crosses the wires for")?;
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
     let rectangle = window.check(&frame)?;
@@ -112,9 +113,9 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         let (shown, splats, before) = whole.part(window, rectangle);
         let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
         let mut watcher = Watcher::new(&elaborated, before.splats.len() as u32);
-        let setup = pipeline::set_up(&elaborated, &shown, &mut watcher);
+        let setup = pipeline::set_up_told(&elaborated, &shown, &mut watcher);
         if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
-            pipeline::fill(&elaborated, &shown, &setup, &mut watcher);
+            pipeline::fill_told(&elaborated, &shown, &setup, &mut watcher);
         }
         let mut coverage = std::mem::take(&mut watcher.coverage);
         watcher.decisions(&mut coverage);
@@ -336,7 +337,7 @@ impl Whole<'_> {
     /// The splats whose boxes meet a rectangle.
     fn touching(&self, [left, top, right, bottom]: Rectangle) -> Vec<u32> {
         let mut watcher = Watcher::new(self.machine, 0);
-        pipeline::set_up(self.machine, self.frame, &mut watcher);
+        pipeline::set_up_told(self.machine, self.frame, &mut watcher);
         let meets = |splat: &&watcher::SetUp| {
             let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
             let drawn = splat.project[..2] == [0, 0] && [backface, faint, outside] == [0; 3];
@@ -354,7 +355,7 @@ fn held(
     [left, top, right, bottom]: Rectangle,
 ) -> Vec<([u32; 2], usize, rtl_model::units::fragment::Slot)> {
     let mut watcher = Watcher::new(machine, u32::MAX);
-    pipeline::draw(machine, frame, &mut watcher);
+    pipeline::draw_told(machine, frame, &mut watcher);
     watcher.sort();
     let pixels = watcher.held.iter().map(|held| {
         let [_, x, y] = watcher::parts(held.key);

@@ -2,6 +2,7 @@
 
 mod handmade;
 
+use std::any::Any;
 use std::f64::consts::TAU;
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
@@ -9,7 +10,7 @@ use handmade::{Dice, confetti, scene, splat};
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::num::{Fit, Word};
 use rtl_model::pipeline;
-use rtl_model::probe::Probe;
+use rtl_model::probe::Watcher;
 use rtl_model::{Drawing, Frame};
 use splatsim::fixed;
 use splatsim::quantise::quantise;
@@ -36,14 +37,15 @@ fn draw(scene: &Scene, machine: &Elaborated) -> Drawing {
 /// Hears every word of every signal.
 struct Words(Vec<(usize, i64)>);
 
-impl Probe for Words {
-    const WORDS: bool = true;
-    const DECISIONS: bool = false;
-    fn fork(&self) -> Self {
-        Words(Vec::new())
+impl Watcher<'static> for Words {
+    fn fork(&self) -> Box<dyn Watcher<'static>> {
+        Box::new(Words(Vec::new()))
     }
-    fn absorb(&mut self, fork: Self) {
-        self.0.extend(fork.0);
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        self
+    }
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        self.0.extend(seen.downcast::<Words>().unwrap().0);
     }
     fn word(&mut self, fit: &Fit, _exact: i64, _more: i64, word: i64) {
         self.0.push((fit.signal, word));
@@ -73,7 +75,7 @@ struct Ellipse {
 /// The machine's answer to a frame's only splat; none where it is culled.
 fn machine_sets_up(machine: &Elaborated, frame: &Frame) -> Option<Ellipse> {
     let mut heard = Words(Vec::new());
-    let setup = pipeline::set_up(machine, frame, &mut heard);
+    let setup = pipeline::set_up_told(machine, frame, &mut heard);
     let of = |unit: &str, name: &str| -> Vec<f64> {
         let (signal, word) =
             machine.signals.iter().enumerate().find(|(_, s)| s.unit == unit && s.name == name).map(|(i, s)| (i, s.word)).unwrap();

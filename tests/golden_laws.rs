@@ -98,7 +98,7 @@ fn minified_a_footprint_is_the_low_pass_filter() {
     let normal = DVec3::new(0.5, 0.0, -1.0).normalize();
     for v in [1.0, 2.25] {
         let mut scene = scene(100, 100, 100.0, vec![Splat { normal, ..splat([0.0, 0.0, 1.0], 1e-5) }]);
-        scene.kernel = Kernel { cutoff: 4.0, low_pass: v };
+        scene.kernel = Kernel { cutoff: 4.0, low_pass: v, ..scene.kernel };
         for (x, y) in [(50, 50), (48, 50), (49, 51)] {
             let (dx, dy) = (x as f64 - 49.5, y as f64 - 49.5);
             let filter = 1e-6 * -normal.z / (TAU * v) * (-0.5 * (dx * dx + dy * dy) / v).exp();
@@ -394,7 +394,7 @@ fn no_valid_scene_is_too_odd() {
     for (width, height) in [(1, 1), (16384, 1), (1, 16384), (17, 33)] {
         for (low_pass, cutoff) in [(0.0, 2.0), (1.0, 1e-9), (1.0, 1e6)] {
             let mut scene = scene(width, height, 10.0, splats.clone());
-            scene.kernel = Kernel { cutoff, low_pass };
+            scene.kernel = Kernel { cutoff, low_pass, ..scene.kernel };
             for rendering in [render(&scene, &Rules::default()), ideal(&scene)] {
                 assert!(rendering.picture.rgba.as_flattened().iter().all(|value| (0.0..=1.0 + 1e-12).contains(value)));
                 assert_eq!(rendering.outcomes.total(), rendering.fragments);

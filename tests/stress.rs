@@ -1,10 +1,11 @@
 //! Does the catalogue hold? Every case reaches the trouble that it names, and nothing that goes wrong there goes untold.
 
+use std::any::Any;
 use std::sync::OnceLock;
 
 use assert_cmd::Command;
 use glam::{DMat2, DVec2, DVec3};
-use rtl_model::probe::Probe;
+use rtl_model::probe::Watcher;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::{Machine, pipeline};
 use splatsim::golden;
@@ -220,11 +221,11 @@ fn a_machine_with_too_few_guard_bits_drifts_where_one_with_enough_does_not() {
 }
 
 /// Draws a case's scene on its variant.
-fn on_variant<P: Probe>(case: &Case, value: f64, probe: &mut P) {
+fn on_variant(case: &Case, value: f64, watcher: &mut dyn Watcher<'static>) {
     let machine = machines::load("reference", &(case.variant.unwrap().settings)(value)).unwrap();
     let elaborated = fixed::elaborate(&machine).unwrap();
     let quantised = quantise::quantise(&(case.scene)(value), &machine).unwrap();
-    pipeline::draw(&elaborated, &quantised.frame, probe);
+    pipeline::draw_decided(&elaborated, &quantised.frame, watcher);
 }
 
 #[test]
@@ -248,14 +249,15 @@ fn the_radial_index_wraps_and_comes_back_inside_the_footprint() {
 #[derive(Default)]
 struct AtZero(Vec<(u32, u32)>);
 
-impl Probe for AtZero {
-    const WORDS: bool = false;
-    const DECISIONS: bool = true;
-    fn fork(&self) -> Self {
-        AtZero::default()
+impl Watcher<'static> for AtZero {
+    fn fork(&self) -> Box<dyn Watcher<'static>> {
+        Box::new(AtZero::default())
     }
-    fn absorb(&mut self, fork: Self) {
-        self.0.extend(fork.0);
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        self
+    }
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        self.0.extend(seen.downcast::<AtZero>().unwrap().0);
     }
     fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, _: Decision) {
         if contribution.radial_index == 0 {

@@ -10,10 +10,12 @@ use crate::num::lanes::Plain;
 use crate::num::words::PlainWords;
 use crate::num::{LANES, Lanes, Words, reciprocal::Scientific};
 use crate::pipeline::{ellipse_words, projected_words};
-use crate::probe::{PROJECTED, Probe, SET_UP, Tap};
+use crate::probe::{PROJECTED, Probe, SET_UP, Tap, Watcher, told};
 use crate::units::fragment::{self, Contribution, Decision, Premultiplied, Slot, TILE_AREA, TILE_PX, Tile};
 use crate::units::resolve::Layer;
 use crate::units::{ellipse, raster, shade};
+
+type Told<'a, 'w> = told::Told<'a, 'w, true>;
 
 fn all(word: i64) -> PlainWords {
     PlainWords::splat(word)
@@ -24,13 +26,14 @@ fn narrow(word: i64) -> i32 {
 }
 
 /// `project`: a record of `project.in`.
-pub fn project<P: Probe>(machine: &Elaborated, view: &View, position: [i64; 3], probe: &mut P) -> [i64; PROJECTED] {
-    let tap = &mut Tap::new(probe).first(1);
+pub fn project(machine: &Elaborated, view: &View, position: [i64; 3], watcher: &mut dyn Watcher<'_>) -> [i64; PROJECTED] {
+    let told = &mut Told::new(watcher);
+    let tap = &mut Tap::new(told).first(1);
     projected_words(&machine.project.lanes(view, position.map(all), tap))
 }
 
 /// `ellipse`: a record of `ellipse.in`, in a picture of this size.
-pub fn ellipse<P: Probe>(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 12], probe: &mut P) -> [i64; SET_UP] {
+pub fn ellipse(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 12], watcher: &mut dyn Watcher<'_>) -> [i64; SET_UP] {
     let [n_x, n_y, n_z, radius, forward, exponent, inverse, inverse_exponent, a, b, x, y] = input.map(all);
     let input = ellipse::Input {
         normal: [n_x, n_y, n_z],
@@ -41,12 +44,13 @@ pub fn ellipse<P: Probe>(machine: &Elaborated, view: &View, size_px: [u32; 2], i
         slope: [a, b],
         pixel: [x, y],
     };
-    let tap = &mut Tap::new(probe).first(1);
+    let told = &mut Told::new(watcher);
+    let tap = &mut Tap::new(told).first(1);
     ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
 }
 
 /// `raster`: a record of `raster.in` without its tag; column, row, radial index and depth of each fragment, row by row.
-pub fn raster<P: Probe>(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 13], probe: &mut P) -> Vec<[i64; 4]> {
+pub fn raster(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 13], watcher: &mut dyn Watcher<'_>) -> Vec<[i64; 4]> {
     let [x, y, xx, xy, yy, depth, z_x, z_y, depth_range, left, right, top, bottom] = input;
     let side = |first: i64, last: i64| [first as u16, last as u16];
     let input = raster::Input {
@@ -65,8 +69,9 @@ pub fn raster<P: Probe>(machine: &Elaborated, view: &View, size_px: [u32; 2], in
         for column in left / tile..=right / tile {
             let corner = [(column * tile) as u16, (row * tile) as u16];
             let mut span = raster::Span::default();
-            let walks = machine.raster.enter::<Plain, P>(size_px, corner, &[&input; LANES], &mut Tap::new(probe).first(1));
-            machine.raster.span::<Plain, P>(size_px, &walks, 0, &input, cutoff, &mut span, &mut Tap::new(probe));
+            let walks =
+                machine.raster.enter::<Plain, Told>(size_px, corner, &[&input; LANES], &mut Tap::new(&mut Told::new(watcher)).first(1));
+            machine.raster.span::<Plain, Told>(size_px, &walks, 0, &input, cutoff, &mut span, &mut Tap::new(&mut Told::new(watcher)));
             for first in 0..span.fragments() {
                 let places = span.places(first);
                 let [radial, depth] = machine.raster.fragments::<Plain>(&walks, 0, &span, places).map(|lanes| lanes.to_array()[0]);
@@ -80,16 +85,17 @@ pub fn raster<P: Probe>(machine: &Elaborated, view: &View, size_px: [u32; 2], in
 }
 
 /// `gauss`: a record of `gauss.in`; its weight.
-pub fn gauss<P: Probe>(machine: &Elaborated, [radial, amplitude]: [i64; 2], probe: &mut P) -> i64 {
-    let tap = &mut Tap::new(probe).first(1);
-    let [_, weight] = machine.gauss.lanes::<false, Plain, P>(Plain::splat(radial), amplitude, tap);
+pub fn gauss(machine: &Elaborated, [radial, amplitude]: [i64; 2], watcher: &mut dyn Watcher<'_>) -> i64 {
+    let told = &mut Told::new(watcher);
+    let tap = &mut Tap::new(told).first(1);
+    let [_, weight] = machine.gauss.lanes::<false, Plain, Told>(Plain::splat(radial), amplitude, tap);
     weight.to_array()[0]
 }
 
 /// `shade`: one fragment, with the lights and materials of a frame.
-pub fn shade<P: Probe>(machine: &Elaborated, frame: &Frame, input: &shade::Input, probe: &mut P) -> shade::Output {
+pub fn shade(machine: &Elaborated, frame: &Frame, input: &shade::Input, watcher: &mut dyn Watcher<'_>) -> shade::Output {
     let highlights = machine.shade.highlights(&frame.lighting);
-    machine.shade.one(&lights(frame, &highlights), input, &mut Tap::new(probe))
+    machine.shade.one(&lights(frame, &highlights), input, &mut Tap::new(&mut Told::new(watcher)))
 }
 
 fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<crate::num::Table>]) -> shade::Registers<'a> {
@@ -102,8 +108,8 @@ fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<crate::num::Table>]) -> 
 }
 
 /// `resolve`: the layers of a pixel, front to back; its frame word.
-pub fn resolve<P: Probe>(machine: &Elaborated, frame: &Frame, layers: &[Layer], probe: &mut P) -> [i64; 4] {
-    machine.resolve.one(layers, frame.background, &mut Tap::new(probe))
+pub fn resolve(machine: &Elaborated, frame: &Frame, layers: &[Layer], watcher: &mut dyn Watcher<'_>) -> [i64; 4] {
+    machine.resolve.one(layers, frame.background, &mut Tap::new(&mut Told::new(watcher)))
 }
 
 /// `fragment`, with pixels of one tile.
@@ -120,20 +126,22 @@ impl<'a> Fragments<'a> {
     }
 
     /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
-    pub fn take<P: Probe>(&mut self, input: [i64; 12], mut answer: impl FnMut(&Slot) -> Premultiplied, probe: &mut P) -> Decision {
+    pub fn take(&mut self, input: [i64; 12], mut answer: impl FnMut(&Slot) -> Premultiplied, watcher: &mut dyn Watcher<'_>) -> Decision {
         let [x, y, weight, exact_depth, red, green, blue, opacity, n_x, n_y, n_z, material] = input;
         let registers = fragment::Registers { z_threshold: self.frame.z_threshold, coverage_threshold: self.frame.coverage_threshold };
         let attributes = [1, red, green, blue, opacity, n_x, n_y, n_z].map(narrow);
         let unit = &self.machine.fragment;
-        let depth = unit.depth::<false, Plain, P>(Plain::splat(exact_depth), &mut Tap::new(probe).first(1)).to_array()[0];
+        let depth =
+            unit.depth::<false, Plain, Told>(Plain::splat(exact_depth), &mut Tap::new(&mut Told::new(watcher)).first(1)).to_array()[0];
         let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
         let answers = std::cell::RefCell::new(&mut answer);
-        let shade = |slot: &Slot, _: &mut Tap<P>| (answers.borrow_mut())(slot);
-        let tap = &mut Tap::new(&mut *probe);
+        let shade = |slot: &Slot, _: &mut Tap<Told>| (answers.borrow_mut())(slot);
+        let told = &mut Told::new(watcher);
+        let tap = &mut Tap::new(told);
         let material = material as u32;
         let weighed = [weight, depth];
         let decision =
-            unit.contribute::<false, Plain, i64, P>(&mut self.tile, pixel, weighed, &attributes, &material, &registers, shade, tap);
+            unit.contribute::<false, Plain, i64, Told>(&mut self.tile, pixel, weighed, &attributes, &material, &registers, shade, tap);
         let contribution = Contribution { splat: 0, radial_index: 0, weight, depth };
         tap.probe.contribution(x as u32, y as u32, &contribution, decision);
         decision
@@ -146,7 +154,7 @@ impl<'a> Fragments<'a> {
     }
 
     /// What a shaded fragment is read as.
-    pub fn lit<P: Probe>(&self, slot: &Slot, probe: &mut P) -> Premultiplied {
-        self.machine.fragment.shaded(slot, &mut Tap::new(probe))
+    pub fn lit(&self, slot: &Slot, watcher: &mut dyn Watcher<'_>) -> Premultiplied {
+        self.machine.fragment.shaded(slot, &mut Tap::new(&mut Told::new(watcher)))
     }
 }

@@ -89,6 +89,84 @@ pub struct Lighting {
     pub materials: Vec<Material>,
 }
 
+/// What an ellipsoid's amplitude is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Amplitude {
+    /// That of the disc which its first two axes span (Surface Splatting §5): for kernels flattened along the third.
+    #[default]
+    Disc,
+    /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ (EWA (33)).
+    LineIntegral,
+    /// The opacity itself, at the peak.
+    Peak,
+}
+
+/// What all ellipsoids of a frame have in common.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Kernel {
+    /// What amplitudes are.
+    pub amplitude: Amplitude,
+    /// Greatest |a| and |b| in the Jacobian (`project.slope`).
+    pub jacobian: [i64; 2],
+    /// Principal axes in camera space (`ellipse.normal`), for splats without axes of their own.
+    pub axes: [[i64; 3]; 3],
+    /// Standard deviations along them relative to σ (`ellipse.scale`).
+    pub scales: [i64; 3],
+}
+
+/// An ellipsoid's own axes, in its record.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Orientation {
+    /// Unit quaternion w, x, y, z (`ellipse.quaternion`).
+    pub quaternion: [i32; 4],
+    /// Standard deviations relative to σ (`ellipse.scale`).
+    pub scales: [i32; 3],
+}
+
+/// The splats of a frame as ellipsoids.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ellipsoids {
+    /// What they have in common.
+    pub kernel: Kernel,
+    /// One for each splat; or none, and all have the kernel's axes.
+    pub own: Vec<Orientation>,
+    /// Splats are lit before they are drawn, each by itself: what emits is a volume (EWA §6.1).
+    pub preshaded: bool,
+    /// Drawn in the order of their depths, as far as the sort's key tells them apart.
+    pub sorted: bool,
+}
+
+/// What a sheet is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Each {
+    /// All splats with the same number.
+    #[default]
+    Slice,
+    /// Each splat.
+    Splat,
+}
+
+/// Fragments are grouped by sheets instead of depths.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sheets {
+    /// What a sheet is.
+    pub each: Each,
+    /// The number of each splat's sheet, where a sheet is a slice.
+    pub numbers: Vec<u32>,
+    /// The deepest sheet comes first.
+    pub back_to_front: bool,
+    /// A pixel that lets through less than this (`fragment.opacity_sum`) takes nothing more; 0 never.
+    pub stop: i64,
+    /// What makes a pixel stop is blended still.
+    pub keeps_last: bool,
+    /// Lesser weights make no fragment (`gauss.weight`).
+    pub least_weight: i64,
+    /// Where each splat is a sheet, no weight counts for more (`gauss.weight`).
+    pub most_weight: i64,
+    /// Words of the table of α/x (`fragment.ratio`); none where opacity is the weight itself.
+    pub ratio: Vec<i64>,
+}
+
 /// One picture's work.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Frame {
@@ -110,6 +188,10 @@ pub struct Frame {
     pub lighting: Lighting,
     /// Splats in input order.
     pub splats: Vec<Splat>,
+    /// What makes ellipsoids of them; none where they are discs.
+    pub ellipsoids: Option<Ellipsoids>,
+    /// How fragments are grouped; none: by depth.
+    pub sheets: Option<Sheets>,
 }
 
 pub mod real;

@@ -3,12 +3,13 @@
 //! A description is checked once, as an RTL elaboration would: [`Machine::elaborate`] returns a machine that cannot fail,
 //! or every misfit at once, in sentences. The units read their formats from here and from nowhere else.
 
-use crate::num::{Format, Overflow, Reciprocal, ReciprocalRoot, Rounding, Table, Word};
+use crate::num::{Fit, Format, Reciprocal, ReciprocalRoot, Table, Word};
 use crate::units::{ellipse, fragment, gauss, project, raster, resolve, shade};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 mod elaboration;
+mod named;
 pub mod timing;
 
 pub use elaboration::{Elaboration, MAX_OPERAND_BITS, Operator, Part, Signal};
@@ -25,6 +26,9 @@ pub struct Machine {
     pub project: Project,
     /// Normal and radius → conic, box, depth slopes.
     pub ellipse: Ellipse,
+    /// Depth order; left out, splats stay in input order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sort: Option<Sort>,
     /// Forward differencing: ellipse → fragments.
     pub raster: Raster,
     /// Radial index → weight.
@@ -169,6 +173,25 @@ pub struct Ellipse {
     pub root_cutoff: Word,
     /// σ·√cutoff, machine units: the depth clamp's half-width.
     pub depth_range: Word,
+    /// What ellipsoids need besides; left out, the machine draws discs alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ellipsoid: Option<Ellipsoid>,
+}
+
+/// Formats of the unit `ellipse` for ellipsoids.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Ellipsoid {
+    /// Orientation in the splat record: elements of a unit quaternion.
+    pub quaternion: Word,
+    /// Standard deviations in the splat record, relative to σ, the largest; products of two of them too.
+    pub scale: Word,
+    /// sᵢ·gᵢ: what an axis leaves on the screen.
+    pub stretch: Word,
+    /// |(a, b, 1)|: how much longer than t_z the way to the splat is.
+    pub ray: Word,
+    /// √(1 + a² + b²).
+    pub ray_root: FunctionUnit,
 }
 
 /// How rows begin.
@@ -267,6 +290,31 @@ pub struct Fragment {
     pub opacity_sum: Word,
     /// Σw·n.
     pub normal_sum: Word,
+    /// What grouping by sheets needs besides; left out, the machine groups by depth alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheets: Option<Sheets>,
+}
+
+/// Formats of the unit `fragment` for sheets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sheets {
+    /// x = Σw as the table sees it; the table spans all that this word holds.
+    pub depth_index: Word,
+    /// α/x.
+    pub table: TableShape,
+    /// The table's words and result.
+    pub ratio: Word,
+}
+
+/// The sort by depth between setup and raster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sort {
+    /// Depth as the sort sees it, machine units: splats with equal keys stay in input order.
+    pub key: Word,
+    /// Bits of the key that one pass of the radix sort looks at, 1 to 16.
+    pub digit_bits: u32,
 }
 
 /// Formats of the unit `shade`.
@@ -337,6 +385,10 @@ pub struct Elaborated {
     pub parts: Vec<Part>,
     pub(crate) project: project::Project,
     pub(crate) ellipse: ellipse::Ellipse,
+    /// Depth to key.
+    pub(crate) sort: Option<Fit>,
+    /// The light of a splat that is lit before it is drawn, as its record has colours.
+    pub(crate) emission: Fit,
     pub(crate) raster: raster::Raster,
     pub(crate) gauss: gauss::Gauss,
     /// At most l fragments a pixel.
@@ -383,17 +435,33 @@ impl Machine {
         let elaborated = Elaborated {
             project: project::Project::new(e, self),
             ellipse: ellipse::Ellipse::new(e, self),
+            sort: self.elaborate_sort(e),
             raster: raster::Raster::new(e, self),
             gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),
             fragment: fragment::Fragment::new(e, self, raster::Raster::depth_exact(self)),
             shade: shade::Shade::new(e, self),
             resolve: resolve::Resolve::new(e, self),
+            emission: self.elaborate_emission(e),
             timing: self.elaborate_timing(e),
             machine: self.clone(),
             signals: std::mem::take(&mut e.signals),
             parts: std::mem::take(&mut e.parts),
         };
         if e.misfits.is_empty() { Ok(elaborated) } else { Err(std::mem::take(&mut e.misfits)) }
+    }
+
+    fn elaborate_sort(&self, e: &mut Elaboration) -> Option<Fit> {
+        let sort = self.sort.as_ref()?;
+        e.port("sort", "key", sort.key);
+        e.signedness("sort", "key", sort.key, false);
+        e.within("sort", "digit_bits", sort.digit_bits, 1, 16);
+        Some(e.fit("sort", "key", sort.key, self.project.depth.into()))
+    }
+
+    /// Only ellipsoids are lit before they are drawn.
+    fn elaborate_emission(&self, e: &mut Elaboration) -> Fit {
+        let (word, from) = (self.splat.rgb, self.shade.premultiplied.into());
+        if self.ellipse.ellipsoid.is_some() { e.copies(3, |e| e.fit("ellipse", "emission", word, from)) } else { Fit::new(0, word, from) }
     }
 
     /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded flag.
@@ -403,19 +471,6 @@ impl Machine {
         let vectors = 3 * (f.colour_sum.format.width() + f.normal_sum.format.width());
         sums + vectors + f.depth.format.width() + 8 + 1
     }
-
-    /// A machine by its name.
-    pub fn named(name: &str) -> Option<Machine> {
-        match name {
-            "reference" => Some(reference()),
-            "lean" => Some(lean()),
-            "tiny" => Some(tiny()),
-            _ => None,
-        }
-    }
-
-    /// The names, the default first.
-    pub const NAMES: [&str; 3] = ["reference", "lean", "tiny"];
 }
 
 impl Splat {
@@ -433,325 +488,5 @@ impl Splat {
         e.holds_one("splat", "rgb", self.rgb);
         e.holds_one("splat", "opacity", self.opacity);
         e.holds_one("splat", "normal", self.normal);
-    }
-}
-
-const fn signed(int_bits: i32, frac_bits: i32) -> Word {
-    Word::new(Format::signed(int_bits, frac_bits))
-}
-
-const fn unsigned(int_bits: i32, frac_bits: i32) -> Word {
-    Word::new(Format::unsigned(int_bits, frac_bits))
-}
-
-/// The default: an engineer would call its picture exact. No multiplier operand over 27 bits; a fragment fits the paper's 38 bytes.
-fn reference() -> Machine {
-    let fine = FunctionUnit { table_bits: 8, newton_steps: 2, bits: 26 };
-    Machine {
-        name: "reference".into(),
-        splat: Splat {
-            position: signed(1, 26),
-            normal: signed(2, 22),
-            radius: unsigned(0, 27),
-            rgb: unsigned(1, 12),
-            opacity: unsigned(1, 12),
-        },
-        project: Project {
-            eye: signed(3, 26),
-            relative: signed(1, 26).rounded(Rounding::Truncate),
-            rotation: signed(2, 25),
-            camera: signed(2, 25),
-            depth: unsigned(1, 26),
-            reciprocal: fine,
-            slope: signed(4, 22),
-            focal: unsigned(15, 12),
-            pixel: signed(15, 14),
-        },
-        ellipse: Ellipse {
-            normal: signed(2, 22),
-            tilt: signed(4, 22),
-            facing: signed(4, 22),
-            scaled_radius: unsigned(1, 26).rounded(Rounding::Truncate),
-            size: unsigned(0, 26),
-            size_squared: unsigned(0, 27),
-            shape: signed(6, 21),
-            low_pass: unsigned(3, 24),
-            variance: unsigned(5, 21),
-            variance_cross: signed(6, 21),
-            area: signed(4, 22),
-            determinant: unsigned(8, 40),
-            root: fine,
-            inverse: unsigned(1, 26),
-            conic: unsigned(2, 25),
-            conic_cross: signed(2, 25),
-            visibility: unsigned(1, 24),
-            inverse_two_pi: unsigned(-2, 24),
-            amplitude: unsigned(-2, 24),
-            extent_root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 18 },
-            extent: unsigned(15, 4),
-            slope_reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
-            inverse_focal: unsigned(1, 24),
-            depth_step: unsigned(1, 25),
-            depth_slope: signed(3, 24),
-            root_cutoff: unsigned(3, 16),
-            depth_range: unsigned(0, 26),
-        },
-        raster: Raster {
-            rows: Rows::Differenced,
-            cutoff: unsigned(5, 16),
-            offset: signed(15, 12),
-            gradient: signed(12, 15),
-            radial: signed(20, 27).overflowing(Overflow::Wrap),
-            first: signed(16, 27),
-            second: signed(4, 25),
-            depth: signed(18, 26).overflowing(Overflow::Wrap),
-        },
-        gauss: Gauss {
-            radial_index: unsigned(2, 18),
-            table: TableShape { index_bits: 8, interpolation: Interpolation::Linear },
-            falloff: unsigned(1, 20),
-            weight: unsigned(-2, 20),
-        },
-        fragment: Fragment {
-            layers: 3,
-            merge: Merge::FarthestPair,
-            evict_hidden: true,
-            fragment_depth: FragmentDepth::First,
-            opaque_permille: 999,
-            opaque: unsigned(1, 12),
-            depth: unsigned(1, 25),
-            normal: signed(2, 12),
-            weight_sum: unsigned(5, 20),
-            colour_sum: unsigned(5, 20),
-            opacity_sum: unsigned(5, 20),
-            normal_sum: signed(6, 20),
-        },
-        shade: Shade {
-            reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
-            root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
-            share: unsigned(2, 20),
-            normal_share: signed(2, 20),
-            rgb: unsigned(1, 18),
-            opacity: unsigned(1, 18),
-            normal: signed(2, 18),
-            light: signed(2, 18),
-            cosine: signed(2, 18),
-            highlight_table: TableShape { index_bits: 10, interpolation: Interpolation::Linear },
-            highlight: unsigned(1, 18),
-            reflectance: unsigned(4, 18),
-            irradiance: unsigned(4, 18),
-            colour: unsigned(1, 18),
-            inverse_threshold: unsigned(1, 18),
-            coverage: unsigned(1, 18),
-            premultiplied: unsigned(1, 18),
-        },
-        resolve: Resolve { transmittance: unsigned(1, 18), frame: unsigned(1, 16) },
-        timing: timing::DEFAULT,
-    }
-}
-
-/// The cheapest whose picture is still good: no multiplier operand over 18 bits, no accumulator over 24.
-fn lean() -> Machine {
-    let unit = FunctionUnit { table_bits: 8, newton_steps: 1, bits: 17 };
-    let base = reference();
-    Machine {
-        name: "lean".into(),
-        splat: Splat {
-            position: signed(1, 22),
-            normal: signed(2, 14),
-            radius: unsigned(-3, 20),
-            rgb: unsigned(1, 11),
-            opacity: unsigned(1, 11),
-        },
-        project: Project {
-            eye: signed(3, 22),
-            relative: signed(1, 17).rounded(Rounding::Truncate),
-            rotation: signed(2, 16),
-            camera: signed(2, 16),
-            depth: unsigned(1, 22),
-            reciprocal: unit,
-            slope: signed(2, 16),
-            focal: unsigned(11, 7),
-            pixel: signed(12, 8),
-        },
-        ellipse: Ellipse {
-            normal: signed(2, 15),
-            tilt: signed(3, 14),
-            facing: signed(3, 15),
-            scaled_radius: unsigned(1, 17).rounded(Rounding::Truncate),
-            size: unsigned(0, 17),
-            size_squared: unsigned(0, 18),
-            shape: signed(4, 14),
-            low_pass: unsigned(3, 15),
-            variance: unsigned(4, 13),
-            variance_cross: signed(4, 13),
-            area: signed(3, 15),
-            determinant: unsigned(7, 30),
-            root: unit,
-            inverse: unsigned(1, 17),
-            conic: unsigned(2, 16),
-            conic_cross: signed(2, 16),
-            visibility: unsigned(1, 16),
-            inverse_two_pi: unsigned(-2, 18),
-            amplitude: unsigned(-2, 18),
-            extent_root: FunctionUnit { table_bits: 8, newton_steps: 0, bits: 12 },
-            extent: unsigned(12, 3),
-            slope_reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 14 },
-            inverse_focal: unsigned(1, 16),
-            depth_step: unsigned(1, 17),
-            depth_slope: signed(1, 17),
-            root_cutoff: unsigned(3, 10),
-            depth_range: unsigned(-3, 20),
-        },
-        raster: Raster {
-            rows: Rows::Seeded,
-            cutoff: unsigned(5, 10),
-            offset: signed(10, 8),
-            gradient: signed(8, 10),
-            radial: signed(9, 15).overflowing(Overflow::Wrap),
-            first: signed(8, 15),
-            second: signed(3, 15),
-            depth: signed(4, 20).overflowing(Overflow::Wrap),
-        },
-        gauss: Gauss {
-            radial_index: unsigned(2, 12),
-            table: TableShape { index_bits: 6, interpolation: Interpolation::Linear },
-            falloff: unsigned(1, 14),
-            weight: unsigned(-2, 17),
-        },
-        fragment: Fragment {
-            depth: unsigned(1, 20),
-            opaque: unsigned(1, 12),
-            normal: signed(2, 10),
-            weight_sum: unsigned(4, 14),
-            colour_sum: unsigned(4, 14),
-            opacity_sum: unsigned(4, 14),
-            normal_sum: signed(5, 13),
-            ..base.fragment
-        },
-        shade: Shade {
-            reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 16 },
-            root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 16 },
-            share: unsigned(2, 14),
-            normal_share: signed(2, 14),
-            rgb: unsigned(1, 14),
-            opacity: unsigned(1, 14),
-            normal: signed(2, 14),
-            light: signed(2, 14),
-            cosine: signed(2, 14),
-            highlight_table: TableShape { index_bits: 8, interpolation: Interpolation::Linear },
-            highlight: unsigned(1, 14),
-            reflectance: unsigned(3, 12),
-            irradiance: unsigned(3, 12),
-            colour: unsigned(1, 14),
-            inverse_threshold: unsigned(1, 14),
-            coverage: unsigned(1, 14),
-            premultiplied: unsigned(1, 14),
-        },
-        resolve: Resolve { transmittance: unsigned(1, 14), frame: unsigned(1, 12) },
-        timing: timing::DEFAULT,
-    }
-}
-
-/// Visibly coarse and quick: about eight bits everywhere, for tests and for seeing errors.
-fn tiny() -> Machine {
-    let unit = FunctionUnit { table_bits: 6, newton_steps: 0, bits: 9 };
-    let base = reference();
-    Machine {
-        name: "tiny".into(),
-        splat: Splat {
-            position: signed(1, 11),
-            normal: signed(2, 6),
-            radius: unsigned(-3, 14),
-            rgb: unsigned(1, 7),
-            opacity: unsigned(1, 7),
-        },
-        project: Project {
-            eye: signed(3, 11),
-            relative: signed(1, 9).rounded(Rounding::Truncate),
-            rotation: signed(2, 8),
-            camera: signed(2, 9),
-            depth: unsigned(1, 12),
-            reciprocal: unit,
-            slope: signed(2, 9),
-            focal: unsigned(11, 2),
-            pixel: signed(12, 3),
-        },
-        ellipse: Ellipse {
-            normal: signed(2, 7),
-            tilt: signed(3, 7),
-            facing: signed(3, 7),
-            scaled_radius: unsigned(1, 8).rounded(Rounding::Truncate),
-            size: unsigned(0, 8),
-            size_squared: unsigned(0, 9),
-            shape: signed(4, 6),
-            low_pass: unsigned(3, 8),
-            variance: unsigned(4, 6),
-            variance_cross: signed(4, 6),
-            area: signed(3, 7),
-            determinant: unsigned(7, 14),
-            root: unit,
-            inverse: unsigned(1, 8),
-            conic: unsigned(2, 8),
-            conic_cross: signed(2, 8),
-            visibility: unsigned(1, 8),
-            inverse_two_pi: unsigned(-2, 10),
-            amplitude: unsigned(-2, 10),
-            extent_root: unit,
-            extent: unsigned(12, 2),
-            slope_reciprocal: unit,
-            inverse_focal: unsigned(1, 8),
-            depth_step: unsigned(1, 8),
-            depth_slope: signed(1, 10),
-            root_cutoff: unsigned(3, 6),
-            depth_range: unsigned(-3, 11),
-        },
-        raster: Raster {
-            rows: Rows::Seeded,
-            cutoff: unsigned(5, 4),
-            offset: signed(10, 3),
-            gradient: signed(8, 5),
-            radial: signed(9, 8).overflowing(Overflow::Wrap),
-            first: signed(8, 8),
-            second: signed(3, 8),
-            depth: signed(4, 12).overflowing(Overflow::Wrap),
-        },
-        gauss: Gauss {
-            radial_index: unsigned(2, 6),
-            table: TableShape { index_bits: 5, interpolation: Interpolation::Nearest },
-            falloff: unsigned(1, 8),
-            weight: unsigned(-2, 10),
-        },
-        fragment: Fragment {
-            depth: unsigned(1, 10),
-            opaque: unsigned(1, 10),
-            normal: signed(2, 6),
-            weight_sum: unsigned(3, 8),
-            colour_sum: unsigned(3, 8),
-            opacity_sum: unsigned(3, 8),
-            normal_sum: signed(4, 8),
-            ..base.fragment
-        },
-        shade: Shade {
-            reciprocal: FunctionUnit { table_bits: 6, newton_steps: 0, bits: 8 },
-            root: FunctionUnit { table_bits: 6, newton_steps: 0, bits: 8 },
-            share: unsigned(2, 8),
-            normal_share: signed(2, 8),
-            rgb: unsigned(1, 8),
-            opacity: unsigned(1, 8),
-            normal: signed(2, 8),
-            light: signed(2, 8),
-            cosine: signed(2, 8),
-            highlight_table: TableShape { index_bits: 6, interpolation: Interpolation::Nearest },
-            highlight: unsigned(1, 8),
-            reflectance: unsigned(3, 6),
-            irradiance: unsigned(3, 6),
-            colour: unsigned(1, 8),
-            inverse_threshold: unsigned(1, 8),
-            coverage: unsigned(1, 8),
-            premultiplied: unsigned(1, 8),
-        },
-        resolve: Resolve { transmittance: unsigned(1, 8), frame: unsigned(1, 8) },
-        timing: timing::DEFAULT,
     }
 }

@@ -9,11 +9,14 @@
 //!
 //! Law: `threads_and_watchers_change_no_bit`.
 
-use crate::frame::{Frame, Splat, View};
+use crate::frame::{Each, Ellipsoids, Frame, Orientation, Splat, View};
 use crate::host::{Work, plainly, vectorised};
 use crate::machine::Elaborated;
-use crate::num::{LANES, Lanes, Words, two};
-use crate::probe::{Meters, PROJECTED, Probe, Ranges, SET_UP, Tap, Unwatched, Weighed};
+use crate::num::{Fit, LANES, Lanes, Table, Words, three, two};
+use crate::probe::told::Told;
+use crate::probe::{Meters, PROJECTED, Probe, Ranges, SET_UP, Tap, Unwatched, Watcher, Weighed};
+use crate::units::ellipse::ellipsoid::Axes;
+use crate::units::fragment::sheets;
 use crate::units::fragment::{
     self, Attributes, Contribution, Decision, Lane, NORMAL, OPACITY, Outcomes, Premultiplied, SUMS, Slot, TILE_AREA, TILE_PX, Tile, WEIGHT,
 };
@@ -76,6 +79,8 @@ pub struct Prepared {
 pub struct Setup {
     /// In input order, block by block: joining them would copy every splat once more.
     blocks: Vec<Vec<Prepared>>,
+    /// In which order they are drawn; empty: as they lie there.
+    order: Vec<u32>,
     /// Not drawn.
     pub culled: Culled,
 }
@@ -129,6 +134,27 @@ pub fn fill_recorded(machine: &Elaborated, frame: &Frame, setup: &Setup, recorde
     fill(machine, frame, setup, recorder)
 }
 
+/// Draws a frame and tells a watcher every decision, tile by tile.
+pub fn draw_decided<'w>(machine: &Elaborated, frame: &Frame, watcher: &mut dyn Watcher<'w>) -> Drawing {
+    draw(machine, frame, &mut Told::<false>::new(watcher))
+}
+
+/// Draws a frame and tells a watcher everything, transfer by transfer.
+pub fn draw_told<'w>(machine: &Elaborated, frame: &Frame, watcher: &mut dyn Watcher<'w>) -> Drawing {
+    let setup = set_up_told(machine, frame, watcher);
+    fill_told(machine, frame, &setup, watcher)
+}
+
+/// [`set_up`], telling a watcher everything.
+pub fn set_up_told<'w>(machine: &Elaborated, frame: &Frame, watcher: &mut dyn Watcher<'w>) -> Setup {
+    set_up(machine, frame, &mut Told::<true>::new(watcher))
+}
+
+/// [`fill`], telling a watcher everything.
+pub fn fill_told<'w>(machine: &Elaborated, frame: &Frame, setup: &Setup, watcher: &mut dyn Watcher<'w>) -> Drawing {
+    fill(machine, frame, setup, &mut Told::<true>::new(watcher))
+}
+
 /// Draws a frame and tells the range of every signal.
 pub fn draw_ranged(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges) {
     let mut meters = Meters::new(machine);
@@ -154,7 +180,11 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         .map(|(block, splats)| {
             let mut fork = probe.fork();
             let (first, of) = ((block * BLOCK_SPLATS) as u32, frame.splats.len());
-            (worked::<P, _>(SetUp { machine, frame, splats, first, of, probe: &mut fork }), fork)
+            let setup = match &frame.ellipsoids {
+                None => worked::<P, _>(SetUp { machine, frame, splats, first, of, probe: &mut fork }),
+                Some(ellipsoids) => plainly(SetUpEllipsoids { machine, frame, ellipsoids, splats, first, probe: &mut fork }),
+            };
+            (setup, fork)
         })
         .collect();
     let mut whole = Setup::default();
@@ -163,10 +193,22 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         whole.culled.absorb(&part.culled);
         probe.absorb(fork);
     }
+    if let (Some(sort), true) = (&machine.sort, frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted)) {
+        whole.sort(sort, probe);
+    }
     whole
 }
 
 impl Setup {
+    /// Brings the splats into the order of their keys, those with equal keys in that of their numbers.
+    fn sort<P: Probe>(&mut self, key: &Fit, probe: &mut P) {
+        let tap = &mut Tap::new(probe);
+        let mut order: Vec<(i64, u32)> =
+            self.entries().map(|(entry, splat)| (tap.fit_one(key, i64::from(splat.raster.depth)), entry)).collect();
+        order.sort_unstable();
+        self.order = order.into_iter().map(|(_, entry)| entry).collect();
+    }
+
     /// Splats that are left.
     pub fn splats(&self) -> usize {
         self.blocks.iter().map(Vec::len).sum()
@@ -178,11 +220,13 @@ impl Setup {
         &self.blocks[entry as usize / BLOCK_SPLATS][entry as usize % BLOCK_SPLATS]
     }
 
-    /// Every splat in input order, with what a bin calls it.
+    /// Every splat in the order in which they are drawn, with what a bin calls it.
     fn entries(&self) -> impl Iterator<Item = (u32, &Prepared)> + Clone {
         let numbered = |(block, splats): (usize, &'_ Vec<Prepared>)| (block * BLOCK_SPLATS, splats.len());
-        let numbers = self.blocks.iter().enumerate().map(numbered).flat_map(|(first, count)| first..first + count);
-        numbers.map(|number| (number as u32, self.splat(number as u32)))
+        let sorted = self.order.iter().copied();
+        let blocks = if self.order.is_empty() { &self.blocks[..] } else { &[] };
+        let numbers = blocks.iter().enumerate().map(numbered).flat_map(|(first, count)| first..first + count);
+        sorted.chain(numbers.map(|number| number as u32)).map(|number| (number, self.splat(number)))
     }
 }
 
@@ -215,8 +259,7 @@ impl<P: Probe> Work for SetUp<'_, P> {
             for (splat, first) in self.splats.iter().zip(self.first..) {
                 units.set_up::<L::Words, P>(&[*splat; LANES], 1, first, self.probe, &mut out);
             }
-            out.prepared.truncate(out.count);
-            return Setup { blocks: vec![out.prepared], culled: out.culled };
+            return out.done();
         }
         let (eights, rest) = self.splats.as_chunks();
         let mut last = [Splat::default(); LANES];
@@ -229,8 +272,75 @@ impl<P: Probe> Work for SetUp<'_, P> {
                 set_up_again(self.machine, self.frame, &splats[..live], first, ranges);
             }
         }
-        out.prepared.truncate(out.count);
-        Setup { blocks: vec![out.prepared], culled: out.culled }
+        out.done()
+    }
+}
+
+struct SetUpEllipsoids<'a, P> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    ellipsoids: &'a Ellipsoids,
+    splats: &'a [Splat],
+    first: u32,
+    probe: &'a mut P,
+}
+
+impl<P: Probe> Work for SetUpEllipsoids<'_, P> {
+    type Output = Setup;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> Setup {
+        let Frame { view, width, height, .. } = self.frame;
+        let units = Units { project: &self.machine.project, ellipse: &self.machine.ellipse, view, size_px: [*width, *height] };
+        let lit = self.ellipsoids.preshaded.then(|| Lit::new(self.machine, self.frame));
+        let mut out = Block { prepared: vec![Prepared::default(); self.splats.len()], count: 0, culled: Culled::default() };
+        for (group, splats) in self.splats.chunks(LANES).enumerate() {
+            let mut eight = [Splat::default(); LANES];
+            eight[..splats.len()].copy_from_slice(splats);
+            let first = self.first + (group * LANES) as u32;
+            let mut own = [Orientation::default(); LANES];
+            if let Some(some) = self.ellipsoids.own.get(first as usize..) {
+                own.iter_mut().zip(some).for_each(|(own, given)| *own = *given);
+            }
+            units.set_up_ellipsoids::<L::Words, P>(
+                (&eight, &own, self.ellipsoids),
+                splats.len(),
+                first,
+                lit.as_ref(),
+                self.probe,
+                &mut out,
+            );
+        }
+        out.done()
+    }
+}
+
+/// The lights and materials of a frame, for splats that are lit before they are drawn.
+struct Lit<'a> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    highlights: Vec<Option<Table>>,
+}
+
+impl<'a> Lit<'a> {
+    fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
+        Lit { machine, frame, highlights: machine.shade.highlights(&frame.lighting) }
+    }
+
+    /// The port from setup to shade: the light that one splat sends.
+    #[inline(never)]
+    fn emission<P: Probe>(&self, splat: &Splat, normal: [i32; 3], probe: &mut P) -> [i32; 3] {
+        let tap = &mut Tap::new(probe);
+        let frame = self.frame;
+        let lights = shade::Registers {
+            lighting: &frame.lighting,
+            highlights: &self.highlights,
+            coverage_threshold: frame.coverage_threshold,
+            inverse_threshold: frame.inverse_threshold,
+        };
+        let input = self.machine.fragment.emitting(splat.rgb, normal, splat.material, tap);
+        let shade::Output { colour, .. } = self.machine.shade.one(&lights, &input_of(&input), tap);
+        three!(channel => tap.fit_one(&self.machine.emission, colour[channel]) as i32)
     }
 }
 
@@ -249,12 +359,55 @@ struct Block {
     culled: Culled,
 }
 
+impl Block {
+    fn done(mut self) -> Setup {
+        self.prepared.truncate(self.count);
+        Setup { blocks: vec![self.prepared], order: Vec::new(), culled: self.culled }
+    }
+}
+
 impl Units<'_> {
     /// Sets eight splats up, of which the first `live` are there.
     #[inline(always)]
     fn set_up<W: Words, P: Probe>(&self, splats: &[Splat; LANES], live: usize, first: u32, probe: &mut P, out: &mut Block) {
         let tap = &mut Tap::new(probe).first(live);
 
+        let (point, input) = self.placed::<W, P>(splats, tap);
+        let ellipse = self.ellipse.lanes(self.view, self.size_px, &input, tap);
+        self.keep::<W, P>(splats, live, first, (&point, &ellipse), None, tap, out);
+    }
+
+    /// Sets eight ellipsoids up, of which the first `live` are there.
+    #[inline(always)]
+    fn set_up_ellipsoids<W: Words, P: Probe>(
+        &self,
+        (splats, own, ellipsoids): (&[Splat; LANES], &[Orientation; LANES], &Ellipsoids),
+        live: usize,
+        first: u32,
+        lit: Option<&Lit>,
+        probe: &mut P,
+        out: &mut Block,
+    ) {
+        let tap = &mut Tap::new(probe).first(live);
+        let (point, input) = self.placed::<W, P>(splats, tap);
+        let word = |of: &dyn Fn(usize) -> i32| W::from_array(std::array::from_fn(of));
+        let axes = if ellipsoids.own.is_empty() {
+            Axes::Frame
+        } else {
+            let [w, x, y, z] = [0, 1, 2, 3].map(|part| word(&|lane| own[lane].quaternion[part]));
+            Axes::Own([w, x, y, z], three!(axis => word(&|lane| own[lane].scales[axis])))
+        };
+        let opacity = word(&|lane| splats[lane].opacity);
+        let set_up = self.ellipse.ellipsoids(self.view, &ellipsoids.kernel, self.size_px, &input, axes, opacity, tap);
+        // Elaboration has seen to it that there is one.
+        if let Some(ellipse) = set_up {
+            self.keep::<W, P>(splats, live, first, (&point, &ellipse), lit, tap, out);
+        }
+    }
+
+    /// The first half of setup, and what the second is given.
+    #[inline(always)]
+    fn placed<W: Words, P: Probe>(&self, splats: &[Splat; LANES], tap: &mut Tap<P>) -> (project::Projected<W>, ellipse::Input<W>) {
         // The first eight words of each record as they lie in memory: red comes along.
         let mut records = [W::splat(0); LANES];
         for (record, splat) in records.iter_mut().zip(splats) {
@@ -272,10 +425,24 @@ impl Units<'_> {
             slope: point.slope,
             pixel: point.pixel,
         };
-        let ellipse = self.ellipse.lanes(self.view, self.size_px, &input, tap);
+        (point, input)
+    }
 
+    /// Keeps those of eight splats that are not culled.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "what setup knows of a splat")]
+    fn keep<W: Words, P: Probe>(
+        &self,
+        splats: &[Splat; LANES],
+        live: usize,
+        first: u32,
+        (point, ellipse): (&project::Projected<W>, &ellipse::Output<W>),
+        lit: Option<&Lit>,
+        tap: &mut Tap<P>,
+        out: &mut Block,
+    ) {
         if P::TRANSFERS {
-            tap.probe.set_up(first, projected_words(&point), ellipse_words(&ellipse));
+            tap.probe.set_up(first, projected_words(point), ellipse_words(ellipse));
         }
         let mut left = ((1u32 << live) - 1) as u8;
         let culled = point.near | point.outside | ellipse.backface | ellipse.faint | ellipse.outside;
@@ -306,7 +473,7 @@ impl Units<'_> {
             }
             let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
             let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
-            let [r, g, b] = own.rgb;
+            let [r, g, b] = lit.map_or(own.rgb, |lit| lit.emission(own, [n, m, o], tap.probe));
             if P::WORK {
                 tap.probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
             }
@@ -381,12 +548,13 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
         inverse_threshold: frame.inverse_threshold,
     };
     let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
+    let sheets = frame.sheets.as_ref().map(|sheets| machine.fragment.sheets(sheets));
     let bins = bins(frame, setup);
     let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
     // One tile's fragments at a time, and one watcher, for every run of tiles that a thread takes.
     let start = || Run { tile: Box::<Tile<L>>::default(), probe: probe.fork(), done: Vec::new() };
     let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
-        let shared = Shared { machine, frame, lights: &lights, setup, registers };
+        let shared = Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref() };
         let part =
             Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
         let resolved = worked::<P, _>(FillTile::<PLAIN, L, P> { shared, part, tile: &mut run.tile, probe: &mut run.probe });
@@ -466,6 +634,7 @@ struct Shared<'a> {
     lights: &'a shade::Registers<'a>,
     setup: &'a Setup,
     registers: fragment::Registers,
+    sheets: Option<&'a sheets::Registers<'a>>,
 }
 
 /// A tile, and the entries that touch it.
@@ -554,7 +723,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         first: usize,
         outcomes: &mut Outcomes,
     ) {
-        let Shared { machine, lights, registers, .. } = self.shared;
+        let Shared { machine, lights, registers, sheets, .. } = self.shared;
         let tile = &mut *self.tile;
         let count = (span.fragments() - first).min(Self::AT_A_TIME);
         let tap = &mut Tap::new(&mut *self.probe).first(count);
@@ -572,27 +741,33 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
         if P::WORDS {
             tap.live &= weight.above(V::splat(0)).signs();
         }
+        let least = sheets.map_or(1, |registers| registers.sheets.least_weight.max(1));
         let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
         let depth = machine.fragment.depth::<PLAIN, V, P>(depth, tap).to_array();
         let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
         for lane in 0..count {
-            if weight[lane] == 0 {
+            if weight[lane] < least {
                 if P::WORK {
                     tap.probe.became(None);
                 }
                 continue;
             }
             let pixel = pixels[lane];
-            let decision = machine.fragment.contribute::<PLAIN, V, L, P>(
-                tile,
-                pixel,
-                [weight[lane], depth[lane]],
-                &prepared.attributes,
-                &prepared.material,
-                &registers,
-                &shade,
-                tap,
-            );
+            let decision = match sheets {
+                None => machine.fragment.contribute::<PLAIN, V, L, P>(
+                    tile,
+                    pixel,
+                    [weight[lane], depth[lane]],
+                    &prepared.attributes,
+                    &prepared.material,
+                    &registers,
+                    &shade,
+                    tap,
+                ),
+                Some(registers) => {
+                    self::contribute_to_sheet::<PLAIN, V, L, P>(machine, tile, pixel, weight[lane], prepared, registers, tap)
+                }
+            };
             // Most are accumulated: those are what is left of the contributions in the end.
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
@@ -612,7 +787,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can be counted.
     #[inline(never)]
     fn resolve(self, mut outcomes: Outcomes) -> Resolved {
-        let (Shared { machine, frame, lights, .. }, corner) = (self.shared, self.part.corner);
+        let (Shared { machine, frame, lights, sheets, .. }, corner) = (self.shared, self.part.corner);
         let mut resolved = Resolved { corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
         let tap = &mut Tap::new(&mut *self.probe);
         let mut layers = [Layer::default(); fragment::MAX_LAYERS];
@@ -627,9 +802,24 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
                 }
                 continue;
             }
-            for (slot, layer) in layers[..live].iter_mut().enumerate() {
-                *layer = lit_layer(machine, lights, slot, &self.tile.slot(at, slot), tap);
-            }
+            let live = match sheets {
+                None => {
+                    for (slot, layer) in layers[..live].iter_mut().enumerate() {
+                        *layer = lit_layer(machine, lights, slot, &self.tile.slot(at, slot), tap);
+                    }
+                    live
+                }
+                Some(registers) => {
+                    let composite = machine.fragment.composite(self.tile, at, registers, tap);
+                    layers[0] = composite.map_or(Layer::default(), |Premultiplied { colour, opacity }| Layer {
+                        merged: true,
+                        colour,
+                        opacity,
+                        ..Layer::default()
+                    });
+                    usize::from(composite.is_some())
+                }
+            };
             if P::WORK {
                 tap.probe.held(live as u8, layers[..live].iter().filter(|layer| !layer.merged).count() as u8);
             }
@@ -653,6 +843,25 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     }
 }
 
+/// One contribution to a sheet. A call of its own, so that surfaces pay nothing for it.
+#[inline(never)]
+fn contribute_to_sheet<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
+    machine: &Elaborated,
+    tile: &mut Tile<L>,
+    pixel: u8,
+    weight: i64,
+    prepared: &Prepared,
+    registers: &sheets::Registers,
+    tap: &mut Tap<P>,
+) -> Decision {
+    let splat = prepared.splat;
+    let sheet = match registers.sheets.each {
+        Each::Splat => splat,
+        Each::Slice => registers.sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
+    };
+    machine.fragment.contribute_to_sheet::<PLAIN, V, L, P>(tile, pixel, sheet, weight, &prepared.attributes, registers, tap)
+}
+
 /// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.
 #[inline(never)]
 fn shade_for_merge<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
@@ -664,14 +873,7 @@ fn shade_for_merge<P: Probe>(machine: &Elaborated, lights: &shade::Registers, sl
 
 /// The port from fragment, and from resolve, to shade.
 fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
-    let s: &[i64; SUMS] = &slot.sums;
-    let input = shade::Input {
-        weight: s[WEIGHT],
-        colour: [s[1], s[2], s[3]],
-        opacity: s[OPACITY],
-        normal: [s[NORMAL], s[NORMAL + 1], s[NORMAL + 2]],
-        material: slot.material,
-    };
+    let input = input_of(slot);
     if P::TRANSFERS {
         tap.probe.shade_in();
     }
@@ -681,6 +883,18 @@ fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: &
     }
     let shade::Output { colour, opacity } = output;
     Premultiplied { colour, opacity }
+}
+
+/// A fragment as shade is given it.
+fn input_of(slot: &Slot) -> shade::Input {
+    let s: &[i64; SUMS] = &slot.sums;
+    shade::Input {
+        weight: s[WEIGHT],
+        colour: [s[1], s[2], s[3]],
+        opacity: s[OPACITY],
+        normal: [s[NORMAL], s[NORMAL + 1], s[NORMAL + 2]],
+        material: slot.material,
+    }
 }
 
 fn lit_layer<P: Probe>(machine: &Elaborated, lights: &shade::Registers, slot: usize, fragment: &Slot, tap: &mut Tap<P>) -> Layer {

@@ -9,9 +9,11 @@
 mod meters;
 mod ranges;
 mod recorder;
+pub(crate) mod told;
 
 pub use meters::Meters;
 pub use ranges::{BINS, Range, Ranges};
+pub use told::Watcher;
 
 use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
 use crate::units::fragment::{Contribution, Decision, Slot};

@@ -13,6 +13,7 @@
 //! Laws (tests/bounds.rs): `no_pixel_exceeds_its_bound`, `every_flip_is_explained`.
 
 mod pixel;
+mod sheets;
 mod summary;
 
 use crate::fixed;
@@ -30,11 +31,13 @@ use rtl_model::frame::real;
 use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
 use rtl_model::pipeline::real::Footprint as NearFootprint;
-use rtl_model::probe::Probe;
+use rtl_model::probe::Watcher;
 use rtl_model::real::{Near, Real};
 use rtl_model::units::fragment::{Contribution, Decision, TILE_AREA, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use serde::Serialize;
+use sheets::{SheetPixel, SheetRules};
+use std::any::Any;
 use std::collections::BTreeMap;
 
 pub use summary::{BoundSummary, Summary};
@@ -137,7 +140,7 @@ fn held_to(scene: &Scene, drawn: &Elaborated, claimed: &Elaborated, quantised: &
     let shader = Shader::new(scene);
     let stage = Stage::new(scene, claimed, quantised, &rules, &shader);
     let mut leader = Leader::new(&stage);
-    let drawing = pipeline::draw(drawn, &quantised.frame, &mut leader);
+    let drawing = pipeline::draw_decided(drawn, &quantised.frame, &mut leader);
     leader.finish(drawing.covered)
 }
 
@@ -149,6 +152,10 @@ struct Stage<'a> {
     eye: View,
     view: real::View<Near>,
     common: Common<'a>,
+    /// Lesser weights make no fragment.
+    least_weight: Near,
+    /// Where fragments are grouped by sheets.
+    sheets: Option<SheetRules<'a>>,
     /// Tiles a row.
     columns: usize,
     /// The splats that reach each tile in `golden`.
@@ -178,19 +185,28 @@ impl<'a> Stage<'a> {
                 bins[row * columns..][left..right.div_ceil(TILE_PX)].iter_mut().for_each(|bin| bin.push(splat));
             }
         }
-        Stage { scene, machine, quantised, view, eye, common, columns, bins }
+        let sheets = SheetRules::new(scene, machine, quantised);
+        let least_weight = sheets.as_ref().map_or(Near::exact(0.0), |sheets| sheets.least_weight);
+        Stage { scene, machine, quantised, view, eye, common, least_weight, sheets, columns, bins }
     }
 
     /// A splat, exact and as the machine may have it.
     fn splat(&self, index: u32) -> Splat {
-        let (footprint, cull) = set_up_anyway(self.scene, &self.eye, index as usize);
+        let (mut footprint, cull) = set_up_anyway(self.scene, &self.eye, index as usize);
         let registers = Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised };
         let record = registers.splat(&Bounded, index as usize);
+        let ellipsoid = registers.ellipsoid(&Bounded, index as usize);
         let size_px = [self.quantised.frame.width, self.quantised.frame.height];
-        let near = NearFootprint::new(self.machine, &self.view, &record, size_px);
-        let [r, g, b] = record.rgb;
+        let near = NearFootprint::new(self.machine, &self.view, &record, ellipsoid.as_ref(), size_px);
         // The machine's normals against golden's own.
         let normal = [0, 1, 2].map(|axis| near.ellipse.normal[axis].around(footprint.normal[axis]));
+        let mut rgb = record.rgb;
+        if self.scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded) {
+            let emission = self.machine.real_emission(&self.common.lighting, rgb, normal, footprint.material);
+            footprint.rgb = self.common.shader.emission(&footprint);
+            rgb = [0, 1, 2].map(|channel| emission[channel].around(footprint.rgb[channel]));
+        }
+        let [r, g, b] = rgb;
         Splat { index, footprint, cull, near, record, attributes: [r, g, b, record.opacity, normal[0], normal[1], normal[2]] }
     }
 
@@ -220,7 +236,7 @@ impl<'a> Stage<'a> {
             distance.may_cross(splat.near.ellipse.extent[axis])
         };
         contribution.radial.around(exact.radial_index).may_cross(self.view.cutoff)
-            || contribution.weight.around(exact.weight).low() <= 0.0
+            || contribution.weight.around(exact.weight).low() <= self.least_weight.high()
             || outside(0)
             || outside(1)
     }
@@ -280,6 +296,8 @@ struct Leader<'a> {
     stage: &'a Stage<'a>,
     /// The pixels of the tile at hand; none between tiles.
     pixels: Vec<Pixel>,
+    /// The same where fragments are grouped by sheets.
+    sheets: Vec<SheetPixel>,
     /// The splat at hand.
     splat: Option<Splat>,
     /// What each splat touched in the tile at hand, in order.
@@ -295,6 +313,7 @@ impl<'a> Leader<'a> {
         Leader {
             stage,
             pixels: Vec::new(),
+            sheets: Vec::new(),
             splat: None,
             touched: Vec::new(),
             tile: Tile::default(),
@@ -331,14 +350,19 @@ impl<'a> Leader<'a> {
             } else if !splat.covers(x, y) {
                 flips.coverage(stage.may_cover(splat, x, y));
             }
-            leader.pixels[pixel].take(&stage.common, arrival, decision, flips);
+            match &stage.sheets {
+                None => leader.pixels[pixel].take(&stage.common, arrival, decision, flips),
+                Some(rules) => leader.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips),
+            }
         });
     }
 
     /// Finds what only `golden` has in the tile that begins at (`left`, `top`).
     fn find_lost(&mut self, tile: usize, left: u32, top: u32) {
         let stage = self.stage;
-        let touched = std::mem::take(&mut self.touched);
+        let mut touched = std::mem::take(&mut self.touched);
+        // A machine that sorts does not take them in the order of their numbers.
+        touched.sort_unstable_by_key(|(splat, _)| *splat);
         let mut touched = touched.iter().peekable();
         for &index in &stage.bins[tile] {
             while touched.next_if(|(splat, _)| *splat < index).is_some() {}
@@ -408,22 +432,35 @@ fn in_tile(x: u32, y: u32) -> usize {
     y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX
 }
 
-impl Probe for Leader<'_> {
-    const WORDS: bool = false;
-    const DECISIONS: bool = true;
+/// What a part of the frame came to.
+struct Part {
+    tiles: BTreeMap<usize, Tile>,
+    flips: Flips,
+    violations: u64,
+}
 
-    fn fork(&self) -> Self {
-        Leader::new(self.stage)
+impl<'a> Watcher<'a> for Leader<'a> {
+    fn fork(&self) -> Box<dyn Watcher<'a> + 'a> {
+        Box::new(Leader::new(self.stage))
     }
 
-    fn absorb(&mut self, fork: Self) {
-        self.tiles.extend(fork.tiles);
-        self.flips.absorb(&fork.flips);
-        self.violations += fork.violations;
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        Box::new(Part { tiles: self.tiles, flips: self.flips, violations: self.violations })
+    }
+
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        if let Ok(part) = seen.downcast::<Part>() {
+            self.tiles.extend(part.tiles);
+            self.flips.absorb(&part.flips);
+            self.violations += part.violations;
+        }
     }
 
     fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
-        if self.pixels.is_empty() {
+        if self.stage.sheets.is_some() && self.sheets.is_empty() {
+            self.sheets = vec![SheetPixel::default(); TILE_AREA];
+        }
+        if self.stage.sheets.is_none() && self.pixels.is_empty() {
             self.pixels = vec![Pixel::default(); TILE_AREA];
         }
         let splat = match self.splat.take() {
@@ -444,6 +481,10 @@ impl Probe for Leader<'_> {
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], frame: [i64; 4]) {
         let pixel = in_tile(x, y);
         let near = self.at_pixel(pixel, |leader, flips| {
+            if let Some(rules) = &leader.stage.sheets {
+                let nothing = SheetPixel::default();
+                return leader.sheets.get(pixel).unwrap_or(&nothing).resolve(rules, &leader.stage.common);
+            }
             let nothing = Pixel::default();
             let held = leader.pixels.get(pixel).unwrap_or(&nothing);
             held.resolve(&leader.stage.common, layers.iter().map(|layer| layer.slot), flips)
@@ -458,6 +499,7 @@ impl Probe for Leader<'_> {
 
     fn tile(&mut self, x: u32, y: u32) {
         self.pixels = Vec::new();
+        self.sheets = Vec::new();
         self.splat = None;
         let index = y as usize / TILE_PX * self.stage.columns + x as usize / TILE_PX;
         self.find_lost(index, x, y);

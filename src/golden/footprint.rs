@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
-use crate::scene::{Scene, View};
+use crate::scene::{Amplitude, Orientation, Scene, Sheet, View};
 
 /// A splat as the picture sees it, in pixels; depths and normals are in camera space.
 #[derive(Clone, Debug)]
@@ -29,6 +29,10 @@ pub(crate) struct Footprint {
     /// The disc reaches no further than this from its centre in z.
     z_reach: f64,
     cutoff: f64,
+    /// Lesser weights make no fragment.
+    pub least_weight: f64,
+    /// Where splats are grouped by sheets: which one it belongs to.
+    pub sheet: u32,
 }
 
 /// Why a splat leaves no footprint.
@@ -72,6 +76,19 @@ impl Variance {
         }
     }
 
+    /// `J V Jᵀ` of an ellipsoid with these half-axes, for a plane at distance 1 times `scale`; `ray` is `(a, b, 1)`.
+    fn of_ellipsoid(scale: f64, ray: DVec3, half_axes: DMat3) -> Self {
+        let (across, down) = (DVec3::new(1.0, 0.0, -ray.x) * scale, DVec3::new(0.0, 1.0, -ray.y) * scale);
+        let covariance = half_axes * half_axes.transpose();
+        // Half-axes are columns; what two of them span is as large on the screen as their cross product along the ray.
+        let [x, y, z] = [half_axes.x_axis, half_axes.y_axis, half_axes.z_axis];
+        let spans = [y.cross(z), z.cross(x), x.cross(y)].map(|span| (scale * scale * span.dot(ray)).powi(2));
+        Variance {
+            entries: [across.dot(covariance * across).max(0.0), across.dot(covariance * down), down.dot(covariance * down).max(0.0)],
+            determinant: spans.iter().sum(),
+        }
+    }
+
     /// `V = V_r + v·I`, its determinant as three terms none of which is negative.
     fn low_passed(self, v: f64) -> Self {
         let [v00, v01, v11] = self.entries;
@@ -99,16 +116,45 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
     let cutoff = scene.kernel.cutoff;
     let t = view.rotation * (splat.position - view.eye);
     let ray = DVec3::new(t.x / t.z, t.y / t.z, 1.0);
-    let normal = view.rotation * splat.normal;
-    let c_n = normal.dot(ray);
-    let reconstruction = Variance::of_disc(view.focal_px * splat.radius / t.z, ray, normal);
+    let mut normal = view.rotation * splat.normal;
+    // The plane that depth is taken from.
+    let mut plane = normal;
+    let k = view.focal_px * splat.radius / t.z;
+    let reconstruction = match &scene.ellipsoids {
+        None => Variance::of_disc(k, ray, normal),
+        Some(ellipsoids) => {
+            let Orientation { rotation, scales } = *ellipsoids.orientation(index);
+            let axes = view.rotation * DMat3::from_quat(rotation);
+            plane = axes.z_axis;
+            if ellipsoids.amplitude == Amplitude::Disc {
+                normal = plane;
+            }
+            Variance::of_ellipsoid(k, clamped(ray, scene, view), axes * DMat3::from_diagonal(scales))
+        }
+    };
+    let c_n = plane.dot(ray);
     let variance = reconstruction.low_passed(scene.kernel.low_pass);
     let centre = [0, 1].map(|axis| view.focal_px * ray[axis] + view.half_px[axis]);
     let reach = [variance.entries[0], variance.entries[2]].map(|entry| (cutoff * entry).sqrt());
     let columns = pixels(centre[0], reach[0], scene.image.width);
     let rows = pixels(centre[1], reach[1], scene.image.height);
-    let amplitude = (reconstruction.determinant / variance.determinant).sqrt() / TAU;
-    let beyond = |axis: usize| ray[axis].abs() > 1.5 * view.half_px[axis] / view.focal_px;
+    let amplitude = match &scene.ellipsoids {
+        None => (reconstruction.determinant / variance.determinant).sqrt() / TAU,
+        Some(ellipsoids) => {
+            let ray = clamped(ray, scene, view);
+            match ellipsoids.amplitude {
+                Amplitude::Disc => {
+                    let scales = ellipsoids.orientation(index).scales;
+                    k * k * (scales.x * scales.y * plane.dot(ray)).abs() / variance.determinant.sqrt() / TAU
+                }
+                // |J| over the root of what the filter leaves of the footprint's area (EWA (33)).
+                Amplitude::LineIntegral => splat.opacity * k * k * ray.length() / variance.determinant.sqrt(),
+                Amplitude::Peak => splat.opacity,
+            }
+        }
+    };
+    let is_flat = scene.ellipsoids.as_ref().is_none_or(|ellipsoids| ellipsoids.amplitude == Amplitude::Disc);
+    let beyond = |axis: usize| ray[axis].abs() > scene.kernel.guard * view.half_px[axis] / view.focal_px;
     // Coordinates near the end of their range overflow to something that is no number.
     let cull = if t.z <= scene.camera.near || t.z.is_nan() {
         Some(Cull::Near)
@@ -135,11 +181,23 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
         conic: variance.inverse(),
         amplitude,
         z: t.z,
-        slope: [normal.x, normal.y].map(|n| -t.z * n / (c_n * view.focal_px)),
-        z_reach: splat.radius * cutoff.sqrt(),
+        slope: if is_flat { [plane.x, plane.y].map(|n| -t.z * n / (c_n * view.focal_px)) } else { [0.0; 2] },
+        z_reach: if is_flat { splat.radius * cutoff.sqrt() } else { 0.0 },
         cutoff,
+        least_weight: scene.sheets.as_ref().map_or(0.0, |sheets| sheets.least_weight),
+        sheet: match scene.sheets.as_ref().map(|sheets| &sheets.of) {
+            Some(Sheet::Slice(numbers)) => numbers[index],
+            Some(Sheet::Splat) => index as u32,
+            None => 0,
+        },
     };
     (footprint, cull)
+}
+
+/// The ray as the Jacobian has it.
+fn clamped(ray: DVec3, scene: &Scene, view: &View) -> DVec3 {
+    let limit = [0, 1].map(|axis| scene.kernel.jacobian * view.half_px[axis] / view.focal_px);
+    DVec3::new(ray.x.clamp(-limit[0], limit[0]), ray.y.clamp(-limit[1], limit[1]), 1.0)
 }
 
 /// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none where the interval misses the picture.
@@ -153,6 +211,11 @@ pub(crate) fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>>
 }
 
 impl Footprint {
+    /// Depth of its centre.
+    pub fn z(&self) -> f64 {
+        self.z
+    }
+
     /// The footprint along one row of pixels.
     pub fn row(&self, y: u32) -> Row<'_> {
         let dy = f64::from(y) + 0.5 - self.centre[1];
@@ -174,7 +237,11 @@ impl Row<'_> {
     #[inline]
     pub fn at(&self, x: u32) -> Option<Contribution> {
         let (dx, radial_index) = self.radial_index(x);
-        (radial_index < self.footprint.cutoff).then(|| self.contribution(dx, radial_index))
+        if radial_index >= self.footprint.cutoff {
+            return None;
+        }
+        let contribution = self.contribution(dx, radial_index);
+        (contribution.weight >= self.footprint.least_weight).then_some(contribution)
     }
 
     /// What the footprint gives to the pixel in column `x`, or would give if it reached that far.

@@ -26,6 +26,8 @@ pub(crate) struct Fragment {
     /// Of the first contribution.
     pub material: u32,
     pub shaded: bool,
+    /// Where fragments are grouped by sheets: which one.
+    pub sheet: u32,
 }
 
 /// What became of one contribution.
@@ -71,6 +73,7 @@ impl Fragment {
             z: contribution.z,
             material: footprint.material,
             shaded: false,
+            sheet: footprint.sheet,
         }
     }
 
@@ -247,8 +250,10 @@ mod tests {
             name: String::new(),
             splats: Vec::new(),
             camera: Camera { eye, target, up, fov_y_degrees: 90.0, near: 0.1 },
-            image: Image { width: 1, height: 1, background: [0.0; 4] },
-            kernel: Kernel { cutoff: 2.0, low_pass: 1.0 },
+            image: Image { width: 1, height: 1, background: [0.0; 4], encoded: false },
+            kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3 },
+            ellipsoids: None,
+            sheets: None,
             surface: Surface { z_threshold: 1.0, coverage_threshold: 0.25, cull_backfaces: false },
             lights: Vec::new(),
             materials: vec![Material::Unlit],

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, DVec4};
 
+use super::footprint::Footprint;
 use super::fragments::Fragment;
 use crate::scene::{Material, Scene};
 
@@ -58,6 +59,12 @@ impl Shader {
         }
         let coverage = fragment.alpha / fragment.weight * (fragment.weight / self.coverage_threshold).min(1.0);
         (self.colour(fragment) * coverage).extend(coverage)
+    }
+
+    /// The light that a splat sends, which is lit before it is drawn.
+    pub fn emission(&self, footprint: &Footprint) -> DVec3 {
+        let Footprint { rgb, normal, material, .. } = *footprint;
+        self.colour(&Fragment { weight: 1.0, rgb, normal, material, ..Fragment::default() })
     }
 
     /// The fragment's own colour under the lights.

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::footprint::{self, Cull, Footprint};
 use super::fragments::Fragment;
+use super::shade::Shader;
 use super::{Culled, Outcomes, Rendering};
 use crate::picture::Picture;
 use crate::scene::{Image, Scene};
@@ -41,9 +42,17 @@ pub(crate) trait Painter {
 }
 
 /// Draws the scene, each band of tiles with a painter of its own.
-pub(super) fn draw<P: Painter<Contribution = Fragment>>(scene: &Scene, background: [f64; 4], painter: impl Fn() -> P + Sync) -> Rendering {
-    let (footprints, culled) = set_up(scene);
-    Rendering { culled, ..fill(&scene.image, &footprints, background, painter) }
+pub(super) fn draw<P: Painter<Contribution = Fragment>>(scene: &Scene, shader: &Shader, painter: impl Fn() -> P + Sync) -> Rendering {
+    let (mut footprints, culled) = set_up(scene);
+    if let Some(ellipsoids) = &scene.ellipsoids {
+        if ellipsoids.preshaded {
+            footprints.par_iter_mut().for_each(|footprint| footprint.rgb = shader.emission(footprint));
+        }
+        if ellipsoids.sorted {
+            footprints.sort_by(|a, b| a.z().total_cmp(&b.z()));
+        }
+    }
+    Rendering { culled, ..fill(&scene.image, &footprints, shader.background(), painter) }
 }
 
 /// Draws footprints, in their order.

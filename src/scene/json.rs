@@ -3,11 +3,16 @@
 //! The types below are the file format: the JSON Schema is derived from them, and a file is held against that schema
 //! before it is read into them. What a schema cannot say (directions that are zero, indices out of range) comes after.
 
-use super::{Camera, Image, Kernel, Light, Material, Overrides, Scene, Splat, Surface};
+use super::gaussians::{Gaussian, Gaussians};
+use super::volume::RawDescription;
+use super::voxels::{Classification, TransferPoint, Voxels};
+use super::{
+    Amplitude, Camera, Ellipsoids, Image, Kernel, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
+};
 use super::{
     builtin::{self, Builtin, Order},
     camera::Ball,
-    neighbours, ply, unit,
+    fields, gaussians, neighbours, ply, unit, volume,
 };
 use crate::error::{Error, Result};
 use crate::validate;
@@ -15,7 +20,7 @@ use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::{Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// ε, left out, is this many times the median radius: served well on three scans (ALGORITHM §2).
 const Z_THRESHOLD_OF_RADIUS: f64 = 4.0;
@@ -48,6 +53,9 @@ struct SceneFields {
     /// How fragments become surfaces.
     #[serde(default)]
     surface: SurfaceFields,
+    /// How a volume's slices, or Gaussians, become pictures.
+    #[serde(default)]
+    sheets: SheetFields,
     /// Directional lights; left out: one white light from behind the eye.
     lights: Option<Vec<LightFields>>,
     /// What splats' `material` counts in; left out: the built-in sources' own, for others one Blinn-Phong.
@@ -55,7 +63,7 @@ struct SceneFields {
     materials: Option<Vec<MaterialFields>>,
 }
 
-/// A splat, a file, a built-in cloud, or an array of these.
+/// A splat, a file, a built-in cloud, or an array of these; or a volume, alone.
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum Source {
@@ -63,14 +71,15 @@ enum Source {
     Splat(SplatFields),
     File(FileSource),
     Builtin(BuiltinSource),
+    Volume(VolumeSource),
     Several(Vec<Source>),
 }
 
-/// Points of a PLY file.
+/// Points of a PLY file, trained Gaussians (.ply, .splat, .spz), or a volume. Gaussians and volumes are a scene's only source.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FileSource {
-    /// Path of the PLY, relative to the scene file.
+    /// Path of the file, relative to the scene file.
     file: String,
     /// Index into `materials`.
     #[serde(default)]
@@ -84,6 +93,115 @@ struct FileSource {
     #[serde(default = "one")]
     #[schemars(range(min = 0, max = 1))]
     opacity: f64,
+}
+
+/// A scalar field on a grid, seen through a transfer function or along an isosurface.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct VolumeSource {
+    volume: VolumeFile,
+    /// Colour and opacity by value, in ascending order; between two values linear. Left out: a white ramp.
+    #[schemars(length(min = 1))]
+    transfer: Option<Vec<TransferFields>>,
+    /// Factor on opacity by gradient magnitude, in ascending order; left out: 1.
+    #[serde(default)]
+    gradient: Vec<GradientFields>,
+    /// Standard deviation of the kernel along each axis, in steps of the grid along it.
+    #[serde(default = "kernel_steps")]
+    #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
+    radius: f64,
+    /// Draws the surface where the field has this value, instead of what the transfer function shows.
+    #[schemars(range(min = -1e30, max = 1e30))]
+    isovalue: Option<f64>,
+    /// How many times flatter kernels are along the gradient; infinitely flat they are discs. For `isovalue`.
+    #[serde(default = "flat")]
+    #[schemars(range(min = 1, max = 1e6))]
+    flatten: f64,
+    /// Index into `materials`.
+    #[serde(default)]
+    #[schemars(range(max = u32::MAX))]
+    material: u32,
+}
+
+/// A file of a known format, relative to the scene file; a file of plain samples; or a built-in field.
+#[derive(Deserialize, JsonSchema)]
+#[serde(untagged)]
+enum VolumeFile {
+    Path(String),
+    Builtin(BuiltinField),
+    Raw(RawDescription),
+}
+
+/// A field that splatsim makes itself.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct BuiltinField {
+    builtin: fields::Field,
+    /// Samples along each axis.
+    #[serde(default = "field_samples")]
+    #[schemars(range(min = 2, max = 512))]
+    samples: usize,
+}
+
+/// A value of the field, and how it looks.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct TransferFields {
+    #[schemars(range(min = -1e30, max = 1e30))]
+    value: f64,
+    /// Linear light.
+    #[serde(default = "white")]
+    #[schemars(inner(range(min = 0, max = 1)))]
+    rgb: [f64; 3],
+    /// Of a layer as thick as the shortest step of the grid.
+    #[schemars(range(min = 0, max = 1))]
+    opacity: f64,
+}
+
+/// A gradient magnitude, in values a world unit, and a factor on opacity.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct GradientFields {
+    #[schemars(range(min = 0, max = 1e30))]
+    magnitude: f64,
+    #[schemars(range(min = 0, max = 1))]
+    factor: f64,
+}
+
+/// In which order sheets are blended.
+#[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+enum SheetOrder {
+    FrontToBack,
+    BackToFront,
+}
+
+/// What opacity an optical depth has: itself, as far as 1; or 1 − e^(−x).
+#[derive(Deserialize, JsonSchema, Clone, Copy)]
+#[serde(rename_all = "kebab-case")]
+enum OpacityLaw {
+    Linear,
+    Exponential,
+}
+
+#[derive(Deserialize, JsonSchema, Default)]
+#[serde(deny_unknown_fields, default)]
+struct SheetFields {
+    /// Left out: front-to-back. Gaussians know no other.
+    order: Option<SheetOrder>,
+    /// Left out: exponential. For volumes.
+    opacity: Option<OpacityLaw>,
+    /// A pixel that lets through less than this takes nothing more; left out: 1/1024 for volumes, 1e-4 for Gaussians.
+    #[schemars(range(min = 0), extend("exclusiveMaximum" = 1))]
+    stop: Option<f64>,
+    /// What makes a pixel stop is blended still; left out: so for volumes, not for Gaussians.
+    keep_last: Option<bool>,
+    /// Lesser weights make no fragment; left out: 0 for volumes, 1/255 for Gaussians.
+    #[schemars(range(min = 0, max = 1))]
+    least_weight: Option<f64>,
+    /// No Gaussian is more opaque than this; left out: 0.99.
+    #[schemars(range(max = 1), extend("exclusiveMinimum" = 0))]
+    most_weight: Option<f64>,
 }
 
 /// A cloud that splatsim makes itself.
@@ -160,12 +278,18 @@ struct ImageFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct KernelFields {
-    /// Fragments exist where the radial index is below this.
+    /// Fragments exist where the radial index is below this; left out: 2 for surfaces, 4 for volumes, 9 for Gaussians.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
-    cutoff: f64,
-    /// Variance of the low-pass filter, pixel².
+    cutoff: Option<f64>,
+    /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3.
     #[schemars(range(min = 0, max = 1e6))]
-    low_pass: f64,
+    low_pass: Option<f64>,
+    /// Splats whose centres lie farther to the side than this, in half pictures, are not drawn; left out: 1.5, for Gaussians 8.
+    #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
+    guard: Option<f64>,
+    /// Farther to the side than this, in half pictures, an ellipsoid is projected as if it were there.
+    #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
+    jacobian: f64,
 }
 
 #[derive(Deserialize, JsonSchema)]
@@ -212,6 +336,18 @@ fn one() -> f64 {
     1.0
 }
 
+fn kernel_steps() -> f64 {
+    0.7
+}
+
+fn flat() -> f64 {
+    100.0
+}
+
+fn field_samples() -> usize {
+    96
+}
+
 fn grey() -> [f64; 3] {
     [0.5; 3]
 }
@@ -234,7 +370,7 @@ impl Default for ImageFields {
 
 impl Default for KernelFields {
     fn default() -> Self {
-        KernelFields { cutoff: 2.0, low_pass: 1.0 }
+        KernelFields { cutoff: None, low_pass: None, guard: None, jacobian: 1.3 }
     }
 }
 
@@ -280,16 +416,120 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     let mut gathered = Gathered::new(name, folder, &fields);
     gathered.add(&fields.splats, "splats")?;
     if gathered.splats.is_empty() {
-        return Err(told("holds no splats; a scene needs at least one".into()));
+        return Err(told(gathered.nothing().into()));
     }
     let camera = camera(&fields.camera, &image, &gathered.splats).map_err(told)?;
+    let kind = gathered.kind();
     gathered.complete(camera.eye);
-    let Gathered { splats, materials, notes, .. } = gathered;
     let lights = lights(fields.lights, &camera).map_err(told)?;
-    let surface = surface(&fields.surface, &splats);
-    let kernel = Kernel { cutoff: fields.kernel.cutoff, low_pass: fields.kernel.low_pass };
+    let surface = surface(&fields.surface, &gathered.splats);
+    if matches!(gathered.medium, Some(Medium::Volume(_))) && surface.coverage_threshold > 1.0 {
+        return Err(told(format!(
+            "surface.coverage_threshold is {}; a volume's splats are lit with weight 1, so at most 1 is right",
+            surface.coverage_threshold
+        )));
+    }
+    let Gathered { splats, materials, notes, medium, .. } = gathered;
     let name = Path::new(name).file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Scene { name, splats, camera, image, kernel, surface, lights, materials, notes })
+    let kernel = kernel(&fields.kernel, kind);
+    let mut scene = Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, notes };
+    medium.into_iter().for_each(|medium| medium.complete(&fields.sheets, &mut scene));
+    Ok(scene)
+}
+
+/// What a scene's defaults depend on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Surfaces,
+    Volume,
+    Gaussians,
+}
+
+fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
+    let (cutoff, low_pass, guard) = match kind {
+        Kind::Surfaces => (2.0, 1.0, 1.5),
+        Kind::Volume => (4.0, 1.0, 1.5),
+        Kind::Gaussians => (9.0, 0.3, 8.0),
+    };
+    Kernel {
+        cutoff: fields.cutoff.unwrap_or(cutoff),
+        low_pass: fields.low_pass.unwrap_or(low_pass),
+        guard: fields.guard.unwrap_or(guard),
+        jacobian: fields.jacobian,
+    }
+}
+
+// ---- volumes and Gaussians ----
+
+/// What more than discs a scene is of.
+enum Medium {
+    /// Splats are voxels, in the order of the samples until the view is known.
+    Volume(Voxels),
+    /// Splats lie on a surface and are flat.
+    Isosurface(Vec<Orientation>),
+    /// Splats are trained; colours wait for the eye.
+    Gaussians(Gaussians),
+}
+
+impl Medium {
+    fn complete(self, fields: &SheetFields, scene: &mut Scene) {
+        match self {
+            Medium::Volume(voxels) => {
+                let back_to_front = fields.order == Some(SheetOrder::BackToFront);
+                let (splats, orientation, of) = voxels.ordered(&scene.view(), back_to_front);
+                scene.splats = splats;
+                scene.ellipsoids = Some(Ellipsoids::of_volume(orientation));
+                scene.sheets = Some(Sheets {
+                    of,
+                    back_to_front,
+                    opacity: match fields.opacity {
+                        Some(OpacityLaw::Linear) => Opacity::Linear,
+                        Some(OpacityLaw::Exponential) | None => Opacity::Exponential,
+                    },
+                    stop: fields.stop.unwrap_or(1.0 / 1024.0),
+                    keeps_last: fields.keep_last.unwrap_or(true),
+                    least_weight: fields.least_weight.unwrap_or(0.0),
+                    most_weight: fields.most_weight.unwrap_or(1.0),
+                });
+            }
+            Medium::Isosurface(orientations) => {
+                scene.ellipsoids = Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false });
+            }
+            Medium::Gaussians(gaussians) => {
+                let eye = scene.camera.eye;
+                for (index, splat) in scene.splats.iter_mut().enumerate() {
+                    splat.rgb = gaussians::colour(gaussians.harmonics(index), unit(splat.position - eye).unwrap_or(DVec3::Z));
+                }
+                let orientation = |gaussian: &Gaussian| Orientation {
+                    rotation: gaussian.rotation,
+                    scales: gaussian.scale / gaussian.scale.max_element(),
+                };
+                let mut orientations: Vec<Orientation> = gaussians.all.iter().map(orientation).collect();
+                // A single one would stand for all there are.
+                orientations.truncate(scene.splats.len());
+                scene.ellipsoids = Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true });
+                scene.sheets = Some(Sheets {
+                    of: Sheet::Splat,
+                    back_to_front: false,
+                    opacity: Opacity::Linear,
+                    stop: fields.stop.unwrap_or(1e-4),
+                    keeps_last: fields.keep_last.unwrap_or(false),
+                    least_weight: fields.least_weight.unwrap_or(1.0 / 255.0),
+                    most_weight: fields.most_weight.unwrap_or(0.99),
+                });
+                scene.image.encoded = true;
+            }
+        }
+    }
+}
+
+/// Points that must ascend.
+fn ascending(values: impl Iterator<Item = f64> + Clone, path: &str, field: &str) -> std::result::Result<(), String> {
+    let pairs = values.clone().zip(values.skip(1)).enumerate();
+    match pairs.into_iter().find(|(_, (a, b))| a >= b) {
+        Some((i, (a, b))) => Err(format!("{path}[{}].{field} is {b}, which does not lie above the {a} before it", i + 1)),
+        None => Ok(()),
+    }
 }
 
 // ---- splats ----
@@ -303,6 +543,7 @@ struct Gathered<'a> {
     clouds: Vec<(usize, f64)>,
     materials: Vec<Material>,
     materials_are_given: bool,
+    medium: Option<Medium>,
     notes: Vec<String>,
 }
 
@@ -314,7 +555,7 @@ impl<'a> Gathered<'a> {
             None => vec![material(&MaterialFields::default())],
         };
         let materials_are_given = fields.materials.is_some();
-        Gathered { name, folder, splats: vec![], clouds: vec![], materials, materials_are_given, notes: vec![] }
+        Gathered { name, folder, splats: vec![], clouds: vec![], materials, materials_are_given, medium: None, notes: vec![] }
     }
 
     fn add(&mut self, source: &Source, path: &str) -> Result<()> {
@@ -322,8 +563,99 @@ impl<'a> Gathered<'a> {
             Source::File(file) => self.add_file(file, path),
             Source::Builtin(builtin) => self.add_builtin(builtin, path),
             Source::Splat(splat) => self.add_splat(splat, path),
+            Source::Volume(volume) => {
+                self.is_alone(path, "a volume")?;
+                self.add_volume(volume, path)
+            }
             Source::Several(sources) => self.add_several(sources, path),
         }
+    }
+
+    fn kind(&self) -> Kind {
+        match &self.medium {
+            Some(Medium::Volume(_)) => Kind::Volume,
+            Some(Medium::Gaussians(_)) => Kind::Gaussians,
+            Some(Medium::Isosurface(_)) | None => Kind::Surfaces,
+        }
+    }
+
+    /// What is wrong where there are no splats.
+    fn nothing(&self) -> &'static str {
+        match &self.medium {
+            Some(Medium::Volume(_)) => "shows nothing of the volume; a transfer function must give some of its values an opacity above 0",
+            Some(Medium::Isosurface(_)) => {
+                "has no surface of this isovalue; it must lie between the least and the greatest value of the volume"
+            }
+            _ => "holds no splats; a scene needs at least one",
+        }
+    }
+
+    fn is_alone(&self, path: &str, what: &str) -> Result<()> {
+        if path == "splats" {
+            return Ok(());
+        }
+        Err(self.told(format!("{path} is {what}, which can only be a scene's one source: `splats` itself")))
+    }
+
+    fn add_volume(&mut self, source: &VolumeSource, path: &str) -> Result<()> {
+        let material = self.known_material(source.material, path)?;
+        let (file, read) = match &source.volume {
+            VolumeFile::Path(file) => {
+                let file = self.folder.join(file);
+                (file.clone(), volume::read(&file))
+            }
+            VolumeFile::Raw(raw) => (self.folder.join(&raw.file), volume::read_raw(raw, self.folder)),
+            VolumeFile::Builtin(BuiltinField { builtin, samples }) => (PathBuf::from("built-in field"), Ok(builtin.volume(*samples))),
+        };
+        let volume = read.map_err(|sentence| match &source.volume {
+            VolumeFile::Raw(_) => self.told(format!("{path}.volume: {sentence}")),
+            _ => Error::input(format!("{}: {sentence}", file.display())),
+        })?;
+        let transfer = match &source.transfer {
+            Some(points) => {
+                ascending(points.iter().map(|p| p.value), &format!("{path}.transfer"), "value").map_err(|sentence| self.told(sentence))?;
+                points.iter().map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, opacity }).collect()
+            }
+            None => Classification::usual(&volume),
+        };
+        let magnitudes = source.gradient.iter().map(|point| point.magnitude);
+        ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.told(sentence))?;
+        let gradient = source.gradient.iter().map(|point| [point.magnitude, point.factor]).collect();
+        let classification = Classification { transfer, gradient, radius: source.radius, material };
+        self.medium = Some(match source.isovalue {
+            Some(isovalue) => {
+                let (splats, orientations) = classification.isosurface(&volume, isovalue, source.flatten);
+                self.splats = splats;
+                Medium::Isosurface(orientations)
+            }
+            None => {
+                let mut voxels = classification.voxels(&volume);
+                // The camera looks for them here; their order comes with the view.
+                self.splats.clone_from(&voxels.splats);
+                voxels.splats.shrink_to_fit();
+                Medium::Volume(voxels)
+            }
+        });
+        let [x, y, z] = volume.size;
+        self.notes.push(format!("{} of {} voxels are seen ({x} × {y} × {z})", self.splats.len(), volume.values.len()));
+        Ok(())
+    }
+
+    fn add_gaussians(&mut self, file: &Path, source: &FileSource, path: &str) -> Result<()> {
+        self.is_alone(path, "a file of Gaussians")?;
+        let read = gaussians::read(file).map_err(|sentence| Error::input(format!("{}: {sentence}", file.display())))?;
+        let splat = |gaussian: &Gaussian| Splat {
+            position: gaussian.position,
+            normal: DVec3::Z,
+            radius: gaussian.scale.max_element() * source.radius_scale,
+            rgb: [0.0; 3],
+            opacity: gaussian.opacity * source.opacity,
+            material: 0,
+        };
+        self.splats = read.all.iter().map(splat).collect();
+        self.notes.extend(read.notes.iter().map(|note| format!("{}: {note}", file.display())));
+        self.medium = Some(Medium::Gaussians(read));
+        Ok(())
     }
 
     /// Splats that follow each other in an array are one cloud; every other source is one of its own.
@@ -341,6 +673,13 @@ impl<'a> Gathered<'a> {
     fn add_file(&mut self, source: &FileSource, path: &str) -> Result<()> {
         let material = self.known_material(source.material, path)?;
         let file = self.folder.join(&source.file);
+        if gaussians::is_gaussians(&file) {
+            return self.add_gaussians(&file, source, path);
+        }
+        if volume::is_volume(&file) {
+            self.is_alone(path, "a volume")?;
+            return self.add_volume(&VolumeSource::of(source), path);
+        }
         let told = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
         let bytes = std::fs::read(&file).map_err(|e| told(format!("cannot be read: {e}")))?;
         let cloud = ply::parse(&bytes).map_err(told)?;
@@ -399,6 +738,9 @@ impl<'a> Gathered<'a> {
 
     /// Fills in what files leave out of their splats, cloud by cloud.
     fn complete(&mut self, eye: DVec3) {
+        if self.medium.is_some() {
+            return;
+        }
         self.end_cloud(1.0);
         let mut start = 0;
         for &(end, radius_scale) in &self.clouds {
@@ -410,12 +752,27 @@ impl<'a> Gathered<'a> {
     }
 }
 
+impl VolumeSource {
+    /// A file alone, all else left out.
+    fn of(source: &FileSource) -> Self {
+        VolumeSource {
+            volume: VolumeFile::Path(source.file.clone()),
+            transfer: None,
+            gradient: Vec::new(),
+            radius: kernel_steps() * source.radius_scale,
+            isovalue: None,
+            flatten: flat(),
+            material: source.material,
+        }
+    }
+}
+
 impl Source {
     fn is_only_builtin(&self) -> bool {
         match self {
             Source::Builtin(_) => true,
             Source::Several(sources) => sources.iter().all(Source::is_only_builtin),
-            Source::File(_) | Source::Splat(_) => false,
+            Source::File(_) | Source::Splat(_) | Source::Volume(_) => false,
         }
     }
 }
@@ -439,7 +796,7 @@ fn image(fields: &ImageFields, name: &str, overrides: &Overrides) -> Result<Imag
     if width * height > MOST_PIXELS {
         return Err(told(format!("at most {MOST_PIXELS} pixels in all")));
     }
-    Ok(Image { width, height, background: fields.background })
+    Ok(Image { width, height, background: fields.background, encoded: false })
 }
 
 fn camera(fields: &CameraFields, image: &Image, splats: &[Splat]) -> std::result::Result<Camera, String> {

@@ -1,4 +1,5 @@
-//! PLY: reads a cloud of points from a file, in whichever of the format's many ways it was written.
+//! PLY: reads a cloud of points from a file, in whichever of the format's many ways it was written; its header and rows
+//! also serve the readers of trained Gaussians.
 //!
 //! A reader of our own, because `serde-ply` loses files that people have: headers with the line ends of old Macs (Rhino
 //! still writes them), text without a final line end; and its errors name neither row nor line. Values go straight into
@@ -28,7 +29,7 @@ pub(super) const FARTHEST: f64 = 1e30;
 /// Lines of a header; real ones have a hundred. Names are compared with all before them, which must stay quick.
 const LONGEST_HEADER: usize = 10_000;
 
-type Parsed<T> = Result<T, String>;
+pub(super) type Parsed<T> = Result<T, String>;
 
 /// Reads the bytes of a PLY file; the error is the second half of a sentence that begins with the file's name.
 pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
@@ -89,15 +90,17 @@ struct Property {
     kind: Kind,
 }
 
-struct Element {
-    name: String,
-    count: usize,
+/// What the header says of one table of the file.
+pub(super) struct Element {
+    pub name: String,
+    pub count: usize,
     properties: Vec<Property>,
 }
 
-struct Header {
-    elements: Vec<Element>,
-    notes: Vec<String>,
+/// The tables of a file in their order, and what looks odd about the header.
+pub(super) struct Header {
+    pub elements: Vec<Element>,
+    pub notes: Vec<String>,
 }
 
 /// Each type under both of its names.
@@ -169,6 +172,25 @@ impl Scalar {
 }
 
 impl Element {
+    /// The names of all properties, lists included.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.properties.iter().map(|p| p.name.as_str())
+    }
+
+    /// For each property its place among `names`; all of them must be there as single numbers.
+    pub(super) fn slots(&self, names: &[String]) -> Parsed<Vec<Option<usize>>> {
+        let is_number = |name: &&String| self.properties.iter().any(|p| p.name == **name && matches!(p.kind, Kind::Scalar(_)));
+        match names.iter().find(|name| !is_number(name)) {
+            Some(missing) => Err(format!("element `{}` has no number `{missing}`", clip(&self.name))),
+            None => Ok(self.names().map(|own| names.iter().position(|name| name == own)).collect()),
+        }
+    }
+
+    /// Rows to be read: rows without properties take no room, however many the header promises.
+    fn rows(&self) -> usize {
+        if self.properties.is_empty() { 0 } else { self.count }
+    }
+
     /// The shortest a row can be, in bytes: what bounds the rows that a file of a given length can hold.
     fn shortest_row(&self, encoding: Encoding) -> usize {
         let shortest = |p: &Property| match (&p.kind, encoding) {
@@ -209,7 +231,8 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
+/// Reads the header; the error is the second half of a sentence that begins with the file's name.
+pub(super) fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
     let mut lines = Lines::new(bytes);
     if lines.next() != Some(b"ply") {
         return Err("is no PLY file: its first line is not `ply`".into());
@@ -294,12 +317,37 @@ impl Header {
 
 // ---- rows ----
 
-struct Body<'a> {
+/// What follows the header: the rows of each element, in the header's order.
+pub(super) struct Body<'a> {
     lines: Lines<'a>,
     encoding: Encoding,
 }
 
 impl Body<'_> {
+    /// How many of the element's rows there can be at most: what may be reserved for them.
+    pub(super) fn room(&self, element: &Element) -> usize {
+        element.count.min(self.lines.rest.len() / element.shortest_row(self.encoding))
+    }
+
+    /// Reads all rows of the next element and hands each row's numbers to `each`, every property's in its slot of `values`.
+    pub(super) fn rows(
+        &mut self,
+        element: &Element,
+        slots: &[Option<usize>],
+        values: &mut [f64],
+        mut each: impl FnMut(&[f64]),
+    ) -> Parsed<()> {
+        for number in 0..element.rows() {
+            self.row(element, number, |property, value| {
+                if let Some(slot) = slots[property] {
+                    values[slot] = value;
+                }
+            })?;
+            each(values);
+        }
+        Ok(())
+    }
+
     /// Hands each value of the next row to `value`, with the number of its property; a list's values one by one.
     fn row(&mut self, element: &Element, number: usize, value: impl FnMut(usize, f64)) -> Parsed<()> {
         let read = match self.encoding {
@@ -415,7 +463,7 @@ impl Layout {
         self.kind_of_slot[NORMAL..COLOUR].iter().all(Option::is_some)
     }
 
-    fn splat(&self, values: &[f64; SLOTS.len()]) -> Splat {
+    fn splat(&self, values: &[f64]) -> Splat {
         let vector = |slot| DVec3::from_slice(&values[slot..slot + 3]);
         Splat {
             position: vector(0),
@@ -461,17 +509,8 @@ impl Layout {
 }
 
 fn read_vertices(body: &mut Body, element: &Element, layout: &Layout) -> Parsed<Vec<Splat>> {
-    let room = body.lines.rest.len() / element.shortest_row(body.encoding);
-    let mut splats = Vec::with_capacity(element.count.min(room));
-    let mut values = [0.0; SLOTS.len()];
-    for number in 0..element.count {
-        body.row(element, number, |property, value| {
-            if let Some(slot) = layout.slot_of_property[property] {
-                values[slot] = value;
-            }
-        })?;
-        splats.push(layout.splat(&values));
-    }
+    let mut splats = Vec::with_capacity(body.room(element));
+    body.rows(element, &layout.slot_of_property, &mut [0.0; SLOTS.len()], |values| splats.push(layout.splat(values)))?;
     Ok(splats)
 }
 
@@ -505,9 +544,8 @@ impl Faces {
     fn read(&mut self, body: &mut Body, element: &Element) -> Parsed<()> {
         let is_list = |p: &Property| matches!(p.kind, Kind::List { .. }) && matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
         let indices = element.properties.iter().position(is_list);
-        let rows = if element.properties.is_empty() { 0 } else { element.count };
         let mut corners = Vec::new();
-        for number in 0..rows {
+        for number in 0..element.rows() {
             corners.clear();
             body.row(element, number, |property, value| {
                 if Some(property) == indices {

@@ -2,7 +2,8 @@
 
 use rtl_model::machine::Elaborated;
 use rtl_model::num::{Fit, Rounding};
-use rtl_model::probe::Probe;
+use rtl_model::probe::Watcher;
+use std::any::Any;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -79,6 +80,15 @@ impl Coverage {
         }
     }
 
+    /// Nothing met yet, of the same machine.
+    pub fn of_another_part(&self) -> Coverage {
+        Coverage {
+            signals: self.signals.iter().map(|(name, _)| (name.clone(), [0; 6])).collect(),
+            loses: vec![false; self.loses.len()],
+            cases: BTreeMap::new(),
+        }
+    }
+
     /// Notes what becomes of an exact result.
     pub fn fitted(&mut self, fit: &Fit, exact: i64, more: i64) {
         let places = (fit.places() + more).clamp(0, 63) as u32;
@@ -99,20 +109,19 @@ impl Coverage {
     }
 }
 
-impl Probe for Coverage {
-    const WORDS: bool = true;
-    const DECISIONS: bool = false;
-
-    fn fork(&self) -> Self {
-        Coverage {
-            signals: self.signals.iter().map(|(name, _)| (name.clone(), [0; 6])).collect(),
-            loses: vec![false; self.loses.len()],
-            cases: BTreeMap::new(),
-        }
+impl Watcher<'static> for Coverage {
+    fn fork(&self) -> Box<dyn Watcher<'static>> {
+        Box::new(self.of_another_part())
     }
 
-    fn absorb(&mut self, fork: Self) {
-        self.merge(fork);
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        self
+    }
+
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        if let Ok(fork) = seen.downcast::<Coverage>() {
+            self.merge(*fork);
+        }
     }
 
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, _word: i64) {

@@ -3,10 +3,11 @@
 use super::coverage::Coverage;
 use rtl_model::machine::Elaborated;
 use rtl_model::num::Fit;
-use rtl_model::probe::{PROJECTED, Probe, SET_UP, Weighed};
+use rtl_model::probe::{self, PROJECTED, SET_UP, Weighed};
 use rtl_model::units::fragment::{Contribution, Decision, Slot};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
+use std::any::Any;
 
 /// What happened to the words of a record; the bits of `flags` in a key.
 pub mod flag {
@@ -173,16 +174,17 @@ pub fn outcome(decision: Decision) -> (u8, u8) {
     }
 }
 
-impl Probe for Watcher {
-    const WORDS: bool = true;
-    const DECISIONS: bool = true;
-    const TRANSFERS: bool = true;
-
-    fn fork(&self) -> Self {
-        Watcher { first_splat: self.first_splat, coverage: self.coverage.fork(), ..Watcher::default() }
+impl probe::Watcher<'static> for Watcher {
+    fn fork(&self) -> Box<dyn probe::Watcher<'static>> {
+        Box::new(Watcher { first_splat: self.first_splat, coverage: self.coverage.of_another_part(), ..Watcher::default() })
     }
 
-    fn absorb(&mut self, fork: Self) {
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        self
+    }
+
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        let Ok(fork) = seen.downcast::<Watcher>() else { return };
         self.set_up.extend(fork.set_up);
         self.walked.extend(fork.walked);
         self.arrivals.extend(fork.arrivals);

@@ -8,7 +8,6 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::pipeline::{self, Setup};
-use rtl_model::probe::Unwatched;
 use splatsim::quantise::{Quantised, quantise};
 use splatsim::scene::{Overrides, Scene};
 use splatsim::{fixed, golden};
@@ -42,8 +41,8 @@ fn case(name: &'static str, scene: Scene, machine: &str) -> Case {
     let machine = Machine::named(machine).unwrap();
     let quantised = quantise(&scene, &machine).unwrap();
     let machine = fixed::elaborate(&machine).unwrap();
-    let setup = pipeline::set_up(&machine, &quantised.frame, &mut Unwatched);
-    let fragments = pipeline::fill(&machine, &quantised.frame, &setup, &mut Unwatched).outcomes.total();
+    let setup = pipeline::set_up_unwatched(&machine, &quantised.frame);
+    let fragments = pipeline::fill_unwatched(&machine, &quantised.frame, &setup).outcomes.total();
     Case { name, scene, machine, quantised, setup, fragments }
 }
 
@@ -55,14 +54,14 @@ fn cases() -> impl Iterator<Item = &'static Case> {
 #[divan::bench(args = cases())]
 fn setup(bencher: Bencher, case: &Case) {
     let splats = bencher.counter(ItemsCount::new(case.scene.splats.len()));
-    splats.bench(|| pipeline::set_up(&case.machine, &case.quantised.frame, &mut Unwatched));
+    splats.bench(|| pipeline::set_up_unwatched(&case.machine, &case.quantised.frame));
 }
 
 /// Raster, gauss, fragment and resolve. Items a second are fragments, as in those that follow.
 #[divan::bench(args = cases())]
 fn fill(bencher: Bencher, case: &Case) {
     let fragments = bencher.counter(ItemsCount::new(case.fragments));
-    fragments.bench(|| pipeline::fill(&case.machine, &case.quantised.frame, &case.setup, &mut Unwatched));
+    fragments.bench(|| pipeline::fill_unwatched(&case.machine, &case.quantised.frame, &case.setup));
 }
 
 #[divan::bench(args = cases())]

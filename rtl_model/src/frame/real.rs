@@ -39,3 +39,33 @@ pub struct View<R> {
     /// 1/2π.
     pub inverse_two_pi: R,
 }
+
+/// What makes an ellipsoid of a splat.
+#[derive(Clone, Copy, Debug)]
+pub struct Ellipsoid<R> {
+    /// What its amplitude is.
+    pub amplitude: super::Amplitude,
+    /// Greatest |a| and |b| in the Jacobian.
+    pub jacobian: [R; 2],
+    /// Its axes.
+    pub orientation: Orientation<R>,
+}
+
+/// Principal axes, and standard deviations relative to σ.
+#[derive(Clone, Copy, Debug)]
+pub enum Orientation<R> {
+    /// The splat's own.
+    Own {
+        /// w, x, y, z.
+        quaternion: [R; 4],
+        /// Along each axis.
+        scales: [R; 3],
+    },
+    /// The frame's, in camera space.
+    Frame {
+        /// Unit vectors.
+        axes: [[R; 3]; 3],
+        /// Along each axis.
+        scales: [R; 3],
+    },
+}

@@ -1,10 +1,12 @@
 //! Pipeline over the reals: one splat, and one of its contributions, through the units' bounds.
 
-use crate::frame::real::{Splat, View};
+use crate::frame::real::{Ellipsoid, Splat, View};
 use crate::machine::Elaborated;
 use crate::num::table::real::Power;
 use crate::num::two;
 use crate::real::{Mixed, Near, Real, Scale};
+use crate::units::fragment::sheets;
+use crate::units::fragment::sheets::real::Ratio;
 use crate::units::shade::real::{Lighting, Sums};
 use crate::units::{ellipse, project, raster};
 use std::ops::Range;
@@ -32,8 +34,14 @@ pub struct Contribution {
 
 impl Footprint {
     /// Sets a splat up for a picture of `size_px`.
-    pub fn new(machine: &Elaborated, view: &View<Near>, splat: &Splat<Near>, size_px: [u32; 2]) -> Self {
-        let (point, ellipse) = machine.real_set_up(view, splat);
+    pub fn new(
+        machine: &Elaborated,
+        view: &View<Near>,
+        splat: &Splat<Near>,
+        ellipsoid: Option<&Ellipsoid<Near>>,
+        size_px: [u32; 2],
+    ) -> Self {
+        let (point, ellipse) = machine.real_set_up(view, splat, ellipsoid);
         // The box is seeded at its first pixel, or where it enters the picture.
         let reach = two!(axis => {
             let to_edge = (f64::from(size_px[axis]) / 2.0 + point.pixel[axis].high()).max(0.0);
@@ -65,8 +73,13 @@ pub fn walked<R: Real>(point: &project::real::Projected<R>, ellipse: &ellipse::r
 }
 
 impl Elaborated {
-    /// Project and ellipse.
-    pub fn real_set_up<R: Real>(&self, view: &View<R>, splat: &Splat<R>) -> (project::real::Projected<R>, ellipse::real::Output<R>) {
+    /// Project and ellipse, of a disc or of an ellipsoid.
+    pub fn real_set_up<R: Real>(
+        &self,
+        view: &View<R>,
+        splat: &Splat<R>,
+        ellipsoid: Option<&Ellipsoid<R>>,
+    ) -> (project::real::Projected<R>, ellipse::real::Output<R>) {
         let point = self.project.real(view, splat.position);
         let input = ellipse::real::Input {
             splat: *splat,
@@ -75,7 +88,8 @@ impl Elaborated {
             inverse_depth: point.inverse_depth,
             slope: point.slope,
         };
-        (point, self.ellipse.real(view, &input))
+        let set_up = ellipsoid.and_then(|ellipsoid| self.ellipse.real_ellipsoid(view, ellipsoid, &input));
+        (point, set_up.unwrap_or_else(|| self.ellipse.real(view, &input)))
     }
 
     /// A contribution's weight.
@@ -106,6 +120,23 @@ impl Elaborated {
     /// r and z at some columns from the first pixel of a row.
     pub fn mixed_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [Mixed<'a>; 2] {
         self.raster.mixed_pixel(row, columns)
+    }
+
+    /// The light that a splat sends which is lit before it is drawn, from its own colour and normal.
+    pub fn real_emission<R: Real>(&self, lighting: &Lighting<R>, rgb: [R; 3], normal: [R; 3], material: u32) -> [R; 3] {
+        let one = R::constant(1.0);
+        let [r, g, b, _] = self.shade.real(lighting, &Sums { weight: one, rgb, opacity: one, normal, material });
+        [r, g, b].map(|channel| channel.fit(&self.emission, Scale::ONE))
+    }
+
+    /// Colour times opacity, and opacity, of a sheet that is done.
+    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &sheets::Registers, ratio: &Ratio) -> [R; 4] {
+        self.fragment.real_close(weight, rgb, registers, ratio)
+    }
+
+    /// How far apart depths must be for the sort to tell them apart, machine units; none where it sorts nothing.
+    pub fn real_key<R: Real>(&self, depth: R) -> R {
+        self.sort.as_ref().map_or(depth, |key| depth.fit(key, Scale::ONE))
     }
 
     /// Shades one fragment: colour times opacity, and opacity.

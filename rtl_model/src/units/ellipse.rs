@@ -22,6 +22,8 @@ use crate::num::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
 use crate::num::{Exact, Exacts, Fit, Format, Reciprocal, ReciprocalRoot, Rounding, Word, Words, align, three, two};
 use crate::probe::{Probe, Tap};
 
+use ellipsoid::Ellipsoids;
+
 const UNIT: &str = "ellipse";
 
 /// Input port, eight splats: the splat's words and the point's.
@@ -100,6 +102,17 @@ pub struct Ellipse {
     depth_slope: Fit,
     depth_range: Fit,
     places: Places,
+    ellipsoids: Option<Ellipsoids>,
+}
+
+/// What both kinds of splats have in common.
+struct Footprint<W> {
+    conic: [W; 3],
+    amplitude: W,
+    columns: [W; 2],
+    rows: [W; 2],
+    faint: W,
+    outside: W,
 }
 
 /// Where binary points lie, for aligning the terms of sums.
@@ -263,6 +276,7 @@ impl Ellipse {
         let depth_range = e.fit(UNIT, "depth_range", m.depth_range, deep);
         let fragment_normal = e.copies(3, |e| e.fit("fragment", "normal", machine.fragment.normal, m.normal.into()));
 
+        let ellipsoids = Ellipsoids::new(e, machine);
         let f = |word: Word| word.format.frac_bits;
         let shape_align = align([2 * f(p.slope), 2 * f(m.tilt)]);
         Ellipse {
@@ -275,6 +289,7 @@ impl Ellipse {
                 edge: align([f(p.pixel), f(m.extent)]),
                 edge_frac_bits: edge_frac_bits.max(1) as u32,
             },
+            ellipsoids,
             inverse_two_pi: Fit::new(0, m.inverse_two_pi, Exact { int_bits: 0, frac_bits: 62 }).one(INVERSE_TWO_PI_Q62),
             normal,
             fragment_normal,
@@ -326,11 +341,11 @@ impl Ellipse {
         &self.slope_reciprocal
     }
 
-    /// Sets eight splats up.
+    /// Sets eight discs up.
     #[inline(always)]
     pub fn lanes<W: Words, P: Probe>(&self, view: &View, size_px: [u32; 2], input: &Input<W>, tap: &mut Tap<P>) -> Output<W> {
-        let normal = self.camera_normal(view, input, tap);
-        let (tilt, facing) = self.turn(input, normal, tap);
+        let normal = self.camera_normal(view, input.normal, tap);
+        let (tilt, facing) = self.turn(input.slope, normal, tap);
         let zero = W::splat(0);
         let away = if view.cull_backfaces { facing.above(zero) } else { zero };
         let blind = facing.is_zero() | input.radius.is_none();
@@ -339,49 +354,70 @@ impl Ellipse {
         let facing = one.where_else(blind, facing);
         let radius = input.radius.max(one);
 
-        let (size_squared, exponent) = self.size(view, radius, input, tap);
+        let sized = self.size(view, radius, input, tap);
+        let shape = self.disc(input.slope, tilt, tap);
+        let shown = |[area]: [W; 1], inverse_root: &Scientific<W>, tap: &mut Tap<P>| {
+            let visibility = tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
+            tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi))
+        };
+        let footprint = self.footprint(view, size_px, input.pixel, sized, (shape, [facing]), shown, tap);
+        Output {
+            normal: three!(axis => tap.fit_words(&self.fragment_normal, normal[axis].exact())),
+            conic: footprint.conic,
+            amplitude: footprint.amplitude,
+            columns: footprint.columns,
+            rows: footprint.rows,
+            depth_slope: self.depth_slope(view, input, normal, facing, tap),
+            depth_range: tap.fit_words(&self.depth_range, radius * W::splat(view.root_cutoff)),
+            backface: away,
+            faint: blind | footprint.faint,
+            outside: footprint.outside,
+        }
+    }
+
+    /// From a shape's variance without size, and its faces, to a conic and a box.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the wires between the halves of the unit, one by one")]
+    fn footprint<W: Words, P: Probe, const FACES: usize>(
+        &self,
+        view: &View,
+        size_px: [u32; 2],
+        pixel: [W; 2],
+        (size_squared, exponent): (W, W),
+        (shape, faces): ([W; 3], [W; FACES]),
+        amplitude: impl FnOnce([W; FACES], &Scientific<W>, &mut Tap<P>) -> W,
+        tap: &mut Tap<P>,
+    ) -> Footprint<W> {
         let low_pass = tap.fit_shifted(&self.low_pass, W::Exact::splat(view.low_pass), exponent + exponent);
-        let variance = self.variance(input.slope, tilt, size_squared, low_pass, tap);
-        let area = tap.fit_words(&self.area, size_squared * facing);
-        let determinant = self.determinant(area, variance, low_pass, tap);
+        let variance = self.variance(shape, size_squared, low_pass, tap);
+        let mut areas = faces;
+        for area in &mut areas {
+            *area = tap.fit_words(&self.area, size_squared * *area);
+        }
+        let determinant = self.determinant(areas, variance, low_pass, tap);
         let flat = W::Exact::splat(1).above(determinant);
         tap.drop_where(flat);
 
         let inverse_root = self.root.lanes(determinant.max(W::Exact::splat(1)), tap);
         let conic = self.conic(variance, inverse_root, exponent, tap);
-        let visibility = tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
-        let amplitude = tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi));
+        let amplitude = amplitude(areas, &inverse_root, tap);
         let dark = amplitude.is_none();
-        let faint = blind | flat | dark;
 
         let across = [variance[0], variance[2]];
-        let [columns, rows] = two!(axis => self.side(view, size_px[axis], input.pixel[axis], across[axis], exponent, tap));
+        let [columns, rows] = two!(axis => self.side(view, size_px[axis], pixel[axis], across[axis], exponent, tap));
         let outside = columns[0].above(columns[1]) | rows[0].above(rows[1]);
         tap.drop_where(dark | outside);
-
-        Output {
-            normal: three!(axis => tap.fit_words(&self.fragment_normal, normal[axis].exact())),
-            conic,
-            amplitude,
-            columns,
-            rows,
-            depth_slope: self.depth_slope(view, input, normal, facing, tap),
-            depth_range: tap.fit_words(&self.depth_range, radius * W::splat(view.root_cutoff)),
-            backface: away,
-            faint,
-            outside,
-        }
+        Footprint { conic, amplitude, columns, rows, faint: flat | dark, outside }
     }
 
     #[inline(always)]
-    fn camera_normal<W: Words, P: Probe>(&self, view: &View, input: &Input<W>, tap: &mut Tap<P>) -> [W; 3] {
-        three!(row => tap.fit_words(&self.normal, W::dot(view.rotation[row], input.normal)))
+    fn camera_normal<W: Words, P: Probe>(&self, view: &View, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
+        three!(row => tap.fit_words(&self.normal, W::dot(view.rotation[row], normal)))
     }
 
     /// g and c_n.
     #[inline(always)]
-    fn turn<W: Words, P: Probe>(&self, input: &Input<W>, n: [W; 3], tap: &mut Tap<P>) -> ([W; 2], W) {
-        let [a, b] = input.slope;
+    fn turn<W: Words, P: Probe>(&self, [a, b]: [W; 2], n: [W; 3], tap: &mut Tap<P>) -> ([W; 2], W) {
         let [x, y, z] = three!(axis => n[axis].exact().left(self.places.slope));
         let tilt = [tap.fit_words(&self.tilt, x - a * n[2]), tap.fit_words(&self.tilt, y - b * n[2])];
         (tilt, tap.fit_words(&self.facing, a * n[0] + b * n[1] + z))
@@ -402,19 +438,23 @@ impl Ellipse {
         (tap.fit_words(&self.size_squared, size * size), exponent)
     }
 
-    /// V00', V01', V11'.
+    /// [1+a² … − ggᵀ].
     #[inline(always)]
-    fn variance<W: Words, P: Probe>(&self, slope: [W; 2], g: [W; 2], size_squared: W, low_pass: W, tap: &mut Tap<P>) -> [W; 3] {
-        let [a, b] = slope;
+    fn disc<W: Words, P: Probe>(&self, [a, b]: [W; 2], g: [W; 2], tap: &mut Tap<P>) -> [W; 3] {
         let [one, slopes, tilts] = self.places.shape;
         let one = W::Exact::splat(1 << one);
-        let [spread, filter] = self.places.variance;
         let shape = [
             one + (a * a).left(slopes) - (g[0] * g[0]).left(tilts),
             (a * b).left(slopes) - (g[0] * g[1]).left(tilts),
             one + (b * b).left(slopes) - (g[1] * g[1]).left(tilts),
         ];
-        let [xx, xy, yy] = three!(i => tap.fit_words(&self.shape, shape[i]));
+        three!(i => tap.fit_words(&self.shape, shape[i]))
+    }
+
+    /// V00', V01', V11'.
+    #[inline(always)]
+    fn variance<W: Words, P: Probe>(&self, [xx, xy, yy]: [W; 3], size_squared: W, low_pass: W, tap: &mut Tap<P>) -> [W; 3] {
+        let [spread, filter] = self.places.variance;
         let low_pass = low_pass.exact().left(filter);
         [
             tap.fit_words(&self.variance, (size_squared * xx).left(spread) + low_pass),
@@ -424,10 +464,19 @@ impl Ellipse {
     }
 
     #[inline(always)]
-    fn determinant<W: Words, P: Probe>(&self, area: W, variance: [W; 3], low_pass: W, tap: &mut Tap<P>) -> W::Exact {
-        let [areas, filtered, filters] = self.places.determinant;
+    fn determinant<W: Words, P: Probe, const FACES: usize>(
+        &self,
+        areas: [W; FACES],
+        variance: [W; 3],
+        low_pass: W,
+        tap: &mut Tap<P>,
+    ) -> W::Exact {
+        let [squares, filtered, filters] = self.places.determinant;
         let trace = variance[0] + variance[2];
-        let exact = (area * area).left(areas) + (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters);
+        let mut exact = (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters);
+        for area in areas {
+            exact = exact + (area * area).left(squares);
+        }
         tap.fit_wide(&self.determinant, exact)
     }
 
@@ -471,4 +520,5 @@ impl Ellipse {
     }
 }
 
+pub mod ellipsoid;
 pub mod real;

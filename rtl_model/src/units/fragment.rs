@@ -14,6 +14,7 @@
 use crate::machine::{Elaboration, FragmentDepth, Machine, Merge, Operator};
 use crate::num::{Exact, Fit, Lanes, Seen, Word, Words, three};
 use crate::probe::{Probe, Tap};
+use sheets::Sheets;
 use std::cmp::Ordering;
 
 const UNIT: &str = "fragment";
@@ -372,6 +373,9 @@ pub struct Fragment {
     read: [Fit; 2],
     blend: [Fit; 2],
     premultiplied_frac_bits: u32,
+    sheets: Option<Sheets>,
+    /// Of a contribution's weight.
+    weight_frac_bits: u32,
 }
 
 /// Names of the sums' signals.
@@ -464,6 +468,8 @@ impl Fragment {
                 .map(|(copies, sum)| e.copies(copies, |e| e.fit("shade", "premultiplied", premultiplied, sum.into()))),
             blend: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, over)), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
+            sheets: Sheets::new(e, machine),
+            weight_frac_bits: machine.gauss.weight.format.frac_bits.max(0) as u32,
         }
     }
 
@@ -671,6 +677,11 @@ impl Fragment {
             self.shaded(&stored, tap)
         };
         let (over, under) = (light(front, tap), light(back, tap));
+        Slot { sums: self.blended(&over, &under, tap), depth: front.depth, material: front.material, shaded: true }
+    }
+
+    /// Front over back.
+    fn blended<P: Probe>(&self, over: &Premultiplied, under: &Premultiplied, tap: &mut Tap<P>) -> Sums {
         let one = 1 << self.premultiplied_frac_bits;
         let blend = |over: i64, under: i64, front: i64| (over << self.premultiplied_frac_bits) + under * (one - front);
         let mut sums = [0; SUMS];
@@ -679,7 +690,19 @@ impl Fragment {
             sums[COLOUR + channel] = tap.fit_one(&self.blend[0], exact);
         }
         sums[OPACITY] = tap.fit_one(&self.blend[1], blend(over.opacity, under.opacity, over.opacity));
-        Slot { sums, depth: front.depth, material: front.material, shaded: true }
+        sums
+    }
+
+    /// One splat, of weight 1 and opaque, as if it were a fragment: what is lit before it is drawn.
+    pub fn emitting<P: Probe>(&self, rgb: [i32; 3], normal: [i32; 3], material: u32, tap: &mut Tap<P>) -> Slot {
+        let attributes: Attributes = [1, rgb[0], rgb[1], rgb[2], 0, normal[0], normal[1], normal[2]];
+        let mut sums = [0; SUMS];
+        for (lane, sum) in sums.iter_mut().enumerate() {
+            let [_, of_product] = self.align[lane];
+            *sum = tap.fit_one(&self.sums[lane], (i64::from(attributes[lane]) << self.weight_frac_bits) << of_product);
+        }
+        sums[OPACITY] = self.sums[OPACITY].word.format.one();
+        Slot { sums, depth: 0, material, shaded: false }
     }
 
     /// What a shaded slot holds.
@@ -731,6 +754,7 @@ impl Outcomes {
 }
 
 pub mod real;
+pub mod sheets;
 
 #[cfg(test)]
 mod tests;

@@ -82,6 +82,7 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         background: std::array::from_fn(|_| w.between(machine.resolve.frame, 0.0, 1.0)),
         lighting,
         splats: (0..w.dice.below(40)).map(|_| splat(machine, materials, &mut w)).collect(),
+        ..Frame::default()
     }
 }
 

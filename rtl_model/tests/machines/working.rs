@@ -2,12 +2,13 @@
 
 use crate::frames::{frame, in_tile};
 use rtl_model::machine::Merge;
-use rtl_model::pipeline::{draw, draw_recorded, draw_unwatched};
-use rtl_model::probe::Probe;
+use rtl_model::pipeline::{draw_decided, draw_recorded, draw_unwatched};
+use rtl_model::probe::Watcher;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
 use rtl_model::work::{Event, Fate, TILE_PX, Work};
 use rtl_model::{Elaborated, Frame, Machine};
+use std::any::Any;
 use std::collections::BTreeMap;
 
 /// Hears decisions one by one: what became of each contribution, pixel by pixel, and what each pixel held.
@@ -17,15 +18,17 @@ struct Witness {
     held: BTreeMap<[u32; 2], [u8; 2]>,
 }
 
-impl Probe for Witness {
-    const WORDS: bool = false;
-    const DECISIONS: bool = true;
-
-    fn fork(&self) -> Self {
-        Witness::default()
+impl Watcher<'static> for Witness {
+    fn fork(&self) -> Box<dyn Watcher<'static>> {
+        Box::new(Witness::default())
     }
 
-    fn absorb(&mut self, fork: Self) {
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        self
+    }
+
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        let fork = seen.downcast::<Witness>().unwrap();
         self.pixels.extend(fork.pixels);
         self.held.extend(fork.held);
     }
@@ -101,7 +104,7 @@ fn what_is_recorded_is_what_was_drawn() {
         let (drawing, work) = draw_recorded(&machine, &frame);
         assert_eq!(drawing, draw_unwatched(&machine, &frame));
         let mut witness = Witness::default();
-        draw(&machine, &frame, &mut witness);
+        draw_decided(&machine, &frame, &mut witness);
 
         let told = told(&work);
         for (pixel, events) in &told {

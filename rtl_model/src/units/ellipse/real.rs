@@ -45,53 +45,89 @@ pub struct Output<R> {
     pub depth_range: R,
 }
 
+/// What both kinds of splats have in common.
+pub(super) struct Footprint<R> {
+    pub determinant: R,
+    pub conic: [R; 3],
+    pub amplitude: R,
+    pub extent: [R; 2],
+}
+
 /// The power of two whose even power normalises a number to [1, 4).
 fn half(scale: Scale) -> Scale {
     Scale { low: scale.low.div_euclid(2), high: scale.high.div_euclid(2) }
 }
 
 impl Ellipse {
-    /// Sets a splat up.
+    /// Sets a disc up.
     pub fn real<R: Real>(&self, view: &View<R>, input: &Input<R>) -> Output<R> {
-        let [x, y, z] = input.splat.normal;
-        let normal = three!(row => {
-            let [a, b, c] = view.rotation[row];
-            (a * x + b * y + c * z).fit(&self.normal, Scale::ONE)
-        });
-        let [a, b] = input.slope;
-        let tilt = [(normal[0] - a * normal[2]).fit(&self.tilt, Scale::ONE), (normal[1] - b * normal[2]).fit(&self.tilt, Scale::ONE)];
-        let facing = (a * normal[0] + b * normal[1] + normal[2]).fit(&self.facing, Scale::ONE);
-
-        let (size_squared, exponent) = self.real_size(view, input);
-        let squared = exponent.power(2);
-        let low_pass = view.low_pass.fit(&self.low_pass, squared);
-        let variance = self.real_variance(input.slope, tilt, size_squared, low_pass, squared);
-        let area = (size_squared * facing).fit(&self.area, squared);
-        let determinant =
-            (area * area + low_pass * (variance[0] + variance[2]) - low_pass * low_pass).fit(&self.determinant, exponent.power(4));
-        let at_least_a_place = determinant.at_least_a_place(&self.determinant, exponent.power(4));
-
-        let root = at_least_a_place.inverse_root(&self.root);
-        let inverse = (root * root).fit(&self.inverse, half(at_least_a_place.leading()).inverse().power(2));
-        let visibility = (area.abs() * root).fit(&self.visibility, Scale::ONE);
+        let normal = self.real_normal(view, input.splat.normal);
+        let (tilt, facing) = self.real_turn(input.slope, normal);
+        let sized = self.real_size(view, input);
+        let shape = self.real_disc(input.slope, tilt);
+        let amplitude = |[area]: [R; 1], root: R| {
+            let visibility = (area.abs() * root).fit(&self.visibility, Scale::ONE);
+            (visibility * view.inverse_two_pi).fit(&self.amplitude, Scale::ONE)
+        };
+        let footprint = self.real_footprint(view, sized, (shape, [facing]), amplitude);
         Output {
             normal: three!(axis => normal[axis].fit(&self.fragment_normal, Scale::ONE)),
             facing,
+            determinant: footprint.determinant,
+            conic: footprint.conic,
+            amplitude: footprint.amplitude,
+            extent: footprint.extent,
+            depth_slope: self.real_depth_slope(view, input, normal, facing),
+            depth_range: (input.splat.radius * view.root_cutoff).fit(&self.depth_range, Scale::ONE),
+        }
+    }
+
+    /// A direction in camera space.
+    pub(super) fn real_normal<R: Real>(&self, view: &View<R>, [x, y, z]: [R; 3]) -> [R; 3] {
+        three!(row => {
+            let [a, b, c] = view.rotation[row];
+            (a * x + b * y + c * z).fit(&self.normal, Scale::ONE)
+        })
+    }
+
+    /// g and c_n.
+    pub(super) fn real_turn<R: Real>(&self, [a, b]: [R; 2], normal: [R; 3]) -> ([R; 2], R) {
+        let tilt = [(normal[0] - a * normal[2]).fit(&self.tilt, Scale::ONE), (normal[1] - b * normal[2]).fit(&self.tilt, Scale::ONE)];
+        (tilt, (a * normal[0] + b * normal[1] + normal[2]).fit(&self.facing, Scale::ONE))
+    }
+
+    /// From a shape and its faces to a conic and a box.
+    pub(super) fn real_footprint<R: Real, const FACES: usize>(
+        &self,
+        view: &View<R>,
+        (size_squared, exponent): (R, Scale),
+        (shape, faces): ([R; 3], [R; FACES]),
+        amplitude: impl FnOnce([R; FACES], R) -> R,
+    ) -> Footprint<R> {
+        let squared = exponent.power(2);
+        let low_pass = view.low_pass.fit(&self.low_pass, squared);
+        let variance = self.real_variance(shape, size_squared, low_pass, squared);
+        let areas = faces.map(|face| (size_squared * face).fit(&self.area, squared));
+        let squares = areas.iter().map(|area| *area * *area).reduce(|sum, square| sum + square).unwrap_or(R::constant(0.0));
+        let exact = squares + low_pass * (variance[0] + variance[2]) - low_pass * low_pass;
+        let determinant = exact.fit(&self.determinant, exponent.power(4));
+        let at_least_a_place = determinant.at_least_a_place(&self.determinant, exponent.power(4));
+        let root = at_least_a_place.inverse_root(&self.root);
+        let inverse = (root * root).fit(&self.inverse, half(at_least_a_place.leading()).inverse().power(2));
+        Footprint {
             determinant,
             conic: [
                 (variance[2] * inverse).fit(&self.conic, Scale::ONE),
                 (-(variance[1] * inverse)).fit(&self.conic_cross, Scale::ONE),
                 (variance[0] * inverse).fit(&self.conic, Scale::ONE),
             ],
-            amplitude: (visibility * view.inverse_two_pi).fit(&self.amplitude, Scale::ONE),
+            amplitude: amplitude(areas, root),
             extent: [self.real_extent(view, variance[0], squared), self.real_extent(view, variance[2], squared)],
-            depth_slope: self.real_depth_slope(view, input, normal, facing),
-            depth_range: (input.splat.radius * view.root_cutoff).fit(&self.depth_range, Scale::ONE),
         }
     }
 
     /// k² and the power of two that k is relative to.
-    fn real_size<R: Real>(&self, view: &View<R>, input: &Input<R>) -> (R, Scale) {
+    pub(super) fn real_size<R: Real>(&self, view: &View<R>, input: &Input<R>) -> (R, Scale) {
         let scaled = (view.focal * input.splat.radius).at_least(power_of_two(-self.places.scaled_radius as i32));
         let leading = scaled.leading();
         let mantissa = scaled.fit(&self.scaled_radius, leading);
@@ -101,12 +137,17 @@ impl Ellipse {
         ((size * size).fit(&self.size_squared, exponent.power(2)), exponent)
     }
 
+    /// [1+a² … − ggᵀ].
+    fn real_disc<R: Real>(&self, [a, b]: [R; 2], tilt: [R; 2]) -> [R; 3] {
+        [
+            (a * a - tilt[0] * tilt[0]).plus(1.0).fit(&self.shape, Scale::ONE),
+            (a * b - tilt[0] * tilt[1]).fit(&self.shape, Scale::ONE),
+            (b * b - tilt[1] * tilt[1]).plus(1.0).fit(&self.shape, Scale::ONE),
+        ]
+    }
+
     /// V00, V01, V11.
-    fn real_variance<R: Real>(&self, slope: [R; 2], tilt: [R; 2], size_squared: R, low_pass: R, scale: Scale) -> [R; 3] {
-        let [a, b] = slope;
-        let xx = (a * a - tilt[0] * tilt[0]).plus(1.0).fit(&self.shape, Scale::ONE);
-        let xy = (a * b - tilt[0] * tilt[1]).fit(&self.shape, Scale::ONE);
-        let yy = (b * b - tilt[1] * tilt[1]).plus(1.0).fit(&self.shape, Scale::ONE);
+    fn real_variance<R: Real>(&self, [xx, xy, yy]: [R; 3], size_squared: R, low_pass: R, scale: Scale) -> [R; 3] {
         [
             (size_squared * xx + low_pass).fit(&self.variance, scale),
             (size_squared * xy).fit(&self.variance_cross, scale),
@@ -121,7 +162,7 @@ impl Ellipse {
     }
 
     /// z_x, z_y.
-    fn real_depth_slope<R: Real>(&self, view: &View<R>, input: &Input<R>, normal: [R; 3], facing: R) -> [R; 2] {
+    pub(super) fn real_depth_slope<R: Real>(&self, view: &View<R>, input: &Input<R>, normal: [R; 3], facing: R) -> [R; 2] {
         let across = facing.abs().at_least_a_place(&self.facing, Scale::ONE);
         let inverse = across.reciprocal(&self.slope_reciprocal);
         let scale = input.exponent.times(view.inverse_focal.leading().shifted(1));

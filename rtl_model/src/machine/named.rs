@@ -1,0 +1,406 @@
+//! Named machines.
+
+use super::{
+    Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Interpolation, Machine, Merge, Project, Raster, Resolve, Rows, Shade,
+    Sheets, Sort, Splat, TableShape, timing,
+};
+use crate::num::{Format, Overflow, Rounding, Word};
+
+impl Machine {
+    /// A machine by its name.
+    pub fn named(name: &str) -> Option<Machine> {
+        match name {
+            "reference" => Some(reference()),
+            "lean" => Some(lean()),
+            "tiny" => Some(tiny()),
+            "volume" => Some(volume()),
+            "gaussian" => Some(gaussian()),
+            _ => None,
+        }
+    }
+
+    /// The names of those for surfaces, the default first.
+    pub const NAMES: [&str; 3] = ["reference", "lean", "tiny"];
+    /// The names of those for volumes and for Gaussians.
+    pub const ELLIPSOID_NAMES: [&str; 2] = ["volume", "gaussian"];
+
+    /// All names.
+    pub fn names() -> impl Iterator<Item = &'static str> + Clone {
+        Self::NAMES.into_iter().chain(Self::ELLIPSOID_NAMES)
+    }
+}
+
+const fn signed(int_bits: i32, frac_bits: i32) -> Word {
+    Word::new(Format::signed(int_bits, frac_bits))
+}
+
+const fn unsigned(int_bits: i32, frac_bits: i32) -> Word {
+    Word::new(Format::unsigned(int_bits, frac_bits))
+}
+
+/// The default: an engineer would call its picture exact. No multiplier operand over 27 bits; a fragment fits the paper's 38 bytes.
+fn reference() -> Machine {
+    let fine = FunctionUnit { table_bits: 8, newton_steps: 2, bits: 26 };
+    Machine {
+        name: "reference".into(),
+        splat: Splat {
+            position: signed(1, 26),
+            normal: signed(2, 22),
+            radius: unsigned(0, 27),
+            rgb: unsigned(1, 12),
+            opacity: unsigned(1, 12),
+        },
+        project: Project {
+            eye: signed(3, 26),
+            relative: signed(1, 26).rounded(Rounding::Truncate),
+            rotation: signed(2, 25),
+            camera: signed(2, 25),
+            depth: unsigned(1, 26),
+            reciprocal: fine,
+            slope: signed(4, 22),
+            focal: unsigned(15, 12),
+            pixel: signed(15, 14),
+        },
+        ellipse: Ellipse {
+            normal: signed(2, 22),
+            tilt: signed(4, 22),
+            facing: signed(4, 22),
+            scaled_radius: unsigned(1, 26).rounded(Rounding::Truncate),
+            size: unsigned(0, 26),
+            size_squared: unsigned(0, 27),
+            shape: signed(6, 21),
+            low_pass: unsigned(3, 24),
+            variance: unsigned(5, 21),
+            variance_cross: signed(6, 21),
+            area: signed(4, 22),
+            determinant: unsigned(8, 40),
+            root: fine,
+            inverse: unsigned(1, 26),
+            conic: unsigned(2, 25),
+            conic_cross: signed(2, 25),
+            visibility: unsigned(1, 24),
+            inverse_two_pi: unsigned(-2, 24),
+            amplitude: unsigned(-2, 24),
+            extent_root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 18 },
+            extent: unsigned(15, 4),
+            slope_reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
+            inverse_focal: unsigned(1, 24),
+            depth_step: unsigned(1, 25),
+            depth_slope: signed(3, 24),
+            root_cutoff: unsigned(3, 16),
+            depth_range: unsigned(0, 26),
+            ellipsoid: None,
+        },
+        sort: None,
+        raster: Raster {
+            rows: Rows::Differenced,
+            cutoff: unsigned(5, 16),
+            offset: signed(15, 12),
+            gradient: signed(12, 15),
+            radial: signed(20, 27).overflowing(Overflow::Wrap),
+            first: signed(16, 27),
+            second: signed(4, 25),
+            depth: signed(18, 26).overflowing(Overflow::Wrap),
+        },
+        gauss: Gauss {
+            radial_index: unsigned(2, 18),
+            table: TableShape { index_bits: 8, interpolation: Interpolation::Linear },
+            falloff: unsigned(1, 20),
+            weight: unsigned(-2, 20),
+        },
+        fragment: Fragment {
+            layers: 3,
+            merge: Merge::FarthestPair,
+            evict_hidden: true,
+            fragment_depth: FragmentDepth::First,
+            opaque_permille: 999,
+            opaque: unsigned(1, 12),
+            depth: unsigned(1, 25),
+            normal: signed(2, 12),
+            weight_sum: unsigned(5, 20),
+            colour_sum: unsigned(5, 20),
+            opacity_sum: unsigned(5, 20),
+            normal_sum: signed(6, 20),
+            sheets: None,
+        },
+        shade: Shade {
+            reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
+            root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
+            share: unsigned(2, 20),
+            normal_share: signed(2, 20),
+            rgb: unsigned(1, 18),
+            opacity: unsigned(1, 18),
+            normal: signed(2, 18),
+            light: signed(2, 18),
+            cosine: signed(2, 18),
+            highlight_table: TableShape { index_bits: 10, interpolation: Interpolation::Linear },
+            highlight: unsigned(1, 18),
+            reflectance: unsigned(4, 18),
+            irradiance: unsigned(4, 18),
+            colour: unsigned(1, 18),
+            inverse_threshold: unsigned(1, 18),
+            coverage: unsigned(1, 18),
+            premultiplied: unsigned(1, 18),
+        },
+        resolve: Resolve { transmittance: unsigned(1, 18), frame: unsigned(1, 16) },
+        timing: timing::DEFAULT,
+    }
+}
+
+/// The cheapest whose picture is still good: no multiplier operand over 18 bits, no accumulator over 24.
+fn lean() -> Machine {
+    let unit = FunctionUnit { table_bits: 8, newton_steps: 1, bits: 17 };
+    let base = reference();
+    Machine {
+        name: "lean".into(),
+        splat: Splat {
+            position: signed(1, 22),
+            normal: signed(2, 14),
+            radius: unsigned(-3, 20),
+            rgb: unsigned(1, 11),
+            opacity: unsigned(1, 11),
+        },
+        project: Project {
+            eye: signed(3, 22),
+            relative: signed(1, 17).rounded(Rounding::Truncate),
+            rotation: signed(2, 16),
+            camera: signed(2, 16),
+            depth: unsigned(1, 22),
+            reciprocal: unit,
+            slope: signed(2, 16),
+            focal: unsigned(11, 7),
+            pixel: signed(12, 8),
+        },
+        ellipse: Ellipse {
+            normal: signed(2, 15),
+            tilt: signed(3, 14),
+            facing: signed(3, 15),
+            scaled_radius: unsigned(1, 17).rounded(Rounding::Truncate),
+            size: unsigned(0, 17),
+            size_squared: unsigned(0, 18),
+            shape: signed(4, 14),
+            low_pass: unsigned(3, 15),
+            variance: unsigned(4, 13),
+            variance_cross: signed(4, 13),
+            area: signed(3, 15),
+            determinant: unsigned(7, 30),
+            root: unit,
+            inverse: unsigned(1, 17),
+            conic: unsigned(2, 16),
+            conic_cross: signed(2, 16),
+            visibility: unsigned(1, 16),
+            inverse_two_pi: unsigned(-2, 18),
+            amplitude: unsigned(-2, 18),
+            extent_root: FunctionUnit { table_bits: 8, newton_steps: 0, bits: 12 },
+            extent: unsigned(12, 3),
+            slope_reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 14 },
+            inverse_focal: unsigned(1, 16),
+            depth_step: unsigned(1, 17),
+            depth_slope: signed(1, 17),
+            root_cutoff: unsigned(3, 10),
+            depth_range: unsigned(-3, 20),
+            ellipsoid: None,
+        },
+        sort: None,
+        raster: Raster {
+            rows: Rows::Seeded,
+            cutoff: unsigned(5, 10),
+            offset: signed(10, 8),
+            gradient: signed(8, 10),
+            radial: signed(9, 15).overflowing(Overflow::Wrap),
+            first: signed(8, 15),
+            second: signed(3, 15),
+            depth: signed(4, 20).overflowing(Overflow::Wrap),
+        },
+        gauss: Gauss {
+            radial_index: unsigned(2, 12),
+            table: TableShape { index_bits: 6, interpolation: Interpolation::Linear },
+            falloff: unsigned(1, 14),
+            weight: unsigned(-2, 17),
+        },
+        fragment: Fragment {
+            depth: unsigned(1, 20),
+            opaque: unsigned(1, 12),
+            normal: signed(2, 10),
+            weight_sum: unsigned(4, 14),
+            colour_sum: unsigned(4, 14),
+            opacity_sum: unsigned(4, 14),
+            normal_sum: signed(5, 13),
+            ..base.fragment
+        },
+        shade: Shade {
+            reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 16 },
+            root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 16 },
+            share: unsigned(2, 14),
+            normal_share: signed(2, 14),
+            rgb: unsigned(1, 14),
+            opacity: unsigned(1, 14),
+            normal: signed(2, 14),
+            light: signed(2, 14),
+            cosine: signed(2, 14),
+            highlight_table: TableShape { index_bits: 8, interpolation: Interpolation::Linear },
+            highlight: unsigned(1, 14),
+            reflectance: unsigned(3, 12),
+            irradiance: unsigned(3, 12),
+            colour: unsigned(1, 14),
+            inverse_threshold: unsigned(1, 14),
+            coverage: unsigned(1, 14),
+            premultiplied: unsigned(1, 14),
+        },
+        resolve: Resolve { transmittance: unsigned(1, 14), frame: unsigned(1, 12) },
+        timing: timing::DEFAULT,
+    }
+}
+
+/// Visibly coarse and quick: about eight bits everywhere, for tests and for seeing errors.
+fn tiny() -> Machine {
+    let unit = FunctionUnit { table_bits: 6, newton_steps: 0, bits: 9 };
+    let base = reference();
+    Machine {
+        name: "tiny".into(),
+        splat: Splat {
+            position: signed(1, 11),
+            normal: signed(2, 6),
+            radius: unsigned(-3, 14),
+            rgb: unsigned(1, 7),
+            opacity: unsigned(1, 7),
+        },
+        project: Project {
+            eye: signed(3, 11),
+            relative: signed(1, 9).rounded(Rounding::Truncate),
+            rotation: signed(2, 8),
+            camera: signed(2, 9),
+            depth: unsigned(1, 12),
+            reciprocal: unit,
+            slope: signed(2, 9),
+            focal: unsigned(11, 2),
+            pixel: signed(12, 3),
+        },
+        ellipse: Ellipse {
+            normal: signed(2, 7),
+            tilt: signed(3, 7),
+            facing: signed(3, 7),
+            scaled_radius: unsigned(1, 8).rounded(Rounding::Truncate),
+            size: unsigned(0, 8),
+            size_squared: unsigned(0, 9),
+            shape: signed(4, 6),
+            low_pass: unsigned(3, 8),
+            variance: unsigned(4, 6),
+            variance_cross: signed(4, 6),
+            area: signed(3, 7),
+            determinant: unsigned(7, 14),
+            root: unit,
+            inverse: unsigned(1, 8),
+            conic: unsigned(2, 8),
+            conic_cross: signed(2, 8),
+            visibility: unsigned(1, 8),
+            inverse_two_pi: unsigned(-2, 10),
+            amplitude: unsigned(-2, 10),
+            extent_root: unit,
+            extent: unsigned(12, 2),
+            slope_reciprocal: unit,
+            inverse_focal: unsigned(1, 8),
+            depth_step: unsigned(1, 8),
+            depth_slope: signed(1, 10),
+            root_cutoff: unsigned(3, 6),
+            depth_range: unsigned(-3, 11),
+            ellipsoid: None,
+        },
+        sort: None,
+        raster: Raster {
+            rows: Rows::Seeded,
+            cutoff: unsigned(5, 4),
+            offset: signed(10, 3),
+            gradient: signed(8, 5),
+            radial: signed(9, 8).overflowing(Overflow::Wrap),
+            first: signed(8, 8),
+            second: signed(3, 8),
+            depth: signed(4, 12).overflowing(Overflow::Wrap),
+        },
+        gauss: Gauss {
+            radial_index: unsigned(2, 6),
+            table: TableShape { index_bits: 5, interpolation: Interpolation::Nearest },
+            falloff: unsigned(1, 8),
+            weight: unsigned(-2, 10),
+        },
+        fragment: Fragment {
+            depth: unsigned(1, 10),
+            opaque: unsigned(1, 10),
+            normal: signed(2, 6),
+            weight_sum: unsigned(3, 8),
+            colour_sum: unsigned(3, 8),
+            opacity_sum: unsigned(3, 8),
+            normal_sum: signed(4, 8),
+            ..base.fragment
+        },
+        shade: Shade {
+            reciprocal: FunctionUnit { table_bits: 6, newton_steps: 0, bits: 8 },
+            root: FunctionUnit { table_bits: 6, newton_steps: 0, bits: 8 },
+            share: unsigned(2, 8),
+            normal_share: signed(2, 8),
+            rgb: unsigned(1, 8),
+            opacity: unsigned(1, 8),
+            normal: signed(2, 8),
+            light: signed(2, 8),
+            cosine: signed(2, 8),
+            highlight_table: TableShape { index_bits: 6, interpolation: Interpolation::Nearest },
+            highlight: unsigned(1, 8),
+            reflectance: unsigned(3, 6),
+            irradiance: unsigned(3, 6),
+            colour: unsigned(1, 8),
+            inverse_threshold: unsigned(1, 8),
+            coverage: unsigned(1, 8),
+            premultiplied: unsigned(1, 8),
+        },
+        resolve: Resolve { transmittance: unsigned(1, 8), frame: unsigned(1, 8) },
+        timing: timing::DEFAULT,
+    }
+}
+
+/// For volumes: setup for ellipsoids, grouping by sheets. The rest is `reference`, but that an optical depth has no limit of 1/2π.
+fn volume() -> Machine {
+    let base = reference();
+    Machine {
+        name: "volume".into(),
+        splat: Splat { opacity: unsigned(3, 20), ..base.splat },
+        ellipse: Ellipse {
+            visibility: unsigned(3, 22),
+            amplitude: unsigned(3, 22),
+            ellipsoid: Some(Ellipsoid {
+                quaternion: signed(2, 22),
+                scale: unsigned(1, 24),
+                stretch: signed(4, 22),
+                ray: unsigned(4, 20),
+                ray_root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
+            }),
+            ..base.ellipse
+        },
+        gauss: Gauss { weight: unsigned(3, 20), ..base.gauss },
+        fragment: Fragment {
+            sheets: Some(Sheets {
+                depth_index: unsigned(3, 16),
+                table: TableShape { index_bits: 10, interpolation: Interpolation::Linear },
+                ratio: unsigned(1, 20),
+            }),
+            ..base.fragment
+        },
+        ..base
+    }
+}
+
+/// For trained Gaussians: a volume's machine that sorts by depth, and reaches as far as they do.
+fn gaussian() -> Machine {
+    let base = volume();
+    Machine {
+        name: "gaussian".into(),
+        splat: Splat { rgb: unsigned(3, 14), ..base.splat },
+        sort: Some(Sort { key: unsigned(1, 23), digit_bits: 8 }),
+        gauss: Gauss {
+            radial_index: unsigned(4, 16),
+            table: TableShape { index_bits: 10, interpolation: Interpolation::Linear },
+            ..base.gauss
+        },
+        shade: Shade { premultiplied: unsigned(3, 18), ..base.shade },
+        ..base
+    }
+}

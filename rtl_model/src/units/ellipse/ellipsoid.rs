@@ -1,0 +1,230 @@
+//! Ellipsoids: turns three principal axes into a conic, an amplitude and a box (EWA §6.2, ALGORITHM §9).
+//!
+//! ```text
+//! quaternion ─►[ R ]─► rᵢ ─►[ W·r ]─┬─► tilt gᵢ ─►(× sᵢ)─► stretch ─►[ Σ sᵢ²gᵢgᵢᵀ ]─► shape ┐
+//!                                   └─► facing cᵢ ─►(× sⱼsₖ)─► face ─► area k'²·sⱼsₖcᵢ ─────┴─► as for a disc
+//! ```
+//! The variance V = J W V Wᵀ Jᵀ of the local affine approximation (EWA (31), third row and column dropped) is the sum of what each axis
+//! leaves on the screen, V_r = k² Σ sᵢ² gᵢgᵢᵀ with gᵢ = (r_x − a·r_z, r_y − b·r_z); and its determinant is the sum of what each pair of
+//! axes spans there, det V_r = k⁴ Σ (sⱼsₖcᵢ)² with cᵢ = rᵢ·(a, b, 1): no term is ever negative, none cancels. A disc is the ellipsoid
+//! with s = (1, 1, 0): one face, seen under c₃ = c_n. So all that follows is the disc's.
+//!
+//! In the Jacobian, and nowhere else, a and b are clamped (`jacobian`), for the approximation has no meaning far to the side.
+//!
+//! What the amplitude is follows from what is drawn ([`Amplitude`]): a disc's, the integral along the ray, or the peak itself.
+
+use super::{Ellipse, Input, Output, UNIT};
+use crate::frame::{Amplitude, Kernel, View};
+use crate::machine::{Elaboration, Machine};
+use crate::num::reciprocal::Scientific;
+use crate::num::{Exact, Exacts, Fit, ReciprocalRoot, Words, three, two};
+use crate::probe::{Probe, Tap};
+
+/// What a machine has for ellipsoids alone.
+#[derive(Clone, Debug)]
+pub(super) struct Ellipsoids {
+    rotation: Fit,
+    stretch: Fit,
+    shape: Fit,
+    scales: Fit,
+    face: Fit,
+    ray_root: ReciprocalRoot,
+    ray: Fit,
+    along: Fit,
+    weighed: Fit,
+    peak: Fit,
+    /// 1 as an element of the rotation, before it is fitted.
+    one: i64,
+    /// 1 as a squared slope.
+    ray_one: i64,
+}
+
+/// Input port, eight splats: orientation and standard deviations.
+#[derive(Clone, Copy, Debug)]
+pub enum Axes<W> {
+    /// The splat's own: a unit quaternion (w, x, y, z) and its standard deviations, relative to σ.
+    Own([W; 4], [W; 3]),
+    /// The frame's.
+    Frame,
+}
+
+/// The two other axes.
+const OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
+
+impl Ellipsoids {
+    pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
+        let (m, p) = (&machine.ellipse, &machine.project);
+        let words = m.ellipsoid.as_ref()?;
+        for (name, word, signed) in [
+            ("quaternion", words.quaternion, true),
+            ("scale", words.scale, false),
+            ("stretch", words.stretch, true),
+            ("ray", words.ray, false),
+        ] {
+            e.port(UNIT, name, word);
+            e.signedness(UNIT, name, word, signed);
+        }
+        e.holds_one(UNIT, "quaternion", words.quaternion);
+        e.holds_one(UNIT, "scale", words.scale);
+        let rotation = e.copies(9, |e| {
+            let square = e.times(UNIT, words.quaternion, words.quaternion);
+            let sum = e.sum(UNIT, [Exact { int_bits: 1, frac_bits: 0 }, square.doubled(), square.doubled()]);
+            e.fit(UNIT, "rotation", machine.splat.normal, sum)
+        });
+        // Two axes more than a disc has to turn.
+        e.copies(6, |e| {
+            let rotated = e.copies(3, |e| e.times(UNIT, p.rotation, machine.splat.normal));
+            e.sum(UNIT, [rotated; 3]);
+        });
+        let stretch = e.copies(6, |e| {
+            let stretched = e.times(UNIT, words.scale, m.tilt);
+            e.fit(UNIT, "stretch", words.stretch, stretched)
+        });
+        let shape = e.copies(3, |e| {
+            let squares = e.copies(3, |e| e.times(UNIT, words.stretch, words.stretch));
+            let sum = e.sum(UNIT, [squares; 3]);
+            e.fit(UNIT, "shape", m.shape, sum)
+        });
+        let scales = e.copies(3, |e| {
+            let product = e.times(UNIT, words.scale, words.scale);
+            e.fit(UNIT, "scale", words.scale, product)
+        });
+        let face = e.copies(3, |e| {
+            let turned = e.times(UNIT, words.scale, m.facing);
+            e.fit(UNIT, "face", m.facing, turned)
+        });
+        e.copies(2, |e| {
+            let square = e.times(UNIT, m.area, m.area);
+            e.sum(UNIT, [square, square]);
+        });
+        let slope_squared = e.copies(2, |e| e.times(UNIT, p.slope, p.slope));
+        let length_squared = e.sum(UNIT, [Exact { int_bits: 1, frac_bits: 0 }, slope_squared, slope_squared]);
+        e.normaliser(UNIT, length_squared.bits());
+        let ray_root = ReciprocalRoot::new(e, UNIT, "ray_root", words.ray_root, length_squared.frac_bits);
+        let root_bits = words.ray_root.format();
+        let root = e.times(UNIT, root_bits, root_bits).scaled(1);
+        let ray = e.fit_shifted(UNIT, "ray", words.ray, root);
+        let thick = e.times(UNIT, m.size_squared, words.ray);
+        let along = e.fit(UNIT, "area", m.area, thick);
+        let shown = e.times(UNIT, m.visibility, machine.splat.opacity);
+        Some(Ellipsoids {
+            rotation,
+            stretch,
+            shape,
+            scales,
+            face,
+            ray_root,
+            ray,
+            along,
+            weighed: e.fit(UNIT, "amplitude", m.amplitude, shown),
+            peak: e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity.into()),
+            one: 1 << (2 * words.quaternion.format.frac_bits).clamp(0, 62),
+            ray_one: 1 << (2 * p.slope.format.frac_bits).clamp(0, 62),
+        })
+    }
+
+    /// |(a, b, 1)|.
+    #[inline(always)]
+    fn ray<W: Words, P: Probe>(&self, [a, b]: [W; 2], tap: &mut Tap<P>) -> W {
+        let (root, power) = self.ray_root.root_lanes(a * a + b * b + W::Exact::splat(self.ray_one), tap);
+        tap.fit_shifted(&self.ray, root, -power)
+    }
+
+    /// The columns of the rotation that a quaternion means.
+    #[inline(always)]
+    fn directions<W: Words, P: Probe>(&self, [w, x, y, z]: [W; 4], tap: &mut Tap<P>) -> [[W; 3]; 3] {
+        let one = W::Exact::splat(self.one);
+        let columns = [
+            [one - (y * y + z * z).left(1), (x * y + w * z).left(1), (x * z - w * y).left(1)],
+            [(x * y - w * z).left(1), one - (x * x + z * z).left(1), (y * z + w * x).left(1)],
+            [(x * z + w * y).left(1), (y * z - w * x).left(1), one - (x * x + y * y).left(1)],
+        ];
+        three!(axis => three!(row => tap.fit_words(&self.rotation, columns[axis][row])))
+    }
+}
+
+impl Ellipse {
+    /// Sets eight ellipsoids up; on a machine that has none of what they need, nothing is drawn.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
+    pub fn ellipsoids<W: Words, P: Probe>(
+        &self,
+        view: &View,
+        kernel: &Kernel,
+        size_px: [u32; 2],
+        input: &Input<W>,
+        axes: Axes<W>,
+        opacity: W,
+        tap: &mut Tap<P>,
+    ) -> Option<Output<W>> {
+        let own = self.ellipsoids.as_ref()?;
+        let zero = W::splat(0);
+        let (axes, scales) = match axes {
+            Axes::Own(quaternion, scales) => {
+                let directions = own.directions(quaternion, tap);
+                (three!(axis => self.camera_normal(view, directions[axis], tap)), scales)
+            }
+            Axes::Frame => (kernel.axes.map(|axis| axis.map(W::splat)), kernel.scales.map(W::splat)),
+        };
+        let limit = kernel.jacobian.map(W::splat);
+        let slope = two!(axis => input.slope[axis].min(limit[axis]).max(-limit[axis]));
+        let turned = three!(axis => self.turn(slope, axes[axis], tap));
+        let stretched = three!(axis => two!(side => tap.fit_words(&own.stretch, scales[axis] * turned[axis].0[side])));
+        let sum = |i: usize, j: usize| {
+            let [x, y, z] = three!(axis => stretched[axis][i] * stretched[axis][j]);
+            x + y + z
+        };
+        let shape = [sum(0, 0), sum(0, 1), sum(1, 1)];
+        let shape = three!(i => tap.fit_words(&own.shape, shape[i]));
+        let pairs = three!(axis => tap.fit_words(&own.scales, scales[OTHERS[axis][0]] * scales[OTHERS[axis][1]]));
+        let faces = three!(axis => tap.fit_words(&own.face, pairs[axis] * turned[axis].1));
+
+        let facing = turned[2].1;
+        let flattened = kernel.amplitude == Amplitude::Disc;
+        let blind = input.radius.is_none() | if flattened { facing.is_zero() } else { opacity.is_none() };
+        let away = if view.cull_backfaces { facing.above(zero) } else { zero };
+        tap.drop_where(away | blind);
+        let radius = input.radius.max(W::splat(1));
+        let sized = self.size(view, radius, input, tap);
+        let ray = if kernel.amplitude == Amplitude::LineIntegral { own.ray(slope, tap) } else { zero };
+        let amplitude = |areas: [W; 3], inverse_root: &Scientific<W>, tap: &mut Tap<P>| {
+            let shown =
+                |area: W, tap: &mut Tap<P>| tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
+            match kernel.amplitude {
+                Amplitude::Disc => {
+                    let visibility = shown(areas[2], tap);
+                    tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi))
+                }
+                Amplitude::LineIntegral => {
+                    let along = tap.fit_words(&own.along, sized.0 * ray);
+                    let visibility = shown(along, tap);
+                    tap.fit_words(&own.weighed, visibility * opacity)
+                }
+                Amplitude::Peak => tap.fit_words(&own.peak, opacity.exact()),
+            }
+        };
+        let footprint = self.footprint(view, size_px, input.pixel, sized, (shape, faces), amplitude, tap);
+        let normal = self.camera_normal(view, input.normal, tap);
+        let (depth_slope, depth_range) = if flattened {
+            let facing = W::splat(1).where_else(facing.is_zero(), facing);
+            let range = tap.fit_words(&self.depth_range, radius * W::splat(view.root_cutoff));
+            (self.depth_slope(view, input, axes[2], facing, tap), range)
+        } else {
+            ([zero; 2], zero)
+        };
+        Some(Output {
+            normal: three!(axis => tap.fit_words(&self.fragment_normal, normal[axis].exact())),
+            conic: footprint.conic,
+            amplitude: footprint.amplitude,
+            columns: footprint.columns,
+            rows: footprint.rows,
+            depth_slope,
+            depth_range,
+            backface: away,
+            faint: blind | footprint.faint,
+            outside: footprint.outside,
+        })
+    }
+}
+
+pub mod real;

@@ -1,0 +1,209 @@
+//! Sheets: fragments of the same sheet add up, and a sheet is blended when the next one begins (EWA §7.1, ALGORITHM §9).
+//!
+//! ```text
+//! weight, sheet, rgb ─►[ sheet = open? ]─┬─ yes ─► accumulate: Σw, Σw·rgb
+//!                                        └─ no ──► close: x = Σw ─►[ ratio ρ(x) = α/x ]─► α = x·ρ, Σw·rgb·ρ ─►[ over ]─► composite
+//! ```
+//! Two slots a pixel: the open sheet, and the composite of those before it. The rule that opens a fragment is "another sheet" in the
+//! place of "|Δz| ≥ ε"; sums, their fits and the blend are those of surfaces. Σw is a sheet's optical depth x: its opacity is x itself,
+//! as far as 1 (e^(−x) ≈ 1 − x, EWA (6)), or 1 − e^(−x); the table holds the ratio of the two, which scales colour and opacity alike.
+//!
+//! Where every splat is a sheet of its own (Gaussians), nothing adds up: its weight, held to a limit, is its opacity, and it is blended
+//! at once.
+//!
+//! A pixel that lets less than `stop` through takes nothing more.
+
+use super::{COLOUR, Decision, Fragment, HostSlot, HostSums, Lane, NO_MATCH, OPACITY, Premultiplied, SUMS, Slot, Sums, Tile, UNIT, WEIGHT};
+use crate::frame::{self, Each};
+use crate::machine::{Elaboration, Machine, Operator};
+use crate::num::{Exact, Fit, Lanes, Table, table, three};
+use crate::probe::{Probe, Tap};
+
+/// What a machine has for sheets alone.
+#[derive(Clone, Debug)]
+pub(super) struct Sheets {
+    index: Fit,
+    ratio: Fit,
+    shape: crate::machine::TableShape,
+    argument_bits: u32,
+    /// Σw·ρ and Σw·rgb·ρ.
+    closed: [Fit; 2],
+    /// Σw and Σw·rgb as they are.
+    plain: [Fit; 2],
+}
+
+/// Registers of the sheets, and their table.
+#[derive(Clone, Debug)]
+pub struct Registers<'a> {
+    /// As the frame has them.
+    pub sheets: &'a frame::Sheets,
+    /// ρ.
+    pub ratio: Option<Table>,
+}
+
+/// In the key of the composite: the pixel takes nothing more.
+const STOPPED: i32 = 1;
+
+impl Sheets {
+    pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
+        let (m, premultiplied) = (&machine.fragment, machine.shade.premultiplied);
+        let words = m.sheets.as_ref()?;
+        for (name, word) in [("depth_index", words.depth_index), ("ratio", words.ratio)] {
+            e.port(UNIT, name, word);
+            e.signedness(UNIT, name, word, false);
+        }
+        e.holds_one(UNIT, "ratio", words.ratio);
+        e.require(m.layers >= 2, || format!("fragment.layers is {}, but sheets need two: the open one and those before it", m.layers));
+        let argument = words.depth_index.format;
+        let shape = table::shape(e, UNIT, "sheets.table", words.table, argument.width());
+        e.part(UNIT, Operator::Rom([1 << shape.index_bits, words.ratio.format.width()]));
+        let fraction_bits = Table::fraction_bits(shape.index_bits, argument.width() as u32);
+        table::interpolator(e, UNIT, shape, words.ratio, fraction_bits);
+        let scaled = [m.weight_sum, m.colour_sum].map(|sum| e.times(UNIT, sum, words.ratio));
+        let mut fit = |from: Exact| e.fit("shade", "premultiplied", premultiplied, from);
+        let closed = scaled.map(&mut fit);
+        let plain = [m.weight_sum, m.colour_sum].map(|sum| fit(sum.into()));
+        Some(Sheets {
+            closed,
+            plain,
+            index: e.fit(UNIT, "depth_index", words.depth_index, m.weight_sum.into()),
+            ratio: e.fit(UNIT, "ratio", words.ratio, table::interpolated(words.ratio, fraction_bits)),
+            shape,
+            argument_bits: argument.width() as u32,
+        })
+    }
+
+    /// Colour times opacity, and opacity, of a sheet that is done.
+    fn close<P: Probe>(&self, sums: &Sums, ratio: Option<&Table>, one: i64, tap: &mut Tap<P>) -> Premultiplied {
+        let [of_weight, of_colour] = if ratio.is_some() { &self.closed } else { &self.plain };
+        let scale = ratio.map_or(1, |table| {
+            let index = tap.fit_one(&self.index, sums[WEIGHT]);
+            tap.fit_one(table.fit(), table.exact(index))
+        });
+        Premultiplied {
+            colour: three!(channel => tap.fit_one(of_colour, sums[COLOUR + channel] * scale)),
+            opacity: tap.fit_one(of_weight, sums[WEIGHT] * scale).min(one),
+        }
+    }
+}
+
+impl Fragment {
+    /// A frame's registers for sheets.
+    pub fn sheets<'a>(&self, sheets: &'a frame::Sheets) -> Registers<'a> {
+        let table = |own: &Sheets| Table::new(own.ratio, own.shape.index_bits, own.argument_bits, own.shape.interpolation, &sheets.ratio);
+        let ratio = self.sheets.as_ref().filter(|_| !sheets.ratio.is_empty()).map(table);
+        Registers { sheets, ratio }
+    }
+
+    /// Takes one contribution in, of a sheet with this number.
+    #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
+    pub fn contribute_to_sheet<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
+        &self,
+        tile: &mut Tile<L>,
+        pixel: u8,
+        sheet: u32,
+        weight: i64,
+        attributes: &[i32; SUMS],
+        registers: &Registers,
+        tap: &mut Tap<P>,
+    ) -> Decision {
+        let at = usize::from(pixel);
+        tile.contributions[at] += 1;
+        let live = tile.live[at];
+        if live > 0 && tile.keys[at][0] & STOPPED != 0 {
+            return Decision::Dropped;
+        }
+        let each = registers.sheets.each == Each::Splat;
+        let key = sheet as i32 & !NO_MATCH;
+        if !each && live > 0 && tile.keys[at][1] == key {
+            self.accumulate::<PLAIN, V, L, P>(&mut tile.sums[1][at], weight, attributes, tap);
+            return Decision::Accumulated(1);
+        }
+        let mut fresh = HostSlot { sums: HostSums::default(), key, material: 0 };
+        self.accumulate::<PLAIN, V, L, P>(
+            &mut fresh.sums,
+            if each { weight.min(registers.sheets.most_weight) } else { weight },
+            attributes,
+            tap,
+        );
+        if live == 0 {
+            tile.write(pixel, 0, HostSlot { key: NO_MATCH, ..HostSlot::default() });
+            tile.live[at] = 2;
+        }
+        if each {
+            if !self.blend_sheet(tile, pixel, &fresh.sums, registers, tap) {
+                return Decision::Dropped;
+            }
+        } else {
+            if live > 0 {
+                let open = *tile.sums(pixel, 1);
+                self.blend_sheet(tile, pixel, &open, registers, tap);
+                if tile.keys[at][0] & STOPPED != 0 {
+                    tile.live[at] = 1;
+                    return Decision::Dropped;
+                }
+            }
+            tile.write(pixel, 1, fresh);
+        }
+        if live == 0 { Decision::Inserted(u8::from(!each)) } else { Decision::Merged(0, 1) }
+    }
+
+    /// Blends a sheet that is done; `false` if it is left out because it would let too little through.
+    fn blend_sheet<L: Lane, P: Probe>(
+        &self,
+        tile: &mut Tile<L>,
+        pixel: u8,
+        sums: &HostSums<L>,
+        registers: &Registers,
+        tap: &mut Tap<P>,
+    ) -> bool {
+        let frame::Sheets { back_to_front, stop, keeps_last, .. } = *registers.sheets;
+        let composite = tile.slot(pixel, 0);
+        let Some(blended) = self.blended_sheet(&composite, sums, registers, tap) else { return false };
+        let opaque = !back_to_front && self.sums[OPACITY].word.format.one() - blended[OPACITY] < stop;
+        let key = NO_MATCH | if opaque { STOPPED } else { 0 };
+        let kept = !opaque || keeps_last;
+        let sums = if kept { HostSums::put(&blended) } else { HostSums::put(&composite.sums) };
+        tile.write(pixel, 0, HostSlot { sums, key, material: 0 });
+        kept
+    }
+
+    fn blended_sheet<L: Lane, P: Probe>(
+        &self,
+        composite: &Slot,
+        sums: &HostSums<L>,
+        registers: &Registers,
+        tap: &mut Tap<P>,
+    ) -> Option<Sums> {
+        let own = self.sheets.as_ref()?;
+        let sheet = own.close(&sums.get(), registers.ratio.as_ref(), 1 << self.premultiplied_frac_bits, tap);
+        let before = self.shaded(composite, tap);
+        let (over, under) = if registers.sheets.back_to_front { (&sheet, &before) } else { (&before, &sheet) };
+        Some(self.blended(over, under, tap))
+    }
+
+    /// What a pixel's sheets come to; none where it has none.
+    pub fn composite<L: Lane, P: Probe>(
+        &self,
+        tile: &Tile<L>,
+        pixel: u8,
+        registers: &Registers,
+        tap: &mut Tap<P>,
+    ) -> Option<Premultiplied> {
+        let live = tile.live(pixel);
+        if live == 0 {
+            return None;
+        }
+        let mut composite = tile.slot(pixel, 0);
+        if live == 2 && registers.sheets.each == Each::Slice {
+            composite.sums = self.blended_sheet(&composite, tile.sums(pixel, 1), registers, tap)?;
+        }
+        Some(self.shaded(&composite, tap))
+    }
+}
+
+pub mod real;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,183 @@
+//! Sheets: adds up what one sheet gives to a pixel and blends sheet after sheet (EWA §7.1, ALGORITHM §9); and what would be exact.
+
+use glam::{DVec3, DVec4};
+
+use super::Outcomes;
+use super::fragments::Fragment;
+use super::shade::over;
+use super::tiles::{PIXELS_IN_A_TILE, Painter};
+use crate::scene::{Opacity, Sheet, Sheets};
+
+/// A sheet's colour times opacity, and its opacity, from its optical depth and its colours times that.
+pub(crate) fn closed(sheets: &Sheets, weight: f64, rgb: DVec3) -> DVec4 {
+    if sheets.of == Sheet::Splat {
+        let ratio = if weight > sheets.most_weight { sheets.most_weight / weight } else { 1.0 };
+        return (rgb * ratio).extend(weight * ratio);
+    }
+    let ratio = sheets.opacity.over_depth(weight);
+    (rgb * ratio).extend(weight * ratio)
+}
+
+/// One pixel: the sheet that is open, and those before it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Pixel {
+    open: Option<Fragment>,
+    composite: DVec4,
+    stopped: bool,
+    sheets: u64,
+}
+
+/// What became of a contribution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Fate {
+    /// Added to the open sheet.
+    Added,
+    /// Began the pixel's first sheet.
+    First,
+    /// Began a sheet, and those before were blended.
+    Next,
+    /// Came to a pixel that takes nothing more.
+    Dropped,
+}
+
+impl Pixel {
+    /// Takes one contribution in.
+    pub fn take(&mut self, scene_sheets: &Sheets, new: &Fragment) -> Fate {
+        if self.stopped {
+            return Fate::Dropped;
+        }
+        if scene_sheets.of == Sheet::Splat {
+            let kept = self.blend(scene_sheets, closed(scene_sheets, new.weight, new.rgb));
+            self.sheets += u64::from(kept);
+            return match (kept, self.sheets) {
+                (false, _) => Fate::Dropped,
+                (true, 1) => Fate::First,
+                _ => Fate::Next,
+            };
+        }
+        match &mut self.open {
+            Some(open) if open.sheet == new.sheet => {
+                open.add(new);
+                return Fate::Added;
+            }
+            Some(open) => {
+                let sheet = closed(scene_sheets, open.weight, open.rgb);
+                self.blend(scene_sheets, sheet);
+                if self.stopped {
+                    self.open = None;
+                    return Fate::Dropped;
+                }
+            }
+            None => {}
+        }
+        self.open = Some(*new);
+        self.sheets += 1;
+        if self.sheets == 1 { Fate::First } else { Fate::Next }
+    }
+
+    /// Whether the sheet was blended.
+    fn blend(&mut self, scene_sheets: &Sheets, sheet: DVec4) -> bool {
+        let blended = over_or_under(scene_sheets, self.composite, sheet);
+        self.stopped = !scene_sheets.back_to_front && 1.0 - blended.w < scene_sheets.stop;
+        let kept = !self.stopped || scene_sheets.keeps_last;
+        if kept {
+            self.composite = blended;
+        }
+        kept
+    }
+
+    /// Colour times opacity, and opacity, of all: nothing more comes.
+    pub fn colour(&self, scene_sheets: &Sheets) -> DVec4 {
+        let last = |open: &Fragment| over_or_under(scene_sheets, self.composite, closed(scene_sheets, open.weight, open.rgb));
+        self.open.as_ref().map_or(self.composite, last)
+    }
+}
+
+/// The next sheet blended with those before it.
+fn over_or_under(sheets: &Sheets, before: DVec4, next: DVec4) -> DVec4 {
+    if sheets.back_to_front { over(next, before) } else { over(before, next) }
+}
+
+/// The hardware's algorithm: at most two layers a pixel.
+pub(super) struct Golden<'a> {
+    sheets: &'a Sheets,
+    background: DVec4,
+    pixels: Vec<Pixel>,
+    outcomes: Outcomes,
+}
+
+impl<'a> Golden<'a> {
+    pub fn new(sheets: &'a Sheets, background: [f64; 4]) -> Self {
+        let pixels = vec![Pixel::default(); PIXELS_IN_A_TILE];
+        Golden { sheets, background: DVec4::from_array(background), pixels, outcomes: Outcomes::default() }
+    }
+}
+
+impl Painter for Golden<'_> {
+    type Contribution = Fragment;
+
+    fn take(&mut self, pixel: usize, contribution: Fragment) {
+        *match self.pixels[pixel].take(self.sheets, &contribution) {
+            Fate::Added => &mut self.outcomes.accumulated,
+            Fate::First => &mut self.outcomes.inserted,
+            Fate::Next => &mut self.outcomes.merged,
+            Fate::Dropped => &mut self.outcomes.dropped,
+        } += 1;
+    }
+
+    fn finish(&mut self, pixel: usize) -> [f64; 4] {
+        let done = std::mem::take(&mut self.pixels[pixel]);
+        self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(done.sheets);
+        over(done.colour(self.sheets), self.background).to_array()
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        self.outcomes
+    }
+}
+
+/// What no number of slots can make better: every contribution by itself, nearest first, none left out and none too late. A volume's
+/// hide what lies behind them by e^(−x), exactly; a Gaussian's by its weight.
+pub(super) struct Ideal<'a> {
+    sheets: &'a Sheets,
+    background: DVec4,
+    contributions: Vec<Vec<Fragment>>,
+    outcomes: Outcomes,
+}
+
+impl<'a> Ideal<'a> {
+    pub fn new(sheets: &'a Sheets, background: [f64; 4]) -> Self {
+        let contributions = vec![Vec::new(); PIXELS_IN_A_TILE];
+        Ideal { sheets, background: DVec4::from_array(background), contributions, outcomes: Outcomes::default() }
+    }
+}
+
+impl Painter for Ideal<'_> {
+    type Contribution = Fragment;
+
+    fn take(&mut self, pixel: usize, contribution: Fragment) {
+        self.contributions[pixel].push(contribution);
+    }
+
+    fn finish(&mut self, pixel: usize) -> [f64; 4] {
+        let contributions = &mut self.contributions[pixel];
+        contributions.sort_by(|a, b| a.z.total_cmp(&b.z));
+        let light = |fragment: &Fragment| {
+            if self.sheets.of == Sheet::Splat {
+                return closed(self.sheets, fragment.weight, fragment.rgb);
+            }
+            let ratio = Opacity::Exponential.over_depth(fragment.weight);
+            (fragment.rgb * ratio).extend(fragment.weight * ratio)
+        };
+        let all = contributions.iter().fold(DVec4::ZERO, |front, fragment| over(front, light(fragment)));
+        let count = contributions.len() as u64;
+        self.outcomes.inserted += count;
+        self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(count);
+        contributions.clear();
+        over(all, self.background).to_array()
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        self.outcomes
+    }
+}

@@ -1,0 +1,206 @@
+//! Gaussians: reads trained 3D Gaussians from a file, each with its activations applied.
+//! ```text
+//! .ply, floats          log scale, logit opacity ─► [float_ply]  ─┐
+//! .ply, SuperSplat's    chunks of 256, 16 bytes each ─► [packed_ply] ─┤
+//! .splat                32 bytes each ───────────────► [splat]     ─┼─► [Intake] ─► Gaussians
+//! .spz                  gzip, up to 65 bytes each ───► [spz]       ─┘
+//! ```
+//! - Axes are as in the file: right, down, forward as cameras have them in what training programs write and in `.splat`;
+//!   right, up, back in `.spz`, which is half a turn about x (`three_formats_of_the_same_three_gaussians_agree`).
+//! - What no program can draw is left out and counted in a note: see `FLAWS`.
+//! - Nothing is reserved that the file's length does not vouch for.
+
+mod float_ply;
+mod harmonics;
+mod packed_ply;
+mod splat;
+mod spz;
+
+pub use harmonics::colour;
+
+use super::ply;
+use glam::{DQuat, DVec3, DVec4};
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+type Parsed<T> = Result<T, String>;
+
+/// One trained Gaussian as its file has it, with its activations applied. Its colour is [`Gaussians::harmonics`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gaussian {
+    /// Centre, world units.
+    pub position: DVec3,
+    /// Unit quaternion; the columns of its matrix are the Gaussian's axes.
+    pub rotation: DQuat,
+    /// Standard deviations along the axes, world units, in [[`SMALLEST_SCALE`], 1e30].
+    pub scale: DVec3,
+    /// α in [0, 1].
+    pub opacity: f64,
+}
+
+/// What a file holds.
+#[derive(Clone, Debug, Default)]
+pub struct Gaussians {
+    /// In the file's order; never empty.
+    pub all: Vec<Gaussian>,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub degree: usize,
+    /// What was left out or looks odd, one sentence each.
+    pub notes: Vec<String>,
+    /// Of all Gaussians, one after another: `(degree + 1)²` coefficients each, as f32, which no format exceeds.
+    harmonics: Vec<[f32; 3]>,
+}
+
+/// Thinner Gaussians become as thick as this; squares and products of scales then fit f64.
+pub const SMALLEST_SCALE: f64 = 1e-30;
+
+/// What of a file is looked at to tell whether it is a file of Gaussians; headers have a few kilobytes.
+const LONGEST_HEADER_BYTES: u64 = 1 << 20;
+
+impl Gaussians {
+    /// Coefficients of red, green and blue of one of [`Gaussians::all`], for [`colour`]: 1, 4, 9 or 16 by degree.
+    ///
+    /// # Panics
+    /// Where `index` is not one of a Gaussian.
+    pub fn harmonics(&self, index: usize) -> &[[f32; 3]] {
+        let each = coefficients(self.degree);
+        &self.harmonics[index * each..][..each]
+    }
+}
+
+/// Whether the file's extension, and for a `.ply` its header, is one of trained Gaussians; [`read`] reads those.
+pub fn is_gaussians(path: &Path) -> bool {
+    match extension(path).as_str() {
+        "splat" | "spz" => true,
+        "ply" => {
+            let mut start = Vec::new();
+            let read = File::open(path).and_then(|file| file.take(LONGEST_HEADER_BYTES).read_to_end(&mut start));
+            read.is_ok()
+                && ply::read_header(&start).is_ok_and(|(header, _)| packed_ply::is_packed(&header) || float_ply::is_trained(&header))
+        }
+        _ => false,
+    }
+}
+
+/// Reads a file of trained Gaussians; its extension says which format it has.
+///
+/// # Errors
+/// The second half of a sentence that begins with the file's name: what is wrong, what would be right.
+pub fn read(path: &Path) -> Result<Gaussians, String> {
+    let parse = match extension(path).as_str() {
+        "ply" => parse_ply,
+        "splat" => splat::parse,
+        "spz" => spz::parse,
+        _ => return Err("is of no known kind; a file of trained Gaussians is a .ply, .splat or .spz file".into()),
+    };
+    parse(&std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?)
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase()
+}
+
+fn parse_ply(bytes: &[u8]) -> Parsed<Gaussians> {
+    let (header, body) = ply::read_header(bytes)?;
+    if packed_ply::is_packed(&header) { packed_ply::parse(&header, body) } else { float_ply::parse(&header, body) }
+}
+
+/// Coefficients per channel.
+fn coefficients(degree: usize) -> usize {
+    (degree + 1) * (degree + 1)
+}
+
+/// Why a Gaussian is left out, in the words of the note.
+const FLAWS: [&str; 5] = [
+    "no finite position",
+    "a rotation that is zero or not finite",
+    "a scale that is negative or not finite",
+    "an opacity that is no number",
+    "a colour that is not finite",
+];
+
+/// Collects Gaussians as files have them and leaves out those that cannot be drawn.
+struct Intake {
+    gaussians: Gaussians,
+    count: usize,
+    left_out: [usize; FLAWS.len()],
+}
+
+impl Intake {
+    /// Room for as many Gaussians as the file's length vouches for.
+    fn new(degree: usize, room: usize, notes: Vec<String>) -> Self {
+        let harmonics = Vec::with_capacity(room.saturating_mul(coefficients(degree)));
+        Intake { gaussians: Gaussians { all: Vec::with_capacity(room), degree, notes, harmonics }, count: 0, left_out: [0; FLAWS.len()] }
+    }
+
+    /// Takes one Gaussian, whose rotation may have any length, and its `(degree + 1)²` coefficients.
+    fn push(&mut self, raw: Gaussian, harmonics: impl IntoIterator<Item = [f32; 3]>) {
+        let Gaussians { all, harmonics: store, .. } = &mut self.gaussians;
+        let before = store.len();
+        store.extend(harmonics);
+        let rotation = unit(raw.rotation);
+        let flaws = [
+            !raw.position.to_array().iter().all(|c| c.abs() <= ply::FARTHEST),
+            rotation.is_none(),
+            !raw.scale.to_array().iter().all(|s| (0.0..=ply::FARTHEST).contains(s)),
+            raw.opacity.is_nan(),
+            !store[before..].as_flattened().iter().all(|c| c.is_finite()),
+        ];
+        self.count += 1;
+        match flaws.iter().position(|&flawed| flawed) {
+            Some(flaw) => {
+                self.left_out[flaw] += 1;
+                store.truncate(before);
+            }
+            None => {
+                all.push(Gaussian { rotation: rotation.unwrap_or_default(), scale: raw.scale.max(DVec3::splat(SMALLEST_SCALE)), ..raw })
+            }
+        }
+    }
+
+    fn finish(mut self) -> Parsed<Gaussians> {
+        let count = self.count;
+        let left_out = self.left_out.iter().zip(FLAWS).filter(|(number, _)| **number > 0);
+        let notes: Vec<String> =
+            left_out.map(|(number, flaw)| format!("{number} of {count} Gaussians have {flaw} and were left out")).collect();
+        if count == 0 {
+            return Err("holds no Gaussians".into());
+        }
+        if self.gaussians.all.is_empty() {
+            return Err(format!("holds no Gaussian that can be drawn: {}", notes.join("; ")));
+        }
+        self.gaussians.notes.extend(notes);
+        Ok(self.gaussians)
+    }
+}
+
+/// The quaternion at length 1; none where it is zero or not finite.
+fn unit(rotation: DQuat) -> Option<DQuat> {
+    let longest = DVec4::from(rotation).abs().max_element();
+    // Divided first: squares of very long or very short quaternions do not fit f64.
+    (rotation.is_finite() && longest > 0.0).then(|| (rotation * (1.0 / longest)).normalize())
+}
+
+/// Opacity of a logit: 1 / (1 + e^−logit); ±∞ give 1 and 0.
+fn sigmoid(logit: f64) -> f64 {
+    1.0 / (1.0 + libm::exp(-logit))
+}
+
+/// The scales whose logarithms a file has.
+fn exp(log_scale: DVec3) -> DVec3 {
+    log_scale.map(libm::exp)
+}
+
+/// A byte as a part of 255.
+fn part(code: u8) -> f64 {
+    f64::from(code) / 255.0
+}
+
+/// The constant coefficients of a colour that is the same from all sides.
+fn harmonics_of(rgb: [f64; 3]) -> [f32; 3] {
+    rgb.map(|c| ((c - 0.5) / harmonics::CONSTANT) as f32)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,64 @@
+//! Float PLY: reads Gaussians as training programs write them, one named number for each parameter (Kerbl et al. 2023).
+//!
+//! Scales are logarithms, opacities logits, quaternions w x y z of any length. `f_rest_*` has all coefficients of red,
+//! then of green, then of blue; their number tells the degree.
+
+use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, exp, sigmoid};
+use crate::scene::ply::{Body, Element, Header};
+use glam::{DQuat, DVec3};
+
+/// Numbers that every Gaussian has, in the order in which they are used; those of the harmonics follow.
+const NAMES: [&str; 14] =
+    ["x", "y", "z", "rot_1", "rot_2", "rot_3", "rot_0", "scale_0", "scale_1", "scale_2", "opacity", "f_dc_0", "f_dc_1", "f_dc_2"];
+const ROTATION: usize = 3;
+const SCALE: usize = 7;
+const OPACITY: usize = 10;
+const HARMONICS: usize = 11;
+
+/// Whether the vertices have the parameters that only trained Gaussians have.
+pub(super) fn is_trained(header: &Header) -> bool {
+    let has = |element: &Element| ["scale_0", "rot_0"].iter().all(|name| element.names().any(|own| own == *name));
+    header.elements.iter().any(|e| e.name == "vertex" && has(e))
+}
+
+pub(super) fn parse(header: &Header, mut body: Body) -> Parsed<Gaussians> {
+    for element in &header.elements {
+        if element.name == "vertex" {
+            return read(header, element, body);
+        }
+        body.rows(element, &element.slots(&[])?, &mut [], |_| ())?;
+    }
+    Err("has no element `vertex`, so there are no Gaussians in it".into())
+}
+
+fn read(header: &Header, vertices: &Element, mut body: Body) -> Parsed<Gaussians> {
+    let degree = degree(vertices)?;
+    let names: Vec<String> = NAMES.map(String::from).into_iter().chain(rest_names(degree)).collect();
+    let needs = |e| format!("{e}; a trained Gaussian needs x y z, f_dc_0 to 2, opacity, scale_0 to 2 and rot_0 to 3");
+    let slots = vertices.slots(&names).map_err(needs)?;
+    let mut intake = Intake::new(degree, body.room(vertices), header.notes.clone());
+    body.rows(vertices, &slots, &mut vec![0.0; names.len()], |values| {
+        let raw = Gaussian {
+            position: DVec3::from_slice(values),
+            rotation: DQuat::from_slice(&values[ROTATION..]),
+            scale: exp(DVec3::from_slice(&values[SCALE..])),
+            opacity: sigmoid(values[OPACITY]),
+        };
+        intake.push(raw, values[HARMONICS..].as_chunks().0.iter().map(|rgb: &[f64; 3]| rgb.map(|c| c as f32)));
+    })?;
+    intake.finish()
+}
+
+/// The degree whose coefficients, but for the constant ones, are as many as the element's.
+pub(super) fn degree(element: &Element) -> Parsed<usize> {
+    let count = element.names().filter(|name| name.starts_with("f_rest_")).count();
+    (0..=3)
+        .find(|&degree| 3 * (coefficients(degree) - 1) == count)
+        .ok_or_else(|| format!("has {count} numbers `f_rest_*`; spherical harmonics of degree 0, 1, 2 and 3 have 0, 9, 24 and 45"))
+}
+
+/// Names of all but the constant coefficients, red, green and blue of one after those of another.
+pub(super) fn rest_names(degree: usize) -> Vec<String> {
+    let per_channel = coefficients(degree) - 1;
+    (0..per_channel).flat_map(|k| (0..3).map(move |channel| format!("f_rest_{}", channel * per_channel + k))).collect()
+}

@@ -1,0 +1,168 @@
+//! Spz: reads Gaussians from Niantic's `.spz` files of versions 1 to 3: gzip, then a header of 16 bytes, then one table after another.
+//! ```text
+//! magic `NGSP`: u32   version: u32   Gaussians: u32   degree: u8   fractional bits: u8   flags: u8   reserved: u8
+//! positions    3 × 24 bits, fixed point (version 1: 3 × f16)
+//! opacities    u8 of 255
+//! colours      3 × u8: the constant coefficients in ±0.5/0.15
+//! scales       3 × u8: logarithms, 16 steps for 1, from −10
+//! rotations    version 3: 4 bytes, the three smallest of x y z w; before: 3 bytes, x y z in ±1
+//! harmonics    3 × u8 for each other coefficient, 128 is 0, 128 steps for 1
+//! ```
+//! All little-endian. Files that are not compressed are read as well.
+
+use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, exp, part};
+use flate2::read::GzDecoder;
+use glam::{DQuat, DVec3};
+use std::f64::consts::FRAC_1_SQRT_2;
+use std::io::Read;
+
+const ANTIALIASED: u8 = 1;
+
+/// Files that would grow more than this, and past [`LONGEST`], are taken for ones made to fill the memory: positions and
+/// rotations of a trained scene hardly shrink and are a fifth of its bytes or more. gzip's own limit is 1032.
+const MOST_COMPRESSED: u64 = 100;
+
+/// Bytes that any machine has room for, whatever the size of the file.
+const LONGEST: u64 = 1 << 26;
+
+/// What a header says; together with it, how long the rows of all tables are.
+struct Header {
+    version: u32,
+    count: u64,
+    degree: usize,
+    fractional_bits: u8,
+    flags: u8,
+}
+
+pub(super) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
+    let is_gzip = bytes.starts_with(&[0x1f, 0x8b]);
+    let most = LONGEST.max(MOST_COMPRESSED.saturating_mul(bytes.len() as u64));
+    if is_gzip { unpack(GzDecoder::new(bytes), most) } else { unpack(bytes, most) }
+}
+
+/// Reads what is left once gzip is taken off; more bytes than `most` are not believed.
+fn unpack(mut stream: impl Read, most: u64) -> Parsed<Gaussians> {
+    let header = Header::read(&mut stream)?;
+    let row_bytes = header.row_bytes();
+    let length = header.count * row_bytes.iter().sum::<usize>() as u64;
+    if length > most {
+        return Err(format!(
+            "promises {} Gaussians, more than a file of its size can hold: they take {length} bytes, at most {most} are believed",
+            header.count
+        ));
+    }
+    // Grows with what is there, not with what the header promises.
+    let mut body = Vec::new();
+    stream.by_ref().take(length).read_to_end(&mut body).map_err(damaged)?;
+    if (body.len() as u64) < length {
+        return Err(format!("ends after {} of the {length} bytes that its {} Gaussians take", body.len(), header.count));
+    }
+    let surplus = std::io::copy(&mut stream, &mut std::io::sink()).map_err(damaged)?;
+    let mut notes = Vec::new();
+    if header.flags & ANTIALIASED != 0 {
+        notes.push("was trained for an antialiasing filter, which is not applied".to_owned());
+    }
+    if surplus > 0 {
+        notes.push(format!("has {surplus} bytes after its last Gaussian, which are not read"));
+    }
+    let count = header.count as usize;
+    let mut rest = body.as_slice();
+    let tables = row_bytes.map(|row| {
+        let (table, after) = rest.split_at(count * row);
+        rest = after;
+        table
+    });
+    let mut intake = Intake::new(header.degree, count, notes);
+    for i in 0..count {
+        let row = |table: usize| &tables[table][i * row_bytes[table]..][..row_bytes[table]];
+        let raw = Gaussian {
+            position: header.position(row(0)),
+            rotation: rotation(row(4)),
+            scale: exp(vector(row(3), |code| f64::from(code) / 16.0 - 10.0)),
+            opacity: part(row(1)[0]),
+        };
+        let constant = vector(row(2), |code| (part(code) - 0.5) / 0.15).to_array().map(|c| c as f32);
+        let others = row(5).as_chunks().0.iter().map(|rgb: &[u8; 3]| rgb.map(|code| f32::from(code) / 128.0 - 1.0));
+        intake.push(raw, std::iter::once(constant).chain(others));
+    }
+    intake.finish()
+}
+
+fn damaged(error: std::io::Error) -> String {
+    format!("cannot be uncompressed, it is cut short or damaged: {error}")
+}
+
+impl Header {
+    fn read(stream: &mut impl Read) -> Parsed<Header> {
+        let mut bytes = Vec::new();
+        stream.take(16).read_to_end(&mut bytes).map_err(damaged)?;
+        let &[b'N', b'G', b'S', b'P', v0, v1, v2, v3, n0, n1, n2, n3, degree, fractional_bits, flags, _] = bytes.as_slice() else {
+            return Err("is no .spz file: it does not begin with the 16 bytes of a header of `NGSP`, under gzip or bare".into());
+        };
+        let version = u32::from_le_bytes([v0, v1, v2, v3]);
+        if !(1..=3).contains(&version) {
+            return Err(format!("is an .spz file of version {version}; versions 1, 2 and 3 can be read"));
+        }
+        if degree > 3 {
+            return Err(format!("has spherical harmonics of degree {degree}; degrees 0 to 3 can be read"));
+        }
+        Ok(Header { version, count: u32::from_le_bytes([n0, n1, n2, n3]).into(), degree: degree.into(), fractional_bits, flags })
+    }
+
+    /// Of one Gaussian: position, opacity, colour, scales, rotation, harmonics.
+    fn row_bytes(&self) -> [usize; 6] {
+        [if self.version == 1 { 6 } else { 9 }, 1, 3, 3, if self.version < 3 { 3 } else { 4 }, 3 * (coefficients(self.degree) - 1)]
+    }
+
+    fn position(&self, row: &[u8]) -> DVec3 {
+        let fixed = |low: u8, middle: u8, high: u8| {
+            // Shifted into the high bits first, so that the sign fills up from the left.
+            let code = i32::from_le_bytes([0, low, middle, high]) >> 8;
+            libm::ldexp(code.into(), -i32::from(self.fractional_bits))
+        };
+        match *row {
+            [a, b, c, d, e, f] => DVec3::new(half([a, b]), half([c, d]), half([e, f])),
+            [a, b, c, d, e, f, g, h, i] => DVec3::new(fixed(a, b, c), fixed(d, e, f), fixed(g, h, i)),
+            _ => DVec3::NAN,
+        }
+    }
+}
+
+fn vector(row: &[u8], value: impl Fn(u8) -> f64) -> DVec3 {
+    DVec3::new(value(row[0]), value(row[1]), value(row[2]))
+}
+
+/// A float of 16 bits: sign, 5 bits of exponent, 10 of fraction.
+fn half(bytes: [u8; 2]) -> f64 {
+    let word = u16::from_le_bytes(bytes);
+    let (exponent, fraction) = (i32::from(word >> 10 & 31), f64::from(word & 1023));
+    let magnitude = match exponent {
+        0 => libm::ldexp(fraction, -24),
+        31 if fraction == 0.0 => f64::INFINITY,
+        31 => f64::NAN,
+        _ => libm::ldexp(1024.0 + fraction, exponent - 25),
+    };
+    if word >> 15 == 1 { -magnitude } else { magnitude }
+}
+
+fn rotation(row: &[u8]) -> DQuat {
+    let mut xyzw = [0.0; 4];
+    let largest = match *row {
+        [a, b, c, d] => {
+            let mut word = u32::from_le_bytes([a, b, c, d]);
+            let largest = (word >> 30) as usize;
+            for i in (0..4).rev().filter(|&i| i != largest) {
+                let magnitude = f64::from(word & 511) / 511.0 * FRAC_1_SQRT_2;
+                xyzw[i] = if word & 512 == 0 { magnitude } else { -magnitude };
+                word >>= 10;
+            }
+            largest
+        }
+        _ => {
+            vector(row, |code| f64::from(code) / 127.5 - 1.0).write_to_slice(&mut xyzw);
+            3
+        }
+    };
+    xyzw[largest] = (1.0 - xyzw.iter().map(|c| c * c).sum::<f64>()).max(0.0).sqrt();
+    DQuat::from_array(xyzw)
+}

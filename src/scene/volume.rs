@@ -1,0 +1,137 @@
+//! Volume: reads a scalar field on a grid from NRRD, MetaImage, NIfTI-1, VTI or plain samples.
+//!
+//! Readers of our own, because the files come in few, simple layouts and every fault must end in a sentence. Nothing is
+//! reserved that the file's length does not vouch for, so a header cannot ask for memory. World coordinates are those of
+//! the file: formats that count towards the left (NRRD, MetaImage) and towards the right (NIfTI-1) are not reconciled.
+
+mod decode;
+mod metaimage;
+mod nifti;
+mod nrrd;
+#[cfg(test)]
+mod tests;
+mod vti;
+
+pub use decode::{ByteOrder, SampleType};
+use decode::{Layout, Parsed, check_grid, clip, diagonal, in_data_file, positive, read_beside, read_file};
+use std::path::Path;
+
+/// A scalar field on a regular or rectilinear grid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Volume {
+    /// Samples along each axis, x fastest; at least 1 each, at most 2³¹ in all.
+    pub size: [usize; 3],
+    /// World vector of one step along each axis (spacing times direction); at right angles to each other, none of length zero.
+    pub axes: [[f64; 3]; 3],
+    /// World position of the first sample.
+    pub origin: [f64; 3],
+    /// The samples, x fastest; all finite.
+    pub values: Vec<f32>,
+}
+
+/// What a file of plain samples holds.
+#[derive(Clone, Debug, PartialEq, serde::Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RawDescription {
+    /// The file of samples, relative to the folder of this description.
+    pub file: String,
+    /// Samples along x, y and z; x is fastest in the file.
+    pub size: [usize; 3],
+    /// Type of a sample.
+    #[serde(rename = "type")]
+    pub sample_type: SampleType,
+    /// Order of the bytes of a sample.
+    #[serde(default)]
+    pub endian: ByteOrder,
+    /// World units from one sample to the next along x, y and z, > 0.
+    #[serde(default = "unit_spacing")]
+    pub spacing: [f64; 3],
+    /// World position of the first sample.
+    #[serde(default)]
+    pub origin: [f64; 3],
+    /// Bytes before the first sample.
+    #[serde(default)]
+    pub skip: u64,
+}
+
+fn unit_spacing() -> [f64; 3] {
+    [1.0; 3]
+}
+
+#[derive(Clone, Copy)]
+enum Format {
+    Nrrd,
+    MetaImage,
+    Nifti,
+    Vti,
+}
+
+const EXTENSIONS: [(&str, Format); 7] = [
+    (".nrrd", Format::Nrrd),
+    (".nhdr", Format::Nrrd),
+    (".mhd", Format::MetaImage),
+    (".mha", Format::MetaImage),
+    (".nii", Format::Nifti),
+    (".nii.gz", Format::Nifti),
+    (".vti", Format::Vti),
+];
+
+fn lower_case_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+fn format(path: &Path) -> Option<Format> {
+    let name = lower_case_name(path);
+    EXTENSIONS.iter().find(|(end, _)| name.ends_with(end)).map(|(_, format)| *format)
+}
+
+/// Whether the file's extension is that of a volume, in either case of letters; JSON descriptions are for the caller to tell.
+pub fn is_volume(path: &Path) -> bool {
+    format(path).is_some()
+}
+
+/// Reads a volume in the format that the extension names.
+///
+/// # Errors
+/// One sentence that does not name `path` itself, but names a second file if that is at fault.
+pub fn read(path: &Path) -> Result<Volume, String> {
+    let Some(format) = format(path) else {
+        return Err(if [".hdr", ".img"].iter().any(|end| lower_case_name(path).ends_with(end)) {
+            "pairs of .hdr and .img are not read; a NIfTI-1 volume must be a single .nii or .nii.gz".into()
+        } else {
+            format!("is no volume by its extension; {} are read", EXTENSIONS.map(|(end, _)| end).join(", "))
+        });
+    };
+    parse(format, &read_file(path)?, path.parent().unwrap_or(Path::new("")))
+}
+
+/// Reads the bytes of a file in `folder`.
+fn parse(format: Format, bytes: &[u8], folder: &Path) -> Parsed<Volume> {
+    match format {
+        Format::Nrrd => nrrd::read(bytes, folder),
+        Format::MetaImage => metaimage::read(bytes, folder),
+        Format::Nifti => nifti::read(bytes),
+        Format::Vti => vti::read(bytes),
+    }
+}
+
+/// Reads plain samples; bytes after the last sample are ignored.
+///
+/// # Errors
+/// One sentence: which field of the description is wrong, or what is wrong with the file of samples, by its name.
+pub fn read_raw(description: &RawDescription, folder: &Path) -> Result<Volume, String> {
+    let layout = Layout::new(description.size, description.sample_type, description.endian, "size")?;
+    positive(description.spacing, "spacing")?;
+    let axes = diagonal(description.spacing);
+    check_grid(&axes, "spacing", &description.origin, "origin")?;
+    let bytes = read_beside(folder, &description.file, "file")?;
+    let values = skip_bytes(&bytes, description.skip, "skip").and_then(|samples| layout.values(samples));
+    let values = values.map_err(|e| in_data_file(&description.file, e))?;
+    Ok(Volume { size: layout.size, axes, origin: description.origin, values })
+}
+
+/// The bytes after the first `skip`.
+fn skip_bytes<'a>(bytes: &'a [u8], skip: u64, field: &str) -> Parsed<&'a [u8]> {
+    let rest = usize::try_from(skip).ok().and_then(|skip| bytes.get(skip..));
+    rest.ok_or_else(|| format!("`{field}` passes over {} bytes, but there are only {}", clip(&skip.to_string()), bytes.len()))
+}

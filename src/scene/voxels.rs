@@ -1,0 +1,257 @@
+//! Voxels: turns a scalar field into splats, by a transfer function or along an isosurface (EWA §6, ALGORITHM §9).
+//!
+//! ```text
+//! samples ─►[ transfer: value → rgb, opacity ]─►(× gradient's factor)─► what is seen at all ─►[ slices along the view ]─► sheets
+//!       └─►[ isovalue: moved along the gradient to the surface, flattened there ]─► surface splats
+//! ```
+//! A voxel that is not seen never becomes a splat. A transfer function's opacity is that of a layer one step thick, a step being the
+//! shortest spacing: extinction g = opacity/step. A kernel of standard deviations σᵢ that stands for one cell of volume V_c has, through
+//! its middle, the optical depth g·V_c/(2πσ²) of a ball of the largest σ: that is the splat's opacity, and setup does the rest.
+
+use super::volume::Volume;
+use super::{Ellipsoids, Orientation, Sheet, Splat, View};
+use glam::{DMat3, DQuat, DVec3};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Colour and opacity of a value; between two values linear, beyond the first and the last as there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransferPoint {
+    /// Of the field.
+    pub value: f64,
+    /// Linear light.
+    pub rgb: [f64; 3],
+    /// Of a layer one step thick.
+    pub opacity: f64,
+}
+
+/// How a field becomes splats.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Classification {
+    /// In the order of values; never empty.
+    pub transfer: Vec<TransferPoint>,
+    /// Factor on opacity by gradient magnitude, in the order of magnitudes; empty: 1.
+    pub gradient: Vec<[f64; 2]>,
+    /// σ along each axis, in steps along it.
+    pub radius: f64,
+    /// Index into the scene's materials.
+    pub material: u32,
+}
+
+/// Splats of a field, not yet in the order of a view.
+#[derive(Clone, Debug)]
+pub struct Voxels {
+    /// In the order of the samples.
+    pub splats: Vec<Splat>,
+    /// The sample that each was.
+    at: Vec<[u32; 3]>,
+    axes: [DVec3; 3],
+    origin: DVec3,
+}
+
+fn vector(of: [f64; 3]) -> DVec3 {
+    DVec3::from_array(of)
+}
+
+/// A field with its geometry.
+struct Field<'a> {
+    volume: &'a Volume,
+    axes: [DVec3; 3],
+}
+
+impl<'a> Field<'a> {
+    fn new(volume: &'a Volume) -> Self {
+        Field { volume, axes: volume.axes.map(vector) }
+    }
+
+    fn value(&self, [x, y, z]: [usize; 3]) -> f64 {
+        let [width, height, _] = self.volume.size;
+        f64::from(self.volume.values[(z * height + y) * width + x])
+    }
+
+    fn position(&self, at: [usize; 3]) -> DVec3 {
+        (0..3).fold(vector(self.volume.origin), |position, axis| position + self.axes[axis] * at[axis] as f64)
+    }
+
+    /// Central differences, one-sided at the border; axes are at right angles.
+    fn gradient(&self, at: [usize; 3]) -> DVec3 {
+        let along = |axis: usize| {
+            let step = |to: usize| {
+                let mut there = at;
+                there[axis] = to;
+                self.value(there)
+            };
+            let (low, high) = (at[axis].saturating_sub(1), (at[axis] + 1).min(self.volume.size[axis] - 1));
+            if low == high {
+                return DVec3::ZERO;
+            }
+            self.axes[axis] * ((step(high) - step(low)) / ((high - low) as f64 * self.axes[axis].length_squared()))
+        };
+        along(0) + along(1) + along(2)
+    }
+
+    fn steps(&self) -> [f64; 3] {
+        self.axes.map(DVec3::length)
+    }
+
+    fn longest_step(&self) -> f64 {
+        self.steps().into_iter().fold(0.0, f64::max)
+    }
+
+    /// Every sample of a slice along z.
+    fn slice(&self, z: usize) -> impl Iterator<Item = [usize; 3]> {
+        let [width, height, _] = self.volume.size;
+        (0..height).flat_map(move |y| (0..width).map(move |x| [x, y, z]))
+    }
+}
+
+/// Between points in ascending order; beyond the ends, the ends.
+fn piecewise<const N: usize>(points: impl Iterator<Item = (f64, [f64; N])>, at: f64) -> [f64; N] {
+    let mut before: Option<(f64, [f64; N])> = None;
+    for (place, point) in points {
+        match before {
+            _ if at > place => before = Some((place, point)),
+            Some((from, start)) if place > from => {
+                let part = (at - from) / (place - from);
+                return std::array::from_fn(|i| start[i] + (point[i] - start[i]) * part);
+            }
+            _ => return point,
+        }
+    }
+    before.map_or([0.0; N], |(_, point)| point)
+}
+
+impl Classification {
+    /// A ramp over a field's upper three quarters.
+    pub fn usual(volume: &Volume) -> Vec<TransferPoint> {
+        let (low, high) = volume.values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+        let (low, high) = (f64::from(low), f64::from(high));
+        let at = |part: f64, opacity| TransferPoint { value: low + (high - low) * part, rgb: [1.0; 3], opacity };
+        vec![at(0.25, 0.0), at(1.0, 0.2)]
+    }
+
+    fn colour(&self, value: f64) -> ([f64; 3], f64) {
+        let points = self.transfer.iter().map(|p| (p.value, [p.rgb[0], p.rgb[1], p.rgb[2], p.opacity]));
+        let [r, g, b, opacity] = piecewise(points, value);
+        ([r, g, b], opacity)
+    }
+
+    fn factor(&self, magnitude: f64) -> f64 {
+        if self.gradient.is_empty() {
+            return 1.0;
+        }
+        piecewise(self.gradient.iter().map(|[at, factor]| (*at, [*factor])), magnitude)[0]
+    }
+
+    /// Whether nothing of a value can be seen: most of a volume is air.
+    fn is_blank(&self, value: f64) -> bool {
+        self.colour(value).1 <= 0.0
+    }
+
+    /// Every voxel that is seen.
+    pub fn voxels(&self, volume: &Volume) -> Voxels {
+        let field = Field::new(volume);
+        let steps = field.steps();
+        let step = steps.into_iter().fold(f64::INFINITY, f64::min);
+        let sigma = self.radius * field.longest_step();
+        // Opacity of a layer to optical depth through a ball of radius σ.
+        let depth = steps.iter().product::<f64>() / (step * TAU * sigma * sigma);
+        let voxel = |at: [usize; 3]| {
+            let value = field.value(at);
+            if self.is_blank(value) {
+                return None;
+            }
+            let gradient = field.gradient(at);
+            let (rgb, opacity) = self.colour(value);
+            let opacity = opacity * self.factor(gradient.length());
+            let splat = Splat {
+                position: field.position(at),
+                normal: super::unit(gradient).unwrap_or(DVec3::ZERO),
+                radius: sigma,
+                rgb,
+                opacity: opacity * depth,
+                material: self.material,
+            };
+            (opacity > 0.0).then_some((splat, at.map(|index| index as u32)))
+        };
+        let slices: Vec<Vec<(Splat, [u32; 3])>> =
+            (0..volume.size[2]).into_par_iter().map(|z| field.slice(z).filter_map(voxel).collect()).collect();
+        let (splats, at) = slices.into_iter().flatten().unzip();
+        Voxels { splats, at, axes: field.axes, origin: vector(volume.origin) }
+    }
+
+    /// Splats on the surface where the field has this value, and their axes: σ is `radius` of the longest step, and `flatten` times less
+    /// along the gradient (EWA §6.4).
+    pub fn isosurface(&self, volume: &Volume, isovalue: f64, flatten: f64) -> (Vec<Splat>, Vec<Orientation>) {
+        let field = Field::new(volume);
+        let longest = field.longest_step();
+        let rgb = self.colour(isovalue).0;
+        let splat = |at: [usize; 3]| {
+            let gradient = field.gradient(at);
+            let away = (isovalue - field.value(at)) / gradient.length();
+            // Samples on both sides find the same surface: those within half a step of it close it.
+            if away.is_nan() || away.abs() > 0.5 * longest {
+                return None;
+            }
+            let normal = super::unit(gradient)?;
+            let splat = Splat {
+                position: field.position(at) + normal * away,
+                normal,
+                radius: self.radius * longest,
+                rgb,
+                opacity: 1.0,
+                material: self.material,
+            };
+            let rotation = DQuat::from_rotation_arc(DVec3::Z, normal);
+            Some((splat, Orientation { rotation, scales: DVec3::new(1.0, 1.0, 1.0 / flatten) }))
+        };
+        let slices: Vec<Vec<(Splat, Orientation)>> =
+            (0..volume.size[2]).into_par_iter().map(|z| field.slice(z).filter_map(splat).collect()).collect();
+        slices.into_iter().flatten().unzip()
+    }
+}
+
+impl Voxels {
+    /// The kernel that all of them have.
+    fn orientation(&self) -> Orientation {
+        let longest = self.axes.iter().map(|axis| axis.length()).fold(0.0, f64::max);
+        let [x, y, z] = self.axes.map(DVec3::normalize);
+        // A kernel looks the same from both ends: a mirrored grid has the kernel of the other.
+        let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
+        Orientation {
+            rotation: DQuat::from_mat3(&DMat3::from_cols(x, y, z)),
+            scales: DVec3::from_array(self.axes.map(|axis| axis.length() / longest)),
+        }
+    }
+
+    /// Brings the splats into the order of a view: slice after slice along the axis nearest to where it looks, those nearest to the eye
+    /// first, or last. A slice's number is its sheet.
+    pub fn ordered(self, view: &View, back_to_front: bool) -> (Vec<Splat>, Orientation, Sheet) {
+        let forward = view.rotation.row(2);
+        let across = |axis: &usize| self.axes[*axis].normalize().dot(forward).abs();
+        let axis = (0..3).max_by(|a, b| across(a).total_cmp(&across(b))).unwrap_or(0);
+        let direction = self.axes[axis];
+        let eye = (view.eye - self.origin).dot(direction) / direction.length_squared();
+        let slices = self.at.iter().map(|at| at[axis] + 1).max().unwrap_or(0);
+        let mut order: Vec<u32> = (0..slices).collect();
+        let distance = |slice: &u32| (f64::from(*slice) - eye).abs();
+        order.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+        if back_to_front {
+            order.reverse();
+        }
+        let mut rank = vec![0; slices as usize];
+        order.iter().zip(0..).for_each(|(slice, nth)| rank[*slice as usize] = nth);
+        let orientation = self.orientation();
+        let mut ranked: Vec<(u32, Splat)> = self.at.iter().zip(self.splats).map(|(at, splat)| (rank[at[axis] as usize], splat)).collect();
+        ranked.sort_by_key(|(rank, _)| *rank);
+        let (numbers, splats) = ranked.into_iter().unzip();
+        (splats, orientation, Sheet::Slice(numbers))
+    }
+}
+
+impl Ellipsoids {
+    /// Splats that emit, all with the same kernel.
+    pub(super) fn of_volume(orientation: Orientation) -> Self {
+        Ellipsoids { orientations: vec![orientation], amplitude: super::Amplitude::LineIntegral, preshaded: true, sorted: false }
+    }
+}
