@@ -202,11 +202,14 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
 impl Setup {
     /// Brings the splats into the order of their keys, those with equal keys in that of their numbers.
     fn sort<P: Probe>(&mut self, key: &Fit, probe: &mut P) {
-        let tap = &mut Tap::new(probe);
-        let mut order: Vec<(i64, u32)> =
-            self.entries().map(|(entry, splat)| (tap.fit_one(key, i64::from(splat.raster.depth)), entry)).collect();
+        let tap = &mut Tap::new(&mut *probe);
+        let keyed = self.entries().zip(0..).map(|((entry, splat), nth)| (tap.fit_one(key, i64::from(splat.raster.depth)), nth, entry));
+        let mut order: Vec<(i64, u32, u32)> = keyed.collect();
         order.sort_unstable();
-        self.order = order.into_iter().map(|(_, entry)| entry).collect();
+        if P::WORK {
+            probe.sorted(order.iter().map(|(_, nth, _)| *nth).collect());
+        }
+        self.order = order.into_iter().map(|(.., entry)| entry).collect();
     }
 
     /// Splats that are left.
@@ -773,7 +776,9 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
                 outcomes.count(decision);
             }
             if P::WORK {
-                tap.probe.became(Some(decision));
+                // A Gaussian that is blended at once takes no longer than one that is added.
+                let at_once = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat) && decision == Decision::Merged(0, 1);
+                tap.probe.became(Some(if at_once { Decision::Replaced } else { decision }));
             }
             if P::DECISIONS {
                 let [x, y] = self.part.pixel(pixel);

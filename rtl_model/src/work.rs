@@ -130,6 +130,8 @@ pub struct Work {
     pub fates: Vec<Fate>,
     /// The drawn splats, in input order.
     pub footprints: Vec<Footprint>,
+    /// In which order they are drawn: places among them; empty where they are drawn in input order.
+    pub order: Vec<u32>,
     /// Every tile that a box touches, by rows.
     pub tiles: Vec<Tile>,
 }
@@ -137,13 +139,17 @@ pub struct Work {
 impl Work {
     /// The drawn splats by tiles of so many pixels a side: their places among [`Work::footprints`].
     pub fn bins(&self, side_px: usize) -> Bins {
-        let boxes = self.footprints.iter().zip(0..).map(|(footprint, nth)| (nth, footprint.sides()));
-        Bins::new([self.width, self.height], side_px, boxes)
+        let input = 0..if self.order.is_empty() { self.footprints.len() as u32 } else { 0 };
+        let drawn = self.order.iter().copied().chain(input);
+        Bins::new([self.width, self.height], side_px, drawn.map(|nth| (nth, self.footprints[nth as usize].sides())))
     }
 
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
-        self.fates.len() + size_of::<Footprint>() * self.footprints.len() + self.tiles.iter().map(Tile::bytes).sum::<usize>()
+        self.fates.len()
+            + 4 * self.order.len()
+            + size_of::<Footprint>() * self.footprints.len()
+            + self.tiles.iter().map(Tile::bytes).sum::<usize>()
     }
 
     /// How many fragments of each pixel, row by row, are left to shade in the end.
@@ -187,6 +193,7 @@ pub struct Recorder {
     /// Drawn splats, and those that were not.
     footprints: Vec<Footprint>,
     culled: Vec<(u32, Fate)>,
+    order: Vec<u32>,
     tiles: Vec<Tile>,
     now: TileRecorder,
 }
@@ -197,13 +204,13 @@ pub const CULLED: [Fate; 5] = [Fate::Near, Fate::Outside, Fate::Backface, Fate::
 impl Recorder {
     /// What was recorded of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
-        let Recorder { footprints, culled, mut tiles, .. } = self;
+        let Recorder { footprints, culled, order, mut tiles, .. } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
         for (splat, fate) in culled {
             fates[splat as usize] = fate;
         }
         tiles.sort_by_key(|tile| [tile.corner[1], tile.corner[0]]);
-        Work { width, height, fates, footprints, tiles }
+        Work { width, height, fates, footprints, order, tiles }
     }
 
     /// A recorder of another part.
@@ -223,6 +230,11 @@ impl Recorder {
         for (lanes, fate) in lanes.into_iter().zip(CULLED) {
             self.culled.extend((0..8).filter(|lane| lanes & (1 << lane) != 0).map(|lane| (first + lane, fate)));
         }
+    }
+
+    /// All splats with a box have been told; they are drawn in this order.
+    pub fn sorted(&mut self, order: Vec<u32>) {
+        self.order = order;
     }
 
     /// A splat has a box.
@@ -325,6 +337,11 @@ impl Bins {
     /// How many tiles there are.
     pub fn tiles(&self) -> usize {
         self.columns * self.rows
+    }
+
+    /// How many there are in all tiles.
+    pub fn entries(&self) -> usize {
+        self.entries.len()
     }
 
     /// The numbers of the boxes that touch a tile.

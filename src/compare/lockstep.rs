@@ -335,6 +335,10 @@ impl<'a> Leader<'a> {
     fn arrive(&mut self, splat: &Splat, [x, y]: [u32; 2], held: &Contribution, decision: Decision) {
         let stage = self.stage;
         let pixel = in_tile(x, y);
+        // What comes too late is nobody's, but for a splat that only the machine draws.
+        if self.sheets.get(pixel).is_some_and(SheetPixel::is_stopped) && splat.covers(x, y) {
+            return;
+        }
         let near = splat.near.contribution(stage.machine, stage.at(x, y));
         let exact = splat.footprint.row(y).beyond(x);
         let arrival = Arrival {

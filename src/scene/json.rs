@@ -252,7 +252,7 @@ struct CameraFields {
     /// What lands on the middle of the picture.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     target: Option<[f64; 3]>,
-    /// What is up in the picture; left out: y, or z where the eye looks along y.
+    /// What is up in the picture; left out: y (for Gaussians −y), or z where the eye looks along y.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     up: Option<[f64; 3]>,
     /// Full vertical angle of view. Narrower than the least, f64 has no use for the picture's coordinates.
@@ -418,8 +418,10 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     if gathered.splats.is_empty() {
         return Err(told(gathered.nothing().into()));
     }
-    let camera = camera(&fields.camera, &image, &gathered.splats).map_err(told)?;
     let kind = gathered.kind();
+    // Training programs have y down, as their cameras do.
+    let up = if kind == Kind::Gaussians { DVec3::NEG_Y } else { DVec3::Y };
+    let camera = camera(&fields.camera, up, &image, &gathered.splats).map_err(told)?;
     gathered.complete(camera.eye);
     let lights = lights(fields.lights, &camera).map_err(told)?;
     let surface = surface(&fields.surface, &gathered.splats);
@@ -799,7 +801,7 @@ fn image(fields: &ImageFields, name: &str, overrides: &Overrides) -> Result<Imag
     Ok(Image { width, height, background: fields.background, encoded: false })
 }
 
-fn camera(fields: &CameraFields, image: &Image, splats: &[Splat]) -> std::result::Result<Camera, String> {
+fn camera(fields: &CameraFields, usual_up: DVec3, image: &Image, splats: &[Splat]) -> std::result::Result<Camera, String> {
     let (eye, target) = eye_and_target(fields, image, splats);
     let distance = (target - eye).length();
     if distance < NEAREST_TARGET {
@@ -809,7 +811,7 @@ fn camera(fields: &CameraFields, image: &Image, splats: &[Splat]) -> std::result
     let up = match fields.up {
         Some(up) => direction(up, "camera.up")?,
         None if forward.y.abs() > 0.999 => DVec3::Z,
-        None => DVec3::Y,
+        None => usual_up,
     };
     if forward.cross(up).length() < LEAST_SINE {
         return Err("camera.up is parallel to the view from eye to target; it must point to the side of it".into());

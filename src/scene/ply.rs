@@ -38,9 +38,7 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
     let layout = Layout::of(vertices)?;
     let mut notes = header.notes;
     if vertices.properties.iter().any(|p| p.name == "f_dc_0") {
-        notes.push(
-            "looks like trained 3D Gaussians, whose scales, rotations and spherical harmonics are not read: shown as plain points".into(),
-        );
+        notes.push("looks like trained 3D Gaussians, but has no scales and rotations: shown as plain points".into());
     }
     let (mut splats, mut faces) = (Vec::new(), Faces::new(vertices.count));
     for element in &header.elements {

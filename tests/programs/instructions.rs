@@ -29,7 +29,7 @@ use splatsim::scene::{Overrides, Scene};
 enum Watcher {
     Nobody,
     Ranges(Box<Meters>),
-    Work(Recorder),
+    Work(Box<Recorder>),
 }
 
 #[inline(never)]
@@ -62,7 +62,7 @@ fn main() -> Result<()> {
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
     let mut watcher = match arguments.next().as_deref() {
         Some("ranges") => Watcher::Ranges(Box::new(Meters::new(&elaborated))),
-        Some("work") => Watcher::Work(Recorder::default()),
+        Some("work") => Watcher::Work(Box::default()),
         _ => Watcher::Nobody,
     };
     let drawing = one_thread.install(|| {

@@ -251,6 +251,9 @@ pub struct Elaborated {
     pub shade: Pace,
     /// An item is a pixel.
     pub resolve: Pace,
+    /// The sort by depth, if splats are sorted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sort: Option<SortShape>,
     /// Bytes of a splat in memory.
     pub splat_bytes: u32,
     /// Bytes of a splat that is set up, in the memory of a binned machine.
@@ -274,6 +277,17 @@ pub struct Storage {
     pub memory_bits: u64,
     /// A pixel of the frame buffer: frame words, or all fragments of an immediate machine.
     pub frame_bits_per_pixel: u64,
+}
+
+/// A radix sort.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct SortShape {
+    /// How often every entry is read and written.
+    pub passes: u32,
+    /// Bits of the key that a pass looks at.
+    pub digit_bits: u32,
+    /// Bytes of an entry: which splat, and its key.
+    pub entry_bytes: u32,
 }
 
 /// Cycles of operators, all pipelined: a product, a sum, a table's word, a normalisation (count zeros, shift).
@@ -358,9 +372,20 @@ impl Machine {
             (3, f.normal),
         ]) + 4 * 16
             + 8;
+        // An ellipsoid's axes, which only a grid's splats have in common.
+        let axes = l.ellipsoid.map_or(0, |ellipsoid| bits(&[(4, ellipsoid.quaternion), (3, ellipsoid.scale)]));
         let splat =
             bits(&[(3, self.splat.position), (3, self.splat.normal), (1, self.splat.radius), (3, self.splat.rgb), (1, self.splat.opacity)])
+                + axes
                 + 8;
+        e.require(self.sort.is_none() || t.organisation == Organisation::Binned, || {
+            "timing.organisation is immediate, but a sort needs all splats first: binned would do".into()
+        });
+        let sort = self.sort.map(|sort| {
+            let digit_bits = sort.digit_bits.clamp(1, 16);
+            let key = sort.key.format.width();
+            SortShape { passes: (key.max(1) as u32).div_ceil(digit_bits), digit_bits, entry_bytes: 4 + bytes(key) }
+        });
         let fragment_bytes = bytes(self.fragment_bits());
         let frame_bytes = bytes(4 * self.resolve.frame.format.width());
         let pixels = t.cache.line_px[0].saturating_mul(t.cache.line_px[1]);
@@ -383,6 +408,7 @@ impl Machine {
             hazard: t.fragment.hazard.unwrap_or(fragment.latency).max(1),
             shade: Pace { interval: t.shade.interval.max(1), ..stage(t.shade.latency, shade, 1) },
             resolve: Pace { interval: t.resolve.interval.max(1), ..stage(t.resolve.latency, f.layers * (PRODUCT + SUM), 1) },
+            sort,
             splat_bytes: bytes(splat),
             prepared_bytes: bytes(prepared),
             fragment_bytes,

@@ -22,6 +22,10 @@ impl Probe for Recorder {
         Recorder::culled(self, first, lanes);
     }
 
+    fn sorted(&mut self, order: Vec<u32>) {
+        Recorder::sorted(self, order);
+    }
+
     #[inline(always)]
     fn drawn(&mut self, splat: u32, sides: [[u16; 2]; 2]) {
         Recorder::drawn(self, splat, sides);

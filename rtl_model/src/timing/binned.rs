@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! memory ─► fetch ─► project ─► ellipse ─► bin ─► memory              every splat once: its record, an entry for each tile of its box
+//! memory ◄─► sort                                                      every entry, once a digit of its depth, if splats are sorted
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
 //! The second pass begins when the first is through. Tiles follow each other by rows; those without an entry are only written.
@@ -27,7 +28,10 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut memory = Memory::new(t.timing.memory, logged);
     let lists = work.bins(side as usize);
-    let (setup, bin, sorted) = first_pass(t, work, &lists, &mut memory, logged);
+    let (setup, bin, listed) = first_pass(t, work, &lists, &mut memory, logged);
+    let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
+    let mut sort = Unit::new("sort", one, Some("bin"), Some("list"), logged);
+    let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
 
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
     let mut list = Unit::new("list", one, Some("bin"), Some("raster"), logged);
@@ -89,7 +93,9 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
         let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
         memory.write_later(done, Client::FrameWrite, address, bytes);
     }
-    let mut units = vec![setup.fetch, setup.project, setup.ellipse, bin, list, fill.raster, fill.gauss, merge.fragment, merge.shade];
+    let mut units = vec![setup.fetch, setup.project, setup.ellipse, bin];
+    units.extend((!work.order.is_empty()).then_some(sort));
+    units.extend([list, fill.raster, fill.gauss, merge.fragment, merge.shade]);
     if t.timing.tile.buffers == 2 {
         units.push(lit);
     }
@@ -158,4 +164,34 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Mem
         end = end.max(memory.request(last, Client::Lists, Direction::Write, address, burst));
     }
     (setup, bin, end)
+}
+
+/// Bytes that the sort reads at a time.
+const SORT_BYTES: u64 = 1 << 12;
+/// Where the sort keeps its entries, behind all lists.
+const SORTED: u64 = 1 << 60;
+
+/// Radix sort of all lists' entries by depth: a pass for each digit of the key reads every entry and writes it to where it belongs, an entry
+/// a cycle, after a cycle for each value of the digit to sum the counts up. Says when it is done.
+fn sort_lists(t: &Elaborated, entries: u64, sort: &mut Unit, from: u64, memory: &mut Memory) -> u64 {
+    let Some(shape) = t.sort else { return from };
+    let mut now = from;
+    for pass in 0..u64::from(shape.passes) {
+        let busy = entries + (1 << shape.digit_bits);
+        let bytes = entries * u64::from(shape.entry_bytes);
+        let [source, target] = [pass % 2, (pass + 1) % 2].map(|half| SORTED + half * (1 << 40));
+        let (mut done, mut moved) = (now, 0);
+        while moved < bytes {
+            let part = SORT_BYTES.min(bytes - moved);
+            let asked = done.max(now + moved / u64::from(shape.entry_bytes));
+            let here = memory.request(asked, Client::Lists, Direction::Read, source + moved, part);
+            done = memory.request(here, Client::Lists, Direction::Write, target + moved, part);
+            moved += part;
+        }
+        let cycles = busy.max(done - now);
+        sort.take_with_memory(Ready { here: now, ..Ready::default() }, busy, cycles);
+        now += cycles;
+        memory.forget(now);
+    }
+    now
 }

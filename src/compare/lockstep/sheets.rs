@@ -72,6 +72,11 @@ pub struct SheetPixel {
 }
 
 impl SheetPixel {
+    /// Whether the machine takes nothing more.
+    pub fn is_stopped(&self) -> bool {
+        self.stopped
+    }
+
     /// Takes a contribution as the machine took it; tells how `golden` would have differed.
     pub fn take(&mut self, rules: &SheetRules, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
         if self.stopped {

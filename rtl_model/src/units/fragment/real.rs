@@ -6,6 +6,7 @@
 //!              K of them K·½p(sum): one-sided, and so without cancelling, where the sum is cut
 //! store, read  a shaded word in a slot: ½p(sum), then ½p(premultiplied), and nothing of both where the sum can hold every shaded word
 //! blend        C_f + C_b·(1 − α_f): δC_f + (1 − α_f)·δC_b + (C_b + δC_b)·δα_f + ½p(sum)
+//!              1 − (1 − α_f)·(1 − α_b): (1 − α_b)·δα_f + (1 − α_f)·δα_b + δα_f·δα_b + ½p(sum)
 //! ```
 //! Each then keeps to its word's limits. Colours and opacity have a sum's format each.
 //!
@@ -65,9 +66,14 @@ impl Fragment {
 
     /// Front over back, into a slot.
     pub fn real_blend<R: Real>(&self, front: [R; 4], back: [R; 4]) -> [R; 4] {
-        let through = R::constant(1.0) - front[3];
+        let one = R::constant(1.0);
+        let through = one - front[3];
         let [of_colour, of_opacity] = &self.blend;
-        std::array::from_fn(|i| (front[i] + back[i] * through).fit(if i < 3 { of_colour } else { of_opacity }, Scale::ONE))
+        // α_f + α_b·(1 − α_f) as 1 − (1 − α_f)·(1 − α_b): each error counts once, and less where the other hides more.
+        let opacity = one - through * (one - back[3]);
+        std::array::from_fn(|i| {
+            if i < 3 { (front[i] + back[i] * through).fit(of_colour, Scale::ONE) } else { opacity.fit(of_opacity, Scale::ONE) }
+        })
     }
 }
 
