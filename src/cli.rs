@@ -64,7 +64,7 @@ enum Command {
 
 #[derive(Args, Debug)]
 struct Run {
-    /// A .json scene, .ply cloud or built-in name
+    /// A scene, cloud, volume or built-in name
     #[arg(default_value = "glass-spheres")]
     scene: String,
     #[command(flatten)]
@@ -330,7 +330,9 @@ enum SceneCommand {
 }
 
 /// What the help texts end with.
-const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain\nNamed machines: reference, lean, tiny";
+const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
+    volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
+    Named machines: reference, lean, tiny; volume; gaussian";
 
 /// What the help text of `stress` ends with.
 const STRESS: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a failure is silent";

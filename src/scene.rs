@@ -12,7 +12,7 @@ mod ply;
 mod volume;
 mod voxels;
 
-pub use builtin::Builtin;
+pub use builtin::{Builtin, names};
 pub use json::schema;
 
 use crate::error::{Error, Result};
@@ -260,13 +260,12 @@ impl Scene {
     /// [`Error::Input`], one sentence: which file, which field or row, what is wrong with it, what would be right.
     pub fn load(name_or_path: &str, overrides: &Overrides) -> Result<Scene> {
         let path = Path::new(name_or_path);
-        let builtin = Builtin::ALL.into_iter().find(|builtin| builtin.name() == name_or_path);
-        if let (Some(builtin), false) = (builtin, path.exists()) {
-            return json::read(builtin.scene(), name_or_path, Path::new(""), overrides);
+        if let (Some(text), false) = (builtin::scene(name_or_path), path.exists()) {
+            return json::read(text, name_or_path, Path::new(""), overrides);
         }
         let told = |sentence: String| Error::input(format!("{name_or_path}: {sentence}"));
         if !path.exists() {
-            let names = Builtin::ALL.map(Builtin::name).join(", ");
+            let names = builtin::names().collect::<Vec<_>>().join(", ");
             return Err(told(format!("no such file, and no built-in scene either; built in are {names}")));
         }
         if volume::is_volume(path) {
@@ -278,7 +277,11 @@ impl Scene {
                 let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
                 json::read(&text, name_or_path, path.parent().unwrap_or(Path::new("")), overrides)
             }
-            _ => Err(told("is of no known kind; a scene is a .json file, points (.ply), Gaussians (.ply, .splat, .spz), a volume (.nrrd, .nhdr, .mhd, .mha, .nii, .nii.gz, .vti) or a built-in name".into())),
+            _ => Err(told(
+                "is of no known kind; a scene is a .json file, points (.ply), Gaussians (.ply, .splat, .spz), a volume (.nrrd, .nhdr, .mhd, \
+                 .mha, .nii, .nii.gz, .vti) or a built-in name"
+                    .into(),
+            )),
         }
     }
 
@@ -286,7 +289,7 @@ impl Scene {
     pub fn text(name_or_path: &str) -> Option<String> {
         let path = Path::new(name_or_path);
         if !path.exists() {
-            return Builtin::ALL.into_iter().find(|builtin| builtin.name() == name_or_path).map(|builtin| builtin.scene().to_owned());
+            return builtin::scene(name_or_path).map(str::to_owned);
         }
         path.extension().filter(|extension| extension.eq_ignore_ascii_case("json"))?;
         std::fs::read_to_string(path).ok()

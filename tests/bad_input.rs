@@ -108,7 +108,7 @@ fn normals_from_faces_point_outwards() {
 #[test]
 fn names_and_paths_that_lead_nowhere_say_what_there_is() {
     let told = |name: &str| Scene::load(name, &Overrides::default()).unwrap_err().to_string();
-    let builtin = "built in are glass-spheres, checkerboard, torus-knot, terrain";
+    let builtin = "built in are glass-spheres, checkerboard, torus-knot, terrain, marschner-lobb, nested-shells, fuzzy-clouds, bouquet";
     assert_eq!(told("glas-spheres"), format!("glas-spheres: no such file, and no built-in scene either; {builtin}"));
     assert!(told("").contains(builtin));
     assert!(told("/").contains("is of no known kind"));
@@ -118,7 +118,7 @@ fn names_and_paths_that_lead_nowhere_say_what_there_is() {
         std::fs::write(&path, bytes).unwrap();
         path
     };
-    assert!(load(&write("a.obj", b"v 0 0 0")).unwrap_err().to_string().contains("a scene is a .json file, a .ply file"));
+    assert!(load(&write("a.obj", b"v 0 0 0")).unwrap_err().to_string().contains("a scene is a .json file, points (.ply), Gaussians"));
     assert!(load(&write("a.json", b"\xff\xfe")).unwrap_err().to_string().contains("cannot be read"));
     std::fs::create_dir(folder.path().join("b.ply")).unwrap();
     assert!(load(&folder.path().join("b.ply")).unwrap_err().to_string().contains("cannot be read"));

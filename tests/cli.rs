@@ -345,7 +345,7 @@ fn the_listed_machines_can_be_shown_and_what_is_shown_is_a_machine_file() {
     let list = says(&["machine", "list"]);
     assert!(list.lines().all(|line| line.chars().count() <= 80), "{list}");
     let names: Vec<&str> = list.lines().skip(1).map(|line| line.split(' ').next().unwrap()).collect();
-    assert_eq!(names, ["reference", "lean", "tiny"]);
+    assert_eq!(names, ["reference", "lean", "tiny", "volume", "gaussian"]);
     let folder = folder();
     for name in names {
         let shown = says(&["machine", "show", name]);
@@ -702,4 +702,30 @@ fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_little_time_and_me
         println!("{name}: {drawn} of {} drawn", files.len());
         assert!(files.len() >= 49 && drawn >= readable && drawn < files.len(), "{name}: {drawn} of {}", files.len());
     }
+}
+
+#[test]
+fn every_odd_or_broken_volume_or_set_of_gaussians_ends_in_a_picture_or_a_sentence() {
+    let Some(input) = shared_input::find("malformed/nrrd") else { return };
+    let mut files: Vec<PathBuf> = std::fs::read_dir(input).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    files.extend(["ply", "splat", "spz"].iter().filter_map(|end| shared_input::find(&format!("splats3d/train_3points.{end}"))));
+    let mut drawn = Vec::new();
+    for file in &files {
+        let out = folder();
+        let output = run_capped(file, out.path());
+        let told = String::from_utf8(output.stderr).unwrap();
+        let name = file.file_name().unwrap().to_str().unwrap();
+        match output.status.code() {
+            Some(0) => drawn.push(name),
+            Some(2) => {
+                assert_one_line(&told);
+                assert!(told.contains(name), "{told}");
+                assert!(names_in(out.path()).is_empty(), "{file:?}");
+            }
+            other => panic!("{file:?}: status {other:?}: {told}"),
+        }
+    }
+    // Those that hold a field of three dimensions, and Gaussians.
+    assert_eq!(drawn.len(), 10, "{drawn:?}");
 }

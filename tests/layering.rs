@@ -337,15 +337,37 @@ fn the_machine_has_no_files_clocks_prints_or_hash_order() {
 fn a_unit_names_no_other_unit() {
     let units = sources(&[UNITS]);
     assert!(units.len() >= 7, "{} units", units.len());
-    check(&units, |path| !is_over_the_reals(path), |_, code| neighbours(code));
-    check(&units, is_over_the_reals, |_, code| neighbours_over_the_reals(code));
+    // A part of a unit, in the unit's folder, may name its unit.
+    let unit = |path: &str| {
+        path.strip_prefix(UNITS).and_then(|rest| rest.trim_start_matches('/').split_once('/')).map(|(unit, _)| unit.to_owned())
+    };
+    let own =
+        |path: &str, code: &str| unit(path).map_or(code.to_owned(), |unit| code.replace(&format!("crate::units::{unit}::"), "super::"));
+    let is_part = |path: &str| unit(path).is_some();
+    check(&units, |path| !is_over_the_reals(path) && !is_part(path), |_, code| neighbours(code));
+    check(
+        &units,
+        |path| !is_over_the_reals(path) && is_part(path),
+        |path, code| neighbours(&own(path, code)).into_iter().filter(|name| name != "super").collect(),
+    );
+    check(&units, is_over_the_reals, |path, code| neighbours_over_the_reals(&own(path, code)));
 }
 
 #[test]
 fn only_the_wiring_knows_several_units() {
-    // machine.rs elaborates them, probe.rs and a recorder watch their ports, ports.rs describes those, pipeline.rs wires them, alone.rs
+    // machine.rs elaborates them, probe.rs, a recorder and told.rs watch their ports, ports.rs describes those, pipeline.rs wires them, alone.rs
     // drives each by itself. A field may be called `units`.
-    let wiring = ["pipeline.rs", "pipeline/real.rs", "machine.rs", "probe.rs", "probe/recorder.rs", "lib.rs", "ports.rs", "alone.rs"];
+    let wiring = [
+        "pipeline.rs",
+        "pipeline/real.rs",
+        "machine.rs",
+        "probe.rs",
+        "probe/recorder.rs",
+        "probe/told.rs",
+        "lib.rs",
+        "ports.rs",
+        "alone.rs",
+    ];
     let wiring = wiring.map(|file| format!("{MACHINE}{file}"));
     let rule = |_: &str, code: &str| steps_from(code, "crate").contains("units").then(|| "names the units".into()).into_iter().collect();
     check(&sources(&[MACHINE]), |path| !wiring.iter().any(|file| file == path) && !path.starts_with(UNITS), rule);

@@ -16,14 +16,52 @@ pub trait Work {
     fn run<L: Lanes>(self) -> Self::Output;
 }
 
+/// How work is run.
+pub trait Host: Copy + Send + Sync {
+    /// Runs it.
+    fn run<W: Work>(self, work: W) -> W::Output;
+}
+
+/// With vector instructions. Whoever has one knows that they are there.
+#[derive(Clone, Copy, Debug)]
+pub struct Vectorised(());
+
+impl Vectorised {
+    /// If the host has them.
+    pub fn there() -> Option<Self> {
+        #[cfg(target_arch = "x86_64")]
+        return avx2::is_there().then_some(Vectorised(()));
+        #[cfg(not(target_arch = "x86_64"))]
+        None
+    }
+}
+
+impl Host for Vectorised {
+    fn run<W: Work>(self, work: W) -> W::Output {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the features were detected when this was made.
+        return unsafe { avx2::run(work) };
+        #[cfg(not(target_arch = "x86_64"))]
+        plainly(work)
+    }
+}
+
+/// Without.
+#[derive(Clone, Copy, Debug)]
+pub struct Plainly;
+
+impl Host for Plainly {
+    fn run<W: Work>(self, work: W) -> W::Output {
+        plainly(work)
+    }
+}
+
 /// Runs work with the widest vector instructions that are there.
 pub fn vectorised<W: Work>(work: W) -> W::Output {
-    #[cfg(target_arch = "x86_64")]
-    if avx2::is_there() {
-        // SAFETY: the features were detected.
-        return unsafe { avx2::run(work) };
+    match Vectorised::there() {
+        Some(host) => host.run(work),
+        None => plainly(work),
     }
-    plainly(work)
 }
 
 /// Runs work without vector instructions.

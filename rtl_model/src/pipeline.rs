@@ -10,7 +10,7 @@
 //! Law: `threads_and_watchers_change_no_bit`.
 
 use crate::frame::{Each, Ellipsoids, Frame, Orientation, Splat, View};
-use crate::host::{Work, plainly, vectorised};
+use crate::host::{Host, Plainly, Vectorised, Work, plainly, vectorised};
 use crate::machine::Elaborated;
 use crate::num::{Fit, LANES, Lanes, Table, Words, three, two};
 use crate::probe::told::Told;
@@ -531,19 +531,25 @@ fn halves(word: i32) -> [u16; 2] {
 
 /// The second half: raster, gauss, fragment, shade and resolve.
 pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
-    if !P::QUICK {
-        return fill_as::<false, i64, P>(machine, frame, setup, probe);
-    }
+    let (true, Some(host)) = (P::QUICK, Vectorised::there()) else {
+        return fill_as::<false, i64, P>(Plainly, machine, frame, setup, probe);
+    };
+    // Paths of their own for what is common: each is compiled once more for every probe.
     let plain = machine.gauss.is_plain() && machine.fragment.is_plain();
     match (plain, machine.fragment.is_narrow()) {
-        (true, true) => fill_as::<true, i32, P>(machine, frame, setup, probe),
-        (true, false) => fill_as::<true, i64, P>(machine, frame, setup, probe),
-        (false, true) => fill_as::<false, i32, P>(machine, frame, setup, probe),
-        (false, false) => fill_as::<false, i64, P>(machine, frame, setup, probe),
+        (true, true) => fill_as::<true, i32, P>(host, machine, frame, setup, probe),
+        (true, false) => fill_as::<true, i64, P>(host, machine, frame, setup, probe),
+        (false, _) => fill_as::<false, i64, P>(host, machine, frame, setup, probe),
     }
 }
 
-fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
+fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(
+    host: impl Host,
+    machine: &Elaborated,
+    frame: &Frame,
+    setup: &Setup,
+    probe: &mut P,
+) -> Drawing {
     let lights = shade::Registers {
         lighting: &frame.lighting,
         highlights: &machine.shade.highlights(&frame.lighting),
@@ -560,7 +566,7 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(machine: &Elaborated, frame: &F
         let shared = Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref() };
         let part =
             Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
-        let resolved = worked::<P, _>(FillTile::<PLAIN, L, P> { shared, part, tile: &mut run.tile, probe: &mut run.probe });
+        let resolved = host.run(FillTile::<PLAIN, L, P> { shared, part, tile: &mut run.tile, probe: &mut run.probe });
         if let Some(ranges) = run.probe.again(nth, touched.len()) {
             fill_again(shared, part, ranges);
         }

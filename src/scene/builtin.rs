@@ -24,6 +24,25 @@ pub enum Builtin {
     Terrain,
 }
 
+/// Built-in scenes of other things than clouds: volumes and Gaussians.
+const MEDIA: [(&str, &str); 4] = [
+    ("marschner-lobb", include_str!("builtin/marschner-lobb.json")),
+    ("nested-shells", include_str!("builtin/nested-shells.json")),
+    ("fuzzy-clouds", include_str!("builtin/fuzzy-clouds.json")),
+    ("bouquet", include_str!("builtin/bouquet.json")),
+];
+
+/// The scene that a name alone stands for.
+pub(super) fn scene(name: &str) -> Option<&'static str> {
+    let cloud = Builtin::ALL.into_iter().find(|builtin| builtin.name() == name).map(Builtin::scene);
+    cloud.or_else(|| MEDIA.into_iter().find(|(own, _)| *own == name).map(|(_, text)| text))
+}
+
+/// Names of all built-in scenes.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    Builtin::ALL.into_iter().map(Builtin::name).chain(MEDIA.into_iter().map(|(name, _)| name))
+}
+
 /// In which order splats reach the machine: neighbours after each other, or shuffled.
 #[derive(Deserialize, JsonSchema, Default, Clone, Copy, PartialEq)]
 #[serde(rename_all = "lowercase")]

@@ -10,12 +10,14 @@
 //! - What no program can draw is left out and counted in a note: see `FLAWS`.
 //! - Nothing is reserved that the file's length does not vouch for.
 
+mod bouquet;
 mod float_ply;
 mod harmonics;
 mod packed_ply;
 mod splat;
 mod spz;
 
+pub use bouquet::bouquet;
 pub use harmonics::colour;
 
 use super::ply;

@@ -72,6 +72,7 @@ enum Source {
     File(FileSource),
     Builtin(BuiltinSource),
     Volume(VolumeSource),
+    Gaussians(GaussianSource),
     Several(Vec<Source>),
 }
 
@@ -121,6 +122,23 @@ struct VolumeSource {
     #[serde(default)]
     #[schemars(range(max = u32::MAX))]
     material: u32,
+}
+
+/// Gaussians that splatsim makes itself.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct GaussianSource {
+    gaussians: BuiltinGaussians,
+    #[serde(default = "gaussian_count")]
+    #[schemars(range(min = 1, max = 67_108_864))]
+    count: usize,
+}
+
+#[derive(Deserialize, JsonSchema, Clone, Copy)]
+#[serde(rename_all = "kebab-case")]
+enum BuiltinGaussians {
+    /// Flowers: petals are flat, stems are needles, and a haze lies behind them.
+    Bouquet,
 }
 
 /// A file of a known format, relative to the scene file; a file of plain samples; or a built-in field.
@@ -348,6 +366,10 @@ fn field_samples() -> usize {
     96
 }
 
+fn gaussian_count() -> usize {
+    40_000
+}
+
 fn grey() -> [f64; 3] {
     [0.5; 3]
 }
@@ -569,6 +591,11 @@ impl<'a> Gathered<'a> {
                 self.is_alone(path, "a volume")?;
                 self.add_volume(volume, path)
             }
+            Source::Gaussians(GaussianSource { gaussians: BuiltinGaussians::Bouquet, count }) => {
+                self.is_alone(path, "a set of Gaussians")?;
+                self.take_gaussians(gaussians::bouquet(*count), [1.0; 2]);
+                Ok(())
+            }
             Source::Several(sources) => self.add_several(sources, path),
         }
     }
@@ -645,19 +672,24 @@ impl<'a> Gathered<'a> {
 
     fn add_gaussians(&mut self, file: &Path, source: &FileSource, path: &str) -> Result<()> {
         self.is_alone(path, "a file of Gaussians")?;
-        let read = gaussians::read(file).map_err(|sentence| Error::input(format!("{}: {sentence}", file.display())))?;
+        let mut read = gaussians::read(file).map_err(|sentence| Error::input(format!("{}: {sentence}", file.display())))?;
+        self.notes.extend(std::mem::take(&mut read.notes).iter().map(|note| format!("{}: {note}", file.display())));
+        self.take_gaussians(read, [source.radius_scale, source.opacity]);
+        Ok(())
+    }
+
+    /// Gaussians whose radii and opacities are that much greater.
+    fn take_gaussians(&mut self, gaussians: Gaussians, [radius_scale, opacity]: [f64; 2]) {
         let splat = |gaussian: &Gaussian| Splat {
             position: gaussian.position,
             normal: DVec3::Z,
-            radius: gaussian.scale.max_element() * source.radius_scale,
+            radius: gaussian.scale.max_element() * radius_scale,
             rgb: [0.0; 3],
-            opacity: gaussian.opacity * source.opacity,
+            opacity: gaussian.opacity * opacity,
             material: 0,
         };
-        self.splats = read.all.iter().map(splat).collect();
-        self.notes.extend(read.notes.iter().map(|note| format!("{}: {note}", file.display())));
-        self.medium = Some(Medium::Gaussians(read));
-        Ok(())
+        self.splats = gaussians.all.iter().map(splat).collect();
+        self.medium = Some(Medium::Gaussians(gaussians));
     }
 
     /// Splats that follow each other in an array are one cloud; every other source is one of its own.
@@ -774,7 +806,7 @@ impl Source {
         match self {
             Source::Builtin(_) => true,
             Source::Several(sources) => sources.iter().all(Source::is_only_builtin),
-            Source::File(_) | Source::Splat(_) | Source::Volume(_) => false,
+            Source::File(_) | Source::Splat(_) | Source::Volume(_) | Source::Gaussians(_) => false,
         }
     }
 }

@@ -133,7 +133,7 @@ fn hides(common: &Common, golden: &Fragment, bounds: &Bounds) -> (bool, bool) {
     let (rules, machine) = (common.rules, &common.machine.machine);
     let opaque = golden.is_opaque(rules.opaque, common.coverage_threshold.value);
     let word = machine.fragment.opaque;
-    let limit = Near::within(rules.opaque, loss(word));
+    let limit = Near::held(rules.opaque, word, word.format.one() * i64::from(machine.fragment.opaque_permille) / 1000);
     if golden.shaded {
         return (opaque, bounds.shaded[3].may_cross(limit));
     }

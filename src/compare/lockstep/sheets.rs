@@ -105,7 +105,7 @@ impl SheetPixel {
                 self.stopped = true;
                 return;
             }
-            if !each || !dropped || rules.sheets.keeps_last {
+            if !dropped || rules.sheets.keeps_last {
                 (self.golden, self.composite) = (golden, composite);
             }
         }

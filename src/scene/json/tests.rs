@@ -92,7 +92,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/camra",
             json!({}),
-            "camra is no known field; the nearest is `camera` (known are splats, camera, image, kernel, surface, lights, materials)",
+            "camra is no known field; the nearest is `camera` (known are splats, camera, image, kernel, surface, sheets, lights, materials)",
         ),
         ("/camera/fov_y_degrees", json!(200), "camera.fov_y_degrees is 200; it must be at least 1e-6 and less than 180"),
         ("/camera/fov_y_degrees", json!("wide"), "camera.fov_y_degrees is a text; it must be a number"),
@@ -105,7 +105,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         ("/image/width", json!(0), "image.width is 0; it must be at least 1 and at most 16384"),
         ("/image/width", json!(1.5), "image.width is 1.5; it must be a whole number"),
         ("/image/background/3", json!(-1), "image.background[3] is -1; it must be at least 0 and at most 1"),
-        ("/kernel/cutoff", json!(null), "kernel.cutoff is null; it must be a number"),
+        ("/kernel/jacobian", json!(null), "kernel.jacobian is null; it must be a number"),
         ("/surface/cull_backfaces", json!(1), "surface.cull_backfaces is a number; it must be true or false"),
         ("/lights/0/direction", json!([0, 0, 0]), "lights[0].direction is zero; it must point somewhere"),
         ("/lights/0/rbg", json!([0, 0, 0]), "lights[0].rbg is no known field; the nearest is `rgb` (known are direction, rgb)"),

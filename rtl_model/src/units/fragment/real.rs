@@ -12,7 +12,7 @@
 //!
 //! Laws: `accumulating_is_within_its_bound`, `merging_is_within_its_bound`, and `…_is_tight` of both.
 
-use super::{COLOUR, Fragment, OPACITY};
+use super::{COLOUR, Fragment, NORMAL, OPACITY};
 use crate::num::Fit;
 use crate::real::{Real, Scale, loss};
 
@@ -21,6 +21,12 @@ impl Fragment {
     pub fn real_accumulated<R: Real>(&self, lane: usize, sum: R, weight: R, attribute: R) -> R {
         let fit = &self.sums[lane];
         (sum + weight * attribute).refit(fit.word.format.frac_bits + fit.places() as i32, fit)
+    }
+
+    /// A splat's colour and normal as sums of weight 1.
+    pub fn real_emitting<R: Real>(&self, rgb: [R; 3], normal: [R; 3]) -> ([R; 3], [R; 3]) {
+        let held = |attribute: R, lane: usize| attribute.fit(&self.sums[lane], Scale::ONE);
+        (rgb.map(|channel| held(channel, COLOUR)), normal.map(|part| held(part, NORMAL)))
     }
 
     /// How far so many roundings may take a sum down and up, where it never leaves its format's range.

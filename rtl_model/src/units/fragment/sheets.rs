@@ -53,6 +53,13 @@ impl Sheets {
             e.signedness(UNIT, name, word, false);
         }
         e.holds_one(UNIT, "ratio", words.ratio);
+        // A splat that is lit before it is drawn has weight 1 and is opaque.
+        e.require(m.weight_sum.format.max() >= m.weight_sum.format.one(), || {
+            format!("fragment.weight_sum is {} and must hold 1: splats are lit before they are drawn", m.weight_sum)
+        });
+        e.require(m.opacity_sum.format.max() >= m.opacity_sum.format.one(), || {
+            format!("fragment.opacity_sum is {} and must hold 1: splats are lit before they are drawn", m.opacity_sum)
+        });
         e.require(m.layers >= 2, || format!("fragment.layers is {}, but sheets need two: the open one and those before it", m.layers));
         let argument = words.depth_index.format;
         let shape = table::shape(e, UNIT, "sheets.table", words.table, argument.width());

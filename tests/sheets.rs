@@ -1,0 +1,286 @@
+//! Volumes and Gaussians on the machine: does the bound hold, are flips explained, is the picture good, and does all that a scene may say
+//! of them matter?
+
+#[path = "../rtl_model/tests/machines/mutation.rs"]
+#[expect(dead_code, reason = "the machine's own tests use the rest")]
+mod mutation;
+mod shared_input;
+
+use mutation::{differences, mutated, mutations};
+use proptest::strategy::{Strategy, ValueTree};
+use proptest::test_runner::TestRunner;
+use rtl_model::{Drawing, Machine};
+use serde_json::{Value, json};
+use splatsim::compare::{Lockstep, lockstep, metrics};
+use splatsim::golden::{self, Rendering};
+use splatsim::scene::{Amplitude, Overrides, Scene};
+use splatsim::{fixed, machines, quantise};
+
+const SIZE: (usize, usize) = (160, 128);
+
+fn load(name: &str) -> Scene {
+    Scene::load(name, &Overrides { size: Some(SIZE) }).unwrap()
+}
+
+fn of_size(scene: &Value, size: Option<(usize, usize)>) -> Scene {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.json");
+    std::fs::write(&path, scene.to_string()).unwrap();
+    Scene::load(path.to_str().unwrap(), &Overrides { size }).unwrap()
+}
+
+fn made(scene: &Value) -> Scene {
+    of_size(scene, Some(SIZE))
+}
+
+/// The scene that a built-in name stands for, with some of its fields changed.
+fn changed(name: &str, change: impl FnOnce(&mut Value)) -> Scene {
+    let mut scene = serde_json::from_str(&Scene::text(name).unwrap()).unwrap();
+    change(&mut scene);
+    made(&scene)
+}
+
+fn usual(scene: &Scene) -> Machine {
+    Machine::named(machines::usual(scene)).unwrap()
+}
+
+fn draw(scene: &Scene, machine: &Machine) -> (Drawing, f64) {
+    let elaborated = fixed::elaborate(machine).unwrap();
+    let drawing = fixed::draw(&elaborated, &quantise::quantise(scene, machine).unwrap());
+    let golden = golden::render(scene, &fixed::rules(machine));
+    let psnr = metrics(&fixed::picture(&elaborated, &drawing), &golden.picture).psnr_db.unwrap_or(f64::INFINITY);
+    (drawing, psnr)
+}
+
+fn in_golden(scene: &Scene) -> Rendering {
+    golden::render(scene, &golden::Rules::default())
+}
+
+fn in_lockstep(scene: &Scene, machine: &Machine) -> Lockstep {
+    lockstep(scene, &fixed::elaborate(machine).unwrap(), &quantise::quantise(scene, machine).unwrap())
+}
+
+fn fault(frame: &Lockstep) -> Option<String> {
+    let Lockstep { violations, flips, .. } = frame;
+    (*violations > 0 || flips.unexplained > 0).then(|| format!("{violations} pixels exceed their bound; {flips:?}"))
+}
+
+const MEDIA: [&str; 4] = ["marschner-lobb", "nested-shells", "fuzzy-clouds", "bouquet"];
+
+/// The built-in scenes, and what they are with rules that they do not have by themselves.
+fn scenes() -> Vec<(String, Scene)> {
+    let mut scenes: Vec<(String, Scene)> = MEDIA.iter().map(|name| ((*name).to_owned(), load(name))).collect();
+    let variants = [
+        ("nested-shells", json!({"opacity": "linear", "order": "back-to-front"})),
+        ("marschner-lobb", json!({"opacity": "linear", "stop": 0.3, "keep_last": false, "least_weight": 0.01})),
+        ("bouquet", json!({"keep_last": true, "stop": 0.2, "most_weight": 0.5})),
+        ("bouquet", json!({"least_weight": 0, "stop": 0})),
+    ];
+    for (name, sheets) in variants {
+        let told = format!("{name} with {sheets}");
+        scenes.push((told, changed(name, |scene| scene["sheets"] = sheets)));
+    }
+    scenes
+}
+
+#[test]
+fn pictures_are_good() {
+    for name in MEDIA {
+        let scene = load(name);
+        let (drawing, psnr) = draw(&scene, &usual(&scene));
+        assert!(psnr > 70.0, "{name}: {psnr}");
+        assert!(drawing.covered.iter().filter(|covered| **covered).count() > 3000, "{name}");
+    }
+}
+
+#[test]
+fn no_pixel_exceeds_its_bound_and_every_flip_is_explained() {
+    let mut flips = 0;
+    for (name, scene) in scenes() {
+        let frame = in_lockstep(&scene, &usual(&scene));
+        assert_eq!(fault(&frame), None, "{name}");
+        assert!(frame.bound.iter().any(|bound| *bound > 0.0), "{name}");
+        flips += frame.flips.total();
+    }
+    assert!(flips > 1000, "{flips}: it asked nothing");
+}
+
+/// Nine covered pixels in ten are known to four steps of an 8-bit display.
+#[test]
+fn the_bound_says_something() {
+    for name in MEDIA {
+        let scene = load(name);
+        let frame = in_lockstep(&scene, &usual(&scene));
+        let summary = frame.summary(&frame.led).bound;
+        assert!(summary.share_under_4_255 >= 0.9, "{name}: {summary:?}");
+    }
+}
+
+#[test]
+fn no_pixel_of_a_random_machine_exceeds_its_bound() {
+    const MACHINES: usize = 60;
+    let scenes = ["nested-shells", "bouquet"].map(|name| {
+        let fewer = |scene: &mut Value| {
+            match name {
+                "bouquet" => scene["splats"]["count"] = json!(1500),
+                _ => scene["splats"]["volume"]["samples"] = json!(14),
+            }
+            scene["image"]["width"] = json!(40);
+            scene["image"]["height"] = json!(32);
+        };
+        let mut scene = serde_json::from_str(&Scene::text(name).unwrap()).unwrap();
+        fewer(&mut scene);
+        of_size(&scene, None)
+    });
+    let mut runner = TestRunner::deterministic();
+    let (mut drawn, mut asked) = (0, 0);
+    while drawn < MACHINES {
+        asked += 1;
+        assert!(asked < 100 * MACHINES, "only {drawn} of {asked} machines can draw");
+        let scene = &scenes[asked % 2];
+        let changes = mutations(1..10).new_tree(&mut runner).unwrap().current();
+        let machine = changes.iter().fold(usual(scene), |machine, mutation| mutated(&machine, mutation));
+        let Ok(elaborated) = machine.elaborate() else { continue };
+        let Ok(quantised) = quantise::quantise(scene, &machine) else { continue };
+        let frame = lockstep(scene, &elaborated, &quantised);
+        assert_eq!(fault(&frame), None, "{} {:?}", machine.name, differences(&machine));
+        drawn += 1;
+    }
+}
+
+/// Volumes of patients and engines, and a guitar.
+#[test]
+fn real_data_is_drawn_well_and_within_bounds() {
+    let head = json!([{"value": 500, "rgb": [0.9, 0.6, 0.45], "opacity": 0}, {"value": 900, "rgb": [0.9, 0.6, 0.45], "opacity": 0.03},
+        {"value": 1200, "rgb": [0.9, 0.6, 0.45], "opacity": 0.02}, {"value": 1500, "rgb": [1, 1, 0.95], "opacity": 0.5}]);
+    let engine = json!([{"value": 60, "rgb": [0.5, 0.6, 0.7], "opacity": 0}, {"value": 120, "rgb": [0.5, 0.6, 0.7], "opacity": 0.05},
+        {"value": 180, "rgb": [0.9, 0.6, 0.3], "opacity": 0.1}, {"value": 220, "rgb": [1, 0.8, 0.4], "opacity": 0.9}]);
+    let raw = |file: &str, size: [usize; 3], kind: &str, endian: &str, spacing: [f64; 3]| {
+        shared_input::find(file)
+            .map(|path| json!({"file": from_root(&path), "size": size, "type": kind, "endian": endian, "spacing": spacing}))
+    };
+    let cthead = raw("volumes/CThead_256x256x113_u16be.raw", [256, 256, 113], "u16", "big", [1.0, 1.0, 2.0]);
+    let headsq = raw("volumes/headsq_64x64x93_i16le.raw", [64, 64, 93], "i16", "little", [3.2, 3.2, 1.5]);
+    let block = shared_input::find("volumes/engine_256x256x128_u8.nii").map(|path| json!(path.canonicalize().unwrap()));
+    let mut scenes = Vec::new();
+    for (name, volume, transfer, iso) in [("CThead", cthead, &head, 1400), ("headsq", headsq, &head, 1400), ("engine", block, &engine, 150)]
+    {
+        let Some(volume) = volume else { continue };
+        let source = json!({"volume": volume, "transfer": transfer});
+        scenes.push((name.to_owned(), json!({"splats": source})));
+        let mut source = source;
+        source["isovalue"] = json!(iso);
+        scenes.push((format!("{name}, flattened"), json!({"splats": source})));
+    }
+    if let Some(path) = shared_input::find("splats3d/guitar_expanded.ply") {
+        scenes.push(("guitar".into(), json!({"splats": {"file": path.canonicalize().unwrap()}})));
+    }
+    for (name, scene) in scenes {
+        // A surface at its own size: where there are few pixels, one flip is much. A volume has twenty times the contributions.
+        let is_surface = scene["splats"]["isovalue"].is_number();
+        let scene = of_size(&scene, if is_surface { None } else { Some(SIZE) });
+        let machine = usual(&scene);
+        let (_, psnr) = draw(&scene, &machine);
+        assert!(psnr > 55.0, "{name}: {psnr}");
+        assert_eq!(fault(&in_lockstep(&scene, &machine)), None, "{name}");
+    }
+}
+
+/// A path of `data`, relative to the root: plain samples lie below their scene, as a scene's files do.
+fn from_root(path: &std::path::Path) -> String {
+    let absolute = path.canonicalize().unwrap();
+    format!("../../../../../../../../..{}", absolute.display())
+}
+
+/// Flattened without end, an ellipsoid is a disc: on the machine too.
+#[test]
+fn a_flat_ellipsoid_is_a_disc() {
+    let flat = |flatten: f64| {
+        changed("nested-shells", |scene| {
+            scene["splats"]["isovalue"] = json!(0.2);
+            scene["splats"]["flatten"] = json!(flatten);
+        })
+    };
+    let machine = Machine::named("volume").unwrap();
+    let discs = Scene { ellipsoids: None, ..flat(1e6) };
+    let (drawing, _) = draw(&discs, &machine);
+    let elaborated = fixed::elaborate(&machine).unwrap();
+    let picture = fixed::picture(&elaborated, &drawing);
+    let psnr: Vec<f64> = [1.5, 4.0, 20.0, 1e5]
+        .into_iter()
+        .map(|flatten| {
+            let scene = flat(flatten);
+            assert_eq!(scene.ellipsoids.as_ref().unwrap().amplitude, Amplitude::Disc);
+            let (drawing, _) = draw(&scene, &machine);
+            metrics(&fixed::picture(&elaborated, &drawing), &picture).psnr_db.unwrap_or(f64::INFINITY)
+        })
+        .collect();
+    assert!(psnr.is_sorted() && psnr[3] > 60.0, "{psnr:?}");
+}
+
+/// Ten Gaussians at one depth are drawn in the order of the file: nine are hidden behind the first.
+#[test]
+fn equal_depths_keep_their_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ten.ply");
+    let names =
+        ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
+    let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
+    let row = |red: f64| format!("0 0 0 {} 0 0 40 -1 -1 -1 1 0 0 0\n", (red - 0.5) / 0.28209479);
+    let order = |reds: &[f64]| {
+        let rows: String = reds.iter().map(|red| row(*red)).collect();
+        std::fs::write(&path, format!("ply\nformat ascii 1.0\nelement vertex {}\n{properties}end_header\n{rows}", reds.len())).unwrap();
+        let scene = load(path.to_str().unwrap());
+        let machine = usual(&scene);
+        let elaborated = fixed::elaborate(&machine).unwrap();
+        let centre = SIZE.0 * SIZE.1 / 2 + SIZE.0 / 2;
+        [fixed::picture(&elaborated, &draw(&scene, &machine).0), in_golden(&scene).picture].map(|picture| picture.rgba[centre][0])
+    };
+    let mut reds = [0.1; 10];
+    reds[0] = 0.9;
+    for red in order(&reds) {
+        assert!((red - 0.9).abs() < 0.01, "{red}");
+    }
+    reds.reverse();
+    for red in order(&reds) {
+        assert!((red - 0.1).abs() < 0.01, "{red}");
+    }
+}
+
+/// Each setting changes the picture, or the work.
+#[test]
+fn every_setting_matters() {
+    let plain = in_golden(&load("nested-shells"));
+    for (path, value) in [
+        ("/sheets", json!({"opacity": "linear"})),
+        ("/sheets", json!({"stop": 0.5})),
+        ("/sheets", json!({"least_weight": 0.05})),
+        ("/splats/gradient", json!([{"magnitude": 5, "factor": 0}, {"magnitude": 50, "factor": 1}])),
+        ("/splats/radius", json!(0.9)),
+        ("/kernel", json!({"cutoff": 3})),
+    ] {
+        let scene = changed("nested-shells", |scene| {
+            let (parent, name) = path.rsplit_once('/').unwrap();
+            scene.pointer_mut(parent).unwrap()[name] = value.clone();
+        });
+        assert_ne!(in_golden(&scene).picture.rgba, plain.picture.rgba, "{path} {value}");
+    }
+    // Sheets are the same from both ends, but for rounding.
+    let stopless = |order: &str| in_golden(&changed("nested-shells", |scene| scene["sheets"] = json!({"stop": 0, "order": order})));
+    let [front, back] = ["front-to-back", "back-to-front"].map(stopless);
+    let apart = front.picture.rgba.as_flattened().iter().zip(back.picture.rgba.as_flattened()).map(|(a, b)| (a - b).abs());
+    assert!(apart.fold(0.0, f64::max) < 1e-12);
+    assert_eq!(front.fragments, back.fragments);
+}
+
+#[test]
+fn what_a_machine_cannot_draw_is_refused() {
+    for (scene, machine, told) in
+        [("nested-shells", "reference", "discs alone"), ("bouquet", "lean", "discs alone"), ("bouquet", "volume", "no `sort`")]
+    {
+        let error = quantise::quantise(&load(scene), &Machine::named(machine).unwrap()).unwrap_err().to_string();
+        assert!(error.contains(told), "{error}");
+    }
+    let immediate = machines::load("gaussian", &["timing.organisation=\"immediate\"".into()]).unwrap();
+    assert!(fixed::elaborate(&immediate).unwrap_err().to_string().contains("a sort needs all splats first"));
+}
