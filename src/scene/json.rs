@@ -302,7 +302,7 @@ struct KernelFields {
     /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3.
     #[schemars(range(min = 0, max = 1e6))]
     low_pass: Option<f64>,
-    /// Splats whose centres lie farther to the side than this, in half pictures, are not drawn; left out: 1.5, for Gaussians 8.
+    /// Splats whose centres lie farther to the side than this, in half pictures, are not drawn; left out: 1.5, for Gaussians 100.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     guard: Option<f64>,
     /// Farther to the side than this, in half pictures, an ellipsoid is projected as if it were there.
@@ -473,7 +473,8 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
     let (cutoff, low_pass, guard) = match kind {
         Kind::Surfaces => (2.0, 1.0, 1.5),
         Kind::Volume => (4.0, 1.0, 1.5),
-        Kind::Gaussians => (9.0, 0.3, 8.0),
+        // Programs that train draw what lies far to the side as well.
+        Kind::Gaussians => (9.0, 0.3, 100.0),
     };
     Kernel {
         cutoff: fields.cutoff.unwrap_or(cutoff),

@@ -394,6 +394,8 @@ fn gaussian() -> Machine {
     Machine {
         name: "gaussian".into(),
         splat: Splat { rgb: unsigned(3, 14), ..base.splat },
+        // Centres far to the side count too.
+        project: Project { slope: signed(6, 22), ..base.project },
         sort: Some(Sort { key: unsigned(1, 23), digit_bits: 8 }),
         gauss: Gauss {
             radial_index: unsigned(4, 16),
