@@ -249,7 +249,7 @@ struct Explain {
 
 #[derive(Args, Debug)]
 struct Common {
-    /// Named machine or machine file [default: by the kind of splats]
+    /// Named machine or file [default: by the scene]
     #[arg(long, value_name = "NAME|FILE")]
     machine: Option<String>,
     /// Change a field, as in gauss.weight=U-2F16

@@ -118,9 +118,9 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/splats/1",
             json!({"positon": [1, 0, 0]}),
-            "splats[1].positon is no known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed)",
+            "splats[1].positon is no known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, transfer, gradient, isovalue, flatten, gaussians)",
         ),
-        ("/splats/1", json!({}), "splats[1] must have one of the fields `position`, `file`, `builtin`"),
+        ("/splats/1", json!({}), "splats[1] must have one of the fields `position`, `file`, `builtin`, `volume`, `gaussians`"),
         ("/splats/1", json!(7), "splats[1] is a number; it must be an object or an array"),
         (
             "/splats/2/builtin",
@@ -215,4 +215,40 @@ proptest! {
             prop_assert!(scene.splats.iter().all(|s| s.radius > 0.0 && (s.normal.length() - 1.0).abs() < 1e-12));
         }
     }
+}
+
+#[test]
+fn what_is_wrong_with_a_volume_or_with_gaussians_is_said() {
+    let shells = json!({"builtin": "nested-shells", "samples": 8});
+    let of = |source: Value| json!({"splats": source});
+    let mut thresholds = of(json!({"volume": shells}));
+    thresholds["surface"] = json!({"coverage_threshold": 2});
+    let mut stop = of(json!({"volume": shells}));
+    stop["sheets"] = json!({"stop": 1});
+    let raw =
+        |size: [u64; 3], spacing: f64| of(json!({"volume": {"file": "x.raw", "size": size, "type": "u8", "spacing": [spacing, 1, 1]}}));
+    let falling = json!([{"value": 2, "opacity": 0.1}, {"value": 1, "opacity": 1}]);
+    let cases = [
+        (of(json!([{"volume": shells}])), "splats[0] is a volume, which can only be a scene's one source: `splats` itself"),
+        (of(json!([{"gaussians": "bouquet"}])), "splats[0] is a set of Gaussians, which can only be a scene's one source: `splats` itself"),
+        (of(json!({"gaussians": "rose"})), "splats.gaussians is `rose`; it must be one of bouquet (nearest: `bouquet`)"),
+        (of(json!({"volume": shells, "transfer": falling})), "splats.transfer[1].value is 1, which does not lie above the 2 before it"),
+        (
+            of(json!({"volume": shells, "transfer": [{"value": 2, "opacity": 0}]})),
+            "shows nothing of the volume; a transfer function must give some of its values an opacity above 0",
+        ),
+        (
+            of(json!({"volume": shells, "isovalue": 7})),
+            "has no surface of this isovalue; it must lie between the least and the greatest value of the volume",
+        ),
+        (thresholds, "surface.coverage_threshold is 2; a volume's splats are lit with weight 1, so at most 1 is right"),
+        (stop, "sheets.stop is 1; it must be at least 0 and less than 1"),
+        (raw([1, 1, 1], 0.0), "splats.volume: `spacing` has a step of 0; each must be finite and above zero"),
+        (of(json!({"volume": shells, "material": 3})), "splats uses material 3, but `materials` has only the indices 0 to 0"),
+    ];
+    for (scene, expected) in cases {
+        assert_eq!(sentence(&scene), format!("s.json: {expected}"));
+    }
+    let huge = sentence(&raw([1_000_000_000, 1_000_000_000, 9], 1.0));
+    assert!(huge.starts_with("s.json: splats.volume: ") && huge.len() < 300, "{huge}");
 }
