@@ -95,16 +95,7 @@ pub fn gauss(machine: &Elaborated, [radial, amplitude]: [i64; 2], watcher: &mut 
 /// `shade`: one fragment, with the lights and materials of a frame.
 pub fn shade(machine: &Elaborated, frame: &Frame, input: &shade::Input, watcher: &mut dyn Watcher<'_>) -> shade::Output {
     let highlights = machine.shade.highlights(&frame.lighting);
-    machine.shade.one(&lights(frame, &highlights), input, &mut Tap::new(&mut Told::new(watcher)))
-}
-
-fn lights<'a>(frame: &'a Frame, highlights: &'a [Option<crate::num::Table>]) -> shade::Registers<'a> {
-    shade::Registers {
-        lighting: &frame.lighting,
-        highlights,
-        coverage_threshold: frame.coverage_threshold,
-        inverse_threshold: frame.inverse_threshold,
-    }
+    machine.shade.one(&shade::Registers::of(frame, &highlights), input, &mut Tap::new(&mut Told::new(watcher)))
 }
 
 /// `resolve`: the layers of a pixel, front to back; its frame word.

@@ -182,7 +182,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
             let (first, of) = ((block * BLOCK_SPLATS) as u32, frame.splats.len());
             let setup = match &frame.ellipsoids {
                 None => worked::<P, _>(SetUp { machine, frame, splats, first, of, probe: &mut fork }),
-                Some(ellipsoids) => plainly(SetUpEllipsoids { machine, frame, ellipsoids, splats, first, probe: &mut fork }),
+                Some(ellipsoids) => plainly(SetUpEllipsoids { machine, frame, ellipsoids, splats, first, of, probe: &mut fork }),
             };
             (setup, fork)
         })
@@ -205,6 +205,12 @@ impl Setup {
         let tap = &mut Tap::new(&mut *probe);
         let keyed = self.entries().zip(0..).map(|((entry, splat), nth)| (tap.fit_one(key, i64::from(splat.raster.depth)), nth, entry));
         let mut order: Vec<(i64, u32, u32)> = keyed.collect();
+        if let Some(ranges) = probe.again(0, 1) {
+            let tap = &mut Tap::new(ranges);
+            for (_, splat) in self.entries() {
+                tap.fit_one(key, i64::from(splat.raster.depth));
+            }
+        }
         order.sort_unstable();
         if P::WORK {
             probe.sorted(order.iter().map(|(_, nth, _)| *nth).collect());
@@ -285,6 +291,8 @@ struct SetUpEllipsoids<'a, P> {
     ellipsoids: &'a Ellipsoids,
     splats: &'a [Splat],
     first: u32,
+    /// Splats of the frame.
+    of: usize,
     probe: &'a mut P,
 }
 
@@ -313,9 +321,18 @@ impl<P: Probe> Work for SetUpEllipsoids<'_, P> {
                 self.probe,
                 &mut out,
             );
+            if let Some(ranges) = self.probe.again(first as usize / LANES, self.of.div_ceil(LANES)) {
+                set_up_ellipsoids_again(self.machine, self.frame, self.ellipsoids, splats, first, ranges);
+            }
         }
         out.done()
     }
+}
+
+/// Sets eight ellipsoids up once more, for another to hear.
+#[inline(never)]
+fn set_up_ellipsoids_again(machine: &Elaborated, frame: &Frame, ellipsoids: &Ellipsoids, splats: &[Splat], first: u32, probe: &mut Ranges) {
+    plainly(SetUpEllipsoids { machine, frame, ellipsoids, splats, first, of: splats.len(), probe });
 }
 
 /// The lights and materials of a frame, for splats that are lit before they are drawn.
@@ -334,13 +351,7 @@ impl<'a> Lit<'a> {
     #[inline(never)]
     fn emission<P: Probe>(&self, splat: &Splat, normal: [i32; 3], probe: &mut P) -> [i32; 3] {
         let tap = &mut Tap::new(probe);
-        let frame = self.frame;
-        let lights = shade::Registers {
-            lighting: &frame.lighting,
-            highlights: &self.highlights,
-            coverage_threshold: frame.coverage_threshold,
-            inverse_threshold: frame.inverse_threshold,
-        };
+        let lights = shade::Registers::of(self.frame, &self.highlights);
         let input = self.machine.fragment.emitting(splat.rgb, normal, splat.material, tap);
         let shade::Output { colour, .. } = self.machine.shade.one(&lights, &input_of(&input), tap);
         three!(channel => tap.fit_one(&self.machine.emission, colour[channel]) as i32)
@@ -550,12 +561,8 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(
     setup: &Setup,
     probe: &mut P,
 ) -> Drawing {
-    let lights = shade::Registers {
-        lighting: &frame.lighting,
-        highlights: &machine.shade.highlights(&frame.lighting),
-        coverage_threshold: frame.coverage_threshold,
-        inverse_threshold: frame.inverse_threshold,
-    };
+    let highlights = machine.shade.highlights(&frame.lighting);
+    let lights = shade::Registers::of(frame, &highlights);
     let registers = fragment::Registers { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
     let sheets = frame.sheets.as_ref().map(|sheets| machine.fragment.sheets(sheets));
     let bins = bins(frame, setup);

@@ -228,7 +228,9 @@ impl Ellipse {
         let filtered = e.times(UNIT, m.low_pass, trace);
         let filter_squared = e.times(UNIT, m.low_pass, m.low_pass);
         e.part(UNIT, Operator::Adder(trace.width()));
-        let sum = e.sum(UNIT, [area_squared, filtered, filter_squared]);
+        // One face of a disc, three of an ellipsoid.
+        let squares = if m.ellipsoid.is_some() { e.sum(UNIT, [area_squared; 3]) } else { area_squared };
+        let sum = e.sum(UNIT, [squares, filtered, filter_squared]);
         let determinant = e.fit(UNIT, "determinant", m.determinant, sum);
         e.normaliser(UNIT, m.determinant.format.width());
         let root = ReciprocalRoot::new(e, UNIT, "root", m.root, m.determinant.format.frac_bits);

@@ -12,7 +12,7 @@
 //!
 //! Laws: `white_stays_white`, `shading_ignores_the_length_of_a_normal`.
 
-use crate::frame::{Light, Lighting, Material, Scaled};
+use crate::frame::{Frame, Light, Lighting, Material, Scaled};
 use crate::machine::{Elaboration, Machine, Operator};
 use crate::num::{Fit, Reciprocal, ReciprocalRoot, Table, table, three};
 use crate::probe::{Probe, Tap};
@@ -54,6 +54,14 @@ pub struct Registers<'a> {
     pub coverage_threshold: i64,
     /// 1/τ (`shade.inverse_threshold`).
     pub inverse_threshold: Scaled,
+}
+
+impl<'a> Registers<'a> {
+    /// A frame's, with its materials' tables ([`Shade::highlights`]).
+    pub fn of(frame: &'a Frame, highlights: &'a [Option<Table>]) -> Self {
+        let Frame { lighting, coverage_threshold, inverse_threshold, .. } = frame;
+        Registers { lighting, highlights, coverage_threshold: *coverage_threshold, inverse_threshold: *inverse_threshold }
+    }
 }
 
 /// The elaborated unit.

@@ -1,6 +1,6 @@
 //! Does every machine that elaborates draw every frame in its words, watched or not, by any number of threads?
 
-use crate::frames::frame;
+use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use proptest::prelude::*;
 use rtl_model::machine::Rows;
@@ -77,6 +77,26 @@ fn meters_read_what_ranges_count() {
             }
         }
     }
+}
+
+/// Ellipsoids and sheets: what eight lanes are told is what one by one is counted, and no word is beyond its format.
+#[test]
+fn meters_read_what_ranges_count_of_ellipsoids() {
+    let mut saturated = 0;
+    for name in Machine::ELLIPSOID_NAMES {
+        let machine = Machine::named(name).unwrap();
+        let elaborated = machine.elaborate().unwrap();
+        for (seed, wildness) in (0..40).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness))) {
+            let frame = ellipsoids(&machine, seed, wildness);
+            draws(&elaborated, &frame);
+            let (read, counted) = (draw_ranged(&elaborated, &frame).1, counted(&elaborated, &frame));
+            for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
+                assert_eq!(read, counted, "{}.{} of {name}, {seed} {wildness}", signal.unit, signal.name);
+                saturated += counted.saturated_low + counted.saturated_high;
+            }
+        }
+    }
+    assert!(saturated > 1000, "{saturated}");
 }
 
 /// More splats than one thread sets up at a time, and more tiles than are counted one by one.

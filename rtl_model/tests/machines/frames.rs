@@ -1,6 +1,6 @@
 //! Small frames for any machine: a plausible scene in its words, in which any word may be replaced by any other of its format.
 
-use rtl_model::frame::{Frame, Light, Lighting, Material, Scaled, Splat, View};
+use rtl_model::frame::{Amplitude, Each, Ellipsoids, Frame, Kernel, Light, Lighting, Material, Orientation, Scaled, Sheets, Splat, View};
 use rtl_model::machine::{Interpolation, Machine};
 use rtl_model::num::{Format, Word};
 
@@ -84,6 +84,46 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         splats: (0..w.dice.below(40)).map(|_| splat(machine, materials, &mut w)).collect(),
         ..Frame::default()
     }
+}
+
+/// The same of ellipsoids, by sheets, on a machine that has what they need.
+#[allow(dead_code, reason = "who compares cycles draws discs alone")]
+pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
+    let mut frame = frame(machine, seed, wildness);
+    let mut w = Words { dice: Dice(seed ^ 0x5eed), wildness };
+    let (words, sheets) = (machine.ellipse.ellipsoid.unwrap(), machine.fragment.sheets.unwrap());
+    let count = frame.splats.len();
+    let axis = |w: &mut Words| std::array::from_fn(|_| w.between(machine.ellipse.normal, -1.0, 1.0));
+    let own = (0..if w.dice.below(3) > 0 { count } else { 0 }).map(|_| Orientation {
+        quaternion: std::array::from_fn(|_| w.between(words.quaternion, -0.7, 0.7) as i32),
+        scales: std::array::from_fn(|_| w.between(words.scale, 0.0, 1.0) as i32),
+    });
+    let own = own.collect();
+    let amplitude = [Amplitude::Disc, Amplitude::LineIntegral, Amplitude::Peak][w.dice.below(3) as usize];
+    frame.ellipsoids = Some(Ellipsoids {
+        kernel: Kernel {
+            amplitude,
+            jacobian: std::array::from_fn(|_| w.near(machine.project.slope, 1.0)),
+            axes: std::array::from_fn(|_| axis(&mut w)),
+            scales: std::array::from_fn(|_| w.between(words.scale, 0.0, 1.0)),
+        },
+        own,
+        preshaded: w.dice.below(2) == 0,
+        sorted: machine.sort.is_some(),
+    });
+    let weight = machine.gauss.weight;
+    let ratio = if w.dice.below(4) > 0 { (1 << sheets.table.index_bits) + 1 } else { 0 };
+    frame.sheets = (w.dice.below(4) > 0).then(|| Sheets {
+        each: if w.dice.below(2) == 0 { Each::Slice } else { Each::Splat },
+        numbers: (0..count as u32).map(|number| number / 4).collect(),
+        back_to_front: w.dice.below(3) == 0,
+        stop: w.near(machine.fragment.opacity_sum, 0.01),
+        keeps_last: w.dice.below(2) == 0,
+        least_weight: w.near(weight, 0.004),
+        most_weight: w.near(weight, 0.99),
+        ratio: (0..ratio).map(|_| w.between(sheets.ratio, 0.1, 1.0)).collect(),
+    });
+    frame
 }
 
 fn view(machine: &Machine, width: u32, w: &mut Words) -> View {

@@ -93,13 +93,12 @@ impl Ellipsoids {
             let turned = e.times(UNIT, words.scale, m.facing);
             e.fit(UNIT, "face", m.facing, turned)
         });
-        e.copies(2, |e| {
-            let square = e.times(UNIT, m.area, m.area);
-            e.sum(UNIT, [square, square]);
-        });
+        // Two faces more than a disc has to square.
+        e.copies(2, |e| e.times(UNIT, m.area, m.area));
         let slope_squared = e.copies(2, |e| e.times(UNIT, p.slope, p.slope));
         let length_squared = e.sum(UNIT, [Exact { int_bits: 1, frac_bits: 0 }, slope_squared, slope_squared]);
         e.normaliser(UNIT, length_squared.bits());
+        e.holds_exact("the operand of ellipse.ray_root, 1 + a² + b², normalised,", length_squared.scaled(1).plus(length_squared));
         let ray_root = ReciprocalRoot::new(e, UNIT, "ray_root", words.ray_root, length_squared.frac_bits);
         let root_bits = words.ray_root.format();
         let root = e.times(UNIT, root_bits, root_bits).scaled(1);
