@@ -21,7 +21,7 @@ pub(crate) mod tiles;
 use serde::Serialize;
 
 use crate::picture::Picture;
-use crate::scene::{Scene, Sheets};
+use crate::scene::Scene;
 
 use fragments::Golden;
 use ideal::Ideal;
@@ -154,8 +154,8 @@ impl Outcomes {
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
     let shader = Shader::new(scene);
     match &scene.sheets {
-        Some(sheets) => tiles::draw(scene, &shader, || sheets::Golden::new(sheets, shader.background())),
-        None => tiles::draw(scene, &shader, || Golden::new(rules, scene.surface.z_threshold, &shader)),
+        Some(sheets) => tiles::draw(scene, &shader, sheets.least_weight, || sheets::Golden::new(sheets, shader.background())),
+        None => tiles::draw(scene, &shader, 0.0, || Golden::new(rules, scene.surface.z_threshold, &shader)),
     }
 }
 
@@ -164,10 +164,7 @@ pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
 pub fn ideal(scene: &Scene) -> Rendering {
     let shader = Shader::new(scene);
     match &scene.sheets {
-        Some(sheets) => {
-            let all = Scene { sheets: Some(Sheets { least_weight: 0.0, ..sheets.clone() }), ..scene.clone() };
-            tiles::draw(&all, &shader, || sheets::Ideal::new(sheets, shader.background()))
-        }
-        None => tiles::draw(scene, &shader, || Ideal::new(scene.surface.z_threshold, &shader)),
+        Some(sheets) => tiles::draw(scene, &shader, 0.0, || sheets::Ideal::new(sheets, shader.background())),
+        None => tiles::draw(scene, &shader, 0.0, || Ideal::new(scene.surface.z_threshold, &shader)),
     }
 }

@@ -41,9 +41,15 @@ pub(crate) trait Painter {
     fn outcomes(&self) -> Outcomes;
 }
 
-/// Draws the scene, each band of tiles with a painter of its own.
-pub(super) fn draw<P: Painter<Contribution = Fragment>>(scene: &Scene, shader: &Shader, painter: impl Fn() -> P + Sync) -> Rendering {
+/// Draws the scene but for weights below the least, each band of tiles with a painter of its own.
+pub(super) fn draw<P: Painter<Contribution = Fragment>>(
+    scene: &Scene,
+    shader: &Shader,
+    least_weight: f64,
+    painter: impl Fn() -> P + Sync,
+) -> Rendering {
     let (mut footprints, culled) = set_up(scene);
+    footprints.iter_mut().for_each(|footprint| footprint.least_weight = least_weight);
     if let Some(ellipsoids) = &scene.ellipsoids {
         if ellipsoids.preshaded {
             footprints.par_iter_mut().for_each(|footprint| footprint.rgb = shader.emission(footprint));

@@ -501,7 +501,7 @@ impl Medium {
         match self {
             Medium::Volume(voxels) => {
                 let back_to_front = fields.order == Some(SheetOrder::BackToFront);
-                let (splats, orientation, of) = voxels.ordered(&scene.view(), back_to_front);
+                let (splats, orientation, of) = voxels.ordered(std::mem::take(&mut scene.splats), &scene.view(), back_to_front);
                 scene.splats = splats;
                 scene.ellipsoids = Some(Ellipsoids::of_volume(orientation));
                 scene.sheets = Some(Sheets {
@@ -529,9 +529,7 @@ impl Medium {
                     rotation: gaussian.rotation,
                     scales: gaussian.scale / gaussian.scale.max_element(),
                 };
-                let mut orientations: Vec<Orientation> = gaussians.all.iter().map(orientation).collect();
-                // A single one would stand for all there are.
-                orientations.truncate(scene.splats.len());
+                let orientations = gaussians.all.iter().map(orientation).collect();
                 scene.ellipsoids = Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true });
                 scene.sheets = Some(Sheets {
                     of: Sheet::Splat,
@@ -659,10 +657,8 @@ impl<'a> Gathered<'a> {
                 Medium::Isosurface(orientations)
             }
             None => {
-                let mut voxels = classification.voxels(&volume);
-                // The camera looks for them here; their order comes with the view.
-                self.splats.clone_from(&voxels.splats);
-                voxels.splats.shrink_to_fit();
+                let (splats, voxels) = classification.voxels(&volume);
+                self.splats = splats;
                 Medium::Volume(voxels)
             }
         });

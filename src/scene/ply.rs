@@ -262,7 +262,7 @@ fn at_line(number: usize, sentence: String) -> String {
 }
 
 /// What a terminal and its user can stand of a word that may be megabytes of anything.
-fn clip(word: &str) -> String {
+pub(super) fn clip(word: &str) -> String {
     let mut clipped: String = word.chars().take(40).flat_map(char::escape_debug).collect();
     if word.chars().nth(40).is_some() {
         clipped.push('…');

@@ -38,12 +38,10 @@ pub struct Classification {
     pub material: u32,
 }
 
-/// Splats of a field, not yet in the order of a view.
+/// Which samples of a grid became splats: what is needed to bring those into the order of a view.
 #[derive(Clone, Debug)]
 pub struct Voxels {
-    /// In the order of the samples.
-    pub splats: Vec<Splat>,
-    /// The sample that each was.
+    /// The sample that each splat was.
     at: Vec<[u32; 3]>,
     axes: [DVec3; 3],
     origin: DVec3,
@@ -143,13 +141,8 @@ impl Classification {
         piecewise(self.gradient.iter().map(|[at, factor]| (*at, [*factor])), magnitude)[0]
     }
 
-    /// Whether nothing of a value can be seen: most of a volume is air.
-    fn is_blank(&self, value: f64) -> bool {
-        self.colour(value).1 <= 0.0
-    }
-
-    /// Every voxel that is seen.
-    pub fn voxels(&self, volume: &Volume) -> Voxels {
+    /// Every voxel that is seen, in the order of the samples.
+    pub fn voxels(&self, volume: &Volume) -> (Vec<Splat>, Voxels) {
         let field = Field::new(volume);
         let steps = field.steps();
         let step = steps.into_iter().fold(f64::INFINITY, f64::min);
@@ -157,12 +150,12 @@ impl Classification {
         // Opacity of a layer to optical depth through a ball of radius σ.
         let depth = steps.iter().product::<f64>() / (step * TAU * sigma * sigma);
         let voxel = |at: [usize; 3]| {
-            let value = field.value(at);
-            if self.is_blank(value) {
+            let (rgb, opacity) = self.colour(field.value(at));
+            // Most of a volume is air.
+            if opacity <= 0.0 {
                 return None;
             }
             let gradient = field.gradient(at);
-            let (rgb, opacity) = self.colour(value);
             let opacity = opacity * self.factor(gradient.length());
             let splat = Splat {
                 position: field.position(at),
@@ -177,7 +170,7 @@ impl Classification {
         let slices: Vec<Vec<(Splat, [u32; 3])>> =
             (0..volume.size[2]).into_par_iter().map(|z| field.slice(z).filter_map(voxel).collect()).collect();
         let (splats, at) = slices.into_iter().flatten().unzip();
-        Voxels { splats, at, axes: field.axes, origin: vector(volume.origin) }
+        (splats, Voxels { at, axes: field.axes, origin: vector(volume.origin) })
     }
 
     /// Splats on the surface where the field has this value, and their axes: σ is `radius` of the longest step, and `flatten` times less
@@ -226,7 +219,7 @@ impl Voxels {
 
     /// Brings the splats into the order of a view: slice after slice along the axis nearest to where it looks, those nearest to the eye
     /// first, or last. A slice's number is its sheet.
-    pub fn ordered(self, view: &View, back_to_front: bool) -> (Vec<Splat>, Orientation, Sheet) {
+    pub fn ordered(self, splats: Vec<Splat>, view: &View, back_to_front: bool) -> (Vec<Splat>, Orientation, Sheet) {
         let forward = view.rotation.row(2);
         let across = |axis: &usize| self.axes[*axis].normalize().dot(forward).abs();
         let axis = (0..3).max_by(|a, b| across(a).total_cmp(&across(b))).unwrap_or(0);
@@ -242,7 +235,7 @@ impl Voxels {
         let mut rank = vec![0; slices as usize];
         order.iter().zip(0..).for_each(|(slice, nth)| rank[*slice as usize] = nth);
         let orientation = self.orientation();
-        let mut ranked: Vec<(u32, Splat)> = self.at.iter().zip(self.splats).map(|(at, splat)| (rank[at[axis] as usize], splat)).collect();
+        let mut ranked: Vec<(u32, Splat)> = self.at.iter().zip(splats).map(|(at, splat)| (rank[at[axis] as usize], splat)).collect();
         ranked.sort_by_key(|(rank, _)| *rank);
         let (numbers, splats) = ranked.into_iter().unzip();
         (splats, orientation, Sheet::Slice(numbers))

@@ -1,5 +1,6 @@
 //! Decode: turns the bytes of a file into finite `f32` samples, and the words of a header into numbers.
 
+pub(super) use crate::scene::ply::clip;
 use flate2::bufread::{GzDecoder, ZlibDecoder};
 use std::io::{self, Read};
 use std::path::Path;
@@ -226,15 +227,6 @@ pub(super) fn in_data_file(name: &str, sentence: String) -> String {
 }
 
 // ---- headers ----
-
-/// What a terminal and its user can stand of a word that may be megabytes of anything.
-pub(super) fn clip(word: &str) -> String {
-    let mut clipped: String = word.chars().take(40).flat_map(char::escape_debug).collect();
-    if word.chars().nth(40).is_some() {
-        clipped.push('…');
-    }
-    clipped
-}
 
 /// Cuts the next line off, without its end; `None` where nothing is left.
 pub(super) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
