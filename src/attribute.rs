@@ -42,13 +42,15 @@ pub struct Share {
 
 /// Words that setup reads beside those of its own units.
 const ALSO_IN_SETUP: [&str; 2] = ["raster.cutoff", "fragment.normal"];
+/// Units that setup uses where splats are lit before they are drawn.
+const TO_LIGHT: [&str; 2] = ["fragment", "shade"];
 
 fn unit_of(word: &str) -> &str {
     word.split('.').next().unwrap_or_default()
 }
 
-fn is_in_setup(word: &str) -> bool {
-    UNITS[..3].contains(&unit_of(word)) || ALSO_IN_SETUP.contains(&word)
+fn is_in_setup(word: &str, preshaded: bool) -> bool {
+    UNITS[..4].contains(&unit_of(word)) || ALSO_IN_SETUP.contains(&word) || preshaded && TO_LIGHT.contains(&unit_of(word))
 }
 
 /// Draws the scene once for each part of the machine alone, and once for all but each.
@@ -56,10 +58,11 @@ pub fn attribute(scene: &Scene, machine: &Elaborated, quantised: &Quantised, gol
     let stage = Stage::new(scene, machine, quantised);
     let bases = [false, true].map(|chosen| stage.set_up(&Choice::new(machine, |_| chosen)));
     let words = words(machine);
+    let preshaded = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded);
     // Those that belong to the part are words where the others are not, and the other way round.
     let measure = |alone: bool, is_part: &dyn Fn(&str) -> bool| {
         let choice = Choice::new(machine, |word| is_part(word) == alone);
-        let in_setup = words.iter().any(|word| is_in_setup(word) && is_part(word));
+        let in_setup = words.iter().any(|word| is_in_setup(word, preshaded) && is_part(word));
         let own: Vec<Footprint>;
         let footprints = if in_setup {
             own = stage.set_up(&choice);
@@ -76,9 +79,14 @@ pub fn attribute(scene: &Scene, machine: &Elaborated, quantised: &Quantised, gol
     };
     Attribution {
         all: measure(true, &|_| true),
-        units: UNITS.iter().map(|unit| share(unit, &|word| unit_of(word) == *unit)).collect(),
+        units: units(&words).map(|unit| share(unit, &|word| unit_of(word) == unit)).collect(),
         words: words.iter().map(|name| share(name, &|word| word == name)).collect(),
     }
+}
+
+/// The units that have any of these words, in the order of the diagram.
+fn units(words: &[String]) -> impl Iterator<Item = &'static str> {
+    UNITS.into_iter().filter(|unit| words.iter().any(|word| unit_of(word) == *unit))
 }
 
 /// Words that are shown.

@@ -4,10 +4,12 @@
 //! chosen words ─►┬─ set up: splats, project, ellipse ─► footprints ─┐
 //!                └─ fill: raster, gauss, fragment, shade, resolve ◄─┴─► picture
 //! ```
-//! The arithmetic is that of the units over the reals (`real.rs` of each), the rules for fragments are golden's, on whatever numbers
-//! come out. All words chosen, it is the machine, but for what f64 loses of its longest products; none chosen, it is `golden`.
+//! The arithmetic is that of the units over the reals (`real.rs` of each), the rules for fragments and sheets are golden's, on whatever
+//! numbers come out. All words chosen, it is the machine, but for what f64 loses of its longest products; none chosen, it is `golden`.
 //!
 //! Laws (tests/attribution.rs): `with_no_word_it_is_golden`, `with_every_word_it_is_the_machine`.
+
+mod sheets;
 
 use crate::fixed;
 use crate::golden::footprint::pixels;
@@ -17,7 +19,7 @@ use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
 use crate::golden::{FragmentDepth, Merge, Outcomes, Rules};
 use crate::picture::Picture;
 use crate::quantise::Quantised;
-use crate::registers::{Chosen, INPUTS, Registers};
+use crate::registers::{Chosen, INPUTS, Registers, SheetWords};
 use crate::scene::{Scene, View};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -26,10 +28,14 @@ use rtl_model::pipeline::real::walked;
 use rtl_model::real::{Mixed, Switches};
 use rtl_model::units::raster::real::Input;
 use rtl_model::units::shade::real::{Lighting, Sums};
+use sheets::SheetPixels;
 use std::ops::Range;
 
-/// The units, and the splat's record before them, in the order of the diagram.
-pub const UNITS: [&str; 8] = ["splat", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
+/// The units, the splat's record before them and the sort between them, in the order of the diagram.
+pub const UNITS: [&str; 9] = ["splat", "project", "ellipse", "sort", "raster", "gauss", "fragment", "shade", "resolve"];
+
+/// Words that only machines for ellipsoids are given.
+const OF_ELLIPSOIDS: [&str; 2] = ["ellipse.quaternion", "ellipse.scale"];
 
 /// The word that a signal belongs to: those inside a function unit are the unit's.
 fn word_of(signal: &Signal) -> String {
@@ -40,8 +46,9 @@ fn word_of(signal: &Signal) -> String {
 /// Every word of a machine, as `unit.word`, in the order of the diagram.
 pub fn words(machine: &Elaborated) -> Vec<String> {
     let mut words: Vec<String> = INPUTS.iter().map(|&name| name.to_owned()).chain(machine.signals.iter().map(word_of)).collect();
+    let ellipsoids = machine.machine.ellipse.ellipsoid.is_some();
     // Sides of a box are whole pixels in any arithmetic.
-    words.retain(|word| word != "ellipse.edge");
+    words.retain(|word| word != "ellipse.edge" && (ellipsoids || !OF_ELLIPSOIDS.contains(&word.as_str())));
     words.sort_by_key(|word| UNITS.iter().position(|unit| word.split('.').next() == Some(unit)));
     let mut unique = Vec::new();
     for word in words {
@@ -83,6 +90,9 @@ pub struct Footprint {
     /// rgb, α, normal.
     attributes: [f64; ATTRIBUTES],
     material: u32,
+    splat: u32,
+    /// By which they are sorted.
+    key: f64,
 }
 
 /// Attributes of a contribution: rgb, α, normal.
@@ -108,13 +118,15 @@ impl<'a> Stage<'a> {
         Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised }
     }
 
-    /// Sets every splat up, with the chosen words.
+    /// Sets every splat up, with the chosen words, in the order in which they are drawn.
     pub fn set_up(&self, choice: &Choice) -> Vec<Footprint> {
         let (registers, hold) = (self.registers(), choice.hold());
         let view = registers.view(&hold);
+        let ellipsoids = self.scene.ellipsoids.as_ref();
+        let lighting = ellipsoids.filter(|ellipsoids| ellipsoids.preshaded).map(|_| registers.lighting(&hold));
         let one = |index: usize| {
             let splat = registers.splat(&hold, index);
-            let (point, ellipse) = self.machine.real_set_up(&view, &splat, None);
+            let (point, ellipse) = self.machine.real_set_up(&view, &splat, registers.ellipsoid(&hold, index).as_ref());
             let backface = self.scene.surface.cull_backfaces && ellipse.facing.value > 0.0;
             let is_dark = |number: Mixed| number.value == 0.0 || number.value.is_nan();
             let faint = [ellipse.facing, splat.radius, ellipse.determinant, ellipse.amplitude].into_iter().any(is_dark);
@@ -127,7 +139,9 @@ impl<'a> Stage<'a> {
             let [columns, rows] = [(0, width), (1, height)]
                 .map(|(axis, size)| pixels(self.eye.half_px[axis] + point.pixel[axis].value, ellipse.extent[axis].value, size));
             let Input { pixel, conic, depth, depth_slope, depth_range } = walked(&point, &ellipse);
-            let [r, g, b] = splat.rgb;
+            let material = self.scene.splats[index].material;
+            let lit = lighting.as_ref().map(|lighting| self.machine.real_emission(lighting, splat.rgb, ellipse.normal, material));
+            let [r, g, b] = lit.unwrap_or(splat.rgb);
             let [x, y, z] = ellipse.normal;
             let footprint = Footprint {
                 columns: columns?,
@@ -141,11 +155,17 @@ impl<'a> Stage<'a> {
                 },
                 amplitude: ellipse.amplitude.value,
                 attributes: [r, g, b, splat.opacity, x, y, z].map(number),
-                material: self.scene.splats[index].material,
+                material,
+                splat: index as u32,
+                key: self.machine.real_key(point.depth).value,
             };
             (!footprint.columns.is_empty() && !footprint.rows.is_empty()).then_some(footprint)
         };
-        (0..self.scene.splats.len()).into_par_iter().filter_map(one).collect()
+        let mut footprints: Vec<Footprint> = (0..self.scene.splats.len()).into_par_iter().filter_map(one).collect();
+        if ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted) {
+            footprints.sort_by(|a, b| a.key.total_cmp(&b.key));
+        }
+        footprints
     }
 
     /// Draws what was set up, with the chosen words.
@@ -160,11 +180,15 @@ impl<'a> Stage<'a> {
             opaque: registers.opaque(&hold, self.rules.opaque).value,
             lighting: registers.lighting(&hold),
             background: registers.background(&hold, &shader),
+            sheets: SheetWords::new(&hold, self.scene, self.machine, self.quantised),
             switches: &choice.switches,
         };
         let drawn: Vec<Drawn> = footprints.iter().map(|footprint| Drawn { frame: &frame, footprint }).collect();
         let background = self.machine.real_resolve(&[], frame.background).map(number);
-        fill(&self.scene.image, &drawn, background, || Pixels::new(&frame)).picture
+        match &frame.sheets {
+            None => fill(&self.scene.image, &drawn, background, || Pixels::new(&frame)).picture,
+            Some(words) => fill(&self.scene.image, &drawn, background, || SheetPixels::new(&frame, words)).picture,
+        }
     }
 }
 
@@ -181,6 +205,8 @@ struct FrameWords<'a> {
     opaque: f64,
     lighting: Lighting<Mixed<'a>>,
     background: [Mixed<'a>; 4],
+    /// None where fragments are grouped by depth.
+    sheets: Option<SheetWords<'a, Mixed<'a>>>,
     switches: &'a Switches,
 }
 
@@ -224,6 +250,7 @@ impl<'a> Cover for Drawn<'a> {
             depth_range: word(depth_range),
         };
         let (left, top) = (footprint.columns.start, footprint.rows.start);
+        let least_weight = frame.sheets.as_ref().map_or(0.0, |words| words.least_weight.value);
         let first = [f64::from(left) + 0.5 - half_px[0], f64::from(top) + 0.5 - half_px[1]];
         let downwards = machine.mixed_rows(&input, first, rows.start - top..rows.end - top);
         for (y, row) in rows.zip(downwards) {
@@ -232,7 +259,7 @@ impl<'a> Cover for Drawn<'a> {
                 if radial.value < frame.cutoff {
                     let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
                     // A weight that rounds to 0 makes no fragment.
-                    if weight > 0.0 {
+                    if weight > 0.0 && weight >= least_weight {
                         take([x, y], Arrival { footprint, weight, depth: machine.real_depth(depth).value });
                     }
                 }

@@ -163,8 +163,9 @@ impl SignalReport {
 
 /// The signals of each unit, unit by unit.
 fn by_unit(signals: &[SignalReport]) -> impl Iterator<Item = (&'static str, Vec<&SignalReport>)> {
-    // The splat's record, which comes first, has words but no signals.
-    UNITS[1..].iter().map(|&unit| (unit, signals.iter().filter(|signal| signal.unit == unit).collect()))
+    // The splat's record has words but no signals, and not every machine sorts.
+    let of = |unit| (unit, signals.iter().filter(|signal| signal.unit == unit).collect::<Vec<_>>());
+    UNITS.into_iter().map(of).filter(|(_, signals)| !signals.is_empty())
 }
 
 /// All ranges as a table of at most 80 columns.

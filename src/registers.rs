@@ -8,18 +8,20 @@
 
 use crate::golden::shade::Shader;
 use crate::quantise::{Quantised, quantised as constant};
-use crate::scene::{self, Scene, View};
+use crate::scene::{self, Opacity, Scene, Sheets, View};
 use glam::{DMat3, DQuat, DVec3};
 use rtl_model::frame::real::{self, Ellipsoid, Orientation, Splat};
 use rtl_model::frame::{self, Scaled};
 use rtl_model::machine::Elaborated;
 use rtl_model::num::Word;
 use rtl_model::real::{Mixed, Near, Real, Switches};
+use rtl_model::units::fragment;
+use rtl_model::units::fragment::sheets::real::Ratio;
 use rtl_model::units::shade::real::{Light, Lighting, Material};
 use std::f64::consts::TAU;
 
 /// The words that the machine is given: the splat's record, and what a frame loads.
-pub const INPUTS: [&str; 22] = [
+pub const INPUTS: [&str; 27] = [
     "splat.position",
     "splat.normal",
     "splat.radius",
@@ -34,10 +36,15 @@ pub const INPUTS: [&str; 22] = [
     "ellipse.low_pass",
     "ellipse.root_cutoff",
     "ellipse.inverse_two_pi",
+    "ellipse.normal",
+    "ellipse.quaternion",
+    "ellipse.scale",
     "raster.cutoff",
+    "gauss.weight",
     "fragment.depth",
     "fragment.weight_sum",
     "fragment.opaque",
+    "fragment.opacity_sum",
     "shade.light",
     "shade.reflectance",
     "shade.inverse_threshold",
@@ -103,6 +110,42 @@ pub struct Registers<'a> {
     pub machine: &'a Elaborated,
     /// The words.
     pub quantised: &'a Quantised,
+}
+
+/// The registers of sheets, and what their table stands for.
+pub struct SheetWords<'a, R> {
+    /// Exact.
+    pub sheets: &'a Sheets,
+    /// As the machine has them.
+    pub registers: fragment::sheets::Registers<'a>,
+    /// α/x.
+    pub ratio: Ratio,
+    /// A pixel that lets through less takes nothing more.
+    pub stop: R,
+    /// Where each splat is a sheet, no weight counts for more.
+    pub most_weight: R,
+    /// Lesser weights make no fragment.
+    pub least_weight: R,
+}
+
+impl<'a, R> SheetWords<'a, R> {
+    /// None where fragments are grouped by depth.
+    pub fn new<H: Hold<Real = R>>(hold: &H, scene: &'a Scene, machine: &Elaborated, quantised: &'a Quantised) -> Option<Self> {
+        let (sheets, held) = (scene.sheets.as_ref()?, quantised.frame.sheets.as_ref()?);
+        let (weight, opacity) = (machine.machine.gauss.weight, machine.machine.fragment.opacity_sum);
+        Some(SheetWords {
+            sheets,
+            registers: machine.fragment.sheets(held),
+            ratio: match sheets.opacity {
+                // 1/x beyond 1, of which the second derivative is 2/x³.
+                Opacity::Linear => Ratio { exact: |depth| Opacity::Linear.over_depth(depth), curves: [1.0, 2.0] },
+                Opacity::Exponential => Ratio { exact: |depth| Opacity::Exponential.over_depth(depth), curves: [0.5, 1.0 / 3.0] },
+            },
+            stop: hold.hold("fragment.opacity_sum", sheets.stop, opacity, held.stop),
+            most_weight: hold.hold("gauss.weight", sheets.most_weight, weight, held.most_weight),
+            least_weight: hold.hold("gauss.weight", sheets.least_weight, weight, held.least_weight),
+        })
+    }
 }
 
 fn vector<H: Hold>(hold: &H, name: &'static str, value: DVec3, word: Word, held: [i64; 3]) -> [H::Real; 3] {

@@ -67,9 +67,6 @@ pub struct Outcome {
 /// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
 pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -> Result<Outcome> {
     let attributed = asked.attribution;
-    if attributed {
-        scene.of_discs("--attribute tells who makes the error on")?;
-    }
     let elaborated = fixed::elaborate(machine)?;
     let (quantised, quantise_seconds) = timed(|| quantise(scene, machine));
     let quantised = quantised?;

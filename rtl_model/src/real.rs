@@ -85,6 +85,8 @@ impl<R: Real> Direction<R> {
 pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> {
     /// A constant that both hold exactly.
     fn constant(value: f64) -> Self;
+    /// A number that both hold exactly, on a wire of the same machine as this one.
+    fn beside(self, value: f64) -> Self;
     /// The sum with a constant that both hold exactly.
     fn plus(self, constant: f64) -> Self;
     /// The product with a constant that both hold exactly.
@@ -274,6 +276,10 @@ impl Mul for Near {
 
 impl Real for Near {
     fn constant(value: f64) -> Near {
+        Near::exact(value)
+    }
+
+    fn beside(self, value: f64) -> Near {
         Near::exact(value)
     }
 

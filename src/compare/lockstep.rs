@@ -186,7 +186,7 @@ impl<'a> Stage<'a> {
             }
         }
         let sheets = SheetRules::new(scene, machine, quantised);
-        let least_weight = sheets.as_ref().map_or(Near::exact(0.0), |sheets| sheets.least_weight);
+        let least_weight = sheets.as_ref().map_or(Near::exact(0.0), SheetRules::least_weight);
         Stage { scene, machine, quantised, view, eye, common, least_weight, sheets, columns, bins }
     }
 

@@ -302,12 +302,23 @@ struct KernelFields {
     /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3.
     #[schemars(range(min = 0, max = 1e6))]
     low_pass: Option<f64>,
+    /// How a volume's kernels are filtered.
+    low_pass_by: LowPass,
     /// Splats whose centres lie farther to the side than this, in half pictures, are not drawn; left out: 1.5, for Gaussians 100.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     guard: Option<f64>,
     /// Farther to the side than this, in half pictures, an ellipsoid is projected as if it were there.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     jacobian: f64,
+}
+
+#[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+enum LowPass {
+    /// Each footprint is convolved with the filter (EWA §6.2).
+    Convolution,
+    /// Each kernel is enlarged, the same in all directions, until its thinnest axis is as wide as the filter (Swan et al. 1997).
+    Scaling,
 }
 
 #[derive(Deserialize, JsonSchema)]
@@ -392,7 +403,7 @@ impl Default for ImageFields {
 
 impl Default for KernelFields {
     fn default() -> Self {
-        KernelFields { cutoff: None, low_pass: None, guard: None, jacobian: 1.3 }
+        KernelFields { cutoff: None, low_pass: None, low_pass_by: LowPass::Convolution, guard: None, jacobian: 1.3 }
     }
 }
 
@@ -453,11 +464,20 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
             surface.coverage_threshold
         )));
     }
+    if fields.kernel.low_pass_by == LowPass::Scaling && kind != Kind::Volume {
+        return Err(told("kernel.low_pass_by is \"scaling\", and only the kernels of a volume are scaled".into()));
+    }
+    if surface.cull_backfaces && matches!(gathered.medium, Some(Medium::Volume(_) | Medium::Gaussians(_))) {
+        return Err(told("surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into()));
+    }
     let Gathered { splats, materials, notes, medium, .. } = gathered;
     let name = Path::new(name).file_name().unwrap_or_default().to_string_lossy().into_owned();
     let kernel = kernel(&fields.kernel, kind);
     let mut scene = Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, notes };
     medium.into_iter().for_each(|medium| medium.complete(&fields.sheets, &mut scene));
+    if fields.kernel.low_pass_by == LowPass::Scaling {
+        scene.scale_kernels();
+    }
     Ok(scene)
 }
 

@@ -9,7 +9,7 @@
 //! its middle, the optical depth g·V_c/(2πσ²) of a ball of the largest σ: that is the splat's opacity, and setup does the rest.
 
 use super::volume::Volume;
-use super::{Ellipsoids, Orientation, Sheet, Splat, View};
+use super::{Ellipsoids, Orientation, Scene, Sheet, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -246,5 +246,23 @@ impl Ellipsoids {
     /// Splats that emit, all with the same kernel.
     pub(super) fn of_volume(orientation: Orientation) -> Self {
         Ellipsoids { orientations: vec![orientation], amplitude: super::Amplitude::LineIntegral, preshaded: true, sorted: false }
+    }
+}
+
+impl Scene {
+    /// Enlarges kernels, the same in all directions, until the thinnest axis of each is as wide on the screen as the low-pass filter, and
+    /// takes the filter away (Swan et al., *An Anti-Aliasing Technique for Splatting*, 1997). What a kernel emits in all stays the same.
+    pub(super) fn scale_kernels(&mut self) {
+        let (view, filter) = (self.view(), self.kernel.low_pass.sqrt());
+        let Some(ellipsoids) = &self.ellipsoids else { return };
+        for (index, splat) in self.splats.iter_mut().enumerate() {
+            let depth = view.rotation.row(2).dot(splat.position - view.eye);
+            let thinnest_px = view.focal_px * splat.radius * ellipsoids.orientation(index).scales.min_element() / depth;
+            // What lies behind the eye is not drawn.
+            let factor = if thinnest_px > 0.0 { (filter / thinnest_px).max(1.0) } else { 1.0 };
+            splat.radius *= factor;
+            splat.opacity /= factor * factor;
+        }
+        self.kernel.low_pass = 0.0;
     }
 }

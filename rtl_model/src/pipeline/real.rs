@@ -124,7 +124,7 @@ impl Elaborated {
 
     /// The light that a splat sends which is lit before it is drawn, from its own colour and normal.
     pub fn real_emission<R: Real>(&self, lighting: &Lighting<R>, rgb: [R; 3], normal: [R; 3], material: u32) -> [R; 3] {
-        let one = R::constant(1.0);
+        let one = rgb[0].beside(1.0);
         let (rgb, normal) = self.fragment.real_emitting(rgb, normal);
         let [r, g, b, _] = self.shade.real(lighting, &Sums { weight: one, rgb, opacity: one, normal, material });
         [r, g, b].map(|channel| channel.fit(&self.emission, Scale::ONE))

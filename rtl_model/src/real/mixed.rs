@@ -136,6 +136,10 @@ impl Real for Mixed<'_> {
         Mixed { value, switches: None }
     }
 
+    fn beside(self, value: f64) -> Self {
+        self.with(value)
+    }
+
     fn plus(self, constant: f64) -> Self {
         self.with(self.value + constant)
     }

@@ -7,45 +7,29 @@ use super::pixel::{Arrival, Common};
 use crate::golden::shade::over;
 use crate::golden::sheets::closed;
 use crate::quantise::Quantised;
-use crate::scene::{Opacity, Scene, Sheet, Sheets};
+use crate::registers::{Bounded, SheetWords};
+use crate::scene::{Scene, Sheet};
 use glam::{DVec3, DVec4};
 use rtl_model::machine::Elaborated;
 use rtl_model::real::{Near, Real};
 use rtl_model::units::fragment::Decision;
-use rtl_model::units::fragment::sheets::Registers;
-use rtl_model::units::fragment::sheets::real::Ratio;
 
 /// What the whole frame has in common.
 pub struct SheetRules<'a> {
-    sheets: &'a Sheets,
+    words: SheetWords<'a, Near>,
     sorted: bool,
-    registers: Registers<'a>,
-    ratio: Ratio,
-    stop: Near,
-    most_weight: Near,
-    /// Lesser weights make no fragment.
-    pub least_weight: Near,
 }
 
 impl<'a> SheetRules<'a> {
     /// None where fragments are grouped by depth.
     pub fn new(scene: &'a Scene, machine: &Elaborated, quantised: &'a Quantised) -> Option<Self> {
-        let (sheets, held) = (scene.sheets.as_ref()?, quantised.frame.sheets.as_ref()?);
-        let weight = machine.machine.gauss.weight;
-        let ratio = match sheets.opacity {
-            // 1/x beyond 1, of which the second derivative is 2/x³.
-            Opacity::Linear => Ratio { exact: |depth| Opacity::Linear.over_depth(depth), curves: [1.0, 2.0] },
-            Opacity::Exponential => Ratio { exact: |depth| Opacity::Exponential.over_depth(depth), curves: [0.5, 1.0 / 3.0] },
-        };
-        Some(SheetRules {
-            sheets,
-            sorted: scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted),
-            registers: machine.fragment.sheets(held),
-            ratio,
-            stop: Near::held(sheets.stop, machine.machine.fragment.opacity_sum, held.stop),
-            most_weight: Near::held(sheets.most_weight, weight, held.most_weight),
-            least_weight: Near::held(sheets.least_weight, weight, held.least_weight),
-        })
+        let sorted = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted);
+        Some(SheetRules { words: SheetWords::new(&Bounded, scene, machine, quantised)?, sorted })
+    }
+
+    /// Lesser weights make no fragment.
+    pub fn least_weight(&self) -> Near {
+        self.words.least_weight
     }
 }
 
@@ -83,29 +67,29 @@ impl SheetPixel {
             return;
         }
         self.ask_for_order(rules, common, arrival, flips);
-        let each = rules.sheets.of == Sheet::Splat;
+        let each = rules.words.sheets.of == Sheet::Splat;
         if let (Decision::Accumulated(_), Some(open)) = (decision, &mut self.open) {
             open.add(common, arrival, arrival.weight);
             return;
         }
         let mut fresh = Open { weight: 0.0, rgb: DVec3::ZERO, sums: [Near::exact(0.0); 4] };
-        fresh.add(common, arrival, if each { arrival.weight.min(rules.most_weight) } else { arrival.weight });
+        fresh.add(common, arrival, if each { arrival.weight.min(rules.words.most_weight) } else { arrival.weight });
         let done = if each { Some(fresh) } else { self.open.take() };
         let dropped = decision == Decision::Dropped;
         if let Some(done) = done {
             let (golden, composite) = self.blended(rules, common, &done);
             let through = Near::within(1.0 - golden.w, composite[3].around(golden.w).error);
-            let stops = !rules.sheets.back_to_front && through.value < rules.sheets.stop;
+            let stops = !rules.words.sheets.back_to_front && through.value < rules.words.sheets.stop;
             // Each on its own: where the last is kept, the machine's stop shows one contribution later.
-            if !each || !rules.sheets.keeps_last {
+            if !each || !rules.words.sheets.keeps_last {
                 if stops != dropped {
-                    flips.eviction(through.may_cross(rules.stop));
+                    flips.eviction(through.may_cross(rules.words.stop));
                 }
             } else if dropped {
                 self.stopped = true;
                 return;
             }
-            if !dropped || rules.sheets.keeps_last {
+            if !dropped || rules.words.sheets.keeps_last {
                 (self.golden, self.composite) = (golden, composite);
             }
         }
@@ -131,12 +115,12 @@ impl SheetPixel {
 
     /// The composite after one more sheet.
     fn blended(&self, rules: &SheetRules, common: &Common, sheet: &Open) -> (DVec4, [Near; 4]) {
-        let exact = closed(rules.sheets, sheet.weight, sheet.rgb);
+        let exact = closed(rules.words.sheets, sheet.weight, sheet.rgb);
         let [weight, r, g, b] = sheet.sums;
-        let near = common.machine.real_close(weight, [r, g, b], &rules.registers, &rules.ratio);
+        let near = common.machine.real_close(weight, [r, g, b], &rules.words.registers, &rules.words.ratio);
         let near = around(near, exact);
         let before = common.machine.real_read(self.composite);
-        let (golden, composite) = if rules.sheets.back_to_front {
+        let (golden, composite) = if rules.words.sheets.back_to_front {
             (over(exact, self.golden), common.machine.real_merge(near, before))
         } else {
             (over(self.golden, exact), common.machine.real_merge(before, near))

@@ -5,7 +5,7 @@
 
 use super::Gauss;
 use crate::num::table;
-use crate::real::{Real, Scale};
+use crate::real::{Real, Scale, power_of_two};
 
 impl Gauss {
     /// How far the table may lie from e^(−r/2), before its result is fitted.
@@ -15,7 +15,7 @@ impl Gauss {
 
     /// The table's arguments are below this.
     fn range(&self) -> f64 {
-        f64::from(self.radial_index.word.format.int_bits).exp2()
+        power_of_two(self.radial_index.word.format.int_bits)
     }
 
     /// A·e^(−r/2).

@@ -31,7 +31,7 @@ impl Fragment {
             let range = self.ratio_range();
             let [slope, curvature] = ratio.curves;
             let table_error = error(table.fit(), table.interpolation(), table.step() * range, slope, curvature);
-            weight.fit(&own.index, Scale::ONE).table(table, range, ratio.exact, table_error)
+            weight.fit(&own.index, Scale::ONE).table(table, range, ratio.exact, table_error).fit(table.fit(), Scale::ONE)
         };
         let Some(table) = &registers.ratio else {
             let [of_weight, of_colour] = &own.plain;
