@@ -5,7 +5,7 @@ use crate::fixed;
 use crate::golden::{self, Arrival, Story};
 use crate::quantise::{Scale, quantise};
 use crate::report::{aligned, plain_table};
-use crate::scene::Scene;
+use crate::scene::{Scene, Sheet};
 use rtl_model::Machine;
 use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
@@ -13,6 +13,7 @@ use rtl_model::probe::Watcher;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
 use std::any::Any;
+use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 
 /// Watches one pixel.
@@ -68,13 +69,13 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
             height - 1
         )));
     }
-    scene.of_discs("explain tells the story of")?;
     let elaborated = fixed::elaborate(machine)?;
     let quantised = quantise(scene, machine)?;
     let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
     let drawing = pipeline::draw_decided(&elaborated, &quantised.frame, &mut witness);
     let story = golden::story(scene, &fixed::rules(machine), x, y);
-    let told = Told { machine: &elaborated, scale: quantised.scale, fixed: &witness, golden: &story };
+    let told =
+        Told { machine: &elaborated, scale: quantised.scale, fixed: &witness, golden: &story, sheet: scene.sheets.as_ref().map(|s| &s.of) };
 
     let mut text = format!("pixel {x},{y} of {} on {}\n\n", scene.name, machine.name);
     let _ = writeln!(text, "{}\n", told.contributions());
@@ -89,21 +90,31 @@ struct Told<'a> {
     scale: Scale,
     fixed: &'a Witness,
     golden: &'a Story,
+    /// None where fragments are grouped by depth.
+    sheet: Option<&'a Sheet>,
 }
 
 /// A contribution on the machine, in `golden`, or in both.
 type Pair<'a> = (Option<&'a (Contribution, Decision)>, Option<&'a Arrival>);
 
 impl Told<'_> {
-    /// Both lists are in splat order: brings equal splats side by side.
+    /// Brings equal splats side by side, in the machine's order; what only `golden` has comes before what follows it there.
     fn pairs(&self) -> Vec<Pair<'_>> {
-        let (mut fixed, mut golden) = (self.fixed.contributions.iter().peekable(), self.golden.arrivals.iter().peekable());
-        let mut pairs = Vec::new();
-        loop {
-            let next = [fixed.peek().map(|(c, _)| c.splat as usize), golden.peek().map(|a| a.splat)];
-            let Some(splat) = next.into_iter().flatten().min() else { return pairs };
-            pairs.push((fixed.next_if(|(c, _)| c.splat as usize == splat), golden.next_if(|a| a.splat == splat)));
+        let (fixed, golden) = (&self.fixed.contributions, &self.golden.arrivals);
+        let in_golden: HashMap<usize, usize> = golden.iter().enumerate().map(|(nth, arrival)| (arrival.splat, nth)).collect();
+        let in_fixed: HashSet<usize> = fixed.iter().map(|(contribution, _)| contribution.splat as usize).collect();
+        let mut alone = golden.iter().enumerate().filter(|(_, arrival)| !in_fixed.contains(&arrival.splat)).peekable();
+        let mut pairs: Vec<Pair> = Vec::new();
+        for told in fixed {
+            let splat = told.0.splat as usize;
+            let nth = in_golden.get(&splat).copied();
+            while let Some((_, arrival)) = alone.next_if(|(other, arrival)| nth.map_or(arrival.splat < splat, |nth| *other < nth)) {
+                pairs.push((None, Some(arrival)));
+            }
+            pairs.push((Some(told), nth.map(|nth| &golden[nth])));
         }
+        pairs.extend(alone.map(|(_, arrival)| (None, Some(arrival))));
+        pairs
     }
 
     fn world_depth(&self, word: i64) -> f64 {
@@ -121,7 +132,7 @@ impl Told<'_> {
             let splat = fixed.map(|(c, _)| c.splat as usize).or(golden.map(|a| a.splat)).unwrap_or_default();
             let mut row = vec![splat.to_string()];
             row.extend(fixed.map_or_else(nothing, |(c, decision)| self.machine_row(c, *decision)));
-            row.extend(golden.map_or_else(nothing, golden_row));
+            row.extend(golden.map_or_else(nothing, |arrival| self.golden_row(arrival)));
             let flip = row[4] != row[8];
             flips += usize::from(flip);
             row.push(if flip { "◄".into() } else { String::new() });
@@ -134,21 +145,47 @@ impl Told<'_> {
 
     fn machine_row(&self, c: &Contribution, decision: Decision) -> [String; 4] {
         let gauss = &self.machine.machine.gauss;
-        let decision = match decision {
-            Decision::Accumulated(slot) => format!("add to {slot}"),
-            Decision::Inserted(slot) => format!("open {slot}"),
-            Decision::Merged(front, back) => format!("merge {front}+{back}"),
-            Decision::Evicted(true) => "evicted".into(),
-            Decision::Evicted(false) => "evict deepest".into(),
-            Decision::Replaced => "replace".into(),
-            Decision::Dropped => "drop".into(),
-        };
+        let decision = self.sheet_decision(c.splat as usize, machine_fate(decision)).unwrap_or_else(|| machine_decision(decision));
         [
             format!("{:.5}", gauss.radial_index.format.value(c.radial_index)),
             format!("{:.6}", gauss.weight.format.value(c.weight)),
             format!("{:.5}", self.world_depth(c.depth)),
             decision,
         ]
+    }
+
+    fn golden_row(&self, arrival: &Arrival) -> [String; 4] {
+        let told = self.sheet_decision(arrival.splat, golden_fate(arrival.decision));
+        let decision = told.unwrap_or_else(|| golden_decision(arrival.decision));
+        [format!("{:.5}", arrival.radial_index), format!("{:.6}", arrival.weight), format!("{:.5}", arrival.z), decision]
+    }
+
+    /// None where fragments are grouped by depth.
+    fn sheet_decision(&self, splat: usize, fate: Fate) -> Option<String> {
+        Some(match (self.sheet?, fate) {
+            (_, Fate::Dropped) => "too late".into(),
+            (Sheet::Splat, _) => "blend".into(),
+            (Sheet::Slice(numbers), Fate::Added) => format!("add to {}", numbers[splat]),
+            (Sheet::Slice(numbers), Fate::Opened) => format!("open {}", numbers[splat]),
+        })
+    }
+
+    /// What all sheets come to.
+    fn composite(&self) -> String {
+        let premultiplied = self.machine.machine.shade.premultiplied.format;
+        let mut table = plain_table(&["all sheets", "red", "green", "blue", "opacity"]);
+        let fixed = self.fixed.layers.iter().map(|layer| {
+            let [r, g, b] = layer.colour;
+            ("fixed", [r, g, b, layer.opacity].map(|word| premultiplied.value(word)))
+        });
+        let golden = self.golden.layers.iter().map(|layer| {
+            let [r, g, b] = layer.colour;
+            ("golden", [r, g, b, layer.coverage])
+        });
+        for (name, channels) in fixed.chain(golden) {
+            table.add_row(std::iter::once(name.to_owned()).chain(channels.map(|channel| format!("{channel:.5}"))));
+        }
+        format!("All sheets together; colour is multiplied by opacity:\n\n{}", aligned(table))
     }
 
     fn layers(&self) -> String {
@@ -170,6 +207,9 @@ impl Told<'_> {
         }
         if self.fixed.layers.is_empty() && self.golden.layers.is_empty() {
             return "Nothing is left to blend: the pixel is background.".into();
+        }
+        if self.sheet.is_some() {
+            return self.composite();
         }
         format!("Layers at the end, front to back; colour is shaded and multiplied by opacity:\n\n{}", aligned(table))
     }
@@ -193,8 +233,20 @@ fn nothing() -> [String; 4] {
     std::array::from_fn(|column| if column == 3 { "none".into() } else { "–".into() })
 }
 
-fn golden_row(arrival: &Arrival) -> [String; 4] {
-    let decision = match arrival.decision {
+fn machine_decision(decision: Decision) -> String {
+    match decision {
+        Decision::Accumulated(slot) => format!("add to {slot}"),
+        Decision::Inserted(slot) => format!("open {slot}"),
+        Decision::Merged(front, back) => format!("merge {front}+{back}"),
+        Decision::Evicted(true) => "evicted".into(),
+        Decision::Evicted(false) => "evict deepest".into(),
+        Decision::Replaced => "replace".into(),
+        Decision::Dropped => "drop".into(),
+    }
+}
+
+fn golden_decision(decision: golden::Decision) -> String {
+    match decision {
         golden::Decision::Accumulated { slot } => format!("add to {slot}"),
         golden::Decision::Inserted { slot } => format!("open {slot}"),
         golden::Decision::Merged { slot, .. } => format!("merge {slot}+{}", slot + 1),
@@ -202,6 +254,29 @@ fn golden_row(arrival: &Arrival) -> [String; 4] {
         golden::Decision::Evicted { slot: Some(_) } => "evict deepest".into(),
         golden::Decision::Replaced => "replace".into(),
         golden::Decision::Dropped => "drop".into(),
-    };
-    [format!("{:.5}", arrival.radial_index), format!("{:.6}", arrival.weight), format!("{:.5}", arrival.z), decision]
+    }
+}
+
+/// What can become of a contribution where fragments are grouped by sheets.
+#[derive(Clone, Copy)]
+enum Fate {
+    Added,
+    Opened,
+    Dropped,
+}
+
+fn machine_fate(decision: Decision) -> Fate {
+    match decision {
+        Decision::Accumulated(_) => Fate::Added,
+        Decision::Dropped => Fate::Dropped,
+        _ => Fate::Opened,
+    }
+}
+
+fn golden_fate(decision: golden::Decision) -> Fate {
+    match decision {
+        golden::Decision::Accumulated { .. } => Fate::Added,
+        golden::Decision::Dropped => Fate::Dropped,
+        _ => Fate::Opened,
+    }
 }

@@ -336,6 +336,14 @@ fn explain_tells_the_story_of_a_pixel() {
         assert!(text.contains(part), "{part} is absent from {text}");
     }
     assert!(text.lines().all(|line| line == line.trim_end()), "{text}");
+    for (scene, machine, parts) in [
+        ("nested-shells", "volume", ["open ", "add to ", "All sheets together", "fixed "]),
+        ("bouquet", "gaussian", ["blend", "too late", "All sheets together", "golden "]),
+    ] {
+        let text = says(&["explain", scene, "--pixel", "256,256"]);
+        assert!(text.starts_with(&format!("pixel 256,256 of {scene} on {machine}\n")), "{text}");
+        assert!(parts.iter().all(|part| text.contains(part)), "{text}");
+    }
     let sky = says(&["explain", "glass-spheres", "--pixel", "0,0"]);
     assert!(sky.contains("No splat touches this pixel.") && sky.contains("the pixel is background"), "{sky}");
 }

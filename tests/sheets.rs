@@ -13,7 +13,7 @@ use rtl_model::{Drawing, Machine};
 use serde_json::{Value, json};
 use splatsim::compare::{Lockstep, lockstep, metrics};
 use splatsim::golden::{self, Rendering};
-use splatsim::scene::{Amplitude, Overrides, Scene};
+use splatsim::scene::{self, Amplitude, Overrides, Scene, Splat};
 use splatsim::{fixed, machines, quantise};
 
 const SIZE: (usize, usize) = (160, 128);
@@ -283,4 +283,64 @@ fn what_a_machine_cannot_draw_is_refused() {
     }
     let immediate = machines::load("gaussian", &["timing.organisation=\"immediate\"".into()]).unwrap();
     assert!(fixed::elaborate(&immediate).unwrap_err().to_string().contains("a sort needs all splats first"));
+}
+
+/// A voxel 4 wide and 1 high becomes as much larger in both directions as it must to be as wide as the filter where it is thinnest.
+#[test]
+fn scaled_kernels_are_as_wide_as_the_filter_and_emit_as_much() {
+    let of = |by: &str| {
+        changed("fuzzy-clouds", |scene| {
+            scene["splats"]["volume"]["samples"] = json!(24);
+            scene["kernel"] = json!({"low_pass": 25.0, "low_pass_by": by});
+        })
+    };
+    let (convolved, scaled) = (of("convolution"), of("scaling"));
+    assert_eq!((convolved.kernel.low_pass, scaled.kernel.low_pass), (25.0, 0.0));
+    let view = scaled.view();
+    let thinnest = scaled.ellipsoids.as_ref().unwrap().orientation(0).scales.min_element();
+    let mut enlarged = 0;
+    for (before, after) in convolved.splats.iter().zip(&scaled.splats) {
+        let px = |splat: &Splat| view.focal_px * splat.radius * thinnest / (view.rotation * (splat.position - view.eye)).z;
+        assert!((px(after) - px(before).max(5.0)).abs() < 1e-9, "{} {}", px(before), px(after));
+        let emitted = |splat: &Splat| splat.opacity * splat.radius * splat.radius;
+        assert!((emitted(after) / emitted(before) - 1.0).abs() < 1e-12);
+        enlarged += u32::from(after.radius > before.radius);
+    }
+    assert!(enlarged > 0);
+    let machine = usual(&scaled);
+    assert!(draw(&scaled, &machine).1 > 55.0);
+    assert_eq!(fault(&in_lockstep(&scaled, &machine)), None);
+}
+
+#[test]
+fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
+    let told = |scene: Value| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("scene.json");
+        std::fs::write(&path, scene.to_string()).unwrap();
+        Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap_err().to_string()
+    };
+    for splats in [json!({"builtin": "torus-knot"}), json!({"gaussians": "bouquet"})] {
+        let sentence = told(json!({"splats": splats, "kernel": {"low_pass_by": "scaling"}}));
+        assert!(sentence.contains("only the kernels of a volume are scaled"), "{sentence}");
+    }
+    for splats in [json!({"volume": {"builtin": "fuzzy-clouds", "samples": 8}}), json!({"gaussians": "bouquet"})] {
+        let sentence = told(json!({"splats": splats, "surface": {"cull_backfaces": true}}));
+        assert!(sentence.contains("neither voxels nor Gaussians have a back"), "{sentence}");
+    }
+}
+
+/// The stories of every ninth pixel.
+#[test]
+fn a_story_ends_as_the_picture_does() {
+    for (name, scene) in scenes() {
+        let scene = Scene { image: scene::Image { width: 40, height: 32, ..scene.image }, ..scene };
+        let golden = in_golden(&scene);
+        for index in (0..40 * 32).step_by(9) {
+            let story = golden::story(&scene, &golden::Rules::default(), index % 40, index / 40);
+            assert_eq!(story.rgba, golden.picture.rgba[index], "{name}");
+            assert_eq!(!story.arrivals.is_empty(), golden.picture.covered[index], "{name}");
+            assert_eq!(story.layers.len(), usize::from(golden.picture.covered[index]), "{name}");
+        }
+    }
 }

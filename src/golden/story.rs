@@ -1,15 +1,18 @@
 //! Story: everything that happened at one pixel of `golden`, told by the code that draws it.
 
-use super::footprint;
+use super::footprint::{self, Footprint};
 use super::fragments::{Fragment, Golden};
-use super::shade::Shader;
+use super::shade::{Shader, over};
+use super::sheets::{Fate, Pixel};
+use super::tiles::put_in_order;
 use super::{Decision, Rules};
-use crate::scene::Scene;
+use crate::scene::{Scene, Sheet, Sheets};
+use glam::DVec4;
 
 /// One pixel's life.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Story {
-    /// What reached the pixel, in splat order.
+    /// What reached the pixel, in the order in which it is drawn.
     pub arrivals: Vec<Arrival>,
     /// What was left at the end, front to back.
     pub layers: Vec<Layer>,
@@ -76,24 +79,46 @@ impl Layer {
 }
 
 /// Tells what [`super::render`] does at pixel (x, y). A pixel outside of the picture has an empty story.
+///
+/// Where fragments are grouped by sheets, slot 1 is the open sheet and slot 0 the composite of those before it, which is all that is left
+/// at the end.
 pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
     let shader = Shader::new(scene);
+    if let Some(sheets) = &scene.sheets {
+        return of_sheets(scene, sheets, &shader, x as u32, y as u32);
+    }
     let mut golden = Golden::new(rules, scene.surface.z_threshold, &shader);
-    let arrivals = arrivals(scene, x as u32, y as u32, &mut golden);
+    let arrivals = arrivals(scene, &shader, x as u32, y as u32, |fragment| golden.decide(0, fragment));
     let fragments = golden.fragments(0);
     let mut layers: Vec<Layer> = fragments.iter().enumerate().map(|(slot, fragment)| Layer::new(slot, fragment, &shader)).collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
     Story { arrivals, layers, rgba: shader.resolve(fragments) }
 }
 
-/// Sends everything that reaches the pixel to the painter's pixel 0.
-fn arrivals(scene: &Scene, x: u32, y: u32, golden: &mut Golden) -> Vec<Arrival> {
+fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) -> Story {
+    let mut pixel = Pixel::default();
+    let arrivals = arrivals(scene, shader, x, y, |fragment| match pixel.take(sheets, &fragment) {
+        Fate::Added => Decision::Accumulated { slot: 1 },
+        Fate::First => Decision::Inserted { slot: usize::from(sheets.of != Sheet::Splat) },
+        Fate::Next => Decision::Merged { slot: 0, place: 1 },
+        Fate::Dropped => Decision::Dropped,
+    });
+    let colour = pixel.colour(sheets);
+    let all = Fragment { rgb: colour.truncate(), alpha: colour.w, shaded: true, ..Fragment::default() };
+    let layers = if arrivals.is_empty() { Vec::new() } else { vec![Layer::new(0, &all, shader)] };
+    Story { arrivals, layers, rgba: over(colour, DVec4::from_array(shader.background())).to_array() }
+}
+
+/// Sends everything that reaches the pixel to whoever decides, in the order in which it is drawn.
+fn arrivals(scene: &Scene, shader: &Shader, x: u32, y: u32, mut decide: impl FnMut(Fragment) -> Decision) -> Vec<Arrival> {
     let view = scene.view();
     let footprints = (0..scene.splats.len()).filter_map(|index| footprint::set_up(scene, &view, index).ok());
-    let touching = footprints.filter(|footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y));
-    let arrivals = touching.filter_map(|footprint| {
+    let mut touching: Vec<Footprint> =
+        footprints.filter(|footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y)).collect();
+    put_in_order(scene, shader, &mut touching);
+    let arrivals = touching.iter().filter_map(|footprint| {
         let contribution = footprint.row(y).at(x)?;
-        let decision = golden.decide(0, Fragment::new(&footprint, &contribution));
+        let decision = decide(Fragment::new(footprint, &contribution));
         let (splat, z) = (footprint.splat as usize, contribution.z);
         Some(Arrival { splat, radial_index: contribution.radial_index, weight: contribution.weight, z, decision })
     });

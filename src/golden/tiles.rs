@@ -50,15 +50,19 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
 ) -> Rendering {
     let (mut footprints, culled) = set_up(scene);
     footprints.iter_mut().for_each(|footprint| footprint.least_weight = least_weight);
-    if let Some(ellipsoids) = &scene.ellipsoids {
-        if ellipsoids.preshaded {
-            footprints.par_iter_mut().for_each(|footprint| footprint.rgb = shader.emission(footprint));
-        }
-        if ellipsoids.sorted {
-            footprints.sort_by(|a, b| a.z().total_cmp(&b.z()));
-        }
-    }
+    put_in_order(scene, shader, &mut footprints);
     Rendering { culled, ..fill(&scene.image, &footprints, shader.background(), painter) }
+}
+
+/// Lights and sorts footprints, as far as the scene's are lit and sorted before they are drawn.
+pub(super) fn put_in_order(scene: &Scene, shader: &Shader, footprints: &mut [Footprint]) {
+    let Some(ellipsoids) = &scene.ellipsoids else { return };
+    if ellipsoids.preshaded {
+        footprints.par_iter_mut().for_each(|footprint| footprint.rgb = shader.emission(footprint));
+    }
+    if ellipsoids.sorted {
+        footprints.sort_by(|a, b| a.z().total_cmp(&b.z()));
+    }
 }
 
 /// Draws footprints, in their order.
