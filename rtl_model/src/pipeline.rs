@@ -193,6 +193,9 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         whole.culled.absorb(&part.culled);
         probe.absorb(fork);
     }
+    if P::WORK && frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded) {
+        probe.preshaded();
+    }
     if let (Some(sort), true) = (&machine.sort, frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted)) {
         whole.sort(sort, probe);
     }

@@ -132,6 +132,8 @@ pub struct Work {
     pub footprints: Vec<Footprint>,
     /// In which order they are drawn: places among them; empty where they are drawn in input order.
     pub order: Vec<u32>,
+    /// Every drawn splat is lit before it is drawn.
+    pub preshaded: bool,
     /// Every tile that a box touches, by rows.
     pub tiles: Vec<Tile>,
 }
@@ -194,6 +196,7 @@ pub struct Recorder {
     footprints: Vec<Footprint>,
     culled: Vec<(u32, Fate)>,
     order: Vec<u32>,
+    preshaded: bool,
     tiles: Vec<Tile>,
     now: TileRecorder,
 }
@@ -204,13 +207,13 @@ pub const CULLED: [Fate; 5] = [Fate::Near, Fate::Outside, Fate::Backface, Fate::
 impl Recorder {
     /// What was recorded of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
-        let Recorder { footprints, culled, order, mut tiles, .. } = self;
+        let Recorder { footprints, culled, order, preshaded, mut tiles, .. } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
         for (splat, fate) in culled {
             fates[splat as usize] = fate;
         }
         tiles.sort_by_key(|tile| [tile.corner[1], tile.corner[0]]);
-        Work { width, height, fates, footprints, order, tiles }
+        Work { width, height, fates, footprints, order, preshaded, tiles }
     }
 
     /// A recorder of another part.
@@ -235,6 +238,11 @@ impl Recorder {
     /// All splats with a box have been told; they are drawn in this order.
     pub fn sorted(&mut self, order: Vec<u32>) {
         self.order = order;
+    }
+
+    /// Every splat with a box is lit before it is drawn.
+    pub fn preshaded(&mut self) {
+        self.preshaded = true;
     }
 
     /// A splat has a box.

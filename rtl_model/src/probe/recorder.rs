@@ -26,6 +26,10 @@ impl Probe for Recorder {
         Recorder::sorted(self, order);
     }
 
+    fn preshaded(&mut self) {
+        Recorder::preshaded(self);
+    }
+
     #[inline(always)]
     fn drawn(&mut self, splat: u32, sides: [[u16; 2]; 2]) {
         Recorder::drawn(self, splat, sides);

@@ -1,7 +1,7 @@
 //! Binned: a list for each tile first; then tile after tile on the chip.
 //!
 //! ```text
-//! memory ─► fetch ─► project ─► ellipse ─► bin ─► memory              every splat once: its record, an entry for each tile of its box
+//! memory ─► fetch ─► project ─► ellipse [─► shade] ─► bin ─► memory   every splat once: its record, an entry for each tile of its box
 //! memory ◄─► sort                                                      every entry, once a digit of its depth, if splats are sorted
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
@@ -95,7 +95,9 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     }
     let mut units = vec![setup.fetch, setup.project, setup.ellipse, bin];
     units.extend((!work.order.is_empty()).then_some(sort));
-    units.extend([list, fill.raster, fill.gauss, merge.fragment, merge.shade]);
+    // Of sheets nothing is shaded any more.
+    let shade = setup.shade.unwrap_or(merge.shade);
+    units.extend([list, fill.raster, fill.gauss, merge.fragment, shade]);
     if t.timing.tile.buffers == 2 {
         units.push(lit);
     }
@@ -107,8 +109,8 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
 fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Memory, logged: bool) -> (SetUp<'a>, Unit, u64) {
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
-    let mut setup = SetUp::new(t, "bin", logged);
-    let mut bin = Unit::new("bin", Pace { units: 1, latency: 1, interval: 1, fifo: 1 }, Some("ellipse"), None, logged);
+    let mut setup = SetUp::new(t, work, "bin", logged);
+    let mut bin = Unit::new("bin", Pace { units: 1, latency: 1, interval: 1, fifo: 1 }, Some(SetUp::last_name(work)), None, logged);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
     let mut fates = work.fates.iter().zip(0..).peekable();
@@ -118,7 +120,7 @@ fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Mem
     for (nth, footprint) in work.footprints.iter().enumerate() {
         // What is fetched before bin takes the next splat asks before it, as far as there is room.
         while let Some((fate, index)) = fates.next_if(|(_, index)| match ahead.front() {
-            Some(here) => setup.ellipse.behind.is_known() && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here),
+            Some(here) => setup.is_known() && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here),
             None => true,
         }) {
             if let Some(here) = setup.splat(index, *fate, memory) {

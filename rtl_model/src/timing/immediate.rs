@@ -49,8 +49,8 @@ impl Lines {
 pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, logged);
-    let mut setup = SetUp::new(t, "raster", logged);
-    let mut fill = Fill::new(t, "ellipse", "cache", logged);
+    let mut setup = SetUp::new(t, work, "raster", logged);
+    let mut fill = Fill::new(t, SetUp::last_name(work), "cache", logged);
     let mut lookup = Unit::new("cache", t.cache, Some("gauss"), Some("fragment"), logged);
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
@@ -96,7 +96,9 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     }
     let mut resolve = Resolve::new(t, work, logged);
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
-    let units = [setup.fetch, setup.project, setup.ellipse, fill.raster, fill.gauss, lookup, merge.fragment, merge.shade, resolve.unit];
+    // Of sheets nothing is shaded any more.
+    let shade = setup.shade.unwrap_or(merge.shade);
+    let units = [setup.fetch, setup.project, setup.ellipse, fill.raster, fill.gauss, lookup, merge.fragment, shade, resolve.unit];
     Cycles { lookups: cache.lookups, slots: fill.slots, ..Cycles::of(units.into(), memory) }
 }
 

@@ -1,7 +1,7 @@
 //! Stages: the units that both organisations have, as far as they are wired alike.
 //!
 //! ```text
-//! SetUp: fetch ─► project ─► ellipse      Fill: raster ─► gauss      Merge: fragment ◄─► shade      Resolve: resolve ◄─► shade
+//! SetUp: fetch ─► project ─► ellipse [─► shade]    Fill: raster ─► gauss    Merge: fragment ◄─► shade    Resolve: resolve ◄─► shade
 //! ```
 //! Each goes through what it is given, one item after the other, and says when the next unit has it.
 
@@ -13,12 +13,14 @@ use crate::machine::timing::Elaborated;
 use crate::work::{Fate, Work};
 use std::ops::Range;
 
-/// Fetch, project and ellipse: one splat each.
+/// Fetch, project and ellipse, and shade where splats are lit before they are drawn: one splat each.
 pub struct SetUp<'a> {
     timing: &'a Elaborated,
     pub fetch: Unit,
     pub project: Unit,
     pub ellipse: Unit,
+    /// None where splats are not lit yet.
+    pub shade: Option<Unit>,
     outstanding: Outstanding,
     /// When the last splat was fetched.
     pub fetched: u64,
@@ -28,12 +30,14 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Elaborated, behind: &'static str, logged: bool) -> Self {
+    pub fn new(timing: &'a Elaborated, work: &Work, behind: &'static str, logged: bool) -> Self {
+        let after_ellipse = if work.preshaded { "shade" } else { behind };
         SetUp {
             timing,
             fetch: Unit::new("fetch", timing.fetch, None, Some("project"), logged),
             project: Unit::new("project", timing.project, Some("fetch"), Some("ellipse"), logged),
-            ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(behind), logged),
+            ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(after_ellipse), logged),
+            shade: work.preshaded.then(|| Unit::new("shade", timing.shade, Some("ellipse"), Some(behind), logged)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
             fetched: 0,
             bursts: 0,
@@ -90,15 +94,37 @@ impl<'a> SetUp<'a> {
         if !goes_on {
             return None;
         }
-        self.ellipse.behind.claim();
-        Some(now + u64::from(t.ellipse.latency))
+        let here = now + u64::from(t.ellipse.latency);
+        let Some(shade) = &mut self.shade else {
+            self.ellipse.behind.claim();
+            return Some(here);
+        };
+        self.ellipse.behind.take(now);
+        let now = shade.take(Ready { here, room: shade.behind.free(), ..Ready::default() }, t.shade.interval.into());
+        self.ellipse.behind.give(now);
+        shade.behind.claim();
+        Some(now + u64::from(t.shade.latency))
+    }
+
+    /// The name of its last unit.
+    pub fn last_name(work: &Work) -> &'static str {
+        if work.preshaded { "shade" } else { "ellipse" }
+    }
+
+    /// Whether it is known when another splat has room behind the last unit.
+    pub fn is_known(&self) -> bool {
+        self.shade.as_ref().unwrap_or(&self.ellipse).behind.is_known()
     }
 
     /// The next splat, which was here then, goes to the unit behind in this cycle.
     #[inline(always)]
     pub fn give(&mut self, here: u64, now: u64) {
-        self.ellipse.behind.count(here - u64::from(self.timing.ellipse.latency));
-        self.ellipse.behind.give(now);
+        let (behind, latency) = match &mut self.shade {
+            Some(shade) => (&mut shade.behind, self.timing.shade.latency),
+            None => (&mut self.ellipse.behind, self.timing.ellipse.latency),
+        };
+        behind.count(here - u64::from(latency));
+        behind.give(now);
     }
 }
 

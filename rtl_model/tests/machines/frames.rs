@@ -87,7 +87,6 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
 }
 
 /// The same of ellipsoids, by sheets, on a machine that has what they need.
-#[allow(dead_code, reason = "who compares cycles draws discs alone")]
 pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
     let mut frame = frame(machine, seed, wildness);
     let mut w = Words { dice: Dice(seed ^ 0x5eed), wildness };

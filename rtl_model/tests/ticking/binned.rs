@@ -153,11 +153,11 @@ impl<'a> Machine<'a> {
     }
 
     fn bin(&mut self) -> Act {
-        let Some(&splat) = self.setup.ellipses.front(self.now) else { return Act::Starve };
+        let Some(&splat) = self.setup.done().front(self.now) else { return Act::Starve };
         if !self.writes.is_free(self.now) {
             return Act::Wait;
         }
-        self.setup.ellipses.pop();
+        self.setup.done().pop();
         let burst = self.burst();
         let before = self.record_bytes / burst;
         self.record_bytes += u64::from(self.timing.prepared_bytes);
@@ -355,7 +355,8 @@ pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
     let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, .. } = machine;
     let slots = fill.taken();
     let lit = if timing.timing.tile.buffers == 2 { vec![lit] } else { Vec::new() };
-    let second = [fill.units(), vec![merge.fragment, merge.shade], lit, vec![resolve]].concat();
-    let units = [setup.units(), vec![bin, list.before(listed)], second].concat();
+    let (setup, shade) = setup.units();
+    let second = [fill.units(), vec![merge.fragment, shade.unwrap_or(merge.shade)], lit, vec![resolve]].concat();
+    let units = [setup, vec![bin, list.before(listed)], second].concat();
     Ticked { total, units, lookups: [0; 2], slots, traffic: memory.traffic }
 }

@@ -182,7 +182,7 @@ impl<'a> Machine<'a> {
     }
 
     fn raster(&mut self) -> Act {
-        self.fill.raster(self.now, &mut self.setup.ellipses, |splat| Some(slots_of(self.timing, self.scene, *splat, ALL)))
+        self.fill.raster(self.now, self.setup.done(), |splat| Some(slots_of(self.timing, self.scene, *splat, ALL)))
     }
 
     fn gauss(&mut self) -> Act {
@@ -331,6 +331,7 @@ pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let Machine { memory, setup, fill, cache, lines, looked_up, merge, resolve, .. } = machine;
     let slots = fill.taken();
-    let units = [setup.units(), fill.units(), vec![cache.before(looked_up), merge.fragment, merge.shade, resolve]].concat();
+    let (setup, shade) = setup.units();
+    let units = [setup, fill.units(), vec![cache.before(looked_up), merge.fragment, shade.unwrap_or(merge.shade), resolve]].concat();
     Ticked { total, units, lookups: lines.lookups, slots, traffic: memory.traffic }
 }

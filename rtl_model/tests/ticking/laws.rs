@@ -11,7 +11,7 @@ use rtl_model::work::Event;
 
 /// So many splats of the same pixel, of a picture of that one.
 fn dots(splats: usize, left: u8) -> Scene {
-    Scene { width: 1, height: 1, splats: vec![Splat::dot([0, 0], Event::Accumulated); splats], left: vec![left] }
+    Scene { width: 1, height: 1, splats: vec![Splat::dot([0, 0], Event::Accumulated); splats], left: vec![left], preshaded: false }
 }
 
 /// One of each unit, and FIFOs that hold what memory keeps waiting.
@@ -140,7 +140,13 @@ fn more_of_anything_but_requests_is_never_slower_if_tiles_are_binned() {
 /// a splat, which was asked for late, where of four it is a burst of the list.
 #[test]
 fn more_requests_can_be_slower_if_tiles_are_binned() {
-    let scene = Scene { width: 4, height: 1, splats: (0..4).map(|x| Splat::dot([x, 0], Event::Accumulated)).collect(), left: vec![0; 4] };
+    let scene = Scene {
+        width: 4,
+        height: 1,
+        splats: (0..4).map(|x| Splat::dot([x, 0], Event::Accumulated)).collect(),
+        left: vec![0; 4],
+        preshaded: false,
+    };
     let total = |outstanding: u32| {
         let timing =
             Timing { organisation: Organisation::Binned, memory: ideal(8, outstanding, 4), ..Machine::named("tiny").unwrap().timing };

@@ -221,7 +221,7 @@ pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, mut act
     unit(machine).count(now, reason);
 }
 
-/// Fetch, project and ellipse.
+/// Fetch, project and ellipse; and shade where splats are lit before they are drawn.
 pub struct SetUp<'a> {
     timing: &'a Elaborated,
     scene: &'a Scene,
@@ -232,7 +232,9 @@ pub struct SetUp<'a> {
     project: Unit,
     projected: Link<usize>,
     ellipse: Unit,
-    pub ellipses: Link<usize>,
+    ellipses: Link<usize>,
+    shade: Unit,
+    lit: Link<usize>,
 }
 
 impl<'a> SetUp<'a> {
@@ -248,6 +250,8 @@ impl<'a> SetUp<'a> {
             projected: Link::new(places(timing.project)),
             ellipse: Unit::new("ellipse", timing.ellipse.units),
             ellipses: Link::new(places(timing.ellipse)),
+            shade: Unit::new("shade", timing.shade.units),
+            lit: Link::new(places(timing.shade)),
         }
     }
 
@@ -308,11 +312,29 @@ impl<'a> SetUp<'a> {
         Act::Take(self.timing.ellipse.interval.into())
     }
 
+    fn shade(&mut self) -> Act {
+        let Some(&record) = self.ellipses.front(self.now) else { return Act::Starve };
+        if !self.lit.has_room() {
+            return Act::Block;
+        }
+        self.ellipses.pop();
+        self.lit.push(self.now + u64::from(self.timing.shade.latency), record);
+        Act::Take(self.timing.shade.interval.into())
+    }
+
+    /// What the next unit takes from.
+    pub fn done(&mut self) -> &mut Link<usize> {
+        if self.scene.preshaded { &mut self.lit } else { &mut self.ellipses }
+    }
+
     pub fn tick(&mut self, memory: &mut Memory) {
         let now = self.now;
         turn(self, now, |m| &mut m.fetch, |m| m.fetch(memory));
         turn(self, now, |m| &mut m.project, Self::project);
         turn(self, now, |m| &mut m.ellipse, Self::ellipse);
+        if self.scene.preshaded {
+            turn(self, now, |m| &mut m.shade, Self::shade);
+        }
     }
 
     /// After all that happens in a cycle.
@@ -320,18 +342,21 @@ impl<'a> SetUp<'a> {
         self.records.tick();
         self.projected.tick();
         self.ellipses.tick();
+        self.lit.tick();
         self.now += 1;
     }
 
     pub fn is_done(&self) -> bool {
-        let waiting = [self.records.items.len(), self.projected.items.len(), self.ellipses.items.len()];
+        let waiting = [self.records.items.len(), self.projected.items.len(), self.ellipses.items.len(), self.lit.items.len()];
         self.fetch.log.len() == self.scene.splats.len()
-            && waiting == [0; 3]
-            && [&self.fetch, &self.project, &self.ellipse].iter().all(|unit| unit.is_idle(self.now))
+            && waiting == [0; 4]
+            && [&self.fetch, &self.project, &self.ellipse, &self.shade].iter().all(|unit| unit.is_idle(self.now))
     }
 
-    pub fn units(self) -> Vec<Unit> {
-        vec![self.fetch.before(self.records), self.project.before(self.projected), self.ellipse.before(self.ellipses)]
+    /// Fetch, project and ellipse; and shade, if it is one of them.
+    pub fn units(self) -> (Vec<Unit>, Option<Unit>) {
+        let units = vec![self.fetch.before(self.records), self.project.before(self.projected), self.ellipse.before(self.ellipses)];
+        (units, self.scene.preshaded.then(|| self.shade.before(self.lit)))
     }
 }
 

@@ -39,6 +39,8 @@ pub struct Scene {
     pub height: u32,
     pub splats: Vec<Splat>,
     pub left: Vec<u8>,
+    /// Splats are lit before they are drawn.
+    pub preshaded: bool,
 }
 
 fn any_event(dice: &mut Dice, dull: u64) -> Event {
@@ -91,12 +93,23 @@ pub fn random(dice: &mut Dice, [width, height]: [u64; 2], splats: u64) -> Scene 
         .collect();
     let lit = dice.below(4);
     let left = (0..width * height).map(|_| if dice.below(4) < lit { dice.below(4) as u8 } else { 0 }).collect();
-    let mut scene = Scene { width, height, splats, left };
+    let mut scene = Scene { width, height, splats, left, preshaded: false };
     scene.clear_untouched();
     scene
 }
 
 impl Scene {
+    /// The same, its splats lit before they are drawn, and nothing after.
+    pub fn lit(mut self) -> Self {
+        self.left.fill(0);
+        self.splats.iter_mut().flat_map(|splat| &mut splat.pixels).for_each(|event| {
+            if let Some(Event::Merged(shaded)) = event {
+                *shaded = 0;
+            }
+        });
+        Scene { preshaded: true, ..self }
+    }
+
     /// Where no box touches a tile, nothing is left to shade.
     fn clear_untouched(&mut self) {
         let touched = |tile: [u16; 2]| {
@@ -121,6 +134,9 @@ impl Scene {
             recorder.culled(8 * first as u32, lanes);
         }
         let drawn = || self.splats.iter().enumerate().filter(|(_, splat)| splat.fate == Fate::Drawn);
+        if self.preshaded {
+            recorder.preshaded();
+        }
         for (place, splat) in drawn() {
             recorder.drawn(place as u32, [splat.columns, splat.rows]);
         }
@@ -197,6 +213,6 @@ impl Scene {
                 }
             }
         }
-        Scene { width: work.width, height: work.height, splats, left }
+        Scene { width: work.width, height: work.height, splats, left, preshaded: work.preshaded }
     }
 }
