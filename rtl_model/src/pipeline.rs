@@ -193,8 +193,8 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         whole.culled.absorb(&part.culled);
         probe.absorb(fork);
     }
-    if P::WORK && frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded) {
-        probe.preshaded();
+    if let (true, Some(ellipsoids)) = (P::WORK, &frame.ellipsoids) {
+        probe.ellipsoids(ellipsoids.preshaded, ellipsoids.own.is_empty());
     }
     if let (Some(sort), true) = (&machine.sort, frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted)) {
         whole.sort(sort, probe);
@@ -576,7 +576,7 @@ fn fill_as<const PLAIN: bool, L: Lane, P: Probe>(
         let shared = Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref() };
         let part =
             Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
-        let resolved = host.run(FillTile::<PLAIN, L, P> { shared, part, tile: &mut run.tile, probe: &mut run.probe });
+        let resolved = host.run(FillTile::<PLAIN, _, L, P> { host, shared, part, tile: &mut run.tile, probe: &mut run.probe });
         if let Some(ranges) = run.probe.again(nth, touched.len()) {
             fill_again(shared, part, ranges);
         }
@@ -671,7 +671,8 @@ impl Part<'_> {
     }
 }
 
-struct FillTile<'a, const PLAIN: bool, L, P> {
+struct FillTile<'a, const PLAIN: bool, H, L, P> {
+    host: H,
     shared: Shared<'a>,
     part: Part<'a>,
     tile: &'a mut Tile<L>,
@@ -681,10 +682,10 @@ struct FillTile<'a, const PLAIN: bool, L, P> {
 /// Draws a tile once more, for another to hear.
 #[inline(never)]
 fn fill_again(shared: Shared, part: Part, probe: &mut Ranges) {
-    plainly(FillTile::<false, i64, Ranges> { shared, part, tile: &mut Box::default(), probe });
+    plainly(FillTile::<false, Plainly, i64, Ranges> { host: Plainly, shared, part, tile: &mut Box::default(), probe });
 }
 
-impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
+impl<const PLAIN: bool, H: Host, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, H, L, P> {
     type Output = Resolved;
 
     #[inline(always)]
@@ -699,7 +700,7 @@ impl<const PLAIN: bool, L: Lane, P: Probe> Work for FillTile<'_, PLAIN, L, P> {
     }
 }
 
-impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
+impl<const PLAIN: bool, H: Host, L: Lane, P: Probe> FillTile<'_, PLAIN, H, L, P> {
     /// Splats, and fragments, that are worked on side by side.
     const AT_A_TIME: usize = if P::TRANSFERS { 1 } else { LANES };
 
@@ -783,8 +784,9 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
                     &shade,
                     tap,
                 ),
+                // A call of its own, so that surfaces pay nothing for it.
                 Some(registers) => {
-                    self::contribute_to_sheet::<PLAIN, V, L, P>(machine, tile, pixel, weight[lane], prepared, registers, tap)
+                    self.host.run(ToSheet::<PLAIN, L, P> { machine, tile, pixel, weight: weight[lane], prepared, registers, tap })
                 }
             };
             // Most are accumulated: those are what is left of the contributions in the end.
@@ -864,23 +866,30 @@ impl<const PLAIN: bool, L: Lane, P: Probe> FillTile<'_, PLAIN, L, P> {
     }
 }
 
-/// One contribution to a sheet. A call of its own, so that surfaces pay nothing for it.
-#[inline(never)]
-fn contribute_to_sheet<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
-    machine: &Elaborated,
-    tile: &mut Tile<L>,
+/// One contribution to a sheet.
+struct ToSheet<'a, 'p, const PLAIN: bool, L, P> {
+    machine: &'a Elaborated,
+    tile: &'a mut Tile<L>,
     pixel: u8,
     weight: i64,
-    prepared: &Prepared,
-    registers: &sheets::Registers,
-    tap: &mut Tap<P>,
-) -> Decision {
-    let splat = prepared.splat;
-    let sheet = match registers.sheets.each {
-        Each::Splat => splat,
-        Each::Slice => registers.sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
-    };
-    machine.fragment.contribute_to_sheet::<PLAIN, V, L, P>(tile, pixel, sheet, weight, &prepared.attributes, registers, tap)
+    prepared: &'a Prepared,
+    registers: &'a sheets::Registers<'a>,
+    tap: &'a mut Tap<'p, P>,
+}
+
+impl<const PLAIN: bool, L: Lane, P: Probe> Work for ToSheet<'_, '_, PLAIN, L, P> {
+    type Output = Decision;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> Decision {
+        let ToSheet { machine, tile, pixel, weight, prepared, registers, tap } = self;
+        let splat = prepared.splat;
+        let sheet = match registers.sheets.each {
+            Each::Splat => splat,
+            Each::Slice => registers.sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
+        };
+        machine.fragment.contribute_to_sheet::<PLAIN, V, L, P>(tile, pixel, sheet, weight, &prepared.attributes, registers, tap)
+    }
 }
 
 /// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.

@@ -98,8 +98,8 @@ pub trait Probe: Send + Sync + Sized {
     fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
     /// All splats with a box have been told; they are drawn in this order, each by its place among them.
     fn sorted(&mut self, _order: Vec<u32>) {}
-    /// Every splat with a box is lit before it is drawn.
-    fn preshaded(&mut self) {}
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
+    fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool) {}
     /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
     #[inline(always)]
     fn span(&mut self, _rows: usize, _left: usize, _places: &[u8]) {}

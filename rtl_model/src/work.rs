@@ -134,6 +134,8 @@ pub struct Work {
     pub order: Vec<u32>,
     /// Every drawn splat is lit before it is drawn.
     pub preshaded: bool,
+    /// All splats have the axes that lie in registers.
+    pub shared_axes: bool,
     /// Every tile that a box touches, by rows.
     pub tiles: Vec<Tile>,
 }
@@ -197,6 +199,7 @@ pub struct Recorder {
     culled: Vec<(u32, Fate)>,
     order: Vec<u32>,
     preshaded: bool,
+    shared_axes: bool,
     tiles: Vec<Tile>,
     now: TileRecorder,
 }
@@ -207,13 +210,13 @@ pub const CULLED: [Fate; 5] = [Fate::Near, Fate::Outside, Fate::Backface, Fate::
 impl Recorder {
     /// What was recorded of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
-        let Recorder { footprints, culled, order, preshaded, mut tiles, .. } = self;
+        let Recorder { footprints, culled, order, preshaded, shared_axes, mut tiles, .. } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
         for (splat, fate) in culled {
             fates[splat as usize] = fate;
         }
         tiles.sort_by_key(|tile| [tile.corner[1], tile.corner[0]]);
-        Work { width, height, fates, footprints, order, preshaded, tiles }
+        Work { width, height, fates, footprints, order, preshaded, shared_axes, tiles }
     }
 
     /// A recorder of another part.
@@ -240,9 +243,9 @@ impl Recorder {
         self.order = order;
     }
 
-    /// Every splat with a box is lit before it is drawn.
-    pub fn preshaded(&mut self) {
-        self.preshaded = true;
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
+    pub fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool) {
+        (self.preshaded, self.shared_axes) = (preshaded, shared_axes);
     }
 
     /// A splat has a box.

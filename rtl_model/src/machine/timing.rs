@@ -256,6 +256,9 @@ pub struct Elaborated {
     pub sort: Option<SortShape>,
     /// Bytes of a splat in memory.
     pub splat_bytes: u32,
+    /// The same where all splats of a frame have the axes that lie in registers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxel_bytes: Option<u32>,
     /// Bytes of a splat that is set up, in the memory of a binned machine.
     pub prepared_bytes: u32,
     /// Bytes of a fragment in the frame buffer.
@@ -376,7 +379,6 @@ impl Machine {
         let axes = l.ellipsoid.map_or(0, |ellipsoid| bits(&[(4, ellipsoid.quaternion), (3, ellipsoid.scale)]));
         let splat =
             bits(&[(3, self.splat.position), (3, self.splat.normal), (1, self.splat.radius), (3, self.splat.rgb), (1, self.splat.opacity)])
-                + axes
                 + 8;
         e.require(self.sort.is_none() || t.organisation == Organisation::Binned, || {
             "timing.organisation is immediate, but a sort needs all splats first: binned would do".into()
@@ -409,7 +411,8 @@ impl Machine {
             shade: Pace { interval: t.shade.interval.max(1), ..stage(t.shade.latency, shade, 1) },
             resolve: Pace { interval: t.resolve.interval.max(1), ..stage(t.resolve.latency, f.layers * (PRODUCT + SUM), 1) },
             sort,
-            splat_bytes: bytes(splat),
+            splat_bytes: bytes(splat + axes),
+            voxel_bytes: l.ellipsoid.map(|_| bytes(splat)),
             prepared_bytes: bytes(prepared),
             fragment_bytes,
             frame_bytes,

@@ -26,8 +26,8 @@ impl Probe for Recorder {
         Recorder::sorted(self, order);
     }
 
-    fn preshaded(&mut self) {
-        Recorder::preshaded(self);
+    fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool) {
+        Recorder::ellipsoids(self, preshaded, shared_axes);
     }
 
     #[inline(always)]

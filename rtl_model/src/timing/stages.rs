@@ -22,6 +22,7 @@ pub struct SetUp<'a> {
     /// None where splats are not lit yet.
     pub shade: Option<Unit>,
     outstanding: Outstanding,
+    splat_bytes: u64,
     /// When the last splat was fetched.
     pub fetched: u64,
     /// Bursts fetched so far, and when all of them are here.
@@ -39,6 +40,7 @@ impl<'a> SetUp<'a> {
             ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(after_ellipse), logged),
             shade: work.preshaded.then(|| Unit::new("shade", timing.shade, Some("ellipse"), Some(behind), logged)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
+            splat_bytes: timing.voxel_bytes.filter(|_| work.shared_axes).unwrap_or(timing.splat_bytes).into(),
             fetched: 0,
             bursts: 0,
             burst_here: 0,
@@ -49,7 +51,7 @@ impl<'a> SetUp<'a> {
     #[inline(always)]
     fn ready(&self, index: u64) -> (u64, Ready) {
         let burst = u64::from(self.timing.timing.memory.burst_bytes);
-        let needed = ((index + 1) * u64::from(self.timing.splat_bytes)).div_ceil(burst);
+        let needed = ((index + 1) * self.splat_bytes).div_ceil(burst);
         let memory = if needed > self.bursts { self.outstanding.free() } else { 0 };
         (needed, Ready { room: self.fetch.behind.free(), memory, ..Ready::default() })
     }

@@ -208,8 +208,11 @@ impl Lane for i64 {
         weight: i64,
         limits: &Limits<i64>,
     ) -> Option<Seen<V::Words>> {
+        // Words of at most 32 bits each: one multiplication.
+        let weight = weight as i32;
         for lane in 0..SUMS {
-            let rounded = (i64::from(attributes[lane]) * weight + limits.half[lane]) >> (limits.right[lane] & 63);
+            let product = i64::from(attributes[lane]) * i64::from(weight);
+            let rounded = (product + limits.half[lane]) >> (limits.right[lane] & 63);
             sums[lane] = (sums[lane] + rounded).max(limits.min[lane]).min(limits.max[lane]);
         }
         None

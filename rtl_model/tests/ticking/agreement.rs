@@ -156,7 +156,7 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
             }
         }
     }
-    seen.demand(20, never);
+    seen.demand(15, never);
 }
 
 #[test]

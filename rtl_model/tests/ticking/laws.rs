@@ -11,7 +11,14 @@ use rtl_model::work::Event;
 
 /// So many splats of the same pixel, of a picture of that one.
 fn dots(splats: usize, left: u8) -> Scene {
-    Scene { width: 1, height: 1, splats: vec![Splat::dot([0, 0], Event::Accumulated); splats], left: vec![left], preshaded: false }
+    Scene {
+        width: 1,
+        height: 1,
+        splats: vec![Splat::dot([0, 0], Event::Accumulated); splats],
+        left: vec![left],
+        preshaded: false,
+        shared_axes: false,
+    }
 }
 
 /// One of each unit, and FIFOs that hold what memory keeps waiting.
@@ -146,6 +153,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         splats: (0..4).map(|x| Splat::dot([x, 0], Event::Accumulated)).collect(),
         left: vec![0; 4],
         preshaded: false,
+        shared_axes: false,
     };
     let total = |outstanding: u32| {
         let timing =

@@ -257,7 +257,8 @@ impl<'a> SetUp<'a> {
 
     /// The bursts that a record lies in.
     fn bursts(&self, record: usize) -> RangeInclusive<usize> {
-        let [bytes, burst] = [self.timing.splat_bytes, self.timing.timing.memory.burst_bytes].map(|bytes| bytes as usize);
+        let of_splat = if self.scene.shared_axes { self.timing.voxel_bytes.unwrap() } else { self.timing.splat_bytes };
+        let [bytes, burst] = [of_splat, self.timing.timing.memory.burst_bytes].map(|bytes| bytes as usize);
         record * bytes / burst..=((record + 1) * bytes - 1) / burst
     }
 

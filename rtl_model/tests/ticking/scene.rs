@@ -41,6 +41,8 @@ pub struct Scene {
     pub left: Vec<u8>,
     /// Splats are lit before they are drawn.
     pub preshaded: bool,
+    /// Their axes lie in registers.
+    pub shared_axes: bool,
 }
 
 fn any_event(dice: &mut Dice, dull: u64) -> Event {
@@ -93,7 +95,7 @@ pub fn random(dice: &mut Dice, [width, height]: [u64; 2], splats: u64) -> Scene 
         .collect();
     let lit = dice.below(4);
     let left = (0..width * height).map(|_| if dice.below(4) < lit { dice.below(4) as u8 } else { 0 }).collect();
-    let mut scene = Scene { width, height, splats, left, preshaded: false };
+    let mut scene = Scene { width, height, splats, left, preshaded: false, shared_axes: false };
     scene.clear_untouched();
     scene
 }
@@ -134,9 +136,7 @@ impl Scene {
             recorder.culled(8 * first as u32, lanes);
         }
         let drawn = || self.splats.iter().enumerate().filter(|(_, splat)| splat.fate == Fate::Drawn);
-        if self.preshaded {
-            recorder.preshaded();
-        }
+        recorder.ellipsoids(self.preshaded, self.shared_axes);
         for (place, splat) in drawn() {
             recorder.drawn(place as u32, [splat.columns, splat.rows]);
         }
@@ -213,6 +213,6 @@ impl Scene {
                 }
             }
         }
-        Scene { width: work.width, height: work.height, splats, left, preshaded: work.preshaded }
+        Scene { width: work.width, height: work.height, splats, left, preshaded: work.preshaded, shared_axes: work.shared_axes }
     }
 }
