@@ -21,6 +21,7 @@ pub use point::{Beyond, Bounded, Found, Outcome, Pictures};
 use crate::error::{Error, Result};
 use crate::picture::write_beside;
 use crate::report::{aligned, plain_table};
+use crate::scene::Scene;
 use crate::{golden, machines, validate};
 use rayon::prelude::*;
 use rtl_model::Machine;
@@ -117,7 +118,7 @@ pub fn find(name: &str) -> Result<&'static Case> {
     CASES.iter().find(|case| case.name == name).ok_or_else(told)
 }
 
-/// Runs cases on the named machines, on their own variants and on whatever other machines are given.
+/// Runs cases on the named machines that can draw them, on their own variants and on whatever other machines are given.
 ///
 /// # Errors
 /// [`Error::Input`] where a machine cannot be built.
@@ -149,13 +150,19 @@ pub fn run(cases: &[&'static Case], others: &[Machine]) -> Result<Catalogue> {
     Ok(catalogue)
 }
 
+/// The named machines that draw a scene, the best first.
+fn names(scene: &Scene) -> Vec<&'static str> {
+    if scene.ellipsoids.is_some() { vec![machines::usual(scene)] } else { Machine::NAMES.to_vec() }
+}
+
 /// A case at one value on all machines.
 fn run_point(case: &Case, value: f64, others: &[Machine]) -> Result<Vec<(String, point::Measured)>> {
     let scene = (case.scene)(value);
     let ideal = golden::ideal(&scene).picture;
-    let mut machines: Vec<Machine> = Machine::NAMES.into_iter().filter_map(Machine::named).collect();
+    let named = names(&scene);
+    let mut machines: Vec<Machine> = named.iter().copied().filter_map(Machine::named).collect();
     if let Some(variant) = case.variant {
-        let mut machine = machines::load(Machine::NAMES[0], &(variant.settings)(value))?;
+        let mut machine = machines::load(named[0], &(variant.settings)(value))?;
         machine.name = variant.name.into();
         machines.push(machine);
     }
@@ -264,14 +271,15 @@ impl Catalogue {
     /// The table for a terminal, at most 80 columns wide.
     pub fn table(&self) -> String {
         let mut table = plain_table(&["case", "machine", "method", "arithmetic", "flips", "error", "bound > 1", "flipped"]);
-        for (case, machine) in self.machines() {
+        let cases = self.cases.iter().flat_map(|case| case.machines.iter().enumerate().map(move |(nth, machine)| (nth, case, machine)));
+        for (nth, case, machine) in cases {
             let by = match machine.arithmetic_fails_by {
                 Some(Failure::Bound) => " b",
                 Some(Failure::Refused) => " r",
                 Some(Failure::Error) => " e",
                 None => "",
             };
-            let shown = if machine.machine == Machine::NAMES[0] { case.name } else { "" };
+            let shown = if nth == 0 { case.name } else { "" };
             table.add_row([
                 shown.to_owned(),
                 cut(&machine.machine),

@@ -3,6 +3,8 @@
 //! Scenes look along +z from the origin, x to the right and y down, with [`FOCAL_PX`] pixels to a unit at depth 1. Values run
 //! from harmless to bad, so that the first one that fails is the limit.
 
+mod ellipsoids;
+
 use crate::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat, Surface};
 use glam::DVec3;
 use libm::{atan, cos, sin, sqrt};
@@ -31,7 +33,7 @@ pub struct Case {
     pub variant: Option<Variant>,
 }
 
-/// `reference` with something changed.
+/// `reference`, or the machine for the scene's ellipsoids, with something changed.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
     /// What to call it.
@@ -57,8 +59,19 @@ const COLOURS: [[f64; 3]; 4] = [RED, GREEN, BLUE, PALE];
 const UNLIT: u32 = 0;
 const LIT: u32 = 1;
 
-/// The catalogue.
-pub const CASES: [Case; 28] = [
+/// The catalogue: surfaces, then volumes and Gaussians.
+pub const CASES: [Case; 35] = {
+    let mut all = [SURFACES[0]; 35];
+    let mut nth = 0;
+    while nth < all.len() {
+        all[nth] = if nth < SURFACES.len() { SURFACES[nth] } else { ellipsoids::CASES[nth - SURFACES.len()] };
+        nth += 1;
+    }
+    all
+};
+
+/// The cases of surfaces.
+const SURFACES: [Case; 28] = [
     Case {
         name: "grazing",
         trouble: "discs turned until they are seen edge-on: amplitude to 0, depth slope without limit",

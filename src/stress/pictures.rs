@@ -47,8 +47,10 @@ pub fn write_chart(catalogue: &Catalogue, path: &Path) -> Result<()> {
 
 fn key() -> Words {
     let mut lines = vec![(Some((Mark::Line, METHOD)), "golden − ideal: the method's error".to_owned())];
-    let names = Machine::NAMES.into_iter().chain(["the case's own variant of reference"]);
-    lines.extend(names.enumerate().map(|(i, name)| (Some((Mark::Line, colour(i))), format!("fixed − led on {name}"))));
+    let names = [Machine::NAMES[0], Machine::NAMES[1], Machine::NAMES[2], "the case's own variant of reference"];
+    lines.extend(names.iter().enumerate().map(|(i, name)| (Some((Mark::Line, colour(i))), format!("fixed − led on {name}"))));
+    lines.push((None, "(of ellipsoids: volume or gaussian as reference,".into()));
+    lines.push((None, "its variant as lean)".into()));
     let rest = [
         (Some((Mark::Dashed, colour(0))), "its bound; at the top where it says nothing"),
         (Some((Mark::Dots, colour(0))), "fixed − golden: with flipped decisions"),
