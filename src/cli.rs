@@ -4,6 +4,7 @@ use crate::cost::{self, Cost, Prices};
 use crate::error::{Error, Result};
 use crate::explain::explain;
 use crate::preview::{self, Preview};
+use crate::recording::Recording;
 use crate::report::{MachineReport, aligned, plain_table, wrapped};
 use crate::run::{self, Asked, open_folder, timed};
 use crate::scene::{self, Overrides, Scene};
@@ -34,6 +35,8 @@ enum Command {
     /// Draw a scene on a machine and in exact arithmetic; compare
     #[command(after_help = NAMES)]
     Run(Run),
+    /// Time a frame again that `run --record` recorded
+    Replay(Replay),
     /// Drive small scenes into trouble: where methods fail, and machines
     #[command(after_help = STRESS)]
     Stress(Stress),
@@ -81,6 +84,9 @@ struct Run {
     /// Write the requests to memory too
     #[arg(long, requires = "out")]
     requests: bool,
+    /// Write what happened into this file, for `replay`
+    #[arg(long, value_name = "FILE", conflicts_with = "preview")]
+    record: Option<PathBuf>,
     /// Tell which words make the error (draws 170 frames)
     #[arg(long)]
     attribute: bool,
@@ -94,6 +100,30 @@ struct Run {
     #[arg(long)]
     ranges: bool,
     /// Print no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+#[derive(Args, Debug)]
+struct Replay {
+    /// The file that `run --record` wrote
+    #[arg(value_name = "FILE")]
+    record: PathBuf,
+    /// Change a field, as in timing.raster.fifo=4
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    settings: Vec<String>,
+    /// Replay with every value: timing.raster.fifo=1,2,4
+    #[arg(long, value_name = "PATH=A,…")]
+    timing: Option<Axes>,
+    /// Write cycles.json, tables and charts into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write the requests to memory too
+    #[arg(long, requires = "out")]
+    requests: bool,
+    #[command(flatten)]
+    threads: Threads,
+    /// Print no table
     #[arg(long)]
     quiet: bool,
 }
@@ -426,6 +456,7 @@ pub fn run_typed(arguments: impl IntoIterator<Item = OsString>) -> Result<String
     };
     match typed.command {
         Command::Run(arguments) => arguments.common.threads.run(|| arguments.run()),
+        Command::Replay(arguments) => arguments.threads.run(|| arguments.run()),
         Command::Stress(arguments) => arguments.threads.run(|| arguments.run()),
         Command::Sweep(arguments) => arguments.threads.run(|| arguments.run()),
         Command::Search(arguments) => arguments.common.threads.run(|| arguments.run()),
@@ -493,7 +524,7 @@ impl Run {
         if let Some(folder) = &self.out {
             open_folder(folder)?;
         }
-        let asked = Asked { attribution: self.attribute, timings, requests: self.requests, prices };
+        let asked = Asked { attribution: self.attribute, timings, requests: self.requests, record: self.record.is_some(), prices };
         if !self.quiet && !self.preview && std::io::stderr().is_terminal() {
             preview::announcement(&scene, &machine)?.iter().for_each(|told| eprintln!("{told}"));
         }
@@ -513,9 +544,36 @@ impl Run {
             }
             None => "no pictures written: --out DIR writes them and report.json".into(),
         };
+        let end = match (&self.record, outcome.work.take()) {
+            (Some(path), Some(work)) => {
+                Recording { scene: scene.name.clone(), machine, work }.write(path)?;
+                format!("{end}\nwork recorded in {}", path.display())
+            }
+            _ => end,
+        };
         let ranges = if self.ranges { format!("\n{}", ranges::table(&outcome.report.signals)) } else { String::new() };
         let text = format!("{}\n{ranges}{end}", outcome.report.summary());
         Ok(if self.quiet { String::new() } else { text })
+    }
+}
+
+impl Replay {
+    fn run(&self) -> Result<String> {
+        let mut recording = Recording::read(&self.record)?;
+        self.settings.iter().try_for_each(|setting| recording.set(setting))?;
+        if let Some(folder) = &self.out {
+            open_folder(folder)?;
+        }
+        let replayed = recording.replay(self.timing.as_ref(), self.requests)?;
+        let end = match &self.out {
+            Some(folder) => {
+                let written = replayed.write(folder)?;
+                let names: Vec<_> = written.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+                wrapped(&format!("written to {}: {}", folder.display(), names.join(" ")))
+            }
+            None => "nothing written: --out DIR writes tables and charts".into(),
+        };
+        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", replayed.summary(&recording)) })
     }
 }
 

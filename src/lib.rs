@@ -20,6 +20,7 @@ pub mod preview;
 pub mod prove;
 pub mod quantise;
 pub mod ranges;
+pub mod recording;
 mod registers;
 pub mod report;
 pub mod run;

@@ -7,7 +7,7 @@
 //! ```
 
 use crate::attribute::attribute;
-use crate::chart::{self, Chart};
+use crate::chart;
 use crate::compare::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
 use crate::cost::{CostReport, Prices};
 use crate::cycles::{CyclesReport, Requests};
@@ -17,13 +17,14 @@ use crate::golden::{self, Rendering};
 use crate::picture::{Picture, write_beside};
 use crate::quantise::quantise;
 use crate::ranges::{self, SignalReport};
+use crate::recording::write_cycles;
 use crate::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::Scene;
 use crate::timings::{Timings, Variants};
 use rtl_model::Machine;
 use rtl_model::timing;
+use rtl_model::work::Work;
 use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -36,6 +37,8 @@ pub struct Asked {
     pub timings: Option<Variants>,
     /// Every request to memory.
     pub requests: bool,
+    /// What happened, for timing to replay.
+    pub record: bool,
     /// What bits cost.
     pub prices: Prices,
 }
@@ -55,6 +58,8 @@ pub struct Outcome {
     pub lockstep: Lockstep,
     /// Every request to memory, if that was asked for.
     pub requests: Option<Requests>,
+    /// What happened, if that was asked for.
+    pub work: Option<Work>,
     /// What was found.
     pub report: Report,
     /// Colours are not linear light but what a screen is sent.
@@ -127,9 +132,10 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             fragments_per_second: fragments as f64 / fixed_seconds,
         },
     };
+    let work = asked.record.then_some(work);
     let requests = asked.requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
     let encoded = scene.image.encoded;
-    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, report, encoded })
+    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, work, report, encoded })
 }
 
 fn found(golden: &Rendering) -> Golden {
@@ -195,26 +201,7 @@ impl Outcome {
         let chart = ranges::chart(&self.report);
         chart::write_png(&[&chart], 1, chart.size_px(), &path)?;
         written.push(path);
-        if let Some(timings) = &self.report.timings {
-            let path = folder.join("timings.png");
-            chart::write_png(&[&timings.chart()], 1, [760, 520], &path)?;
-            written.push(path);
-        }
-        for (name, format) in self.requests.iter().flat_map(|_| Requests::FORMATS) {
-            let path = folder.join(name);
-            write_beside(&path, |file| {
-                self.requests.iter().try_for_each(|requests| requests.write(format, file)).map_err(|e| e.to_string())
-            })?;
-            written.push(path);
-        }
-        let charts = self.report.cycles.charts();
-        let charts: Vec<&dyn Chart> = charts.iter().map(|chart| chart as &dyn Chart).collect();
-        let path = folder.join("cycles.png");
-        chart::write_png(&charts, 2, [460, 240], &path)?;
-        written.push(path);
-        let path = folder.join("cycles.csv");
-        write_beside(&path, |file| file.write_all(self.report.cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;
-        written.push(path);
+        written.extend(write_cycles(&self.report.cycles, self.report.timings.as_ref(), self.requests.as_ref(), folder)?);
         let path = folder.join("report.json");
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
         written.push(path);

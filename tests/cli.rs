@@ -413,6 +413,7 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["--help"],
         vec!["help"],
         vec!["run", "--help"],
+        vec!["replay", "--help"],
         vec!["explain", "--help"],
         vec!["trace", "--help"],
         vec!["diff", "--help"],
@@ -516,7 +517,7 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 
 #[test]
 fn commands_and_flags_that_do_not_exist_are_refused() {
-    refused(&[], "a command is missing: run, stress, sweep, search, chart, trace, diff, explain, machine, scene (see --help)");
+    refused(&[], "a command is missing: run, replay, stress, sweep, search, chart, trace, diff, explain, machine, scene (see --help)");
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "PLAN");
     refused(&["chart"], "DIR");

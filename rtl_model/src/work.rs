@@ -12,11 +12,15 @@
 //!
 //! Laws: `what_is_recorded_is_what_was_drawn`, `a_record_is_the_same_for_any_number_of_threads`.
 
+mod sound;
+
+use serde::{Deserialize, Serialize};
+
 /// Side of a recorded tile, pixels.
 pub const TILE_PX: usize = 16;
 
 /// What became of a splat.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fate {
     /// It has a box.
     Drawn,
@@ -33,7 +37,7 @@ pub enum Fate {
 }
 
 /// What became of a contribution.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Event {
     /// Added to a fragment.
     Accumulated,
@@ -50,7 +54,7 @@ pub enum Event {
 }
 
 /// Where a drawn splat lies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Footprint {
     /// Its place in the input.
     pub splat: u32,
@@ -68,7 +72,7 @@ impl Footprint {
 }
 
 /// What happened in a tile.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tile {
     /// Its first pixel.
     pub corner: [u16; 2],
@@ -120,7 +124,7 @@ impl<'a> Reader<'a> {
 }
 
 /// What happened in a frame.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Pixels a row.
     pub width: u32,

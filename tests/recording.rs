@@ -1,0 +1,164 @@
+//! A frame's work in a file: read as it was written, replayed as it was run, and refused where it is damaged.
+
+use rtl_model::work::Work;
+use rtl_model::{Machine, timing};
+use serde_json::Value;
+use splatsim::recording::Recording;
+use splatsim::scene::{Overrides, Scene};
+use splatsim::{fixed, machines, quantise};
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+/// A surface, a volume and Gaussians.
+const SCENES: [&str; 3] = ["torus-knot", "nested-shells", "bouquet"];
+
+fn recorded(scene: &str, size: (usize, usize)) -> Recording {
+    let scene = Scene::load(scene, &Overrides { size: Some(size) }).unwrap();
+    let machine = Machine::named(machines::usual(&scene)).unwrap();
+    let quantised = quantise::quantise(&scene, &machine).unwrap();
+    let (_, work) = fixed::draw_recorded(&fixed::elaborate(&machine).unwrap(), &quantised);
+    Recording { scene: scene.name, machine, work }
+}
+
+fn splatsim(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_splatsim")).args(arguments).output().unwrap()
+}
+
+#[test]
+fn a_record_that_is_read_is_the_one_that_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for scene in SCENES {
+        let path = folder.path().join(scene);
+        let recording = recorded(scene, (70, 45));
+        recording.clone().write(&path).unwrap();
+        assert_eq!(Recording::read(&path).unwrap(), recording, "{scene}");
+    }
+}
+
+#[test]
+fn a_replay_takes_the_cycles_of_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let json = |path: String| -> Value { serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap() };
+    let (out, record, replayed) = (path("run"), path("frame.work"), path("replay"));
+    let timing = "timing.raster.fifo=1,4";
+    let run = splatsim(&["run", "checkerboard", "--size", "64x64", "--out", &out, "--record", &record, "--timing", timing]);
+    assert!(run.status.success() && String::from_utf8_lossy(&run.stdout).contains("work recorded in "), "{run:?}");
+    let replay = splatsim(&["replay", &record, "--out", &replayed, "--timing", timing, "--requests"]);
+    assert!(replay.status.success(), "{replay:?}");
+    assert_eq!(json(path("run/report.json"))["cycles"], json(path("replay/cycles.json")));
+    for name in ["cycles.png", "cycles.csv", "timings.png"] {
+        let [run, replay] = ["run", "replay"].map(|folder| std::fs::read(path(&format!("{folder}/{name}"))).unwrap());
+        assert!(run == replay, "{name}");
+    }
+    let text = String::from_utf8_lossy(&replay.stdout).into_owned();
+    assert!(text.starts_with("checkerboard on reference: "), "{text}");
+    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+
+    // Another timing, as if it had been run so.
+    let slow = splatsim(&["replay", &record, "--set", "timing.ellipse.interval=40", "--out", &replayed, "--quiet"]);
+    assert!(slow.status.success() && slow.stdout.is_empty(), "{slow:?}");
+    let set = ["--set", "timing.ellipse.interval=40"];
+    let run = splatsim(&[&["run", "checkerboard", "--size", "64x64", "--out", &out][..], &set].concat());
+    assert!(run.status.success());
+    assert_eq!(json(path("run/report.json"))["cycles"], json(path("replay/cycles.json")));
+}
+
+fn refusal(bytes: &[u8]) -> Option<String> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.work");
+    std::fs::write(&path, bytes).unwrap();
+    Recording::read(&path).err().map(|error| error.to_string())
+}
+
+fn bytes(recording: Recording) -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.work");
+    recording.write(&path).unwrap();
+    std::fs::read(path).unwrap()
+}
+
+/// Short ends, and a thousand bits that are others: what is read all the same can be replayed.
+#[test]
+fn no_damage_is_taken_for_a_record() {
+    let small = bytes(Recording { scene: "x".into(), ..recorded("bouquet", (40, 24)) });
+    let shorts = (0..small.len()).step_by(small.len() / 300);
+    for short in shorts {
+        assert!(refusal(&small[..short]).is_some(), "{short} bytes");
+    }
+    let more = [&small[..], b"x"].concat();
+    assert!(refusal(&more).unwrap().contains("something follows its end"));
+    let mut dice = 1_u64;
+    let mut roll = |below: usize| {
+        dice = dice.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (dice >> 33) as usize % below
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("frame.work");
+    let (mut refused, mut replayed) = (0, 0);
+    for _ in 0..1000 {
+        let mut damaged = small.clone();
+        let at = roll(damaged.len());
+        damaged[at] ^= 1 << roll(8);
+        std::fs::write(&path, &damaged).unwrap();
+        match Recording::read(&path) {
+            Err(error) => {
+                assert!(error.to_string().starts_with(path.to_str().unwrap()), "{error}");
+                refused += 1;
+            }
+            Ok(recording) => {
+                recording.replay(None, false).unwrap();
+                replayed += 1;
+            }
+        }
+    }
+    // Which pixels were kept, say, can be otherwise.
+    assert!(refused > 300 && replayed > 50, "{refused} {replayed}");
+}
+
+/// A few bytes that ask for much.
+#[test]
+fn a_record_of_boxes_without_end_takes_no_memory() {
+    let Recording { scene, machine, work } = recorded("torus-knot", (40, 24));
+    let large = |change: &dyn Fn(&mut Work)| {
+        let mut work = work.clone();
+        (work.width, work.height) = (16_384, 16_384);
+        change(&mut work);
+        refusal(&bytes(Recording { scene: scene.clone(), machine: machine.clone(), work })).unwrap()
+    };
+    let all = |work: &mut Work| work.footprints.iter_mut().for_each(|f| (f.columns, f.rows) = ([0, 16_383], [0, 16_383]));
+    assert!(large(&all).contains("its tiles are not those of its splats"));
+    assert!(large(&|work| work.footprints[0].rows = [9, 3]).contains("a box lies outside of the picture"));
+    assert!(large(&|work| work.width = u32::MAX).contains("size"));
+    assert!(large(&|work| work.order = vec![0; work.footprints.len()]).contains("its order leaves splats out"));
+    assert!(large(&|work| work.fates.truncate(1)).contains("its boxes are not those of its splats"));
+}
+
+#[test]
+fn what_is_no_record_or_changes_more_than_time_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| -> PathBuf { folder.path().join(name) };
+    recorded("checkerboard", (32, 32)).write(&path("frame.work")).unwrap();
+    std::fs::write(path("other"), "splats").unwrap();
+    let record = path("frame.work").to_str().unwrap().to_owned();
+    let told = |arguments: &[&str], part: &str| {
+        let output = splatsim(arguments);
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && error.contains(part) && error.lines().count() == 1, "{arguments:?}: {error}");
+    };
+    told(&["replay", path("other").to_str().unwrap()], "is no record of a frame's work");
+    told(&["replay", path("nowhere").to_str().unwrap()], "cannot be read");
+    told(&["replay", &record, "--set", "gauss.weight=U1F3"], "only fields below `timing` can change");
+    told(&["replay", &record, "--set", "timing.raster.lanes=[0,1]"], "lanes");
+    told(&["replay", &record, "--timing", "timing.nothing=1"], "nothing");
+}
+
+/// The law behind all of it: what a replay makes of a record is what it makes of the work.
+#[test]
+fn the_cycles_are_those_of_the_work() {
+    for scene in SCENES {
+        let recording = recorded(scene, (70, 45));
+        let elaborated = fixed::elaborate(&recording.machine).unwrap();
+        assert_eq!(recording.replay(None, false).unwrap().cycles.total, timing::replay(&elaborated.timing, &recording.work).total);
+    }
+}
