@@ -43,8 +43,9 @@ use rtl_model::Machine;
 use rtl_model::frame::Frame;
 use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
-use rtl_model::ports::{self, Order, Stream};
+use rtl_model::ports::{self, Kind, Order, Stream};
 use rtl_model::timing;
+use rtl_model::units::fragment::Slot;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::fs;
@@ -85,6 +86,8 @@ pub struct Written {
 
 /// The units that have ports, in the order of the diagram.
 pub const UNITS: [&str; 8] = ["pipeline", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
+/// Where splats are sorted there is one more.
+const SORTED_UNITS: [&str; 9] = ["pipeline", "project", "ellipse", "sort", "raster", "gauss", "fragment", "shade", "resolve"];
 
 /// Most cycles of waves.
 const MOST_WAVES: u64 = 10_000_000;
@@ -97,9 +100,12 @@ const CHUNK: usize = 16_384;
 /// # Errors
 /// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file cannot be written.
 pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
-    scene.of_discs("trace writes what crosses the wires for")?;
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
+    let kind = Kind::of(&frame);
+    if window.stimulus.is_some() {
+        scene.of_discs("--stimulus makes up cases for")?;
+    }
     let rectangle = window.check(&frame)?;
     open_folder(folder)?;
     let folder = Folder { folder, machine: &elaborated, frame: &frame };
@@ -112,7 +118,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         let whole = Whole { machine: &elaborated, frame: &frame };
         let (shown, splats, before) = whole.part(window, rectangle);
         let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
-        let mut watcher = Watcher::new(&elaborated, before.splats.len() as u32);
+        let mut watcher = Watcher::new(&elaborated, &shown, before.splats.len() as u32);
         let setup = pipeline::set_up_told(&elaborated, &shown, &mut watcher);
         if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
             pipeline::fill_told(&elaborated, &shown, &setup, &mut watcher);
@@ -124,7 +130,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         if let Some(cycles) = window.waves {
             let (_, work) = pipeline::draw_recorded(&elaborated, &shown);
             let replayed = timing::replay_logged(&elaborated.timing, &work);
-            Waves::new(&elaborated, &replayed.units, &sources, cycles).write(folder.folder)?;
+            Waves::new(&elaborated, kind, &replayed.units, &sources, cycles).write(folder.folder)?;
         }
         folder.contents(window, &sources, &coverage, &[])?
     };
@@ -138,7 +144,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
             "width": frame.width, "height": frame.height, "text": scene_text, "complete": scene_text.is_some_and(is_complete),
         },
         "window": {
-            "units": if window.units.is_empty() { UNITS.map(str::to_owned).to_vec() } else { window.units.clone() },
+            "units": if window.units.is_empty() { units(kind).iter().map(|&unit| unit.to_owned()).collect() } else { window.units.clone() },
             "splats": window.splats.unwrap_or([0, frame.splats.len() as u32]),
             "pixels": [rectangle[0], rectangle[1], rectangle[2] - 1, rectangle[3] - 1],
             "sample": window.sample, "stimulus": window.stimulus, "seed": window.seed,
@@ -189,14 +195,23 @@ impl Written {
     }
 }
 
+/// The units that have ports in a frame of this kind.
+fn units(kind: Kind) -> &'static [&'static str] {
+    if kind.sorted { &SORTED_UNITS } else { &UNITS }
+}
+
 /// The stream whose records a stream's are made from.
-fn parent(stream: &str) -> Option<&'static str> {
+fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
     let all = [
         ("project.in", "pipeline.in"),
         ("project.out", "project.in"),
         ("ellipse.in", "project.out"),
         ("ellipse.out", "ellipse.in"),
-        ("raster.in", "ellipse.out"),
+        ("ellipse.request", "ellipse.out"),
+        ("ellipse.answer", "ellipse.request"),
+        ("sort.in", "ellipse.out"),
+        ("sort.out", "sort.in"),
+        ("raster.in", if kind.sorted { "sort.out" } else { "ellipse.out" }),
         ("raster.out", "raster.in"),
         ("gauss.in", "raster.out"),
         ("gauss.out", "gauss.in"),
@@ -204,13 +219,24 @@ fn parent(stream: &str) -> Option<&'static str> {
         ("fragment.out", "fragment.in"),
         ("fragment.request", "fragment.in"),
         ("fragment.answer", "fragment.request"),
-        ("shade.in", "fragment.request"),
+        ("shade.in", if kind.preshaded { "ellipse.request" } else { "fragment.request" }),
         ("shade.out", "shade.in"),
         ("resolve.in", "fragment.held"),
         ("resolve.out", "resolve.in"),
         ("pipeline.out", "resolve.out"),
     ];
-    all.iter().find(|(name, _)| *name == stream).map(|(_, parent)| *parent)
+    let found = all.iter().find(|(name, _)| *name == stream).map(|(_, parent)| *parent);
+    // Sheets ask for no light.
+    found.filter(|parent| !kind.sheets || *parent != "fragment.request")
+}
+
+/// What files, records and units are, in words; of ellipsoids what is different besides.
+fn explained(kind: Kind) -> String {
+    let units = include_str!("trace/units.md");
+    if !kind.ellipsoids && !kind.sheets {
+        return units.to_owned();
+    }
+    units.replace("# This machine\n", &format!("{}\n# This machine\n", include_str!("trace/ellipsoids.md")))
 }
 
 /// Whether a scene's text needs no other file.
@@ -218,7 +244,8 @@ fn is_complete(text: &str) -> bool {
     let scene: Value = serde_json::from_str(text).unwrap_or_default();
     let splats = &scene["splats"];
     let mut sources = splats.as_array().map_or_else(|| std::slice::from_ref(splats), Vec::as_slice).iter();
-    scene.is_object() && !sources.any(|source| source.get("file").is_some())
+    let is_read = |of: &Value| of.is_string() || of.get("file").is_some();
+    scene.is_object() && !sources.any(|source| is_read(source) || is_read(&source["volume"]))
 }
 
 fn key_fields() -> Vec<Value> {
@@ -241,8 +268,9 @@ fn mixed(seed: u64, number: u64) -> u64 {
 impl Window {
     /// The rectangle that is wanted, to the column and row after the last.
     fn check(&self, frame: &Frame) -> Result<Rectangle> {
-        if let Some(unknown) = self.units.iter().find(|unit| !UNITS.contains(&unit.as_str())) {
-            return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", UNITS.join(", "))));
+        let units = units(Kind::of(frame));
+        if let Some(unknown) = self.units.iter().find(|unit| !units.contains(&unit.as_str())) {
+            return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));
         }
         if let Some([first, end]) = self.splats
             && (first >= end || end as usize > frame.splats.len())
@@ -279,11 +307,13 @@ impl Window {
         Ok([left, top, right + 1, bottom + 1])
     }
 
-    fn wants(&self, stream: &Stream) -> bool {
+    fn wants(&self, kind: Kind, stream: &Stream) -> bool {
         // A part of a frame is no frame.
         let whole = self.splats.is_none() && self.pixels.is_none() && self.sample.is_none();
         let unit = stream.unit().unwrap_or_default();
-        self.wants_any(&[unit]) && (whole || unit != "pipeline") && (self.splats.is_some() || stream.name != "fragment.start")
+        // What is drawn in the order of depth meets at a pixel only as a whole.
+        let alone = !kind.sorted || self.splats.is_none() || !["sort", "fragment", "shade", "resolve"].contains(&unit);
+        alone && self.wants_any(&[unit]) && (whole || unit != "pipeline") && (self.splats.is_some() || stream.name != "fragment.start")
     }
 
     fn wants_any(&self, units: &[&str]) -> bool {
@@ -326,17 +356,29 @@ impl Whole<'_> {
         }
         let [first, end] = window.splats.unwrap_or([0, u32::MAX]);
         splats.retain(|splat| *splat < end);
+        if Kind::of(self.frame).sorted {
+            splats.retain(|splat| *splat >= first);
+        }
         let before = splats.partition_point(|splat| *splat < first);
-        let of = |splats: &[u32]| Frame {
-            splats: splats.iter().map(|splat| self.frame.splats[*splat as usize]).collect(),
-            ..Frame { splats: Vec::new(), ..self.frame.clone() }
-        };
-        (of(&splats), splats.clone(), of(&splats[..before]))
+        (self.of(&splats), splats.clone(), self.of(&splats[..before]))
+    }
+
+    /// The frame of these splats alone.
+    fn of(&self, splats: &[u32]) -> Frame {
+        let mut frame = Frame { splats: Vec::new(), ..self.frame.clone() };
+        frame.splats = splats.iter().map(|splat| self.frame.splats[*splat as usize]).collect();
+        if let (Some(part), Some(whole)) = (&mut frame.ellipsoids, &self.frame.ellipsoids) {
+            part.own = splats.iter().filter_map(|splat| whole.own.get(*splat as usize)).copied().collect();
+        }
+        if let (Some(part), Some(whole)) = (&mut frame.sheets, &self.frame.sheets) {
+            part.numbers = splats.iter().filter_map(|splat| whole.numbers.get(*splat as usize)).copied().collect();
+        }
+        frame
     }
 
     /// The splats whose boxes meet a rectangle.
     fn touching(&self, [left, top, right, bottom]: Rectangle) -> Vec<u32> {
-        let mut watcher = Watcher::new(self.machine, 0);
+        let mut watcher = Watcher::new(self.machine, self.frame, 0);
         pipeline::set_up_told(self.machine, self.frame, &mut watcher);
         let meets = |splat: &&watcher::SetUp| {
             let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
@@ -349,20 +391,15 @@ impl Whole<'_> {
 }
 
 /// The fragments that a rectangle's pixels hold after a frame, slot by slot.
-fn held(
-    machine: &Elaborated,
-    frame: &Frame,
-    [left, top, right, bottom]: Rectangle,
-) -> Vec<([u32; 2], usize, rtl_model::units::fragment::Slot)> {
-    let mut watcher = Watcher::new(machine, u32::MAX);
+fn held(machine: &Elaborated, frame: &Frame, [left, top, right, bottom]: Rectangle) -> Vec<([u32; 2], Vec<Slot>)> {
+    let mut watcher = Watcher::new(machine, frame, u32::MAX);
     pipeline::draw_told(machine, frame, &mut watcher);
     watcher.sort();
-    let pixels = watcher.held.iter().map(|held| {
+    let pixels = watcher.held.into_iter().map(|held| {
         let [_, x, y] = watcher::parts(held.key);
-        ([x, y], &held.slots)
+        ([x, y], held.slots)
     });
-    let inside = pixels.filter(|([x, y], _)| (left..right).contains(x) && (top..bottom).contains(y));
-    inside.flat_map(|(pixel, slots)| slots.iter().enumerate().map(move |(number, slot)| (pixel, number, *slot))).collect()
+    pixels.filter(|([x, y], _)| (left..right).contains(x) && (top..bottom).contains(y)).collect()
 }
 
 /// The folder that is being written.
@@ -387,7 +424,7 @@ impl Folder<'_> {
 
     fn constants(&self) -> Result<Vec<Value>> {
         let records = transfers::constants(self.frame);
-        let described = ports::constants(self.machine);
+        let described = ports::constants(self.machine, Kind::of(self.frame));
         let of = |(stream, (_, records)): (&Stream, &(&str, Vec<Vec<i64>>))| {
             let layout = Layout::new(stream);
             let file = format!("{}.hex", stream.name);
@@ -417,9 +454,9 @@ impl Folder<'_> {
 
     fn headers(&self, scene: &str, streams: &[&str]) -> Result<()> {
         self.text("machine_pkg.sv", &headers::package(self.machine, self.frame))?;
-        self.text("records.svh", &headers::structs(self.machine))?;
-        self.text("records.h", &headers::c_header(self.machine))?;
-        let (machine, frame) = (self.machine, self.frame);
+        let (machine, frame, kind) = (self.machine, self.frame, Kind::of(self.frame));
+        self.text("records.svh", &headers::structs(machine, kind))?;
+        self.text("records.h", &headers::c_header(machine, kind))?;
         let head = format!(
             "# {scene} on {}\n\n{}×{} pixels, {} splats, written by splatsim {}.\n\n",
             machine.machine.name,
@@ -428,8 +465,8 @@ impl Folder<'_> {
             frame.splats.len(),
             env!("CARGO_PKG_VERSION")
         );
-        let units = include_str!("trace/units.md");
-        let (tables, formats) = (headers::tables(machine, streams), headers::formats(machine, frame));
+        let units = explained(kind);
+        let (tables, formats) = (headers::tables(machine, kind, streams), headers::formats(machine, frame));
         self.text("README.md", &format!("{head}{units}\n## Records\n{tables}\n## Words and numbers\n{formats}"))
     }
 
@@ -438,14 +475,15 @@ impl Folder<'_> {
         let told = |e: std::io::Error| Error::job(format!("{}: cannot be written: {e}", self.folder.display()));
         fs::create_dir_all(self.folder.join("keys")).map_err(told)?;
         fs::create_dir_all(self.folder.join("rom")).map_err(told)?;
-        let streams: Vec<Stream> = ports::streams(self.machine).into_iter().filter(|stream| window.wants(stream)).collect();
+        let kind = Kind::of(self.frame);
+        let streams: Vec<Stream> = ports::streams(self.machine, kind).into_iter().filter(|stream| window.wants(kind, stream)).collect();
         let kept: Option<Vec<Vec<u32>>> = window.sample.map(|_| sources.par_iter().map(|source| window.kept(source)).collect());
         let files: Vec<Value> = streams
             .par_iter()
             .filter_map(|stream| Some((stream, sources.iter().position(|source| source.name == stream.name)?)))
             .map(|(stream, place)| {
                 let of = |place: usize| kept.as_ref().map(|kept| &kept[place][..]);
-                let parents = sources.iter().position(|source| Some(source.name) == parent(stream.name)).and_then(of);
+                let parents = sources.iter().position(|source| Some(source.name) == parent(kind, stream.name)).and_then(of);
                 self.stream(stream, &sources[place], of(place), parents)
             })
             .collect::<Result<_>>()?;
@@ -504,7 +542,7 @@ impl Folder<'_> {
         };
         Ok(json!({
             "name": stream.name, "unit": unit, "file": file, "records": records, "width": layout.width, "digits": layout.digits(),
-            "order": order, "parent": parent(stream.name), "sha256": hex(&sha.finalize()), "keys": {"file": key_file, "sha256": hex(&key_sha.finalize())},
+            "order": order, "parent": parent(Kind::of(self.frame), stream.name), "sha256": hex(&sha.finalize()), "keys": {"file": key_file, "sha256": hex(&key_sha.finalize())},
             "fields": headers::fields(stream),
         }))
     }

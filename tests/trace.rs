@@ -8,12 +8,13 @@ use rtl_model::probe::Unwatched;
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
+use serde_json::json;
 use sha2::{Digest, Sha256};
 use splatsim::quantise::quantise;
 use splatsim::scene::{Overrides, Scene};
 use splatsim::trace::Window;
 use std::collections::BTreeMap;
-use traced::{Traced, cloud, files, machine, traced};
+use traced::{Traced, bouquet, cloud, files, isosurface, machine, shells, traced};
 
 const SPLAT: usize = 0;
 const PARENT: usize = 4;
@@ -25,6 +26,20 @@ fn machines() -> Vec<rtl_model::Machine> {
         machine("lean", &["raster.rows=seeded", "fragment.merge=nearest-pair"]),
         machine("reference", &["fragment.layers=1", "fragment.merge=replace"]),
         machine("reference", &["fragment.layers=2", "fragment.evict_hidden=true", "fragment.fragment_depth=nearest"]),
+    ]
+}
+
+/// Scenes of ellipsoids and the machines that draw them: sheets in either order, that stop and that do not, with and without a table; a
+/// sheet each; and none at all.
+fn media() -> Vec<(String, rtl_model::Machine)> {
+    let small = ["fragment.sheets.table.index_bits=4", "fragment.sheets.table.interpolation=nearest", "splat.rgb=U2F8"];
+    vec![
+        (shells(14, 24, &json!({"stop": 0.6})), machine("volume", &[])),
+        (shells(12, 24, &json!({"order": "back-to-front", "opacity": "linear", "least_weight": 0.02})), machine("volume", &small)),
+        (shells(12, 24, &json!({"stop": 0.6, "keep_last": false})), machine("gaussian", &[])),
+        (bouquet(500, 24, &json!({"stop": 0.2})), machine("gaussian", &[])),
+        (bouquet(300, 24, &json!({"stop": 0.3, "keep_last": true, "most_weight": 0.4})), machine("gaussian", &["sort.key=U1F6"])),
+        (isosurface(14, 24), machine("volume", &["fragment.layers=2", "fragment.evict_hidden=false"])),
     ]
 }
 
@@ -60,7 +75,10 @@ fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model:
         assert_eq!(masked(trace, "project.out", made.to_vec()), output);
     }
     for (input, output) in trace.records("ellipse.in").iter().zip(trace.records("ellipse.out")) {
-        let made = alone::ellipse(elaborated, &frame.view, size_px, array(input), unwatched);
+        let made = match frame.ellipsoids {
+            Some(_) => alone::ellipsoid(elaborated, frame, array(input), unwatched).unwrap(),
+            None => alone::ellipse(elaborated, &frame.view, size_px, array(input), unwatched),
+        };
         assert_eq!(masked(trace, "ellipse.out", made.to_vec()), output);
     }
     let mut fragments = trace.records("raster.out").into_iter();
@@ -73,6 +91,13 @@ fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model:
     for (input, output) in trace.records("gauss.in").iter().zip(trace.records("gauss.out")) {
         assert_eq!(vec![alone::gauss(elaborated, array(input), unwatched)], output);
     }
+    replay_fragments(trace, elaborated, frame);
+    replay_shade(trace, elaborated, frame);
+    replay_resolve(trace, elaborated, frame);
+}
+
+fn replay_shade(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
+    let unwatched = &mut Unwatched;
     for (input, output) in trace.records("shade.in").iter().zip(trace.records("shade.out")) {
         let words = shade::Input {
             weight: input[0],
@@ -84,8 +109,66 @@ fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model:
         let made = alone::shade(elaborated, frame, &words, unwatched);
         assert_eq!([&made.colour[..], &[made.opacity]].concat(), output);
     }
-    replay_resolve(trace, elaborated, frame);
-    replay_fragments(trace, elaborated, frame);
+}
+
+/// What is lit before it is drawn: asked of shade by the splat and its normal, and drawn in the colour that came back.
+fn replay_emission(trace: &Traced, elaborated: &rtl_model::Elaborated) {
+    let unwatched = &mut Unwatched;
+    let (splats, set_up) = (trace.records("pipeline.in"), trace.records("ellipse.out"));
+    let [red, material] = ["red", "material"].map(|name| trace.field("pipeline.in", name));
+    let (requests, answers) = (trace.records("ellipse.request"), trace.records("ellipse.answer"));
+    let mut colours = BTreeMap::new();
+    for ((key, request), answer) in trace.keys("ellipse.request").iter().zip(&requests).zip(&answers) {
+        let (splat, normal) = (&splats[key[SPLAT] as usize], array(&set_up[key[PARENT] as usize][3..6]));
+        let made = alone::emission(elaborated, array(&splat[red..red + 3]), normal, splat[material] as u32, unwatched);
+        let made = [&[made.weight][..], &made.colour, &[made.opacity], &made.normal, &[made.material.into()]].concat();
+        assert_eq!(&made, request);
+        colours.insert(key[SPLAT], alone::emitted_colour(elaborated, array(&answer[..3]), unwatched));
+    }
+    assert_eq!([requests, answers], ["shade.in", "shade.out"].map(|stream| trace.records(stream)));
+    assert_eq!(colours.len(), trace.lines("raster.in").len());
+    let red = trace.field("fragment.in", "red");
+    for (key, record) in trace.keys("fragment.in").iter().zip(trace.records("fragment.in")) {
+        assert_eq!(record[red..red + 3], colours[&key[SPLAT]]);
+    }
+}
+
+fn replay_sort(trace: &Traced, elaborated: &rtl_model::Elaborated) {
+    let (given, sorted) = (trace.records("sort.in"), trace.records("sort.out"));
+    let depths: Vec<i64> = given.iter().map(|record| record[1]).collect();
+    let made = alone::sort(elaborated, &depths, &mut Unwatched).unwrap();
+    let made: Vec<Vec<i64>> = made.into_iter().map(|(nth, key)| vec![given[nth][0], key]).collect();
+    assert_eq!(made, sorted);
+    let drawn: Vec<i64> = trace.records("raster.in").iter().map(|record| record[0]).collect();
+    assert_eq!(drawn, sorted.iter().map(|record| record[0]).collect::<Vec<_>>());
+    assert!(sorted != given, "in order before they are sorted");
+}
+
+/// `fragment` where it groups by sheets.
+fn replay_sheets(trace: &Traced, elaborated: &rtl_model::Elaborated, sheets: &rtl_model::frame::Sheets) {
+    let side = TILE_PX as i64;
+    let decisions = trace.records("fragment.out");
+    let mut tiles = BTreeMap::new();
+    for (input, told) in trace.records("fragment.in").into_iter().zip(decisions) {
+        let tile = tiles.entry([input[0] / side, input[1] / side]).or_insert_with(|| alone::Sheets::new(elaborated, sheets));
+        let [outcome, slot] = match tile.take(array(&input), &mut Unwatched) {
+            Decision::Accumulated(slot) => [0, slot.into()],
+            Decision::Inserted(slot) => [1, slot.into()],
+            Decision::Merged(front, _) => [2, front.into()],
+            Decision::Dropped => [5, 0],
+            other => panic!("{other:?} of a sheet"),
+        };
+        assert_eq!(vec![input[0], input[1], outcome, slot], told);
+    }
+    for record in trace.records("fragment.held") {
+        let tile = &tiles[&[record[0] / side, record[1] / side]];
+        let pixel = (record[1] % side * side + record[0] % side) as usize;
+        let (held, lit) = (tile.held(pixel).unwrap(), tile.lit(pixel, &mut Unwatched).unwrap());
+        let (sheet, open) = held.open.unwrap_or_default();
+        let head = [record[0], record[1], held.stopped.into(), held.open.is_none().into()];
+        let made = [&head[..], &held.composite[1..5], &[sheet.into()], &open[..4], &lit.colour, &[lit.opacity]].concat();
+        assert_eq!(masked(trace, "fragment.held", made), record);
+    }
 }
 
 fn replay_resolve(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
@@ -105,6 +188,9 @@ fn replay_resolve(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rt
 }
 
 fn replay_fragments(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
+    if let Some(sheets) = &frame.sheets {
+        return replay_sheets(trace, elaborated, sheets);
+    }
     let side = TILE_PX as i64;
     let (decisions, requests) = (trace.records("fragment.out"), trace.records("fragment.request"));
     let answers = trace.records("fragment.answer");
@@ -152,6 +238,43 @@ fn a_trace_replays_through_the_units() {
         let trace = traced(&text, &machine, &Window::default());
         replay(&trace, &machine.elaborate().unwrap(), &frame(&text, &machine));
         assert!(trace.lines("raster.out").len() > 3000, "a trace of next to nothing");
+    }
+}
+
+#[test]
+fn a_trace_of_ellipsoids_replays_through_the_units() {
+    for (number, (text, machine)) in media().into_iter().enumerate() {
+        let trace = traced(&text, &machine, &Window::default());
+        let (elaborated, frame) = (machine.elaborate().unwrap(), frame(&text, &machine));
+        replay(&trace, &elaborated, &frame);
+        let ellipsoids = frame.ellipsoids.as_ref().unwrap();
+        if ellipsoids.preshaded {
+            replay_emission(&trace, &elaborated);
+        }
+        if ellipsoids.sorted {
+            replay_sort(&trace, &elaborated);
+        }
+        // All that can become of a contribution does, and not all splats are drawn.
+        let outcomes: BTreeMap<i64, usize> = trace.records("fragment.out").iter().fold(BTreeMap::new(), |mut outcomes, record| {
+            *outcomes.entry(record[2]).or_default() += 1;
+            outcomes
+        });
+        println!("scene {number}: {outcomes:?}");
+        let stops = frame.sheets.as_ref().is_some_and(|sheets| sheets.stop > 0 && !sheets.back_to_front);
+        let expected: &[i64] = match &frame.sheets {
+            None => &[0, 1, 2],
+            Some(sheets) if sheets.each == rtl_model::frame::Each::Splat => &[1, 2, 5],
+            Some(_) if stops => &[0, 1, 2, 5],
+            Some(_) => &[0, 1, 2],
+        };
+        assert_eq!(outcomes.keys().copied().collect::<Vec<_>>(), expected, "scene {number}");
+        assert!(outcomes.values().all(|count| *count > 20), "scene {number}: {outcomes:?}");
+        assert!(trace.lines("raster.in").len() < trace.lines("pipeline.in").len(), "scene {number}: nothing is culled");
+        // Weights below the least go no further than gauss.
+        let weights: Vec<i64> = trace.records("gauss.out").iter().map(|record| record[0]).collect();
+        let least = frame.sheets.as_ref().map_or(1, |sheets| sheets.least_weight.max(1));
+        assert_eq!(weights.iter().filter(|weight| **weight >= least).count(), trace.lines("fragment.in").len(), "scene {number}");
+        assert!(least == 1 || weights.iter().any(|weight| (1..least).contains(weight)), "scene {number}: none is below the least");
     }
 }
 
@@ -296,6 +419,70 @@ fn a_window_replays_alone() {
     // And each part's first half drives the units.
     replay_resolve(&after, &elaborated, &frame);
     replay_fragments(&before, &elaborated, &frame);
+}
+
+#[test]
+fn a_window_of_a_volume_replays_alone() {
+    for (text, machine) in &media()[..3] {
+        let (elaborated, frame) = (machine.elaborate().unwrap(), frame(text, machine));
+        let (middle, end) = (frame.splats.len() as u32 / 2, frame.splats.len() as u32);
+        let window = |splats| traced(text, machine, &Window { splats: Some(splats), ..Window::default() });
+        let [before, after, whole] = [window([0, middle]), window([middle, end]), traced(text, machine, &Window::default())];
+        // All but the light, which is what the pixel would come to.
+        let state =
+            |trace: &Traced, stream: &str| trace.records(stream).into_iter().map(|record| record[..13].to_vec()).collect::<Vec<_>>();
+        assert_eq!(state(&before, "fragment.held"), state(&after, "fragment.start"));
+        let is_open = |record: &&Vec<i64>| record[3] == 0;
+        assert!(state(&after, "fragment.start").iter().filter(is_open).count() > 100);
+        for stream in ["fragment.held", "resolve.out"] {
+            assert_eq!(whole.lines(stream), after.lines(stream), "{stream}");
+        }
+        replay_resolve(&after, &elaborated, &frame);
+        replay_shade(&after, &elaborated, &frame);
+        replay_fragments(&before, &elaborated, &frame);
+    }
+}
+
+#[test]
+fn a_window_of_sorted_splats_has_all_of_some_pixels_or_the_way_of_some_splats() {
+    let (text, machine) = &media()[3];
+    let (elaborated, frame) = (machine.elaborate().unwrap(), frame(text, machine));
+    let whole = traced(text, machine, &Window::default());
+    let inside = |key: &Vec<i64>| (5..=12).contains(&key[1]) && (9..=20).contains(&key[2]);
+    let pixels = traced(text, machine, &Window { pixels: Some([5, 9, 12, 20]), ..Window::default() });
+    replay(&pixels, &elaborated, &frame);
+    for stream in ["gauss.in", "gauss.out", "fragment.in", "fragment.out", "fragment.held", "resolve.out"] {
+        let all = whole.lines(stream).into_iter().zip(whole.keys(stream));
+        let part: Vec<String> = all.filter(|(_, key)| inside(key)).map(|(line, _)| line).collect();
+        assert_eq!(pixels.lines(stream), part, "{stream}");
+        assert!(part.len() > 50, "{stream}");
+    }
+    let splats = traced(text, machine, &Window { splats: Some([100, 300]), ..Window::default() });
+    for stream in ["project.out", "ellipse.in", "ellipse.out", "raster.in", "raster.out", "gauss.out"] {
+        let all = whole.lines(stream).into_iter().zip(whole.keys(stream));
+        let part: Vec<String> = all.filter(|(_, key)| (100..300).contains(&key[SPLAT])).map(|(line, _)| line).collect();
+        assert_eq!(splats.lines(stream), part, "{stream}");
+        assert!(part.len() > 50, "{stream}");
+    }
+    let units: Vec<&str> = splats.manifest["streams"].as_array().unwrap().iter().map(|stream| stream["unit"].as_str().unwrap()).collect();
+    assert!(!["sort", "fragment", "shade", "resolve"].iter().any(|unit| units.contains(unit)), "{units:?}");
+}
+
+#[test]
+fn records_of_ellipsoids_name_what_they_were_made_from() {
+    for (text, machine) in media() {
+        let trace = traced(&text, &machine, &Window::default());
+        for stream in trace.manifest["streams"].as_array().unwrap() {
+            let (name, Some(parent)) = (stream["name"].as_str().unwrap(), stream["parent"].as_str()) else { continue };
+            let (keys, parents) = (trace.keys(name), trace.keys(parent));
+            let named = keys.iter().filter(|key| key[PARENT] != 0xffff_ffff).inspect(|key| {
+                let parent = &parents[key[PARENT] as usize];
+                assert!(parent[SPLAT] == key[SPLAT] || [parent[SPLAT], key[SPLAT]].contains(&0xffff_ffff), "{name} {key:?} {parent:?}");
+            });
+            let named = named.count();
+            assert!(named == keys.len() || ["shade.in", "resolve.in"].contains(&name), "{name}: {named} of {}", keys.len());
+        }
+    }
 }
 
 #[test]

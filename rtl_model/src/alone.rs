@@ -4,13 +4,15 @@
 //!
 //! Laws: `a_trace_replays_through_the_units` (tests/trace.rs of the bench).
 
-use crate::frame::{Frame, View};
+use crate::frame::{self, Each, Frame, View};
 use crate::machine::Elaborated;
 use crate::num::lanes::Plain;
 use crate::num::words::PlainWords;
 use crate::num::{LANES, Lanes, Words, reciprocal::Scientific};
-use crate::pipeline::{ellipse_words, projected_words};
+use crate::pipeline::{ellipse_words, emitted, emitting, projected_words};
 use crate::probe::{PROJECTED, Probe, SET_UP, Tap, Watcher, told};
+use crate::units::ellipse::ellipsoid::Axes;
+use crate::units::fragment::sheets::{Held, Registers};
 use crate::units::fragment::{self, Contribution, Decision, Premultiplied, Slot, TILE_AREA, TILE_PX, Tile};
 use crate::units::resolve::Layer;
 use crate::units::{ellipse, raster, shade};
@@ -47,6 +49,48 @@ pub fn ellipse(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64
     let told = &mut Told::new(watcher);
     let tap = &mut Tap::new(told).first(1);
     ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
+}
+
+/// `ellipse` of ellipsoids: a record of `ellipse.in`, in a frame of them; none where the frame or the machine has none.
+pub fn ellipsoid(machine: &Elaborated, frame: &Frame, input: [i64; 20], watcher: &mut dyn Watcher<'_>) -> Option<[i64; SET_UP]> {
+    let [n_x, n_y, n_z, radius, w, x, y, z, s_0, s_1, s_2, opacity, forward, exponent, inverse, inverse_exponent, a, b, p_x, p_y] =
+        input.map(all);
+    let ellipsoids = frame.ellipsoids.as_ref()?;
+    let input = ellipse::Input {
+        normal: [n_x, n_y, n_z],
+        radius,
+        forward,
+        exponent,
+        inverse_depth: Scientific { mantissa: inverse, exponent: inverse_exponent },
+        slope: [a, b],
+        pixel: [p_x, p_y],
+    };
+    let axes = if ellipsoids.own.is_empty() { Axes::Frame } else { Axes::Own([w, x, y, z], [s_0, s_1, s_2]) };
+    let told = &mut Told::new(watcher);
+    let tap = &mut Tap::new(told).first(1);
+    let size_px = [frame.width, frame.height];
+    machine.ellipse.ellipsoids(&frame.view, &ellipsoids.kernel, size_px, &input, axes, opacity, tap).map(|output| ellipse_words(&output))
+}
+
+/// What a splat with this colour, normal and material sends to `shade` before it is drawn: `ellipse.request`.
+pub fn emission(machine: &Elaborated, rgb: [i64; 3], normal: [i64; 3], material: u32, watcher: &mut dyn Watcher<'_>) -> shade::Input {
+    emitting(machine, rgb.map(narrow), normal.map(narrow), material, &mut Tap::new(&mut Told::new(watcher)))
+}
+
+/// The colour that a splat has after that, of the light in `ellipse.answer`.
+pub fn emitted_colour(machine: &Elaborated, light: [i64; 3], watcher: &mut dyn Watcher<'_>) -> [i64; 3] {
+    emitted(machine, light, &mut Tap::new(&mut Told::new(watcher))).map(i64::from)
+}
+
+/// `sort`: depths in the order of `sort.in`; of each record of `sort.out` which of them it is, and its key. None where the machine has no
+/// sort.
+pub fn sort(machine: &Elaborated, depths: &[i64], watcher: &mut dyn Watcher<'_>) -> Option<Vec<(usize, i64)>> {
+    let key = machine.sort.as_ref()?;
+    let told = &mut Told::new(watcher);
+    let tap = &mut Tap::new(told);
+    let mut keyed: Vec<(usize, i64)> = depths.iter().enumerate().map(|(nth, depth)| (nth, tap.fit_one(key, *depth))).collect();
+    keyed.sort_by_key(|(_, key)| *key);
+    Some(keyed)
 }
 
 /// `raster`: a record of `raster.in` without its tag; column, row, radial index and depth of each fragment, row by row.
@@ -147,5 +191,45 @@ impl<'a> Fragments<'a> {
     /// What a shaded fragment is read as.
     pub fn lit(&self, slot: &Slot, watcher: &mut dyn Watcher<'_>) -> Premultiplied {
         self.machine.fragment.shaded(slot, &mut Tap::new(&mut Told::new(watcher)))
+    }
+}
+
+/// `fragment` with sheets, with pixels of one tile.
+pub struct Sheets<'a> {
+    machine: &'a Elaborated,
+    registers: Registers<'a>,
+    tile: Box<Tile<i64>>,
+}
+
+impl<'a> Sheets<'a> {
+    /// All pixels empty.
+    pub fn new(machine: &'a Elaborated, sheets: &'a frame::Sheets) -> Self {
+        Sheets { machine, registers: machine.fragment.sheets(sheets), tile: Box::default() }
+    }
+
+    /// Takes a record of `fragment.in` whose pixel lies in the tile.
+    pub fn take(&mut self, input: [i64; 7], watcher: &mut dyn Watcher<'_>) -> Decision {
+        let [x, y, weight, sheet, red, green, blue] = input;
+        let attributes = [1, red, green, blue, 0, 0, 0, 0].map(narrow);
+        let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
+        let told = &mut Told::new(watcher);
+        let tap = &mut Tap::new(told);
+        let unit = &self.machine.fragment;
+        unit.contribute_to_sheet::<false, Plain, i64, Told>(&mut self.tile, pixel, sheet as u32, weight, &attributes, &self.registers, tap)
+    }
+
+    /// What a pixel of the tile holds; none where nothing came.
+    pub fn held(&self, pixel: usize) -> Option<Held> {
+        let at = (pixel % TILE_AREA) as u8;
+        // Where each splat is a sheet none is ever open.
+        let open = self.registers.sheets.each == Each::Slice;
+        let slots: Vec<Slot> = (0..self.tile.live(at).min(1 + usize::from(open))).map(|slot| self.tile.slot(at, slot)).collect();
+        (!slots.is_empty()).then(|| Held::of(&slots))
+    }
+
+    /// What its sheets come to.
+    pub fn lit(&self, pixel: usize, watcher: &mut dyn Watcher<'_>) -> Option<Premultiplied> {
+        let at = (pixel % TILE_AREA) as u8;
+        self.machine.fragment.composite(&self.tile, at, &self.registers, &mut Tap::new(&mut Told::new(watcher)))
     }
 }

@@ -416,6 +416,11 @@ impl Elaborated {
         [("ellipse.root", self.ellipse.root()), ("ellipse.extent_root", self.ellipse.extent_root()), ("shade.root", self.shade.root())]
     }
 
+    /// |(a, b, 1)| of `ellipse`, `ellipse.ray_root`, if it sets ellipsoids up.
+    pub fn ray_root(&self) -> Option<&ReciprocalRoot> {
+        self.ellipse.ray_root()
+    }
+
     /// The constant 1/2π as `ellipse` holds it (`ellipse.inverse_two_pi`).
     pub fn inverse_two_pi(&self) -> i64 {
         self.ellipse.inverse_two_pi()

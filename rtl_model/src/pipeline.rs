@@ -215,7 +215,7 @@ impl Setup {
             }
         }
         order.sort_unstable();
-        if P::WORK {
+        if P::WORK || P::TRANSFERS {
             probe.sorted(order.iter().map(|(_, nth, _)| *nth).collect());
         }
         self.order = order.into_iter().map(|(.., entry)| entry).collect();
@@ -308,10 +308,11 @@ impl<P: Probe> Work for SetUpEllipsoids<'_, P> {
         let units = Units { project: &self.machine.project, ellipse: &self.machine.ellipse, view, size_px: [*width, *height] };
         let lit = self.ellipsoids.preshaded.then(|| Lit::new(self.machine, self.frame));
         let mut out = Block { prepared: vec![Prepared::default(); self.splats.len()], count: 0, culled: Culled::default() };
-        for (group, splats) in self.splats.chunks(LANES).enumerate() {
+        let at_a_time = if P::TRANSFERS { 1 } else { LANES };
+        for (group, splats) in self.splats.chunks(at_a_time).enumerate() {
             let mut eight = [Splat::default(); LANES];
             eight[..splats.len()].copy_from_slice(splats);
-            let first = self.first + (group * LANES) as u32;
+            let first = self.first + (group * at_a_time) as u32;
             let mut own = [Orientation::default(); LANES];
             if let Some(some) = self.ellipsoids.own.get(first as usize..) {
                 own.iter_mut().zip(some).for_each(|(own, given)| *own = *given);
@@ -352,13 +353,33 @@ impl<'a> Lit<'a> {
 
     /// The port from setup to shade: the light that one splat sends.
     #[inline(never)]
-    fn emission<P: Probe>(&self, splat: &Splat, normal: [i32; 3], probe: &mut P) -> [i32; 3] {
+    fn emission<P: Probe>(&self, splat: &Splat, number: u32, normal: [i32; 3], probe: &mut P) -> [i32; 3] {
         let tap = &mut Tap::new(probe);
         let lights = shade::Registers::of(self.frame, &self.highlights);
-        let input = self.machine.fragment.emitting(splat.rgb, normal, splat.material, tap);
-        let shade::Output { colour, .. } = self.machine.shade.one(&lights, &input_of(&input), tap);
-        three!(channel => tap.fit_one(&self.machine.emission, colour[channel]) as i32)
+        let input = emitting(self.machine, splat.rgb, normal, splat.material, tap);
+        if P::TRANSFERS {
+            tap.probe.shade_in();
+        }
+        let output = self.machine.shade.one(&lights, &input, tap);
+        if P::TRANSFERS {
+            tap.probe.shade_out(&input, &output);
+        }
+        let rgb = emitted(self.machine, output.colour, tap);
+        if P::TRANSFERS {
+            tap.probe.emitted(number, rgb);
+        }
+        rgb
     }
+}
+
+/// A splat as shade is given it, where it is lit before it is drawn.
+pub(crate) fn emitting<P: Probe>(machine: &Elaborated, rgb: [i32; 3], normal: [i32; 3], material: u32, tap: &mut Tap<P>) -> shade::Input {
+    input_of(&machine.fragment.emitting(rgb, normal, material, tap))
+}
+
+/// The light of a splat, in the words of its colour.
+pub(crate) fn emitted<P: Probe>(machine: &Elaborated, light: [i64; 3], tap: &mut Tap<P>) -> [i32; 3] {
+    three!(channel => tap.fit_one(&machine.emission, light[channel]) as i32)
 }
 
 /// What sets splats up.
@@ -490,7 +511,7 @@ impl Units<'_> {
             }
             let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
             let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
-            let [r, g, b] = lit.map_or(own.rgb, |lit| lit.emission(own, [n, m, o], tap.probe));
+            let [r, g, b] = lit.map_or(own.rgb, |lit| lit.emission(own, first + lane as u32, [n, m, o], tap.probe));
             if P::WORK {
                 tap.probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
             }
@@ -847,7 +868,10 @@ impl<const PLAIN: bool, H: Host, L: Lane, P: Probe> FillTile<'_, PLAIN, H, L, P>
                 tap.probe.held(live as u8, layers[..live].iter().filter(|layer| !layer.merged).count() as u8);
             }
             if P::TRANSFERS {
-                let slots: Vec<Slot> = (0..live).map(|slot| self.tile.slot(at, slot)).collect();
+                // Of sheets the open one too, which is no layer yet.
+                let open = sheets.is_some_and(|registers| registers.sheets.each == Each::Slice);
+                let held = if open { self.tile.live(at) } else { live };
+                let slots: Vec<Slot> = (0..held).map(|slot| self.tile.slot(at, slot)).collect();
                 tap.probe.holds(x, y, &slots, &layers[..live]);
             }
             layers[..live].sort_by_key(|layer| layer.depth);

@@ -5,11 +5,15 @@
 //! project.in ─► project.out ─► ellipse.in ─► ellipse.out ─► raster.in ─► raster.out ─► gauss.in ─► gauss.out ─► fragment.in ─► fragment.out
 //!                                                                 fragment.request ─► fragment.answer      fragment.held ─► resolve.in ─► resolve.out
 //! ```
+//! Ellipsoids bring their axes along, and may be lit before they are drawn (`ellipse.request`, `ellipse.answer`) and sorted by depth
+//! (`sort.in`, `sort.out`); where fragments are grouped by sheets, they have the number of one in the place of depth, normal and opacity.
+//!
 //! A record is one transfer through a port: words side by side, the first field in the most significant bits, two's complement.
 //! Fields that mean nothing in a record (a culled splat's pixel) are 0, and [`Field::unless`] says when.
 //!
 //! Law: `records_have_the_widths_of_their_fields`.
 
+use crate::frame::Frame;
 use crate::machine::{Elaborated, Machine};
 use crate::num::{Format, Word};
 use crate::units::raster::Raster;
@@ -22,6 +26,34 @@ const EXPONENT_BITS: i32 = 8;
 pub const MATERIAL_BITS: i32 = 8;
 /// Bits of what a splat is called on its way through the raster.
 const TAG_BITS: i32 = 32;
+/// Bits of a sheet's number.
+pub const SHEET_BITS: i32 = 31;
+
+/// What records depend on beside the machine: what a frame has it draw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Kind {
+    /// Splats are ellipsoids; else they are discs.
+    pub ellipsoids: bool,
+    /// They are lit before they are drawn.
+    pub preshaded: bool,
+    /// They are drawn in the order of their depths.
+    pub sorted: bool,
+    /// Fragments are grouped by sheets; else by depth.
+    pub sheets: bool,
+}
+
+impl Kind {
+    /// That of a frame.
+    pub fn of(frame: &Frame) -> Self {
+        let ellipsoids = frame.ellipsoids.as_ref();
+        Kind {
+            ellipsoids: ellipsoids.is_some(),
+            preshaded: ellipsoids.is_some_and(|ellipsoids| ellipsoids.preshaded),
+            sorted: ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted),
+            sheets: frame.sheets.is_some(),
+        }
+    }
+}
 
 /// One field of a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -140,7 +172,7 @@ pub fn exact_depth(machine: &Machine) -> Format {
 }
 
 /// The constants of a frame: registers, lights, materials, and what each material makes of each light.
-pub fn constants(elaborated: &Elaborated) -> Vec<Stream> {
+pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let m = &elaborated.machine;
     let (p, l, s) = (&m.project, &m.ellipse, &m.shade);
     let mut frame = Stream::new("frame").naturals(&["width", "height"], PIXEL_BITS + 1);
@@ -166,7 +198,7 @@ pub fn constants(elaborated: &Elaborated) -> Vec<Stream> {
         .words(&["background_r", "background_g", "background_b", "background_a"], "resolve.frame", m.resolve.frame);
     let light = axes(Stream::new("light"), "direction", "shade.light", s.light).naturals(&["has_half_way"], 1);
     vec![
-        frame,
+        sheet_registers(kernel(frame, m, kind), m, kind),
         axes(light, "half_way", "shade.light", s.light),
         Stream::new("material").naturals(&["unlit"], 1).word("ambient", "shade.reflectance", s.reflectance),
         Stream::new("reflection").words(
@@ -177,15 +209,51 @@ pub fn constants(elaborated: &Elaborated) -> Vec<Stream> {
     ]
 }
 
+/// What all ellipsoids have in common.
+fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
+    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return frame };
+    let mut frame =
+        frame.naturals(&["amplitude"], 2).naturals(&["own_axes"], 1).words(&["jacobian_x", "jacobian_y"], "project.slope", m.project.slope);
+    for axis in each("axis", ["0", "1", "2"]) {
+        frame = axes(frame, &axis, "ellipse.normal", m.ellipse.normal);
+    }
+    frame.words(&SCALES, "ellipse.scale", words.scale)
+}
+
+/// What all sheets have in common.
+fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
+    if !kind.sheets {
+        return frame;
+    }
+    frame
+        .naturals(&["each_splat", "back_to_front"], 1)
+        .word("stop", "fragment.opacity_sum", m.fragment.opacity_sum)
+        .naturals(&["keeps_last"], 1)
+        .words(&["least_weight", "most_weight"], "gauss.weight", m.gauss.weight)
+        .naturals(&["has_ratio"], 1)
+}
+
 /// The ports of the units, in the order of the diagram.
-pub fn streams(elaborated: &Elaborated) -> Vec<Stream> {
+pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let m = &elaborated.machine;
-    vec![
-        pipeline_in(m),
+    let mut streams = vec![
+        pipeline_in(m, kind),
         axes(Stream::new("project.in"), "position", "splat.position", m.splat.position),
         project_out(m),
-        ellipse_in(m),
+        ellipse_in(m, kind),
         ellipse_out(m),
+    ];
+    if kind.preshaded {
+        streams.extend([sums(Stream::new("ellipse.request"), m), premultiplied(Stream::new("ellipse.answer"), m)]);
+    }
+    if let (true, Some(sort)) = (kind.sorted, &m.sort) {
+        let splat = |name| Stream::new(name).naturals(&["tag"], TAG_BITS);
+        streams.extend([
+            splat("sort.in").word("depth", "project.depth", m.project.depth),
+            splat("sort.out").word("key", "sort.key", sort.key),
+        ]);
+    }
+    streams.extend([
         raster_in(m),
         raster_out(m),
         Stream::new("gauss.in").word("radial", "raster.radial", m.raster.radial).word(
@@ -194,15 +262,20 @@ pub fn streams(elaborated: &Elaborated) -> Vec<Stream> {
             m.ellipse.amplitude,
         ),
         Stream::new("gauss.out").word("weight", "gauss.weight", m.gauss.weight),
-        fragment_in(m),
+        if kind.sheets { sheet_in(m) } else { fragment_in(m) },
         Stream::new("fragment.out").naturals(&["x", "y"], PIXEL_BITS).naturals(&["outcome"], 3).naturals(&["slot"], 4).per_pixel(),
-        sums(Stream::new("fragment.request"), m),
-        premultiplied(Stream::new("fragment.answer"), m),
-        start(m),
-        slot("fragment.held", m)
-            .unless(6, &["shaded"])
-            .words(&["lit_r", "lit_g", "lit_b", "lit_opacity"], "shade.premultiplied", m.shade.premultiplied)
-            .per_pixel(),
+    ]);
+    if kind.sheets {
+        streams.extend([composite("fragment.start", m).per_pixel(), lit(composite("fragment.held", m), m).per_pixel()]);
+    } else {
+        streams.extend([
+            sums(Stream::new("fragment.request"), m),
+            premultiplied(Stream::new("fragment.answer"), m),
+            start(m),
+            lit(slot("fragment.held", m).unless(6, &["shaded"]), m).per_pixel(),
+        ]);
+    }
+    streams.extend([
         sums(Stream::new("shade.in"), m),
         premultiplied(Stream::new("shade.out"), m),
         premultiplied(Stream::new("resolve.in").naturals(&["x", "y"], PIXEL_BITS).naturals(&["last", "empty"], 1), m)
@@ -210,17 +283,32 @@ pub fn streams(elaborated: &Elaborated) -> Vec<Stream> {
             .per_pixel(),
         frame_words("resolve.out", m),
         frame_words("pipeline.out", m),
-    ]
+    ]);
+    streams
 }
 
 fn attributes(stream: Stream, m: &Machine) -> Stream {
     stream.words(&["red", "green", "blue"], "splat.rgb", m.splat.rgb).word("opacity", "splat.opacity", m.splat.opacity)
 }
 
-fn pipeline_in(m: &Machine) -> Stream {
+fn pipeline_in(m: &Machine, kind: Kind) -> Stream {
     let centre = axes(Stream::new("pipeline.in"), "position", "splat.position", m.splat.position);
     let disc = axes(centre, "normal", "splat.normal", m.splat.normal).word("radius", "splat.radius", m.splat.radius);
-    attributes(disc, m).naturals(&["material"], MATERIAL_BITS)
+    let splat = attributes(orientation(disc, m, kind), m).naturals(&["material"], MATERIAL_BITS);
+    if kind.sheets { splat.naturals(&["sheet"], SHEET_BITS) } else { splat }
+}
+
+const SCALES: [&str; 3] = ["scale_0", "scale_1", "scale_2"];
+
+/// A splat's own axes; 0 where it has those of the frame.
+fn orientation(stream: Stream, m: &Machine, kind: Kind) -> Stream {
+    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return stream };
+    let quaternion = each("quaternion", ["w", "x", "y", "z"]);
+    stream.words(&quaternion.each_ref().map(String::as_str), "ellipse.quaternion", words.quaternion).words(
+        &SCALES,
+        "ellipse.scale",
+        words.scale,
+    )
 }
 
 /// What setup hands on about a point.
@@ -240,9 +328,13 @@ fn project_out(m: &Machine) -> Stream {
     point(depth, m).unless(2, &["near", "outside"]).unless_first(1, &["near"])
 }
 
-fn ellipse_in(m: &Machine) -> Stream {
+fn ellipse_in(m: &Machine, kind: Kind) -> Stream {
     let disc = axes(Stream::new("ellipse.in"), "normal", "splat.normal", m.splat.normal).word("radius", "splat.radius", m.splat.radius);
-    point(disc.word("forward", "project.camera", m.project.camera).exponent("exponent"), m)
+    let mut splat = orientation(disc, m, kind);
+    if kind.ellipsoids {
+        splat = splat.word("opacity", "splat.opacity", m.splat.opacity);
+    }
+    point(splat.word("forward", "project.camera", m.project.camera).exponent("exponent"), m)
 }
 
 fn conic(stream: Stream, m: &Machine) -> Stream {
@@ -295,6 +387,16 @@ fn fragment_in(m: &Machine) -> Stream {
     axes(attributes(contribution, m), "normal", "fragment.normal", m.fragment.normal).naturals(&["material"], MATERIAL_BITS).per_pixel()
 }
 
+/// A contribution to a sheet.
+fn sheet_in(m: &Machine) -> Stream {
+    Stream::new("fragment.in")
+        .naturals(&["x", "y"], PIXEL_BITS)
+        .word("weight", "gauss.weight", m.gauss.weight)
+        .naturals(&["sheet"], SHEET_BITS)
+        .words(&["red", "green", "blue"], "splat.rgb", m.splat.rgb)
+        .per_pixel()
+}
+
 fn all_sums(stream: Stream, m: &Machine) -> Stream {
     let f = &m.fragment;
     let coloured = stream
@@ -316,6 +418,23 @@ fn premultiplied(stream: Stream, m: &Machine) -> Stream {
 fn slot(name: &'static str, m: &Machine) -> Stream {
     let key = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["slot"], 4).naturals(&["shaded"], 1);
     all_sums(key.word("depth", "fragment.depth", m.fragment.depth).naturals(&["material"], MATERIAL_BITS), m)
+}
+
+/// A pixel of sheets: what has been blended, and the open sheet.
+fn composite(name: &'static str, m: &Machine) -> Stream {
+    let f = &m.fragment;
+    let pixel = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["stopped", "closed"], 1);
+    pixel
+        .words(&["colour_r", "colour_g", "colour_b"], "fragment.colour_sum", f.colour_sum)
+        .word("opacity", "fragment.opacity_sum", f.opacity_sum)
+        .naturals(&["sheet"], SHEET_BITS)
+        .word("weight", "fragment.weight_sum", f.weight_sum)
+        .words(&["sheet_r", "sheet_g", "sheet_b"], "fragment.colour_sum", f.colour_sum)
+        .unless(8, &["closed"])
+}
+
+fn lit(stream: Stream, m: &Machine) -> Stream {
+    stream.words(&["lit_r", "lit_g", "lit_b", "lit_opacity"], "shade.premultiplied", m.shade.premultiplied)
 }
 
 /// What a pixel held before a window, in the places of its slots.

@@ -100,6 +100,8 @@ pub trait Probe: Send + Sync + Sized {
     fn sorted(&mut self, _order: Vec<u32>) {}
     /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
     fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool) {}
+    /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade was told before.
+    fn emitted(&mut self, _splat: u32, _rgb: [i32; 3]) {}
     /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
     #[inline(always)]
     fn span(&mut self, _rows: usize, _left: usize, _places: &[u8]) {}
@@ -121,7 +123,8 @@ pub trait Probe: Send + Sync + Sized {
     fn shade_in(&mut self) {}
     /// It left shade.
     fn shade_out(&mut self, _input: &shade::Input, _output: &shade::Output) {}
-    /// Pixel (x, y) holds these fragments in the end, slot by slot; the light of each beside it.
+    /// Pixel (x, y) holds these fragments in the end, slot by slot; the light of each beside it. Of sheets: what has been blended, then the
+    /// open one; beside it the light of all together.
     fn holds(&mut self, _x: u32, _y: u32, _slots: &[Slot], _layers: &[Layer]) {}
     /// The tile whose first pixel is (x, y) is done: all of it has been told.
     fn tile(&mut self, _x: u32, _y: u32) {}

@@ -3,7 +3,7 @@
 use rtl_model::frame::Frame;
 use rtl_model::machine::{Elaborated, Interpolation, Merge, Rows};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
-use rtl_model::ports::{self, Field, Order, Stream};
+use rtl_model::ports::{self, Field, Kind, Order, Stream};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -34,14 +34,16 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         .reciprocals()
         .map(|(name, unit)| (name, unit.shape()))
         .into_iter()
-        .chain(machine.roots().map(|(name, unit)| (name, unit.shape())));
+        .chain(machine.roots().map(|(name, unit)| (name, unit.shape())))
+        .chain(machine.ray_root().filter(|_| frame.ellipsoids.is_some()).map(|unit| ("ellipse.ray_root", unit.shape())));
     for (name, shape) in functions {
         let sizes = [("TABLE_BITS", shape.table_bits), ("NEWTON_STEPS", shape.newton_steps), ("BITS", shape.bits)];
         all.extend(sizes.map(|(size, value)| (format!("{}_{size}", constant(name)), i64::from(value))));
     }
     let m = &machine.machine;
     let f = &m.fragment;
-    for (name, table) in [("GAUSS_TABLE", m.gauss.table), ("SHADE_HIGHLIGHT_TABLE", m.shade.highlight_table)] {
+    let sheets = f.sheets.as_ref().filter(|_| frame.sheets.is_some()).map(|words| ("FRAGMENT_RATIO_TABLE", words.table));
+    for (name, table) in [("GAUSS_TABLE", m.gauss.table), ("SHADE_HIGHLIGHT_TABLE", m.shade.highlight_table)].into_iter().chain(sheets) {
         all.push((format!("{name}_BITS"), table.index_bits.into()));
         all.push((format!("{name}_LINEAR"), (table.interpolation == Interpolation::Linear).into()));
     }
@@ -118,7 +120,8 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         let kind = if i32::try_from(value).is_ok() { "int" } else { "logic signed [63:0]" };
         let _ = writeln!(text, "  localparam {kind} {name} = {}{value};", if kind == "int" { "" } else { "64'sd" });
     }
-    for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
+    let kind = Kind::of(frame);
+    for stream in ports::constants(machine, kind).iter().chain(&ports::streams(machine, kind)) {
         let name = constant(stream.name);
         let _ = write!(text, "\n  // {}\n  localparam int {name}_W = {};\n", stream.name, stream.width());
         for (field, place) in stream.fields.iter().zip(stream.places()) {
@@ -135,7 +138,7 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     text.push_str(
         "\n  // All lights, all materials, and what each material makes of each light: one beside the other, the first in the low bits.\n",
     );
-    let constants = ports::constants(machine);
+    let constants = ports::constants(machine, kind);
     for (port, stream, count) in
         [("LIGHTS", &constants[1], lights), ("MATERIALS", &constants[2], materials), ("REFLECTIONS", &constants[3], lights * materials)]
     {
@@ -146,9 +149,9 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
 }
 
 /// The records as packed structs, to be included where they are used.
-pub fn structs(machine: &Elaborated) -> String {
+pub fn structs(machine: &Elaborated, kind: Kind) -> String {
     let mut text = String::from("// Records as packed structs, first field in the most significant bits: `include it inside a module.\n");
-    for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
+    for stream in ports::constants(machine, kind).iter().chain(&ports::streams(machine, kind)) {
         let _ = write!(text, "\ntypedef struct packed {{\n");
         for field in &stream.fields {
             let signed = if field.word.format.signed { " signed" } else { "" };
@@ -160,13 +163,13 @@ pub fn structs(machine: &Elaborated) -> String {
 }
 
 /// The records as a C header: places and widths as constants, a struct a record, and a table of its fields.
-pub fn c_header(machine: &Elaborated) -> String {
+pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
     let mut text = String::from(
         "/* Records of a trace: bit places, structs and tables of fields. value = word * 2^-fraction_bits */\n\
          #ifndef SPLATSIM_RECORDS_H\n#define SPLATSIM_RECORDS_H\n#include <stdint.h>\n\n\
          typedef struct {\n  const char *name;\n  int lsb, width, is_signed, fraction_bits;\n} splatsim_field;\n",
     );
-    for stream in ports::constants(machine).iter().chain(&ports::streams(machine)) {
+    for stream in ports::constants(machine, kind).iter().chain(&ports::streams(machine, kind)) {
         let (name, upper) = (stream.name.replace('.', "_"), constant(stream.name));
         let _ =
             write!(text, "\n#define {upper}_WIDTH {}\n#define {upper}_FIELDS {}\ntypedef struct {{\n", stream.width(), stream.fields.len());
@@ -212,10 +215,10 @@ fn name(value: impl serde::Serialize) -> String {
 }
 
 /// The records of the constants and of these streams as tables for people.
-pub fn tables(machine: &Elaborated, written: &[&str]) -> String {
+pub fn tables(machine: &Elaborated, kind: Kind, written: &[&str]) -> String {
     let mut text = String::new();
-    let streams = ports::streams(machine);
-    for stream in ports::constants(machine).iter().chain(streams.iter().filter(|stream| written.contains(&stream.name))) {
+    let streams = ports::streams(machine, kind);
+    for stream in ports::constants(machine, kind).iter().chain(streams.iter().filter(|stream| written.contains(&stream.name))) {
         let order = match stream.order {
             Order::Total => "in this order",
             Order::PerPixel => "in this order at each pixel",

@@ -2,7 +2,7 @@
 
 use super::record::Layout;
 use rtl_model::frame::Frame;
-use rtl_model::machine::Elaborated;
+use rtl_model::machine::{Elaborated, FunctionUnit};
 
 /// A table in ROM.
 pub struct Rom {
@@ -16,32 +16,41 @@ pub struct Rom {
     pub lines: Vec<Vec<i64>>,
 }
 
+/// The ROM of a function unit's first guesses.
+fn first_guesses(name: &str, shape: FunctionUnit, guesses: Vec<i64>) -> Rom {
+    Rom {
+        name: name.to_owned(),
+        fields: &["value"],
+        layout: Layout::of_naturals(&[shape.bits + 1]),
+        lines: guesses.into_iter().map(|guess| vec![guess]).collect(),
+    }
+}
+
 /// A value of so many bits and the step to the next one, which has a sign.
 const LINE: &[&str] = &["value", "step"];
 
 /// All ROMs of a machine; those of highlights hold one table a material, one after the other.
 pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
-    let guesses = machine
-        .reciprocals()
-        .map(|(name, unit)| (name, unit.shape(), unit.guesses()))
-        .into_iter()
-        .chain(machine.roots().map(|(name, unit)| (name, unit.shape(), unit.guesses())));
-    let mut all: Vec<Rom> = guesses
-        .map(|(name, shape, guesses)| Rom {
-            name: name.to_owned(),
-            fields: &["value"],
-            layout: Layout::of_naturals(&[shape.bits + 1]),
-            lines: guesses.into_iter().map(|guess| vec![guess]).collect(),
-        })
-        .collect();
+    let reciprocals = machine.reciprocals().map(|(name, unit)| first_guesses(name, unit.shape(), unit.guesses()));
+    let roots = machine.roots().map(|(name, unit)| first_guesses(name, unit.shape(), unit.guesses()));
+    let mut all: Vec<Rom> = reciprocals.into_iter().chain(roots).collect();
+    if let (Some(_), Some(unit)) = (&frame.ellipsoids, machine.ray_root()) {
+        all.push(first_guesses("ellipse.ray_root", unit.shape(), unit.guesses()));
+    }
     let m = &machine.machine;
     let line = |width: i32| Layout::of_naturals(&[width as u32, width as u32 + 1]);
-    let lines = |table: &rtl_model::num::Table| table.lines().map(|(value, step)| vec![value, step]).collect::<Vec<_>>();
+    let lines_of = |table: &rtl_model::num::Table| table.lines().map(|(value, step)| vec![value, step]).collect::<Vec<_>>();
     let falloff = m.gauss.falloff.format.width();
-    all.push(Rom { name: "gauss.table".into(), fields: LINE, layout: line(falloff), lines: lines(machine.gaussian()) });
+    all.push(Rom { name: "gauss.table".into(), fields: LINE, layout: line(falloff), lines: lines_of(machine.gaussian()) });
     let size = 1 << m.shade.highlight_table.index_bits;
     let highlights = machine.shade.highlights(&frame.lighting);
-    let lines = highlights.iter().flat_map(|table| table.as_ref().map_or_else(|| vec![vec![0, 0]; size], lines)).collect();
+    let lines = highlights.iter().flat_map(|table| table.as_ref().map_or_else(|| vec![vec![0, 0]; size], lines_of)).collect();
     all.push(Rom { name: "shade.highlights".into(), fields: LINE, layout: line(m.shade.highlight.format.width()), lines });
+    if let (Some(sheets), Some(words)) = (&frame.sheets, &m.fragment.sheets) {
+        // Where it is not used its ROM is there all the same.
+        let empty = || vec![vec![0, 0]; 1 << words.table.index_bits];
+        let lines = machine.fragment.sheets(sheets).ratio.as_ref().map_or_else(empty, lines_of);
+        all.push(Rom { name: "fragment.ratio".into(), fields: LINE, layout: line(words.ratio.format.width()), lines });
+    }
     all
 }

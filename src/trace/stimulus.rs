@@ -10,7 +10,7 @@ use rtl_model::alone::{self, Fragments};
 use rtl_model::frame::Frame;
 use rtl_model::machine::Elaborated;
 use rtl_model::num::Format;
-use rtl_model::ports::{self, Stream};
+use rtl_model::ports::{self, Kind, Stream};
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
@@ -92,7 +92,7 @@ fn corners(format: Format) -> Vec<i64> {
 
 /// Makes so many random cases for each unit that is wanted, behind those that are made on purpose.
 pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, wants: impl Fn(&[&str]) -> bool) -> Stimulus {
-    let streams = ports::streams(machine);
+    let streams = ports::streams(machine, Kind::of(frame));
     let made =
         streams.iter().filter(|stream| stream.unit() != Some("pipeline")).map(|stream| Made { name: stream.name, records: Vec::new() });
     let made = made.collect();

@@ -1,11 +1,18 @@
 //! Transfers: what was watched, as the records of each port, with the keys that tell where each comes from.
 
+mod constants;
+mod slots;
+
+pub use constants::constants;
+
 use super::stimulus::Made;
-use super::watcher::{Arrival, Shaded, Watcher, flag, key, parts};
-use rtl_model::frame::{Frame, Material};
+use super::watcher::{Arrival, Emitted, Held, Shaded, Watcher, flag, key, parts};
+use rtl_model::alone;
+use rtl_model::frame::{Each, Frame};
 use rtl_model::machine::Elaborated;
-use rtl_model::units::fragment::{COLOUR, NORMAL, OPACITY, Slot, WEIGHT};
-use rtl_model::units::resolve::Layer;
+use rtl_model::ports::Kind;
+use rtl_model::units::fragment::Slot;
+use slots::{light, light_of, pixel_words, slot_words, sums_of};
 
 /// Of a key's parts: there is none.
 pub const NONE: u32 = u32::MAX;
@@ -79,10 +86,15 @@ pub struct Transfers<'a> {
     /// What the scene calls the frame's splats.
     pub splats: &'a [u32],
     pub watcher: Watcher,
-    /// Fragments that were there before: pixel, slot and what it holds.
-    pub start: Vec<([u32; 2], usize, Slot)>,
-    /// Places in `watcher.set_up` of what left `project`, and of what left `ellipse`.
+    /// What records depend on.
+    kind: Kind,
+    /// Pixels that held something before, with their slots.
+    pub start: Vec<([u32; 2], Vec<Slot>)>,
+    /// Of `start` the places of each record: the pixel's and the slot's.
+    start_records: Vec<(u32, u8)>,
+    /// Places in `watcher.set_up` of what left `project`, and of what left `ellipse`; and the latter in the order in which it is drawn.
     projected: Vec<u32>,
+    left: Vec<u32>,
     drawn: Vec<u32>,
     /// Places in `watcher.arrivals` of what lies in the rectangle, and of what of that has a weight.
     weighed: Vec<u32>,
@@ -116,23 +128,29 @@ impl<'a> Transfers<'a> {
         frame: &'a Frame,
         splats: &'a [u32],
         mut watcher: Watcher,
-        start: Vec<([u32; 2], usize, Slot)>,
+        start: Vec<([u32; 2], Vec<Slot>)>,
         rectangle: Rectangle,
     ) -> Self {
-        watcher.sort();
+        let kind = Kind::of(frame);
         let [left, top, right, bottom] = rectangle;
         let inside = |key: u64| {
             let [_, x, y] = parts(key);
             (left..right).contains(&x) && (top..bottom).contains(&y)
         };
         let projected = places(&watcher.set_up, |splat| splat.project[..2] == [0, 0]);
-        let drawn: Vec<u32> = projected.iter().copied().filter(|&place| watcher.set_up[place as usize].ellipse[..3] == [0, 0, 0]).collect();
+        let left_setup = |&place: &u32| watcher.set_up[place as usize].ellipse[..3] == [0, 0, 0];
+        let in_order: Vec<u32> = projected.iter().copied().filter(left_setup).collect();
+        let drawn = if kind.sorted { watcher.order.iter().map(|&nth| in_order[nth as usize]).collect() } else { in_order.clone() };
         let mut raster_records = vec![NONE; frame.splats.len()];
         for (record, &place) in (0u32..).zip(&drawn) {
             raster_records[watcher.set_up[place as usize].splat as usize] = record;
         }
+        if kind.sorted {
+            watcher.number(&raster_records);
+        }
+        watcher.sort();
         let weighed = places(&watcher.arrivals, |arrival| inside(arrival.key));
-        let taken = weighed.iter().copied().filter(|&place| watcher.arrivals[place as usize].weight > 0).collect();
+        let taken = weighed.iter().copied().filter(|&place| watcher.counts(watcher.arrivals[place as usize].weight)).collect();
         let only_inside = |all: &mut Vec<Shaded>| std::mem::take(all).into_iter().filter(|shaded| inside(shaded.key)).collect();
         let (merged, resolved) = (only_inside(&mut watcher.merged), only_inside(&mut watcher.resolved));
         let mut pixels = Vec::new();
@@ -146,20 +164,32 @@ impl<'a> Transfers<'a> {
         }
         let (mut layers, mut first_layers, mut records) = (Vec::new(), Vec::new(), 0u32);
         for (pixel, (_, held)) in (0u32..).zip(&pixels) {
-            let slots = held.map_or(&[][..], |place| &watcher.held[place as usize].slots[..]);
-            let mut order: Vec<u8> = (0..slots.len() as u8).collect();
+            let (slots, count) = held.map_or((&[][..], 0), |place| {
+                let held = &watcher.held[place as usize];
+                (&held.slots[..], held.layers.len())
+            });
+            let mut order: Vec<u8> = (0..count as u8).collect();
             order.sort_by_key(|&slot| slots[usize::from(slot)].depth);
             layers.extend(order.into_iter().map(|slot| (pixel, slot)));
             first_layers.push(records);
-            records += slots.len().max(1) as u32;
+            records += count.max(1) as u32;
         }
+        // Sheets have a record a pixel.
+        let slots_of = |(pixel, (_, slots)): (u32, &([u32; 2], Vec<Slot>))| {
+            let count = if kind.sheets { slots.len().min(1) } else { slots.len() };
+            (0..count as u8).map(move |slot| (pixel, slot))
+        };
+        let start_records = (0..).zip(&start).flat_map(slots_of).collect();
         Transfers {
             machine,
             frame,
             splats,
             watcher,
+            kind,
             start,
+            start_records,
             projected,
+            left: in_order,
             drawn,
             weighed,
             taken,
@@ -179,13 +209,16 @@ impl<'a> Transfers<'a> {
         let frame_splat = move |place: usize| &self.frame.splats[set_up[place].splat as usize];
         let arrival = |place: u32| &w.arrivals[place as usize];
         let held = |pixel: u32| self.pixels[pixel as usize].1.map(|place| &w.held[place as usize]);
-        vec![
+        let mut all = vec![
             source("pipeline.in", set_up.len(), move |i, words| {
                 let s = frame_splat(i);
-                words.extend(
-                    s.position.iter().chain(&s.normal).chain([&s.radius]).chain(&s.rgb).chain([&s.opacity]).map(|&word| i64::from(word)),
-                );
+                words.extend(s.position.iter().chain(&s.normal).chain([&s.radius]).map(|&word| i64::from(word)));
+                self.orientation(set_up[i].splat, words);
+                words.extend(s.rgb.iter().chain([&s.opacity]).map(|&word| i64::from(word)));
                 words.push(s.material.into());
+                if self.kind.sheets {
+                    words.push(self.sheet(set_up[i].splat));
+                }
                 Key::of_splat(splat(i), NONE, 0)
             }),
             source("project.in", set_up.len(), move |i, words| {
@@ -202,6 +235,10 @@ impl<'a> Transfers<'a> {
                 let s = frame_splat(place);
                 let [_, _, forward, exponent, _, inverse_depth, inverse_exponent, a, b, x, y] = set_up[place].project;
                 words.extend(s.normal.iter().chain([&s.radius]).map(|&word| i64::from(word)));
+                self.orientation(set_up[place].splat, words);
+                if self.kind.ellipsoids {
+                    words.push(s.opacity.into());
+                }
                 words.extend([forward, exponent, inverse_depth, inverse_exponent, a, b, x, y]);
                 Key::of_splat(splat(place), place as u32, 0)
             }),
@@ -218,11 +255,12 @@ impl<'a> Transfers<'a> {
                 let tag = splat(place);
                 words.extend([tag.into(), x, y, xx, xy, yy, depth, z_x, z_y, range, left, right, top, bottom]);
                 let walked = w.walked.binary_search_by_key(&set_up[place].splat, |walked| walked.0);
-                Key::of_splat(tag, nth(&self.projected, place as u32), walked.map_or(0, |at| w.walked[at].1))
+                let parent = if self.kind.sorted { i as u32 } else { nth(&self.projected, place as u32) };
+                Key::of_splat(tag, parent, walked.map_or(0, |at| w.walked[at].1))
             }),
             source("raster.out", w.arrivals.len(), move |i, words| {
                 let a = arrival(i as u32);
-                let [index, x, y] = parts(a.key);
+                let [index, x, y] = self.parts(a.key);
                 let tag = self.splats[index as usize];
                 words.extend([tag.into(), x.into(), y.into(), a.radial, a.depth]);
                 Key { splat: tag, x, y, slot: 0xff, parent: self.raster_records[index as usize], flags: 0 }
@@ -239,12 +277,16 @@ impl<'a> Transfers<'a> {
             }),
             source("fragment.in", self.taken.len(), move |i, words| {
                 let a = arrival(self.taken[i]);
-                let [index, x, y] = parts(a.key);
+                let [index, x, y] = self.parts(a.key);
                 let s = &self.frame.splats[index as usize];
-                words.extend([x.into(), y.into(), a.weight.into(), a.depth]);
-                words.extend(s.rgb.iter().chain([&s.opacity]).map(|&word| i64::from(word)));
-                words.extend(self.normal(index));
-                words.push(s.material.into());
+                words.extend([x, y, a.weight].map(i64::from));
+                words.push(if self.kind.sheets { self.sheet(index) } else { a.depth });
+                words.extend(self.rgb(index).map(i64::from));
+                if !self.kind.sheets {
+                    words.push(s.opacity.into());
+                    words.extend(self.normal(index));
+                    words.push(s.material.into());
+                }
                 self.of_arrival(a, nth(&self.weighed, self.taken[i]), 0)
             }),
             source("fragment.out", self.taken.len(), move |i, words| {
@@ -254,35 +296,15 @@ impl<'a> Transfers<'a> {
                 let key = self.of_arrival(a, i as u32, a.fragment_flags);
                 Key { slot: a.slot.into(), ..key }
             }),
-            source("fragment.request", self.merged.len(), move |i, words| {
-                sums_of(&self.merged[i], words);
-                self.of_merge(&self.merged[i], self.contribution(self.merged[i].key), 0)
-            }),
-            source("fragment.answer", self.merged.len(), move |i, words| {
-                light_of(&self.merged[i], words);
-                self.of_merge(&self.merged[i], i as u32, self.merged[i].flags)
-            }),
-            source("fragment.start", self.start.len(), move |i, words| {
-                let (pixel, number, slot) = &self.start[i];
-                slot_words(*pixel, *number, slot, words);
-                Key::of_pixel(*pixel, *number as u32, NONE, 0)
-            }),
-            source("fragment.held", self.layers.len(), move |i, words| {
-                let (pixel, number) = self.layers[i];
-                let place = self.pixels[pixel as usize].0;
-                if let Some(held) = held(pixel) {
-                    let number = usize::from(number);
-                    let (slot, layer) = (&held.slots[number], &held.layers[number]);
-                    slot_words(place, number, slot, words);
-                    words.extend(if slot.shaded { light(layer) } else { [0; 4] });
-                }
-                Key::of_pixel(place, number.into(), NONE, 0)
-            }),
-            source("shade.in", self.merged.len() + self.resolved.len(), move |i, words| {
+        ];
+        all.extend(self.of_setup());
+        all.extend(if self.kind.sheets { self.of_sheets() } else { self.of_slots() });
+        all.extend([
+            source("shade.in", self.shaded_records(), move |i, words| {
                 sums_of(self.shaded(i), words);
                 self.of_shaded(i, NONE, 0)
             }),
-            source("shade.out", self.merged.len() + self.resolved.len(), move |i, words| {
+            source("shade.out", self.shaded_records(), move |i, words| {
                 light_of(self.shaded(i), words);
                 self.of_shaded(i, i as u32, self.shaded(i).flags)
             }),
@@ -290,13 +312,13 @@ impl<'a> Transfers<'a> {
                 let pixel = self.first_layers.partition_point(|&first| first as usize <= i) - 1;
                 let (place, nth) = (self.pixels[pixel].0, i - self.first_layers[pixel] as usize);
                 words.extend(place.map(i64::from));
-                let Some(held) = held(pixel as u32).filter(|held| !held.slots.is_empty()) else {
+                let Some(held) = held(pixel as u32).filter(|held| !held.layers.is_empty()) else {
                     words.extend([1, 1, 0, 0, 0, 0]);
                     return Key::of_pixel(place, 0xff, NONE, 0);
                 };
                 let first = self.layers.partition_point(|&(other, _)| other < pixel as u32);
                 let number = self.layers[first + nth].1;
-                words.extend([i64::from(nth + 1 == held.slots.len()), 0]);
+                words.extend([i64::from(nth + 1 == held.layers.len()), 0]);
                 words.extend(light(&held.layers[usize::from(number)]));
                 Key::of_pixel(place, number.into(), (first + nth) as u32, 0)
             }),
@@ -308,11 +330,131 @@ impl<'a> Transfers<'a> {
                 let flags = self.frame_words(i, words);
                 Key::of_pixel(self.pixels[i].0, 0xff, i as u32, flags)
             }),
+        ]);
+        all
+    }
+
+    /// What setup has for ellipsoids alone: what is lit before it is drawn, and the sort.
+    fn of_setup(&self) -> Vec<Source<'_>> {
+        let w = &self.watcher;
+        let emitted = |i: usize| -> &Emitted { &w.emitted[i] };
+        let splat = |place: u32| self.splats[w.set_up[place as usize].splat as usize];
+        let mut all = Vec::new();
+        if self.kind.preshaded {
+            all.push(source("ellipse.request", w.emitted.len(), move |i, words| {
+                sums_of(&emitted(i).shaded, words);
+                // One for each that left setup, in the same order.
+                Key::of_splat(splat(self.left[i]), nth(&self.projected, self.left[i]), emitted(i).flags[0])
+            }));
+            all.push(source("ellipse.answer", w.emitted.len(), move |i, words| {
+                light_of(&emitted(i).shaded, words);
+                Key::of_splat(splat(self.left[i]), i as u32, emitted(i).flags[1])
+            }));
+        }
+        if self.kind.sorted {
+            let depth = |place: u32| w.set_up[place as usize].project[4];
+            all.push(source("sort.in", self.left.len(), move |i, words| {
+                let place = self.left[i];
+                words.extend([splat(place).into(), depth(place)]);
+                Key::of_splat(splat(place), nth(&self.projected, place), 0)
+            }));
+            all.push(source("sort.out", self.drawn.len(), move |i, words| {
+                let place = self.drawn[i];
+                let key = alone::sort(self.machine, &[depth(place)], &mut rtl_model::probe::Unwatched);
+                words.extend([splat(place).into(), key.map_or(0, |keyed| keyed[0].1)]);
+                Key::of_splat(splat(place), nth(&self.left, place), 0)
+            }));
+        }
+        all
+    }
+
+    /// What `fragment` asks and holds where it groups by sheets.
+    fn of_sheets(&self) -> Vec<Source<'_>> {
+        let start = source("fragment.start", self.start_records.len(), move |i, words| {
+            let (pixel, slots) = &self.start[self.start_records[i].0 as usize];
+            pixel_words(*pixel, slots, words);
+            Key::of_pixel(*pixel, 0, NONE, 0)
+        });
+        let held = source("fragment.held", self.layers.len(), move |i, words| {
+            let place = self.pixels[self.layers[i].0 as usize].0;
+            if let Some(held) = self.held(self.layers[i].0) {
+                pixel_words(place, &held.slots, words);
+                words.extend(light(&held.layers[0]));
+            }
+            Key::of_pixel(place, 0, NONE, 0)
+        });
+        vec![start, held]
+    }
+
+    /// What `fragment` asks and holds where it groups by depth.
+    fn of_slots(&self) -> Vec<Source<'_>> {
+        vec![
+            source("fragment.request", self.merged.len(), move |i, words| {
+                sums_of(&self.merged[i], words);
+                self.of_merge(&self.merged[i], self.contribution(self.merged[i].key), 0)
+            }),
+            source("fragment.answer", self.merged.len(), move |i, words| {
+                light_of(&self.merged[i], words);
+                self.of_merge(&self.merged[i], i as u32, self.merged[i].flags)
+            }),
+            source("fragment.start", self.start_records.len(), move |i, words| {
+                let (pixel, number) = self.start_records[i];
+                let (pixel, slots) = &self.start[pixel as usize];
+                slot_words(*pixel, number.into(), &slots[usize::from(number)], words);
+                Key::of_pixel(*pixel, number.into(), NONE, 0)
+            }),
+            source("fragment.held", self.layers.len(), move |i, words| {
+                let (pixel, number) = self.layers[i];
+                let place = self.pixels[pixel as usize].0;
+                if let Some(held) = self.held(pixel) {
+                    let number = usize::from(number);
+                    let (slot, layer) = (&held.slots[number], &held.layers[number]);
+                    slot_words(place, number, slot, words);
+                    words.extend(if slot.shaded { light(layer) } else { [0; 4] });
+                }
+                Key::of_pixel(place, number.into(), NONE, 0)
+            }),
         ]
     }
 
+    /// The splat of the frame, column and row of a key.
+    fn parts(&self, key: u64) -> [u32; 3] {
+        let [number, x, y] = parts(key);
+        // Sorted splats are numbered as they are drawn.
+        let splat = if self.kind.sorted { self.watcher.set_up[self.drawn[number as usize] as usize].splat } else { number };
+        [splat, x, y]
+    }
+
+    /// What a pixel holds in the end.
+    fn held(&self, pixel: u32) -> Option<&Held> {
+        self.pixels[pixel as usize].1.map(|place| &self.watcher.held[place as usize])
+    }
+
+    /// A splat's own axes and scales, if splats are ellipsoids; 0 where they have those of the frame.
+    fn orientation(&self, splat: u32, words: &mut Vec<i64>) {
+        let Some(ellipsoids) = &self.frame.ellipsoids else { return };
+        let own = ellipsoids.own.get(splat as usize).copied().unwrap_or_default();
+        words.extend(own.quaternion.iter().chain(&own.scales).map(|&word| i64::from(word)));
+    }
+
+    /// The number of a splat's sheet.
+    fn sheet(&self, splat: u32) -> i64 {
+        let Some(sheets) = &self.frame.sheets else { return 0 };
+        let number = match sheets.each {
+            Each::Splat => self.splats[splat as usize],
+            Each::Slice => sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
+        };
+        i64::from(number) & ((1 << rtl_model::ports::SHEET_BITS) - 1)
+    }
+
+    /// A splat's colour, as it is drawn.
+    fn rgb(&self, splat: u32) -> [i32; 3] {
+        let lit = self.watcher.emitted.binary_search_by_key(&splat, |emitted| emitted.splat);
+        lit.map_or(self.frame.splats[splat as usize].rgb, |place| self.watcher.emitted[place].rgb)
+    }
+
     fn amplitude(&self, arrival: &Arrival) -> i64 {
-        self.set_up_of(parts(arrival.key)[0])[9]
+        self.set_up_of(self.parts(arrival.key)[0])[9]
     }
 
     fn normal(&self, splat: u32) -> [i64; 3] {
@@ -327,12 +469,12 @@ impl<'a> Transfers<'a> {
     }
 
     fn of_arrival(&self, arrival: &Arrival, parent: u32, flags: u8) -> Key {
-        let [index, x, y] = parts(arrival.key);
+        let [index, x, y] = self.parts(arrival.key);
         Key { splat: self.splats[index as usize], x, y, slot: 0xff, parent, flags }
     }
 
     fn of_merge(&self, shaded: &Shaded, parent: u32, flags: u8) -> Key {
-        let [index, x, y] = parts(shaded.key);
+        let [index, x, y] = self.parts(shaded.key);
         Key { splat: self.splats[index as usize], x, y, slot: 0xff, parent, flags }
     }
 
@@ -342,21 +484,34 @@ impl<'a> Transfers<'a> {
         record.map_or(NONE, |record| record as u32)
     }
 
+    /// What is shaded for setup, for merges, and in the end.
+    fn shaded_records(&self) -> usize {
+        self.watcher.emitted.len() + self.merged.len() + self.resolved.len()
+    }
+
     fn shaded(&self, i: usize) -> &Shaded {
+        let Some(i) = i.checked_sub(self.watcher.emitted.len()) else { return &self.watcher.emitted[i].shaded };
         self.merged.get(i).unwrap_or_else(|| &self.resolved[i - self.merged.len()])
     }
 
     fn of_shaded(&self, i: usize, parent: u32, flags: u8) -> Key {
+        let before = self.watcher.emitted.len();
+        if i < before {
+            let splat = self.splats[self.watcher.emitted[i].splat as usize];
+            return Key::of_splat(splat, if parent == NONE { i as u32 } else { parent }, flags);
+        }
         let shaded = self.shaded(i);
-        if i < self.merged.len() {
-            return self.of_merge(shaded, if parent == NONE { i as u32 } else { parent }, flags);
+        if i < before + self.merged.len() {
+            // Where splats are lit first, `shade.in` is made from those.
+            let request = if before == 0 { i as u32 } else { NONE };
+            return self.of_merge(shaded, if parent == NONE { request } else { parent }, flags);
         }
         let [_, x, y] = parts(shaded.key);
         Key::of_pixel([x, y], 0xff, parent, flags)
     }
 
     fn resolve_records(&self) -> usize {
-        let empty = self.pixels.iter().filter(|(_, held)| held.is_none_or(|place| self.watcher.held[place as usize].slots.is_empty()));
+        let empty = self.pixels.iter().filter(|(_, held)| held.is_none_or(|place| self.watcher.held[place as usize].layers.is_empty()));
         self.layers.len() + empty.count()
     }
 
@@ -376,60 +531,4 @@ impl<'a> Transfers<'a> {
 
 fn source<'a>(name: &'static str, records: usize, at: impl Fn(usize, &mut Vec<i64>) -> Key + Sync + 'a) -> Source<'a> {
     Source { name, records, at: Box::new(at) }
-}
-
-fn slot_words([x, y]: [u32; 2], number: usize, slot: &Slot, words: &mut Vec<i64>) {
-    words.extend([x.into(), y.into(), number as i64, slot.shaded.into(), slot.depth, slot.material.into()]);
-    words.extend(slot.sums);
-}
-
-fn sums_of(shaded: &Shaded, words: &mut Vec<i64>) {
-    let input = &shaded.input;
-    words.push(input.weight);
-    words.extend(input.colour);
-    words.push(input.opacity);
-    words.extend(input.normal);
-    words.push(input.material.into());
-}
-
-fn light_of(shaded: &Shaded, words: &mut Vec<i64>) {
-    words.extend(shaded.output.colour);
-    words.push(shaded.output.opacity);
-}
-
-fn light(layer: &Layer) -> [i64; 4] {
-    let [r, g, b] = layer.colour;
-    [r, g, b, layer.opacity]
-}
-
-const _: () = assert!(WEIGHT == 0 && COLOUR == 1 && OPACITY == 4 && NORMAL == 5, "sums lie in the order of their record");
-
-/// The constants of a frame as records, stream by stream.
-pub fn constants(frame: &Frame) -> Vec<(&'static str, Vec<Vec<i64>>)> {
-    let v = &frame.view;
-    let mut words = vec![i64::from(frame.width), i64::from(frame.height)];
-    words.extend(v.rotation.as_flattened());
-    words.extend(v.eye);
-    words.push(v.near);
-    words.extend(v.guard);
-    words.extend([v.focal, v.inverse_focal.mantissa, v.inverse_focal.places, v.low_pass, v.cutoff, v.root_cutoff]);
-    words.extend([v.cull_backfaces.into(), frame.z_threshold, frame.coverage_threshold]);
-    words.extend([frame.inverse_threshold.mantissa, frame.inverse_threshold.places]);
-    words.extend(frame.background);
-    let lights = frame.lighting.lights.iter().map(|light| {
-        let half_way = light.half_way;
-        [&light.direction[..], &[half_way.is_some().into()], &half_way.unwrap_or_default()].concat()
-    });
-    let materials = frame.lighting.materials.iter().map(|material| match material {
-        Material::Unlit => vec![1, 0],
-        Material::BlinnPhong { ambient, .. } => vec![0, *ambient],
-    });
-    let count = frame.lighting.lights.len();
-    let reflections = frame.lighting.materials.iter().flat_map(|material| {
-        (0..count).map(move |light| match material {
-            Material::Unlit => vec![0; 6],
-            Material::BlinnPhong { diffuse, specular, .. } => [diffuse[light], specular[light]].concat(),
-        })
-    });
-    vec![("frame", vec![words]), ("light", lights.collect()), ("material", materials.collect()), ("reflection", reflections.collect())]
 }

@@ -1,6 +1,7 @@
 //! Watcher: notes every transfer while the machine draws, as the units make them; order is brought in afterwards.
 
 use super::coverage::Coverage;
+use rtl_model::frame::Frame;
 use rtl_model::machine::Elaborated;
 use rtl_model::num::Fit;
 use rtl_model::probe::{self, PROJECTED, SET_UP, Weighed};
@@ -19,7 +20,7 @@ pub mod flag {
     pub const SATURATED_HIGH: u8 = 4;
     /// A word wrapped.
     pub const WRAPPED: u8 = 8;
-    /// The record ends here: a culled splat, a weight of 0.
+    /// The record ends here: a culled splat, a weight of 0 or, of sheets, below the least.
     pub const CUT_OFF: u8 = 16;
     /// The contribution made two fragments merge.
     pub const MERGED: u8 = 32;
@@ -49,7 +50,7 @@ pub fn parts(key: u64) -> [u32; 3] {
     [(key >> 28) as u32, key as u32 & 0x3fff, (key >> 14) as u32 & 0x3fff]
 }
 
-/// Nothing was decided: the weight is 0.
+/// Nothing was decided: the weight is too small.
 pub const NO_OUTCOME: u8 = 7;
 
 /// A fragment from raster to its slot.
@@ -78,12 +79,24 @@ pub struct Shaded {
     pub flags: u8,
 }
 
+/// A splat that was lit before it was drawn.
+#[derive(Clone, Copy, Debug)]
+pub struct Emitted {
+    pub splat: u32,
+    /// What went through shade.
+    pub shaded: Shaded,
+    /// Its colour from then on.
+    pub rgb: [i32; 3],
+    /// What happened to what shade was asked, and to the light that came back.
+    pub flags: [u8; 2],
+}
+
 /// What a pixel holds in the end.
 #[derive(Clone, Debug)]
 pub struct Held {
     pub key: u64,
     pub slots: Vec<Slot>,
-    /// The light of each slot.
+    /// The light of each slot; that of all sheets together.
     pub layers: Vec<Layer>,
     pub frame: [i64; 4],
     pub flags: u8,
@@ -95,6 +108,10 @@ pub struct Watcher {
     /// Splats before this one are drawn, but not noted.
     pub first_splat: u32,
     pub set_up: Vec<SetUp>,
+    /// Splat by splat, if they are lit before they are drawn.
+    pub emitted: Vec<Emitted>,
+    /// If they are sorted: of each that is drawn, its place among those that are drawn, by their numbers.
+    pub order: Vec<u32>,
     /// Raster's flags, by splat and tile.
     pub walked: Vec<(u32, u8)>,
     pub arrivals: Vec<Arrival>,
@@ -105,20 +122,42 @@ pub struct Watcher {
     pub held: Vec<Held>,
     /// Which roundings and limits were met.
     pub coverage: Coverage,
+    /// Lesser weights make no fragment.
+    least_weight: i64,
+    /// Words of this signal reach nobody.
+    unread: Option<usize>,
     /// What was heard since the last transfer.
     heard: u8,
     /// What was heard before shade began.
     before_shade: u8,
+    /// Splats are being set up.
+    setting_up: bool,
     /// Which contribution is being taken in, and how many fragments it has had shaded.
     taking: Option<(u64, u8)>,
-    /// Shaded for the pixel that is being resolved.
+    /// Shaded for the pixel that is being resolved, or the splat that is being set up.
     lit: Vec<Shaded>,
 }
 
 impl Watcher {
-    /// One that notes splats from this one on.
-    pub fn new(machine: &Elaborated, first_splat: u32) -> Self {
-        Watcher { first_splat, coverage: Coverage::new(machine), ..Watcher::default() }
+    /// One that notes a frame's splats from this one on.
+    pub fn new(machine: &Elaborated, frame: &Frame, first_splat: u32) -> Self {
+        Watcher {
+            first_splat,
+            coverage: Coverage::new(machine),
+            least_weight: least_weight(frame),
+            unread: frame.sheets.as_ref().map(|_| machine.fragment.depth_fit().signal),
+            ..Watcher::default()
+        }
+    }
+
+    /// Calls splats in keys by these numbers.
+    pub fn number(&mut self, numbers: &[u32]) {
+        let renumbered = |all: u64| {
+            let [splat, x, y] = parts(all);
+            key(numbers[splat as usize], x, y)
+        };
+        self.arrivals.iter_mut().for_each(|arrival| arrival.key = renumbered(arrival.key));
+        self.merged.iter_mut().for_each(|shaded| shaded.key = renumbered(shaded.key));
     }
 
     /// Brings everything into the order of the splats, pixels row by row.
@@ -148,15 +187,29 @@ impl Watcher {
         }
         for arrival in &self.arrivals {
             coverage.count_if(arrival.weight == 0, "gauss", "weight 0");
+            if self.least_weight > 1 {
+                let below = (1..self.least_weight).contains(&arrival.weight.into());
+                coverage.count_if(below, "gauss", "weight below the least");
+            }
             for (number, outcome) in OUTCOMES.iter().enumerate() {
                 coverage.count_if(usize::from(arrival.outcome) == number, "fragment", outcome);
             }
         }
     }
 
+    /// Whether a weight makes a fragment.
+    pub fn counts(&self, weight: u32) -> bool {
+        i64::from(weight) >= self.least_weight
+    }
+
     fn flush(&mut self) -> u8 {
         std::mem::take(&mut self.heard)
     }
+}
+
+/// The least weight of a frame that makes a fragment.
+pub fn least_weight(frame: &Frame) -> i64 {
+    frame.sheets.as_ref().map_or(1, |sheets| sheets.least_weight.max(1))
 }
 
 /// What becomes of contributions, in the order of their numbers in `fragment.out`.
@@ -176,7 +229,13 @@ pub fn outcome(decision: Decision) -> (u8, u8) {
 
 impl probe::Watcher<'static> for Watcher {
     fn fork(&self) -> Box<dyn probe::Watcher<'static>> {
-        Box::new(Watcher { first_splat: self.first_splat, coverage: self.coverage.of_another_part(), ..Watcher::default() })
+        Box::new(Watcher {
+            first_splat: self.first_splat,
+            coverage: self.coverage.of_another_part(),
+            least_weight: self.least_weight,
+            unread: self.unread,
+            ..Watcher::default()
+        })
     }
 
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
@@ -186,6 +245,7 @@ impl probe::Watcher<'static> for Watcher {
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
         let Ok(fork) = seen.downcast::<Watcher>() else { return };
         self.set_up.extend(fork.set_up);
+        self.emitted.extend(fork.emitted);
         self.walked.extend(fork.walked);
         self.arrivals.extend(fork.arrivals);
         self.merged.extend(fork.merged);
@@ -195,6 +255,9 @@ impl probe::Watcher<'static> for Watcher {
     }
 
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, _word: i64) {
+        if self.unread == Some(fit.signal) {
+            return;
+        }
         self.coverage.fitted(fit, exact, more);
         let loss = fit.loss(exact, more);
         let told = [
@@ -212,8 +275,23 @@ impl probe::Watcher<'static> for Watcher {
 
     fn set_up(&mut self, splat: u32, project: [i64; PROJECTED], ellipse: [i64; SET_UP]) {
         let flags = self.flush();
+        self.setting_up = true;
         if splat >= self.first_splat {
             self.set_up.push(SetUp { splat, project, ellipse, flags });
+        }
+    }
+
+    fn sorted(&mut self, order: Vec<u32>) {
+        // What was heard of the keys is nobody's.
+        self.flush();
+        self.order = order;
+    }
+
+    fn emitted(&mut self, splat: u32, rgb: [i32; 3]) {
+        let after = self.flush();
+        let Some(shaded) = self.lit.pop() else { return };
+        if splat >= self.first_splat {
+            self.emitted.push(Emitted { splat, shaded, rgb, flags: [self.before_shade, shaded.flags | after] });
         }
     }
 
@@ -225,9 +303,10 @@ impl probe::Watcher<'static> for Watcher {
     }
 
     fn weighed(&mut self, x: u32, y: u32, weighed: &Weighed) {
-        let gauss_flags = self.flush() | if weighed.weight == 0 { flag::CUT_OFF } else { 0 };
+        let counts = weighed.weight >= self.least_weight;
+        let gauss_flags = self.flush() | if counts { 0 } else { flag::CUT_OFF };
         let key = key(weighed.splat, x, y);
-        self.taking = (weighed.weight > 0).then_some((key, 0));
+        self.taking = counts.then_some((key, 0));
         if weighed.splat >= self.first_splat {
             let Weighed { radial, depth, weight, .. } = *weighed;
             let arrival =
@@ -259,7 +338,7 @@ impl probe::Watcher<'static> for Watcher {
 
     fn shade_out(&mut self, input: &shade::Input, output: &shade::Output) {
         let flags = self.flush();
-        self.heard = self.before_shade;
+        self.heard = if self.setting_up { 0 } else { self.before_shade };
         let (input, output) = (*input, *output);
         match &mut self.taking {
             Some((key, nth)) => {

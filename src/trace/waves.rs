@@ -11,7 +11,7 @@ use crate::picture::write_beside;
 use fst_writer::{FstFileType, FstInfo, FstScopeType, FstSignalType, FstVarDirection, FstVarType, open_fst};
 use rtl_model::machine::Elaborated;
 use rtl_model::machine::timing::Organisation;
-use rtl_model::ports::{self, Stream};
+use rtl_model::ports::{self, Kind, Stream};
 use rtl_model::timing::UnitCycles;
 use std::path::Path;
 use vcd::{IdCode, ReferenceIndex, TimescaleUnit, Value, VarType};
@@ -47,8 +47,8 @@ fn stream_of<'a>(machine: &Elaborated, streams: &'a [Stream], unit: &str) -> Opt
 
 impl Waves {
     /// The waves of these units from cycle `first` to the one before `end`.
-    pub fn new(machine: &Elaborated, units: &[UnitCycles], sources: &[Source], [first, end]: [u64; 2]) -> Self {
-        let streams = ports::streams(machine);
+    pub fn new(machine: &Elaborated, kind: Kind, units: &[UnitCycles], sources: &[Source], [first, end]: [u64; 2]) -> Self {
+        let streams = ports::streams(machine, kind);
         let mut waves = Waves { end, ..Waves::default() };
         for unit in units.iter().filter(|unit| unit.index == 0) {
             let stream = stream_of(machine, &streams, unit.name);

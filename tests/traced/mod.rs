@@ -3,7 +3,7 @@
 #![allow(dead_code, reason = "each test file uses its own part")]
 
 use rtl_model::Machine;
-use serde_json::Value;
+use serde_json::{Value, json};
 use splatsim::machines;
 use splatsim::scene::{Overrides, Scene};
 use splatsim::trace::{Window, trace};
@@ -42,6 +42,38 @@ pub fn cloud(count: u32, side: u32) -> String {
             "lights": [{{"direction": [0.4, 0.8, 0.5], "rgb": [1, 1, 1]}}, {{"direction": [-1, 0.2, 0.3], "rgb": [0.4, 0.2, 0.1]}}]}}"#,
         splats.join(", ")
     )
+}
+
+/// What a camera sees of ellipsoids: a part of them lies outside, and some beside the picture.
+fn media(splats: &Value, side: u32, sheets: &Value) -> String {
+    let scene = json!({
+        "splats": splats,
+        "camera": {"eye": [1.0, 0.8, 2.2], "target": [0.1, 0, 0], "fov_y_degrees": 30, "near": 2.2},
+        "image": {"width": side, "height": side, "background": [0.2, 0.4, 0.6, 0.5]},
+        "surface": {"z_threshold": 0.02},
+        "sheets": sheets,
+        "lights": [{"direction": [0.4, 0.8, 0.5], "rgb": [1, 1, 1]}, {"direction": [-1, 0.2, 0.3], "rgb": [0.4, 0.2, 0.1]}],
+    });
+    scene.to_string()
+}
+
+/// A volume of so many samples a side: voxels that share their axes, lit before they are drawn, sheet by sheet.
+pub fn shells(samples: u32, side: u32, sheets: &Value) -> String {
+    let transfer = json!([
+        {"value": 0.1, "rgb": [0.2, 0.4, 1], "opacity": 0}, {"value": 0.5, "rgb": [0.2, 0.9, 0.3], "opacity": 0.8},
+        {"value": 1, "rgb": [1, 0.2, 0.1], "opacity": 0.9},
+    ]);
+    media(&json!({"volume": {"builtin": "nested-shells", "samples": samples}, "transfer": transfer}), side, sheets)
+}
+
+/// Gaussians with axes of their own, sorted.
+pub fn bouquet(count: u32, side: u32, sheets: &Value) -> String {
+    media(&json!({"gaussians": "bouquet", "count": count}), side, sheets)
+}
+
+/// A surface in a volume: flattened voxels with axes of their own, grouped by depth.
+pub fn isosurface(samples: u32, side: u32) -> String {
+    media(&json!({"volume": {"builtin": "marschner-lobb", "samples": samples}, "isovalue": 0.5}), side, &json!({}))
 }
 
 /// A machine by name with fields changed.

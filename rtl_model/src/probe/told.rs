@@ -26,6 +26,10 @@ pub trait Watcher<'w>: Send + Sync {
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
     /// As [`Probe::set_up`].
     fn set_up(&mut self, _splat: u32, _project: [i64; PROJECTED], _ellipse: [i64; SET_UP]) {}
+    /// As [`Probe::sorted`].
+    fn sorted(&mut self, _order: Vec<u32>) {}
+    /// As [`Probe::emitted`].
+    fn emitted(&mut self, _splat: u32, _rgb: [i32; 3]) {}
     /// As [`Probe::walked`].
     fn walked(&mut self, _splat: u32) {}
     /// As [`Probe::weighed`].
@@ -102,6 +106,12 @@ impl<const ALL: bool> Probe for Told<'_, '_, ALL> {
     }
     fn set_up(&mut self, splat: u32, project: [i64; PROJECTED], ellipse: [i64; SET_UP]) {
         self.watcher().set_up(splat, project, ellipse);
+    }
+    fn sorted(&mut self, order: Vec<u32>) {
+        self.watcher().sorted(order);
+    }
+    fn emitted(&mut self, splat: u32, rgb: [i32; 3]) {
+        self.watcher().emitted(splat, rgb);
     }
     fn walked(&mut self, splat: u32) {
         self.watcher().walked(splat);

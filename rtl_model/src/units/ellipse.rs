@@ -338,6 +338,11 @@ impl Ellipse {
         &self.extent_root
     }
 
+    /// |(a, b, 1)|.
+    pub fn ray_root(&self) -> Option<&ReciprocalRoot> {
+        self.ellipsoids.as_ref().map(Ellipsoids::ray_root)
+    }
+
     /// 1/c_n.
     pub fn slope_reciprocal(&self) -> &Reciprocal {
         &self.slope_reciprocal

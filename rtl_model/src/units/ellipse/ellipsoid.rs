@@ -122,6 +122,10 @@ impl Ellipsoids {
         })
     }
 
+    pub(super) fn ray_root(&self) -> &ReciprocalRoot {
+        &self.ray_root
+    }
+
     /// |(a, b, 1)|.
     #[inline(always)]
     fn ray<W: Words, P: Probe>(&self, [a, b]: [W; 2], tap: &mut Tap<P>) -> W {

@@ -44,6 +44,29 @@ pub struct Registers<'a> {
 /// In the key of the composite: the pixel takes nothing more.
 const STOPPED: i32 = 1;
 
+/// A pixel of sheets, as it is outside its slots.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Held {
+    /// It takes nothing more.
+    pub stopped: bool,
+    /// Sums of what has been blended.
+    pub composite: Sums,
+    /// The open sheet, if there is one: its number and its sums.
+    pub open: Option<(u32, Sums)>,
+}
+
+impl Held {
+    /// A pixel by its slots: what has been blended, and maybe an open sheet.
+    pub fn of(slots: &[Slot]) -> Self {
+        let composite = slots.first().copied().unwrap_or_default();
+        Held {
+            stopped: composite.depth & i64::from(STOPPED) != 0,
+            composite: composite.sums,
+            open: slots.get(1).map(|slot| (slot.depth as u32, slot.sums)),
+        }
+    }
+}
+
 impl Sheets {
     pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
         let (m, premultiplied) = (&machine.fragment, machine.shade.premultiplied);

@@ -1,0 +1,55 @@
+//! Constants: registers, lights and materials of a frame as records.
+
+use rtl_model::frame::{Amplitude, Each, Ellipsoids, Frame, Material, Sheets};
+
+/// The constants of a frame as records, stream by stream.
+pub fn constants(frame: &Frame) -> Vec<(&'static str, Vec<Vec<i64>>)> {
+    let v = &frame.view;
+    let mut words = vec![i64::from(frame.width), i64::from(frame.height)];
+    words.extend(v.rotation.as_flattened());
+    words.extend(v.eye);
+    words.push(v.near);
+    words.extend(v.guard);
+    words.extend([v.focal, v.inverse_focal.mantissa, v.inverse_focal.places, v.low_pass, v.cutoff, v.root_cutoff]);
+    words.extend([v.cull_backfaces.into(), frame.z_threshold, frame.coverage_threshold]);
+    words.extend([frame.inverse_threshold.mantissa, frame.inverse_threshold.places]);
+    words.extend(frame.background);
+    words.extend(frame.ellipsoids.iter().flat_map(kernel));
+    words.extend(frame.sheets.iter().flat_map(registers));
+    let lights = frame.lighting.lights.iter().map(|light| {
+        let half_way = light.half_way;
+        [&light.direction[..], &[half_way.is_some().into()], &half_way.unwrap_or_default()].concat()
+    });
+    let materials = frame.lighting.materials.iter().map(|material| match material {
+        Material::Unlit => vec![1, 0],
+        Material::BlinnPhong { ambient, .. } => vec![0, *ambient],
+    });
+    let count = frame.lighting.lights.len();
+    let reflections = frame.lighting.materials.iter().flat_map(|material| {
+        (0..count).map(move |light| match material {
+            Material::Unlit => vec![0; 6],
+            Material::BlinnPhong { diffuse, specular, .. } => [diffuse[light], specular[light]].concat(),
+        })
+    });
+    vec![("frame", vec![words]), ("light", lights.collect()), ("material", materials.collect()), ("reflection", reflections.collect())]
+}
+
+/// What all ellipsoids have in common.
+fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
+    let kernel = &ellipsoids.kernel;
+    let amplitude = match kernel.amplitude {
+        Amplitude::Disc => 0,
+        Amplitude::LineIntegral => 1,
+        Amplitude::Peak => 2,
+    };
+    let own = i64::from(!ellipsoids.own.is_empty());
+    [&[amplitude, own], &kernel.jacobian[..], kernel.axes.as_flattened(), &kernel.scales].concat()
+}
+
+/// What all sheets have in common.
+fn registers(sheets: &Sheets) -> Vec<i64> {
+    let Sheets { each, back_to_front, stop, keeps_last, least_weight, most_weight, ratio, .. } = sheets;
+    let each_splat = *each == Each::Splat;
+    let natural = |flag: bool| i64::from(flag);
+    vec![natural(each_splat), natural(*back_to_front), *stop, natural(*keeps_last), *least_weight, *most_weight, natural(!ratio.is_empty())]
+}
