@@ -103,9 +103,6 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
-    if window.stimulus.is_some() {
-        scene.of_discs("--stimulus makes up cases for")?;
-    }
     let rectangle = window.check(&frame)?;
     open_folder(folder)?;
     let folder = Folder { folder, machine: &elaborated, frame: &frame };

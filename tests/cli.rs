@@ -459,6 +459,19 @@ fn a_trace_is_written_and_a_device_compared_with_it() {
 }
 
 #[test]
+fn gaussians_and_volumes_are_traced_too() {
+    let out = folder();
+    let [sorted, lit] = ["sorted", "lit"].map(|name| out.path().join(name).display().to_string());
+    let text = says(&[&["trace", "bouquet", "--units", "sort,raster", "--out", &sorted], &SMALL[..2]].concat());
+    assert!(text.contains("sort.out") && text.contains("raster.out") && !text.contains("fragment"), "{text}");
+    assert!(says(&["diff", &sorted, "sort.out", &format!("{sorted}/sort.out.hex")]).starts_with("sort.out: "));
+    let text = says(&[&["trace", "marschner-lobb", "--units", "ellipse,shade", "--out", &lit], &SMALL[..2]].concat());
+    assert!(text.contains("ellipse.request") && text.contains("shade.in") && !text.contains("sort."), "{text}");
+    // Discs are not sorted.
+    refused(&[&["trace", "checkerboard", "--units", "sort", "--out", "none"], &SMALL[..]].concat(), "--units sort: no such unit");
+}
+
+#[test]
 fn traces_and_comparisons_that_cannot_be_are_refused() {
     let out = folder();
     let inside = out.path().join("made");

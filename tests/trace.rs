@@ -139,9 +139,7 @@ fn replay_sort(trace: &Traced, elaborated: &rtl_model::Elaborated) {
     let made = alone::sort(elaborated, &depths, &mut Unwatched).unwrap();
     let made: Vec<Vec<i64>> = made.into_iter().map(|(nth, key)| vec![given[nth][0], key]).collect();
     assert_eq!(made, sorted);
-    let drawn: Vec<i64> = trace.records("raster.in").iter().map(|record| record[0]).collect();
-    assert_eq!(drawn, sorted.iter().map(|record| record[0]).collect::<Vec<_>>());
-    assert!(sorted != given, "in order before they are sorted");
+    assert!(given.iter().map(|record| record[0]).ne(sorted.iter().map(|record| record[0])), "in order before they are sorted");
 }
 
 /// `fragment` where it groups by sheets.
@@ -253,6 +251,8 @@ fn a_trace_of_ellipsoids_replays_through_the_units() {
         }
         if ellipsoids.sorted {
             replay_sort(&trace, &elaborated);
+            let tags = |stream: &str| trace.records(stream).iter().map(|record| record[0]).collect::<Vec<_>>();
+            assert_eq!(tags("raster.in"), tags("sort.out"));
         }
         // All that can become of a contribution does, and not all splats are drawn.
         let outcomes: BTreeMap<i64, usize> = trace.records("fragment.out").iter().fold(BTreeMap::new(), |mut outcomes, record| {
@@ -284,6 +284,58 @@ fn made_up_cases_replay_through_the_units() {
     for machine in machines() {
         let trace = traced(&text, &machine, &Window { stimulus: Some(500), ..Window::default() });
         replay(&trace, &machine.elaborate().unwrap(), &frame(&text, &machine));
+    }
+}
+
+#[test]
+fn made_up_cases_of_ellipsoids_replay_through_the_units() {
+    for (text, machine) in media() {
+        let trace = traced(&text, &machine, &Window { stimulus: Some(500), ..Window::default() });
+        let (elaborated, frame) = (machine.elaborate().unwrap(), frame(&text, &machine));
+        replay(&trace, &elaborated, &frame);
+        if frame.ellipsoids.unwrap().sorted {
+            replay_sort(&trace, &elaborated);
+        }
+    }
+}
+
+#[test]
+fn made_up_cases_meet_changes_of_sheet_and_stops() {
+    let scenes = media();
+    let slopes = ["slope one within its limit", "slope at its limit", "slope one beyond its limit"].map(|case| ("ellipse", case));
+    let stops = ["stops", "the least weight that stops", "one less than that", "stopped before", "lets through as much as it must"];
+    let weights = ["weight at the least", "weight at the most", "weight one above the most"];
+    let slices = ["the same sheet", "the sheet after", "the sheet before", "a sheet that differs in its first bit"];
+    let more = ["a sheet of more than 1 is blended"];
+    let gauss = ["weight one below the least", "weight at the least"].map(|case| ("gauss", case));
+    let of_fragment = |cases: &[&'static str]| cases.iter().map(|case| ("fragment", *case)).collect::<Vec<_>>();
+    let expected = [
+        [&slopes[..], &of_fragment(&[&stops[..], &weights, &slices, &more].concat())].concat(),
+        [&slopes[..], &gauss, &of_fragment(&[&weights[..], &slices, &more].concat())].concat(),
+        [&slopes[..], &of_fragment(&[&stops[..], &weights, &slices, &more].concat())].concat(),
+        [&slopes[..], &gauss, &of_fragment(&[&stops[..], &weights].concat())].concat(),
+    ];
+    for (number, (cases, (text, machine))) in expected.into_iter().zip(&scenes).enumerate() {
+        let trace = traced(text, machine, &Window { stimulus: Some(4000), ..Window::default() });
+        let table = csv(&trace);
+        for (unit, case) in cases {
+            assert!(table.get(&(unit.to_owned(), case.to_owned())) > Some(&0), "scene {number}: {unit} {case}");
+        }
+        let signals: &[(&str, &str)] = match number {
+            0 => &[
+                ("fragment.weight_sum", "high limit"),
+                ("fragment.colour_sum", "high limit"),
+                ("fragment.depth_index", "tie"),
+                ("fragment.depth_index", "high limit"),
+                ("fragment.ratio", "above half"),
+                ("ellipse.ray", "above half"),
+            ],
+            3 => &[("ellipse.stretch", "above half"), ("ellipse.scale", "high limit"), ("ellipse.face", "below half"), ("sort.key", "tie")],
+            _ => &[],
+        };
+        for (signal, case) in signals {
+            assert!(table.get(&((*signal).to_owned(), (*case).to_owned())) > Some(&0), "scene {number}: {signal} {case}");
+        }
     }
 }
 

@@ -195,6 +195,7 @@ impl<'a> Fragments<'a> {
 }
 
 /// `fragment` with sheets, with pixels of one tile.
+#[derive(Clone)]
 pub struct Sheets<'a> {
     machine: &'a Elaborated,
     registers: Registers<'a>,

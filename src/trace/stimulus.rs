@@ -3,9 +3,11 @@
 //! A scene's own transfers seldom meet a limit, a tie or a threshold, where hardware goes wrong first. Here each unit is driven by
 //! itself, so what it is given need not be what another unit could make.
 
+mod ellipsoids;
+
 use super::coverage::Coverage;
 use super::transfers::{Key, NONE};
-use super::watcher::OUTCOMES;
+use super::watcher::{OUTCOMES, least_weight};
 use rtl_model::alone::{self, Fragments};
 use rtl_model::frame::Frame;
 use rtl_model::machine::Elaborated;
@@ -105,11 +107,12 @@ pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, want
         out: Stimulus { made, coverage: Coverage::new(machine), tags: Vec::new() },
         cases: cases as usize,
     };
-    let makers: [(&[&str], Make<'_>); 6] = [
+    let makers: [(&[&str], Make<'_>); 7] = [
         (&["project", "ellipse"], Maker::splats),
+        (&["sort"], Maker::sort),
         (&["raster"], Maker::raster),
         (&["gauss"], Maker::gauss),
-        (&["fragment"], Maker::fragments),
+        (&["fragment"], if frame.sheets.is_some() { Maker::sheets } else { Maker::fragments }),
         (&["shade"], Maker::shade),
         (&["resolve"], Maker::resolve),
     ];
@@ -139,6 +142,9 @@ fn pixel_key([x, y]: [i64; 2], parent: usize) -> Key {
 }
 
 const UNKNOWN: usize = NONE as usize;
+
+/// Words of a point in a record of `ellipse.in`.
+const POINT: usize = 8;
 
 impl Maker<'_> {
     fn formats(&self, stream: &str) -> Vec<Format> {
@@ -185,8 +191,9 @@ impl Maker<'_> {
     fn splats(&mut self) {
         let (mut first, mut first_disc) = (0, 0);
         let mut formats = self.formats("project.in");
-        formats.extend(&self.formats("ellipse.in")[..4]);
-        let size_px = [self.frame.width, self.frame.height];
+        // Of `ellipse.in` what is the splat's, not its point's.
+        let own = self.formats("ellipse.in");
+        formats.extend(&own[..own.len() - POINT]);
         let near_eye = self.near_eye();
         let mut kinds = self.words(&formats);
         // Random places mostly lie outside of the view: as many cases in front of the eye.
@@ -200,11 +207,12 @@ impl Maker<'_> {
             words[3..6].fill(0);
             words[6] = formats[6].max();
         }
+        self.likely_axes(&mut seen);
         let edges = self.edges_of_view(&near_eye, &formats);
         kinds.extend([("in view".into(), seen), ("edges of the view".into(), edges)]);
         for (kind, records) in kinds {
             for words in records {
-                let (position, disc) = ([words[0], words[1], words[2]], &words[3..7]);
+                let (position, own) = ([words[0], words[1], words[2]], &words[3..]);
                 let input = self.push("project.in", position.to_vec(), key(UNKNOWN));
                 let projected = alone::project(self.machine, &self.frame.view, position, &mut self.out.coverage);
                 let output = self.push("project.out", projected.to_vec(), key(input));
@@ -215,17 +223,29 @@ impl Maker<'_> {
                 if [near, outside] != [0, 0] {
                     continue;
                 }
-                let words = [disc[0], disc[1], disc[2], disc[3], forward, exponent, inverse, inverse_exponent, a, b, x, y];
-                let input = self.push("ellipse.in", words.to_vec(), key(output));
-                let set_up = alone::ellipse(self.machine, &self.frame.view, size_px, words, &mut self.out.coverage);
-                for (flag, case) in set_up.into_iter().zip(["backface", "faint", "outside"]) {
-                    self.out.coverage.count_if(flag != 0, "ellipse", case);
-                }
-                self.push("ellipse.out", set_up.to_vec(), key(input));
+                let [a, b] = self.at_limits([a, b]);
+                let point: [i64; POINT] = [forward, exponent, inverse, inverse_exponent, a, b, x, y];
+                self.set_up([own, &point].concat(), output);
             }
             first = self.tag("project.in", &kind, first);
             first_disc = self.tag("ellipse.in", &kind, first_disc);
         }
+    }
+
+    /// `ellipse`, by itself.
+    fn set_up(&mut self, words: Vec<i64>, parent: usize) {
+        let input = self.push("ellipse.in", words.clone(), key(parent));
+        let size_px = [self.frame.width, self.frame.height];
+        let (machine, frame, coverage) = (self.machine, self.frame, &mut self.out.coverage);
+        let made = match &frame.ellipsoids {
+            None => words.try_into().ok().map(|words| alone::ellipse(machine, &frame.view, size_px, words, coverage)),
+            Some(_) => words.try_into().ok().and_then(|words| alone::ellipsoid(machine, frame, words, coverage)),
+        };
+        let Some(made) = made else { return };
+        for (flag, case) in made.into_iter().zip(["backface", "faint", "outside"]) {
+            self.out.coverage.count_if(flag != 0, "ellipse", case);
+        }
+        self.push("ellipse.out", made.to_vec(), key(input));
     }
 
     /// Places on both sides of where the camera no longer sees them, as near to each other as words can be.
@@ -333,6 +353,7 @@ impl Maker<'_> {
         let (radial, amplitude) = (m.raster.radial.format, m.ellipse.amplitude.format);
         let index = m.gauss.radial_index.format;
         let places = radial.frac_bits - index.frac_bits;
+        let least = least_weight(self.frame);
         // Both ends and the middle of every step of the table, and beside them; one in more where the table is large.
         let steps = 1i64 << m.gauss.table.index_bits.min(9);
         let step = ((index.max() + 1) / steps).max(1);
@@ -346,12 +367,18 @@ impl Maker<'_> {
         let ends = corners(radial).into_iter().flat_map(|r| corners(amplitude).into_iter().map(move |a| [r, a])).collect();
         let anywhere = (0..self.cases).map(|_| [self.random.word(radial), self.random.word(amplitude)]).collect();
         let mut first = 0;
-        for (kind, records) in [("table steps", at_steps), ("ties", ties), ("corners", ends), ("random", anywhere)] {
+        let kinds = [("table steps", at_steps), ("ties", ties), ("corners", ends), ("random", anywhere)];
+        for (kind, records) in kinds.into_iter().chain((least > 1).then(|| ("least weight", self.near_least()))) {
             for [radial_word, amplitude] in records {
                 let words = [radial_word.clamp(0, radial.max()), amplitude];
                 let parent = self.push("gauss.in", words.to_vec(), key(UNKNOWN));
                 let weight = alone::gauss(self.machine, words, &mut self.out.coverage);
                 self.out.coverage.count("gauss", if weight == 0 { "weight 0" } else { "weight above 0" });
+                for (by, name) in [(-1, "weight one below the least"), (0, "weight at the least")] {
+                    if least > 1 {
+                        self.out.coverage.count_if(weight == least + by, "gauss", name);
+                    }
+                }
                 self.push("gauss.out", vec![weight], key(parent));
             }
             first = self.tag("gauss.in", kind, first);
