@@ -3,13 +3,14 @@
 mod cosimulation;
 mod traced;
 
-use cosimulation::{Device, Given, PIPELINE, Simulator, UNITS, Unit, have, run, sources};
+use cosimulation::{Device, Given, OF_ELLIPSOIDS, PIPELINE, Simulator, UNITS, Unit, have, run, sources};
 use rayon::prelude::*;
+use serde_json::json;
 use splatsim::diff::diff;
 use splatsim::trace::Window;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use traced::{Traced, cloud, machine, traced};
+use traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
 
 /// One lane, as the twins have; the named machines, and rules that none of them has.
 fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
@@ -17,15 +18,45 @@ fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
     vec![("tiny", machine("tiny", &[one_lane])), ("lean", machine("lean", &[one_lane])), ("reference", machine("reference", &[one_lane]))]
 }
 
+/// Scenes of ellipsoids and their machines: line integrals, peaks and discs; sheets in either order, of many splats or of one, with and
+/// without a table between the lines, that stop and that do not.
+fn media(size: u32, side: u32) -> Vec<(String, rtl_model::Machine)> {
+    let one_lane = "timing.raster.lanes=[1,1]";
+    let nearest = ["fragment.sheets.table.index_bits=5", "fragment.sheets.table.interpolation=nearest", one_lane];
+    let stops = ["fragment.layers=2", "timing.fragment.hazard=1", "timing.fragment.merge=3", one_lane];
+    vec![
+        (shells(size, side, &json!({"stop": 0.6})), machine("volume", &[one_lane])),
+        (shells(size, side, &json!({"order": "back-to-front", "opacity": "linear"})), machine("volume", &nearest)),
+        (shells(size, side, &json!({"stop": 0.6, "keep_last": false})), machine("gaussian", &stops)),
+        (bouquet(size * size, side, &json!({"stop": 0.3})), machine("gaussian", &[one_lane])),
+        (bouquet(size * size, side, &json!({"stop": 0.3, "keep_last": true, "most_weight": 0.4})), machine("gaussian", &stops)),
+        (isosurface(size, side), machine("volume", &["fragment.layers=2", one_lane])),
+    ]
+}
+
 fn unit(name: &str) -> Unit {
-    *UNITS.iter().find(|unit| unit.name == name).unwrap()
+    *UNITS.iter().chain(&OF_ELLIPSOIDS).find(|unit| unit.name == name).unwrap()
+}
+
+/// The twins that a trace has streams for.
+fn twins(trace: &Traced) -> Vec<Unit> {
+    let has = |stream: &str, field: &str| trace.stream(stream)["fields"].as_array().unwrap().iter().any(|other| other["name"] == field);
+    let [ellipsoids, sheets] = [has("ellipse.in", "quaternion_w"), has("fragment.in", "sheet")];
+    let replaced = |unit: &Unit| match unit.name {
+        "ellipse" if ellipsoids => OF_ELLIPSOIDS[0],
+        "fragment" if sheets => OF_ELLIPSOIDS[1],
+        _ => *unit,
+    };
+    UNITS.iter().map(replaced).collect()
 }
 
 /// The streams of what a unit gave, each with the file of its records.
 fn outputs(unit: Unit, given: &Given) -> Vec<(String, PathBuf)> {
-    let mut outputs = vec![(format!("{}.out", unit.name), given.out.clone())];
+    let mut outputs = vec![(format!("{}.out", unit.stream), given.out.clone())];
     if unit.name == "fragment" {
         outputs.push(("fragment.request".into(), given.requests.clone()));
+    }
+    if unit.stream == "fragment" {
         outputs.push(("fragment.held".into(), given.held.clone()));
     }
     outputs
@@ -44,7 +75,7 @@ fn fault(trace: &Traced, unit: Unit, given: &Given) -> Option<String> {
 }
 
 fn expected(trace: &Traced, unit: Unit) -> usize {
-    trace.stream(&format!("{}.out", unit.name))["records"].as_u64().unwrap() as usize
+    trace.stream(&format!("{}.out", unit.stream))["records"].as_u64().unwrap() as usize
 }
 
 /// Drives a unit with all that a trace has for it; how many records it gave.
@@ -67,12 +98,14 @@ fn twins_are_clean_and_can_be_synthesised() {
     if !have(&["verilator", "iverilog", "yosys"], "lint and synthesis of the twins") {
         return;
     }
-    let (_, machine) = &machines()[1];
-    let trace = traced(&cloud(20, 16), machine, &Window { stimulus: Some(1), ..Window::default() });
+    let (_, lean) = &machines()[1];
+    let trace = traced(&cloud(20, 16), lean, &Window { stimulus: Some(1), ..Window::default() });
     let files: Vec<PathBuf> =
         std::fs::read_dir(sources()).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
-    let package = trace.path("machine_pkg.sv");
-    for unit in UNITS.iter().chain([&PIPELINE]) {
+    let volume = traced(&shells(12, 16, &json!({})), &machine("volume", &["timing.raster.lanes=[1,1]"]), &Window::default());
+    for unit in UNITS.iter().chain([&PIPELINE]).chain(&OF_ELLIPSOIDS) {
+        let trace = if unit.name == unit.stream { &trace } else { &volume };
+        let package = trace.path("machine_pkg.sv");
         let file = sources().join(unit.name).with_extension("sv");
         let lint = run(Command::new("verilator")
             .args(["--lint-only", "-Wall", "--top-module", unit.name, "-y"])
@@ -145,6 +178,44 @@ fn every_twin_gives_every_record_on_icarus() {
     for unit in UNITS {
         drive(Simulator::Icarus, &trace, unit, 16, &[]);
         drive(Simulator::Icarus, &made_up, unit, 16, &STALLS);
+    }
+}
+
+#[test]
+fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
+    if !have(&["iverilog"], "co-simulation on Icarus") {
+        return;
+    }
+    for (number, (text, machine)) in media(12, 16).into_iter().enumerate() {
+        let trace = traced(&text, &machine, &Window::default());
+        let made_up = traced(&text, &machine, &Window { stimulus: Some(100), ..Window::default() });
+        let given: Vec<usize> = twins(&trace)
+            .into_iter()
+            .filter(|unit| unit.name != unit.stream)
+            .map(|unit| drive(Simulator::Icarus, &trace, unit, 16, &STALLS) + drive(Simulator::Icarus, &made_up, unit, 16, &[]))
+            .collect();
+        println!("scene {number}: {given:?} records");
+        assert!(given.iter().all(|records| *records > 100), "{given:?}");
+    }
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
+    if !have(&["iverilog", "verilator"], "co-simulation of ellipsoids") {
+        return;
+    }
+    for (number, (text, machine)) in media(16, 24).into_iter().enumerate() {
+        let trace = traced(&text, &machine, &Window::default());
+        let made_up = traced(&text, &machine, &Window { stimulus: Some(20_000), ..Window::default() });
+        let drive = |unit: Unit| {
+            drive(Simulator::Icarus, &trace, unit, 24, &[])
+                + drive(Simulator::Verilator, &trace, unit, 24, &STALLS)
+                + drive(Simulator::Verilator, &made_up, unit, 24, &STALLS)
+        };
+        let given: Vec<usize> = twins(&trace).into_par_iter().map(drive).collect();
+        println!("scene {number}: {given:?} records");
+        assert!(given.iter().all(|records| *records > 1000), "{given:?}");
     }
 }
 
@@ -236,11 +307,17 @@ fn every_mutant_is_caught() {
         machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3", "fragment.merge=nearest-pair", "fragment.evict_hidden=true"]);
     let seen = traced(&cloud(150, 16), &machine, &Window::default());
     let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(400), ..Window::default() });
+    // Ellipsoids with all that a frame may say of them; made-up cases have what their own transfers have not.
+    let of_ellipsoids: Vec<Traced> = media(8, 16)
+        .into_iter()
+        .map(|(text, machine)| traced(&text, &machine, &Window { stimulus: Some(400), ..Window::default() }))
+        .collect();
     let survives = |mutant: &&Mutant| {
         let folder = tempfile::tempdir().unwrap();
         mutated(mutant, folder.path());
-        ![&made_up, &seen].iter().any(|trace| {
-            let unit = unit(mutant.unit);
+        let unit = unit(mutant.unit);
+        let traces: Vec<&Traced> = if unit.name == unit.stream { vec![&made_up, &seen] } else { of_ellipsoids.iter().collect() };
+        !traces.into_iter().filter(|trace| twins(trace).iter().any(|twin| twin.name == unit.name)).any(|trace| {
             let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit, 16);
             fault(trace, unit, &device.drive(None, expected(trace, unit), &STALLS)).is_some()
         })

@@ -460,23 +460,18 @@ module fragment #(
   end
   wire [LIVE_W-1:0] decided_live = outcome == INSERTED ? held_live + LIVE_W'(1) : held_live;
   wire under_way;
-  if (HAZARD > 2) begin : g_write
-    localparam int STAGES = HAZARD - 2;
-    localparam int WRITE_W = PIXEL_W + LAYERS + SLOTS_W + LIVE_W;
-    logic [STAGES-1:0] full_stages;
-    logic [STAGES*WRITE_W-1:0] line;
-    always_ff @(posedge clk) begin
-      full_stages <= rst ? '0 : STAGES'({full_stages, leave});
-      line <= (STAGES * WRITE_W)'({line, pixel, decided_mask, decided_slots, decided_live});
-    end
-    assign write = full_stages[STAGES-1];
-    assign {write_pixel, write_mask, write_slots, write_live} = line[STAGES*WRITE_W-1-:WRITE_W];
-    assign under_way = full_stages != '0;
-  end else begin : g_write_at_once
-    assign write = leave;
-    assign {write_pixel, write_mask, write_slots, write_live} = {pixel, decided_mask, decided_slots, decided_live};
-    assign under_way = 1'b0;
-  end
+  fragment_late #(
+      .W(PIXEL_W + LAYERS + SLOTS_W + LIVE_W),
+      .HAZARD(HAZARD)
+  ) late (
+      .clk(clk),
+      .rst(rst),
+      .decided(leave),
+      .decision({pixel, decided_mask, decided_slots, decided_live}),
+      .write(write),
+      .written({write_pixel, write_mask, write_slots, write_live}),
+      .under_way(under_way)
+  );
 
   // A merge keeps the unit until its last cycle; anything else is gone when the next one comes.
   wire free = leave && (!merging || MERGE_CYCLES == 0);
@@ -484,23 +479,18 @@ module fragment #(
   // Which pixels were taken in the last HAZARD - 1 cycles; a merge counts as taken in its last cycle.
   wire waits;
   wire rests;
-  if (HAZARD > 1) begin : g_hazard
-    localparam int AGES = HAZARD - 1;
-    logic [AGES-1:0] aged;
-    logic [AGES*PIXEL_W-1:0] aged_pixels;
-    wire stays = taken && !free || rests;
-    always_ff @(posedge clk) begin
-      aged <= rst ? '0 : AGES'({aged, take || stays});
-      aged_pixels <= (AGES * PIXEL_W)'({aged_pixels, stays ? pixel : read_pixel});
-    end
-    wire [AGES-1:0] same;
-    for (genvar age = 0; age < AGES; age++) begin : g_age
-      assign same[age] = aged[age] && aged_pixels[age*PIXEL_W+:PIXEL_W] == read_pixel;
-    end
-    assign waits = s_valid && same != '0;
-  end else begin : g_no_hazard
-    assign waits = 1'b0;
-  end
+  fragment_hazard #(
+      .PIXEL_W(PIXEL_W),
+      .HAZARD(HAZARD)
+  ) hazard (
+      .clk(clk),
+      .rst(rst),
+      .take(take),
+      .next(read_pixel),
+      .stays(taken && !free || rests),
+      .pixel(pixel),
+      .waits(waits)
+  );
 
   // Further cycles of a merge: one of them is the one in which it blends.
   if (MERGE_CYCLES > 1) begin : g_rest
@@ -538,7 +528,7 @@ module fragment #(
   );
   assign leave = decided && room;
   logic done;
-  assign s_ready = !walking && !done && !rests && !waits && (!taken || free);
+  assign s_ready = !walking && !done && !rests && !(s_valid && waits) && (!taken || free);
 
   // Walk: what all pixels hold, row by row, in depth order.
 

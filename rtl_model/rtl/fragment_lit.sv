@@ -22,9 +22,11 @@ module fragment_lit (
   localparam int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W;
   localparam int OPACITY_F = machine_pkg::FRAGMENT_OPACITY_SUM_F;
 
+  wire [3*COLOUR_W-1:0] colours;
   for (genvar channel = 0; channel < 3; channel++) begin : g_colour
     wire [COLOUR_W-1:0] stored;
-    wire [COLOUR_W-1:0] sum = shaded ? slot[machine_pkg::FRAGMENT_REQUEST_COLOUR_B_LSB+channel*COLOUR_W+:COLOUR_W] : stored;
+    assign colours[channel*COLOUR_W+:COLOUR_W] =
+        shaded ? slot[machine_pkg::FRAGMENT_REQUEST_COLOUR_B_LSB+channel*COLOUR_W+:COLOUR_W] : stored;
     fit #(
         .IN_W(LIGHT_W + 1),
         .PLACES(LIGHT_F - COLOUR_F),
@@ -35,17 +37,6 @@ module fragment_lit (
     ) fit_store (
         .exact($signed({1'b0, light[machine_pkg::FRAGMENT_ANSWER_COLOUR_B_LSB+channel*LIGHT_W+:LIGHT_W]})),
         .word(stored)
-    );
-    fit #(
-        .IN_W(COLOUR_W + 1),
-        .PLACES(COLOUR_F - LIGHT_F),
-        .W(LIGHT_W),
-        .S(machine_pkg::SHADE_PREMULTIPLIED_S),
-        .ROUND(machine_pkg::SHADE_PREMULTIPLIED_ROUND),
-        .WRAP(machine_pkg::SHADE_PREMULTIPLIED_WRAP)
-    ) fit_read (
-        .exact($signed({1'b0, sum})),
-        .word(lit[(channel+1)*LIGHT_W+:LIGHT_W])
     );
   end
 
@@ -62,17 +53,8 @@ module fragment_lit (
       .exact($signed({1'b0, light[machine_pkg::FRAGMENT_ANSWER_OPACITY_LSB+:LIGHT_W]})),
       .word(stored)
   );
-  fit #(
-      .IN_W(OPACITY_W + 1),
-      .PLACES(OPACITY_F - LIGHT_F),
-      .W(LIGHT_W),
-      .S(machine_pkg::SHADE_PREMULTIPLIED_S),
-      .ROUND(machine_pkg::SHADE_PREMULTIPLIED_ROUND),
-      .WRAP(machine_pkg::SHADE_PREMULTIPLIED_WRAP)
-  ) fit_read (
-      .exact($signed({1'b0, sum})),
-      .word(lit[LIGHT_W-1:0])
-  );
+
+  fragment_read read (.colours(colours), .opacity(sum), .lit(lit));
 endmodule
 
 `default_nettype wire

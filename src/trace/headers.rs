@@ -12,8 +12,9 @@ fn constant(name: &str) -> String {
     name.to_uppercase().replace('.', "_")
 }
 
-/// Every word of a machine by its path: those of the description and those of function units.
-fn words(machine: &Elaborated) -> BTreeMap<String, Word> {
+/// Every word of a machine by its path: those of the description and those of function units; those for ellipsoids alone by their unit's
+/// name, if that is what is drawn.
+fn words(machine: &Elaborated, kind: Kind) -> BTreeMap<String, Word> {
     let mut words: BTreeMap<String, Word> =
         machine.signals.iter().map(|signal| (format!("{}.{}", signal.unit, signal.name), signal.word)).collect();
     let description = serde_json::to_value(&machine.machine).unwrap_or_default();
@@ -21,6 +22,10 @@ fn words(machine: &Elaborated) -> BTreeMap<String, Word> {
         for (name, value) in fields.as_object().into_iter().flatten() {
             if let Ok(word) = serde_json::from_value(value.clone()) {
                 words.insert(format!("{unit}.{name}"), word);
+            } else if kind != Kind::default() {
+                let nested = value.as_object().into_iter().flatten();
+                let own = nested.filter_map(|(name, value)| Some((name, serde_json::from_value(value.clone()).ok()?)));
+                words.extend(own.map(|(name, word)| (format!("{unit}.{name}"), word)));
             }
         }
     }
@@ -96,7 +101,7 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         machine.machine.name,
         env!("CARGO_PKG_VERSION"),
     );
-    for (path, word) in words(machine) {
+    for (path, word) in words(machine, Kind::of(frame)) {
         let name = constant(&path);
         let round = match word.round {
             Rounding::Truncate => 0,
@@ -196,7 +201,7 @@ fn told(field: &Field) -> String {
 
 /// Every word and every number, for the manifest.
 pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Value {
-    let described = words(machine).into_iter().map(|(path, word)| {
+    let described = words(machine, Kind::of(frame)).into_iter().map(|(path, word)| {
         let Format { signed, int_bits, frac_bits } = word.format;
         let told = serde_json::json!({
             "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits, "round": word.round, "overflow": word.overflow,
@@ -248,7 +253,7 @@ pub fn tables(machine: &Elaborated, kind: Kind, written: &[&str]) -> String {
 /// Words that a stream has no field for, and numbers that units need beside their records.
 pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
     let mut text = String::from("\n| word | format | rounds | overflows |\n|---|---|---|---|\n");
-    for (path, word) in words(machine) {
+    for (path, word) in words(machine, Kind::of(frame)) {
         let _ = writeln!(text, "| `{path}` | {word} | {} | {} |", name(word.round), name(word.overflow));
     }
     text.push_str("\n| number | value |\n|---|---|\n");

@@ -17,6 +17,8 @@ pub enum Simulator {
 #[derive(Clone, Copy, Debug)]
 pub struct Unit {
     pub name: &'static str,
+    /// Whose streams it takes and gives.
+    pub stream: &'static str,
     /// What the bench must connect.
     pub macros: &'static [&'static str],
 }
@@ -25,19 +27,27 @@ const FRAME: &str = "HAS_FRAME";
 const LIGHTING: &str = "HAS_LIGHTING";
 const DRAIN: &str = "HAS_DRAIN";
 
+const fn of_itself(name: &'static str, macros: &'static [&'static str]) -> Unit {
+    Unit { name, stream: name, macros }
+}
+
 /// All units, in the order of the diagram.
 pub const UNITS: [Unit; 7] = [
-    Unit { name: "project", macros: &[FRAME] },
-    Unit { name: "ellipse", macros: &[FRAME] },
-    Unit { name: "raster", macros: &[FRAME] },
-    Unit { name: "gauss", macros: &[] },
-    Unit { name: "fragment", macros: &[FRAME, DRAIN] },
-    Unit { name: "shade", macros: &[FRAME, LIGHTING] },
-    Unit { name: "resolve", macros: &[FRAME] },
+    of_itself("project", &[FRAME]),
+    of_itself("ellipse", &[FRAME]),
+    of_itself("raster", &[FRAME]),
+    of_itself("gauss", &[]),
+    of_itself("fragment", &[FRAME, DRAIN]),
+    of_itself("shade", &[FRAME, LIGHTING]),
+    of_itself("resolve", &[FRAME]),
 ];
 
+/// What a frame of ellipsoids has in the place of a unit.
+pub const OF_ELLIPSOIDS: [Unit; 2] =
+    [Unit { name: "ellipsoid", stream: "ellipse", macros: &[FRAME] }, Unit { name: "sheets", stream: "fragment", macros: &[FRAME, DRAIN] }];
+
 /// All of them wired together.
-pub const PIPELINE: Unit = Unit { name: "pipeline", macros: &[FRAME, LIGHTING, DRAIN] };
+pub const PIPELINE: Unit = of_itself("pipeline", &[FRAME, LIGHTING, DRAIN]);
 
 /// Where the twins lie.
 pub fn sources() -> PathBuf {
@@ -93,18 +103,19 @@ impl Device {
         let kept = tempfile::tempdir().unwrap();
         let bench = match unit.name {
             "fragment" => "bench_fragment",
+            "sheets" => "bench_sheets",
             name => name,
         };
-        let upper = unit.name.to_uppercase();
+        let upper = unit.stream.to_uppercase();
         let mut defines =
             vec![format!("-DDUT={bench}"), format!("-DIN_W=machine_pkg::{upper}_IN_W"), format!("-DOUT_W=machine_pkg::{upper}_OUT_W")];
         defines.extend(unit.macros.iter().map(|name| format!("-D{name}")));
-        if ["fragment", "pipeline"].contains(&unit.name) {
+        if unit.macros.contains(&DRAIN) {
             defines.push(format!("-DDUT_PARAMETERS=.WIDTH({side}),.HEIGHT({side})"));
         }
         let mut files = vec![trace.join("machine_pkg.sv"), sources.join("bench/bench.sv")];
-        if bench == "bench_fragment" {
-            files.push(sources.join("bench/bench_fragment.sv"));
+        if bench != unit.name {
+            files.push(sources.join("bench").join(bench).with_extension("sv"));
         }
         let program = match simulator {
             Simulator::Icarus => {
@@ -139,7 +150,7 @@ impl Device {
     pub fn drive(&self, inputs: Option<usize>, expect: usize, arguments: &[&str]) -> Given {
         let file = |name: &str| self.kept.path().join(name);
         let (out, times, requests, held) = (file("out.hex"), file("times"), file("requests.hex"), file("held.hex"));
-        let mut input = self.trace.join(format!("{}.in.hex", self.unit.name));
+        let mut input = self.trace.join(format!("{}.in.hex", self.unit.stream));
         if let Some(inputs) = inputs {
             let text = std::fs::read_to_string(&input).unwrap();
             input = file("in.hex");
@@ -156,6 +167,8 @@ impl Device {
         if self.unit.name == "fragment" {
             given("answers", &self.trace.join("fragment.answer.hex"));
             given("requests", &requests);
+        }
+        if self.unit.stream == "fragment" {
             given("held", &held);
         }
         command.args([format!("+expect={expect}"), "+quiet=200".into(), "+patience=20000".into()]);

@@ -56,7 +56,8 @@ module pipe #(parameter int W = 1, parameter int LATENCY = 1, parameter int INTE
 endmodule
 END
 sources=$work/pipe.sv
-for source in dot ellipse fifo fit fit_shifted fragment fragment_lit fragment_opaque fragment_over fragment_sum gauss lookup normalise \
+for source in dot ellipse ellipse_footprint ellipse_normal ellipse_plane ellipse_size ellipse_turn ellipse_visibility fifo fit fit_shifted \
+    fragment fragment_hazard fragment_late fragment_lit fragment_opaque fragment_over fragment_read fragment_sum gauss lookup normalise \
     project raster reciprocal reciprocal_root resolve shade shade_cosine; do
     sources="$sources $rtl/$source.sv"
 done
