@@ -295,17 +295,6 @@ impl Scene {
         std::fs::read_to_string(path).ok()
     }
 
-    /// Refuses what is made of anything but discs grouped by depth: `what` it is that only those can have.
-    ///
-    /// # Errors
-    /// [`Error::Input`] that begins with the scene's name.
-    pub fn of_discs(&self, what: &str) -> Result<()> {
-        if self.ellipsoids.is_none() && self.sheets.is_none() {
-            return Ok(());
-        }
-        Err(Error::input(format!("{}: {what} discs alone, and these splats are ellipsoids", self.name)))
-    }
-
     /// The viewing transform (ALGORITHM §1): `t = rotation · (p − eye)`.
     pub fn view(&self) -> View {
         let forward = (self.camera.target - self.camera.eye).normalize();
