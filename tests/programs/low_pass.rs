@@ -114,7 +114,7 @@ fn detail(picture: &Picture, [right, down]: [usize; 2]) -> f64 {
 }
 
 fn main() -> Result<()> {
-    let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "low-pass".into()));
+    let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "out".into()));
     std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
     written(&folder.join("rings.raw"), &rings())?;
     let reference = filtered(&drawn(&folder, SIDE * FINER, 0.0, "convolution")?.0);
