@@ -8,7 +8,8 @@
 //! rotations    version 3: 4 bytes, the three smallest of x y z w; before: 3 bytes, x y z in ±1
 //! harmonics    3 × u8 for each other coefficient, 128 is 0, 128 steps for 1
 //! ```
-//! All little-endian. Files that are not compressed are read as well.
+//! All little-endian. Files that are not compressed are read as well. Their axes are right, up, back; those of training programs' files
+//! right, down, forward: everything is given half a turn about x, so that a scene looks the same from either.
 
 use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, exp, part};
 use flate2::read::GzDecoder;
@@ -76,16 +77,28 @@ fn unpack(mut stream: impl Read, most: u64) -> Parsed<Gaussians> {
     for i in 0..count {
         let row = |table: usize| &tables[table][i * row_bytes[table]..][..row_bytes[table]];
         let raw = Gaussian {
-            position: header.position(row(0)),
-            rotation: rotation(row(4)),
+            position: header.position(row(0)) * HALF_TURN,
+            rotation: half_turned(rotation(row(4))),
             scale: exp(vector(row(3), |code| f64::from(code) / 16.0 - 10.0)),
             opacity: part(row(1)[0]),
         };
         let constant = vector(row(2), |code| (part(code) - 0.5) / 0.15).to_array().map(|c| c as f32);
-        let others = row(5).as_chunks().0.iter().map(|rgb: &[u8; 3]| rgb.map(|code| f32::from(code) / 128.0 - 1.0));
+        let others = row(5).as_chunks().0.iter().zip(HARMONICS_TURNED);
+        let others = others.map(|(rgb, sign): (&[u8; 3], f32)| rgb.map(|code| sign * (f32::from(code) / 128.0 - 1.0)));
         intake.push(raw, std::iter::once(constant).chain(others));
     }
     intake.finish()
+}
+
+/// Half a turn about x.
+const HALF_TURN: DVec3 = DVec3::new(1.0, -1.0, -1.0);
+
+/// What half a turn about x makes of each harmonic but the constant one: odd in y and z together, they change sign.
+const HARMONICS_TURNED: [f32; 15] = [-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
+
+/// The same rotation between turned axes.
+fn half_turned(of: DQuat) -> DQuat {
+    DQuat::from_xyzw(of.x, -of.y, -of.z, of.w)
 }
 
 fn damaged(error: std::io::Error) -> String {
