@@ -18,6 +18,7 @@ pub(crate) mod sheets;
 mod story;
 pub(crate) mod tiles;
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::picture::Picture;
@@ -70,6 +71,18 @@ pub enum FragmentDepth {
     First,
     /// That of its nearest contribution so far.
     Nearest,
+}
+
+/// [`Rendering::fragments`] of what [`render`] would draw, counted row by row instead of drawn: to within pixels whose centres lie on
+/// the rim of a footprint. Weights below `least_weight` do not count.
+pub fn contributions(scene: &Scene, least_weight: f64) -> u64 {
+    let view = scene.view();
+    let area = |index: usize| {
+        let Ok(mut footprint) = footprint::set_up(scene, &view, index) else { return 0 };
+        footprint.least_weight = footprint.least_weight.max(least_weight);
+        footprint.area()
+    };
+    (0..scene.splats.len()).into_par_iter().map(area).sum()
 }
 
 /// A picture and the work that it took.

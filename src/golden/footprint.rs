@@ -216,6 +216,21 @@ impl Footprint {
         self.z
     }
 
+    /// How many pixels it gives something to: in each row those between the roots of r − r₀.
+    pub fn area(&self) -> u64 {
+        let least = if self.least_weight > 0.0 { 2.0 * libm::log(self.amplitude / self.least_weight) } else { f64::INFINITY };
+        let limit = self.cutoff.min(least);
+        let row = |y: u32| {
+            let Row { linear, constant, .. } = self.row(y);
+            let [square, middle] = [self.conic[0], -linear / (2.0 * self.conic[0])];
+            let half = ((linear * linear - 4.0 * square * (constant - limit)) / (4.0 * square * square)).sqrt();
+            // NaN where no pixel of the row is within the limit.
+            let inside = pixels(self.centre[0] + middle, half, self.columns.end as usize).unwrap_or_default();
+            u64::from(inside.end.saturating_sub(inside.start.max(self.columns.start)))
+        };
+        self.rows.clone().map(row).sum()
+    }
+
     /// The footprint along one row of pixels.
     pub fn row(&self, y: u32) -> Row<'_> {
         let dy = f64::from(y) + 0.5 - self.centre[1];
