@@ -214,11 +214,12 @@ fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
             if unit.name == unit.stream {
                 return seen;
             }
-            seen + drive(Simulator::Verilator, &trace, unit, 24, &STALLS) + drive(Simulator::Verilator, &made_up, unit, 24, &STALLS)
+            let made_up = drive(Simulator::Verilator, &made_up, unit, 24, &STALLS);
+            assert!(made_up > 10_000, "{}: {made_up} made-up cases", unit.name);
+            seen + drive(Simulator::Verilator, &trace, unit, 24, &STALLS) + made_up
         };
         let given: Vec<usize> = twins(&trace).into_par_iter().map(drive).collect();
         println!("scene {number}: {given:?} records");
-        assert!(given.iter().all(|records| *records > 500), "{given:?}");
     }
 }
 
