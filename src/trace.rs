@@ -89,6 +89,9 @@ pub const UNITS: [&str; 8] = ["pipeline", "project", "ellipse", "raster", "gauss
 /// Where splats are sorted there is one more.
 const SORTED_UNITS: [&str; 9] = ["pipeline", "project", "ellipse", "sort", "raster", "gauss", "fragment", "shade", "resolve"];
 
+/// Where splats are sorted, what these units do depends on all splats that meet at a pixel.
+const OF_ALL_SPLATS: [&str; 4] = ["sort", "fragment", "shade", "resolve"];
+
 /// Most cycles of waves.
 const MOST_WAVES: u64 = 10_000_000;
 
@@ -269,6 +272,12 @@ impl Window {
         if let Some(unknown) = self.units.iter().find(|unit| !units.contains(&unit.as_str())) {
             return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));
         }
+        let of_all = self.units.iter().find(|unit| OF_ALL_SPLATS.contains(&unit.as_str()));
+        if let (true, Some(_), Some(unit)) = (Kind::of(frame).sorted, self.splats, of_all) {
+            return Err(Error::input(format!(
+                "--splats with --units {unit}: these splats are sorted, and what it does depends on the others too; --pixels has all of some"
+            )));
+        }
         if let Some([first, end]) = self.splats
             && (first >= end || end as usize > frame.splats.len())
         {
@@ -309,7 +318,7 @@ impl Window {
         let whole = self.splats.is_none() && self.pixels.is_none() && self.sample.is_none();
         let unit = stream.unit().unwrap_or_default();
         // What is drawn in the order of depth meets at a pixel only as a whole.
-        let alone = !kind.sorted || self.splats.is_none() || !["sort", "fragment", "shade", "resolve"].contains(&unit);
+        let alone = !kind.sorted || self.splats.is_none() || !OF_ALL_SPLATS.contains(&unit);
         alone && self.wants_any(&[unit]) && (whole || unit != "pipeline") && (self.splats.is_some() || stream.name != "fragment.start")
     }
 

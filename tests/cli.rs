@@ -467,6 +467,8 @@ fn gaussians_and_volumes_are_traced_too() {
     assert!(says(&["diff", &sorted, "sort.out", &format!("{sorted}/sort.out.hex")]).starts_with("sort.out: "));
     let text = says(&[&["trace", "marschner-lobb", "--units", "ellipse,shade", "--out", &lit], &SMALL[..2]].concat());
     assert!(text.contains("ellipse.request") && text.contains("shade.in") && !text.contains("sort."), "{text}");
+    let alone = ["trace", "bouquet", "--splats", "5..9", "--units", "gauss,fragment", "--out", "none"];
+    refused(&[&alone, &SMALL[..2]].concat(), "--splats with --units fragment: these splats are sorted");
     // Discs are not sorted.
     refused(&[&["trace", "checkerboard", "--units", "sort", "--out", "none"], &SMALL[..]].concat(), "--units sort: no such unit");
 }
