@@ -524,6 +524,7 @@ impl Run {
         if let Some(folder) = &self.out {
             open_folder(folder)?;
         }
+        self.record.as_deref().map_or(Ok(()), Recording::may_be_written)?;
         let asked = Asked { attribution: self.attribute, timings, requests: self.requests, record: self.record.is_some(), prices };
         if !self.quiet && !self.preview && std::io::stderr().is_terminal() {
             preview::announcement(&scene, &machine)?.iter().for_each(|told| eprintln!("{told}"));

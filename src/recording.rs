@@ -58,6 +58,20 @@ pub struct Replayed {
 }
 
 impl Recording {
+    /// Makes sure that a file can be written, before any work is done for it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no such folder, or a folder of that name.
+    pub fn may_be_written(path: &Path) -> Result<()> {
+        let told = |what: &str| Err(Error::input(format!("--record {}: cannot be written: {what}", path.display())));
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        match folder {
+            Some(folder) if !folder.is_dir() => told(&format!("there is no folder {}", folder.display())),
+            _ if path.is_dir() => told("it is a folder, and a file is needed"),
+            _ => Ok(()),
+        }
+    }
+
     /// Writes it into a file.
     ///
     /// # Errors

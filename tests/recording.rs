@@ -148,6 +148,8 @@ fn what_is_no_record_or_changes_more_than_time_is_refused() {
     };
     told(&["replay", path("other").to_str().unwrap()], "is no record of a frame's work");
     told(&["replay", path("nowhere").to_str().unwrap()], "cannot be read");
+    told(&["run", "--record", path("gone/frame.work").to_str().unwrap()], "there is no folder");
+    told(&["run", "--record", folder.path().to_str().unwrap()], "it is a folder, and a file is needed");
     told(&["replay", &record, "--set", "gauss.weight=U1F3"], "only fields below `timing` can change");
     told(&["replay", &record, "--set", "timing.raster.lanes=[0,1]"], "lanes");
     told(&["replay", &record, "--timing", "timing.nothing=1"], "nothing");

@@ -36,35 +36,32 @@ pub fn project(machine: &Elaborated, view: &View, position: [i64; 3], watcher: &
 
 /// `ellipse`: a record of `ellipse.in`, in a picture of this size.
 pub fn ellipse(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 12], watcher: &mut dyn Watcher<'_>) -> [i64; SET_UP] {
-    let [n_x, n_y, n_z, radius, forward, exponent, inverse, inverse_exponent, a, b, x, y] = input.map(all);
-    let input = ellipse::Input {
-        normal: [n_x, n_y, n_z],
+    let [n_x, n_y, n_z, radius, of_project @ ..] = input.map(all);
+    let input = to_ellipse([n_x, n_y, n_z], radius, of_project);
+    let told = &mut Told::new(watcher);
+    let tap = &mut Tap::new(told).first(1);
+    ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
+}
+
+/// What `ellipse` is given of any splat: its normal and σ, and what `project` made of it.
+fn to_ellipse<W>(normal: [W; 3], radius: W, of_project: [W; 8]) -> ellipse::Input<W> {
+    let [forward, exponent, inverse, inverse_exponent, a, b, x, y] = of_project;
+    ellipse::Input {
+        normal,
         radius,
         forward,
         exponent,
         inverse_depth: Scientific { mantissa: inverse, exponent: inverse_exponent },
         slope: [a, b],
         pixel: [x, y],
-    };
-    let told = &mut Told::new(watcher);
-    let tap = &mut Tap::new(told).first(1);
-    ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
+    }
 }
 
 /// `ellipse` of ellipsoids: a record of `ellipse.in`, in a frame of them; none where the frame or the machine has none.
 pub fn ellipsoid(machine: &Elaborated, frame: &Frame, input: [i64; 20], watcher: &mut dyn Watcher<'_>) -> Option<[i64; SET_UP]> {
-    let [n_x, n_y, n_z, radius, w, x, y, z, s_0, s_1, s_2, opacity, forward, exponent, inverse, inverse_exponent, a, b, p_x, p_y] =
-        input.map(all);
+    let [n_x, n_y, n_z, radius, w, x, y, z, s_0, s_1, s_2, opacity, of_project @ ..] = input.map(all);
     let ellipsoids = frame.ellipsoids.as_ref()?;
-    let input = ellipse::Input {
-        normal: [n_x, n_y, n_z],
-        radius,
-        forward,
-        exponent,
-        inverse_depth: Scientific { mantissa: inverse, exponent: inverse_exponent },
-        slope: [a, b],
-        pixel: [p_x, p_y],
-    };
+    let input = to_ellipse([n_x, n_y, n_z], radius, of_project);
     let axes = if ellipsoids.own.is_empty() { Axes::Frame } else { Axes::Own([w, x, y, z], [s_0, s_1, s_2]) };
     let told = &mut Told::new(watcher);
     let tap = &mut Tap::new(told).first(1);

@@ -58,12 +58,12 @@ fn text(side: usize, low_pass: f64, by: &str) -> String {
     .to_string()
 }
 
-fn drawn(folder: &Path, side: usize, low_pass: f64, by: &str) -> Result<(Picture, Scene)> {
+fn drawn(folder: &Path, side: usize, low_pass: f64, by: &str) -> Result<Picture> {
     let path = folder.join("rings.json");
     written(&path, text(side, low_pass, by).as_bytes())?;
     let scene = Scene::load(&path.to_string_lossy(), &Overrides::default())?;
     let rules: Rules = fixed::rules(&machines::load(machines::usual(&scene), &[])?);
-    Ok((render(&scene, &rules).picture, scene))
+    Ok(render(&scene, &rules).picture)
 }
 
 fn written(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -117,14 +117,14 @@ fn main() -> Result<()> {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "out".into()));
     std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
     written(&folder.join("rings.raw"), &rings())?;
-    let reference = filtered(&drawn(&folder, SIDE * FINER, 0.0, "convolution")?.0);
+    let reference = filtered(&drawn(&folder, SIDE * FINER, 0.0, "convolution")?);
     let ways = [("no filter", 0.0, "convolution"), ("uniform scaling", 1.0, "scaling"), ("convolution", 1.0, "convolution")];
     let kept = |picture: &Picture, axis| detail(&middle(picture), axis) / detail(&middle(&reference), axis);
     println!("| | dB against the reference | greatest error | detail kept across | down |");
     println!("|---|---|---|---|---|");
     let mut tiles = vec![Tile { caption: "reference".into(), picture: reference.clone() }];
     for (name, low_pass, by) in ways {
-        let (picture, _) = drawn(&folder, SIDE, low_pass, by)?;
+        let picture = drawn(&folder, SIDE, low_pass, by)?;
         let found = metrics(&middle(&picture), &middle(&reference));
         let db = found.psnr_db.map_or("equal".into(), |db| format!("{db:.1}"));
         let [across, down] = [[1, 0], [0, 1]].map(|axis| 100.0 * kept(&picture, axis));

@@ -50,7 +50,9 @@ impl Work {
         require(all_lie_in, "a box lies outside of the picture")?;
         let mut seen = vec![false; self.order.len()];
         for nth in &self.order {
-            seen.iter_mut().skip(*nth as usize).take(1).for_each(|seen| *seen = true);
+            if let Some(seen) = seen.get_mut(*nth as usize) {
+                *seen = true;
+            }
         }
         let is_order = self.order.is_empty() || self.order.len() == self.footprints.len() && seen.iter().all(|seen| *seen);
         require(is_order, "its order leaves splats out")
