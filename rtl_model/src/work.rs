@@ -368,7 +368,11 @@ impl Bins {
 /// Every tile that a box touches, by rows.
 #[inline(always)]
 pub fn each_tile(sides: [[u16; 2]; 2], side_px: usize, columns: usize, mut visit: impl FnMut(usize)) {
-    let [across, down] = sides.map(|[first, last]| usize::from(first) / side_px..=usize::from(last) / side_px);
+    let side_px = side_px as u32;
+    let [across, down] = sides.map(|side| {
+        let [first, last] = side.map(|at| (u32::from(at) / side_px) as usize);
+        first..last + 1
+    });
     for row in down {
         for column in across.clone() {
             visit(row * columns + column);

@@ -3,7 +3,6 @@
 //! Laws: `every_cycle_of_the_default_machines_is_accounted_for`, `a_frame_ticks_as_it_is_replayed`.
 
 use crate::machine::timing::Pace;
-use std::collections::VecDeque;
 
 /// Cycles of a unit. They sum to the frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,8 +56,9 @@ pub struct Timeline {
     pub window: u64,
     /// Such cycles in each, of several units side by side together; of the cache those too in which a look-up waits for memory.
     pub busy: Vec<u64>,
-    /// Where the last window ends.
+    /// Where the last window ends, and what belongs into it but is not there yet.
     end: u64,
+    now: u64,
 }
 
 /// Most windows; then two become one.
@@ -66,7 +66,7 @@ const WINDOWS: usize = 256;
 
 impl Default for Timeline {
     fn default() -> Self {
-        Timeline { window: 256, busy: vec![0], end: 256 }
+        Timeline { window: 256, busy: vec![0], end: 256, now: 0 }
     }
 }
 
@@ -77,7 +77,7 @@ impl Timeline {
         if from + cycles > self.end {
             cycles = self.fill(from, cycles);
         }
-        self.last(cycles);
+        self.now += cycles;
     }
 
     /// Fills all windows but the one in which they end; says how many of the cycles are left for that.
@@ -86,65 +86,64 @@ impl Timeline {
         while from + cycles > self.end {
             if from < self.end {
                 let here = self.end - from;
-                self.last(here);
+                self.now += here;
                 (from, cycles) = (self.end, cycles - here);
             }
-            self.open();
+            self.close();
+            if self.busy.len() == WINDOWS {
+                self.busy = self.busy.chunks(2).map(|pair| pair.iter().sum()).collect();
+                self.window *= 2;
+            }
+            self.busy.push(0);
+            self.end += self.window;
         }
         cycles
     }
 
-    #[inline(always)]
-    fn last(&mut self, cycles: u64) {
+    /// Puts into the last window what belongs there.
+    fn close(&mut self) {
         if let Some(last) = self.busy.last_mut() {
-            *last += cycles;
+            *last += std::mem::take(&mut self.now);
         }
-    }
-
-    fn open(&mut self) {
-        if self.busy.len() == WINDOWS {
-            self.busy = self.busy.chunks(2).map(|pair| pair.iter().sum()).collect();
-            self.window *= 2;
-        }
-        self.busy.push(0);
-        self.end += self.window;
     }
 }
 
-/// The places behind a unit, which take turns.
+/// The places behind a unit, which take turns: an item has the place of the one that came so many before it as there are places.
 #[derive(Clone, Debug)]
 pub struct Places {
-    /// From when on each is free.
+    /// From when on the place of an item is free again, by the item's number: as many as there are places, rounded up to a power of two.
     free: Box<[u64]>,
-    /// Those that are taken and given back next, and how many are taken and not given back.
-    next: usize,
-    back: usize,
-    out: usize,
-    /// The first of those that were held when one was counted last, and how many they were.
-    oldest: usize,
-    held: usize,
+    /// Items that had so many places so far, that were given a cycle, and that were given back.
+    claimed: usize,
+    counted: usize,
+    given: usize,
+    /// Items that had left when one was counted last.
+    left: usize,
+    room: usize,
     occupancy: Box<[u64]>,
 }
 
 impl Places {
     pub fn new(room: usize) -> Self {
-        Places { free: vec![0; room].into(), next: 0, back: 0, out: 0, oldest: 0, held: 0, occupancy: vec![0; room + 1].into() }
+        let occupancy = vec![0; room + 1].into();
+        Places { free: vec![0; room.next_power_of_two()].into(), claimed: 0, counted: 0, given: 0, left: 0, room, occupancy }
     }
 
     #[inline(always)]
-    fn after(&self, place: usize) -> usize {
-        if place + 1 == self.free.len() { 0 } else { place + 1 }
+    fn at(&self, item: usize) -> usize {
+        item & (self.free.len() - 1)
     }
 
     /// Whether it is known when one is free.
     pub fn is_known(&self) -> bool {
-        self.out < self.free.len()
+        self.claimed - self.given < self.room
     }
 
     /// The first cycle in which one is free.
     #[inline(always)]
     pub fn free(&self) -> u64 {
-        self.free[self.next]
+        // Before the first item lie cycles that nobody has written yet.
+        self.free[self.at(self.claimed.wrapping_sub(self.room))]
     }
 
     /// Takes one in a cycle in which one is free.
@@ -157,27 +156,25 @@ impl Places {
     /// Takes one of which [`count`](Self::count) is told when, as soon as it is known.
     #[inline(always)]
     pub fn claim(&mut self) {
-        self.next = self.after(self.next);
-        self.out += 1;
+        self.claimed += 1;
     }
 
     /// The next one was taken in this cycle; it is said of all before it when they are given back.
     #[inline(always)]
     pub fn count(&mut self, now: u64) {
-        while self.held > 0 && self.free[self.oldest] <= now {
-            self.oldest = self.after(self.oldest);
-            self.held -= 1;
+        while self.left < self.counted && self.free[self.at(self.left)] <= now {
+            self.left += 1;
         }
-        self.held += 1;
-        self.occupancy[self.held] += 1;
+        self.counted += 1;
+        self.occupancy[self.counted - self.left] += 1;
     }
 
     /// Gives the one back that was taken first.
     #[inline(always)]
     pub fn give(&mut self, now: u64) {
-        self.free[self.back] = now + 1;
-        self.back = self.after(self.back);
-        self.out -= 1;
+        let at = self.at(self.given);
+        self.free[at] = now + 1;
+        self.given += 1;
     }
 }
 
@@ -187,19 +184,21 @@ pub struct Unit {
     name: &'static str,
     starved_by: Option<&'static str>,
     blocked_by: Option<&'static str>,
-    /// Of those that work side by side the one whose turn it is, and the others as they follow.
+    /// Of those that work side by side the one whose turn it is, and the others by their place; its own holds nothing of worth.
     side: Side,
-    others: VecDeque<Side>,
-    last: u64,
+    sides: Box<[Side]>,
     timeline: Timeline,
     /// When it took each item, for whoever wants to know.
     log: Option<Vec<u64>>,
+    /// Whether there are others, or a log.
+    is_rare: bool,
     pub behind: Places,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
 struct Side {
     index: u32,
+    /// When it can take another: not before the one before it took the last.
     free: u64,
     items: u64,
     /// All but when it is starved: that is the rest.
@@ -229,10 +228,10 @@ impl Unit {
             starved_by,
             blocked_by,
             side: Side::default(),
-            others: (1..pace.units).map(|index| Side { index, ..Side::default() }).collect(),
-            last: 0,
+            sides: (0..pace.units).map(|index| Side { index, ..Side::default() }).collect(),
             timeline: Timeline::default(),
             log: logged.then(Vec::new),
+            is_rare: logged || pace.units > 1,
             behind: Places::new(pace.room()),
         }
     }
@@ -252,18 +251,13 @@ impl Unit {
     /// Takes so many items, a cycle each, that need no room; says when it takes the first.
     #[inline(always)]
     pub fn take_run(&mut self, ready: Ready, items: u64) -> u64 {
-        let now = self.hold(ready, items, items, items);
-        if let Some(log) = &mut self.log {
-            log.extend(now + 1..now + items);
-        }
-        now
+        self.hold(ready, items, items, items)
     }
 
     #[inline(always)]
     fn hold(&mut self, ready: Ready, items: u64, busy: u64, cycles: u64) -> u64 {
         let side = &mut self.side;
-        // In order: side by side, but never before the item before.
-        let here = side.free.max(ready.here).max(self.last);
+        let here = side.free.max(ready.here);
         let with_memory = here.max(ready.memory);
         let unblocked = with_memory.max(ready.hazard);
         let now = unblocked.max(ready.room);
@@ -273,15 +267,23 @@ impl Unit {
         side.account.busy += busy;
         side.items += items;
         side.free = now + cycles;
-        self.last = now;
         self.timeline.add(now, cycles);
-        if let Some(log) = &mut self.log {
-            log.push(now);
-        }
-        if let Some(next) = self.others.pop_front() {
-            self.others.push_back(std::mem::replace(&mut self.side, next));
+        if self.is_rare {
+            self.hand_on(now, items);
         }
         now
+    }
+
+    /// Logs items that were taken a cycle apart, and gives the turn to the next side: in order, so never before the item before.
+    #[inline(never)]
+    fn hand_on(&mut self, now: u64, items: u64) {
+        if let Some(log) = &mut self.log {
+            log.extend(now..now + items);
+        }
+        let index = self.side.index as usize;
+        self.sides[index] = self.side;
+        self.side = self.sides[if index + 1 == self.sides.len() { 0 } else { index + 1 }];
+        self.side.free = self.side.free.max(now);
     }
 
     /// When the unit that has the next turn is free.
@@ -292,15 +294,15 @@ impl Unit {
 
     /// When all that it took is done with it.
     pub fn done(&self) -> u64 {
-        self.others.iter().fold(self.side.free, |done, side| done.max(side.free))
+        self.sides.iter().fold(self.side.free, |done, side| done.max(side.free))
     }
 
     /// Its cycles in a frame of so many: at the end it is starved.
     pub fn cycles(self, total: u64) -> Vec<UnitCycles> {
-        let Unit { name, starved_by, blocked_by, side, others, behind, log, timeline, .. } = self;
+        let Unit { name, starved_by, blocked_by, side, mut sides, behind, log, mut timeline, .. } = self;
         let mut log = log.unwrap_or_default();
-        let mut sides: Vec<Side> = others.into_iter().chain([side]).collect();
-        sides.sort_by_key(|side| side.index);
+        sides[side.index as usize] = side;
+        timeline.close();
         let mut of = |side: Side| {
             let (index, Account { busy, blocked, memory, .. }) = (side.index, side.account);
             let by_unit = blocked_by.map(|unit| (Wait::Unit(unit), blocked - side.hazard));

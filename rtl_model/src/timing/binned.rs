@@ -10,7 +10,6 @@
 use super::Cycles;
 use super::account::{Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
-use super::slots::{Readers, Slots};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::{Elaborated, Pace};
 use crate::work::{Bins, Work, each_tile};
@@ -35,12 +34,10 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
 
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
     let mut list = Unit::new("list", one, Some("bin"), Some("raster"), logged);
-    let mut fill = Fill::new(t, "list", "fragment", logged);
+    let mut fill = Fill::new(t, work, "list", "fragment", logged);
     let mut merge = Merge::new(t, work, "gauss", Some("resolve"), logged);
     let mut resolve = Resolve::new(t, work, logged);
     let mut lit = Unit::new("resolve-shade", t.shade, Some("resolve"), None, logged);
-    let mut readers = Readers::new(work);
-    let mut slots = Slots::default();
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
@@ -68,12 +65,11 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             let here = memory.request(now.max(burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
             outstanding.push(here);
 
-            readers.next(footprint, corner_16, side, t.timing.raster.lanes, &mut slots);
             let behind = &mut list.behind;
             fill.footprint(
-                now + 1,
-                here,
-                &slots,
+                footprint,
+                (corner_16, side),
+                (now + 1, here),
                 |taken| behind.give(taken),
                 |slot, here| {
                     // The tile before is still in the buffer.

@@ -10,7 +10,7 @@ use super::Cycles;
 use super::account::{Ready, Unit};
 use super::cache::Cache;
 use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
-use super::slots::{Piece, Readers, Slots, below};
+use super::slots::{Piece, below};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::Elaborated;
 use crate::work::Work;
@@ -50,23 +50,20 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, logged);
     let mut setup = SetUp::new(t, work, "raster", logged);
-    let mut fill = Fill::new(t, SetUp::last_name(work), "cache", logged);
+    let mut fill = Fill::new(t, work, SetUp::last_name(work), "cache", logged);
     let mut lookup = Unit::new("cache", t.cache, Some("gauss"), Some("fragment"), logged);
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
     let mut merge = Merge::new(t, work, "cache", None, logged);
-    let mut readers = Readers::new(work);
-    let mut slots = Slots::default();
     let mut touched: Vec<u32> = Vec::new();
     let mut footprints = work.footprints.iter();
     for (index, fate) in work.fates.iter().enumerate() {
         let Some(here) = setup.splat(index as u64, *fate, &mut memory) else { continue };
         let Some(footprint) = footprints.next() else { break };
-        readers.next(footprint, [0, 0], u32::from(u16::MAX), t.timing.raster.lanes, &mut slots);
-        fill.footprint(
-            here,
-            0,
-            &slots,
+        let is_seen = fill.footprint(
+            footprint,
+            ([0, 0], u16::MAX.into()),
+            (here, 0),
             |taken| setup.give(here, taken),
             |slot, here| {
                 touched.clear();
@@ -90,7 +87,7 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             },
         );
         // Resolve begins when the last pixel is written, whatever is fetched by then.
-        if slots.pieces.iter().any(|piece| piece.pixels != 0) {
+        if is_seen {
             memory.forget(setup.fetched);
         }
     }

@@ -98,8 +98,9 @@ pub struct Memory {
     description: Description,
     /// Logarithms of a burst's and a row's bytes.
     log: [u32; 2],
-    /// What was not given away, in bytes since the first cycle; the last gap has no end.
+    /// What was not given away, in bytes since the first cycle: gaps, and all from the last of them on.
     free: VecDeque<Range<u64>>,
+    never_used: u64,
     open: Box<[u64]>,
     /// What is still to be written, by cycle, and when the last that was is there.
     later: VecDeque<Later>,
@@ -136,7 +137,8 @@ impl Memory {
         Memory {
             description,
             log: [description.burst_bytes, description.row_bytes].map(u32::ilog2),
-            free: std::iter::once(0..u64::MAX).collect(),
+            free: VecDeque::new(),
+            never_used: 0,
             open: vec![u64::MAX; description.banks as usize].into(),
             later: VecDeque::new(),
             written: 0,
@@ -174,18 +176,19 @@ impl Memory {
 
     /// A row is opened for each that the bytes lie in.
     fn serve(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
-        let [burst, row] = self.log.map(|log| 1u64 << log);
-        let end = (address + bytes.max(1)).div_ceil(burst) * burst;
-        let mut from = address / burst * burst;
+        let [burst, row] = self.log;
+        let [first, last] = [address, address + bytes.max(1) - 1].map(|byte| byte >> burst);
+        let (mut from, end) = (first << burst, (last + 1) << burst);
         self.cycles.bytes[client as usize][direction as usize] += end - from;
-        self.cycles.requests[client as usize] += (end - from) / burst;
+        self.cycles.requests[client as usize] += last + 1 - first;
         if let Some(logged) = &mut self.logged {
             logged.push(Request { cycle: now, address: from, bytes: end - from, direction });
         }
         let mut done = now;
         while from < end {
-            let to = end.min((from / row + 1) * row);
-            done = done.max(self.in_a_row(now, from / row, to - from));
+            let nth = from >> row;
+            let to = end.min((nth + 1) << row);
+            done = done.max(self.in_a_row(now, nth, to - from));
             from = to;
         }
         if direction == Direction::Read {
@@ -200,17 +203,36 @@ impl Memory {
         let open = &mut self.open[bank];
         let is_open = std::mem::replace(open, row) == row;
         // After its first burst the row is open.
-        self.cycles.row_hits += u64::from(is_open) + bytes / (1 << self.log[0]) - 1;
+        self.cycles.row_hits += u64::from(is_open) + (bytes >> self.log[0]) - 1;
         self.move_bytes(now, bytes) + u64::from(if is_open { hit_latency } else { miss_latency })
     }
 
     /// When the channel has moved so many bytes, from a cycle on.
-    fn move_bytes(&mut self, now: u64, mut bytes: u64) -> u64 {
+    #[inline(always)]
+    fn move_bytes(&mut self, now: u64, bytes: u64) -> u64 {
         let a_cycle = u64::from(self.description.bytes_per_cycle);
         let now = now * a_cycle;
+        // Mostly nothing was given away after it.
+        let to = if self.never_used <= now {
+            if self.never_used < now {
+                self.free.push_back(self.never_used..now);
+            }
+            self.never_used = now + bytes;
+            self.never_used
+        } else {
+            self.fill_gaps(now, bytes)
+        };
+        to.div_ceil(a_cycle)
+    }
+
+    /// Gives so many bytes away from this one on, the first that are left; says which one follows them.
+    fn fill_gaps(&mut self, now: u64, mut bytes: u64) -> u64 {
         let mut index = self.free.partition_point(|gap| gap.end <= now);
         loop {
-            let gap = &mut self.free[index];
+            let Some(gap) = self.free.get_mut(index) else {
+                self.never_used += bytes;
+                return self.never_used;
+            };
             let from = now.max(gap.start);
             let to = gap.end.min(from + bytes);
             bytes -= to - from;
@@ -228,7 +250,7 @@ impl Memory {
                 }
             }
             if bytes == 0 {
-                return to.div_ceil(a_cycle);
+                return to;
             }
         }
     }

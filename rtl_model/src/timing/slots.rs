@@ -28,25 +28,12 @@ pub struct Piece {
     pub shades: u8,
 }
 
-/// The slots of one footprint.
-#[derive(Clone, Debug, Default)]
-pub struct Slots<'a> {
-    /// How many there are.
-    pub count: u32,
-    /// What they keep, slot by slot, in each row by row.
-    pub pieces: Vec<Piece>,
-    /// The recorded tiles side by side that the box lies in.
-    parts: Vec<Part<'a>>,
-    /// Of those in which more happened than that contributions were added, what else.
-    told: Vec<Told>,
-}
-
 /// What a splat did in a recorded tile: columns of each row, the first in the last place.
 #[derive(Clone, Copy, Debug)]
 struct Part<'a> {
     kept: &'a [u16],
-    /// Its place among what else is told.
-    told: Option<u32>,
+    /// Whether more is told of it.
+    is_told: bool,
 }
 
 /// What became of columns that were kept.
@@ -58,105 +45,178 @@ struct Told {
     shaded: [[u16; TILE_PX]; 2],
 }
 
-/// Readers of all recorded tiles, and where each tile's is.
-pub struct Readers<'a> {
+/// Goes through footprints: all recorded tiles, and where each is.
+pub struct Slots<'a> {
+    /// Columns and rows of a slot.
+    lanes: [u32; 2],
+    width: Width,
+    /// Recorded tiles of a row of the picture.
     columns: usize,
     /// By place in the picture: the recorded tile, if it has one.
     tiles: Vec<u32>,
     readers: Vec<Reader<'a>>,
+    /// The recorded tiles side by side that a box lies in.
+    parts: Vec<Part<'a>>,
+    /// Of each of them in which more happened than that contributions were added, what else.
+    told: Vec<Told>,
+    /// What slots keep that may lie in several strips, slot by slot, in each row by row.
+    pieces: Vec<Piece>,
 }
 
-impl<'a> Readers<'a> {
-    pub fn new(work: &'a Work) -> Self {
+impl<'a> Slots<'a> {
+    pub fn new(work: &'a Work, lanes: [u32; 2]) -> Self {
         let [columns, rows] = [work.width, work.height].map(|size| (size as usize).div_ceil(TILE_PX));
         let mut tiles = vec![u32::MAX; columns * rows];
         for (index, tile) in work.tiles.iter().enumerate() {
             let [column, row] = tile.corner.map(|at| usize::from(at) / TILE_PX);
             tiles[row * columns + column] = index as u32;
         }
-        Readers { columns, tiles, readers: work.tiles.iter().map(|tile| tile.reader()).collect() }
+        Slots {
+            lanes,
+            width: Width::new(lanes[0]),
+            columns,
+            tiles,
+            readers: work.tiles.iter().map(|tile| tile.reader()).collect(),
+            parts: Vec::new(),
+            told: Vec::new(),
+            pieces: Vec::new(),
+        }
     }
 
-    /// The next footprint of these pixels of the picture, which are whole recorded tiles, in slots of so many columns and rows.
-    pub fn next(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32, lanes: [u32; 2], slots: &mut Slots<'a>) {
+    /// Goes through the part of the next footprint that lies in these pixels of the picture, which are whole recorded tiles: hands out what
+    /// each slot keeps, if it keeps a pixel. Says how many slots there are.
+    #[inline(always)]
+    pub fn each(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32, mut kept: impl FnMut(&[Piece])) -> u32 {
         let within = |[first, last]: [u16; 2], corner: u16| {
             let end = u32::from(corner) + side - 1;
             [first.max(corner), u32::from(last).min(end) as u16]
         };
         let columns = within(footprint.columns, corner[0]);
         let rows = within(footprint.rows, corner[1]);
-        let size = [columns, rows].map(|[first, last]| u32::from(last - first) + 1);
-        let [across, down] = [size[0].div_ceil(lanes[0]), size[1].div_ceil(lanes[1])];
-        slots.count = across * down;
-        slots.pieces.clear();
+        let [first, last] = columns.map(u32::from);
+        let across = self.width.divides(last - first + self.width.pixels);
+        let down = u32::from(rows[1] - rows[0]) + 1;
         let tile = |at: u16| usize::from(at) / TILE_PX;
+        let tile_columns = tile(columns[0])..tile(columns[1]) + 1;
+        let left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
+        // Slots of a row, in one strip: each has one piece.
+        let is_plain = tile_columns.len() == 1 && self.lanes[1] == 1;
+        let mut first_slot = 0;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
             let top = (tile_row * TILE_PX) as u16;
             let part = clip(rows, top);
             let first_y = top + part.start as u16;
-            slots.parts.clear();
-            slots.told.clear();
-            for tile_column in tile(columns[0])..=tile(columns[1]) {
-                let index = self.tiles[tile_row * self.columns + tile_column] as usize;
-                let (kept, events) = self.readers[index].splat(part.len());
-                let told = (!events.is_empty()).then_some(slots.told.len() as u32);
-                slots.parts.push(Part { kept, told });
-                if told.is_some() {
-                    slots.told.push(Told::of(events));
-                }
-            }
-            for row in 0..part.len() {
-                let y = first_y + row as u16;
-                let first_slot = u32::from(y - rows[0]) / lanes[1] * across;
-                let mut left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
-                for part in &slots.parts {
-                    let told = part.told.map(|nth| &slots.told[nth as usize]);
-                    for (nth, pixels) in cut(part.kept[row], left, columns[0], lanes[0]) {
-                        let piece = Piece { slot: first_slot + nth, corner: [left, y], pixels, merges: 0, shades: 0 };
-                        slots.pieces.push(told.map_or(piece, |told| told.of_piece(row, piece)));
+            self.read(tile_row * self.columns, tile_columns.clone(), part.len());
+            if is_plain {
+                let Part { kept: strips, is_told } = self.parts[0];
+                for (row, strip) in strips.iter().enumerate() {
+                    let corner = [left, first_y + row as u16];
+                    for (nth, pixels) in cut(*strip, left, columns[0], self.width) {
+                        let piece = Piece { slot: first_slot + nth, corner, pixels, merges: 0, shades: 0 };
+                        kept(&[if is_told { self.told[0].of_piece(row, piece) } else { piece }]);
                     }
-                    left += TILE_PX as u16;
+                    first_slot += across;
                 }
+            } else {
+                self.collect(part.len(), [left, first_y], [columns[0], rows[0]], across);
             }
         }
-        if lanes[1] > 1 {
-            slots.pieces.sort_by_key(|piece| piece.slot);
+        if !is_plain {
+            if self.lanes[1] > 1 {
+                self.pieces.sort_by_key(|piece| piece.slot);
+            }
+            self.pieces.chunk_by(|one, next| one.slot == next.slot).for_each(kept);
+            self.pieces.clear();
+        }
+        across * down.div_ceil(self.lanes[1])
+    }
+
+    /// Reads what a splat did in these recorded tiles, in so many rows.
+    #[inline(always)]
+    fn read(&mut self, first: usize, columns: Range<usize>, rows: usize) {
+        self.parts.clear();
+        for (nth, column) in columns.enumerate() {
+            let index = self.tiles[first + column] as usize;
+            let (kept, events) = self.readers[index].splat(rows);
+            self.parts.push(Part { kept, is_told: !events.is_empty() });
+            if nth == self.told.len() {
+                self.told.push(Told::default());
+            }
+            if !events.is_empty() {
+                self.told[nth].read(events, rows);
+            }
+        }
+    }
+
+    /// Collects the pieces of so many rows from this pixel on, of a box that begins in that one.
+    fn collect(&mut self, rows: usize, [left, first_y]: [u16; 2], first: [u16; 2], across: u32) {
+        for row in 0..rows {
+            let y = first_y + row as u16;
+            let first_slot = u32::from(y - first[1]) / self.lanes[1] * across;
+            let mut left = left;
+            for (part, told) in self.parts.iter().zip(&self.told) {
+                for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
+                    let piece = Piece { slot: first_slot + nth, corner: [left, y], pixels, merges: 0, shades: 0 };
+                    self.pieces.push(if part.is_told { told.of_piece(row, piece) } else { piece });
+                }
+                left += TILE_PX as u16;
+            }
         }
     }
 }
 
-/// Pixels of a strip, which begins in this column, cut into slots of so many, the first of which begins in that one.
+/// Pixels of a slot's row, to divide by.
+#[derive(Clone, Copy, Debug)]
+struct Width {
+    pixels: u32,
+    /// 2^32 over them, rounded up: exact for all columns, which are fewer than 2^16, and up to 64 pixels.
+    inverse: u64,
+}
+
+impl Width {
+    fn new(pixels: u32) -> Self {
+        Width { pixels, inverse: (1_u64 << 32).div_ceil(pixels.into()) }
+    }
+
+    #[inline(always)]
+    fn divides(self, column: u32) -> u32 {
+        ((u64::from(column) * self.inverse) >> 32) as u32
+    }
+}
+
+/// Pixels of a strip, which begins in this column, cut into slots, the first of which begins in that one.
 #[inline(always)]
-fn cut(mut pixels: u16, left: u16, first: u16, lanes: u32) -> impl Iterator<Item = (u32, u16)> {
+fn cut(mut pixels: u16, left: u16, first: u16, width: Width) -> impl Iterator<Item = (u32, u16)> {
     let [left, first] = [left, first].map(u32::from);
     std::iter::from_fn(move || {
         if pixels == 0 {
             return None;
         }
-        let nth = (left + pixels.trailing_zeros() - first) / lanes;
-        let here = pixels & below(first + (nth + 1) * lanes - left);
+        let nth = width.divides(left + pixels.trailing_zeros() - first);
+        let here = pixels & below(first + (nth + 1) * width.pixels - left);
         pixels -= here;
         Some((nth, here))
     })
 }
 
 impl Told {
-    fn of(events: &[(u8, Event)]) -> Self {
-        let mut told = Told::default();
+    /// Reads what became of a splat that has so many rows.
+    fn read(&mut self, events: &[(u8, Event)], rows: usize) {
+        let [one, two] = &mut self.shaded;
+        [&mut self.faint, &mut self.merged, one, two].into_iter().for_each(|columns| columns[..rows].fill(0));
         for (place, event) in events {
             let (row, pixel) = (usize::from(*place) / TILE_PX, 1 << (usize::from(*place) % TILE_PX));
             match event {
-                Event::Faint => told.faint[row] |= pixel,
+                Event::Faint => self.faint[row] |= pixel,
                 Event::Merged(shades) => {
-                    told.merged[row] |= pixel;
+                    self.merged[row] |= pixel;
                     if let Some(nth) = usize::from(*shades).checked_sub(1) {
-                        told.shaded[nth][row] |= pixel;
+                        self.shaded[nth][row] |= pixel;
                     }
                 }
                 _ => {}
             }
         }
-        told
     }
 
     /// What else happened to a piece in this row.
@@ -175,15 +235,7 @@ impl Told {
 /// The columns of a strip before this one.
 #[inline(always)]
 pub fn below(column: u32) -> u16 {
-    if column < TILE_PX as u32 { (1 << column) - 1 } else { u16::MAX }
-}
-
-impl Slots<'_> {
-    /// What each slot that keeps a pixel keeps.
-    #[inline(always)]
-    pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
-        self.pieces.chunk_by(|one, next| one.slot == next.slot)
-    }
+    !(u32::MAX << column.min(TILE_PX as u32)) as u16
 }
 
 /// The part of an interval of pixels that lies in a recorded tile, counted from the tile's first.

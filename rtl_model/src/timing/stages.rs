@@ -10,7 +10,7 @@ use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::slots::{Piece, Slots};
 use crate::machine::timing::Elaborated;
-use crate::work::{Fate, Work};
+use crate::work::{Fate, Footprint, Work};
 use std::ops::Range;
 
 /// Fetch, project and ellipse, and shade where splats are lit before they are drawn: one splat each.
@@ -135,30 +135,33 @@ pub struct Fill<'a> {
     timing: &'a Elaborated,
     pub raster: Unit,
     pub gauss: Unit,
+    walk: Slots<'a>,
+    /// How many there were, and those among them that kept a pixel.
     pub slots: [u64; 2],
 }
 
 impl<'a> Fill<'a> {
-    pub fn new(timing: &'a Elaborated, before: &'static str, behind: &'static str, logged: bool) -> Self {
+    pub fn new(timing: &'a Elaborated, work: &'a Work, before: &'static str, behind: &'static str, logged: bool) -> Self {
         Fill {
             timing,
             raster: Unit::new("raster", timing.raster, Some(before), Some("gauss"), logged),
             gauss: Unit::new("gauss", timing.gauss, Some("raster"), Some(behind), logged),
+            walk: Slots::new(work, timing.timing.raster.lanes),
             slots: [0; 2],
         }
     }
 
-    /// A footprint is here, or comes from memory; `give` is told when the raster takes it, `next` takes each slot that has a weight, with
-    /// the first cycle in which gauss has it, and says when.
+    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from memory; `give` is told when the raster takes
+    /// it, `next` takes each slot that has a weight, with the first cycle in which gauss has it, and says when. Whether there was one.
     #[inline(always)]
     pub fn footprint(
         &mut self,
-        here: u64,
-        memory: u64,
-        slots: &Slots<'_>,
+        footprint: &Footprint,
+        (corner, side): ([u16; 2], u32),
+        (here, memory): (u64, u64),
         give: impl FnOnce(u64),
         mut next: impl FnMut(&[Piece], u64) -> u64,
-    ) {
+    ) -> bool {
         let t = self.timing;
         let mut give = Some(give);
         let mut taken = |now: u64| {
@@ -168,8 +171,8 @@ impl<'a> Fill<'a> {
         };
         let ready = Ready { here, memory, ..Ready::default() };
         let mut gone_through = 0;
-        self.slots[0] += u64::from(slots.count);
-        for slot in slots.kept() {
+        let mut is_seen = false;
+        let slots = self.walk.each(footprint, corner, side, |slot| {
             self.slots[1] += 1;
             // Slots that keep nothing wait for no room.
             let empty = slot[0].slot - gone_through;
@@ -186,14 +189,17 @@ impl<'a> Fill<'a> {
             let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
             self.raster.behind.give(now);
             if goes_on {
+                is_seen = true;
                 self.gauss.behind.take(now);
                 let taken = next(slot, now + u64::from(t.gauss.latency));
                 self.gauss.behind.give(taken);
             }
+        });
+        self.slots[0] += u64::from(slots);
+        if gone_through < slots {
+            taken(self.raster.take_run(ready, (slots - gone_through).into()));
         }
-        if gone_through < slots.count {
-            taken(self.raster.take_run(ready, (slots.count - gone_through).into()));
-        }
+        is_seen
     }
 }
 
