@@ -5,6 +5,7 @@
 //!     └► some met a limit ──┬─►( the item of work again )─►[ Ranges ]─► saturated, wrapped
 //! every n-th item of work ──┘                           └─►[ Ranges ]─► words, inexact, bins
 //! ```
+//! Of words that come alone a few that met a limit are kept: for them alone nothing is done again.
 //! An item of work is eight splats in setup, a tile in what follows. Extremes and limits are those of all words; counts are those of a
 //! sample that does not depend on threads: all items where they are few, one in [`MOST_APART`] where they are many.
 //!
@@ -58,7 +59,12 @@ impl Extremes {
 
     /// Tells a range what a lane saw.
     fn tell(&self, lane: usize, range: &mut Range) {
-        Alone { min: self.min[lane].into(), max: self.max[lane].into(), any: self.any[lane].into() }.tell(range);
+        let mut alone = Alone::default();
+        if self.min[lane] <= self.max[lane] {
+            alone.widen(self.min[lane].into(), self.max[lane].into());
+            alone.any = self.any[lane].into();
+        }
+        alone.tell(range);
     }
 }
 
@@ -67,30 +73,40 @@ impl Extremes {
 struct Alone {
     min: i64,
     max: i64,
+    /// From the least to the greatest.
+    span: u64,
     any: i64,
 }
 
 impl Default for Alone {
+    /// Every word but that of the least, which no signal has, lies out of the span.
     fn default() -> Self {
-        Alone { min: i64::MAX, max: i64::MIN, any: 0 }
+        Alone { min: i64::MAX, max: i64::MIN, span: 0, any: 0 }
     }
 }
 
 impl Alone {
     #[inline(always)]
     fn see(&mut self, word: i64) {
-        // Both become rare.
-        if word < self.min {
-            self.min = word;
-        }
-        if word > self.max {
-            self.max = word;
-        }
         self.any |= word;
+        if word.wrapping_sub(self.min) as u64 > self.span {
+            self.widen(word, word);
+        }
+    }
+
+    /// Becomes rare.
+    #[cold]
+    #[inline(never)]
+    fn widen(&mut self, min: i64, max: i64) {
+        (self.min, self.max) = (self.min.min(min), self.max.max(max));
+        self.span = self.max.wrapping_sub(self.min) as u64;
     }
 
     fn absorb(&mut self, other: &Alone) {
-        *self = Alone { min: self.min.min(other.min), max: self.max.max(other.max), any: self.any | other.any };
+        if other.min <= other.max {
+            self.widen(other.min, other.max);
+            self.any |= other.any;
+        }
     }
 
     /// What saw nothing has its least above its greatest.
@@ -130,30 +146,35 @@ impl Wide {
     }
 
     fn lanes(&self) -> impl Iterator<Item = Alone> {
-        (0..LANES).map(|lane| Alone { min: self.min[lane], max: self.max[lane], any: self.any[lane] })
+        (0..LANES).filter(|lane| self.min[*lane] <= self.max[*lane]).map(|lane| {
+            let mut alone = Alone { any: self.any[lane], ..Alone::default() };
+            alone.widen(self.min[lane], self.max[lane]);
+            alone
+        })
     }
 }
 
-/// One signal's.
-#[derive(Clone, Debug, Default)]
-struct Meter {
-    together: Extremes,
-    wide: Wide,
-    alone: Alone,
-    /// What registers were to hold on their way.
-    way: Alone,
-}
+/// A word that met a limit alone: its fit, its exact result and that one's additional fraction bits, the word.
+type Limited = (Fit, i64, i64, i64);
+
+/// Most of them that are kept of an item of work: with more it is heard again.
+const KEPT: usize = 64;
 
 /// Watches the range of every signal.
 #[derive(Clone, Debug)]
 pub struct Meters {
-    meters: Vec<Meter>,
+    /// By signal: words of eight at a time, of up to 32 bits and of more; words that came alone; what registers were to hold on their way.
+    together: Vec<Extremes>,
+    wide: Vec<Wide>,
+    alone: Vec<Alone>,
+    way: Vec<Alone>,
     /// The sums of a fragment: every lane is a signal of its own.
     sums: Extremes,
     /// Signals of the lanes of `sums`.
     sum_signals: [usize; LANES],
-    /// Whether a word of this item met a limit.
+    /// Whether a word of this item met a limit, of those that came with others; those that came alone.
     is_limited: bool,
+    limited: Vec<Limited>,
     /// Items of the sample, word by word, and other items where a word met a limit.
     heard: [Ranges; 2],
 }
@@ -166,10 +187,14 @@ impl Meters {
 
     fn of(signals: usize, sum_signals: [usize; LANES]) -> Self {
         Meters {
-            meters: vec![Meter::default(); signals],
+            together: vec![Extremes::default(); signals],
+            wide: vec![Wide::default(); signals],
+            alone: vec![Alone::default(); signals],
+            way: vec![Alone::default(); signals],
             sums: Extremes::default(),
             sum_signals,
             is_limited: false,
+            limited: Vec::new(),
             heard: [Ranges::new(signals), Ranges::new(signals)],
         }
     }
@@ -178,15 +203,16 @@ impl Meters {
     pub fn ranges(&self) -> Ranges {
         let [sample, limited] = &self.heard;
         let mut ranges = sample.clone();
-        for ((range, limited), meter) in ranges.0.iter_mut().zip(&limited.0).zip(&self.meters) {
-            range.absorb(&Range { words: 0, inexact: 0, bins: Range::default().bins, ..*limited });
-            (0..LANES).for_each(|lane| meter.together.tell(lane, range));
-            meter.wide.lanes().for_each(|lane| lane.tell(range));
-            meter.alone.tell(range);
-            if meter.way.min <= meter.way.max {
-                range.reach(meter.way.min);
-                range.reach(meter.way.max);
-                range.any |= meter.way.any;
+        for (signal, range) in ranges.0.iter_mut().enumerate() {
+            range.absorb(&Range { words: 0, inexact: 0, bins: Range::default().bins, ..limited.0[signal] });
+            (0..LANES).for_each(|lane| self.together[signal].tell(lane, range));
+            self.wide[signal].lanes().for_each(|lane| lane.tell(range));
+            self.alone[signal].tell(range);
+            let way = self.way[signal];
+            if way.min <= way.max {
+                range.reach(way.min);
+                range.reach(way.max);
+                range.any |= way.any;
             }
         }
         for (lane, signal) in self.sum_signals.into_iter().enumerate() {
@@ -203,15 +229,15 @@ impl Probe for Meters {
     const DECISIONS: bool = false;
 
     fn fork(&self) -> Self {
-        Meters::of(self.meters.len(), self.sum_signals)
+        Meters::of(self.alone.len(), self.sum_signals)
     }
 
     fn absorb(&mut self, fork: Self) {
-        for (own, other) in self.meters.iter_mut().zip(&fork.meters) {
-            own.together.absorb(&other.together);
-            other.wide.lanes().for_each(|lane| own.alone.absorb(&lane));
-            own.alone.absorb(&other.alone);
-            own.way.absorb(&other.way);
+        for (signal, alone) in self.alone.iter_mut().enumerate() {
+            self.together[signal].absorb(&fork.together[signal]);
+            fork.wide[signal].lanes().for_each(|lane| alone.absorb(&lane));
+            alone.absorb(&fork.alone[signal]);
+            self.way[signal].absorb(&fork.way[signal]);
         }
         self.sums.absorb(&fork.sums);
         for (own, other) in self.heard.iter_mut().zip(fork.heard) {
@@ -222,7 +248,9 @@ impl Probe for Meters {
     #[inline(always)]
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
         if fit.is_within(exact, more, word) {
-            self.meters[fit.signal].alone.see(word);
+            self.alone[fit.signal].see(word);
+        } else if self.limited.len() < KEPT {
+            self.limited.push((*fit, exact, more, word));
         } else {
             self.is_limited = true;
         }
@@ -230,7 +258,7 @@ impl Probe for Meters {
 
     #[inline(always)]
     fn one(&mut self, signal: usize, word: i64) {
-        self.meters[signal].alone.see(word);
+        self.alone[signal].see(word);
     }
 
     #[inline(always)]
@@ -243,32 +271,28 @@ impl Probe for Meters {
             self.is_limited = true;
             return;
         }
-        self.meters[signal].together.see(seen.words.pick(W::from_array(STAND_IN[usize::from(live)])));
+        self.together[signal].see(seen.words.pick(W::from_array(STAND_IN[usize::from(live)])));
     }
 
     #[inline(always)]
     fn wide(&mut self, signal: usize, words: [i64; LANES], limited: u8, live: u8) {
-        let meter = &mut self.meters[signal];
         if limited & live != 0 {
             self.is_limited = true;
         } else if live == u8::MAX {
-            meter.wide.see(words);
+            self.wide[signal].see(words);
         } else {
-            (0..LANES).filter(|lane| live & (1 << lane) != 0).for_each(|lane| meter.alone.see(words[lane]));
+            (0..LANES).filter(|lane| live & (1 << lane) != 0).for_each(|lane| self.alone[signal].see(words[lane]));
         }
     }
 
     #[inline(always)]
-    fn three(&mut self, signal: usize, [a, b, c]: [i64; 3]) {
-        let alone = &mut self.meters[signal].alone;
-        let (least, greatest) = (a.min(b).min(c), a.max(b).max(c));
-        if least < alone.min {
-            alone.min = least;
+    fn three(&mut self, signal: usize, words: [i64; 3]) {
+        let alone = &mut self.alone[signal];
+        alone.any |= words[0] | words[1] | words[2];
+        let [a, b, c] = words.map(|word| word.wrapping_sub(alone.min) as u64);
+        if a.max(b).max(c) > alone.span {
+            words.into_iter().for_each(|word| alone.widen(word, word));
         }
-        if greatest > alone.max {
-            alone.max = greatest;
-        }
-        alone.any |= a | b | c;
     }
 
     #[inline(always)]
@@ -286,7 +310,7 @@ impl Probe for Meters {
 
     #[inline(always)]
     fn reached(&mut self, signal: usize, [low, high]: [i64; 2]) {
-        let way = &mut self.meters[signal].way;
+        let way = &mut self.way[signal];
         way.see(low);
         way.see(high);
     }
@@ -294,11 +318,17 @@ impl Probe for Meters {
     #[inline(always)]
     fn again(&mut self, item: usize, of: usize) -> Option<&mut Ranges> {
         let [sample, limited] = &mut self.heard;
-        match (is_sampled(item, of), std::mem::take(&mut self.is_limited)) {
+        let heard = match (is_sampled(item, of), std::mem::take(&mut self.is_limited)) {
             (true, _) => Some(sample),
             (false, true) => Some(limited),
-            (false, false) => None,
-        }
+            (false, false) => {
+                self.limited.drain(..).for_each(|(fit, exact, more, word)| limited.word(&fit, exact, more, word));
+                return None;
+            }
+        };
+        // They are heard again with all others.
+        self.limited.clear();
+        heard
     }
 }
 
