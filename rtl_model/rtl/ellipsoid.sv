@@ -251,7 +251,7 @@ module ellipsoid (
   wire unused = &{1'b0, frame, areas};
 
   pipe #(.W(machine_pkg::ELLIPSE_OUT_W), .LATENCY(machine_pkg::ELLIPSE_LATENCY), .INTERVAL(machine_pkg::ELLIPSE_INTERVAL),
-      .ROOM(machine_pkg::ELLIPSE_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_data(result),
+      .ROOM(machine_pkg::ELLIPSE_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(1'b1), .s_data(result),
       .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
 endmodule
 

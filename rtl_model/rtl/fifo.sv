@@ -1,5 +1,4 @@
-// Fifo: keeps what goes past a unit while the unit has the rest of the record. Who pushes knows that there is a place, who pops that
-// something is there: a fifo beside a unit has as many places as the unit holds records.
+// Fifo: keeps records in their order. Who pushes knows that there is a place, who pops that something is there.
 `default_nettype none
 
 module fifo #(

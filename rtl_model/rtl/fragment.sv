@@ -521,6 +521,7 @@ module fragment #(
       .rst(rst),
       .s_valid(decided),
       .s_ready(room),
+      .s_keeps(1'b1),
       .s_data({x, y, outcome, decided_slot}),
       .m_valid(m_valid),
       .m_ready(m_ready),

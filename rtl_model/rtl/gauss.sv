@@ -6,15 +6,18 @@
 // Losses: the radial index is cut to the table's reach; falloff and weight are rounded.
 `default_nettype none
 
-module gauss (
-    input wire clk,                                   // everything happens at its rising edge
-    input wire rst,                                   // forgets what is under way
-    input wire s_valid,                               // a fragment is there
-    output wire s_ready,                              // and can be taken
-    input wire [machine_pkg::GAUSS_IN_W-1:0] s_data,  // gauss.in
-    output wire m_valid,                              // a weight is offered
-    input wire m_ready,                               // and taken
-    output wire [machine_pkg::GAUSS_OUT_W-1:0] m_data // gauss.out
+module gauss #(
+    parameter int DROPS = 0, // whether a weight of 0 ends here
+    parameter int TAG_W = 0  // bits of a tag, which goes along
+) (
+    input wire clk,                                         // everything happens at its rising edge
+    input wire rst,                                         // forgets what is under way
+    input wire s_valid,                                     // a fragment is there
+    output wire s_ready,                                    // and can be taken
+    input wire [TAG_W+machine_pkg::GAUSS_IN_W-1:0] s_data,  // the tag, gauss.in
+    output wire m_valid,                                    // a weight is offered
+    input wire m_ready,                                     // and taken
+    output wire [TAG_W+machine_pkg::GAUSS_OUT_W-1:0] m_data // the tag, gauss.out
 );
   localparam int RADIAL_W = machine_pkg::RASTER_RADIAL_W;
   localparam int INDEX_W = machine_pkg::GAUSS_RADIAL_INDEX_W;
@@ -42,9 +45,18 @@ module gauss (
       .W(WEIGHT_W), .S(0), .ROUND(machine_pkg::GAUSS_WEIGHT_ROUND), .WRAP(machine_pkg::GAUSS_WEIGHT_WRAP))
       weigher (.exact($signed({1'b0, weighed})), .word(weight));
 
-  pipe #(.W(WEIGHT_W), .LATENCY(machine_pkg::GAUSS_LATENCY), .INTERVAL(machine_pkg::GAUSS_INTERVAL), .ROOM(machine_pkg::GAUSS_ROOM))
-      behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_data(weight), .m_valid(m_valid), .m_ready(m_ready),
-      .m_data(m_data));
+  // Registers and places hold the tag beside it.
+  localparam int BEHIND_W = TAG_W + machine_pkg::GAUSS_OUT_W;
+  wire keeps = DROPS == 0 || weight != '0;
+  wire [BEHIND_W-1:0] labelled;
+  if (TAG_W > 0) begin : g_tag
+    assign labelled = {s_data[machine_pkg::GAUSS_IN_W+:TAG_W], weight};
+  end else begin : g_no_tag
+    assign labelled = weight;
+  end
+  pipe #(.W(BEHIND_W), .LATENCY(machine_pkg::GAUSS_LATENCY), .INTERVAL(machine_pkg::GAUSS_INTERVAL), .ROOM(machine_pkg::GAUSS_ROOM))
+      behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(keeps), .s_data(labelled), .m_valid(m_valid),
+      .m_ready(m_ready), .m_data(m_data));
 endmodule
 
 `default_nettype wire

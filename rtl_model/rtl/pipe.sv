@@ -4,6 +4,8 @@
 //
 // It takes a record where there is a place for it, as the timing model does. Nothing in the registers ever waits, so all of the places
 // that the model counts, for records on their way and for those that wait, are the FIFO's. One that is given back is free a cycle later.
+//
+// A record of which nothing comes does not get into the FIFO: its place is given back when it is through the registers.
 `default_nettype none
 
 module pipe #(
@@ -16,6 +18,7 @@ module pipe #(
     input wire rst,             // empties the pipe
     input wire s_valid,         // a record is there
     output wire s_ready,        // and can be taken
+    input wire s_keeps,         // something comes of it
     input wire [W-1:0] s_data,  // the record
     output wire m_valid,        // a record is offered
     input wire m_ready,         // and taken
@@ -35,22 +38,24 @@ module pipe #(
   wire take = s_valid && s_ready;
   wire give = m_valid && m_ready;
 
-  wire arrive;
+  wire through, kept;
   wire [W-1:0] arrived;
+  wire arrive = through && kept;
+  wire vanish = through && !kept;
   if (LATENCY > 1) begin : g_delay
     localparam int STAGES = LATENCY - 1;
-    localparam int LINE_W = STAGES * W;
+    localparam int LINE_W = STAGES * (W + 1);
     logic [STAGES-1:0] full;
     logic [LINE_W-1:0] line;
     always_ff @(posedge clk) begin
       full <= rst ? '0 : STAGES'({full, take});
-      line <= LINE_W'({line, s_data});
+      line <= LINE_W'({line, s_keeps, s_data});
     end
-    assign arrive = full[STAGES-1];
-    assign arrived = line[LINE_W-1-:W];
+    assign through = full[STAGES-1];
+    assign {kept, arrived} = line[LINE_W-1-:W+1];
   end else begin : g_none
-    assign arrive = take;
-    assign arrived = s_data;
+    assign through = take;
+    assign {kept, arrived} = {s_keeps, s_data};
   end
 
   logic [W-1:0] fifo[0:ROOM-1];
@@ -65,7 +70,7 @@ module pipe #(
       tail <= '0;
       head <= '0;
     end else begin
-      held <= held + COUNT_W'(take) - COUNT_W'(give);
+      held <= held + COUNT_W'(take) - COUNT_W'(give) - COUNT_W'(vanish);
       waiting <= waiting + COUNT_W'(arrive) - COUNT_W'(give);
       rest <= take ? REST_W'(INTERVAL - 1) : rest == '0 ? '0 : rest - REST_W'(1);
       if (arrive) tail <= tail == PLACE_W'(ROOM - 1) ? '0 : tail + PLACE_W'(1);

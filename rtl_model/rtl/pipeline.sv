@@ -1,11 +1,11 @@
 // Pipeline: wires the units, the only file that knows their order. Twin of pipeline.rs, for a picture whose fragments all fit on the chip.
 //
-//   splats -> project -+-> ellipse -+-> raster -> gauss -+-> fragment -+-> layers -> resolve -> frame
-//      +----- rest ----+--- point --+   +- tag -+- rest -+   +--> shade <--+
+//   splats -> project -> ellipse -> raster -> gauss -> fragment -+-> layers -> resolve -> frame
+//                                                       +--> shade <--+
 //
 // Splats go in one after the other; when the last one is in, `drain` makes everything that the pixels hold come out, pixel by pixel. A
-// splat that project or ellipse finds culled, and a weight of 0, goes no further. What a unit does not need goes past it in a fifo with
-// as many places as the unit has, or through raster, where one splat becomes many fragments, as its tag.
+// splat that project or ellipse finds culled, and a weight of 0, ends where that is found: it waits in no FIFO and takes no cycle of the
+// next unit, as in the timing model. What a unit does not need goes through it as its tag.
 `default_nettype none
 
 module pipeline #(
@@ -44,88 +44,55 @@ module pipeline #(
 
   // Project.
 
-  wire point_valid, point_ready;
+  wire point_valid, point_taken;
   wire [machine_pkg::PROJECT_OUT_W-1:0] point;
-  project project (
+  wire [DISC_W-1:0] disc;
+  wire [LOOK_W-1:0] look;
+  project #(.DROPS(1), .TAG_W(DISC_W + LOOK_W)) project (
       .clk(clk),
       .rst(rst),
       .frame(frame),
       .s_valid(s_valid),
       .s_ready(s_ready),
-      .s_data(s_data[machine_pkg::PIPELINE_IN_POSITION_Z_LSB+:POSITION_W]),
+      .s_data({s_data[DISC_W+LOOK_W-1:0], s_data[machine_pkg::PIPELINE_IN_POSITION_Z_LSB+:POSITION_W]}),
       .m_valid(point_valid),
-      .m_ready(point_ready),
-      .m_data(point)
+      .m_ready(point_taken),
+      .m_data({disc, look, point})
   );
-  wire [DISC_W-1:0] disc;
-  wire [LOOK_W-1:0] look;
-  wire none_in_project;
-  // verilator lint_off PINCONNECTEMPTY
-  fifo #(.W(DISC_W + LOOK_W), .PLACES(machine_pkg::PROJECT_ROOM)) past_project (
-      .clk(clk),
-      .rst(rst),
-      .push(s_valid && s_ready),
-      .s_data(s_data[DISC_W+LOOK_W-1:0]),
-      .pop(point_valid && point_ready),
-      .m_data({disc, look}),
-      .empty(none_in_project),
-      .full()
-  );
-  // verilator lint_on PINCONNECTEMPTY
 
   // Ellipse.
 
-  wire point_culled = point[machine_pkg::PROJECT_OUT_NEAR_LSB] || point[machine_pkg::PROJECT_OUT_OUTSIDE_LSB];
   wire [machine_pkg::PROJECT_DEPTH_W-1:0] depth = point[machine_pkg::PROJECT_OUT_DEPTH_LSB+:machine_pkg::PROJECT_DEPTH_W];
   wire [2*machine_pkg::PROJECT_PIXEL_W-1:0] pixel = point[machine_pkg::PROJECT_OUT_PIXEL_Y_LSB+:2*machine_pkg::PROJECT_PIXEL_W];
-  wire point_taken;
-  assign point_ready = point_culled || point_taken;
-  wire ellipse_valid, ellipse_ready;
+  wire ellipse_valid, ellipse_taken;
   wire [machine_pkg::ELLIPSE_OUT_W-1:0] footprint;
-  ellipse ellipse (
+  wire [machine_pkg::PROJECT_DEPTH_W-1:0] raster_depth;
+  wire [2*machine_pkg::PROJECT_PIXEL_W-1:0] raster_pixel;
+  wire [RGB_W+OPACITY_W-1:0] raster_rgba;
+  wire [MATERIAL_W-1:0] raster_material;
+  ellipse #(.DROPS(1), .TAG_W(machine_pkg::PROJECT_DEPTH_W + 2 * machine_pkg::PROJECT_PIXEL_W + LOOK_W)) ellipse (
       .clk(clk),
       .rst(rst),
       .frame(frame),
-      .s_valid(point_valid && !point_culled),
+      .s_valid(point_valid),
       .s_ready(point_taken),
       .s_data({
+        depth,
+        pixel,
+        look,
         disc,
         point[machine_pkg::PROJECT_OUT_FORWARD_LSB+:machine_pkg::PROJECT_OUT_FORWARD_W],
         point[machine_pkg::PROJECT_OUT_EXPONENT_LSB+:machine_pkg::PROJECT_OUT_EXPONENT_W],
         point[machine_pkg::PROJECT_OUT_DEPTH_LSB-1:0]
       }),
       .m_valid(ellipse_valid),
-      .m_ready(ellipse_ready),
-      .m_data(footprint)
+      .m_ready(ellipse_taken),
+      .m_data({raster_depth, raster_pixel, raster_rgba, raster_material, footprint})
   );
-  wire [machine_pkg::PROJECT_DEPTH_W-1:0] raster_depth;
-  wire [2*machine_pkg::PROJECT_PIXEL_W-1:0] raster_pixel;
-  wire [RGB_W+OPACITY_W-1:0] raster_rgba;
-  wire [MATERIAL_W-1:0] raster_material;
-  wire none_in_ellipse;
-  // verilator lint_off PINCONNECTEMPTY
-  fifo #(
-      .W(machine_pkg::PROJECT_DEPTH_W + 2 * machine_pkg::PROJECT_PIXEL_W + LOOK_W),
-      .PLACES(machine_pkg::ELLIPSE_ROOM)
-  ) past_ellipse (
-      .clk(clk),
-      .rst(rst),
-      .push(point_valid && !point_culled && point_taken),
-      .s_data({depth, pixel, look}),
-      .pop(ellipse_valid && ellipse_ready),
-      .m_data({raster_depth, raster_pixel, raster_rgba, raster_material}),
-      .empty(none_in_ellipse),
-      .full()
-  );
-  // verilator lint_on PINCONNECTEMPTY
 
   // Raster.
 
   localparam int TAG_W = LOOK_W + NORMAL_W + AMPLITUDE_W;
-  wire footprint_culled = footprint[machine_pkg::ELLIPSE_OUT_BACKFACE_LSB] || footprint[machine_pkg::ELLIPSE_OUT_FAINT_LSB]
-      || footprint[machine_pkg::ELLIPSE_OUT_OUTSIDE_LSB];
-  wire footprint_taken;
-  assign ellipse_ready = footprint_culled || footprint_taken;
   wire [AMPLITUDE_W-1:0] amplitude = footprint[machine_pkg::ELLIPSE_OUT_AMPLITUDE_LSB+:AMPLITUDE_W];
   wire [NORMAL_W-1:0] normal = footprint[machine_pkg::ELLIPSE_OUT_NORMAL_Z_LSB+:NORMAL_W];
   localparam int CONIC_W = 2 * machine_pkg::ELLIPSE_CONIC_W + machine_pkg::ELLIPSE_CONIC_CROSS_W;
@@ -144,8 +111,8 @@ module pipeline #(
       .clk(clk),
       .rst(rst),
       .frame(frame),
-      .s_valid(ellipse_valid && !footprint_culled),
-      .s_ready(footprint_taken),
+      .s_valid(ellipse_valid),
+      .s_ready(ellipse_taken),
       .s_data({
         raster_rgba,
         normal,
@@ -164,41 +131,32 @@ module pipeline #(
 
   // Gauss.
 
-  wire weight_valid, weight_ready;
+  localparam int ATTRIBUTES_W = DEPTH_W + RGB_W + OPACITY_W + NORMAL_W + MATERIAL_W;
+  wire weight_valid, weight_taken;
   wire [WEIGHT_W-1:0] weight;
-  gauss gauss (
+  wire [X_W+Y_W-1:0] weighed_pixel;
+  wire [ATTRIBUTES_W-1:0] weighed_attributes;
+  gauss #(.DROPS(1), .TAG_W(X_W + Y_W + ATTRIBUTES_W)) gauss (
       .clk(clk),
       .rst(rst),
       .s_valid(fragment_valid),
       .s_ready(fragment_taken),
-      .s_data({radial, fragment_amplitude}),
+      .s_data({x, y, fragment_depth, rgba, fragment_normal, material, radial, fragment_amplitude}),
       .m_valid(weight_valid),
-      .m_ready(weight_ready),
-      .m_data(weight)
+      .m_ready(weight_taken),
+      .m_data({weighed_pixel, weighed_attributes, weight})
   );
-  localparam int ATTRIBUTES_W = DEPTH_W + RGB_W + OPACITY_W + NORMAL_W + MATERIAL_W;
-  wire [X_W+Y_W-1:0] weighed_pixel;
-  wire [ATTRIBUTES_W-1:0] weighed_attributes;
-  wire none_in_gauss;
-  // verilator lint_off PINCONNECTEMPTY
-  fifo #(.W(X_W + Y_W + ATTRIBUTES_W), .PLACES(machine_pkg::GAUSS_ROOM)) past_gauss (
-      .clk(clk),
-      .rst(rst),
-      .push(fragment_valid && fragment_taken),
-      .s_data({x, y, fragment_depth, rgba, fragment_normal, material}),
-      .pop(weight_valid && weight_ready),
-      .m_data({weighed_pixel, weighed_attributes}),
-      .empty(none_in_gauss),
-      .full()
-  );
-  // verilator lint_on PINCONNECTEMPTY
 
-  // Nothing is under way where nothing is in the fifos, raster takes a splat, which it does not while it walks, and nothing has come out
-  // of it for as long as a fragment takes there.
-  localparam int SILENCE_W = $clog2(machine_pkg::RASTER_LATENCY + 1);
+  // Nothing is under way where raster takes a splat, which it does not while it walks, and nothing has come out of any unit for as long as
+  // a record takes in the slowest of them.
+  localparam int SETUP =
+      machine_pkg::PROJECT_LATENCY > machine_pkg::ELLIPSE_LATENCY ? machine_pkg::PROJECT_LATENCY : machine_pkg::ELLIPSE_LATENCY;
+  localparam int FILL = machine_pkg::RASTER_LATENCY > machine_pkg::GAUSS_LATENCY ? machine_pkg::RASTER_LATENCY : machine_pkg::GAUSS_LATENCY;
+  localparam int SLOWEST = SETUP > FILL ? SETUP : FILL;
+  localparam int SILENCE_W = $clog2(SLOWEST + 1);
   logic [SILENCE_W-1:0] silence;
-  wire quiet = !s_valid && none_in_project && none_in_ellipse && footprint_taken && !fragment_valid && none_in_gauss;
-  wire silent = silence == SILENCE_W'(machine_pkg::RASTER_LATENCY);
+  wire quiet = !s_valid && !point_valid && !ellipse_valid && ellipse_taken && !fragment_valid && !weight_valid;
+  wire silent = silence == SILENCE_W'(SLOWEST);
   always_ff @(posedge clk) begin
     if (rst || !quiet) silence <= '0;
     else if (!silent) silence <= silence + SILENCE_W'(1);
@@ -206,9 +164,6 @@ module pipeline #(
 
   // Fragment.
 
-  wire weightless = weight == '0;
-  wire weight_taken;
-  assign weight_ready = weightless || weight_taken;
   wire asks, asked, answered, answer_ready;
   wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] request;
   wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] light;
@@ -221,7 +176,7 @@ module pipeline #(
       .clk(clk),
       .rst(rst),
       .frame(frame),
-      .s_valid(weight_valid && !weightless),
+      .s_valid(weight_valid),
       .s_ready(weight_taken),
       .s_data({weighed_pixel, weight, weighed_attributes}),
       .m_valid(),
@@ -308,6 +263,9 @@ module pipeline #(
       .m_data(m_data)
   );
   assign drained = all_held && layers_empty;
+
+  // What comes out of project and ellipse is not culled: those bits nobody looks at.
+  wire unused = &{1'b0, point, footprint};
 endmodule
 
 `default_nettype wire

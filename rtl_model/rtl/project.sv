@@ -9,16 +9,19 @@
 // Losses: relative is cut by its normaliser; camera, depth, slope and pixel are rounded; the reciprocal's inner words are its own affair.
 `default_nettype none
 
-module project (
-    input wire clk,                                      // everything happens at its rising edge
-    input wire rst,                                      // forgets what is under way
-    input wire [machine_pkg::FRAME_W-1:0] frame,         // constants: the view
-    input wire s_valid,                                  // a splat is there
-    output wire s_ready,                                 // and can be taken
-    input wire [machine_pkg::PROJECT_IN_W-1:0] s_data,   // project.in
-    output wire m_valid,                                 // a point is offered
-    input wire m_ready,                                  // and taken
-    output wire [machine_pkg::PROJECT_OUT_W-1:0] m_data  // project.out
+module project #(
+    parameter int DROPS = 0, // whether a splat that is culled ends here
+    parameter int TAG_W = 0  // bits of a tag, which goes along
+) (
+    input wire clk,                                           // everything happens at its rising edge
+    input wire rst,                                           // forgets what is under way
+    input wire [machine_pkg::FRAME_W-1:0] frame,              // constants: the view
+    input wire s_valid,                                       // a splat is there
+    output wire s_ready,                                      // and can be taken
+    input wire [TAG_W+machine_pkg::PROJECT_IN_W-1:0] s_data,  // the tag, project.in
+    output wire m_valid,                                      // a point is offered
+    input wire m_ready,                                       // and taken
+    output wire [TAG_W+machine_pkg::PROJECT_OUT_W-1:0] m_data // the tag, project.out
 );
   localparam int POSITION_W = machine_pkg::SPLAT_POSITION_W;
   localparam int POSITION_F = machine_pkg::SPLAT_POSITION_F;
@@ -124,9 +127,18 @@ module project (
 
   wire [machine_pkg::PROJECT_OUT_W-3:0] point = {forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope, pixel};
   wire [machine_pkg::PROJECT_OUT_W-1:0] result = {near, outside, near || outside ? '0 : point};
-  pipe #(.W(machine_pkg::PROJECT_OUT_W), .LATENCY(machine_pkg::PROJECT_LATENCY), .INTERVAL(machine_pkg::PROJECT_INTERVAL),
-      .ROOM(machine_pkg::PROJECT_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_data(result),
-      .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
+  // Registers and places hold the tag beside it.
+  localparam int BEHIND_W = TAG_W + machine_pkg::PROJECT_OUT_W;
+  wire keeps = DROPS == 0 || !(near || outside);
+  wire [BEHIND_W-1:0] labelled;
+  if (TAG_W > 0) begin : g_tag
+    assign labelled = {s_data[machine_pkg::PROJECT_IN_W+:TAG_W], result};
+  end else begin : g_no_tag
+    assign labelled = result;
+  end
+  pipe #(.W(BEHIND_W), .LATENCY(machine_pkg::PROJECT_LATENCY), .INTERVAL(machine_pkg::PROJECT_INTERVAL), .ROOM(machine_pkg::PROJECT_ROOM))
+      behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(keeps), .s_data(labelled), .m_valid(m_valid),
+      .m_ready(m_ready), .m_data(m_data));
 endmodule
 
 `default_nettype wire

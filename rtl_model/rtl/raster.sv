@@ -223,8 +223,8 @@ module raster #(
   assign takes = here && (room || !kept);
   assign s_ready = !walking && (room || (s_valid && !kept));
   pipe #(.W(OUT_W), .LATENCY(machine_pkg::RASTER_LATENCY), .INTERVAL(machine_pkg::RASTER_INTERVAL), .ROOM(machine_pkg::RASTER_ROOM))
-      behind (.clk(clk), .rst(rst), .s_valid(here && kept), .s_ready(room), .s_data({tag, x, y, natural, clamped}), .m_valid(m_valid),
-      .m_ready(m_ready), .m_data(m_data));
+      behind (.clk(clk), .rst(rst), .s_valid(here && kept), .s_ready(room), .s_keeps(1'b1), .s_data({tag, x, y, natural, clamped}),
+      .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
 
   always_ff @(posedge clk) begin
     if (rst) walking <= 1'b0;

@@ -92,7 +92,7 @@ module resolve (
   wire [X_W-1:0] x = s_data[machine_pkg::RESOLVE_IN_X_LSB+:X_W];
   wire [Y_W-1:0] y = s_data[machine_pkg::RESOLVE_IN_Y_LSB+:Y_W];
   pipe #(.W(machine_pkg::RESOLVE_OUT_W), .LATENCY(machine_pkg::RESOLVE_LATENCY), .INTERVAL(machine_pkg::RESOLVE_INTERVAL),
-      .ROOM(machine_pkg::RESOLVE_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid && last), .s_ready(room),
+      .ROOM(machine_pkg::RESOLVE_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid && last), .s_ready(room), .s_keeps(1'b1),
       .s_data({x, y, rgb, alpha}), .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
 
   wire unused = &{1'b0, frame};

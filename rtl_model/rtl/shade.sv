@@ -242,7 +242,7 @@ module shade (
   // Where nothing is, nothing shines.
   wire [machine_pkg::SHADE_OUT_W-1:0] light = weight == '0 ? '0 : {premultiplied, alpha};
   pipe #(.W(machine_pkg::SHADE_OUT_W), .LATENCY(machine_pkg::SHADE_LATENCY), .INTERVAL(machine_pkg::SHADE_INTERVAL),
-      .ROOM(machine_pkg::SHADE_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_data(light),
+      .ROOM(machine_pkg::SHADE_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(1'b1), .s_data(light),
       .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
 
   wire unused = &{1'b0, frame};

@@ -304,6 +304,7 @@ module sheets #(
       .rst(rst),
       .s_valid(taken),
       .s_ready(room),
+      .s_keeps(1'b1),
       .s_data({x, y, outcome, decided_slot}),
       .m_valid(m_valid),
       .m_ready(m_ready),

@@ -49,7 +49,7 @@ trap 'exit 1' INT TERM
 
 cat > "$work/pipe.sv" << 'END'
 module pipe #(parameter int W = 1, parameter int LATENCY = 1, parameter int INTERVAL = 1, parameter int ROOM = 1) (
-    input wire clk, input wire rst, input wire s_valid, output wire s_ready, input wire [W-1:0] s_data,
+    input wire clk, input wire rst, input wire s_valid, output wire s_ready, input wire s_keeps, input wire [W-1:0] s_data,
     output wire m_valid, input wire m_ready, output wire [W-1:0] m_data
 );
   assign {s_ready, m_valid, m_data} = {m_ready, s_valid, s_data};
