@@ -244,7 +244,12 @@ impl<'a, P: Probe> Tap<'a, P> {
         if P::WORDS {
             let word = register.read_lanes(held);
             if P::EIGHT && fit.is_register() {
-                self.probe.wide(fit.signal, word.to_array(), (result.above(word) | word.above(result)).signs(), self.live);
+                let limited = (result.above(word) | word.above(result)).signs();
+                if fit.word.format.width() < 32 {
+                    self.probe.eight(fit.signal, Seen { words: word.low(), limited }, self.live);
+                } else {
+                    self.probe.wide(fit.signal, word.to_array(), limited, self.live);
+                }
             } else {
                 self.tell(*fit, exact.to_array(), [0; LANES], word.to_array());
             }

@@ -368,11 +368,8 @@ impl Bins {
 /// Every tile that a box touches, by rows.
 #[inline(always)]
 pub fn each_tile(sides: [[u16; 2]; 2], side_px: usize, columns: usize, mut visit: impl FnMut(usize)) {
-    let side_px = side_px as u32;
-    let [across, down] = sides.map(|side| {
-        let [first, last] = side.map(|at| (u32::from(at) / side_px) as usize);
-        first..last + 1
-    });
+    let tile = |pixel: u16| (u32::from(pixel) / side_px as u32) as usize;
+    let [across, down] = sides.map(|[first, last]| tile(first)..=tile(last));
     for row in down {
         for column in across.clone() {
             visit(row * columns + column);

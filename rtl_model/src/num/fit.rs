@@ -107,6 +107,12 @@ impl Fit {
         self.half
     }
 
+    /// Least and greatest word.
+    #[inline(always)]
+    pub fn limits(&self) -> [i64; 2] {
+        [self.min, self.max]
+    }
+
     /// Places to the right of an exact result that are cut.
     pub fn places(&self) -> i64 {
         self.places
@@ -294,26 +300,38 @@ impl Fit {
         Seen { words, limited: !(cut - words).is_zero().signs() }
     }
 
-    /// [`Fit::one`]; none where it takes the long way or meets a limit.
+    /// [`Fit::one`]; none where it meets a limit.
     #[inline(always)]
     pub fn one_within(&self, exact: i64) -> Option<i64> {
+        if !self.plain {
+            return self.one_shifted_within(exact, 0);
+        }
         let cut = exact.wrapping_add(self.half) >> self.right;
-        (self.plain && cut == cut.max(self.min).min(self.max)).then_some(cut)
+        (cut == cut.max(self.min).min(self.max)).then_some(cut)
     }
 
-    /// Three times [`Fit::one`]; none where one takes the long way or meets a limit.
+    /// Three times [`Fit::one`]; none where one meets a limit.
     #[inline(always)]
     pub fn three_within(&self, exact: [i64; 3]) -> Option<[i64; 3]> {
+        if !self.plain {
+            return self.three_shifted_within(exact, 0);
+        }
         let cut = three!(i => exact[i].wrapping_add(self.half) >> self.right);
-        (self.plain && self.is_range(cut)).then_some(cut)
+        self.is_range(cut).then_some(cut)
     }
 
-    /// Three times [`Fit::one_shifted`]; none where one takes the long way or meets a limit.
+    /// Three times [`Fit::one_shifted`]; none where one meets a limit.
     #[inline(always)]
     pub fn three_shifted_within(&self, exact: [i64; 3], more: i64) -> Option<[i64; 3]> {
         let places = self.places + more;
-        let cut = three!(i => self.cut(exact[i], places.clamp(0, 63) as u32));
-        (places >= 0 && self.is_range(cut)).then_some(cut)
+        let (words, is_held) = if places >= 0 {
+            (three!(i => self.cut(exact[i], places.min(63) as u32)), true)
+        } else {
+            let left = (-places).min(63);
+            let words = three!(i => exact[i] << left);
+            (words, three!(i => words[i] >> left) == exact)
+        };
+        (is_held && self.is_range(words)).then_some(words)
     }
 
     /// Whether the format has all of these.
@@ -322,17 +340,26 @@ impl Fit {
         a.min(b).min(c) >= self.min && a.max(b).max(c) <= self.max
     }
 
-    /// [`Fit::one_shifted`]; none where it takes the long way or meets a limit.
+    /// [`Fit::one_shifted`]; none where it meets a limit.
     #[inline(always)]
     pub fn one_shifted_within(&self, exact: i64, more: i64) -> Option<i64> {
         let places = self.places + more;
-        let cut = self.cut(exact, places.clamp(0, 63) as u32);
-        (places >= 0 && cut == cut.max(self.min).min(self.max)).then_some(cut)
+        let (word, is_held) = if places >= 0 {
+            (self.cut(exact, places.min(63) as u32), true)
+        } else {
+            let left = (-places).min(63);
+            (exact << left, exact << left >> left == exact)
+        };
+        (is_held && word == word.max(self.min).min(self.max)).then_some(word)
     }
 
     /// Whether a result became its `word` without meeting a limit.
     #[inline(always)]
     pub fn is_within(&self, exact: i64, more: i64, word: i64) -> bool {
+        // What was limited is a limit.
+        if self.word.overflow == Overflow::Saturate && word != self.min && word != self.max {
+            return true;
+        }
         let places = self.places + more;
         let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
         // Places are to the one side or to the other. A word that met its limit, shifted back, is another result, or loses bits by that.

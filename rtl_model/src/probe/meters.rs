@@ -278,10 +278,8 @@ impl Probe for Meters {
     fn wide(&mut self, signal: usize, words: [i64; LANES], limited: u8, live: u8) {
         if limited & live != 0 {
             self.is_limited = true;
-        } else if live == u8::MAX {
-            self.wide[signal].see(words);
-        } else {
-            (0..LANES).filter(|lane| live & (1 << lane) != 0).for_each(|lane| self.alone[signal].see(words[lane]));
+        } else if live != 0 {
+            self.wide[signal].see(STAND_IN[usize::from(live)].map(|lane| words[lane as usize % LANES]));
         }
     }
 

@@ -542,8 +542,8 @@ impl Raster {
 
         // Below its tangent plane a convex r never falls.
         let lowest = r + (on * by_column).min(0) + (down * by_row).min(0) + both.min(0);
-        let format = self.radial.word.format;
-        lowest.min(least) < format.min() || high.max(most) > format.max() || by_column_twice < 0 || by_row_twice < 0
+        let [min, max] = self.radial.limits();
+        lowest.min(least) < min || high.max(most) > max || by_column_twice < 0 || by_row_twice < 0
     }
 
     /// Shows the watcher where the rows' registers wrap.
