@@ -120,18 +120,20 @@ pub struct Places {
     /// Items that had left when one was counted last.
     left: usize,
     room: usize,
+    mask: usize,
     occupancy: Box<[u64]>,
 }
 
 impl Places {
     pub fn new(room: usize) -> Self {
-        let occupancy = vec![0; room + 1].into();
-        Places { free: vec![0; room.next_power_of_two()].into(), claimed: 0, counted: 0, given: 0, left: 0, room, occupancy }
+        let size = room.next_power_of_two();
+        let (free, occupancy) = (vec![0; size].into(), vec![0; room + 1].into());
+        Places { free, claimed: 0, counted: 0, given: 0, left: 0, room, mask: size - 1, occupancy }
     }
 
     #[inline(always)]
     fn at(&self, item: usize) -> usize {
-        item & (self.free.len() - 1)
+        item & self.mask
     }
 
     /// Whether it is known when one is free.

@@ -21,8 +21,6 @@ struct Taken {
 /// Pixels under way.
 #[derive(Clone, Debug)]
 pub struct Hazards {
-    /// Strips of a row.
-    columns: usize,
     /// Of each strip what was taken last.
     last: Vec<Taken>,
     /// Pixels of each piece, and what was taken of its strip before: as many pieces as can be under way, in turn.
@@ -37,13 +35,7 @@ impl Hazards {
         // A cycle at least for each slot; its pixels lie in so many strips at most.
         let under_way = timing.hazard as usize * ((across - 1).div_ceil(TILE_PX) + 1) * down;
         let last = vec![Taken::default(); columns * work.height as usize];
-        Hazards { columns, last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0 }
-    }
-
-    #[inline(always)]
-    fn strip(&self, piece: &Piece) -> usize {
-        let [x, y] = piece.corner.map(usize::from);
-        y * self.columns + x / TILE_PX
+        Hazards { last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0 }
     }
 
     /// Until when a pixel of a slot is under way, if that is after this cycle, from which on a slot can be taken.
@@ -51,7 +43,7 @@ impl Hazards {
     pub fn until(&self, slot: &[Piece], now: u64) -> u64 {
         let mut until = now;
         for piece in slot {
-            let mut taken = self.last[self.strip(piece)];
+            let mut taken = self.last[piece.strip as usize];
             while taken.until > until {
                 let (pixels, before) = self.pieces[taken.place as usize];
                 if pixels & piece.pixels != 0 {
@@ -67,7 +59,7 @@ impl Hazards {
     #[inline(always)]
     pub fn take(&mut self, slot: &[Piece], until: u64) {
         for piece in slot {
-            let strip = self.strip(piece);
+            let strip = piece.strip as usize;
             self.pieces[self.turn] = (piece.pixels, self.last[strip]);
             self.last[strip] = Taken { until, place: self.turn as u32 };
             self.turn = if self.turn + 1 == self.pieces.len() { 0 } else { self.turn + 1 };

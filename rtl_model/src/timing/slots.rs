@@ -18,7 +18,9 @@ use std::ops::Range;
 pub struct Piece {
     /// Which slot of the footprint.
     pub slot: u32,
-    /// The strip's first pixel: column and row.
+    /// The strip's place in the picture, row by row.
+    pub strip: u32,
+    /// Its first pixel: column and row.
     pub corner: [u16; 2],
     /// Its pixels that have a weight, the first in the last place.
     pub pixels: u16,
@@ -109,13 +111,15 @@ impl<'a> Slots<'a> {
             self.read(tile_row * self.columns, tile_columns.clone(), part.len());
             if is_plain {
                 let Part { kept: strips, is_told } = self.parts[0];
-                for (row, strip) in strips.iter().enumerate() {
+                let mut strip = self.strip(left, first_y);
+                for (row, columns_kept) in strips.iter().enumerate() {
                     let corner = [left, first_y + row as u16];
-                    for (nth, pixels) in cut(*strip, left, columns[0], self.width) {
-                        let piece = Piece { slot: first_slot + nth, corner, pixels, merges: 0, shades: 0 };
+                    for (nth, pixels) in cut(*columns_kept, left, columns[0], self.width) {
+                        let piece = Piece { slot: first_slot + nth, strip, corner, pixels, merges: 0, shades: 0 };
                         kept(&[if is_told { self.told[0].of_piece(row, piece) } else { piece }]);
                     }
                     first_slot += across;
+                    strip += self.columns as u32;
                 }
             } else {
                 self.collect(part.len(), [left, first_y], [columns[0], rows[0]], across);
@@ -129,6 +133,12 @@ impl<'a> Slots<'a> {
             self.pieces.clear();
         }
         across * down.div_ceil(self.lanes[1])
+    }
+
+    /// The strip that a pixel lies in.
+    #[inline(always)]
+    fn strip(&self, x: u16, y: u16) -> u32 {
+        u32::from(y) * self.columns as u32 + u32::from(x) / TILE_PX as u32
     }
 
     /// Reads what a splat did in these recorded tiles, in so many rows.
@@ -156,7 +166,8 @@ impl<'a> Slots<'a> {
             let mut left = left;
             for (part, told) in self.parts.iter().zip(&self.told) {
                 for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
-                    let piece = Piece { slot: first_slot + nth, corner: [left, y], pixels, merges: 0, shades: 0 };
+                    let strip = self.strip(left, y);
+                    let piece = Piece { slot: first_slot + nth, strip, corner: [left, y], pixels, merges: 0, shades: 0 };
                     self.pieces.push(if part.is_told { told.of_piece(row, piece) } else { piece });
                 }
                 left += TILE_PX as u16;

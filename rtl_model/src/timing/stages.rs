@@ -183,7 +183,7 @@ impl<'a> Fill<'a> {
             let now = self.raster.take(Ready { room: self.raster.behind.free(), ..ready }, 1);
             taken(now);
             self.raster.behind.take(now);
-            let goes_on = slot.iter().any(|piece| piece.pixels != 0);
+            let goes_on = slot.iter().fold(0, |all, piece| all | piece.pixels) != 0;
             let room = if goes_on { self.gauss.behind.free() } else { 0 };
             let here = now + u64::from(t.raster.latency);
             let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
@@ -229,8 +229,11 @@ impl<'a> Merge<'a> {
     pub fn slot(&mut self, slot: &[Piece], ready: Ready) -> [u64; 2] {
         let t = self.timing;
         let hazard = self.hazards.until(slot, ready.here.max(self.fragment.free()));
-        let [merges, shades] =
-            slot.iter().fold([0, 0], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]);
+        let [merges, shades] = match slot {
+            // Mostly.
+            [piece] => [piece.merges, piece.shades].map(u64::from),
+            _ => slot.iter().fold([0; 2], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]),
+        };
         let mut cycles = 1 + merges * u64::from(t.timing.fragment.merge);
         if shades > 0 {
             cycles += u64::from(t.shade.latency) + (shades - 1) * u64::from(t.shade.interval);
