@@ -178,7 +178,7 @@ pub struct Memory {
     pub hit_latency: u32,
     /// The same where another row is.
     pub miss_latency: u32,
-    /// Bytes of a request, a power of two.
+    /// Bytes of a request, a power of two, at least the 4 of a list's entry.
     pub burst_bytes: u32,
     /// Requests that fetch, and resolve, can have on their way at a time.
     pub outstanding: u32,
@@ -298,6 +298,8 @@ const PRODUCT: u32 = 2;
 const SUM: u32 = 1;
 const TABLE: u32 = 1;
 const NORMALISE: u32 = 2;
+/// Bytes of an entry of a tile's list: which splat.
+pub(crate) const ENTRY_BYTES: u32 = 4;
 /// The most that a field of memory may say.
 const MOST: u32 = 1 << 20;
 
@@ -537,6 +539,9 @@ impl Timing {
         e.require(ways <= lines, || format!("timing.cache has {lines} lines in sets of {ways}: no set is full"));
         let Memory { burst_bytes, row_bytes, hit_latency, miss_latency, .. } = self.memory;
         e.require(burst_bytes <= row_bytes, || format!("timing.memory reads {burst_bytes} bytes at a time from rows of {row_bytes}"));
+        e.require(burst_bytes >= ENTRY_BYTES, || {
+            format!("timing.memory.burst_bytes is {burst_bytes}: an entry of a tile's list has {ENTRY_BYTES}")
+        });
         e.require((hit_latency..=MOST).contains(&miss_latency), || {
             format!("timing.memory.miss_latency is {miss_latency}: it can be {hit_latency}, the latency of an open row, to {MOST}")
         });

@@ -11,12 +11,12 @@ use super::Cycles;
 use super::account::{Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
 use super::stages::{Fill, Merge, Resolve, SetUp};
-use crate::machine::timing::{Elaborated, Pace};
+use crate::machine::timing::{self, Elaborated, Pace};
 use crate::work::{Bins, Work, each_tile};
 use std::collections::VecDeque;
 
 /// Bytes of a list's entry: which splat.
-const ENTRY_BYTES: u64 = 4;
+const ENTRY_BYTES: u64 = timing::ENTRY_BYTES as u64;
 /// Lists lie so far apart.
 const LIST_BYTES: u64 = 1 << 24;
 

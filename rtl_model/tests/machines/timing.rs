@@ -38,6 +38,7 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
         ("raster/lanes", json!([16, 16]), "timing.raster.lanes 16×16 are more than 64"),
         ("memory/bytes_per_cycle", json!(0), "timing.memory.bytes_per_cycle is 0: it can be 1 to 1048576"),
         ("memory/burst_bytes", json!(48), "timing.memory.burst_bytes is 48: it must be a power of two up to 1048576"),
+        ("memory/burst_bytes", json!(2), "timing.memory.burst_bytes is 2: an entry of a tile's list has 4"),
         ("memory/burst_bytes", json!(4096), "timing.memory reads 4096 bytes at a time from rows of 2048"),
         ("memory/miss_latency", json!(3), "timing.memory.miss_latency is 3: it can be 20, the latency of an open row, to 1048576"),
         ("cache/line_px", json!([3, 4]), "timing.cache.line_px[0] is 3: it must be a power of two up to 1048576"),
