@@ -93,7 +93,7 @@ impl Seen {
 /// What cannot happen to the units of an immediate machine.
 const NEVER: [&str; 5] = ["ellipse memory", "raster memory", "gauss memory", "shade memory", "resolve blocked"];
 /// And to those of a binned one, which looks nothing up.
-const NEVER_BINNED: [&str; 11] = [
+const NEVER_BINNED: [&str; 12] = [
     "ellipse memory",
     "gauss memory",
     "shade memory",
@@ -103,6 +103,7 @@ const NEVER_BINNED: [&str; 11] = [
     "resolve blocked",
     "resolve memory",
     "bin blocked",
+    "sort blocked",
     "look-ups",
     "misses",
 ];
@@ -119,9 +120,13 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
     for (size, splats, share) in [([3, 3], 1, 1), ([4, 4], 3, 2), ([8, 8], 6, 2), ([20, 20], 12, 2), ([60, 50], 40, 3)] {
         for seed in 0..cases * share {
             let mut dice = Dice(seed);
-            let timing = machines::elaborate(of(organisation, &mut dice));
+            let timing = of(organisation, &mut dice);
             let scene = scene::random(&mut dice, size, splats);
             let scene = if seed % 4 == 3 { scene.lit() } else { scene };
+            // Some are sorted.
+            let sorts = organisation == Organisation::Binned && seed % 3 == 2;
+            let scene = if sorts { scene.sorted(&mut dice) } else { scene };
+            let timing = if sorts { machines::sorting(&mut dice, timing).elaborate().unwrap().timing } else { machines::elaborate(timing) };
             match compare(&timing, &scene, &scene.record()) {
                 Ok(ticked) => seen.see(&ticked),
                 Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", timing.timing),
@@ -133,10 +138,14 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
 
 fn compare_drawn(organisation: Organisation, never: &[&str]) {
     let mut seen = Seen::default();
-    for (name, frames) in Machine::NAMES.into_iter().map(|name| (name, 80)).chain([("volume", 240)]) {
+    let sorting = (organisation == Organisation::Binned).then_some(("gaussian", 160));
+    for (name, frames) in Machine::NAMES.into_iter().map(|name| (name, 80)).chain([("volume", 240)]).chain(sorting) {
         for seed in 0..frames {
             let mut machine = Machine::named(name).unwrap();
             machine.timing = of(organisation, &mut Dice(seed));
+            if machine.sort.is_some() {
+                machine = machines::sorting(&mut Dice(seed), machine.timing);
+            }
             let is_volume = machine.fragment.sheets.is_some();
             let mut frame = if is_volume { ellipsoids(&machine, seed, 500) } else { frame(&machine, seed, 500) };
             if is_volume && frame.sheets.is_none() {
@@ -179,11 +188,32 @@ fn a_drawn_and_binned_frame_ticks_as_it_is_replayed() {
     compare_drawn(Organisation::Binned, &NEVER_BINNED);
 }
 
+/// So many entries that they are sorted in several parts.
+#[test]
+fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
+    let mut parts = 0;
+    for seed in 0..24 {
+        let mut dice = Dice(seed);
+        let timing = of(Organisation::Binned, &mut dice);
+        let scene = scene::random(&mut dice, [120, 100], 400).sorted(&mut dice);
+        let elaborated = machines::sorting(&mut dice, timing).elaborate().unwrap().timing;
+        match compare(&elaborated, &scene, &scene.record()) {
+            Ok(ticked) => {
+                let entries = ticked.units.iter().find(|unit| unit.name == "list").unwrap().log.len();
+                parts = parts.max((entries * elaborated.sort.unwrap().entry_bytes as usize).div_ceil(4096));
+            }
+            Err(difference) => panic!("{difference}\nseed {seed}\n{timing:#?}"),
+        }
+    }
+    assert!(parts > 2, "{parts} parts");
+}
+
 #[test]
 fn a_scene_is_read_as_it_was_told() {
     for seed in 0..300 {
         let scene = scene::random(&mut Dice(seed), [60, 50], 40);
         let scene = if seed % 4 == 3 { scene.lit() } else { scene };
+        let scene = if seed % 3 == 2 { scene.sorted(&mut Dice(seed)) } else { scene };
         assert_eq!(Scene::read(&scene.record()), scene, "seed {seed}");
     }
 }

@@ -1,18 +1,24 @@
 //! What does the binned machine do in each cycle? Two passes: lists are written, then tile after tile is drawn on the chip.
 //!
+//! Between them a machine that sorts goes through all entries once for each digit of their depths: an entry a cycle, and a cycle for each
+//! value of the digit. It moves them in parts of 4096 bytes: a part is read when the one before is written, but not before the turn of its
+//! first entry, and written when it is here. A pass is over when it has no more to do and the last part is written.
+//!
 //! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun go when the last word is written. `list`
 //! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its slots is written.
 
 use crate::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
 use crate::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, slots_of, turn};
 use crate::scene::Scene;
-use rtl_model::machine::timing::{Elaborated, Pace};
+use rtl_model::machine::timing::{Elaborated, Pace, SortShape};
 use rtl_model::timing::{Client, Direction};
-use rtl_model::work::Fate;
 use std::collections::VecDeque;
 
 /// Bytes of a list's entry.
 const ENTRY_BYTES: u64 = 4;
+/// Bytes that are sorted at a time, and where: from the one half to the other.
+const PART_BYTES: u64 = 4096;
+const HALVES: [u64; 2] = [1 << 60, (1 << 60) + (1 << 40)];
 
 /// A splat in a tile.
 struct Entry {
@@ -49,9 +55,16 @@ struct Machine<'a> {
     list_bytes: Vec<u64>,
     /// When the last entry's cycle is over.
     binned: u64,
-    /// What is left of records and lists goes; all lists are in memory.
+    /// What is left of records and lists goes; all lists are in memory, and in the order in which splats are drawn.
     flushed: bool,
+    listed_all: bool,
     sorted: bool,
+    sort: Unit,
+    /// Passes begun, when the last was, bytes that it has moved, and the part on its way, to be read or written.
+    passes: u32,
+    begun: u64,
+    moved: u64,
+    part: Option<(Done, Direction)>,
     /// Second pass.
     entries: Vec<Entry>,
     tiles: Vec<Tile>,
@@ -84,13 +97,14 @@ impl<'a> Machine<'a> {
         let across = (scene.width as usize).div_ceil(side);
         let down = (scene.height as usize).div_ceil(side);
         let mut touched = vec![Vec::new(); scene.splats.len()];
+        let in_order = scene.in_order();
         let (mut entries, mut tiles, mut empty) = (Vec::new(), Vec::new(), Vec::new());
         let mut end = 0;
         for tile in 0..across * down {
             let corner = [tile % across * side, tile / across * side];
             let mut nth = 0;
-            let drawn = scene.splats.iter().enumerate().filter(|(_, splat)| splat.fate == Fate::Drawn);
-            for (record, (place, splat)) in drawn.enumerate() {
+            for &(record, place) in &in_order {
+                let splat = &scene.splats[place];
                 let meets = |[first, last]: [u16; 2], from: usize| usize::from(first) < from + side && usize::from(last) >= from;
                 if !meets(splat.columns, corner[0]) || !meets(splat.rows, corner[1]) {
                     continue;
@@ -120,7 +134,13 @@ impl<'a> Machine<'a> {
             list_bytes: vec![0; across * down],
             binned: 0,
             flushed: false,
+            listed_all: false,
             sorted: false,
+            sort: Unit::new("sort", 1),
+            passes: 0,
+            begun: 0,
+            moved: 0,
+            part: None,
             entries,
             tiles,
             empty,
@@ -174,9 +194,9 @@ impl<'a> Machine<'a> {
         Act::Take(when + 1 - self.now)
     }
 
-    /// Between the passes.
-    fn sort(&mut self) {
-        if self.sorted || self.bin.log.len() < self.drawn || self.binned > self.now || !self.writes.have_all_come(self.now) {
+    /// When all splats have been binned.
+    fn flush(&mut self) {
+        if self.listed_all || self.bin.log.len() < self.drawn || self.binned > self.now || !self.writes.have_all_come(self.now) {
             return;
         }
         if !std::mem::replace(&mut self.flushed, true) {
@@ -187,10 +207,65 @@ impl<'a> Machine<'a> {
                 }
             }
         }
-        self.sorted = self.writes.have_all_come(self.now);
-        if self.sorted {
+        self.listed_all = self.writes.have_all_come(self.now);
+        if self.listed_all && !self.sorts() {
+            self.sorted = true;
             self.leave_out(self.now);
         }
+    }
+
+    fn sorts(&self) -> bool {
+        !self.scene.order.is_empty()
+    }
+
+    fn shape(&self) -> SortShape {
+        self.timing.sort.expect("a machine that sorts")
+    }
+
+    /// Bytes of all entries that are sorted.
+    fn sorted_bytes(&self) -> u64 {
+        self.entries.len() as u64 * u64::from(self.shape().entry_bytes)
+    }
+
+    fn sort(&mut self) -> Act {
+        if !self.sorts() || !self.listed_all || self.sorted {
+            return Act::Starve;
+        }
+        let shape = self.shape();
+        if self.passes > 0 && (self.part.is_some() || self.moved < self.sorted_bytes()) {
+            return Act::Wait;
+        }
+        if self.passes == shape.passes {
+            self.sorted = true;
+            self.leave_out(self.now);
+            return Act::Starve;
+        }
+        self.passes += 1;
+        (self.begun, self.moved) = (self.now, 0);
+        Act::Take(self.entries.len() as u64 + (1 << shape.digit_bits))
+    }
+
+    /// The part on its way goes on, or the next one is read.
+    fn move_part(&mut self) {
+        if self.passes == 0 || self.sorted {
+            return;
+        }
+        let bytes = PART_BYTES.min(self.sorted_bytes() - self.moved);
+        let direction = match &self.part {
+            Some((done, _)) if !done.has_come(self.now) => return,
+            Some((_, Direction::Read)) => Direction::Write,
+            Some((_, Direction::Write)) => {
+                self.part = None;
+                self.moved += bytes;
+                return self.move_part();
+            }
+            None if bytes == 0 || self.now < self.begun + self.moved / u64::from(self.shape().entry_bytes) => return,
+            None => Direction::Read,
+        };
+        let half = (self.passes as usize + usize::from(direction == Direction::Read)) % 2;
+        let done = Done::default();
+        self.memory.ask(self.now, Client::Lists, direction, HALVES[half] + self.moved..HALVES[half] + self.moved + bytes, &done);
+        self.part = Some((done, direction));
     }
 
     fn buffers(&self) -> usize {
@@ -318,7 +393,10 @@ impl<'a> Machine<'a> {
         let now = self.now;
         self.setup.tick(&mut self.memory);
         turn(self, now, |m| &mut m.bin, Self::bin);
-        self.sort();
+        self.flush();
+        self.move_part();
+        turn(self, now, |m| &mut m.sort, Self::sort);
+        self.move_part();
         turn(self, now, |m| &mut m.list, Self::list);
         self.read_records();
         turn(self, now, |m| &mut m.fill.raster, Self::raster);
@@ -352,11 +430,12 @@ impl<'a> Machine<'a> {
 pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
+    let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
     let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, .. } = machine;
     let slots = fill.taken();
     let lit = if timing.timing.tile.buffers == 2 { vec![lit] } else { Vec::new() };
     let (setup, shade) = setup.units();
     let second = [fill.units(), vec![merge.fragment, shade.unwrap_or(merge.shade)], lit, vec![resolve]].concat();
-    let units = [setup, vec![bin, list.before(listed)], second].concat();
+    let units = [setup, vec![bin], sort, vec![list.before(listed)], second].concat();
     Ticked { total, units, lookups: [0; 2], slots, traffic: memory.traffic }
 }

@@ -18,6 +18,7 @@ fn dots(splats: usize, left: u8) -> Scene {
         left: vec![left],
         preshaded: false,
         shared_axes: false,
+        order: Vec::new(),
     }
 }
 
@@ -154,6 +155,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         left: vec![0; 4],
         preshaded: false,
         shared_axes: false,
+        order: Vec::new(),
     };
     let total = |outstanding: u32| {
         let timing =

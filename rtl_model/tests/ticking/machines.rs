@@ -15,6 +15,14 @@ pub fn elaborate(timing: Timing) -> Elaborated {
     machine.elaborate().unwrap().timing
 }
 
+/// A machine that sorts, by digits of any number of bits.
+pub fn sorting(dice: &mut Dice, timing: Timing) -> Machine {
+    let mut machine = Machine::named("gaussian").unwrap();
+    machine.timing = timing;
+    machine.sort.as_mut().unwrap().digit_bits = 1 + dice.below(8) as u32;
+    machine
+}
+
 pub fn random(dice: &mut Dice) -> Timing {
     let of = |dice: &mut Dice, values: &[u32]| values[dice.below(values.len() as u64) as usize];
     let to = |dice: &mut Dice, most: u64| 1 + dice.below(most) as u32;

@@ -43,6 +43,8 @@ pub struct Scene {
     pub preshaded: bool,
     /// Their axes lie in registers.
     pub shared_axes: bool,
+    /// In which order they are drawn, those that are: their places. Without one, as they come.
+    pub order: Vec<usize>,
 }
 
 fn any_event(dice: &mut Dice, dull: u64) -> Event {
@@ -95,7 +97,7 @@ pub fn random(dice: &mut Dice, [width, height]: [u64; 2], splats: u64) -> Scene 
         .collect();
     let lit = dice.below(4);
     let left = (0..width * height).map(|_| if dice.below(4) < lit { dice.below(4) as u8 } else { 0 }).collect();
-    let mut scene = Scene { width, height, splats, left, preshaded: false, shared_axes: false };
+    let mut scene = Scene { width, height, splats, left, preshaded: false, shared_axes: false, order: Vec::new() };
     scene.clear_untouched();
     scene
 }
@@ -110,6 +112,27 @@ impl Scene {
             }
         });
         Scene { preshaded: true, ..self }
+    }
+
+    /// The same, drawn in any order.
+    pub fn sorted(self, dice: &mut Dice) -> Self {
+        let mut order = self.drawn();
+        for place in (1..order.len()).rev() {
+            order.swap(place, dice.below(place as u64 + 1) as usize);
+        }
+        Scene { order, ..self }
+    }
+
+    /// Splats that are drawn, by their places, in the order in which they come.
+    fn drawn(&self) -> Vec<usize> {
+        (0..self.splats.len()).filter(|place| self.splats[*place].fate == Fate::Drawn).collect()
+    }
+
+    /// The same in the order in which they are drawn; beside each, how many that are drawn come before it.
+    pub fn in_order(&self) -> Vec<(usize, usize)> {
+        let drawn = self.drawn();
+        let order = if self.order.is_empty() { &drawn } else { &self.order };
+        order.iter().map(|place| (drawn.binary_search(place).unwrap(), *place)).collect()
     }
 
     /// Where no box touches a tile, nothing is left to shade.
@@ -135,15 +158,18 @@ impl Scene {
             let lanes = CULLED.map(|fate| (0..splats.len()).map(|lane| u8::from(splats[lane].fate == fate) << lane).sum());
             recorder.culled(8 * first as u32, lanes);
         }
-        let drawn = || self.splats.iter().enumerate().filter(|(_, splat)| splat.fate == Fate::Drawn);
         recorder.ellipsoids(self.preshaded, self.shared_axes);
-        for (place, splat) in drawn() {
-            recorder.drawn(place as u32, [splat.columns, splat.rows]);
+        for place in self.drawn() {
+            recorder.drawn(place as u32, [self.splats[place].columns, self.splats[place].rows]);
+        }
+        if !self.order.is_empty() {
+            recorder.sorted(self.in_order().into_iter().map(|(nth, _)| nth as u32).collect());
         }
         for top in (0..self.height as u16).step_by(TILE_PX) {
             for left in (0..self.width as u16).step_by(TILE_PX) {
                 let mut touched = false;
-                for (_, splat) in drawn() {
+                for (_, place) in self.in_order() {
+                    let splat = &self.splats[place];
                     let [columns, rows] = [in_tile(splat.columns, left), in_tile(splat.rows, top)];
                     if columns.is_empty() || rows.is_empty() {
                         continue;
@@ -187,10 +213,12 @@ impl Scene {
             splat.pixels = vec![None; splat.size()[0] * splat.size()[1]];
         }
         let mut left = vec![0; (work.width * work.height) as usize];
+        let as_they_come = (0..work.footprints.len() as u32).collect();
+        let drawn = if work.order.is_empty() { &as_they_come } else { &work.order };
         for tile in &work.tiles {
             let mut reader = tile.reader();
             let [first, top] = tile.corner;
-            for footprint in &work.footprints {
+            for footprint in drawn.iter().map(|nth| &work.footprints[*nth as usize]) {
                 let [columns, rows] = [in_tile(footprint.columns, first), in_tile(footprint.rows, top)];
                 if columns.is_empty() || rows.is_empty() {
                     continue;
@@ -213,6 +241,7 @@ impl Scene {
                 }
             }
         }
-        Scene { width: work.width, height: work.height, splats, left, preshaded: work.preshaded, shared_axes: work.shared_axes }
+        let order = work.order.iter().map(|nth| work.footprints[*nth as usize].splat as usize).collect();
+        Scene { width: work.width, height: work.height, splats, left, preshaded: work.preshaded, shared_axes: work.shared_axes, order }
     }
 }
