@@ -160,20 +160,20 @@ impl Work {
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
     }
 
-    /// How many fragments of each pixel, row by row, are left to shade in the end.
-    pub fn left_to_shade(&self) -> Vec<u8> {
+    /// What each pixel, row by row, ends with: fragments, and how many of them are left to shade.
+    pub fn held(&self) -> Vec<[u8; 2]> {
         let [width, height] = [self.width, self.height].map(|size| size as usize);
-        let mut left = vec![0; width * height];
+        let mut held = vec![[0; 2]; width * height];
         for tile in &self.tiles {
             let [x, y] = tile.corner.map(usize::from);
             for row in 0..TILE_PX.min(height - y) {
                 let first = (y + row) * width + x;
-                for (column, left) in left[first..first + TILE_PX.min(width - x)].iter_mut().enumerate() {
-                    *left = tile.pixel(row * TILE_PX + column)[1];
+                for (column, held) in held[first..first + TILE_PX.min(width - x)].iter_mut().enumerate() {
+                    *held = tile.pixel(row * TILE_PX + column);
                 }
             }
         }
-        left
+        held
     }
 
     /// Rows of the boxes of all drawn splats.

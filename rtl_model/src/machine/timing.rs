@@ -164,7 +164,7 @@ pub struct Resolve {
     /// Cycles from the last light of a pixel to its word; left out, what the formats ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Cycles from one pixel to the next, if shading takes no longer.
+    /// Cycles from one pixel to the next, if its fragments, one a cycle, or shading them take no longer.
     pub interval: u32,
 }
 

@@ -249,23 +249,18 @@ impl<'a> Merge<'a> {
     }
 }
 
-/// Resolve: pixels that lie together, a line or a tile.
+/// Resolve: pixels that lie together, a line or a tile. It takes a pixel's fragments one a cycle, whether merged, and so lit, or left to shade.
 pub struct Resolve<'a> {
     timing: &'a Elaborated,
     pub unit: Unit,
-    /// How many fragments of each pixel are left to shade.
-    left_to_shade: Vec<u8>,
+    /// What each pixel holds: fragments, and how many of them are left to shade.
+    held: Vec<[u8; 2]>,
     width: u32,
 }
 
 impl<'a> Resolve<'a> {
     pub fn new(timing: &'a Elaborated, work: &Work, logged: bool) -> Self {
-        Resolve {
-            timing,
-            unit: Unit::new("resolve", timing.resolve, Some("fragment"), None, logged),
-            left_to_shade: work.left_to_shade(),
-            width: work.width,
-        }
+        Resolve { timing, unit: Unit::new("resolve", timing.resolve, Some("fragment"), None, logged), held: work.held(), width: work.width }
     }
 
     /// Takes these columns and rows of the picture, shading in a unit; says when the last of their words is there.
@@ -275,8 +270,8 @@ impl<'a> Resolve<'a> {
         let (mut cycles, mut shades) = (0, 0);
         for row in rows {
             let at = |column: u32| (row * self.width + column) as usize;
-            for left in &self.left_to_shade[at(columns.start)..at(columns.end)] {
-                cycles += (u64::from(*left) * interval).max(t.resolve.interval.into());
+            for [fragments, left] in &self.held[at(columns.start)..at(columns.end)] {
+                cycles += (u64::from(*left) * interval).max((*fragments).into()).max(t.resolve.interval.into());
                 shades += u64::from(*left);
             }
         }

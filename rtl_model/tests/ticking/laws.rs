@@ -2,20 +2,20 @@
 
 use crate::frames::Dice;
 use crate::machines::{elaborate, ideal, random};
-use crate::scene::{Scene, Splat};
+use crate::scene::{End, Scene, Splat};
 use crate::{immediate, scene};
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
 use rtl_model::timing::replay;
 use rtl_model::work::Event;
 
-/// So many splats of the same pixel, of a picture of that one.
-fn dots(splats: usize, left: u8) -> Scene {
+/// So many splats of the same pixel, of a picture of that one, and what it ends with.
+fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
     Scene {
         width: 1,
         height: 1,
         splats: vec![Splat::dot([0, 0], Event::Accumulated); splats],
-        left: vec![left],
+        ends: vec![End { lit, unlit }],
         preshaded: false,
         shared_axes: false,
         order: Vec::new(),
@@ -45,7 +45,7 @@ fn a_frame_without_splats_is_resolved_at_once() {
         let timing = single(&mut Dice(seed));
         // Resolve takes the line in cycle 0; its word goes through it, then through memory.
         let resolve = timing.resolve.interval + timing.resolve.latency.unwrap();
-        assert_eq!(cycles(timing, &dots(0, 0)), u64::from(resolve + 1 + timing.memory.hit_latency));
+        assert_eq!(cycles(timing, &dots(0, 0, 0)), u64::from(resolve + 1 + timing.memory.hit_latency));
     }
 }
 
@@ -54,14 +54,14 @@ fn a_splat_of_a_pixel_takes_the_sum_of_all_latencies() {
     for seed in 0..300 {
         let mut dice = Dice(seed);
         let timing = single(&mut dice);
-        let left = dice.below(3) as u8;
+        let [lit, unlit] = [3, 3].map(|most| dice.below(most) as u8);
         let memory = 1 + timing.memory.hit_latency;
         let stages = [timing.project.latency, timing.ellipse.latency, timing.raster.latency, timing.gauss.latency];
         let written = memory + stages.map(Option::unwrap).iter().sum::<u32>() + timing.cache.latency + timing.fragment.latency.unwrap();
-        let held = (u32::from(left) * timing.shade.interval).max(timing.resolve.interval);
-        let light = if left > 0 { timing.shade.latency.unwrap() } else { 0 };
+        let held = (u32::from(unlit) * timing.shade.interval).max((lit + unlit).into()).max(timing.resolve.interval);
+        let light = if unlit > 0 { timing.shade.latency.unwrap() } else { 0 };
         let total = written + held + light + timing.resolve.latency.unwrap() + memory;
-        assert_eq!(cycles(timing, &dots(1, left)), u64::from(total), "seed {seed}");
+        assert_eq!(cycles(timing, &dots(1, lit, unlit)), u64::from(total), "seed {seed}");
     }
 }
 
@@ -74,8 +74,8 @@ fn splats_in_a_row_take_the_largest_interval_each() {
         // Every splat has the same pixel, so that the fragment unit's interval is the hazard.
         let intervals = [timing.project.interval, timing.ellipse.interval, timing.fragment.hazard].map(Option::unwrap);
         let slowest = intervals.into_iter().max().unwrap();
-        let one = cycles(timing, &dots(1, 0));
-        assert_eq!(cycles(timing, &dots(splats as usize, 0)), one + (splats - 1) * u64::from(slowest), "seed {seed}");
+        let one = cycles(timing, &dots(1, 0, 0));
+        assert_eq!(cycles(timing, &dots(splats as usize, 0, 0)), one + (splats - 1) * u64::from(slowest), "seed {seed}");
     }
 }
 
@@ -152,7 +152,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         width: 4,
         height: 1,
         splats: (0..4).map(|x| Splat::dot([x, 0], Event::Accumulated)).collect(),
-        left: vec![0; 4],
+        ends: vec![End::default(); 4],
         preshaded: false,
         shared_axes: false,
         order: Vec::new(),

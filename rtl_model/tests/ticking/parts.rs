@@ -508,9 +508,12 @@ pub fn resolve_cycles(timing: &Elaborated, scene: &Scene, [left, top]: [usize; 2
     let [mut cycles, mut shades] = [0; 2];
     for y in top..height.min(top + rows) {
         for x in left..width.min(left + columns) {
-            let left = u64::from(scene.left[y * width + x]);
-            cycles += (left * u64::from(timing.shade.interval)).max(timing.resolve.interval.into());
-            shades += left;
+            let end = scene.ends[y * width + x];
+            let [lit, unlit] = [end.lit, end.unlit].map(u64::from);
+            // All come through one port, one after the other; light comes in its own time.
+            let light = unlit * u64::from(timing.shade.interval);
+            cycles += [lit + unlit, light, timing.resolve.interval.into()].into_iter().max().expect("three");
+            shades += unlit;
         }
     }
     [cycles, shades]

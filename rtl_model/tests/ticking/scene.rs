@@ -32,13 +32,20 @@ impl Splat {
     }
 }
 
-/// A frame: its splats, and how many fragments of each pixel are left to shade in the end.
+/// A pixel in the end: its fragments that were lit so that they could merge, and those that no light has met yet.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct End {
+    pub lit: u8,
+    pub unlit: u8,
+}
+
+/// A frame: its splats, and what each pixel ends with.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     pub width: u32,
     pub height: u32,
     pub splats: Vec<Splat>,
-    pub left: Vec<u8>,
+    pub ends: Vec<End>,
     /// Splats are lit before they are drawn.
     pub preshaded: bool,
     /// Their axes lie in registers.
@@ -96,8 +103,9 @@ pub fn random(dice: &mut Dice, [width, height]: [u64; 2], splats: u64) -> Scene 
         })
         .collect();
     let lit = dice.below(4);
-    let left = (0..width * height).map(|_| if dice.below(4) < lit { dice.below(4) as u8 } else { 0 }).collect();
-    let mut scene = Scene { width, height, splats, left, preshaded: false, shared_axes: false, order: Vec::new() };
+    let mut some = || if dice.below(4) < lit { dice.below(4) as u8 } else { 0 };
+    let ends = (0..width * height).map(|_| End { lit: some(), unlit: some() }).collect();
+    let mut scene = Scene { width, height, splats, ends, preshaded: false, shared_axes: false, order: Vec::new() };
     scene.clear_untouched();
     scene
 }
@@ -105,7 +113,7 @@ pub fn random(dice: &mut Dice, [width, height]: [u64; 2], splats: u64) -> Scene 
 impl Scene {
     /// The same, its splats lit before they are drawn, and nothing after.
     pub fn lit(mut self) -> Self {
-        self.left.fill(0);
+        self.ends.iter_mut().for_each(|end| end.unlit = 0);
         self.splats.iter_mut().flat_map(|splat| &mut splat.pixels).for_each(|event| {
             if let Some(Event::Merged(shaded)) = event {
                 *shaded = 0;
@@ -135,7 +143,7 @@ impl Scene {
         order.iter().map(|place| (drawn.binary_search(place).unwrap(), *place)).collect()
     }
 
-    /// Where no box touches a tile, nothing is left to shade.
+    /// Where no box touches a tile, there are no fragments.
     fn clear_untouched(&mut self) {
         let touched = |tile: [u16; 2]| {
             self.splats.iter().filter(|splat| splat.fate == Fate::Drawn).any(|splat| {
@@ -143,10 +151,10 @@ impl Scene {
                 (columns[0]..=columns[1]).contains(&tile[0]) && (rows[0]..=rows[1]).contains(&tile[1])
             })
         };
-        for (pixel, left) in self.left.iter_mut().enumerate() {
+        for (pixel, end) in self.ends.iter_mut().enumerate() {
             let [x, y] = [pixel as u32 % self.width, pixel as u32 / self.width];
             if !touched([x as u16 / 16, y as u16 / 16]) {
-                *left = 0;
+                *end = End::default();
             }
         }
     }
@@ -194,9 +202,9 @@ impl Scene {
                 }
                 for pixel in 0..TILE_PX * TILE_PX {
                     let [x, y] = [usize::from(left) + pixel % TILE_PX, usize::from(top) + pixel / TILE_PX];
-                    let shades =
-                        if x < self.width as usize && y < self.height as usize { self.left[y * self.width as usize + x] } else { 0 };
-                    recorder.pixel(shades, shades);
+                    let is_inside = x < self.width as usize && y < self.height as usize;
+                    let End { lit, unlit } = if is_inside { self.ends[y * self.width as usize + x] } else { End::default() };
+                    recorder.pixel(lit + unlit, unlit);
                 }
                 recorder.tile([left, top]);
             }
@@ -212,7 +220,7 @@ impl Scene {
             (splat.columns, splat.rows) = (footprint.columns, footprint.rows);
             splat.pixels = vec![None; splat.size()[0] * splat.size()[1]];
         }
-        let mut left = vec![0; (work.width * work.height) as usize];
+        let mut ends = vec![End::default(); (work.width * work.height) as usize];
         let as_they_come = (0..work.footprints.len() as u32).collect();
         let drawn = if work.order.is_empty() { &as_they_come } else { &work.order };
         for tile in &work.tiles {
@@ -237,11 +245,12 @@ impl Scene {
             for pixel in 0..TILE_PX * TILE_PX {
                 let [x, y] = [usize::from(first) + pixel % TILE_PX, usize::from(top) + pixel / TILE_PX];
                 if x < work.width as usize && y < work.height as usize {
-                    left[y * work.width as usize + x] = tile.pixel(pixel)[1];
+                    let [all, unlit] = tile.pixel(pixel);
+                    ends[y * work.width as usize + x] = End { lit: all - unlit, unlit };
                 }
             }
         }
         let order = work.order.iter().map(|nth| work.footprints[*nth as usize].splat as usize).collect();
-        Scene { width: work.width, height: work.height, splats, left, preshaded: work.preshaded, shared_axes: work.shared_axes, order }
+        Scene { width: work.width, height: work.height, splats, ends, preshaded: work.preshaded, shared_axes: work.shared_axes, order }
     }
 }
