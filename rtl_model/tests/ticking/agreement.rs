@@ -192,10 +192,10 @@ fn a_drawn_and_binned_frame_ticks_as_it_is_replayed() {
 #[test]
 fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
     let mut parts = 0;
-    for seed in 0..24 {
+    for seed in 0..400 {
         let mut dice = Dice(seed);
         let timing = of(Organisation::Binned, &mut dice);
-        let scene = scene::random(&mut dice, [120, 100], 400).sorted(&mut dice);
+        let scene = scene::random(&mut dice, [120, 100], 2000).sorted(&mut dice);
         let elaborated = machines::sorting(&mut dice, timing).elaborate().unwrap().timing;
         match compare(&elaborated, &scene, &scene.record()) {
             Ok(ticked) => {
