@@ -268,6 +268,27 @@ fn every_twin_gives_fifty_thousand_records_on_icarus() {
     assert!(records.len() == 9 && records.values().all(|records| *records >= 50_000), "{records:?}");
 }
 
+/// What is there before a window came of splats that the device has not seen: it has to be loaded.
+#[test]
+fn windows_of_splats_drive_fragment_and_sheets_alone() {
+    if !have(&["iverilog"], "windows on Icarus") {
+        return;
+    }
+    let rules = machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3"]);
+    let discs = [(cloud(150, 16), rules, [70, 150], "fragment")];
+    let media = media(12, 16).into_iter().take(3).map(|(text, machine)| (text, machine, [80, 160], "sheets"));
+    for (text, machine, splats, name) in discs.into_iter().chain(media) {
+        for pixels in [None, Some([2, 3, 12, 9])] {
+            let trace = traced(&text, &machine, &Window { splats: Some(splats), pixels, ..Window::default() });
+            let [start, records] = ["fragment.start", "fragment.in"].map(|stream| trace.lines(stream).len());
+            println!("{name}, {pixels:?}: {start} records at the start, {records} come");
+            assert!(start > 50 && records > 50, "{start} at the start, {records} come");
+            drive(Simulator::Icarus, &trace, unit(name), 16, &[]);
+            drive(Simulator::Icarus, &trace, unit(name), 16, &STALLS);
+        }
+    }
+}
+
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_twin_gives_a_million_records_on_verilator() {

@@ -170,6 +170,11 @@ impl Device {
         }
         if self.unit.stream == "fragment" {
             given("held", &held);
+            // A window of splats.
+            let start = self.trace.join("fragment.start.hex");
+            if start.exists() {
+                given("start", &start);
+            }
         }
         command.args([format!("+expect={expect}"), "+quiet=200".into(), "+patience=20000".into()]);
         command.args(arguments);
