@@ -1,7 +1,9 @@
 //! Do traces hold what crossed the wires, and can a unit be driven by its inputs alone?
 
+mod cosimulation;
 mod traced;
 
+use cosimulation::{have, run};
 use proptest::prelude::*;
 use rtl_model::alone;
 use rtl_model::probe::Unwatched;
@@ -14,6 +16,8 @@ use splatsim::quantise::quantise;
 use splatsim::scene::{Overrides, Scene};
 use splatsim::trace::Window;
 use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
 use traced::{Traced, bouquet, cloud, files, isosurface, machine, shells, traced};
 
 const SPLAT: usize = 0;
@@ -446,6 +450,36 @@ proptest! {
         let met = whole.keys("gauss.in").into_iter().filter(|key| inside(key, true)).map(|key| key[SPLAT]);
         prop_assert!(met.into_iter().all(|splat| shown.binary_search(&splat).is_ok()));
     }
+}
+
+/// Does a trace's text say enough to write a unit anew? The program was written from it and from the manifest alone.
+#[test]
+fn a_raster_in_python_gives_every_record() {
+    if !have(&["python3"], "a raster in another language") {
+        return;
+    }
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let raster = |folder: &Path| Command::new("python3").arg(root.join("tests/programs/raster.py")).arg(folder).output().unwrap();
+    let told = run(Command::new("python3").arg(root.join("tests/programs/raster.py")).arg(root.join("traces/knot"))).stdout;
+    assert_eq!(String::from_utf8_lossy(&told), "615 records equal\n");
+    let only = Window { units: vec!["raster".into()], ..Window::default() };
+    for (name, rows) in [("tiny", "differenced"), ("lean", "differenced"), ("reference", "seeded"), ("reference", "differenced")] {
+        let machine = machine(name, &[&format!("raster.rows={rows}")]);
+        for window in [only.clone(), Window { stimulus: Some(200), ..only.clone() }] {
+            let trace = traced(&cloud(60, 24), &machine, &window);
+            let output = raster(&trace.folder);
+            let told = [&output.stdout[..], &output.stderr].map(String::from_utf8_lossy).concat();
+            println!("{name}, {rows}: {told}");
+            assert!(output.status.success(), "{name}, {rows}: {told}");
+        }
+    }
+    // One bit of one depth.
+    let trace = traced(&cloud(60, 24), &machine("tiny", &[]), &only);
+    let path = trace.path("raster.out.hex");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let (all, last) = text.trim_end().split_at(text.trim_end().len() - 1);
+    std::fs::write(&path, format!("{all}{:x}\n", u8::from_str_radix(last, 16).unwrap() ^ 1)).unwrap();
+    assert_eq!(raster(&trace.folder).status.code(), Some(1));
 }
 
 #[test]
