@@ -5,7 +5,10 @@
 //! memory ◄─► sort                                                      every entry, once a digit of its depth, if splats are sorted
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
-//! The second pass begins when the first is through. Tiles follow each other by rows; those without an entry are only written.
+//! The second pass begins when the first, and the sort, is through. Tiles follow each other by rows; those without an entry are only
+//! written.
+//!
+//! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
 
 use super::Cycles;
 use super::account::{Ready, Unit};
