@@ -176,9 +176,9 @@ impl Memory {
 
     /// A row is opened for each that the bytes lie in.
     fn serve(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
-        let [burst, row] = self.log;
-        let [first, last] = [address, address + bytes.max(1) - 1].map(|byte| byte >> burst);
-        let (mut from, end) = (first << burst, (last + 1) << burst);
+        let [burst, row] = self.log.map(|log| 1u64 << log);
+        let [first, last] = [address, address + bytes.max(1) - 1].map(|byte| byte / burst);
+        let (mut from, end) = (first * burst, (last + 1) * burst);
         self.cycles.bytes[client as usize][direction as usize] += end - from;
         self.cycles.requests[client as usize] += last + 1 - first;
         if let Some(logged) = &mut self.logged {
@@ -186,8 +186,8 @@ impl Memory {
         }
         let mut done = now;
         while from < end {
-            let nth = from >> row;
-            let to = end.min((nth + 1) << row);
+            let nth = from / row;
+            let to = end.min((nth + 1) * row);
             done = done.max(self.in_a_row(now, nth, to - from));
             from = to;
         }
@@ -203,7 +203,7 @@ impl Memory {
         let open = &mut self.open[bank];
         let is_open = std::mem::replace(open, row) == row;
         // After its first burst the row is open.
-        self.cycles.row_hits += u64::from(is_open) + (bytes >> self.log[0]) - 1;
+        self.cycles.row_hits += u64::from(is_open) + bytes / (1 << self.log[0]) - 1;
         self.move_bytes(now, bytes) + u64::from(if is_open { hit_latency } else { miss_latency })
     }
 

@@ -191,7 +191,7 @@ impl Width {
 
     #[inline(always)]
     fn divides(self, column: u32) -> u32 {
-        ((u64::from(column) * self.inverse) >> 32) as u32
+        (u64::from(column) * self.inverse / (1 << 32)) as u32
     }
 }
 
