@@ -471,6 +471,8 @@ fn a_raster_in_python_gives_every_record() {
             let told = [&output.stdout[..], &output.stderr].map(String::from_utf8_lossy).concat();
             println!("{name}, {rows}: {told}");
             assert!(output.status.success(), "{name}, {rows}: {told}");
+            let records = told.split(' ').next().and_then(|number| number.parse().ok());
+            assert!(records > Some(200), "{name}, {rows}: {told}");
         }
     }
     // One bit of one depth.

@@ -48,12 +48,7 @@ module gauss #(
   // Registers and places hold the tag beside it.
   localparam int BEHIND_W = TAG_W + machine_pkg::GAUSS_OUT_W;
   wire keeps = DROPS == 0 || weight != '0;
-  wire [BEHIND_W-1:0] labelled;
-  if (TAG_W > 0) begin : g_tag
-    assign labelled = {s_data[machine_pkg::GAUSS_IN_W+:TAG_W], weight};
-  end else begin : g_no_tag
-    assign labelled = weight;
-  end
+  wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::GAUSS_IN_W, weight});
   pipe #(.W(BEHIND_W), .LATENCY(machine_pkg::GAUSS_LATENCY), .INTERVAL(machine_pkg::GAUSS_INTERVAL), .ROOM(machine_pkg::GAUSS_ROOM))
       behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(keeps), .s_data(labelled), .m_valid(m_valid),
       .m_ready(m_ready), .m_data(m_data));

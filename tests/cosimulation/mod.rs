@@ -115,7 +115,7 @@ impl Device {
         }
         let mut files = vec![trace.join("machine_pkg.sv"), sources.join("bench/bench.sv")];
         if bench != unit.name {
-            files.push(sources.join("bench").join(bench).with_extension("sv"));
+            files.extend([bench, "bench_start"].map(|name| sources.join("bench").join(name).with_extension("sv")));
         }
         let program = match simulator {
             Simulator::Icarus => {

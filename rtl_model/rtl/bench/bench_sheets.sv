@@ -2,10 +2,9 @@
 //
 //   s ->( sheets )-> m      h -> +held=FILE
 //
-// Compile with bench.sv, -DDUT=bench_sheets -DHAS_FRAME -DHAS_DRAIN -DIN_W=machine_pkg::FRAGMENT_IN_W -DOUT_W=machine_pkg::FRAGMENT_OUT_W
-// and '-DDUT_PARAMETERS=.WIDTH(64),.HEIGHT(64)'.
-// Arguments, besides those of bench.sv
-//   +start=FILE      what pixels hold at the start; left out, nothing
+// Compile with bench.sv, bench_start.sv, -DDUT=bench_sheets -DHAS_FRAME -DHAS_DRAIN -DIN_W=machine_pkg::FRAGMENT_IN_W
+// -DOUT_W=machine_pkg::FRAGMENT_OUT_W and '-DDUT_PARAMETERS=.WIDTH(64),.HEIGHT(64)'.
+// Arguments, besides those of bench.sv and bench_start.sv
 //   +held=FILE       where to write what the pixels hold in the end
 //   +stall_held=N    percent of cycles in which nothing that is held is taken
 `default_nettype none
@@ -30,6 +29,18 @@ module bench_sheets #(
 );
   localparam int NAME_CHARS = 512;
   localparam int HELD_W = machine_pkg::FRAGMENT_HELD_W;
+
+  wire loaded, loads;
+  wire [machine_pkg::FRAGMENT_START_W-1:0] start;
+  wire [31:0] start_pixel;
+  bench_start #(.WIDTH(WIDTH)) starter (
+    .clk(clk),
+    .rst(rst),
+    .loaded(loaded),
+    .loads(loads),
+    .record(start),
+    .pixel(start_pixel)
+  );
 
   wire takes;
   assign s_ready = takes && loaded;
@@ -59,16 +70,7 @@ module bench_sheets #(
     .h_data(h_data)
   );
 
-  // What pixels hold at the start goes straight into their memory, a record a cycle, before anything is let in: a machine has no such way,
-  // and a twin no port for it.
-  localparam int START_W = machine_pkg::FRAGMENT_START_W;
-  reg loads = 1'b0;
-  reg loaded = 1'b0;
-  reg [START_W-1:0] start = '0;
-  reg [START_W-1:0] read_start;
-  wire [31:0] start_x = 32'(start[machine_pkg::FRAGMENT_START_X_LSB+:machine_pkg::FRAGMENT_START_X_W]);
-  wire [31:0] start_y = 32'(start[machine_pkg::FRAGMENT_START_Y_LSB+:machine_pkg::FRAGMENT_START_Y_W]);
-  wire [31:0] start_pixel = start_y * WIDTH + start_x;
+  // What pixels hold at the start goes straight into their memory.
   always @(posedge clk) begin
     if (loads) begin
       sheets.memory[start_pixel] <= start[machine_pkg::FRAGMENT_START_Y_LSB-1:0];
@@ -77,8 +79,6 @@ module bench_sheets #(
   end
 
   reg [8*NAME_CHARS-1:0] name;
-  integer start_file = 0;
-  reg have_start;
   integer held_file = 0;
   integer stall_held;
   reg [31:0] chance = 32'h2545f491;
@@ -97,14 +97,6 @@ module bench_sheets #(
   endfunction
 
   initial begin
-    if ($value$plusargs("start=%s", name) != 0) begin
-      start_file = $fopen(name, "r");
-      if (start_file == 0) begin
-        $display("bench: FAILED cannot read %0s", name);
-        $finish(0);
-      end
-    end
-    loaded = start_file == 0;
     if ($value$plusargs("stall_held=%d", stall_held) == 0) stall_held = 0;
     if ($value$plusargs("held=%s", name) != 0) held_file = $fopen(name, "w");
   end
@@ -112,13 +104,6 @@ module bench_sheets #(
   always @(posedge clk) begin
     chance = xorshift(chance);
     if (!rst) begin
-      if (!loaded) begin
-        // The last one is written in the cycle in which no other one comes.
-        have_start = $fscanf(start_file, "%h", read_start) == 1;
-        loads <= have_start;
-        start <= read_start;
-        loaded <= !have_start;
-      end
       // What waits stays.
       if (h_waits && (!h_valid || !h_empty && h_data !== h_waiting)) begin
         violations = violations + 1;

@@ -59,12 +59,7 @@ impl Extremes {
 
     /// Tells a range what a lane saw.
     fn tell(&self, lane: usize, range: &mut Range) {
-        let mut alone = Alone::default();
-        if self.min[lane] <= self.max[lane] {
-            alone.widen(self.min[lane].into(), self.max[lane].into());
-            alone.any = self.any[lane].into();
-        }
-        alone.tell(range);
+        Alone::of(self.min[lane].into(), self.max[lane].into(), self.any[lane].into()).tell(range);
     }
 }
 
@@ -86,6 +81,11 @@ impl Default for Alone {
 }
 
 impl Alone {
+    /// With its least above its greatest it has seen nothing.
+    fn of(min: i64, max: i64, any: i64) -> Self {
+        if min <= max { Alone { min, max, span: max.wrapping_sub(min) as u64, any } } else { Alone::default() }
+    }
+
     #[inline(always)]
     fn see(&mut self, word: i64) {
         self.any |= word;
@@ -146,11 +146,7 @@ impl Wide {
     }
 
     fn lanes(&self) -> impl Iterator<Item = Alone> {
-        (0..LANES).filter(|lane| self.min[*lane] <= self.max[*lane]).map(|lane| {
-            let mut alone = Alone { any: self.any[lane], ..Alone::default() };
-            alone.widen(self.min[lane], self.max[lane]);
-            alone
-        })
+        (0..LANES).map(|lane| Alone::of(self.min[lane], self.max[lane], self.any[lane]))
     }
 }
 

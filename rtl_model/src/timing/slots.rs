@@ -180,7 +180,7 @@ impl<'a> Slots<'a> {
 #[derive(Clone, Copy, Debug)]
 struct Width {
     pixels: u32,
-    /// 2^32 over them, rounded up: exact for all columns, which are fewer than 2^16, and up to 64 pixels.
+    /// 2^32 over them, rounded up: exact for numbers below 2^26, far more than there are columns, and up to 64 pixels.
     inverse: u64,
 }
 
@@ -254,4 +254,17 @@ pub fn below(column: u32) -> u16 {
 fn clip([first, last]: [u16; 2], corner: u16) -> Range<usize> {
     let [from, to] = [usize::from(first), usize::from(last) + 1].map(|pixel| pixel.saturating_sub(usize::from(corner)));
     from..to.min(TILE_PX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Width;
+
+    #[test]
+    fn widths_divide_all_columns() {
+        for pixels in 1..=64 {
+            let width = Width::new(pixels);
+            assert!((0..1 << 17).all(|column| width.divides(column) == column / pixels), "{pixels}");
+        }
+    }
 }
