@@ -8,7 +8,7 @@
 
 use crate::chart::{Axis, Mark, Panel, Series};
 use crate::report::{aligned, plain_table, share, thousands, wrapped};
-use rtl_model::machine::timing::Elaborated;
+use rtl_model::machine::timing::{Elaborated, Memory};
 use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Request, Wait};
 use serde::Serialize;
 use std::fmt::Write;
@@ -85,9 +85,9 @@ pub struct MemoryReport {
     pub bytes: u64,
     /// Bytes a second, over the whole frame.
     pub bytes_per_second: f64,
-    /// Bytes a second that could move.
-    pub peak_bytes_per_second: f64,
-    /// Part of the requests that found their row open.
+    /// Bytes a second that could move; none of ideal memory.
+    pub peak_bytes_per_second: Option<f64>,
+    /// Part of the requests that found their row open; none of ideal memory, or where there were none.
     pub row_hit_share: Option<f64>,
     /// Who moved what.
     pub clients: Vec<ClientReport>,
@@ -116,6 +116,7 @@ impl CyclesReport {
         let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };
         let memory = &cycles.memory;
         let requests: u64 = memory.requests.iter().sum();
+        let Memory { ideal, bytes_per_cycle, .. } = timing.timing.memory;
         let of_client = |client: Client| {
             let [bytes_read, bytes_written] = memory.bytes[client as usize];
             ClientReport { name: client.name(), requests: memory.requests[client as usize], bytes_read, bytes_written }
@@ -131,8 +132,8 @@ impl CyclesReport {
                 busy: memory.busy,
                 bytes: memory.total_bytes(),
                 bytes_per_second: per_second(memory.total_bytes()),
-                peak_bytes_per_second: clock_hz as f64 * f64::from(timing.timing.memory.bytes_per_cycle),
-                row_hit_share: (requests > 0).then(|| memory.row_hits as f64 / requests as f64),
+                peak_bytes_per_second: (!ideal).then(|| clock_hz as f64 * f64::from(bytes_per_cycle)),
+                row_hit_share: (requests > 0 && !ideal).then(|| memory.row_hits as f64 / requests as f64),
                 clients: CLIENTS.into_iter().filter(|client| memory.requests[*client as usize] > 0).map(of_client).collect(),
                 read_latency_log2: memory.latencies[..last].to_vec(),
             },
@@ -163,14 +164,12 @@ impl CyclesReport {
         let clients: Vec<String> = (memory.clients.iter())
             .map(|client| format!("{} {}", client.name.replace('_', " "), megabytes(client.bytes_read + client.bytes_written)))
             .collect();
-        let traffic = format!(
-            "memory: {} ({}); {} of {}, busy {}",
-            megabytes(memory.bytes),
-            clients.join(", "),
-            gigabytes(memory.bytes_per_second),
-            gigabytes(memory.peak_bytes_per_second),
-            share(memory.busy, self.total)
-        );
+        let of_peak = match memory.peak_bytes_per_second {
+            Some(peak) => format!("of {}, busy {}", gigabytes(peak), share(memory.busy, self.total)),
+            None => "of ideal memory".into(),
+        };
+        let [moved, clients, rate] = [megabytes(memory.bytes), clients.join(", "), gigabytes(memory.bytes_per_second)];
+        let traffic = format!("memory: {moved} ({clients}); {rate} {of_peak}");
         let _ = write!(text, "{}", wrapped(&traffic));
         if let Some([lookups, hits]) = self.lookups {
             let _ = write!(text, "\ncache: {} look-ups, {} hits", thousands(lookups), share(hits, lookups));
@@ -279,7 +278,7 @@ fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitRep
                 cycles: *cycles,
             })
             .collect(),
-        over_time: (unit.index == 0).then(|| OverTime { window: unit.timeline.window, busy: unit.timeline.busy.clone() }),
+        over_time: unit.timeline.as_ref().map(|timeline| OverTime { window: timeline.window, busy: timeline.busy.clone() }),
         occupancy: unit.occupancy[..unit.occupancy.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1)].to_vec(),
     }
 }
@@ -296,6 +295,26 @@ fn rate(per_second: f64) -> String {
 mod tests {
     use super::*;
     use rtl_model::Machine;
+    use rtl_model::work::Work;
+
+    #[test]
+    fn ideal_memory_has_traffic_but_no_peak() {
+        let machine = Machine::named("tiny").unwrap();
+        let of = |ideal: bool| {
+            let mut machine = machine.clone();
+            machine.timing.memory.ideal = ideal;
+            let timing = machine.elaborate().unwrap().timing;
+            let work = Work { width: 32, height: 16, ..Work::default() };
+            CyclesReport::new(&timing, &timing::replay(&timing, &work, timing::Detail::Histograms))
+        };
+        let [finite, ideal] = [of(false), of(true)];
+        assert!(ideal.memory.bytes > 0 && ideal.memory.bytes == finite.memory.bytes);
+        let told = |report: &CyclesReport| {
+            (report.memory.busy > 0, report.memory.peak_bytes_per_second.is_some(), report.memory.row_hit_share.is_some())
+        };
+        assert_eq!([told(&finite), told(&ideal)], [(true, true, true), (false, false, false)]);
+        assert!(ideal.summary().contains("GB/s of ideal memory\n") && finite.summary().contains("of 6.40 GB/s, busy"));
+    }
 
     #[test]
     fn requests_are_told_burst_by_burst_in_the_order_of_cycles() {

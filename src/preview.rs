@@ -20,7 +20,7 @@ use crate::run::timed;
 use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::num::Rounding;
-use rtl_model::timing;
+use rtl_model::timing::{self, Detail};
 use serde::Serialize;
 
 /// Of columns and rows, one in so many is drawn.
@@ -94,7 +94,7 @@ fn figures(scene: &Scene, machine: &Machine) -> Result<Figures> {
     let elaborated = fixed::elaborate(machine)?;
     let quantised = quantise(scene, machine)?;
     let (drawing, work) = fixed::draw_recorded(&elaborated, &quantised);
-    let cycles = timing::replay(&elaborated.timing, &work);
+    let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
     let golden = golden::render(scene, &fixed::rules(machine)).picture;
     Ok(Figures {
         width: scene.image.width,

@@ -16,7 +16,7 @@ use crate::report::wrapped;
 use crate::timings::{Axes, Timings, Variants};
 use crate::{fixed, machines};
 use rtl_model::Machine;
-use rtl_model::timing;
+use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -127,8 +127,8 @@ impl Recording {
     pub fn replay(&self, axes: Option<&Axes>, requests: bool) -> Result<Replayed> {
         let elaborated = fixed::elaborate(&self.machine)?;
         let variants = axes.map(|axes| Variants::new(&self.machine, axes)).transpose()?;
-        let replay = if requests { timing::replay_logged } else { timing::replay };
-        let cycles = replay(&elaborated.timing, &self.work);
+        let detail = if requests { Detail::Log } else { Detail::Histograms };
+        let cycles = timing::replay(&elaborated.timing, &self.work, detail);
         let report = CyclesReport::new(&elaborated.timing, &cycles);
         let requests = requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
         Ok(Replayed { cycles: report, timings: variants.map(|variants| Timings::new(&variants, &self.work)), requests })

@@ -33,7 +33,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use plan::{Change, Points};
 use rayon::prelude::*;
 use rtl_model::Machine;
-use rtl_model::timing;
+use rtl_model::timing::{self, Detail};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -398,7 +398,7 @@ impl Drawn {
     fn on(&self, machine: &Machine, prices: &Prices) -> std::result::Result<Map<String, Value>, String> {
         let Some(work) = &self.work else { return Ok(self.found.clone()) };
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
-        let replayed = timing::replay(&elaborated.timing, work);
+        let replayed = timing::replay(&elaborated.timing, work, Detail::Accounts);
         let cycles = CyclesReport::new(&elaborated.timing, &replayed);
         let CostReport { cost, energy } = CostReport::new(&elaborated, &replayed, prices);
         let described = MachineReport::new(&elaborated);

@@ -14,7 +14,7 @@ use crate::{fixed, machines};
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::machine::timing::Elaborated;
-use rtl_model::timing;
+use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use serde::Serialize;
 use std::str::FromStr;
@@ -103,7 +103,7 @@ impl Timings {
         let Variants { axes, machines } = variants;
         let row = |(value, machine): (&String, &Elaborated)| Row {
             value: value.clone(),
-            cycles: CyclesReport::new(machine, &timing::replay(machine, work)),
+            cycles: CyclesReport::new(machine, &timing::replay(machine, work, Detail::Histograms)),
         };
         Timings { path: axes.path.clone(), rows: axes.values.par_iter().zip(machines).map(row).collect() }
     }

@@ -44,7 +44,7 @@ use rtl_model::frame::Frame;
 use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
 use rtl_model::ports::{self, Kind, Order, Stream};
-use rtl_model::timing;
+use rtl_model::timing::{self, Detail};
 use rtl_model::units::fragment::Slot;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -129,7 +129,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         let sources = transfers.sources();
         if let Some(cycles) = window.waves {
             let (_, work) = pipeline::draw_recorded(&elaborated, &shown);
-            let replayed = timing::replay_logged(&elaborated.timing, &work);
+            let replayed = timing::replay(&elaborated.timing, &work, Detail::Log);
             Waves::new(&elaborated, kind, &replayed.units, &sources, cycles).write(folder.folder)?;
         }
         folder.contents(window, &sources, &coverage, &[])?

@@ -5,7 +5,7 @@
 use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
-use rtl_model::timing::replay;
+use rtl_model::timing::{Detail, replay};
 use rtl_model::work::Work;
 use splatsim::quantise::quantise;
 use splatsim::scene::Overrides;
@@ -54,7 +54,7 @@ fn compare(name: &str, work: &Work, scene: &Scene, what: &str, timing: Timing) -
         Organisation::Immediate => immediate::draw(&timing, scene),
         Organisation::Binned => binned::draw(&timing, scene),
     };
-    let replayed = replay(&timing, work);
+    let replayed = replay(&timing, work, Detail::Accounts);
     assert_eq!((ticked.traffic.bytes, ticked.traffic.bursts), (replayed.memory.bytes, replayed.memory.requests), "{name}, {what}");
     let error = replayed.total as f64 / ticked.total as f64 - 1.0;
     println!(

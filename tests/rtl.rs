@@ -5,7 +5,7 @@ mod traced;
 
 use cosimulation::{Device, Given, OF_ELLIPSOIDS, PIPELINE, Simulator, UNITS, Unit, have, run, sources};
 use rayon::prelude::*;
-use rtl_model::timing;
+use rtl_model::timing::{self, Detail};
 use serde_json::json;
 use splatsim::diff::diff;
 use splatsim::fixed;
@@ -365,7 +365,7 @@ fn cycles_of_a_wired_frame(scene: &str) -> u64 {
     let machine = machine("tiny", &settings);
     let elaborated = fixed::elaborate(&machine).unwrap();
     let (_, work) = fixed::draw_recorded(&elaborated, &quantise(&scene_of(scene), &machine).unwrap());
-    let cycles = timing::replay(&elaborated.timing, &work);
+    let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
     assert_eq!(cycles.memory.bytes[timing::Client::FrameRead as usize], [0, 0], "a line came back from memory");
     cycles.total
 }
@@ -661,7 +661,8 @@ fn resolve_takes_every_layer_in_a_cycle_as_the_timing_model_has_it() {
     let elaborated = fixed::elaborate(machine).unwrap();
     let (_, work) = fixed::draw_recorded(&elaborated, &quantise(&scene_of(&text), machine).unwrap());
     let merged = work.held().into_iter().filter(|[fragments, left]| left < fragments).count();
-    let modelled = timing::replay(&elaborated.timing, &work).units.iter().find(|unit| unit.name == "resolve").unwrap().account.busy;
+    let modelled =
+        timing::replay(&elaborated.timing, &work, Detail::Accounts).units.iter().find(|unit| unit.name == "resolve").unwrap().account.busy;
     println!("resolve: {modelled} cycles, {merged} pixels with a fragment that was merged");
     assert_eq!((taken[taken.len() - 1] + 1, merged > 0), (modelled, true));
 }

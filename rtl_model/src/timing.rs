@@ -28,7 +28,7 @@ mod memory;
 mod slots;
 mod stages;
 
-pub use account::{Account, Timeline, UnitCycles, Wait};
+pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
 
 use crate::machine::timing::{Elaborated, Organisation};
@@ -72,19 +72,10 @@ impl Cycles {
     }
 }
 
-/// Replays a frame's work on a microarchitecture.
-pub fn replay(timing: &Elaborated, work: &Work) -> Cycles {
-    replay_as(timing, work, false)
-}
-
-/// [`replay`], when each unit took each item, and every request to memory.
-pub fn replay_logged(timing: &Elaborated, work: &Work) -> Cycles {
-    replay_as(timing, work, true)
-}
-
-fn replay_as(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
+/// Replays a frame's work on a microarchitecture. What it takes is the same whatever is told of it.
+pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
     match timing.timing.organisation {
-        Organisation::Immediate => immediate::replay(timing, work, logged),
-        Organisation::Binned => binned::replay(timing, work, logged),
+        Organisation::Immediate => immediate::replay(timing, work, detail),
+        Organisation::Binned => binned::replay(timing, work, detail),
     }
 }

@@ -112,6 +112,12 @@ pub struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
+    /// Rows of the next splat, and of all that follow.
+    #[inline(always)]
+    pub fn rows(&self) -> &'a [u16] {
+        self.rows
+    }
+
     /// The next splat, of so many rows: which columns each row kept; where, 16 times the row and the column, a contribution was not just
     /// added, and what became of it.
     #[inline(always)]

@@ -1,6 +1,6 @@
 use super::*;
 use crate::{fixed, machines};
-use rtl_model::timing;
+use rtl_model::timing::{self, Detail};
 
 fn built_with(settings: &[&str]) -> Elaborated {
     let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
@@ -77,7 +77,7 @@ fn a_price_of_nothing_but_one_kind_counts_that_kind() {
 fn energy_is_the_sum_of_its_parts_and_grows_with_traffic() {
     let machine = built_with(&[]);
     let work = rtl_model::work::Work { width: 16, height: 16, ..Default::default() };
-    let cycles = timing::replay(&machine.timing, &work);
+    let cycles = timing::replay(&machine.timing, &work, Detail::Accounts);
     let cost = Cost::new(&machine, &DEFAULT);
     let energy = Energy::new(&machine, &cost, &cycles, &DEFAULT);
     assert_eq!(energy.total, energy.units + energy.storage + energy.dram + energy.leakage);

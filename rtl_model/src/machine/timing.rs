@@ -172,6 +172,9 @@ pub struct Resolve {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Memory {
+    /// Every request is answered after the latency of an open row, whatever else is under way: for asking what the datapath alone takes.
+    #[serde(default)]
+    pub ideal: bool,
     /// Bytes a cycle.
     pub bytes_per_cycle: u32,
     /// Cycles from a request to its first byte where its row is open.
@@ -202,7 +205,16 @@ pub const DEFAULT: Timing = Timing {
     fragment: Fragment { latency: None, hazard: None, merge: 1 },
     shade: Shade { latency: None, interval: 1 },
     resolve: Resolve { latency: None, interval: 1 },
-    memory: Memory { bytes_per_cycle: 16, hit_latency: 20, miss_latency: 50, burst_bytes: 64, outstanding: 16, row_bytes: 2048, banks: 8 },
+    memory: Memory {
+        ideal: false,
+        bytes_per_cycle: 16,
+        hit_latency: 20,
+        miss_latency: 50,
+        burst_bytes: 64,
+        outstanding: 16,
+        row_bytes: 2048,
+        banks: 8,
+    },
 };
 
 /// Cycles of a unit, nothing left out.

@@ -26,6 +26,17 @@ pub enum Wait {
     Hazard,
 }
 
+/// How much is told of each unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Detail {
+    /// Its cycles, and who made it wait.
+    Accounts,
+    /// How full the places behind it were, too, and when it was used.
+    Histograms,
+    /// Every item and every request to memory, too.
+    Log,
+}
+
 /// A unit's cycles, and who made it wait.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnitCycles {
@@ -37,15 +48,15 @@ pub struct UnitCycles {
     pub items: u64,
     /// Its cycles.
     pub account: Account,
-    /// When it, and those beside it, took each item, if that was to be logged.
+    /// When it, and those beside it, took each item; only of [`Detail::Log`].
     pub log: Vec<u64>,
-    /// When it, and those beside it, had items.
-    pub timeline: Timeline,
+    /// When it, and those beside it, had items: with the first of them, and not of [`Detail::Accounts`].
+    pub timeline: Option<Timeline>,
     /// Who starved it; nobody starves the first.
     pub starved_by: Option<&'static str>,
     /// Who blocked it, and for how long.
     pub blocked_by: Vec<(Wait, u64)>,
-    /// How often so many items waited behind it when it took one: the FIFO's and those under way.
+    /// How often so many items waited behind it when it took one: the FIFO's and those under way; not of [`Detail::Accounts`].
     pub occupancy: Vec<u64>,
 }
 
@@ -71,6 +82,11 @@ impl Default for Timeline {
 }
 
 impl Timeline {
+    fn new(detail: Detail) -> Self {
+        let end = if detail >= Detail::Histograms { 256 } else { u64::MAX };
+        Timeline { end, ..Timeline::default() }
+    }
+
     /// Cycles from this one on, which is not before the last one's.
     #[inline(always)]
     fn add(&mut self, from: u64, mut cycles: u64) {
@@ -121,14 +137,16 @@ pub struct Places {
     left: usize,
     room: usize,
     mask: usize,
+    /// Whether it is asked how many are taken, and how often so many were.
+    is_counted: bool,
     occupancy: Box<[u64]>,
 }
 
 impl Places {
-    pub fn new(room: usize) -> Self {
+    pub fn new(room: usize, is_counted: bool) -> Self {
         let size = room.next_power_of_two();
         let (free, occupancy) = (vec![0; size].into(), vec![0; room + 1].into());
-        Places { free, claimed: 0, counted: 0, given: 0, left: 0, room, mask: size - 1, occupancy }
+        Places { free, claimed: 0, counted: 0, given: 0, left: 0, room, mask: size - 1, is_counted, occupancy }
     }
 
     #[inline(always)]
@@ -164,6 +182,9 @@ impl Places {
     /// The next one was taken in this cycle; it is said of all before it when they are given back.
     #[inline(always)]
     pub fn count(&mut self, now: u64) {
+        if !self.is_counted {
+            return;
+        }
         while self.left < self.counted && self.free[self.at(self.left)] <= now {
             self.left += 1;
         }
@@ -223,18 +244,18 @@ pub struct Ready {
 }
 
 impl Unit {
-    /// `logged` keeps when it takes each item.
-    pub fn new(name: &'static str, pace: Pace, starved_by: Option<&'static str>, blocked_by: Option<&'static str>, logged: bool) -> Self {
+    pub fn new(name: &'static str, pace: Pace, starved_by: Option<&'static str>, blocked_by: Option<&'static str>, detail: Detail) -> Self {
+        let logged = detail == Detail::Log;
         Unit {
             name,
             starved_by,
             blocked_by,
             side: Side::default(),
             sides: (0..pace.units).map(|index| Side { index, ..Side::default() }).collect(),
-            timeline: Timeline::default(),
+            timeline: Timeline::new(detail),
             log: logged.then(Vec::new),
             is_rare: logged || pace.units > 1,
-            behind: Places::new(pace.room()),
+            behind: Places::new(pace.room(), detail >= Detail::Histograms),
         }
     }
 
@@ -307,17 +328,18 @@ impl Unit {
         timeline.close();
         let mut of = |side: Side| {
             let (index, Account { busy, blocked, memory, .. }) = (side.index, side.account);
+            let is_counted = behind.is_counted && index == 0;
             let by_unit = blocked_by.map(|unit| (Wait::Unit(unit), blocked - side.hazard));
             UnitCycles {
                 name,
                 index,
                 items: side.items,
                 log: std::mem::take(&mut log),
-                timeline: if index == 0 { timeline.clone() } else { Timeline::default() },
+                timeline: is_counted.then(|| timeline.clone()),
                 account: Account { busy, starved: total - busy - blocked - memory, blocked, memory },
                 starved_by,
                 blocked_by: by_unit.into_iter().chain([(Wait::Hazard, side.hazard)]).filter(|(_, cycles)| *cycles > 0).collect(),
-                occupancy: if index == 0 { behind.occupancy.to_vec() } else { Vec::new() },
+                occupancy: if is_counted { behind.occupancy.to_vec() } else { Vec::new() },
             }
         };
         sides.into_iter().map(&mut of).collect()

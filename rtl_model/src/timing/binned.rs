@@ -11,7 +11,7 @@
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
 
 use super::Cycles;
-use super::account::{Ready, Unit};
+use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::machine::timing::{self, Elaborated, Pace};
@@ -24,23 +24,23 @@ const ENTRY_BYTES: u64 = timing::ENTRY_BYTES as u64;
 const LIST_BYTES: u64 = 1 << 24;
 
 /// Replays a frame.
-pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
+pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
     let side = t.timing.tile.side_px;
     let burst = u64::from(t.timing.memory.burst_bytes);
-    let mut memory = Memory::new(t.timing.memory, logged);
+    let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
     let lists = work.bins(side as usize);
-    let (setup, bin, listed) = first_pass(t, work, &lists, &mut memory, logged);
+    let (setup, bin, listed) = first_pass(t, work, &lists, &mut memory, detail);
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-    let mut sort = Unit::new("sort", one, Some("bin"), Some("list"), logged);
+    let mut sort = Unit::new("sort", one, Some("bin"), Some("list"), detail);
     let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
 
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
-    let mut list = Unit::new("list", one, Some("bin"), Some("raster"), logged);
-    let mut fill = Fill::new(t, work, "list", "fragment", logged);
-    let mut merge = Merge::new(t, work, "gauss", Some("resolve"), logged);
-    let mut resolve = Resolve::new(t, work, logged);
-    let mut lit = Unit::new("resolve-shade", t.shade, Some("resolve"), None, logged);
+    let mut list = Unit::new("list", one, Some("bin"), Some("raster"), detail);
+    let mut fill = Fill::new(t, work, "list", "fragment", detail);
+    let mut merge = Merge::new(t, work, "gauss", Some("resolve"), detail);
+    let mut resolve = Resolve::new(t, work, detail);
+    let mut lit = Unit::new("resolve-shade", t.shade, Some("resolve"), None, detail);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
@@ -68,17 +68,11 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
             let here = memory.request(now.max(burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
             outstanding.push(here);
 
-            let behind = &mut list.behind;
-            fill.footprint(
-                footprint,
-                (corner_16, side),
-                (now + 1, here),
-                |taken| behind.give(taken),
-                |slot, here| {
-                    // The tile before is still in the buffer.
-                    merge.slot(slot, Ready { here, room: buffer_free, ..Ready::default() })[0]
-                },
-            );
+            let (taken, _) = fill.footprint(footprint, (corner_16, side), (now + 1, here), |slot, here| {
+                // The tile before is still in the buffer.
+                merge.slot(slot, Ready { here, room: buffer_free, ..Ready::default() })[0]
+            });
+            list.behind.give(taken);
         }
         // Words of the tile; of one without entries they are the background, written behind the tile before.
         let [across, down] = [(corner[0], work.width), (corner[1], work.height)].map(|(from, size)| from..size.min(from + side));
@@ -105,11 +99,11 @@ pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
-fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Memory, logged: bool) -> (SetUp<'a>, Unit, u64) {
+fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
-    let mut setup = SetUp::new(t, work, "bin", logged);
-    let mut bin = Unit::new("bin", Pace { units: 1, latency: 1, interval: 1, fifo: 1 }, Some(SetUp::last_name(work)), None, logged);
+    let mut setup = SetUp::new(t, work, "bin", detail);
+    let mut bin = Unit::new("bin", Pace { units: 1, latency: 1, interval: 1, fifo: 1 }, Some(SetUp::last_name(work)), None, detail);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
     let mut fates = work.fates.iter().zip(0..).peekable();

@@ -6,15 +6,13 @@
 
 use super::memory::{Client, Direction, LINES, Memory, Outstanding};
 use crate::machine::timing::{Cache as Description, Elaborated};
-use std::ops::Range;
 
 /// Nothing is there.
 const EMPTY: u32 = u32::MAX;
 
-/// A place for a line.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    line: u32,
+/// What is known of a line that is here.
+#[derive(Clone, Copy, Debug, Default)]
+struct Line {
     /// The look-up that used it last.
     used: u64,
     /// When its pixels are all written.
@@ -23,13 +21,26 @@ struct Place {
     here: u64,
 }
 
+/// What a look-up comes to.
+#[derive(Clone, Copy, Debug)]
+pub struct LookUp {
+    /// Where the line lies.
+    pub place: usize,
+    /// When it is here.
+    pub here: u64,
+    /// In which cycle the look-up was over: it waits where too many lines are on their way.
+    pub over: u64,
+}
+
 /// The cache, and which lines memory has.
 #[derive(Clone, Debug)]
 pub struct Cache {
     description: Description,
     line_bytes: u64,
     sets: u32,
-    places: Box<[Place]>,
+    /// Which line each place has, set by set, and what is known of it.
+    lines: Box<[u32]>,
+    places: Box<[Line]>,
     in_memory: Box<[bool]>,
     touched: Box<[bool]>,
     clock: u64,
@@ -41,12 +52,12 @@ impl Cache {
     /// For a frame of so many lines.
     pub fn new(timing: &Elaborated, lines: usize) -> Self {
         let description = timing.timing.cache;
-        let empty = Place { line: EMPTY, used: 0, written: 0, here: 0 };
         Cache {
             description,
             line_bytes: timing.line_bytes.into(),
             sets: description.lines / description.ways,
-            places: vec![empty; description.lines as usize].into(),
+            lines: vec![EMPTY; description.lines as usize].into(),
+            places: vec![Line::default(); description.lines as usize].into(),
             in_memory: vec![false; lines].into(),
             touched: vec![false; lines].into(),
             clock: 0,
@@ -55,61 +66,67 @@ impl Cache {
         }
     }
 
-    /// The places in which a line can be.
+    /// The first of the places in which a line can be, and which of them has it.
     #[inline(always)]
-    fn set(&self, line: u32) -> Range<usize> {
+    fn find(&self, line: u32) -> (usize, Option<usize>) {
         let ways = self.description.ways as usize;
         let first = (line & (self.sets - 1)) as usize * ways;
-        first..first + ways
+        // All are looked at: a loop that ends where the line is would be guessed wrong too often.
+        let at = self.lines[first..first + ways]
+            .iter()
+            .zip(first..)
+            .fold(None, |at, (other, place)| if *other == line { Some(place) } else { at });
+        (first, at)
     }
 
-    /// Looks a line up; says when it is here, and in which cycle the look-up was over: it waits where too many are on their way.
-    pub fn look_up(&mut self, now: u64, line: u32, memory: &mut Memory) -> [u64; 2] {
+    /// Looks a line up.
+    #[inline(always)]
+    pub fn look_up(&mut self, now: u64, line: u32, memory: &mut Memory) -> LookUp {
         self.clock += 1;
         self.lookups[0] += 1;
         self.touched[line as usize] = true;
-        let set = self.set(line);
-        let set = &mut self.places[set];
-        if let Some(place) = set.iter_mut().find(|place| place.line == line) {
-            self.lookups[1] += 1;
-            place.used = self.clock;
-            return [place.here.max(now), now];
-        }
-        let Some(place) = set.iter_mut().min_by_key(|place| place.used) else { return [now; 2] };
-        if place.line != EMPTY {
-            let address = LINES + u64::from(place.line) * self.line_bytes;
-            memory.write_later(place.written.max(now), Client::FrameWrite, address, self.line_bytes);
-            self.in_memory[place.line as usize] = true;
-        }
-        let mut over = now;
-        let here = if self.in_memory[line as usize] {
-            over = now.max(self.outstanding.free());
-            let here = memory.request(
-                over.max(place.written),
-                Client::FrameRead,
-                Direction::Read,
-                LINES + u64::from(line) * self.line_bytes,
-                self.line_bytes,
-            );
-            self.outstanding.push(here);
-            here
-        } else {
-            now
-        };
-        *place = Place { line, used: self.clock, written: 0, here };
-        [here, over]
+        let (first, found) = self.find(line);
+        let Some(place) = found else { return self.miss(now, line, first, memory) };
+        self.lookups[1] += 1;
+        let found = &mut self.places[place];
+        found.used = self.clock;
+        LookUp { place, here: found.here.max(now), over: now }
     }
 
-    /// A pixel of a line, if it is still there, is written in this cycle.
-    pub fn written(&mut self, line: u32, when: u64) {
-        let set = self.set(line);
-        if let Some(place) = self.places[set].iter_mut().find(|place| place.line == line) {
-            place.written = place.written.max(when);
+    /// A line takes the place of the one of its set that was used longest ago.
+    #[inline(never)]
+    fn miss(&mut self, now: u64, line: u32, first: usize, memory: &mut Memory) -> LookUp {
+        let set = first..first + self.description.ways as usize;
+        let place = set.min_by_key(|place| self.places[*place].used).unwrap_or(first);
+        let (before, Line { written, .. }) = (self.lines[place], self.places[place]);
+        if before != EMPTY {
+            let address = LINES + u64::from(before) * self.line_bytes;
+            memory.write_later(written.max(now), Client::FrameWrite, address, self.line_bytes);
+            self.in_memory[before as usize] = true;
+        }
+        let (mut here, mut over) = (now, now);
+        if self.in_memory[line as usize] {
+            over = now.max(self.outstanding.free());
+            let address = LINES + u64::from(line) * self.line_bytes;
+            here = memory.request(over.max(written), Client::FrameRead, Direction::Read, address, self.line_bytes);
+            self.outstanding.push(here);
+        }
+        self.lines[place] = line;
+        self.places[place] = Line { used: self.clock, written: 0, here };
+        LookUp { place, here, over }
+    }
+
+    /// A pixel of a line, if that is still in its place, is written in this cycle.
+    #[inline(always)]
+    pub fn written(&mut self, line: u32, place: usize, when: u64) {
+        if self.lines[place] == line {
+            let written = &mut self.places[place].written;
+            *written = when.max(*written);
         }
     }
 
     /// Whether a line is here, whether anything was ever written to it.
     pub fn holds(&self, line: u32) -> [bool; 2] {
-        [self.places[self.set(line)].iter().any(|place| place.line == line), self.touched[line as usize]]
+        [self.find(line).1.is_some(), self.touched[line as usize]]
     }
 }

@@ -7,7 +7,7 @@
 //! When the last splat is through, resolve goes through the frame, line by line.
 
 use super::Cycles;
-use super::account::{Ready, Unit};
+use super::account::{Detail, Ready, Unit};
 use super::cache::Cache;
 use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
 use super::slots::{Piece, below};
@@ -28,9 +28,9 @@ impl Lines {
         Lines { log: [columns.ilog2(), rows.ilog2()], across: work.width.div_ceil(columns), down: work.height.div_ceil(rows) }
     }
 
-    /// Adds those that a piece lies in, if they are new.
+    /// Adds those that a piece lies in, if they are new; where in the cache is not known yet.
     #[inline(always)]
-    fn touch(&self, piece: &Piece, touched: &mut Vec<u32>) {
+    fn touch(&self, piece: &Piece, touched: &mut Vec<(u32, usize)>) {
         let [columns, rows] = self.log.map(|log| 1u32 << log);
         let [left, y] = piece.corner.map(u32::from);
         let mut pixels = piece.pixels;
@@ -38,60 +38,55 @@ impl Lines {
             let column = (left + pixels.trailing_zeros()) / columns;
             pixels &= !below((column + 1) * columns - left);
             let line = y / rows * self.across + column;
-            if !touched.contains(&line) {
-                touched.push(line);
+            if touched.iter().all(|(other, _)| *other != line) {
+                touched.push((line, 0));
             }
         }
     }
 }
 
 /// Replays a frame.
-pub fn replay(timing: &Elaborated, work: &Work, logged: bool) -> Cycles {
+pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
-    let mut memory = Memory::new(t.timing.memory, logged);
-    let mut setup = SetUp::new(t, work, "raster", logged);
-    let mut fill = Fill::new(t, work, SetUp::last_name(work), "cache", logged);
-    let mut lookup = Unit::new("cache", t.cache, Some("gauss"), Some("fragment"), logged);
+    let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
+    let mut setup = SetUp::new(t, work, "raster", detail);
+    let mut fill = Fill::new(t, work, SetUp::last_name(work), "cache", detail);
+    let mut lookup = Unit::new("cache", t.cache, Some("gauss"), Some("fragment"), detail);
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
-    let mut merge = Merge::new(t, work, "cache", None, logged);
-    let mut touched: Vec<u32> = Vec::new();
+    let mut merge = Merge::new(t, work, "cache", None, detail);
+    let mut touched: Vec<(u32, usize)> = Vec::new();
     let mut footprints = work.footprints.iter();
     for (index, fate) in work.fates.iter().enumerate() {
         let Some(here) = setup.splat(index as u64, *fate, &mut memory) else { continue };
         let Some(footprint) = footprints.next() else { break };
-        let is_seen = fill.footprint(
-            footprint,
-            ([0, 0], u16::MAX.into()),
-            (here, 0),
-            |taken| setup.give(here, taken),
-            |slot, here| {
-                touched.clear();
-                slot.iter().for_each(|piece| lines.touch(piece, &mut touched));
-                let ready = Ready { here, room: lookup.behind.free(), ..Ready::default() };
-                // What it waits for along the way holds it: the first look-up begins when it takes the slot.
-                let start = lookup.free().max(ready.here).max(ready.room);
-                let (mut over, mut lines_here) = (start, start);
-                for (nth, line) in touched.iter().enumerate() {
-                    let [line_here, when] = cache.look_up(over + u64::from(nth > 0), *line, &mut memory);
-                    over = when;
-                    lines_here = lines_here.max(line_here);
-                }
-                let taken = lookup.take_with_memory(ready, touched.len() as u64, over + 1 - start);
-                lookup.behind.take(taken);
-                let here = over + u64::from(t.cache.latency);
-                let [now, written] = merge.slot(slot, Ready { here, memory: lines_here, ..Ready::default() });
-                lookup.behind.give(now);
-                touched.iter().for_each(|line| cache.written(*line, written));
-                taken
-            },
-        );
+        let (taken, is_seen) = fill.footprint(footprint, ([0, 0], u16::MAX.into()), (here, 0), |slot, here| {
+            touched.clear();
+            slot.iter().for_each(|piece| lines.touch(piece, &mut touched));
+            let ready = Ready { here, room: lookup.behind.free(), ..Ready::default() };
+            // What it waits for along the way holds it: the first look-up begins when it takes the slot.
+            let start = lookup.free().max(ready.here).max(ready.room);
+            let (mut over, mut lines_here) = (start, start);
+            for (nth, (line, place)) in touched.iter_mut().enumerate() {
+                let found = cache.look_up(over + u64::from(nth > 0), *line, &mut memory);
+                (*place, over) = (found.place, found.over);
+                lines_here = lines_here.max(found.here);
+            }
+            let taken = lookup.take_with_memory(ready, touched.len() as u64, over + 1 - start);
+            lookup.behind.take(taken);
+            let here = over + u64::from(t.cache.latency);
+            let [now, written] = merge.slot(slot, Ready { here, memory: lines_here, ..Ready::default() });
+            lookup.behind.give(now);
+            touched.iter().for_each(|(line, place)| cache.written(*line, *place, written));
+            taken
+        });
+        setup.give(here, taken);
         // Resolve begins when the last pixel is written, whatever is fetched by then.
         if is_seen {
             memory.forget(setup.fetched);
         }
     }
-    let mut resolve = Resolve::new(t, work, logged);
+    let mut resolve = Resolve::new(t, work, detail);
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
     // Of sheets nothing is shaded any more.
     let shade = setup.shade.unwrap_or(merge.shade);

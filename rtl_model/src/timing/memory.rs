@@ -64,7 +64,7 @@ pub const LATENCY_BINS: usize = 24;
 /// Traffic of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MemoryCycles {
-    /// Cycles in which bytes were moved, rounded up.
+    /// Cycles in which bytes were moved, rounded up; 0 of ideal memory.
     pub busy: u64,
     /// Bytes read and written by each client.
     pub bytes: [[u64; 2]; CLIENTS.len()],
@@ -149,18 +149,39 @@ impl Memory {
 
     /// Writes bytes for which nobody waits: after all that is asked for before this cycle, whenever that is said.
     pub fn write_later(&mut self, cycle: u64, client: Client, address: u64, bytes: u64) {
+        if self.description.ideal {
+            let done = self.answer(cycle, client, Direction::Write, address, bytes);
+            self.written = self.written.max(done);
+            return;
+        }
         let at = self.later.partition_point(|before| before.cycle <= cycle);
         self.later.insert(at, Later { cycle, client, address, bytes });
     }
 
     /// Moves bytes from an address on, in whole bursts; says when the last has come.
+    #[inline(always)]
     pub fn request(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+        if self.description.ideal {
+            return self.answer(now, client, direction, address, bytes);
+        }
+        self.request_of_channel(now, client, direction, address, bytes)
+    }
+
+    #[inline(never)]
+    fn request_of_channel(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
         self.write_until(now);
         self.serve(now, client, direction, address, bytes)
     }
 
     /// Nobody will ask for anything before this cycle.
+    #[inline(always)]
     pub fn forget(&mut self, before: u64) {
+        if !self.description.ideal {
+            self.forget_gaps(before);
+        }
+    }
+
+    fn forget_gaps(&mut self, before: u64) {
         self.write_until(before);
         let before = before * u64::from(self.description.bytes_per_cycle);
         while self.free.pop_front_if(|gap| gap.end <= before).is_some() {}
@@ -174,16 +195,40 @@ impl Memory {
         }
     }
 
-    /// A row is opened for each that the bytes lie in.
-    fn serve(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
-        let [burst, row] = self.log.map(|log| 1u64 << log);
+    /// Ideal: every request is answered as fast.
+    #[inline(always)]
+    fn answer(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+        self.count(now, client, direction, address, bytes);
+        let done = now + 1 + u64::from(self.description.hit_latency);
+        self.count_latency(direction, done - now);
+        done
+    }
+
+    /// Whole bursts: from where to where.
+    #[inline(always)]
+    fn count(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> [u64; 2] {
+        let burst = 1 << self.log[0];
         let [first, last] = [address, address + bytes.max(1) - 1].map(|byte| byte / burst);
-        let (mut from, end) = (first * burst, (last + 1) * burst);
+        let (from, end) = (first * burst, (last + 1) * burst);
         self.cycles.bytes[client as usize][direction as usize] += end - from;
         self.cycles.requests[client as usize] += last + 1 - first;
         if let Some(logged) = &mut self.logged {
             logged.push(Request { cycle: now, address: from, bytes: end - from, direction });
         }
+        [from, end]
+    }
+
+    #[inline(always)]
+    fn count_latency(&mut self, direction: Direction, cycles: u64) {
+        if direction == Direction::Read {
+            self.cycles.latencies[(cycles.max(1).ilog2() as usize).min(LATENCY_BINS - 1)] += 1;
+        }
+    }
+
+    /// A row is opened for each that the bytes lie in.
+    fn serve(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+        let row = 1 << self.log[1];
+        let [mut from, end] = self.count(now, client, direction, address, bytes);
         let mut done = now;
         while from < end {
             let nth = from / row;
@@ -191,9 +236,7 @@ impl Memory {
             done = done.max(self.in_a_row(now, nth, to - from));
             from = to;
         }
-        if direction == Direction::Read {
-            self.cycles.latencies[((done - now).max(1).ilog2() as usize).min(LATENCY_BINS - 1)] += 1;
-        }
+        self.count_latency(direction, done - now);
         done
     }
 
@@ -258,7 +301,8 @@ impl Memory {
     /// The traffic, for how long the channel was busy with it, what was logged, and when all is written for which nobody waited.
     pub fn finish(mut self) -> (MemoryCycles, Vec<Request>, u64) {
         self.write_until(u64::MAX);
-        let busy = self.cycles.total_bytes().div_ceil(u64::from(self.description.bytes_per_cycle));
+        let Description { ideal, bytes_per_cycle, .. } = self.description;
+        let busy = if ideal { 0 } else { self.cycles.total_bytes().div_ceil(bytes_per_cycle.into()) };
         (MemoryCycles { busy, ..self.cycles }, self.logged.unwrap_or_default(), self.written)
     }
 }

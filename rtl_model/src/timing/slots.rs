@@ -30,7 +30,7 @@ pub struct Piece {
     pub shades: u8,
 }
 
-/// What a splat did in a recorded tile: columns of each row, the first in the last place.
+/// What a splat did in a recorded tile: columns of each row, the first in the last place, and behind its rows those of the next splats.
 #[derive(Clone, Copy, Debug)]
 struct Part<'a> {
     kept: &'a [u16],
@@ -61,7 +61,7 @@ pub struct Slots<'a> {
     parts: Vec<Part<'a>>,
     /// Of each of them in which more happened than that contributions were added, what else.
     told: Vec<Told>,
-    /// What slots keep that may lie in several strips, slot by slot, in each row by row.
+    /// What a footprint's slots keep, slot by slot, in each row by row.
     pieces: Vec<Piece>,
 }
 
@@ -85,10 +85,10 @@ impl<'a> Slots<'a> {
         }
     }
 
-    /// Goes through the part of the next footprint that lies in these pixels of the picture, which are whole recorded tiles: hands out what
-    /// each slot keeps, if it keeps a pixel. Says how many slots there are.
+    /// Goes through the part of the next footprint that lies in these pixels of the picture, which are whole recorded tiles. Says how many
+    /// slots there are.
     #[inline(always)]
-    pub fn each(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32, mut kept: impl FnMut(&[Piece])) -> u32 {
+    pub fn footprint(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32) -> u32 {
         let within = |[first, last]: [u16; 2], corner: u16| {
             let end = u32::from(corner) + side - 1;
             [first.max(corner), u32::from(last).min(end) as u16]
@@ -101,38 +101,61 @@ impl<'a> Slots<'a> {
         let tile = |at: u16| usize::from(at) / TILE_PX;
         let tile_columns = tile(columns[0])..tile(columns[1]) + 1;
         let left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
-        // Slots of a row, in one strip: each has one piece.
-        let is_plain = tile_columns.len() == 1 && self.lanes[1] == 1;
+        let lies_in_tiles = tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
+        self.pieces.clear();
         let mut first_slot = 0;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
             let top = (tile_row * TILE_PX) as u16;
             let part = clip(rows, top);
             let first_y = top + part.start as u16;
             self.read(tile_row * self.columns, tile_columns.clone(), part.len());
-            if is_plain {
-                let Part { kept: strips, is_told } = self.parts[0];
-                let mut strip = self.strip(left, first_y);
-                for (row, columns_kept) in strips.iter().enumerate() {
-                    let corner = [left, first_y + row as u16];
-                    for (nth, pixels) in cut(*columns_kept, left, columns[0], self.width) {
-                        let piece = Piece { slot: first_slot + nth, strip, corner, pixels, merges: 0, shades: 0 };
-                        kept(&[if is_told { self.told[0].of_piece(row, piece) } else { piece }]);
-                    }
-                    first_slot += across;
-                    strip += self.columns as u32;
-                }
+            if lies_in_tiles {
+                self.collect_from_tile(part.len(), [left, first_y], columns[0] - left, [first_slot, across]);
+                first_slot += across * part.len() as u32;
             } else {
                 self.collect(part.len(), [left, first_y], [columns[0], rows[0]], across);
             }
         }
-        if !is_plain {
-            if self.lanes[1] > 1 {
-                self.pieces.sort_by_key(|piece| piece.slot);
-            }
-            self.pieces.chunk_by(|one, next| one.slot == next.slot).for_each(kept);
-            self.pieces.clear();
+        if self.lanes[1] > 1 {
+            self.pieces.sort_by_key(|piece| piece.slot);
         }
         across * down.div_ceil(self.lanes[1])
+    }
+
+    /// What each slot of it keeps, if it keeps a pixel.
+    #[inline(always)]
+    pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
+        self.pieces.chunk_by(|one, next| one.slot == next.slot)
+    }
+
+    /// Collects the pieces of so many rows from this pixel on, of a footprint in one recorded tile whose slots end where strips do: four rows
+    /// at a time, and only those that keep a pixel.
+    #[inline(always)]
+    fn collect_from_tile(&mut self, rows: usize, [left, first_y]: [u16; 2], first: u16, [first_slot, across]: [u32; 2]) {
+        let Part { kept: mut all, is_told } = self.parts[0];
+        let first_strip = self.strip(left, first_y);
+        let mut row = 0;
+        while row < rows {
+            let rows_here = u64::MAX / (1 << (64 - 16 * (rows - row).min(4)));
+            let kept = (four(all) & rows_here) / (1 << first);
+            let mut slots = self.width.slots(kept);
+            while slots != 0 {
+                let at = slots.trailing_zeros();
+                slots &= slots - 1;
+                let (row, column) = (row as u32 + at / 16, at % 16);
+                let piece = Piece {
+                    slot: first_slot + row * across + self.width.divides(column),
+                    strip: first_strip + row * self.columns as u32,
+                    corner: [left, first_y + row as u16],
+                    pixels: ((kept / (1 << at)) as u16 & self.width.pixels_of_one) << (column + u32::from(first)),
+                    merges: 0,
+                    shades: 0,
+                };
+                self.pieces.push(if is_told { self.told[0].of_piece(row as usize, piece) } else { piece });
+            }
+            all = all.get(4..).unwrap_or_default();
+            row += 4;
+        }
     }
 
     /// The strip that a pixel lies in.
@@ -147,7 +170,8 @@ impl<'a> Slots<'a> {
         self.parts.clear();
         for (nth, column) in columns.enumerate() {
             let index = self.tiles[first + column] as usize;
-            let (kept, events) = self.readers[index].splat(rows);
+            let kept = self.readers[index].rows();
+            let (_, events) = self.readers[index].splat(rows);
             self.parts.push(Part { kept, is_told: !events.is_empty() });
             if nth == self.told.len() {
                 self.told.push(Told::default());
@@ -182,16 +206,38 @@ struct Width {
     pixels: u32,
     /// 2^32 over them, rounded up: exact for numbers below 2^26, far more than there are columns, and up to 64 pixels.
     inverse: u64,
+    /// As many of a strip's pixels, the first.
+    pixels_of_one: u16,
+    /// The first pixel of each slot of four strips, side by side, where slots divide strips.
+    first_of_each: u64,
 }
 
 impl Width {
     fn new(pixels: u32) -> Self {
-        Width { pixels, inverse: (1_u64 << 32).div_ceil(pixels.into()) }
+        let firsts = (0..16).step_by(pixels as usize).map(|at| 0x0001_0001_0001_0001 << at);
+        let first_of_each = firsts.fold(0, |all, first| all | first);
+        Width { pixels, inverse: (1_u64 << 32).div_ceil(pixels.into()), pixels_of_one: below(pixels), first_of_each }
     }
 
     #[inline(always)]
     fn divides(self, column: u32) -> u32 {
         (u64::from(column) * self.inverse / (1 << 32)) as u32
+    }
+
+    /// Whether a slot that begins with a strip ends with it, or another does.
+    fn divides_strips(self) -> bool {
+        (TILE_PX as u32).is_multiple_of(self.pixels)
+    }
+
+    /// Of four strips, the first in the last places: the first pixel of each slot that keeps one.
+    #[inline(always)]
+    fn slots(self, kept: u64) -> u64 {
+        let (mut any, mut pixels) = (kept, 1);
+        while pixels < self.pixels {
+            any |= any / (1 << pixels);
+            pixels *= 2;
+        }
+        any & self.first_of_each
     }
 }
 
@@ -208,6 +254,15 @@ fn cut(mut pixels: u16, left: u16, first: u16, width: Width) -> impl Iterator<It
         pixels -= here;
         Some((nth, here))
     })
+}
+
+/// The first four of these rows, or as many as there are, side by side, the first in the last places.
+#[inline(always)]
+fn four(rows: &[u16]) -> u64 {
+    if let [a, b, c, d, ..] = rows {
+        return [*a, *b, *c, *d].iter().rev().fold(0, |all, row| all * (1 << 16) + u64::from(*row));
+    }
+    rows.iter().rev().fold(0, |all, row| all * (1 << 16) + u64::from(*row))
 }
 
 impl Told {
@@ -266,5 +321,18 @@ mod tests {
             let width = Width::new(pixels);
             assert!((0..1 << 17).all(|column| width.divides(column) == column / pixels), "{pixels}");
         }
+    }
+
+    #[test]
+    fn slots_of_four_strips_are_those_that_keep_a_pixel() {
+        for width in [1, 2, 4, 8, 16].map(Width::new) {
+            assert!(width.divides_strips());
+            let slot = |pixel: u32| pixel / width.pixels * width.pixels;
+            for (one, other) in (0..64).flat_map(|one| (0..64).map(move |other| (one, other))) {
+                let kept = 1_u64 << one | 1 << other;
+                assert_eq!(width.slots(kept), 1 << slot(one) | 1 << slot(other), "{} {kept:x}", width.pixels);
+            }
+        }
+        assert!(![3, 5, 12, 32, 64].map(Width::new).into_iter().any(Width::divides_strips));
     }
 }

@@ -5,7 +5,7 @@
 //! ```
 //! Each goes through what it is given, one item after the other, and says when the next unit has it.
 
-use super::account::{Ready, Unit};
+use super::account::{Detail, Ready, Unit};
 use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::slots::{Piece, Slots};
@@ -31,14 +31,14 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, behind: &'static str, logged: bool) -> Self {
+    pub fn new(timing: &'a Elaborated, work: &Work, behind: &'static str, detail: Detail) -> Self {
         let after_ellipse = if work.preshaded { "shade" } else { behind };
         SetUp {
             timing,
-            fetch: Unit::new("fetch", timing.fetch, None, Some("project"), logged),
-            project: Unit::new("project", timing.project, Some("fetch"), Some("ellipse"), logged),
-            ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(after_ellipse), logged),
-            shade: work.preshaded.then(|| Unit::new("shade", timing.shade, Some("ellipse"), Some(behind), logged)),
+            fetch: Unit::new("fetch", timing.fetch, None, Some("project"), detail),
+            project: Unit::new("project", timing.project, Some("fetch"), Some("ellipse"), detail),
+            ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(after_ellipse), detail),
+            shade: work.preshaded.then(|| Unit::new("shade", timing.shade, Some("ellipse"), Some(behind), detail)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
             splat_bytes: timing.voxel_bytes.filter(|_| work.shared_axes).unwrap_or(timing.splat_bytes).into(),
             fetched: 0,
@@ -141,47 +141,40 @@ pub struct Fill<'a> {
 }
 
 impl<'a> Fill<'a> {
-    pub fn new(timing: &'a Elaborated, work: &'a Work, before: &'static str, behind: &'static str, logged: bool) -> Self {
+    pub fn new(timing: &'a Elaborated, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
         Fill {
             timing,
-            raster: Unit::new("raster", timing.raster, Some(before), Some("gauss"), logged),
-            gauss: Unit::new("gauss", timing.gauss, Some("raster"), Some(behind), logged),
+            raster: Unit::new("raster", timing.raster, Some(before), Some("gauss"), detail),
+            gauss: Unit::new("gauss", timing.gauss, Some("raster"), Some(behind), detail),
             walk: Slots::new(work, timing.timing.raster.lanes),
             slots: [0; 2],
         }
     }
 
-    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from memory; `give` is told when the raster takes
-    /// it, `next` takes each slot that has a weight, with the first cycle in which gauss has it, and says when. Whether there was one.
+    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from memory; `next` takes each slot that has a
+    /// weight, with the first cycle in which gauss has it, and says when. Says when the raster takes it, and whether it has such a slot.
     #[inline(always)]
     pub fn footprint(
         &mut self,
         footprint: &Footprint,
         (corner, side): ([u16; 2], u32),
         (here, memory): (u64, u64),
-        give: impl FnOnce(u64),
         mut next: impl FnMut(&[Piece], u64) -> u64,
-    ) -> bool {
+    ) -> (u64, bool) {
         let t = self.timing;
-        let mut give = Some(give);
-        let mut taken = |now: u64| {
-            if let Some(give) = give.take() {
-                give(now);
-            }
-        };
         let ready = Ready { here, memory, ..Ready::default() };
-        let mut gone_through = 0;
-        let mut is_seen = false;
-        let slots = self.walk.each(footprint, corner, side, |slot| {
+        let slots = self.walk.footprint(footprint, corner, side);
+        let (mut first_taken, mut gone_through, mut is_seen) = (u64::MAX, 0, false);
+        for slot in self.walk.kept() {
             self.slots[1] += 1;
             // Slots that keep nothing wait for no room.
             let empty = slot[0].slot - gone_through;
             gone_through = slot[0].slot + 1;
             if empty > 0 {
-                taken(self.raster.take_run(ready, empty.into()));
+                first_taken = first_taken.min(self.raster.take_run(ready, empty.into()));
             }
             let now = self.raster.take(Ready { room: self.raster.behind.free(), ..ready }, 1);
-            taken(now);
+            first_taken = first_taken.min(now);
             self.raster.behind.take(now);
             let goes_on = slot.iter().fold(0, |all, piece| all | piece.pixels) != 0;
             let room = if goes_on { self.gauss.behind.free() } else { 0 };
@@ -194,12 +187,12 @@ impl<'a> Fill<'a> {
                 let taken = next(slot, now + u64::from(t.gauss.latency));
                 self.gauss.behind.give(taken);
             }
-        });
+        }
         self.slots[0] += u64::from(slots);
         if gone_through < slots {
-            taken(self.raster.take_run(ready, (slots - gone_through).into()));
+            first_taken = first_taken.min(self.raster.take_run(ready, (slots - gone_through).into()));
         }
-        is_seen
+        (first_taken, is_seen)
     }
 }
 
@@ -214,11 +207,11 @@ pub struct Merge<'a> {
 }
 
 impl<'a> Merge<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, before: &'static str, behind: Option<&'static str>, logged: bool) -> Self {
+    pub fn new(timing: &'a Elaborated, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
         Merge {
             timing,
-            fragment: Unit::new("fragment", timing.fragment, Some(before), behind, logged),
-            shade: Unit::new("shade", timing.shade, Some("fragment"), None, logged),
+            fragment: Unit::new("fragment", timing.fragment, Some(before), behind, detail),
+            shade: Unit::new("shade", timing.shade, Some("fragment"), None, detail),
             hazards: Hazards::new(timing, work),
             written: 0,
         }
@@ -259,8 +252,8 @@ pub struct Resolve<'a> {
 }
 
 impl<'a> Resolve<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, logged: bool) -> Self {
-        Resolve { timing, unit: Unit::new("resolve", timing.resolve, Some("fragment"), None, logged), held: work.held(), width: work.width }
+    pub fn new(timing: &'a Elaborated, work: &Work, detail: Detail) -> Self {
+        Resolve { timing, unit: Unit::new("resolve", timing.resolve, Some("fragment"), None, detail), held: work.held(), width: work.width }
     }
 
     /// Takes these columns and rows of the picture, shading in a unit; says when the last of their words is there.

@@ -8,7 +8,7 @@ use crate::{binned, immediate, machines, scene};
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Elaborated, Organisation, Timing};
 use rtl_model::pipeline::draw_recorded;
-use rtl_model::timing::{Cycles, replay_logged};
+use rtl_model::timing::{Cycles, Detail, UnitCycles, replay};
 use rtl_model::work::Work;
 use std::collections::BTreeMap;
 
@@ -54,9 +54,22 @@ pub fn tick(timing: &Elaborated, scene: &Scene) -> Ticked {
     }
 }
 
+/// What is told with so much detail.
+fn told_briefly(cycles: Cycles, detail: Detail) -> Cycles {
+    let of = |unit: UnitCycles| match detail {
+        Detail::Accounts => UnitCycles { log: Vec::new(), timeline: None, occupancy: Vec::new(), ..unit },
+        _ => UnitCycles { log: Vec::new(), ..unit },
+    };
+    Cycles { units: cycles.units.into_iter().map(of).collect(), requests: Vec::new(), ..cycles }
+}
+
 fn compare(timing: &Elaborated, scene: &Scene, work: &Work) -> Result<Ticked, String> {
     let ticked = tick(timing, scene);
-    let replayed = replay_logged(timing, work);
+    let replayed = replay(timing, work, Detail::Log);
+    for detail in [Detail::Accounts, Detail::Histograms] {
+        let [brief, all] = [replay(timing, work, detail), replayed.clone()].map(|cycles| told_briefly(cycles, detail));
+        assert_eq!(brief, all);
+    }
     match difference(&ticked, &replayed).or_else(|| difference_in_traffic(&ticked, &replayed)) {
         Some(difference) => Err(difference),
         None => Ok(ticked),

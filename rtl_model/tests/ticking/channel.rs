@@ -5,12 +5,13 @@ use crate::frames::Dice;
 use crate::machines::elaborate;
 use crate::scene;
 use rtl_model::machine::timing::{Memory, Organisation, Timing};
-use rtl_model::timing::replay;
+use rtl_model::timing::{Detail, replay};
 
 /// Memory of any small numbers.
 fn finite(dice: &mut Dice, memory: Memory) -> Memory {
     let hit_latency = 1 + dice.below(30) as u32;
     Memory {
+        ideal: false,
         bytes_per_cycle: [1, 3, 4, 16, 64][dice.below(5) as usize],
         hit_latency,
         miss_latency: hit_latency + dice.below(40) as u32,
@@ -30,7 +31,7 @@ fn errors(organisation: Organisation, cases: u64) -> (Vec<i64>, i64) {
         let timing = of(organisation, &mut dice);
         let timing = elaborate(Timing { memory: finite(&mut dice, timing.memory), ..timing });
         let scene = scene::random(&mut dice, [60, 50], 40);
-        let (ticked, replayed) = (tick(&timing, &scene), replay(&timing, &scene.record()));
+        let (ticked, replayed) = (tick(&timing, &scene), replay(&timing, &scene.record(), Detail::Accounts));
         if let Some(difference) = difference_in_traffic(&ticked, &replayed) {
             panic!("{difference}\nseed {seed}\n{:#?}", timing.timing);
         }

@@ -6,7 +6,7 @@ use crate::scene::{End, Scene, Splat};
 use crate::{immediate, scene};
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
-use rtl_model::timing::replay;
+use rtl_model::timing::{Detail, replay};
 use rtl_model::work::Event;
 
 /// So many splats of the same pixel, of a picture of that one, and what it ends with.
@@ -34,7 +34,7 @@ fn single(dice: &mut Dice) -> Timing {
 /// Both of them, which have to agree.
 fn cycles(timing: Timing, scene: &Scene) -> u64 {
     let timing = elaborate(timing);
-    let total = replay(&timing, &scene.record()).total;
+    let total = replay(&timing, &scene.record(), Detail::Accounts).total;
     assert_eq!(immediate::draw(&timing, scene).total, total);
     total
 }
@@ -103,12 +103,12 @@ fn slower(cases: u64, of: impl Fn(&mut Dice) -> Timing) -> Vec<(&'static str, u6
         let mut dice = Dice(seed);
         let timing = of(&mut dice);
         let scene = scene::random(&mut dice, [30, 30], 20).record();
-        let before = replay(&elaborate(timing), &scene).total;
+        let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
         for (name, field) in RAISES {
             let mut more = timing;
             *field(&mut more) += 1 + dice.below(4) as u32;
             more.tile.buffers = more.tile.buffers.min(2);
-            if replay(&elaborate(more), &scene).total > before {
+            if replay(&elaborate(more), &scene, Detail::Accounts).total > before {
                 match found.iter_mut().find(|(other, ..)| *other == name) {
                     Some((_, count, _)) => *count += 1,
                     None => found.push((name, 1, seed)),
@@ -160,7 +160,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
     let total = |outstanding: u32| {
         let timing =
             Timing { organisation: Organisation::Binned, memory: ideal(8, outstanding, 4), ..Machine::named("tiny").unwrap().timing };
-        replay(&elaborate(timing), &scene.record()).total
+        replay(&elaborate(timing), &scene.record(), Detail::Accounts).total
     };
     assert_eq!(total(5), total(4) + 8);
 }
@@ -170,7 +170,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
 fn more_of_something_can_be_slower_where_memory_is_shared() {
     let found = slower(600, |dice| {
         let timing = random(dice);
-        Timing { memory: Memory { bytes_per_cycle: 4 << dice.below(5), ..timing.memory }, ..timing }
+        Timing { memory: Memory { ideal: false, bytes_per_cycle: 4 << dice.below(5), ..timing.memory }, ..timing }
     });
     assert!(!found.is_empty());
 }
@@ -183,9 +183,9 @@ fn wider_lanes_can_be_slower() {
         let mut dice = Dice(seed);
         let mut timing = random(&mut dice);
         let scene = scene::random(&mut dice, [30, 30], 20).record();
-        let before = replay(&elaborate(timing), &scene).total;
+        let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
         timing.raster.lanes = timing.raster.lanes.map(|lanes| 2 * lanes);
-        counts[(1 + replay(&elaborate(timing), &scene).total.cmp(&before) as i8) as usize] += 1;
+        counts[(1 + replay(&elaborate(timing), &scene, Detail::Accounts).total.cmp(&before) as i8) as usize] += 1;
     }
     let [faster, _, slower] = counts;
     assert!(faster > 5 * slower && slower > 0, "{counts:?}");

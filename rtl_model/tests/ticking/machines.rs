@@ -6,7 +6,16 @@ use rtl_model::machine::timing::{Cache, Elaborated, Fetch, Fragment, Memory, Org
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
 pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
-    Memory { bytes_per_cycle: 1 << 20, hit_latency: latency, miss_latency: latency, burst_bytes, outstanding, row_bytes: 2048, banks: 4 }
+    Memory {
+        ideal: false,
+        bytes_per_cycle: 1 << 20,
+        hit_latency: latency,
+        miss_latency: latency,
+        burst_bytes,
+        outstanding,
+        row_bytes: 2048,
+        banks: 4,
+    }
 }
 
 pub fn elaborate(timing: Timing) -> Elaborated {
@@ -60,7 +69,8 @@ pub fn random(dice: &mut Dice) -> Timing {
                 _ => to(dice, 6),
             };
             let burst_bytes = of(dice, &[4, 16, 64, 256]);
-            ideal(to(dice, 30), outstanding, burst_bytes)
+            // Whether it is said of memory, or that there is no end to it.
+            Memory { ideal: dice.below(2) == 0, ..ideal(to(dice, 30), outstanding, burst_bytes) }
         },
         ..Machine::named("tiny").unwrap().timing
     }
