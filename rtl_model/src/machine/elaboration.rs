@@ -149,6 +149,22 @@ impl Elaboration {
         terms.into_iter().reduce(add).unwrap_or(Exact { int_bits: 0, frac_bits: 0 })
     }
 
+    /// Adders of so many bits.
+    pub fn adders(&mut self, unit: &'static str, count: u32, bits: i32) {
+        self.copies(count, |e| e.part(unit, Operator::Adder(bits)));
+    }
+
+    /// Chooses one of so many words.
+    pub fn choice(&mut self, unit: &'static str, words: u32, bits: i32) {
+        self.copies(words.saturating_sub(1), |e| e.part(unit, Operator::Multiplexer(bits)));
+    }
+
+    /// Keeps a word of so many bits on one side of a limit: compares, and chooses.
+    pub fn limit(&mut self, unit: &'static str, bits: i32) {
+        self.adders(unit, 1, bits);
+        self.choice(unit, 2, bits);
+    }
+
     /// Shifts by any number of places, a stage of multiplexers for each bit of that number.
     pub fn shifter(&mut self, unit: &'static str, bits: i32) {
         let stages = (bits.max(1) as u32).next_power_of_two().ilog2();
@@ -188,9 +204,10 @@ impl Elaboration {
         Fit::new(self.signal(unit, name, word), word, from)
     }
 
-    /// [`Elaboration::fit`] of a result that is shifted first, by any number of places.
+    /// [`Elaboration::fit`] of a result that is shifted first, by any number of places: to the left until nothing but a limit is left, to
+    /// the right until nothing but a sign.
     pub fn fit_shifted(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
-        self.shifter(unit, from.bits());
+        self.shifter(unit, from.bits() + word.format.width());
         self.fit(unit, name, word, from)
     }
 

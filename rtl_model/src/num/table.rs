@@ -124,12 +124,11 @@ pub fn shape(e: &mut Elaboration, unit: &'static str, name: &str, shape: TableSh
     TableShape { index_bits: e.within(unit, &format!("{name}.index_bits"), shape.index_bits, 1, most), ..shape }
 }
 
-/// The multiplier between a table's words, where there is one: a step, as wide as a word at most, times a fraction.
+/// The multiplier between a table's words, where there is one: a step, which stands beside each word, times a fraction.
 pub fn interpolator(e: &mut Elaboration, unit: &'static str, shape: TableShape, word: Word, fraction_bits: u32) {
     if shape.interpolation == Interpolation::Linear && fraction_bits > 0 {
         let line = e.times(unit, word, Format::unsigned(0, fraction_bits as i32));
-        // The step between two words; the word that it starts from.
-        e.part(unit, Operator::Adder(word.format.width()));
+        e.part(unit, Operator::Rom([1 << shape.index_bits, word.format.width() + 1]));
         e.sum(unit, [line, word.into()]);
     }
 }

@@ -261,8 +261,15 @@ impl Ellipse {
         let middle = Exact { int_bits: 14, frac_bits: 1 };
         let edge = e.copies(4, |e| {
             let sum = e.sum(UNIT, [p.pixel.into(), middle, m.extent.into(), m.extent.into()]);
-            e.fit(UNIT, "edge", Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate), sum)
+            let edge = e.fit(UNIT, "edge", Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate), sum);
+            e.limit(UNIT, 17);
+            edge
         });
+        // A box in which the first lies behind the last; magnitudes of facing and area; a scale to either side.
+        e.adders(UNIT, 2, 17);
+        for word in [m.facing, m.area, m.depth_step] {
+            e.limit(UNIT, word.format.width());
+        }
 
         e.normaliser(UNIT, m.facing.format.width());
         let slope_reciprocal = Reciprocal::new(e, UNIT, "slope_reciprocal", m.slope_reciprocal, m.facing.format.frac_bits);

@@ -425,10 +425,17 @@ impl Fragment {
                 e.fit(UNIT, SIGNALS[lane], words[lane], sum)
             })
         });
+        let slot = machine.fragment_bits();
         e.per_lane(|e| {
-            // |z − z_f| < ε against every slot; the slot that was found is read, and written.
-            e.copies(2 * layers as u32, |e| e.part(UNIT, Operator::Adder(m.depth.format.width())));
-            e.copies(2 * layers as u32, |e| e.part(UNIT, Operator::Multiplexer(machine.fragment_bits())));
+            // All slots, as they are read and as they are written.
+            e.copies(2 * layers as u32, |e| e.part(UNIT, Operator::Register(slot)));
+            if m.sheets.is_some() {
+                // A sheet's number against the open one's; each slot stays, is added to, or is begun.
+                e.adders(UNIT, 1, m.depth.format.width());
+                e.copies(layers as u32, |e| e.choice(UNIT, 3, slot));
+            } else {
+                Fragment::sorter(e, machine, layers as u32, slot);
+            }
         });
         let align = std::array::from_fn(|lane| {
             let (sum, product) = (words[lane].format.frac_bits, products[lane].frac_bits);
@@ -440,8 +447,13 @@ impl Fragment {
             let product = e.times(UNIT, premultiplied, premultiplied);
             e.sum(UNIT, [product, shaded])
         });
+        let light = premultiplied.format.width();
+        // 1 less the front's opacity; lights of the front, of the back and of what is handed on, shaded before or now.
+        e.adders(UNIT, 1, light);
+        e.copies(2 * 4, |e| e.choice(UNIT, 2, light));
+        e.choice(UNIT, layers as u32, slot);
         // Compared in 128 bits: Σw·α with the opacity limit times Σw.
-        let limit = e.times(UNIT, m.opaque, m.weight_sum);
+        let limit = Exact::from(m.opaque).times(m.weight_sum);
         let compared = limit.plus(m.opacity_sum).bits();
         e.require(compared <= 126, || {
             format!(
@@ -474,6 +486,38 @@ impl Fragment {
             sheets: Sheets::new(e, machine),
             weight_frac_bits: machine.gauss.weight.format.frac_bits.max(0) as u32,
         }
+    }
+
+    /// What finds a contribution's slot, or makes room for it: all slots and the fresh one are ranked, for any of them may be evicted.
+    fn sorter(e: &mut Elaboration, machine: &Machine, layers: u32, slot: i32) {
+        let m = &machine.fragment;
+        let (depth, weight) = (m.depth.format.width(), m.weight_sum.format.width());
+        let places = layers + 1;
+        // |z − z_f| < ε against every slot, and the nearest of them: accumulated.
+        e.copies(layers, |e| {
+            e.adders(UNIT, 3, depth);
+            e.choice(UNIT, 2, depth);
+        });
+        e.copies(layers - 1, |e| e.limit(UNIT, depth));
+        e.choice(UNIT, layers, slot);
+        // Each against each: which is in front; each place takes one of them.
+        e.adders(UNIT, places * layers / 2, depth);
+        e.copies(places, |e| e.choice(UNIT, places, slot));
+        // Whether one is opaque: Σw against what covers, Σw·α against Σw times a constant.
+        let limit = Exact::from(m.opaque).times(m.weight_sum).bits();
+        e.copies(places, |e| {
+            e.adders(UNIT, 1, weight);
+            e.adders(UNIT, 2, limit);
+        });
+        // The closest pair.
+        if m.merge == Merge::NearestPair {
+            e.adders(UNIT, layers, depth);
+            e.copies(layers - 1, |e| e.limit(UNIT, depth));
+            e.choice(UNIT, layers, slot);
+            e.copies(layers, |e| e.choice(UNIT, 2, slot));
+        }
+        // Written: the sums, the merged one, or what has this place now.
+        e.copies(layers, |e| e.choice(UNIT, 3, slot));
     }
 
     /// Whether all of its hot fits are plain.

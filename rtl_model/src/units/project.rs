@@ -87,6 +87,8 @@ impl Project {
             e.normaliser(UNIT, difference.bits());
             difference
         });
+        // The largest of three magnitudes says how far all go.
+        e.adders(UNIT, 3, difference.bits());
         e.holds_exact("the difference of splat.position and project.eye", difference);
         let [position, eye] = [machine.splat.position, m.eye].map(|word| word.format.frac_bits);
         let normalised = Exact { int_bits: 0, frac_bits: NORMALISED_FRAC_BITS };
@@ -100,8 +102,12 @@ impl Project {
         // |t_x| is aligned with guard · t_z: a bit more than the product, for the least word's magnitude is one above the greatest.
         let beyond = e.copies(2, |e| {
             let limit = e.times(UNIT, m.camera, m.slope);
-            e.sum(UNIT, [limit, m.camera.into()])
+            let beyond = e.sum(UNIT, [limit, m.camera.into()]);
+            e.adders(UNIT, 1, beyond.bits());
+            beyond
         });
+        e.limit(UNIT, m.camera.format.width());
+        e.adders(UNIT, 1, m.depth.format.width());
         e.holds_exact("the comparison of project.camera with the guard band project.slope", beyond);
         e.normaliser(UNIT, m.camera.format.width());
         let reciprocal = Reciprocal::new(e, UNIT, "reciprocal", m.reciprocal, m.camera.format.frac_bits);

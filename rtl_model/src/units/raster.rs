@@ -201,6 +201,9 @@ const PAIRS: [[i64; LANES]; 2] = [[0, 0, 1, 3, 6, 10, 15, 21], [28, 36, 45, 55, 
 /// The same for all steps across the square.
 const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [0, 0, 1, 3, 6, 10, 15, 21, 28, 36, 45, 55, 66, 78, 91, 105, 120];
 
+/// Bits of a column or a row: a picture has up to 16384.
+const PIXEL_BITS: i32 = 14;
+
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Raster {
@@ -270,9 +273,25 @@ impl Raster {
             )
         });
         let pixel = machine.project.pixel;
+        let bits = |word: Word| word.format.width();
+        // The splat is kept while it is walked.
+        let held = 2 * (bits(pixel) + bits(s.conic) + bits(s.depth_slope))
+            + bits(s.conic_cross)
+            + bits(machine.project.depth)
+            + bits(s.depth_range)
+            + 4 * PIXEL_BITS;
+        e.part(UNIT, Operator::Register(held));
+        e.choice(UNIT, 2, held);
+        // Column and row: loaded, counted, compared with the last.
+        e.copies(2, |e| {
+            e.part(UNIT, Operator::Register(PIXEL_BITS));
+            e.choice(UNIT, 3, PIXEL_BITS);
+            e.adders(UNIT, 2, PIXEL_BITS);
+        });
         // The picture's middle lies up to 8192 pixels from its first.
         let middle = Exact { int_bits: 14, frac_bits: 1 };
         let offset = e.copies(2, |e| {
+            e.adders(UNIT, 1, middle.bits());
             let sum = e.sum(UNIT, [pixel.into(), middle]);
             e.fit(UNIT, "offset", m.offset, sum)
         });
@@ -299,19 +318,27 @@ impl Raster {
         let lean = e.copies(2, |e| e.times(UNIT, s.depth_slope, m.offset));
         let plane = e.sum(UNIT, [lean, lean, machine.project.depth.into()]);
         let depth = e.fit(UNIT, "depth", m.depth, plane);
-        e.per_lane(|e| {
-            // radial += first, first += second, depth += slope; less than the cutoff; clamped from both sides.
-            let clamped = Raster::depth_exact(machine).bits();
-            let [radial, first, depth] = [m.radial, m.first, m.depth].map(|word| word.format.width());
-            for bits in [radial, first, depth] {
+        // depth ± depth_range.
+        let clamped = Raster::depth_exact(machine).bits();
+        e.adders(UNIT, 2, clamped);
+        let [radial_bits, first_bits, depth_bits] = [m.radial, m.first, m.depth].map(bits);
+        let step = |e: &mut Elaboration, words: &[i32]| {
+            for &bits in words {
                 e.part(UNIT, Operator::Register(bits));
-                e.part(UNIT, Operator::Adder(bits));
+                e.choice(UNIT, 2, bits);
+                e.adders(UNIT, 1, bits);
             }
-            e.part(UNIT, Operator::Adder(radial));
-            e.copies(2, |e| {
-                e.part(UNIT, Operator::Adder(clamped));
-                e.part(UNIT, Operator::Multiplexer(clamped));
-            });
+        };
+        if m.rows == Rows::Differenced {
+            // Rows are stepped as pixels are, and their first differences too.
+            step(e, &[radial_bits, first_bits, depth_bits, first_bits]);
+        }
+        e.per_lane(|e| {
+            // radial += first, first += second, depth += slope, or a seed; less than the cutoff; not negative; clamped from both sides.
+            step(e, &[radial_bits, first_bits, depth_bits]);
+            e.adders(UNIT, 1, radial_bits);
+            e.choice(UNIT, 2, radial_bits);
+            e.copies(2, |e| e.limit(UNIT, clamped));
         });
         let camera = f(machine.project.depth);
         let finest = f(m.depth).max(camera).max(f(s.depth_range));

@@ -55,10 +55,16 @@ impl Resolve {
         let through = e.copies(4, |e| e.times(UNIT, m.transmittance, premultiplied));
         let behind = e.copies(4, |e| e.times(UNIT, m.transmittance, m.frame));
         let sum = through.plus(through).plus(through).plus(through).plus(behind);
-        e.copies(4, |e| {
-            e.part(UNIT, Operator::Adder(sum.bits()));
+        // A colour: a layer added, the background added.
+        e.copies(3, |e| {
             e.part(UNIT, Operator::Register(sum.bits()));
+            e.adders(UNIT, 2, sum.bits());
         });
+        // Opacity: 1 less what goes through, which begins as 1; and 1 less a layer's, at least 0, and 1 less the background's.
+        e.adders(UNIT, 1, sum.bits());
+        e.choice(UNIT, 3, m.transmittance.format.width());
+        e.limit(UNIT, premultiplied.format.width());
+        e.adders(UNIT, 1, m.frame.format.width());
         let finest = through.frac_bits.max(behind.frac_bits);
         Resolve {
             transmittance: e.fit(UNIT, "transmittance", m.transmittance, through),

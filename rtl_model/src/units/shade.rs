@@ -153,6 +153,14 @@ impl Shade {
         // Its words are the materials': as many as a frame has.
         e.part(UNIT, Operator::Rom([1 << highlight_table.index_bits, m.highlight.format.width()]));
         let colour_frac_bits = coloured.frac_bits.max(glossy.frac_bits);
+        // At most 1, and coverage 1 from the threshold on.
+        e.limit(UNIT, m.opacity.format.width());
+        e.limit(UNIT, m.coverage.format.width());
+        e.adders(UNIT, 1, f.weight_sum.format.width());
+        // The normal, turned; cosines, not negative, and that of a highlight below 1.
+        e.copies(3, |e| e.limit(UNIT, m.normal.format.width()));
+        e.choice(UNIT, 3, m.cosine.format.width());
+        e.limit(UNIT, m.cosine.format.width());
         let places = |finer: i32, coarser: i32| (finer - coarser).clamp(0, 62) as u32;
         Shade {
             reciprocal,
@@ -176,6 +184,9 @@ impl Shade {
             }),
             colour: e.copies(3, |e| {
                 let sum = e.sum(UNIT, [coloured, glossy, glossy]);
+                // Or unlit; at most 1.
+                e.choice(UNIT, 2, sum.bits());
+                e.limit(UNIT, sum.bits());
                 e.fit(UNIT, "colour", m.colour, sum)
             }),
             coverage: e.fit_shifted(UNIT, "coverage", m.coverage, covered),

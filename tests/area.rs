@@ -1,0 +1,74 @@
+//! Does the cost model say what synthesis makes of the units? README has the fit; its LUTs are Yosys', all else is computed anew.
+
+mod cosimulation;
+
+use cosimulation::{have, run};
+use splatsim::cost::{Cost, DEFAULT};
+use splatsim::{fixed, machines};
+use std::process::Command;
+
+/// A row of what `area.sh` prints: machine, unit, LUTs, and what the model says of them.
+#[derive(Debug)]
+struct Row {
+    machine: String,
+    unit: String,
+    luts: f64,
+    model: f64,
+}
+
+/// Its rows, and geometric mean, least and most of its last line.
+fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
+    let mut lines: Vec<Vec<&str>> = printed.lines().map(|line| line.split_whitespace().collect()).collect();
+    let last = lines.pop().unwrap();
+    let number = |word: &str| word.trim_end_matches(',').parse().unwrap();
+    let row = |words: &Vec<&str>| Row {
+        machine: words[0].to_owned(),
+        unit: words[1].to_owned(),
+        luts: number(words[3]),
+        model: number(words[4]),
+    };
+    let rows = lines[1..].iter().map(row).collect();
+    (rows, [5, last.len() - 3, last.len() - 1].map(|at| number(last[at])))
+}
+
+/// What README has of it.
+fn fit() -> (Vec<Row>, [f64; 3]) {
+    let text = include_str!("../README.md");
+    let block = text.split("<!-- area -->\n```text\n").nth(1).expect("README lacks the fit");
+    read(block.split("\n```").next().unwrap())
+}
+
+#[test]
+fn the_fit_is_what_readme_says() {
+    let (rows, told) = fit();
+    assert_eq!(rows.len(), 21);
+    for row in &rows {
+        let machine = fixed::elaborate(&machines::load(&row.machine, &["timing.raster.lanes=[1,1]".to_owned()]).unwrap()).unwrap();
+        let cost = Cost::new(&machine, &DEFAULT);
+        let unit = cost.units.iter().find(|unit| unit.name == row.unit).unwrap();
+        let model = unit.area - unit.bits.register as f64 * DEFAULT.area.register;
+        assert!((model - row.model).abs() <= 1.0, "{row:?}: {model:.0}");
+    }
+    let logarithms: Vec<f64> = rows.iter().map(|row| (row.luts / row.model).ln()).collect();
+    let mean = logarithms.iter().sum::<f64>() / 21.0;
+    let [least, most] = [f64::min, f64::max].map(|of| logarithms.iter().copied().reduce(of).unwrap());
+    assert_eq!([mean, least, most].map(|logarithm| format!("{:.2}", logarithm.exp())), told.map(|ratio| format!("{ratio:.2}")));
+}
+
+#[test]
+fn small_units_take_what_the_model_says() {
+    if !have(&["yosys"], "synthesis of small units") {
+        return;
+    }
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/area.sh");
+    let given = [script, "--splatsim", env!("CARGO_BIN_EXE_splatsim"), "--seconds", "600", "--without-dsps"];
+    let output = run(Command::new("sh").args(given).args(["--units", "raster,gauss,resolve", "tiny"]));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let (rows, _) = read(&printed);
+    let (_, [_, least, most]) = fit();
+    println!("{printed}");
+    assert_eq!(rows.len(), 3);
+    // As it is printed: to a hundredth.
+    let holds = |row: &Row| (least - 0.005..=most + 0.005).contains(&(row.luts / row.model));
+    assert!(rows.iter().all(holds), "{least} to {most}, but\n{printed}");
+}
