@@ -47,7 +47,8 @@ fn the_fit_is_what_readme_says() {
         let cost = Cost::new(&machine, &DEFAULT);
         let unit = cost.units.iter().find(|unit| unit.name == row.unit).unwrap();
         let model = unit.area - unit.bits.register as f64 * DEFAULT.area.register;
-        assert!((model - row.model).abs() <= 1.0, "{row:?}: {model:.0}");
+        // The script subtracts from an area that `machine cost` cuts to a whole LUT, and rounds.
+        assert!((model - row.model).abs() <= 1.5, "{row:?}: {model:.0}");
     }
     let logarithms: Vec<f64> = rows.iter().map(|row| (row.luts / row.model).ln()).collect();
     let mean = logarithms.iter().sum::<f64>() / 21.0;
