@@ -383,15 +383,23 @@ impl Compared<'_> {
         Value::Object(stream.fields.iter().zip(words).map(word).collect())
     }
 
-    /// What the record was made from, back to the start of the trace: the nearest record first.
+    /// What the record was made from, back to the start of the trace: the nearest record first. Of several layers all, then what the first
+    /// was made from.
     fn inputs(&self, key: &[i64]) -> Result<Value> {
         let mut inputs = Vec::new();
         let (mut parent, mut number) = (self.stream.parent.clone(), part(key, 4));
         while let (Some(name), Some(record)) = (parent, number) {
             let Ok(stream) = self.trace.stream(&name) else { break };
             let (records, keys) = (self.trace.expected(&stream)?, self.trace.keys(&stream)?);
-            let (Some(words), Some(key)) = (records.get(record as usize), keys.get(record as usize)) else { break };
-            inputs.push(json!({"stream": stream.name, "sequence": record, "fields": self.words(&stream, words)}));
+            let (Some(from), Some(key)) = (records.get(record as usize..), keys.get(record as usize)) else { break };
+            let last = stream.fields.iter().position(|field| field.name == "last");
+            let is_last = |words: &Vec<i64>| last.is_none_or(|last| words[last] == 1);
+            let count = from.iter().position(is_last).map_or(from.len(), |last| last + 1);
+            inputs.extend(
+                (record..)
+                    .zip(&from[..count])
+                    .map(|(record, words)| json!({"stream": stream.name, "sequence": record, "fields": self.words(&stream, words)})),
+            );
             (parent, number) = (stream.parent.clone(), part(key, 4));
         }
         Ok(inputs.into())
@@ -459,7 +467,8 @@ impl Compared<'_> {
         };
         block(format!("expected, {} record {}", self.stream.name, told["sequence"]), &told["expected"]);
         block("got".into(), &told["got"]);
-        for input in told["inputs"].as_array().into_iter().flatten().take(1) {
+        let inputs = told["inputs"].as_array().into_iter().flatten();
+        for input in inputs.take_while(|input| input["stream"] == told["inputs"][0]["stream"]) {
             block(format!("made from, {} record {}", input["stream"].as_str().unwrap_or_default(), input["sequence"]), &input["fields"]);
         }
         let _ = write!(text, "\n  replay     {}", told["replay"].as_str().unwrap_or_default());

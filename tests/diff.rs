@@ -187,6 +187,30 @@ fn a_mismatch_tells_what_led_there() {
 }
 
 #[test]
+fn a_mismatch_of_a_pixel_tells_all_of_its_layers() {
+    let trace = trace();
+    let last = trace.field("resolve.in", "last");
+    let layers = trace.records("resolve.in");
+    let ends: Vec<usize> = (0..layers.len()).filter(|&layer| layers[layer][last] == 1).collect();
+    // The first pixel that has at least three.
+    let (pixel, end) = (1..ends.len()).map(|pixel| (pixel, ends[pixel])).find(|&(pixel, end)| end - ends[pixel - 1] >= 3).unwrap();
+    let mut lines = trace.lines("resolve.out");
+    lines[pixel] = flipped(&lines[pixel], 0);
+    let told = told("resolve.out", &lines);
+    let inputs = told["inputs"].as_array().unwrap();
+    let numbers: Vec<u64> =
+        inputs.iter().filter(|input| input["stream"] == "resolve.in").map(|input| input["sequence"].as_u64().unwrap()).collect();
+    let all: Vec<u64> = (ends[pixel - 1] as u64 + 1..=end as u64).collect();
+    assert_eq!(numbers, all);
+    assert_eq!(inputs[all.len()]["stream"], "fragment.held");
+    let text = compared("resolve.out", &lines).unwrap().text;
+    assert!(
+        all.iter().all(|layer| text.contains(&format!("made from, resolve.in record {layer}\n"))) && !text.contains("fragment.held"),
+        "{text}"
+    );
+}
+
+#[test]
 fn the_earliest_stream_tells() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| {
