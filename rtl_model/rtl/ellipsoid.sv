@@ -9,16 +9,19 @@
 // Losses: every word is rounded; those of the parts that a disc has too are told there.
 `default_nettype none
 
-module ellipsoid (
-    input wire clk,                                      // everything happens at its rising edge
-    input wire rst,                                      // forgets what is under way
-    input wire [machine_pkg::FRAME_W-1:0] frame,         // constants: the view, and what all ellipsoids have in common
-    input wire s_valid,                                  // a splat and its point are there
-    output wire s_ready,                                 // and can be taken
-    input wire [machine_pkg::ELLIPSE_IN_W-1:0] s_data,   // ellipse.in
-    output wire m_valid,                                 // an ellipse is offered
-    input wire m_ready,                                  // and taken
-    output wire [machine_pkg::ELLIPSE_OUT_W-1:0] m_data  // ellipse.out
+module ellipsoid #(
+    parameter int DROPS = 0, // whether a splat that is culled ends here
+    parameter int TAG_W = 0  // bits of a tag, which goes along
+) (
+    input wire clk,                                           // everything happens at its rising edge
+    input wire rst,                                           // forgets what is under way
+    input wire [machine_pkg::FRAME_W-1:0] frame,              // constants: the view, and what all ellipsoids have in common
+    input wire s_valid,                                       // a splat and its point are there
+    output wire s_ready,                                      // and can be taken
+    input wire [TAG_W+machine_pkg::ELLIPSE_IN_W-1:0] s_data,  // the tag, ellipse.in
+    output wire m_valid,                                      // an ellipse is offered
+    input wire m_ready,                                       // and taken
+    output wire [TAG_W+machine_pkg::ELLIPSE_OUT_W-1:0] m_data // the tag, ellipse.out
 );
   localparam int RADIUS_W = machine_pkg::SPLAT_RADIUS_W;
   localparam int WORLD_W = machine_pkg::SPLAT_NORMAL_W;
@@ -250,9 +253,13 @@ module ellipsoid (
   // The frame has constants for other units too; of a disc one face counts once more.
   wire unused = &{1'b0, frame, areas};
 
-  pipe #(.W(machine_pkg::ELLIPSE_OUT_W), .LATENCY(machine_pkg::ELLIPSE_LATENCY), .INTERVAL(machine_pkg::ELLIPSE_INTERVAL),
-      .ROOM(machine_pkg::ELLIPSE_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(1'b1), .s_data(result),
-      .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
+  // Registers and places hold the tag beside it.
+  localparam int BEHIND_W = TAG_W + machine_pkg::ELLIPSE_OUT_W;
+  wire keeps = DROPS == 0 || !(backface || faint || outside);
+  wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::ELLIPSE_IN_W, result});
+  pipe #(.W(BEHIND_W), .LATENCY(machine_pkg::ELLIPSE_LATENCY), .INTERVAL(machine_pkg::ELLIPSE_INTERVAL), .ROOM(machine_pkg::ELLIPSE_ROOM))
+      behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(keeps), .s_data(labelled), .m_valid(m_valid),
+      .m_ready(m_ready), .m_data(m_data));
 endmodule
 
 `default_nettype wire

@@ -7,11 +7,11 @@
 `default_nettype none
 
 module gauss #(
-    parameter int DROPS = 0, // whether a weight of 0 ends here
-    parameter int TAG_W = 0  // bits of a tag, which goes along
+    parameter int TAG_W = 0 // bits of a tag, which goes along
 ) (
     input wire clk,                                         // everything happens at its rising edge
     input wire rst,                                         // forgets what is under way
+    input wire [machine_pkg::GAUSS_WEIGHT_W-1:0] least,     // constant: a weight below it ends here
     input wire s_valid,                                     // a fragment is there
     output wire s_ready,                                    // and can be taken
     input wire [TAG_W+machine_pkg::GAUSS_IN_W-1:0] s_data,  // the tag, gauss.in
@@ -47,7 +47,7 @@ module gauss #(
 
   // Registers and places hold the tag beside it.
   localparam int BEHIND_W = TAG_W + machine_pkg::GAUSS_OUT_W;
-  wire keeps = DROPS == 0 || weight != '0;
+  wire keeps = weight >= least;
   wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::GAUSS_IN_W, weight});
   pipe #(.W(BEHIND_W), .LATENCY(machine_pkg::GAUSS_LATENCY), .INTERVAL(machine_pkg::GAUSS_INTERVAL), .ROOM(machine_pkg::GAUSS_ROOM))
       behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(keeps), .s_data(labelled), .m_valid(m_valid),

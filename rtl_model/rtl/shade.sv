@@ -10,7 +10,9 @@
 // Losses: all words are rounded; opacity, coverage and colour are clamped to 1.
 `default_nettype none
 
-module shade (
+module shade #(
+    parameter int TAG_W = 0 // bits of a tag, which goes along
+) (
     input wire clk,                                               // everything happens at its rising edge
     input wire rst,                                               // forgets what is under way
     input wire [machine_pkg::FRAME_W-1:0] frame,                  // constants: the coverage threshold
@@ -19,10 +21,10 @@ module shade (
     input wire [machine_pkg::REFLECTIONS_PORT_W-1:0] reflections, // constants: a record for each light of each material
     input wire s_valid,                                           // a fragment is there
     output wire s_ready,                                          // and can be taken
-    input wire [machine_pkg::SHADE_IN_W-1:0] s_data,              // shade.in
+    input wire [TAG_W+machine_pkg::SHADE_IN_W-1:0] s_data,        // the tag, shade.in
     output wire m_valid,                                          // its light is offered
     input wire m_ready,                                           // and taken
-    output wire [machine_pkg::SHADE_OUT_W-1:0] m_data             // shade.out
+    output wire [TAG_W+machine_pkg::SHADE_OUT_W-1:0] m_data       // the tag, shade.out
 );
   // Without lights there is one that is black, without materials one that reflects nothing.
   localparam int LIGHTS = machine_pkg::LIGHTS > 0 ? machine_pkg::LIGHTS : 1;
@@ -241,9 +243,12 @@ module shade (
 
   // Where nothing is, nothing shines.
   wire [machine_pkg::SHADE_OUT_W-1:0] light = weight == '0 ? '0 : {premultiplied, alpha};
-  pipe #(.W(machine_pkg::SHADE_OUT_W), .LATENCY(machine_pkg::SHADE_LATENCY), .INTERVAL(machine_pkg::SHADE_INTERVAL),
-      .ROOM(machine_pkg::SHADE_ROOM)) behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(1'b1), .s_data(light),
-      .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
+  // Registers and places hold the tag beside it.
+  localparam int BEHIND_W = TAG_W + machine_pkg::SHADE_OUT_W;
+  wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::SHADE_IN_W, light});
+  pipe #(.W(BEHIND_W), .LATENCY(machine_pkg::SHADE_LATENCY), .INTERVAL(machine_pkg::SHADE_INTERVAL), .ROOM(machine_pkg::SHADE_ROOM))
+      behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(1'b1), .s_data(labelled), .m_valid(m_valid),
+      .m_ready(m_ready), .m_data(m_data));
 
   wire unused = &{1'b0, frame};
 endmodule

@@ -213,7 +213,8 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
 fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return frame };
     let mut frame =
-        frame.naturals(&["amplitude"], 2).naturals(&["own_axes"], 1).words(&["jacobian_x", "jacobian_y"], "project.slope", m.project.slope);
+        frame.naturals(&["amplitude"], 2).naturals(&["preshaded", "own_axes"], 1);
+    frame = frame.words(&["jacobian_x", "jacobian_y"], "project.slope", m.project.slope);
     for axis in each("axis", ["0", "1", "2"]) {
         frame = axes(frame, &axis, "ellipse.normal", m.ellipse.normal);
     }

@@ -36,7 +36,7 @@ pub const UNITS: [Unit; 7] = [
     of_itself("project", &[FRAME]),
     of_itself("ellipse", &[FRAME]),
     of_itself("raster", &[FRAME]),
-    of_itself("gauss", &[]),
+    of_itself("gauss", &["HAS_LEAST"]),
     of_itself("fragment", &[FRAME, DRAIN]),
     of_itself("shade", &[FRAME, LIGHTING]),
     of_itself("resolve", &[FRAME]),
@@ -47,7 +47,14 @@ pub const OF_ELLIPSOIDS: [Unit; 2] =
     [Unit { name: "ellipsoid", stream: "ellipse", macros: &[FRAME] }, Unit { name: "sheets", stream: "fragment", macros: &[FRAME, DRAIN] }];
 
 /// All of them wired together.
-pub const PIPELINE: Unit = of_itself("pipeline", &[FRAME, LIGHTING, DRAIN]);
+pub const PIPELINE: Unit = wired("pipeline");
+
+/// The same for ellipsoids, whose fragments are grouped by depth, or by sheets.
+pub const PIPELINES_OF_ELLIPSOIDS: [Unit; 2] = [wired("pipeline_ellipsoids"), wired("pipeline_sheets")];
+
+const fn wired(name: &'static str) -> Unit {
+    Unit { name, stream: "pipeline", macros: &[FRAME, LIGHTING, DRAIN] }
+}
 
 /// Where the twins lie.
 pub fn sources() -> PathBuf {

@@ -8,6 +8,7 @@
 //   IN_W, OUT_W      bits of its records
 //   HAS_FRAME        it has the port frame
 //   HAS_LIGHTING     it has the ports lights, materials and reflections
+//   HAS_LEAST        it has the port least: 0, so that all comes out
 //   HAS_DRAIN        it has the ports drain, which says that nothing more comes, and drained, which says that it is done with it
 // Arguments
 //   +in=FILE         records to drive, a line of lower-case hex each
@@ -79,6 +80,9 @@ module bench;
     .lights(lights),
     .materials(materials),
     .reflections(reflections),
+`endif
+`ifdef HAS_LEAST
+    .least('0),
 `endif
 `ifdef HAS_DRAIN
     .drain(drain),

@@ -42,8 +42,8 @@ fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
         Amplitude::LineIntegral => 1,
         Amplitude::Peak => 2,
     };
-    let own = i64::from(!ellipsoids.own.is_empty());
-    [&[amplitude, own], &kernel.jacobian[..], kernel.axes.as_flattened(), &kernel.scales].concat()
+    let [preshaded, own] = [ellipsoids.preshaded, !ellipsoids.own.is_empty()].map(i64::from);
+    [&[amplitude, preshaded, own], &kernel.jacobian[..], kernel.axes.as_flattened(), &kernel.scales].concat()
 }
 
 /// What all sheets have in common.

@@ -1,0 +1,82 @@
+// Set_up_ellipsoids: the first half of the datapath for ellipsoids: project and ellipsoid. Twin of SetUpEllipsoids in pipeline.rs.
+//
+//   splats -> project -> ellipsoid -> footprints
+//
+// A splat that is culled ends where that is found: it waits in no FIFO and takes no cycle of the next unit, as in the timing model. What a
+// unit does not need goes through it as its tag.
+`default_nettype none
+
+module set_up_ellipsoids (
+    input wire clk,                                                            // everything happens at its rising edge
+    input wire rst,                                                            // forgets what is under way
+    input wire [machine_pkg::FRAME_W-1:0] frame,                               // constants: the view
+    input wire s_valid,                                                        // a splat is there
+    output wire s_ready,                                                       // and can be taken
+    input wire [machine_pkg::PIPELINE_IN_W-1:0] s_data,                        // pipeline.in
+    output wire m_valid,                                                       // it is set up
+    input wire m_ready,                                                        // and taken
+    output wire [machine_pkg::PIPELINE_IN_SCALE_2_LSB-1:0] m_look,             // what follows its scales in pipeline.in
+    output wire [3*machine_pkg::FRAGMENT_NORMAL_W-1:0] m_normal,               // its normal in camera space
+    output wire [machine_pkg::ELLIPSE_AMPLITUDE_W-1:0] m_amplitude,            // its amplitude
+    output wire [machine_pkg::RASTER_IN_TAG_LSB-1:0] m_footprint,              // raster.in, but for the tag
+    output wire quiet                                                          // nothing is offered here, nor between the units
+);
+  localparam int LOOK_W = machine_pkg::PIPELINE_IN_SCALE_2_LSB;
+  // Normal, radius, quaternion and scales.
+  localparam int SHAPE_W = machine_pkg::PIPELINE_IN_POSITION_Z_LSB - LOOK_W;
+  localparam int DEPTH_W = machine_pkg::PROJECT_DEPTH_W;
+  localparam int PIXEL_W = 2 * machine_pkg::PROJECT_PIXEL_W;
+
+  // Project.
+
+  wire point_valid, point_taken;
+  wire [machine_pkg::PROJECT_OUT_W-1:0] point;
+  wire [SHAPE_W-1:0] shape;
+  wire [LOOK_W-1:0] look;
+  project #(.DROPS(1), .TAG_W(SHAPE_W + LOOK_W)) project (
+      .clk(clk),
+      .rst(rst),
+      .frame(frame),
+      .s_valid(s_valid),
+      .s_ready(s_ready),
+      .s_data({s_data[SHAPE_W+LOOK_W-1:0], s_data[machine_pkg::PIPELINE_IN_POSITION_Z_LSB+:machine_pkg::PROJECT_IN_W]}),
+      .m_valid(point_valid),
+      .m_ready(point_taken),
+      .m_data({shape, look, point})
+  );
+
+  // Ellipsoid.
+
+  wire [machine_pkg::ELLIPSE_OUT_W-1:0] ellipse_out;
+  wire [DEPTH_W-1:0] depth;
+  wire [PIXEL_W-1:0] pixel;
+  ellipsoid #(.DROPS(1), .TAG_W(LOOK_W + DEPTH_W + PIXEL_W)) ellipsoid (
+      .clk(clk),
+      .rst(rst),
+      .frame(frame),
+      .s_valid(point_valid),
+      .s_ready(point_taken),
+      .s_data({
+        look,
+        point[machine_pkg::PROJECT_OUT_DEPTH_LSB+:DEPTH_W],
+        point[machine_pkg::PROJECT_OUT_PIXEL_Y_LSB+:PIXEL_W],
+        shape,
+        look[machine_pkg::PIPELINE_IN_OPACITY_LSB+:machine_pkg::SPLAT_OPACITY_W],
+        point[machine_pkg::PROJECT_OUT_FORWARD_LSB+:machine_pkg::PROJECT_OUT_FORWARD_W],
+        point[machine_pkg::PROJECT_OUT_EXPONENT_LSB+:machine_pkg::PROJECT_OUT_EXPONENT_W],
+        point[machine_pkg::PROJECT_OUT_DEPTH_LSB-1:0]
+      }),
+      .m_valid(m_valid),
+      .m_ready(m_ready),
+      .m_data({m_look, depth, pixel, ellipse_out})
+  );
+  set_up_footprint ordered (
+      .depth(depth), .pixel(pixel), .ellipse_out(ellipse_out), .normal(m_normal), .amplitude(m_amplitude), .footprint(m_footprint));
+
+  assign quiet = !s_valid && !point_valid && !m_valid;
+
+  // What comes out of project is not culled: those bits nobody looks at.
+  wire unused = &{1'b0, point};
+endmodule
+
+`default_nettype wire
