@@ -212,8 +212,7 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
 /// What all ellipsoids have in common.
 fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return frame };
-    let mut frame =
-        frame.naturals(&["amplitude"], 2).naturals(&["preshaded", "own_axes"], 1);
+    let mut frame = frame.naturals(&["amplitude"], 2).naturals(&["preshaded", "own_axes"], 1);
     frame = frame.words(&["jacobian_x", "jacobian_y"], "project.slope", m.project.slope);
     for axis in each("axis", ["0", "1", "2"]) {
         frame = axes(frame, &axis, "ellipse.normal", m.ellipse.normal);

@@ -153,15 +153,14 @@ impl Device {
         Device { program, trace: trace.to_owned(), unit, kept }
     }
 
-    /// Drives it with the first so many of a trace's inputs, or all, and expects so many records.
-    pub fn drive(&self, inputs: Option<usize>, expect: usize, arguments: &[&str]) -> Given {
+    /// Drives it with these inputs, or a trace's, and expects so many records.
+    pub fn drive(&self, inputs: Option<&[String]>, expect: usize, arguments: &[&str]) -> Given {
         let file = |name: &str| self.kept.path().join(name);
         let (out, times, requests, held) = (file("out.hex"), file("times"), file("requests.hex"), file("held.hex"));
         let mut input = self.trace.join(format!("{}.in.hex", self.unit.stream));
         if let Some(inputs) = inputs {
-            let text = std::fs::read_to_string(&input).unwrap();
             input = file("in.hex");
-            std::fs::write(&input, text.lines().take(inputs).map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+            std::fs::write(&input, inputs.iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
         }
         let mut command = Command::new(&self.program[0]);
         command.args(&self.program[1..]).current_dir(&self.trace);
