@@ -87,6 +87,8 @@ pub struct Device {
     program: Vec<PathBuf>,
     trace: PathBuf,
     unit: Unit,
+    /// Cycles without a transfer after which nothing more is hoped for.
+    patience: u32,
     kept: TempDir,
 }
 
@@ -150,7 +152,9 @@ impl Device {
                 vec![folder.join("Vbench")]
             }
         };
-        Device { program, trace: trace.to_owned(), unit, kept }
+        // Of all units wired together nothing is seen while the splats under way are drawn, each of which may be as large as the picture.
+        let patience = if unit.stream == "pipeline" { 20_000 + 128 * side * side } else { 20_000 };
+        Device { program, trace: trace.to_owned(), unit, patience, kept }
     }
 
     /// Drives it with these inputs, or a trace's, and expects so many records.
@@ -182,7 +186,7 @@ impl Device {
                 given("start", &start);
             }
         }
-        command.args([format!("+expect={expect}"), "+quiet=200".into(), "+patience=20000".into()]);
+        command.args([format!("+expect={expect}"), "+quiet=200".into(), format!("+patience={}", self.patience)]);
         command.args(arguments);
         let output = run(&mut command);
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
