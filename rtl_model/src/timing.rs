@@ -12,8 +12,8 @@
 //! - *Room*: behind a unit lie as many places as its FIFO has and as are under way in its pipeline. A place is taken when the unit takes an
 //!   item that goes on, and given back when the next unit takes that; it can be taken again in the cycle after.
 //!
-//! Exact, cycle by cycle, is all of this but memory, whose one channel serves requests in the order in which items are gone through, not
-//! first come, first served (`memory.rs`): a frame is off by at most 0.6 % on small versions of the built-in scenes, by 0.63 % on
+//! Exact, cycle by cycle, is all of this but memory that is not ideal: its one channel serves requests in the order in which items are gone
+//! through, not first come, first served (`memory.rs`). A frame is off by at most 0.6 % on small versions of the built-in scenes, by 0.63 % on
 //! themselves. Not modelled: refresh, turning the channel from reading to writing, and the contention of merges and resolve for one shade
 //! unit where tiles have two buffers.
 //!
