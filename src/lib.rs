@@ -1,33 +1,25 @@
 //! splatsim: the bench around `rtl_model`. Floats, files, comparison and the command line live here; the machine does not.
+//!
+//! From top to bottom; each layer names only those below it (`tests/layering.rs`).
 
-pub mod attribute;
-pub mod chart;
 pub mod cli;
-pub mod colour;
-pub mod compare;
-pub mod cost;
-pub mod cycles;
-pub mod diff;
-pub mod error;
-pub mod explain;
-pub mod fixed;
-pub mod golden;
-pub mod machines;
-pub mod mixed;
-pub mod pareto;
-pub mod picture;
-pub mod preview;
-pub mod prove;
-pub mod quantise;
-pub mod ranges;
-pub mod recording;
-mod registers;
-pub mod report;
+
+pub mod explore;
+
 pub mod run;
+
+pub mod cosim;
+
+pub mod performance;
+
+pub mod accuracy;
+
+pub mod hardware;
+
+pub mod golden;
+
 pub mod scene;
-pub mod search;
-pub mod stress;
-pub mod sweep;
-pub mod timings;
-pub mod trace;
-mod validate;
+
+pub mod output;
+
+pub mod error;

@@ -3,8 +3,8 @@
 mod cosimulation;
 
 use cosimulation::{have, run};
-use splatsim::cost::{Cost, DEFAULT};
-use splatsim::{fixed, machines};
+use splatsim::hardware::{fixed, machines};
+use splatsim::performance::cost::{Cost, DEFAULT};
 use std::process::Command;
 
 /// A row of what `area.sh` prints: machine, unit, LUTs, and what the model says of them.

@@ -10,14 +10,14 @@ use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
 use rtl_model::machine::Rows;
 use serde_json::json;
-use splatsim::attribute::{Share, attribute};
-use splatsim::compare::{distance, metrics};
+use splatsim::accuracy::attribution::{Share, attribute};
+use splatsim::accuracy::partial::{Choice, Stage, UNITS, words};
+use splatsim::accuracy::{distance, metrics};
 use splatsim::golden::{self, Rendering};
-use splatsim::mixed::{Choice, Stage, UNITS, words};
-use splatsim::picture::Picture;
-use splatsim::quantise::{Quantised, quantise};
+use splatsim::hardware::quantise::{Quantised, quantise};
+use splatsim::hardware::{fixed, machines};
+use splatsim::output::picture::Picture;
 use splatsim::scene::{Overrides, Scene};
-use splatsim::{fixed, machines};
 
 const SCENES: [&str; 4] = ["glass-spheres", "checkerboard", "torus-knot", "terrain"];
 

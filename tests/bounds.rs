@@ -10,9 +10,9 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
-use splatsim::compare::{Lockstep, lockstep};
+use splatsim::accuracy::{Lockstep, lockstep};
+use splatsim::hardware::{fixed, quantise};
 use splatsim::scene::{Overrides, Scene};
-use splatsim::{fixed, quantise};
 
 fn scene(name: &str, size: (usize, usize)) -> Scene {
     Scene::load(name, &Overrides { size: Some(size) }).unwrap()

@@ -7,7 +7,7 @@ use rtl_model::Machine;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
 use rtl_model::timing::{Detail, replay};
 use rtl_model::work::Work;
-use splatsim::quantise::quantise;
+use splatsim::hardware::quantise::quantise;
 use splatsim::scene::Overrides;
 use std::path::Path;
 
@@ -43,13 +43,14 @@ fn record(name: &str, count: Option<usize>, size: Option<(usize, usize)>) -> Wor
     std::fs::write(&path, scene.to_string()).unwrap();
     let scene = splatsim::scene::Scene::load(path.to_str().unwrap(), &Overrides { size }).unwrap();
     let machine = Machine::named("reference").unwrap();
-    splatsim::fixed::draw_recorded(&splatsim::fixed::elaborate(&machine).unwrap(), &quantise(&scene, &machine).unwrap()).1
+    splatsim::hardware::fixed::draw_recorded(&splatsim::hardware::fixed::elaborate(&machine).unwrap(), &quantise(&scene, &machine).unwrap())
+        .1
 }
 
 /// Prints a line of the table; says by what share of the ticks the replay is off.
 fn compare(name: &str, work: &Work, scene: &Scene, what: &str, timing: Timing) -> f64 {
     let machine = Machine { timing, ..Machine::named("reference").unwrap() };
-    let timing = splatsim::fixed::elaborate(&machine).unwrap().timing;
+    let timing = splatsim::hardware::fixed::elaborate(&machine).unwrap().timing;
     let ticked = match timing.timing.organisation {
         Organisation::Immediate => immediate::draw(&timing, scene),
         Organisation::Binned => binned::draw(&timing, scene),

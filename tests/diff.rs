@@ -4,9 +4,9 @@ mod traced;
 
 use proptest::prelude::*;
 use serde_json::Value;
-use splatsim::diff::{Outcome, diff};
+use splatsim::cosim::diff::{Outcome, diff};
+use splatsim::cosim::trace::Window;
 use splatsim::error::Error;
-use splatsim::trace::Window;
 use std::sync::OnceLock;
 use traced::{Traced, cloud, machine, traced};
 

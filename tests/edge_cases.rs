@@ -9,8 +9,8 @@ use glam::DVec3;
 use handmade::{Dice, confetti, scene, splat};
 use rtl_model::Machine;
 use rtl_model::machine::{FragmentDepth, Merge, Rows};
+use splatsim::hardware::{fixed, quantise};
 use splatsim::scene::{Light, Material, Scene, Splat};
-use splatsim::{fixed, quantise};
 
 /// What became of a scene on a machine: bytes of the picture that are not the background's, or the sentence that says why none.
 fn drawn(scene: &Scene, machine: &Machine) -> Result<usize, String> {

@@ -12,8 +12,8 @@ use rtl_model::num::{Fit, Word};
 use rtl_model::pipeline;
 use rtl_model::probe::Watcher;
 use rtl_model::{Drawing, Frame};
-use splatsim::fixed;
-use splatsim::quantise::quantise;
+use splatsim::hardware::fixed;
+use splatsim::hardware::quantise::quantise;
 use splatsim::scene::{Scene, Splat};
 
 fn machines() -> impl Iterator<Item = Elaborated> {

@@ -3,9 +3,10 @@
 mod shared_input;
 
 use rtl_model::Machine;
-use splatsim::compare::{Metrics, metrics};
+use splatsim::accuracy::{Metrics, metrics};
+use splatsim::golden;
+use splatsim::hardware::{fixed, quantise};
 use splatsim::scene::{Overrides, Scene};
-use splatsim::{fixed, golden, quantise};
 
 /// What a machine must reach on a scene.
 struct Target {

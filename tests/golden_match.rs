@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use splatsim::compare::metrics;
+use splatsim::accuracy::metrics;
 use splatsim::golden::{FragmentDepth, Merge, Outcomes, Rendering, Rules, ideal, render};
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat, Surface};
 

@@ -417,46 +417,47 @@ fn bits_are_lost_in_num_alone() {
     );
 }
 
+/// Layers of the bench, top to bottom: each names only those below it.
+const BENCH: [&str; 11] = ["cli", "explore", "run", "cosim", "performance", "accuracy", "hardware", "golden", "scene", "output", "error"];
+
+/// The layer that a file of `src/` belongs to; none for the crate's own `lib.rs` and `main.rs`.
+fn layer(path: &str, folder: &str, layers: &[&str]) -> Option<usize> {
+    let inside = path.strip_prefix(folder)?;
+    let first = inside.split(['/', '.']).next().unwrap_or_default();
+    assert!(["lib", "main"].contains(&first) || layers.contains(&first), "{path} belongs to no layer");
+    layers.iter().position(|layer| *layer == first)
+}
+
+/// What a file of a layer names of those above it.
+fn upward(code: &str, nth: usize, layers: &[&str]) -> Vec<String> {
+    let above = |step: &&str| layers.iter().position(|layer| layer == step).is_some_and(|other| other < nth);
+    steps_from(code, "crate").into_iter().filter(above).map(|step| format!("names crate::{step}, which lies above")).collect()
+}
+
+#[test]
+fn the_bench_names_only_what_lies_below() {
+    let rule = |path: &str, code: &str| layer(path, "src/", &BENCH).map_or(Vec::new(), |nth| upward(code, nth, &BENCH));
+    check(&sources(&["src"]), |path| layer(path, "src/", &BENCH).is_some(), rule);
+}
+
 #[test]
 fn golden_does_not_know_the_machine() {
     let sources = sources(&["src"]);
-    // golden, and every module of the crate that it names, and that those name.
-    let mut reached = BTreeSet::from(["golden".to_owned()]);
-    loop {
-        let next: BTreeSet<String> = sources
-            .iter()
-            .filter(|(path, _)| reached.contains(&module(path)))
-            .flat_map(|(_, code)| steps_from(code, "crate"))
-            .map(String::from)
-            .chain(reached.clone())
-            .collect();
-        if next == reached {
-            break;
-        }
-        reached = next;
-    }
-    assert!(reached.contains("scene") && reached.contains("picture"), "{reached:?}");
-    check(
-        &sources,
-        |path| reached.contains(&module(path)),
-        |_, code| names(code, "rtl_model").then(|| "names rtl_model".into()).into_iter().collect(),
-    );
-}
-
-/// `src/golden/tiles.rs` belongs to `golden`.
-fn module(path: &str) -> String {
-    let inside = path.strip_prefix("src/").unwrap_or(path);
-    inside.split(['/', '.']).next().unwrap_or_default().to_owned()
+    let golden = BENCH.iter().position(|layer| *layer == "golden").unwrap();
+    let reached = |path: &str| layer(path, "src/", &BENCH).is_some_and(|nth| nth >= golden);
+    assert!(["src/golden/tiles.rs", "src/scene/mod.rs", "src/output/picture.rs"].iter().all(|path| sources.contains_key(*path)));
+    check(&sources, reached, |_, code| names(code, "rtl_model").then(|| "names rtl_model".into()).into_iter().collect());
 }
 
 #[test]
 fn only_quantise_turns_real_numbers_into_bits() {
     let sources = sources(&["src"]);
-    assert!(!ways_to_bits(&sources["src/quantise.rs"]).is_empty(), "the rule no longer sees the one door");
-    // Lockstep and what is mixed read words that quantise made, beside the real numbers that they stand for. Traces write them down.
-    let reads = |path: &str| path.starts_with("src/compare/lockstep") || path == "src/registers.rs";
-    let writes = |path: &str| path.starts_with("src/trace");
-    check(&sources, |path| path != "src/quantise.rs" && !reads(path) && !writes(path), |_, code| ways_to_bits(code));
+    let door = "src/hardware/quantise.rs";
+    assert!(!ways_to_bits(&sources[door]).is_empty(), "the rule no longer sees the one door");
+    // Lockstep and partial precision read words that quantise made, beside the real numbers that they stand for. Traces write them down.
+    let reads = |path: &str| path.starts_with("src/accuracy/lockstep") || path == "src/hardware/registers.rs";
+    let writes = |path: &str| path.starts_with("src/cosim/trace");
+    check(&sources, |path| path != door && !reads(path) && !writes(path), |_, code| ways_to_bits(code));
     check(&sources, writes, |_, code| floats(code));
 }
 
@@ -525,6 +526,18 @@ fn reals_are_seen() {
         assert!(!reals(text).is_empty(), "{text}");
     }
     assert!(reals("pub mod real; mod real; let realm = unreal;").is_empty());
+}
+
+#[test]
+fn names_from_above_are_seen() {
+    let golden = BENCH.iter().position(|layer| *layer == "golden").unwrap();
+    assert_eq!(upward("use crate::hardware::quantise;", golden, &BENCH).len(), 1);
+    assert_eq!(upward("use crate::{scene::Scene, cli, run::timed};", golden, &BENCH).len(), 2);
+    assert!(upward("use crate::scene::Scene; crate::golden::render()", golden, &BENCH).is_empty());
+    assert_eq!(
+        ["src/lib.rs", "src/golden/tiles.rs", "src/error.rs"].map(|path| layer(path, "src/", &BENCH)),
+        [None, Some(golden), Some(10)]
+    );
 }
 
 #[test]

@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 
 use image::{ImageBuffer, Rgba};
 use rtl_model::{Drawing, Machine};
-use splatsim::colour::srgb_encode;
+use splatsim::hardware::{fixed, quantise};
+use splatsim::output::colour::srgb_encode;
 use splatsim::scene::{Overrides, Scene};
-use splatsim::{fixed, quantise};
 
 /// Built-in scenes and how many splats they get here: some of them several pixels wide, so that every unit has work.
 const SCENES: [(&str, usize); 4] = [("glass-spheres", 6000), ("checkerboard", 3000), ("torus-knot", 2500), ("terrain", 4000)];

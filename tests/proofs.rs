@@ -13,8 +13,8 @@ use rtl_model::num::lanes::Plain;
 use rtl_model::num::{ReciprocalRoot, Rounding};
 use rtl_model::probe::{Tap, Unwatched};
 use rtl_model::units::raster::{self, Raster, Span};
-use splatsim::prove::script::{number, within};
-use splatsim::prove::{Proof, proofs, write};
+use splatsim::accuracy::proofs::script::{number, within};
+use splatsim::accuracy::proofs::{Proof, proofs, write};
 
 fn elaborated(name: &str) -> Elaborated {
     Machine::named(name).unwrap().elaborate().unwrap()

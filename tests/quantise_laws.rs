@@ -7,7 +7,7 @@ use glam::DVec3;
 use proptest::prelude::*;
 use rtl_model::Machine;
 use rtl_model::num::{Format, Word};
-use splatsim::quantise::{Quantised, quantise};
+use splatsim::hardware::quantise::{Quantised, quantise};
 use splatsim::scene::{Scene, Splat};
 
 /// Places of the exact numbers below.

@@ -5,8 +5,8 @@ use rtl_model::machine::Signal;
 use rtl_model::num::Format;
 use rtl_model::probe::Range;
 use serde_json::Value;
-use splatsim::fixed;
-use splatsim::quantise::quantise;
+use splatsim::hardware::fixed;
+use splatsim::hardware::quantise::quantise;
 use splatsim::scene::{Overrides, Scene};
 
 fn glass_spheres() -> Scene {

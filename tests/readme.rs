@@ -7,11 +7,11 @@ mod shared_input;
 use std::path::{Path, PathBuf};
 
 use rtl_model::Machine;
-use splatsim::compare::metrics;
+use splatsim::accuracy::metrics;
 use splatsim::golden::{FragmentDepth, Merge, Rules, ideal, render};
-use splatsim::report::MachineReport;
+use splatsim::hardware::{fixed, quantise};
+use splatsim::run::report::MachineReport;
 use splatsim::scene::{Overrides, Scene};
-use splatsim::{fixed, quantise};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -4,9 +4,9 @@ use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use serde_json::Value;
-use splatsim::recording::Recording;
+use splatsim::hardware::{fixed, machines, quantise};
+use splatsim::performance::recording::Recording;
 use splatsim::scene::{Overrides, Scene};
-use splatsim::{fixed, machines, quantise};
 use std::path::PathBuf;
 use std::process::{Command, Output};
 

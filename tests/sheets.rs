@@ -11,10 +11,10 @@ use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use rtl_model::{Drawing, Machine};
 use serde_json::{Value, json};
-use splatsim::compare::{Lockstep, lockstep, metrics};
+use splatsim::accuracy::{Lockstep, lockstep, metrics};
 use splatsim::golden::{self, Rendering};
+use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::scene::{self, Amplitude, Overrides, Scene, Splat};
-use splatsim::{fixed, machines, quantise};
 
 const SIZE: (usize, usize) = (160, 128);
 

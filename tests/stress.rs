@@ -8,10 +8,10 @@ use glam::{DMat2, DVec2, DVec3};
 use rtl_model::probe::Watcher;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::{Machine, pipeline};
+use splatsim::explore::stress::{self, CASES, Case, Catalogue, FOCAL_PX, Failure, Found, MachineReport};
 use splatsim::golden;
+use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::scene::{Scene, Splat};
-use splatsim::stress::{self, CASES, Case, Catalogue, FOCAL_PX, Failure, Found, MachineReport};
-use splatsim::{fixed, machines, quantise};
 
 fn catalogue() -> &'static Catalogue {
     static ONCE: OnceLock<Catalogue> = OnceLock::new();

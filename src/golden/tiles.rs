@@ -11,7 +11,7 @@ use super::footprint::{self, Cull, Footprint};
 use super::fragments::Fragment;
 use super::shade::Shader;
 use super::{Culled, Outcomes, Rendering};
-use crate::picture::Picture;
+use crate::output::picture::Picture;
 use crate::scene::{Image, Scene};
 
 /// Tiles are squares of this many pixels: three layers of such a tile fit a second-level cache.

@@ -15,7 +15,7 @@ use super::{
     fields, gaussians, neighbours, ply, unit, volume,
 };
 use crate::error::{Error, Result};
-use crate::validate;
+use crate::scene::validate;
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Deserialize;

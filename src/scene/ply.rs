@@ -12,7 +12,7 @@
 //! - Faces serve only to find normals where the file has none; a face that names a vertex out of range is left out and counted.
 
 use super::{Splat, unit};
-use crate::colour::srgb_decode;
+use crate::output::colour::srgb_decode;
 use glam::DVec3;
 
 /// What a file holds. A normal of zero and a radius of zero say "not in the file".

@@ -8,9 +8,10 @@ use divan::Bencher;
 use divan::counter::ItemsCount;
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::pipeline::{self, Setup};
-use splatsim::quantise::{Quantised, quantise};
+use splatsim::golden;
+use splatsim::hardware::fixed;
+use splatsim::hardware::quantise::{Quantised, quantise};
 use splatsim::scene::{Overrides, Scene};
-use splatsim::{fixed, golden};
 
 /// A scene, ready to be drawn by one machine.
 struct Case {

@@ -7,12 +7,12 @@
 //! agree where a kernel is flat, so that pictures converge as the variance does.
 
 use serde_json::json;
-use splatsim::chart::{Axis, Mark, Panel, Series, write_png};
-use splatsim::compare::{Distance, distance};
+use splatsim::accuracy::{Distance, distance};
 use splatsim::error::{Error, Result};
 use splatsim::golden::render;
+use splatsim::hardware::{fixed, machines, quantise};
+use splatsim::output::chart::{Axis, Mark, Panel, Series, write_png};
 use splatsim::scene::{Overrides, Scene};
-use splatsim::{fixed, machines, quantise};
 use std::path::{Path, PathBuf};
 
 /// How much flatter kernels are along the gradient.

@@ -22,7 +22,7 @@ use rtl_model::pipeline::{self, Drawing, Setup};
 use rtl_model::probe::Meters;
 use rtl_model::work::Recorder;
 use splatsim::error::{Error, Result};
-use splatsim::quantise::{Quantised, quantise};
+use splatsim::hardware::quantise::{Quantised, quantise};
 use splatsim::scene::{Overrides, Scene};
 
 /// Who watches.
@@ -57,7 +57,7 @@ fn main() -> Result<()> {
     let scene = Scene::load(&scene, &Overrides::default())?;
     let machine =
         Machine::named(&name).ok_or_else(|| Error::input(format!("no machine {name}; there are {}", Machine::NAMES.join(", "))))?;
-    let elaborated = splatsim::fixed::elaborate(&machine)?;
+    let elaborated = splatsim::hardware::fixed::elaborate(&machine)?;
     let quantised = quantise(&scene, &machine)?;
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
     let mut watcher = match arguments.next().as_deref() {

@@ -8,13 +8,12 @@
 //! times the size, convolved with the filter as a picture.
 
 use serde_json::json;
-use splatsim::chart::{Chart, Tile, write_png};
-use splatsim::compare::metrics;
+use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
-use splatsim::fixed;
 use splatsim::golden::{Rules, render};
-use splatsim::machines;
-use splatsim::picture::Picture;
+use splatsim::hardware::{fixed, machines};
+use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::picture::Picture;
 use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
 

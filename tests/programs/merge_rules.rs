@@ -8,7 +8,7 @@
 //! The figures of a random order depend on the shuffle: at eight layers, 20 shuffles lie between 42.75 and 44.37 dB. The seed in
 //! `tests/programs/glass-spheres-random.json` was picked so that the rows agree with the published ones, which had another generator.
 
-use splatsim::compare::metrics;
+use splatsim::accuracy::metrics;
 use splatsim::error::Result;
 use splatsim::golden::{FragmentDepth, Merge, Rendering, Rules, ideal, render};
 use splatsim::scene::{Overrides, Scene};

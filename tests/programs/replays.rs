@@ -10,7 +10,7 @@ use rtl_model::machine::Machine;
 use rtl_model::machine::timing::Organisation;
 use rtl_model::timing::{Detail, replay};
 use splatsim::error::{Error, Result};
-use splatsim::quantise::quantise;
+use splatsim::hardware::quantise::quantise;
 use splatsim::scene::{Overrides, Scene};
 use std::time::Instant;
 
@@ -20,7 +20,8 @@ fn main() -> Result<()> {
     let scene = std::env::args().nth(1).unwrap_or_else(|| "glass-spheres".into());
     let scene = Scene::load(&scene, &Overrides::default())?;
     let machine = Machine::named("reference").ok_or_else(|| Error::job("no machine called reference"))?;
-    let (_, work) = splatsim::fixed::draw_recorded(&splatsim::fixed::elaborate(&machine)?, &quantise(&scene, &machine)?);
+    let (_, work) =
+        splatsim::hardware::fixed::draw_recorded(&splatsim::hardware::fixed::elaborate(&machine)?, &quantise(&scene, &machine)?);
     println!("{}: {} rows in {} MB", scene.name, work.rows(), work.bytes() / 1_000_000);
     for organisation in [Organisation::Immediate, Organisation::Binned] {
         for (ideal, memory) in [(false, "as described"), (true, "ideal")] {
@@ -28,7 +29,7 @@ fn main() -> Result<()> {
                 let mut machine = machine.clone();
                 machine.timing.organisation = organisation;
                 machine.timing.memory.ideal = ideal;
-                let elaborated = splatsim::fixed::elaborate(&machine)?;
+                let elaborated = splatsim::hardware::fixed::elaborate(&machine)?;
                 let mut best = f64::INFINITY;
                 let mut total = 0;
                 for _ in 0..TIMES {

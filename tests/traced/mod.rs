@@ -4,9 +4,9 @@
 
 use rtl_model::Machine;
 use serde_json::{Value, json};
-use splatsim::machines;
+use splatsim::cosim::trace::{Window, trace};
+use splatsim::hardware::machines;
 use splatsim::scene::{Overrides, Scene};
-use splatsim::trace::{Window, trace};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 

@@ -1,0 +1,515 @@
+//! Lockstep: `golden` led by every decision that the machine takes, with a bound on the machine's error at each pixel (ALGORITHM §8).
+//!
+//! ```text
+//! machine ─► decisions ─►[ golden's fragments ]─► led picture ─┐
+//!                  └────►[ the units' bounds ]──► bound ───────┴─► |fixed − led| ≤ bound, at every pixel
+//! ```
+//! What is left between the two is arithmetic alone, and the bounds of the units (`real.rs` of each) hold it. A *flip* is a
+//! decision that `golden` would have taken otherwise; it is real if the number that decided lies within its bound of the
+//! threshold, and *unexplained* if not.
+//!
+//! The led renderer watches the machine as a probe does, tile by tile: nothing is recorded and memory stays that of a tile.
+//!
+//! Laws (tests/bounds.rs): `no_pixel_exceeds_its_bound`, `every_flip_is_explained`.
+
+mod pixel;
+mod sheets;
+mod summary;
+
+use crate::golden::Rules;
+use crate::golden::footprint::{Cull, Footprint, set_up_anyway};
+use crate::golden::fragments::Fragment;
+use crate::golden::shade::Shader;
+use crate::hardware::fixed;
+use crate::hardware::quantise::Quantised;
+use crate::hardware::registers::{Bounded, Registers};
+use crate::output::picture::Picture;
+use crate::scene::{Scene, View};
+use pixel::{ATTRIBUTES, Arrival, Common, Pixel};
+use rayon::prelude::*;
+use rtl_model::frame::real;
+use rtl_model::machine::Elaborated;
+use rtl_model::pipeline;
+use rtl_model::pipeline::real::Footprint as NearFootprint;
+use rtl_model::probe::Watcher;
+use rtl_model::real::{Near, Real};
+use rtl_model::units::fragment::{Contribution, Decision, TILE_AREA, TILE_PX};
+use rtl_model::units::resolve::Layer;
+use serde::Serialize;
+use sheets::{SheetPixel, SheetRules};
+use std::any::Any;
+use std::collections::BTreeMap;
+
+pub use summary::{BoundSummary, Summary};
+
+/// Decisions that `golden` would have taken otherwise, by kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Flips {
+    /// A splat drawn by one and culled by the other: contributions that only one has.
+    pub cull: u64,
+    /// A pixel inside the footprint for one and outside for the other.
+    pub coverage: u64,
+    /// Another fragment to add to, or none.
+    pub slot: u64,
+    /// Another order in depth.
+    pub order: u64,
+    /// Another pair to merge.
+    pub pair: u64,
+    /// A fragment dropped by one and kept by the other.
+    pub eviction: u64,
+    /// Those among them whose deciding number does not lie within its bound of the threshold. None should.
+    pub unexplained: u64,
+    /// Kinds at the pixel at hand, a bit each.
+    #[serde(skip)]
+    here: u8,
+}
+
+/// Names of the kinds, in the order of their bits.
+pub const KINDS: [&str; 6] = ["cull", "coverage", "slot", "order", "pair", "eviction"];
+
+impl Flips {
+    /// All of them.
+    pub fn total(&self) -> u64 {
+        self.cull + self.coverage + self.slot + self.order + self.pair + self.eviction
+    }
+
+    fn count(&mut self, kind: u8, explained: bool) {
+        let counts = [&mut self.cull, &mut self.coverage, &mut self.slot, &mut self.order, &mut self.pair, &mut self.eviction];
+        for (i, count) in counts.into_iter().enumerate() {
+            *count += u64::from(i == usize::from(kind));
+        }
+        self.unexplained += u64::from(!explained);
+        self.here |= 1 << kind;
+    }
+
+    fn cull(&mut self, explained: bool) {
+        self.count(0, explained);
+    }
+    fn coverage(&mut self, explained: bool) {
+        self.count(1, explained);
+    }
+    fn slot(&mut self, explained: bool) {
+        self.count(2, explained);
+    }
+    fn order(&mut self, explained: bool) {
+        self.count(3, explained);
+    }
+    fn pair(&mut self, explained: bool) {
+        self.count(4, explained);
+    }
+    fn eviction(&mut self, explained: bool) {
+        self.count(5, explained);
+    }
+
+    fn absorb(&mut self, other: &Flips) {
+        self.cull += other.cull;
+        self.coverage += other.coverage;
+        self.slot += other.slot;
+        self.order += other.order;
+        self.pair += other.pair;
+        self.eviction += other.eviction;
+        self.unexplained += other.unexplained;
+    }
+}
+
+/// What a frame in lockstep came to.
+#[derive(Clone, Debug)]
+pub struct Lockstep {
+    /// What `golden` makes when it is led by the machine's decisions.
+    pub led: Picture,
+    /// Bound on |fixed − led|, of the worst channel of each pixel; infinite where nothing is known.
+    pub bound: Vec<f64>,
+    /// |fixed − led|, of the worst channel of each pixel.
+    pub error: Vec<f64>,
+    /// Kinds of flips at each pixel, a bit each in the order of [`KINDS`].
+    pub flipped: Vec<u8>,
+    /// Pixels where |fixed − led| exceeds its bound in some channel. None should.
+    pub violations: u64,
+    /// Decisions that `golden` would have taken otherwise.
+    pub flips: Flips,
+}
+
+/// Draws a scene on a machine with `golden` in lockstep.
+pub fn lockstep(scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> Lockstep {
+    held_to(scene, machine, machine, quantised)
+}
+
+/// Draws a scene on one machine and holds it to the bounds of another, which is given the same words.
+fn held_to(scene: &Scene, drawn: &Elaborated, claimed: &Elaborated, quantised: &Quantised) -> Lockstep {
+    let rules = fixed::rules(&claimed.machine);
+    let shader = Shader::new(scene);
+    let stage = Stage::new(scene, claimed, quantised, &rules, &shader);
+    let mut leader = Leader::new(&stage);
+    let drawing = pipeline::draw_decided(drawn, &quantised.frame, &mut leader);
+    leader.finish(drawing.covered)
+}
+
+/// What every tile needs.
+struct Stage<'a> {
+    scene: &'a Scene,
+    machine: &'a Elaborated,
+    quantised: &'a Quantised,
+    eye: View,
+    view: real::View<Near>,
+    common: Common<'a>,
+    /// Lesser weights make no fragment.
+    least_weight: Near,
+    /// Where fragments are grouped by sheets.
+    sheets: Option<SheetRules<'a>>,
+    /// Tiles a row.
+    columns: usize,
+    /// The splats that reach each tile in `golden`.
+    bins: Vec<Vec<u32>>,
+}
+
+impl<'a> Stage<'a> {
+    fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised, rules: &'a Rules, shader: &'a Shader) -> Self {
+        let eye = scene.view();
+        let registers = Registers { scene, eye: &eye, machine, quantised };
+        let common = Common {
+            machine,
+            rules,
+            shader,
+            lighting: registers.lighting(&Bounded),
+            z_threshold_world: scene.surface.z_threshold,
+            z_threshold: registers.z_threshold(&Bounded),
+            coverage_threshold: registers.coverage_threshold(&Bounded),
+            background: registers.background(&Bounded, shader),
+        };
+        let view = registers.view(&Bounded);
+        let columns = scene.image.width.div_ceil(TILE_PX);
+        let mut bins = vec![Vec::new(); columns * scene.image.height.div_ceil(TILE_PX)];
+        for (splat, rectangle) in reached(scene, &eye) {
+            let [left, top, right, bottom] = rectangle;
+            for row in top..bottom.div_ceil(TILE_PX) {
+                bins[row * columns..][left..right.div_ceil(TILE_PX)].iter_mut().for_each(|bin| bin.push(splat));
+            }
+        }
+        let sheets = SheetRules::new(scene, machine, quantised);
+        let least_weight = sheets.as_ref().map_or(Near::exact(0.0), SheetRules::least_weight);
+        Stage { scene, machine, quantised, view, eye, common, least_weight, sheets, columns, bins }
+    }
+
+    /// A splat, exact and as the machine may have it.
+    fn splat(&self, index: u32) -> Splat {
+        let (mut footprint, cull) = set_up_anyway(self.scene, &self.eye, index as usize);
+        let registers = Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised };
+        let record = registers.splat(&Bounded, index as usize);
+        let ellipsoid = registers.ellipsoid(&Bounded, index as usize);
+        let size_px = [self.quantised.frame.width, self.quantised.frame.height];
+        let near = NearFootprint::new(self.machine, &self.view, &record, ellipsoid.as_ref(), size_px);
+        // The machine's normals against golden's own.
+        let normal = [0, 1, 2].map(|axis| near.ellipse.normal[axis].around(footprint.normal[axis]));
+        let mut rgb = record.rgb;
+        if self.scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded) {
+            let emission = self.machine.real_emission(&self.common.lighting, rgb, normal, footprint.material);
+            footprint.rgb = self.common.shader.emission(&footprint);
+            rgb = [0, 1, 2].map(|channel| emission[channel].around(footprint.rgb[channel]));
+        }
+        let [r, g, b] = rgb;
+        Splat { index, footprint, cull, near, record, attributes: [r, g, b, record.opacity, normal[0], normal[1], normal[2]] }
+    }
+
+    /// A pixel's centre from the picture's middle.
+    fn at(&self, x: u32, y: u32) -> [f64; 2] {
+        [f64::from(x) + 0.5 - self.eye.half_px[0], f64::from(y) + 0.5 - self.eye.half_px[1]]
+    }
+
+    /// Whether machine and `golden` may differ about drawing the splat at all.
+    fn may_cull(&self, splat: &Splat) -> bool {
+        let (point, ellipse) = (&splat.near.point, &splat.near.ellipse);
+        let zero = Near::exact(0.0);
+        point.depth.may_cross(self.view.near)
+            || point.inside.iter().any(|inside| inside.may_cross(zero))
+            || ellipse.amplitude.low() <= 0.0
+            || ellipse.facing.may_cross(zero)
+            || splat.record.radius.low() <= 0.0
+    }
+
+    /// Whether machine and `golden` may differ about the splat's reaching a pixel.
+    fn may_cover(&self, splat: &Splat, x: u32, y: u32) -> bool {
+        let at = self.at(x, y);
+        let contribution = splat.near.contribution(self.machine, at);
+        let exact = splat.footprint.row(y).beyond(x);
+        let outside = |axis: usize| {
+            let distance = Near::within(at[axis] - splat.near.point.pixel[axis].value, splat.near.point.pixel[axis].error).abs();
+            distance.may_cross(splat.near.ellipse.extent[axis])
+        };
+        contribution.radial.around(exact.radial_index).may_cross(self.view.cutoff)
+            || contribution.weight.around(exact.weight).low() <= self.least_weight.high()
+            || outside(0)
+            || outside(1)
+    }
+}
+
+/// The splats that `golden` draws, each with the pixels of its box: first column and row, end column and row.
+fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [usize; 4])> {
+    let rectangle = |index: usize| {
+        let (footprint, cull) = set_up_anyway(scene, eye, index);
+        let (columns, rows) = (footprint.columns, footprint.rows);
+        let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();
+        let [left, top, right, bottom] = [columns.start, rows.start, columns.end, rows.end].map(|pixel| pixel as usize);
+        drawn.then_some((index as u32, [left / TILE_PX, top / TILE_PX, right, bottom]))
+    };
+    (0..scene.splats.len()).into_par_iter().filter_map(rectangle).collect()
+}
+
+/// One splat, exact and as the machine may have it.
+struct Splat {
+    index: u32,
+    footprint: Footprint,
+    cull: Option<Cull>,
+    near: NearFootprint,
+    record: real::Splat<Near>,
+    attributes: [Near; ATTRIBUTES],
+}
+
+impl Splat {
+    /// Whether `golden` has a contribution at a pixel.
+    fn covers(&self, x: u32, y: u32) -> bool {
+        self.cull.is_none()
+            && self.footprint.columns.contains(&x)
+            && self.footprint.rows.contains(&y)
+            && self.footprint.row(y).at(x).is_some()
+    }
+}
+
+/// Pixels of a tile, a bit each.
+type Mask = [u64; TILE_AREA / 64];
+
+/// One finished tile.
+struct Tile {
+    led: Vec<[f64; 4]>,
+    bound: Vec<f64>,
+    error: Vec<f64>,
+    flipped: Vec<u8>,
+}
+
+impl Default for Tile {
+    fn default() -> Self {
+        Tile { led: vec![[0.0; 4]; TILE_AREA], bound: vec![0.0; TILE_AREA], error: vec![0.0; TILE_AREA], flipped: vec![0; TILE_AREA] }
+    }
+}
+
+/// Watches the machine and makes `golden` follow.
+struct Leader<'a> {
+    stage: &'a Stage<'a>,
+    /// The pixels of the tile at hand; none between tiles.
+    pixels: Vec<Pixel>,
+    /// The same where fragments are grouped by sheets.
+    sheets: Vec<SheetPixel>,
+    /// The splat at hand.
+    splat: Option<Splat>,
+    /// What each splat touched in the tile at hand, in order.
+    touched: Vec<(u32, Mask)>,
+    tile: Tile,
+    tiles: BTreeMap<usize, Tile>,
+    flips: Flips,
+    violations: u64,
+}
+
+impl<'a> Leader<'a> {
+    fn new(stage: &'a Stage<'a>) -> Self {
+        Leader {
+            stage,
+            pixels: Vec::new(),
+            sheets: Vec::new(),
+            splat: None,
+            touched: Vec::new(),
+            tile: Tile::default(),
+            tiles: BTreeMap::new(),
+            flips: Flips::default(),
+            violations: 0,
+        }
+    }
+
+    /// Counts what `count` counts, and marks its kinds at a pixel of the tile.
+    fn at_pixel<T>(&mut self, pixel: usize, count: impl FnOnce(&mut Self, &mut Flips) -> T) -> T {
+        let mut flips = Flips::default();
+        let result = count(self, &mut flips);
+        self.tile.flipped[pixel] |= flips.here;
+        self.flips.absorb(&flips);
+        result
+    }
+
+    fn arrive(&mut self, splat: &Splat, [x, y]: [u32; 2], held: &Contribution, decision: Decision) {
+        let stage = self.stage;
+        let pixel = in_tile(x, y);
+        // What comes too late is nobody's, but for a splat that only the machine draws.
+        if self.sheets.get(pixel).is_some_and(SheetPixel::is_stopped) && splat.covers(x, y) {
+            return;
+        }
+        let near = splat.near.contribution(stage.machine, stage.at(x, y));
+        let exact = splat.footprint.row(y).beyond(x);
+        let arrival = Arrival {
+            golden: Fragment::new(&splat.footprint, &exact),
+            weight: near.weight.around(exact.weight),
+            depth: near.depth.around(exact.z * stage.quantised.scale.factor()),
+            attributes: splat.attributes,
+            held_depth: held.depth,
+        };
+        self.at_pixel(pixel, |leader, flips| {
+            if splat.cull.is_some() {
+                flips.cull(stage.may_cull(splat) || stage.may_cover(splat, x, y));
+            } else if !splat.covers(x, y) {
+                flips.coverage(stage.may_cover(splat, x, y));
+            }
+            match &stage.sheets {
+                None => leader.pixels[pixel].take(&stage.common, arrival, decision, flips),
+                Some(rules) => leader.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips),
+            }
+        });
+    }
+
+    /// Finds what only `golden` has in the tile that begins at (`left`, `top`).
+    fn find_lost(&mut self, tile: usize, left: u32, top: u32) {
+        let stage = self.stage;
+        let mut touched = std::mem::take(&mut self.touched);
+        // A machine that sorts does not take them in the order of their numbers.
+        touched.sort_unstable_by_key(|(splat, _)| *splat);
+        let mut touched = touched.iter().peekable();
+        for &index in &stage.bins[tile] {
+            while touched.next_if(|(splat, _)| *splat < index).is_some() {}
+            let mask = touched.peek().filter(|(splat, _)| *splat == index).map_or([0; TILE_AREA / 64], |(_, mask)| *mask);
+            self.find_lost_of(index, &mask, left, top);
+        }
+    }
+
+    fn find_lost_of(&mut self, index: u32, mask: &Mask, left: u32, top: u32) {
+        let stage = self.stage;
+        let (footprint, _) = set_up_anyway(stage.scene, &stage.eye, index as usize);
+        let side = TILE_PX as u32;
+        let mut splat = None;
+        for y in footprint.rows.start.max(top)..footprint.rows.end.min(top + side) {
+            for x in footprint.columns.start.max(left)..footprint.columns.end.min(left + side) {
+                let pixel = in_tile(x, y);
+                if mask[pixel / 64] >> (pixel % 64) & 1 == 1 || footprint.row(y).at(x).is_none() {
+                    continue;
+                }
+                let splat = splat.get_or_insert_with(|| stage.splat(index));
+                let culled = stage.may_cull(splat);
+                let covered = stage.may_cover(splat, x, y);
+                self.at_pixel(pixel, |_, flips| if culled && !covered { flips.cull(true) } else { flips.coverage(covered) });
+            }
+        }
+    }
+
+    /// Tiles that the machine never touched, and the frame.
+    fn finish(mut self, covered: Vec<bool>) -> Lockstep {
+        let stage = self.stage;
+        let (width, height) = (stage.scene.image.width, stage.scene.image.height);
+        for tile in 0..stage.bins.len() {
+            if !self.tiles.contains_key(&tile) && !stage.bins[tile].is_empty() {
+                self.tile = Tile::default();
+                self.tile.led.fill(stage.common.shader.background());
+                let [left, top] = [tile % stage.columns, tile / stage.columns].map(|at| (at * TILE_PX) as u32);
+                self.find_lost(tile, left, top);
+                self.tiles.insert(tile, std::mem::take(&mut self.tile));
+            }
+        }
+        let pixels = width * height;
+        let mut frame = Lockstep {
+            led: Picture { width, height, rgba: vec![stage.common.shader.background(); pixels], covered },
+            bound: vec![0.0; pixels],
+            error: vec![0.0; pixels],
+            flipped: vec![0; pixels],
+            violations: self.violations,
+            flips: self.flips,
+        };
+        for (index, tile) in self.tiles {
+            let (left, top) = (index % stage.columns * TILE_PX, index / stage.columns * TILE_PX);
+            for row in 0..TILE_PX.min(height - top) {
+                let columns = TILE_PX.min(width - left);
+                let (to, from) = ((top + row) * width + left, row * TILE_PX);
+                frame.led.rgba[to..to + columns].copy_from_slice(&tile.led[from..from + columns]);
+                frame.bound[to..to + columns].copy_from_slice(&tile.bound[from..from + columns]);
+                frame.error[to..to + columns].copy_from_slice(&tile.error[from..from + columns]);
+                frame.flipped[to..to + columns].copy_from_slice(&tile.flipped[from..from + columns]);
+            }
+        }
+        frame
+    }
+}
+
+/// A pixel's number in its tile.
+fn in_tile(x: u32, y: u32) -> usize {
+    y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX
+}
+
+/// What a part of the frame came to.
+struct Part {
+    tiles: BTreeMap<usize, Tile>,
+    flips: Flips,
+    violations: u64,
+}
+
+impl<'a> Watcher<'a> for Leader<'a> {
+    fn fork(&self) -> Box<dyn Watcher<'a> + 'a> {
+        Box::new(Leader::new(self.stage))
+    }
+
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        Box::new(Part { tiles: self.tiles, flips: self.flips, violations: self.violations })
+    }
+
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        if let Ok(part) = seen.downcast::<Part>() {
+            self.tiles.extend(part.tiles);
+            self.flips.absorb(&part.flips);
+            self.violations += part.violations;
+        }
+    }
+
+    fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
+        if self.stage.sheets.is_some() && self.sheets.is_empty() {
+            self.sheets = vec![SheetPixel::default(); TILE_AREA];
+        }
+        if self.stage.sheets.is_none() && self.pixels.is_empty() {
+            self.pixels = vec![Pixel::default(); TILE_AREA];
+        }
+        let splat = match self.splat.take() {
+            Some(splat) if splat.index == contribution.splat => splat,
+            _ => {
+                self.touched.push((contribution.splat, [0; TILE_AREA / 64]));
+                self.stage.splat(contribution.splat)
+            }
+        };
+        let pixel = in_tile(x, y);
+        if let Some((_, mask)) = self.touched.last_mut() {
+            mask[pixel / 64] |= 1 << (pixel % 64);
+        }
+        self.arrive(&splat, [x, y], contribution, decision);
+        self.splat = Some(splat);
+    }
+
+    fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], frame: [i64; 4]) {
+        let pixel = in_tile(x, y);
+        let near = self.at_pixel(pixel, |leader, flips| {
+            if let Some(rules) = &leader.stage.sheets {
+                let nothing = SheetPixel::default();
+                return leader.sheets.get(pixel).unwrap_or(&nothing).resolve(rules, &leader.stage.common);
+            }
+            let nothing = Pixel::default();
+            let held = leader.pixels.get(pixel).unwrap_or(&nothing);
+            held.resolve(&leader.stage.common, layers.iter().map(|layer| layer.slot), flips)
+        });
+        let format = self.stage.machine.machine.resolve.frame.format;
+        let error = [0, 1, 2, 3].map(|i| (format.value(frame[i]) - near[i].value).abs());
+        self.violations += u64::from((0..4).any(|i| error[i] > near[i].error));
+        self.tile.led[pixel] = near.map(|channel| channel.value);
+        self.tile.bound[pixel] = near.iter().map(|channel| channel.error).fold(0.0, f64::max);
+        self.tile.error[pixel] = error.into_iter().fold(0.0, f64::max);
+    }
+
+    fn tile(&mut self, x: u32, y: u32) {
+        self.pixels = Vec::new();
+        self.sheets = Vec::new();
+        self.splat = None;
+        let index = y as usize / TILE_PX * self.stage.columns + x as usize / TILE_PX;
+        self.find_lost(index, x, y);
+        self.tiles.insert(index, std::mem::take(&mut self.tile));
+    }
+}
+
+#[cfg(test)]
+mod tests;

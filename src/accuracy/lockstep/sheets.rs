@@ -1,0 +1,155 @@
+//! Sheets: one pixel of `golden` grouped by sheets, led by the machine's decisions, with what the machine's may be off by.
+//!
+//! The sheet of a splat is a number that both know: what can flip is the order in which a sort brings Gaussians, and where a pixel stops.
+
+use super::Flips;
+use super::pixel::{Arrival, Common};
+use crate::golden::shade::over;
+use crate::golden::sheets::closed;
+use crate::hardware::quantise::Quantised;
+use crate::hardware::registers::{Bounded, SheetWords};
+use crate::scene::{Scene, Sheet};
+use glam::{DVec3, DVec4};
+use rtl_model::machine::Elaborated;
+use rtl_model::real::{Near, Real};
+use rtl_model::units::fragment::Decision;
+
+/// What the whole frame has in common.
+pub struct SheetRules<'a> {
+    words: SheetWords<'a, Near>,
+    sorted: bool,
+}
+
+impl<'a> SheetRules<'a> {
+    /// None where fragments are grouped by depth.
+    pub fn new(scene: &'a Scene, machine: &Elaborated, quantised: &'a Quantised) -> Option<Self> {
+        let sorted = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted);
+        Some(SheetRules { words: SheetWords::new(&Bounded, scene, machine, quantised)?, sorted })
+    }
+
+    /// Lesser weights make no fragment.
+    pub fn least_weight(&self) -> Near {
+        self.words.least_weight
+    }
+}
+
+/// A sheet that is being added up.
+#[derive(Clone, Copy, Debug)]
+struct Open {
+    weight: f64,
+    rgb: DVec3,
+    /// Σw and Σw·rgb.
+    sums: [Near; 4],
+}
+
+/// What a pixel holds.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SheetPixel {
+    open: Option<Open>,
+    golden: DVec4,
+    /// The composite's slot.
+    composite: [Near; 4],
+    /// The machine takes nothing more.
+    stopped: bool,
+    /// The last contribution's depth, exact and as the sort sees it.
+    last: Option<(f64, Near)>,
+}
+
+impl SheetPixel {
+    /// Whether the machine takes nothing more.
+    pub fn is_stopped(&self) -> bool {
+        self.stopped
+    }
+
+    /// Takes a contribution as the machine took it; tells how `golden` would have differed.
+    pub fn take(&mut self, rules: &SheetRules, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+        if self.stopped {
+            return;
+        }
+        self.ask_for_order(rules, common, arrival, flips);
+        let each = rules.words.sheets.of == Sheet::Splat;
+        if let (Decision::Accumulated(_), Some(open)) = (decision, &mut self.open) {
+            open.add(common, arrival, arrival.weight);
+            return;
+        }
+        let mut fresh = Open { weight: 0.0, rgb: DVec3::ZERO, sums: [Near::exact(0.0); 4] };
+        fresh.add(common, arrival, if each { arrival.weight.min(rules.words.most_weight) } else { arrival.weight });
+        let done = if each { Some(fresh) } else { self.open.take() };
+        let dropped = decision == Decision::Dropped;
+        if let Some(done) = done {
+            let (golden, composite) = self.blended(rules, common, &done);
+            let through = Near::within(1.0 - golden.w, composite[3].around(golden.w).error);
+            let stops = !rules.words.sheets.back_to_front && through.value < rules.words.sheets.stop;
+            // Each on its own: where the last is kept, the machine's stop shows one contribution later.
+            if !each || !rules.words.sheets.keeps_last {
+                if stops != dropped {
+                    flips.eviction(through.may_cross(rules.words.stop));
+                }
+            } else if dropped {
+                self.stopped = true;
+                return;
+            }
+            if !dropped || rules.words.sheets.keeps_last {
+                (self.golden, self.composite) = (golden, composite);
+            }
+        }
+        self.stopped = dropped;
+        if !each && !dropped {
+            self.open = Some(fresh);
+        }
+    }
+
+    /// Whether `golden` would have taken this contribution after the one before.
+    fn ask_for_order(&mut self, rules: &SheetRules, common: &Common, arrival: &Arrival, flips: &mut Flips) {
+        if !rules.sorted {
+            return;
+        }
+        let key = common.machine.real_key(arrival.depth);
+        if let Some((z, last)) = self.last
+            && arrival.golden.z < z
+        {
+            flips.order(key.may_cross(last));
+        }
+        self.last = Some((arrival.golden.z, key));
+    }
+
+    /// The composite after one more sheet.
+    fn blended(&self, rules: &SheetRules, common: &Common, sheet: &Open) -> (DVec4, [Near; 4]) {
+        let exact = closed(rules.words.sheets, sheet.weight, sheet.rgb);
+        let [weight, r, g, b] = sheet.sums;
+        let near = common.machine.real_close(weight, [r, g, b], &rules.words.registers, &rules.words.ratio);
+        let near = around(near, exact);
+        let before = common.machine.real_read(self.composite);
+        let (golden, composite) = if rules.words.sheets.back_to_front {
+            (over(exact, self.golden), common.machine.real_merge(near, before))
+        } else {
+            (over(self.golden, exact), common.machine.real_merge(before, near))
+        };
+        (golden, around(composite, golden))
+    }
+
+    /// The pixel over the background, and the bound on the machine's.
+    pub fn resolve(&self, rules: &SheetRules, common: &Common) -> [Near; 4] {
+        let (golden, composite) = match &self.open {
+            Some(open) => self.blended(rules, common, open),
+            None => (self.golden, self.composite),
+        };
+        let near = common.machine.real_resolve(&[common.machine.real_read(composite)], common.background);
+        around(near, over(golden, DVec4::from_array(common.shader.background())))
+    }
+}
+
+impl Open {
+    fn add(&mut self, common: &Common, arrival: &Arrival, weight: Near) {
+        self.weight += arrival.golden.weight;
+        self.rgb += arrival.golden.rgb;
+        let [r, g, b, ..] = arrival.attributes;
+        for (lane, attribute) in [Near::exact(1.0), r, g, b].into_iter().enumerate() {
+            self.sums[lane] = common.machine.real_accumulated(lane, self.sums[lane], weight, attribute);
+        }
+    }
+}
+
+fn around(near: [Near; 4], exact: DVec4) -> [Near; 4] {
+    [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
+}

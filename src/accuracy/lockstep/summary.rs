@@ -1,0 +1,116 @@
+//! Summary: what a frame in lockstep says in numbers, and in two pictures.
+
+use super::{Flips, KINDS, Lockstep};
+use crate::accuracy::metrics;
+use crate::output::chart::{Axis, Mark, Panel, Series};
+use crate::output::picture::Picture;
+use serde::Serialize;
+
+/// A bound below which it says something: a few steps of an 8-bit display.
+const TELLING: f64 = 4.0 / 255.0;
+
+/// The machine against `golden` led by its own decisions (INTERFACE: "lockstep").
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Summary {
+    /// Peak 1, all pixels and channels; none where the pictures are equal.
+    pub psnr_db: Option<f64>,
+    /// Greatest absolute difference.
+    pub max_error: f64,
+    /// Pixels that differ by more than their bound. None should.
+    pub bound_violations: u64,
+    /// Decisions that `golden` would have taken otherwise.
+    pub decision_flips: u64,
+    /// The same by kind.
+    pub flips: Flips,
+    /// Bounds of the covered pixels.
+    pub bound: BoundSummary,
+}
+
+/// How much the bounds say, over the covered pixels.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct BoundSummary {
+    /// Half of the pixels have at most this bound; none where nothing is covered.
+    pub median: Option<f64>,
+    /// Nine in ten have at most this one; none if it is infinite.
+    pub nine_in_ten: Option<f64>,
+    /// Share of the pixels whose bound is under 4/255.
+    pub share_under_4_255: f64,
+    /// Share of the pixels whose bound is over 1 and says nothing.
+    pub share_over_1: f64,
+    /// Median of error/bound.
+    pub median_ratio: Option<f64>,
+    /// Greatest error/bound.
+    pub max_ratio: f64,
+}
+
+impl Lockstep {
+    /// In numbers; `fixed` is the machine's picture.
+    pub fn summary(&self, fixed: &Picture) -> Summary {
+        let metrics = metrics(fixed, &self.led);
+        Summary {
+            psnr_db: metrics.psnr_db,
+            max_error: metrics.max_error,
+            bound_violations: self.violations,
+            decision_flips: self.flips.total(),
+            flips: self.flips,
+            bound: self.bound_summary(),
+        }
+    }
+
+    /// Bound and error of each covered pixel.
+    fn covered(&self) -> impl Iterator<Item = [f64; 2]> {
+        (0..self.bound.len()).filter(|&i| self.led.covered[i]).map(|i| [self.bound[i], self.error[i]])
+    }
+
+    fn bound_summary(&self) -> BoundSummary {
+        let sorted = |values: &mut dyn Iterator<Item = f64>| {
+            let mut values: Vec<f64> = values.collect();
+            values.sort_unstable_by(f64::total_cmp);
+            values
+        };
+        let bounds = sorted(&mut self.covered().map(|[bound, _]| bound));
+        let ratios = sorted(&mut self.covered().map(|[bound, error]| if error > 0.0 { error / bound } else { 0.0 }));
+        let at = |values: &[f64], part: f64| values.get((part * values.len() as f64) as usize).copied().filter(|value| value.is_finite());
+        let share = |holds: &dyn Fn(&&f64) -> bool| bounds.iter().filter(holds).count() as f64 / bounds.len().max(1) as f64;
+        BoundSummary {
+            median: at(&bounds, 0.5),
+            nine_in_ten: at(&bounds, 0.9),
+            share_under_4_255: share(&|bound| **bound < TELLING),
+            share_over_1: share(&|bound| **bound > 1.0),
+            median_ratio: at(&ratios, 0.5),
+            max_ratio: ratios.last().copied().unwrap_or(0.0),
+        }
+    }
+
+    /// Where decisions flipped: a colour for each kind, on what `led` shows in grey.
+    pub fn flip_picture(&self) -> Picture {
+        let colours = [[1.0, 1.0, 1.0], [0.0, 0.45, 1.0], [1.0, 0.1, 0.0], [1.0, 0.75, 0.0], [0.9, 0.1, 0.9], [0.0, 0.8, 0.2]];
+        let pixel = |(rgba, kinds): (&[f64; 4], &u8)| {
+            // The rarest kind of a pixel wins.
+            let kind = (0..KINDS.len()).rev().find(|kind| kinds >> kind & 1 == 1);
+            let grey = 0.15 * (0.2 * rgba[0] + 0.7 * rgba[1] + 0.1 * rgba[2]).clamp(0.0, 1.0);
+            let [r, g, b] = kind.map_or([grey; 3], |kind| colours[kind]);
+            [r, g, b, 1.0]
+        };
+        Picture { rgba: self.led.rgba.iter().zip(&self.flipped).map(pixel).collect(), ..self.led.clone() }
+    }
+
+    /// Error over bound at every covered pixel; nothing may lie above the line.
+    pub fn bound_chart(&self) -> Panel {
+        // What is equal is drawn at the bottom; a log axis has no 0.
+        const LEAST: f64 = 1e-7;
+        let point = |[bound, error]: [f64; 2]| [bound.min(10.0), error.max(LEAST)];
+        // Two thousand pixels show the cloud; more would only hide it.
+        let every = (self.covered().count() / 2000).max(1);
+        let points = self.covered().step_by(every).map(point).collect();
+        let series = |name: &str, points, mark, colour| Series { name: name.into(), points, mark, colour };
+        Panel {
+            title: "|fixed − golden in lockstep| against its bound, pixel by pixel".into(),
+            x: Axis::log("bound, linear light (all beyond 10 at 10)"),
+            y: Axis::log("error, linear light"),
+            series: vec![series("pixels", points, Mark::Dots, 0), series("error = bound", vec![[1e-5, 1e-5], [1.0, 1.0]], Mark::Line, 1)],
+            limits: vec![(TELLING, "4/255".into(), 6), (1.0, "says nothing".into(), 6)],
+            ..Panel::default()
+        }
+    }
+}

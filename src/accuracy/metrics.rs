@@ -1,0 +1,239 @@
+//! Metrics: how far two pictures of one scene lie apart (INTERFACE: "accuracy").
+
+mod ssim;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::output::picture::Picture;
+
+/// Distance of two pictures: over the colour channels, linear and premultiplied, clamped to [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Metrics {
+    /// Peak 1, all pixels and channels; none where the pictures are equal.
+    pub psnr_db: Option<f64>,
+    /// The same over the pixels that a splat touches in either picture.
+    pub psnr_covered_db: Option<f64>,
+    /// Structural similarity, 1 where the pictures are equal; mean of the channels.
+    pub ssim: f64,
+    /// Greatest absolute difference.
+    pub max_error: f64,
+    /// Mean absolute difference over all pixels and channels.
+    pub mean_error: f64,
+    /// Pixels of which a channel is off by more than 1/255.
+    pub pixels_over_1_255: u64,
+}
+
+/// Compares two pictures.
+///
+/// # Panics
+/// If their sizes differ: pictures of one scene have one size.
+pub fn metrics(a: &Picture, b: &Picture) -> Metrics {
+    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of one scene have one size");
+    let sums = Sums::new(a, b);
+    let pixels = (a.width * a.height) as f64;
+    Metrics {
+        psnr_db: psnr_db(sums.squares, 3.0 * pixels),
+        psnr_covered_db: psnr_db(sums.covered_squares, 3.0 * sums.covered_pixels as f64),
+        ssim: ssim::ssim(a, b),
+        max_error: sums.max,
+        mean_error: sums.errors / (3.0 * pixels),
+        pixels_over_1_255: sums.pixels_over,
+    }
+}
+
+/// The colour of a pixel as it is compared.
+fn clamped(picture: &Picture, index: usize) -> [f64; 3] {
+    let [r, g, b, _] = picture.rgba[index];
+    [r, g, b].map(|channel| channel.clamp(0.0, 1.0))
+}
+
+/// Distance of two pictures by their pixels alone, which is quick.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Distance {
+    /// As [`Metrics::psnr_db`].
+    pub psnr_db: Option<f64>,
+    /// As [`Metrics::psnr_covered_db`].
+    pub psnr_covered_db: Option<f64>,
+    /// Mean absolute difference over the pixels that a splat touches in either picture, and the colour channels.
+    pub mean_covered_error: f64,
+    /// As [`Metrics::max_error`].
+    pub max_error: f64,
+}
+
+/// Compares two pictures, but not their structure.
+///
+/// # Panics
+/// If their sizes differ.
+pub fn distance(a: &Picture, b: &Picture) -> Distance {
+    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of one scene have one size");
+    let sums = Sums::new(a, b);
+    let values = 3.0 * sums.covered_pixels as f64;
+    Distance {
+        psnr_db: psnr_db(sums.squares, 3.0 * (a.width * a.height) as f64),
+        psnr_covered_db: psnr_db(sums.covered_squares, values),
+        mean_covered_error: if values > 0.0 { sums.covered_errors / values } else { 0.0 },
+        max_error: sums.max,
+    }
+}
+
+/// Greatest absolute difference of two pictures at one pixel, of the colour channels.
+pub fn pixel_error(a: &Picture, b: &Picture, index: usize) -> f64 {
+    difference(a, b, index).into_iter().fold(0.0, f64::max)
+}
+
+/// Absolute difference of two pictures at one pixel.
+pub(super) fn difference(a: &Picture, b: &Picture, index: usize) -> [f64; 3] {
+    let (a, b) = (clamped(a, index), clamped(b, index));
+    std::array::from_fn(|channel| (a[channel] - b[channel]).abs())
+}
+
+/// Sums of one row; rows are added up from the top, so that threads do not show in the last bit.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    squares: f64,
+    covered_squares: f64,
+    covered_errors: f64,
+    covered_pixels: u64,
+    errors: f64,
+    max: f64,
+    pixels_over: u64,
+}
+
+impl Sums {
+    fn new(a: &Picture, b: &Picture) -> Sums {
+        let rows: Vec<Sums> = (0..a.height).into_par_iter().map(|y| Sums::of_row(a, b, y)).collect();
+        rows.into_iter().fold(Sums::default(), Sums::and)
+    }
+
+    fn of_row(a: &Picture, b: &Picture, y: usize) -> Sums {
+        let mut sums = Sums::default();
+        for index in y * a.width..(y + 1) * a.width {
+            let error = difference(a, b, index);
+            let squares = error.iter().map(|e| e * e).sum::<f64>();
+            sums.squares += squares;
+            if a.covered[index] || b.covered[index] {
+                sums.covered_squares += squares;
+                sums.covered_errors += error.iter().sum::<f64>();
+                sums.covered_pixels += 1;
+            }
+            sums.errors += error.iter().sum::<f64>();
+            let worst = error.into_iter().fold(0.0, f64::max);
+            sums.max = sums.max.max(worst);
+            sums.pixels_over += u64::from(worst > 1.0 / 255.0);
+        }
+        sums
+    }
+
+    fn and(self, next: Sums) -> Sums {
+        Sums {
+            squares: self.squares + next.squares,
+            covered_squares: self.covered_squares + next.covered_squares,
+            covered_errors: self.covered_errors + next.covered_errors,
+            covered_pixels: self.covered_pixels + next.covered_pixels,
+            errors: self.errors + next.errors,
+            max: self.max.max(next.max),
+            pixels_over: self.pixels_over + next.pixels_over,
+        }
+    }
+}
+
+/// `10·log10(1 / mean square)`.
+fn psnr_db(squares: f64, values: f64) -> Option<f64> {
+    (squares > 0.0).then(|| -10.0 * libm::log10(squares / values))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Colours that both this program and the one that made the expected numbers can compute: with numpy's
+    /// `y, x, c = mgrid[0:h, 0:w, 0:3]`, `a = (7x + 13y + 5c) % 32 / 31`, `b = clip(a + ((3x + 5y + c) % 8 − 4) / 64, 0, 1)`.
+    /// The left half of `a` is covered, nothing of `b`.
+    fn pair(width: usize, height: usize) -> (Picture, Picture) {
+        let pixel = |index: usize| {
+            let (x, y) = (index % width, index / width);
+            let a: [f64; 3] = std::array::from_fn(|c| ((7 * x + 13 * y + 5 * c) % 32) as f64 / 31.0);
+            let shift = |c: usize| (((3 * x + 5 * y + c) % 8) as f64 - 4.0) / 64.0;
+            (a, std::array::from_fn(|c| (a[c] + shift(c)).clamp(0.0, 1.0)))
+        };
+        let (a, b): (Vec<[f64; 3]>, Vec<[f64; 3]>) = (0..width * height).map(pixel).unzip();
+        let picture = |colours: Vec<[f64; 3]>, covered: &dyn Fn(usize) -> bool| Picture {
+            width,
+            height,
+            rgba: colours.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect(),
+            covered: (0..width * height).map(covered).collect(),
+        };
+        (picture(a, &|index| index % width < width / 2), picture(b, &|_| false))
+    }
+
+    fn close(a: f64, b: f64) -> bool {
+        (a - b).abs() < 1e-12
+    }
+
+    /// From numpy: `d = abs(a − b)`, `−10·log10((d·d).mean())` and so on.
+    #[test]
+    fn the_distances_are_those_that_numpy_finds() {
+        let (a, b) = pair(24, 20);
+        let metrics = metrics(&a, &b);
+        assert!(close(metrics.psnr_db.unwrap(), 29.104267601378865), "{metrics:?}");
+        assert!(close(metrics.psnr_covered_db.unwrap(), 29.10007602797664), "{metrics:?}");
+        assert!(close(metrics.max_error, 0.0625) && close(metrics.mean_error, 0.029324526769713262), "{metrics:?}");
+        assert_eq!(metrics.pixels_over_1_255, 480);
+        let distance = distance(&a, &b);
+        assert_eq!((distance.psnr_covered_db, distance.max_error), (metrics.psnr_covered_db, metrics.max_error));
+        assert_eq!(distance.psnr_db, metrics.psnr_db);
+        assert!(close(distance.mean_covered_error, 0.02933537746415771), "{distance:?}");
+    }
+
+    /// From scikit-image: `structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
+    /// data_range=1, channel_axis=2)`.
+    #[test]
+    fn ssim_is_what_scikit_image_finds() {
+        let (a, b) = pair(24, 20);
+        assert!(close(metrics(&a, &b).ssim, 0.9932441143041267));
+        let (a, b) = pair(11, 11);
+        assert!(close(metrics(&a, &b).ssim, 0.9927437188116529));
+    }
+
+    /// From numpy, with a matrix of renormalised window weights for each side.
+    #[test]
+    fn ssim_cuts_its_window_where_a_picture_is_narrower() {
+        for (width, height, expected) in [(7, 20, 0.9930814245918298), (3, 2, 0.9921228786918073)] {
+            let (a, b) = pair(width, height);
+            assert!(close(metrics(&a, &b).ssim, expected), "{width}×{height}");
+        }
+    }
+
+    #[test]
+    fn one_pixel_can_be_compared() {
+        let pixel = |value: f64| Picture { width: 1, height: 1, rgba: vec![[value, value, value, 1.0]], covered: vec![true] };
+        let metrics = metrics(&pixel(0.5), &pixel(0.25));
+        // A mean square of 1/16; without variance only the luminance is left of SSIM.
+        assert!(close(metrics.psnr_db.unwrap(), 12.041199826559248));
+        assert!(close(metrics.ssim, (2.0 * 0.125 + 1e-4) / (0.3125 + 1e-4)));
+        assert_eq!((metrics.max_error, metrics.mean_error, metrics.pixels_over_1_255), (0.25, 0.25, 1));
+    }
+
+    #[test]
+    fn equal_pictures_have_no_psnr_and_nothing_covered_has_none_either() {
+        let (a, b) = pair(24, 20);
+        let same = metrics(&a, &a);
+        assert_eq!((same.psnr_db, same.psnr_covered_db, same.ssim), (None, None, 1.0));
+        let nothing_covered = Picture { covered: vec![false; a.covered.len()], ..a };
+        assert_eq!(metrics(&nothing_covered, &b).psnr_covered_db, None);
+    }
+
+    #[test]
+    fn one_255th_is_not_over_one_255th() {
+        let picture = |value: f64| Picture { width: 1, height: 1, rgba: vec![[value, 0.0, 0.0, 1.0]], covered: vec![true] };
+        assert_eq!(metrics(&picture(0.0), &picture(1.0 / 255.0)).pixels_over_1_255, 0);
+        assert_eq!(metrics(&picture(0.0), &picture(1.001 / 255.0)).pixels_over_1_255, 1);
+    }
+
+    #[test]
+    fn what_lies_outside_of_the_range_is_clamped_before_it_is_compared() {
+        let picture = |value: f64| Picture { width: 1, height: 1, rgba: vec![[value; 4]], covered: vec![true] };
+        assert_eq!(metrics(&picture(1.0), &picture(7.0)).psnr_db, None);
+    }
+}

@@ -1,0 +1,13 @@
+//! Accuracy: how far pictures lie apart, whose arithmetic it is, and how far it can be.
+
+pub mod attribution;
+mod error_picture;
+mod lockstep;
+mod metrics;
+pub mod partial;
+pub mod proofs;
+pub mod ranges;
+
+pub use error_picture::{ErrorPicture, error_picture};
+pub use lockstep::{BoundSummary, Flips, KINDS, Lockstep, Summary, lockstep};
+pub use metrics::{Distance, Metrics, distance, metrics, pixel_error};

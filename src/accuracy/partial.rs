@@ -1,0 +1,376 @@
+//! Mixed: draws a scene on a machine of which only some words are words, and f64 takes the place of the rest.
+//!
+//! ```text
+//! chosen words ─►┬─ set up: splats, project, ellipse ─► footprints ─┐
+//!                └─ fill: raster, gauss, fragment, shade, resolve ◄─┴─► picture
+//! ```
+//! The arithmetic is that of the units over the reals (`real.rs` of each), the rules for fragments and sheets are golden's, on whatever
+//! numbers come out. All words chosen, it is the machine, but for what f64 loses of its longest products; none chosen, it is `golden`.
+//!
+//! Laws (tests/attribution.rs): `with_no_word_it_is_golden`, `with_every_word_it_is_the_machine`.
+
+mod sheets;
+
+use crate::golden::footprint::pixels;
+use crate::golden::fragments::{Fragment, nearest_pair, nearest_within};
+use crate::golden::shade::Shader;
+use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
+use crate::golden::{FragmentDepth, Merge, Outcomes, Rules};
+use crate::hardware::fixed;
+use crate::hardware::quantise::Quantised;
+use crate::hardware::registers::{Chosen, INPUTS, Registers, SheetWords};
+use crate::output::picture::Picture;
+use crate::scene::{Scene, View};
+use glam::DVec3;
+use rayon::prelude::*;
+use rtl_model::machine::{Elaborated, Signal};
+use rtl_model::pipeline::real::walked;
+use rtl_model::real::{Mixed, Switches};
+use rtl_model::units::raster::real::Input;
+use rtl_model::units::shade::real::{Lighting, Sums};
+use sheets::SheetPixels;
+use std::ops::Range;
+
+/// The units, the splat's record before them and the sort between them, in the order of the diagram.
+pub const UNITS: [&str; 9] = ["splat", "project", "ellipse", "sort", "raster", "gauss", "fragment", "shade", "resolve"];
+
+/// Words that only machines for ellipsoids are given.
+const OF_ELLIPSOIDS: [&str; 2] = ["ellipse.quaternion", "ellipse.scale"];
+
+/// The word that a signal belongs to: those inside a function unit are the unit's.
+fn word_of(signal: &Signal) -> String {
+    let name = signal.name.split('.').next().unwrap_or_default();
+    format!("{}.{name}", signal.unit)
+}
+
+/// Every word of a machine, as `unit.word`, in the order of the diagram.
+pub fn words(machine: &Elaborated) -> Vec<String> {
+    let mut words: Vec<String> = INPUTS.iter().map(|&name| name.to_owned()).chain(machine.signals.iter().map(word_of)).collect();
+    let ellipsoids = machine.machine.ellipse.ellipsoid.is_some();
+    // Sides of a box are whole pixels in any arithmetic.
+    words.retain(|word| word != "ellipse.edge" && (ellipsoids || !OF_ELLIPSOIDS.contains(&word.as_str())));
+    words.sort_by_key(|word| UNITS.iter().position(|unit| word.split('.').next() == Some(unit)));
+    let mut unique = Vec::new();
+    for word in words {
+        if !unique.contains(&word) {
+            unique.push(word);
+        }
+    }
+    unique
+}
+
+/// Words of a machine.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    inputs: Vec<&'static str>,
+    switches: Switches,
+}
+
+impl Choice {
+    /// Those words of which this holds.
+    pub fn new(machine: &Elaborated, is_chosen: impl Fn(&str) -> bool) -> Self {
+        Choice {
+            inputs: INPUTS.into_iter().filter(|name| is_chosen(name)).collect(),
+            switches: Switches(machine.signals.iter().map(|signal| is_chosen(&word_of(signal))).collect()),
+        }
+    }
+
+    fn hold(&self) -> Chosen<'_> {
+        Chosen { inputs: &self.inputs, switches: &self.switches }
+    }
+}
+
+/// A splat that has been set up: plain numbers, so that other words may be chosen for what follows.
+#[derive(Clone, Debug)]
+pub struct Footprint {
+    columns: Range<u32>,
+    rows: Range<u32>,
+    input: Input<f64>,
+    amplitude: f64,
+    /// rgb, α, normal.
+    attributes: [f64; ATTRIBUTES],
+    material: u32,
+    splat: u32,
+    /// By which they are sorted.
+    key: f64,
+}
+
+/// Attributes of a contribution: rgb, α, normal.
+const ATTRIBUTES: usize = 7;
+
+/// A scene, and the machine that draws it.
+#[derive(Clone, Debug)]
+pub struct Stage<'a> {
+    scene: &'a Scene,
+    machine: &'a Elaborated,
+    quantised: &'a Quantised,
+    eye: View,
+    rules: Rules,
+}
+
+impl<'a> Stage<'a> {
+    /// Where `scene` is drawn on `machine`.
+    pub fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised) -> Self {
+        Stage { scene, machine, quantised, eye: scene.view(), rules: fixed::rules(&machine.machine) }
+    }
+
+    fn registers(&self) -> Registers<'_> {
+        Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised }
+    }
+
+    /// Sets every splat up, with the chosen words, in the order in which they are drawn.
+    pub fn set_up(&self, choice: &Choice) -> Vec<Footprint> {
+        let (registers, hold) = (self.registers(), choice.hold());
+        let view = registers.view(&hold);
+        let ellipsoids = self.scene.ellipsoids.as_ref();
+        let lighting = ellipsoids.filter(|ellipsoids| ellipsoids.preshaded).map(|_| registers.lighting(&hold));
+        let one = |index: usize| {
+            let splat = registers.splat(&hold, index);
+            let (point, ellipse) = self.machine.real_set_up(&view, &splat, registers.ellipsoid(&hold, index).as_ref());
+            let backface = self.scene.surface.cull_backfaces && ellipse.facing.value > 0.0;
+            let is_dark = |number: Mixed| number.value == 0.0 || number.value.is_nan();
+            let faint = [ellipse.facing, splat.radius, ellipse.determinant, ellipse.amplitude].into_iter().any(is_dark);
+            let beyond = point.inside.iter().any(|inside| inside.value < 0.0);
+            let near = point.depth.value <= view.near.value || point.depth.value.is_nan();
+            if near || beyond || backface || faint {
+                return None;
+            }
+            let [width, height] = [self.scene.image.width, self.scene.image.height];
+            let [columns, rows] = [(0, width), (1, height)]
+                .map(|(axis, size)| pixels(self.eye.half_px[axis] + point.pixel[axis].value, ellipse.extent[axis].value, size));
+            let Input { pixel, conic, depth, depth_slope, depth_range } = walked(&point, &ellipse);
+            let material = self.scene.splats[index].material;
+            let lit = lighting.as_ref().map(|lighting| self.machine.real_emission(lighting, splat.rgb, ellipse.normal, material));
+            let [r, g, b] = lit.unwrap_or(splat.rgb);
+            let [x, y, z] = ellipse.normal;
+            let footprint = Footprint {
+                columns: columns?,
+                rows: rows?,
+                input: Input {
+                    pixel: pixel.map(number),
+                    conic: conic.map(number),
+                    depth: depth.value,
+                    depth_slope: depth_slope.map(number),
+                    depth_range: depth_range.value,
+                },
+                amplitude: ellipse.amplitude.value,
+                attributes: [r, g, b, splat.opacity, x, y, z].map(number),
+                material,
+                splat: index as u32,
+                key: self.machine.real_key(point.depth).value,
+            };
+            (!footprint.columns.is_empty() && !footprint.rows.is_empty()).then_some(footprint)
+        };
+        let mut footprints: Vec<Footprint> = (0..self.scene.splats.len()).into_par_iter().filter_map(one).collect();
+        if ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted) {
+            footprints.sort_by(|a, b| a.key.total_cmp(&b.key));
+        }
+        footprints
+    }
+
+    /// Draws what was set up, with the chosen words.
+    pub fn fill(&self, choice: &Choice, footprints: &[Footprint]) -> Picture {
+        let (registers, hold) = (self.registers(), choice.hold());
+        let shader = Shader::new(self.scene);
+        let frame = FrameWords {
+            stage: self,
+            cutoff: registers.view(&hold).cutoff.value,
+            z_threshold: registers.z_threshold(&hold).value,
+            coverage_threshold: registers.coverage_threshold(&hold).value,
+            opaque: registers.opaque(&hold, self.rules.opaque).value,
+            lighting: registers.lighting(&hold),
+            background: registers.background(&hold, &shader),
+            sheets: SheetWords::new(&hold, self.scene, self.machine, self.quantised),
+            switches: &choice.switches,
+        };
+        let drawn: Vec<Drawn> = footprints.iter().map(|footprint| Drawn { frame: &frame, footprint }).collect();
+        let background = self.machine.real_resolve(&[], frame.background).map(number);
+        match &frame.sheets {
+            None => fill(&self.scene.image, &drawn, background, || Pixels::new(&frame)).picture,
+            Some(words) => fill(&self.scene.image, &drawn, background, || SheetPixels::new(&frame, words)).picture,
+        }
+    }
+}
+
+fn number(mixed: Mixed) -> f64 {
+    mixed.value
+}
+
+/// What the whole frame has in common.
+struct FrameWords<'a> {
+    stage: &'a Stage<'a>,
+    cutoff: f64,
+    z_threshold: f64,
+    coverage_threshold: f64,
+    opaque: f64,
+    lighting: Lighting<Mixed<'a>>,
+    background: [Mixed<'a>; 4],
+    /// None where fragments are grouped by depth.
+    sheets: Option<SheetWords<'a, Mixed<'a>>>,
+    switches: &'a Switches,
+}
+
+impl<'a> FrameWords<'a> {
+    fn word(&self, value: f64) -> Mixed<'a> {
+        Mixed::new(value, self.switches)
+    }
+}
+
+/// One footprint, on its way into a frame.
+struct Drawn<'a> {
+    frame: &'a FrameWords<'a>,
+    footprint: &'a Footprint,
+}
+
+/// One splat at one pixel.
+struct Arrival<'a> {
+    footprint: &'a Footprint,
+    weight: f64,
+    /// Machine units.
+    depth: f64,
+}
+
+impl<'a> Cover for Drawn<'a> {
+    type Contribution = Arrival<'a>;
+
+    fn sides(&self) -> [&Range<u32>; 2] {
+        [&self.footprint.columns, &self.footprint.rows]
+    }
+
+    fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Arrival<'a>)) {
+        let (frame, footprint) = (self.frame, self.footprint);
+        let (machine, half_px) = (frame.stage.machine, frame.stage.eye.half_px);
+        let Input { pixel, conic, depth, depth_slope, depth_range } = footprint.input;
+        let word = |value: f64| frame.word(value);
+        let input = Input {
+            pixel: pixel.map(word),
+            conic: conic.map(word),
+            depth: word(depth),
+            depth_slope: depth_slope.map(word),
+            depth_range: word(depth_range),
+        };
+        let (left, top) = (footprint.columns.start, footprint.rows.start);
+        let least_weight = frame.sheets.as_ref().map_or(0.0, |words| words.least_weight.value);
+        let first = [f64::from(left) + 0.5 - half_px[0], f64::from(top) + 0.5 - half_px[1]];
+        let downwards = machine.mixed_rows(&input, first, rows.start - top..rows.end - top);
+        for (y, row) in rows.zip(downwards) {
+            for x in columns.clone() {
+                let [radial, depth] = machine.mixed_pixel(&row, f64::from(x - left));
+                if radial.value < frame.cutoff {
+                    let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
+                    // A weight that rounds to 0 makes no fragment.
+                    if weight > 0.0 && weight >= least_weight {
+                        take([x, y], Arrival { footprint, weight, depth: machine.real_depth(depth).value });
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The fragments of a tile's pixels, as golden keeps them; depths in machine units.
+struct Pixels<'a> {
+    frame: &'a FrameWords<'a>,
+    fragments: Vec<Vec<Fragment>>,
+}
+
+impl<'a> Pixels<'a> {
+    fn new(frame: &'a FrameWords<'a>) -> Self {
+        Pixels { frame, fragments: vec![Vec::new(); PIXELS_IN_A_TILE] }
+    }
+}
+
+impl<'a> Painter for Pixels<'a> {
+    type Contribution = Arrival<'a>;
+
+    fn take(&mut self, pixel: usize, arrival: Arrival<'a>) {
+        let (frame, fragments) = (self.frame, &mut self.fragments[pixel]);
+        let rules = &frame.stage.rules;
+        if let Some(slot) = nearest_within(frame.z_threshold, arrival.depth, fragments) {
+            let fragment = &mut fragments[slot];
+            frame.accumulate(fragment, &arrival);
+            if rules.fragment_depth == FragmentDepth::Nearest {
+                fragment.z = fragment.z.min(arrival.depth);
+            }
+            return;
+        }
+        let mut new = Fragment { z: arrival.depth, material: arrival.footprint.material, ..Fragment::default() };
+        frame.accumulate(&mut new, &arrival);
+        if fragments.len() < rules.layers {
+            fragments.push(new);
+        } else if rules.merge == Merge::Replace {
+            if new.z < fragments[0].z {
+                fragments[0] = new;
+            }
+        } else {
+            frame.overflow(fragments, new);
+        }
+    }
+
+    fn finish(&mut self, pixel: usize) -> [f64; 4] {
+        let (frame, fragments) = (self.frame, &mut self.fragments[pixel]);
+        fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
+        let layers: Vec<[Mixed; 4]> = fragments.drain(..).map(|fragment| frame.light(&fragment)).collect();
+        frame.stage.machine.real_resolve(&layers, frame.background).map(number)
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        Outcomes::default()
+    }
+}
+
+impl<'a> FrameWords<'a> {
+    fn accumulate(&self, fragment: &mut Fragment, arrival: &Arrival) {
+        let weight = self.word(arrival.weight);
+        let sum = |lane: usize, sum: f64, attribute: f64| {
+            self.stage.machine.real_accumulated(lane, self.word(sum), weight, self.word(attribute)).value
+        };
+        let [r, g, b, opacity, x, y, z] = arrival.footprint.attributes;
+        let Fragment { weight: all, rgb, alpha, normal, .. } = *fragment;
+        fragment.weight = sum(0, all, 1.0);
+        fragment.rgb = DVec3::new(sum(1, rgb.x, r), sum(2, rgb.y, g), sum(3, rgb.z, b));
+        fragment.alpha = sum(4, alpha, opacity);
+        fragment.normal = DVec3::new(sum(5, normal.x, x), sum(6, normal.y, y), sum(7, normal.z, z));
+    }
+
+    /// One fragment too many: drops one that nobody sees, or makes one of two.
+    fn overflow(&self, fragments: &mut Vec<Fragment>, new: Fragment) {
+        let rules = &self.stage.rules;
+        fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
+        let place = fragments.partition_point(|fragment| fragment.z <= new.z);
+        fragments.insert(place, new);
+        let deepest = fragments.len() - 1;
+        let hides = |fragment: &Fragment| fragment.is_opaque(self.opaque, self.coverage_threshold);
+        if rules.evict_hidden && fragments[..deepest].iter().any(hides) {
+            fragments.truncate(deepest);
+            return;
+        }
+        let front = if rules.merge == Merge::NearestPair { nearest_pair(fragments) } else { deepest - 1 };
+        let [over, under] = [front, front + 1].map(|slot| self.stored(&fragments[slot]));
+        let [r, g, b, alpha] = self.stage.machine.real_merge(over, under).map(number);
+        fragments[front] = Fragment { rgb: DVec3::new(r, g, b), alpha, shaded: true, ..fragments[front] };
+        fragments.remove(front + 1);
+    }
+
+    /// What a merge blends of a fragment: it lives in a slot once it is shaded.
+    fn stored(&self, fragment: &Fragment) -> [Mixed<'a>; 4] {
+        if fragment.shaded { self.light(fragment) } else { self.stage.machine.real_stored(self.light(fragment)) }
+    }
+
+    /// Premultiplied colour and opacity of a fragment.
+    fn light(&self, fragment: &Fragment) -> [Mixed<'a>; 4] {
+        let Fragment { weight, rgb, alpha, normal, .. } = *fragment;
+        if fragment.shaded {
+            return self.stage.machine.real_read([rgb.x, rgb.y, rgb.z, alpha].map(|channel| self.word(channel)));
+        }
+        let mean = |sum: f64| self.word(if weight > 0.0 { sum / weight } else { 0.0 });
+        let sums = Sums {
+            weight: self.word(weight),
+            rgb: rgb.to_array().map(mean),
+            opacity: mean(alpha),
+            normal: normal.to_array().map(mean),
+            material: fragment.material,
+        };
+        self.stage.machine.real_shade(&self.lighting, &sums)
+    }
+}

@@ -1,0 +1,108 @@
+//! Sheets: the pixels of a tile whose fragments are grouped by sheets, on whatever numbers come out.
+
+use super::{Arrival, FrameWords, number};
+use crate::golden::Outcomes;
+use crate::golden::tiles::{PIXELS_IN_A_TILE, Painter};
+use crate::hardware::registers::SheetWords;
+use crate::scene::Sheet;
+use rtl_model::real::Mixed;
+
+/// Σw and Σw·rgb.
+type Sums = [f64; 4];
+
+/// One pixel: the sheet that is open, and those before it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pixel {
+    open: Option<(u32, Sums)>,
+    /// Colour times opacity, and opacity, as a slot holds them.
+    composite: [f64; 4],
+    stopped: bool,
+}
+
+/// The pixels of a tile.
+pub(super) struct SheetPixels<'a> {
+    frame: &'a FrameWords<'a>,
+    words: &'a SheetWords<'a, Mixed<'a>>,
+    pixels: Vec<Pixel>,
+}
+
+impl<'a> SheetPixels<'a> {
+    pub fn new(frame: &'a FrameWords<'a>, words: &'a SheetWords<'a, Mixed<'a>>) -> Self {
+        SheetPixels { frame, words, pixels: vec![Pixel::default(); PIXELS_IN_A_TILE] }
+    }
+
+    fn added(&self, sums: Sums, arrival: &Arrival, weight: f64) -> Sums {
+        let [r, g, b, ..] = arrival.footprint.attributes;
+        let (machine, weight) = (self.frame.stage.machine, self.frame.word(weight));
+        let add = |(lane, attribute): (usize, f64)| {
+            machine.real_accumulated(lane, self.frame.word(sums[lane]), weight, self.frame.word(attribute)).value
+        };
+        [(0, 1.0), (1, r), (2, g), (3, b)].map(add)
+    }
+
+    /// A slot after one more sheet.
+    fn blended(&self, composite: [f64; 4], sums: Sums) -> [f64; 4] {
+        let machine = self.frame.stage.machine;
+        let [weight, r, g, b] = sums.map(|sum| self.frame.word(sum));
+        let sheet = machine.real_close(weight, [r, g, b], &self.words.registers, &self.words.ratio);
+        let before = self.read(composite);
+        let blended = if self.words.sheets.back_to_front { machine.real_merge(sheet, before) } else { machine.real_merge(before, sheet) };
+        blended.map(number)
+    }
+
+    fn read(&self, composite: [f64; 4]) -> [Mixed<'a>; 4] {
+        self.frame.stage.machine.real_read(composite.map(|channel| self.frame.word(channel)))
+    }
+
+    /// Blends a sheet that is done.
+    fn close(&self, pixel: &mut Pixel, sums: Sums) {
+        let blended = self.blended(pixel.composite, sums);
+        pixel.stopped = !self.words.sheets.back_to_front && 1.0 - blended[3] < self.words.stop.value;
+        if !pixel.stopped || self.words.sheets.keeps_last {
+            pixel.composite = blended;
+        }
+    }
+}
+
+impl<'a> Painter for SheetPixels<'a> {
+    type Contribution = Arrival<'a>;
+
+    fn take(&mut self, at: usize, arrival: Arrival<'a>) {
+        let mut pixel = self.pixels[at];
+        if pixel.stopped {
+            return;
+        }
+        match &self.words.sheets.of {
+            Sheet::Splat => {
+                let weight = arrival.weight.min(self.words.most_weight.value);
+                let sums = self.added(Sums::default(), &arrival, weight);
+                self.close(&mut pixel, sums);
+            }
+            Sheet::Slice(numbers) => {
+                let sheet = numbers[arrival.footprint.splat as usize];
+                let before = match pixel.open.take() {
+                    Some((open, sums)) if open == sheet => sums,
+                    Some((_, sums)) => {
+                        self.close(&mut pixel, sums);
+                        Sums::default()
+                    }
+                    None => Sums::default(),
+                };
+                if !pixel.stopped {
+                    pixel.open = Some((sheet, self.added(before, &arrival, arrival.weight)));
+                }
+            }
+        }
+        self.pixels[at] = pixel;
+    }
+
+    fn finish(&mut self, at: usize) -> [f64; 4] {
+        let Pixel { open, composite, .. } = std::mem::take(&mut self.pixels[at]);
+        let all = open.map_or(composite, |(_, sums)| self.blended(composite, sums));
+        self.frame.stage.machine.real_resolve(&[self.read(all)], self.frame.background).map(number)
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        Outcomes::default()
+    }
+}

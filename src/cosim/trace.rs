@@ -1,0 +1,553 @@
+//! Trace: dumps what crosses the wires between units, for whoever checks hardware against the machine.
+//!
+//! ```text
+//! DIR/manifest.json     what everything is: machine, scene, window, streams with fields, keys, counts and digests; written last
+//!     README.md         the same for people, and what each unit does
+//!     frame.hex …       constants: registers, lights, materials          one record a line, hexadecimal, for $readmemh
+//!     raster.in.hex …   a stream each: one record for each transfer through the port
+//!     keys/…            where each record comes from: splat, pixel, slot, parent, what happened to its words
+//!     rom/…             tables
+//!     coverage.csv          which roundings, limits and decisions the records met, and how often
+//!     waves.vcd waves.fst   when units took their items, if asked for
+//!     machine_pkg.sv records.svh records.h      formats and records in SystemVerilog and C
+//! ```
+//! Streams are in the order of a machine that takes splat after splat, and each box row by row.
+//!
+//! Laws: `a_trace_replays_through_the_units`, `a_window_replays_alone` (tests/trace.rs).
+
+mod coverage;
+mod headers;
+mod record;
+mod roms;
+mod stimulus;
+mod transfers;
+mod watcher;
+mod waves;
+
+pub use record::{Layout, Malformed};
+pub use transfers::{Key, NONE};
+pub use watcher::flag;
+
+use crate::error::{Error, Result};
+use crate::hardware::fixed;
+use crate::hardware::quantise::quantise;
+use crate::output::files::{open_folder, write_beside};
+use crate::output::text::{aligned, hex, plain_table, thousands};
+use crate::scene::Scene;
+use crate::scene::digest::digest_of;
+use coverage::Coverage;
+use rayon::prelude::*;
+use rtl_model::Machine;
+use rtl_model::frame::Frame;
+use rtl_model::machine::Elaborated;
+use rtl_model::pipeline;
+use rtl_model::ports::{self, Kind, Order, Stream};
+use rtl_model::timing::{self, Detail};
+use rtl_model::units::fragment::Slot;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+use stimulus::Tag;
+use transfers::{Rectangle, Source, Transfers};
+use watcher::Watcher;
+use waves::Waves;
+
+/// What a trace is asked to hold.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Window {
+    /// Units whose ports are wanted; all if empty.
+    pub units: Vec<String>,
+    /// Splats from the first to the one before the second, by their places in the scene.
+    pub splats: Option<[u32; 2]>,
+    /// First column and row, last column and row.
+    pub pixels: Option<[u32; 4]>,
+    /// One in so many splats and pixels.
+    pub sample: Option<u32>,
+    /// So many random cases for each unit, beside those made on purpose, instead of the scene's own transfers.
+    pub stimulus: Option<u32>,
+    /// Waves of these cycles, from the first to the one before the second.
+    pub waves: Option<[u64; 2]>,
+    /// Which sample, or which random cases.
+    pub seed: u64,
+}
+
+/// What was written.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Written {
+    /// Streams, their records and the bytes of their records.
+    pub streams: Vec<(String, u64, u64)>,
+    /// How many cases were met, of how many (coverage.csv).
+    pub coverage: [u64; 2],
+}
+
+/// The units that have ports, in the order of the diagram.
+pub const UNITS: [&str; 8] = ["pipeline", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
+/// Where splats are sorted there is one more.
+const SORTED_UNITS: [&str; 9] = ["pipeline", "project", "ellipse", "sort", "raster", "gauss", "fragment", "shade", "resolve"];
+
+/// Where splats are sorted, what these units do depends on all splats that meet at a pixel.
+const OF_ALL_SPLATS: [&str; 4] = ["sort", "fragment", "shade", "resolve"];
+
+/// Most cycles of waves.
+const MOST_WAVES: u64 = 10_000_000;
+
+/// Records that are made into text at a time by one thread.
+const CHUNK: usize = 16_384;
+
+/// Draws a scene on a machine and writes what crossed the wires; or made-up cases for each unit, with the scene's constants.
+///
+/// # Errors
+/// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file cannot be written.
+pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
+    let elaborated = fixed::elaborate(machine)?;
+    let frame = quantise(scene, machine)?.frame;
+    let kind = Kind::of(&frame);
+    let rectangle = window.check(&frame)?;
+    open_folder(folder)?;
+    let folder = Folder { folder, machine: &elaborated, frame: &frame };
+    let mut contents = if let Some(cases) = window.stimulus {
+        let stimulus::Stimulus { made, tags, coverage } =
+            stimulus::stimulus(&elaborated, &frame, cases, window.seed, |units| window.wants_any(units));
+        let sources: Vec<Source> = made.iter().map(Source::of).collect();
+        folder.contents(window, &sources, &coverage, &tags)?
+    } else {
+        let whole = Whole { machine: &elaborated, frame: &frame };
+        let (shown, splats, before) = whole.part(window, rectangle);
+        let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
+        let mut watcher = Watcher::new(&elaborated, &shown, before.splats.len() as u32);
+        let setup = pipeline::set_up_told(&elaborated, &shown, &mut watcher);
+        if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
+            pipeline::fill_told(&elaborated, &shown, &setup, &mut watcher);
+        }
+        let mut coverage = std::mem::take(&mut watcher.coverage);
+        watcher.decisions(&mut coverage);
+        let transfers = Transfers::new(&elaborated, &shown, &splats, watcher, start, rectangle);
+        let sources = transfers.sources();
+        if let Some(cycles) = window.waves {
+            let (_, work) = pipeline::draw_recorded(&elaborated, &shown);
+            let replayed = timing::replay(&elaborated.timing, &work, Detail::Log);
+            Waves::new(&elaborated, kind, &replayed.units, &sources, cycles).write(folder.folder)?;
+        }
+        folder.contents(window, &sources, &coverage, &[])?
+    };
+    let description = serde_json::to_string_pretty(machine).unwrap_or_default() + "\n";
+    let mut manifest = json!({
+        "format": "splatsim-trace-1",
+        "version": env!("CARGO_PKG_VERSION"),
+        "machine": {"name": machine.name, "sha256": hex(&Sha256::digest(&description)), "description": machine},
+        "scene": {
+            "name": scene.name, "sha256": digest_of(scene), "splats": scene.splats.len(),
+            "width": frame.width, "height": frame.height, "text": scene_text, "complete": scene_text.is_some_and(is_complete),
+        },
+        "window": {
+            "units": if window.units.is_empty() { units(kind).iter().map(|&unit| unit.to_owned()).collect() } else { window.units.clone() },
+            "splats": window.splats.unwrap_or([0, frame.splats.len() as u32]),
+            "pixels": [rectangle[0], rectangle[1], rectangle[2] - 1, rectangle[3] - 1],
+            "sample": window.sample, "stimulus": window.stimulus, "seed": window.seed,
+        },
+        "records": "one a line: hexadecimal digits of the whole record, two's complement, first field in the most significant bits",
+        "keys": {
+            "fields": key_fields(), "flags": flag::NAMES,
+            "none": "all ones; a record's sequence number is the number of its line, from 0, and `parent` is one of the stream before",
+        },
+    });
+    let mut formats = headers::words_and_numbers(&elaborated, &frame);
+    for more in [&mut formats, &mut contents] {
+        if let (Some(manifest), Some(more)) = (manifest.as_object_mut(), more.as_object_mut()) {
+            manifest.append(more);
+        }
+    }
+    let names: Vec<&str> = manifest["streams"].as_array().into_iter().flatten().filter_map(|stream| stream["name"].as_str()).collect();
+    folder.headers(&scene.name, &names)?;
+    folder.text("machine.json", &description)?;
+    if let Some(text) = scene_text.filter(|text| is_complete(text)) {
+        folder.text("scene.json", text)?;
+    }
+    folder.text("manifest.json", &(serde_json::to_string_pretty(&manifest).unwrap_or_default() + "\n"))?;
+    Ok(Written::new(&manifest))
+}
+
+impl Written {
+    fn new(manifest: &Value) -> Self {
+        let told = |file: &Value| {
+            let number = |name: &str| file[name].as_u64().unwrap_or(0);
+            (file["name"].as_str().unwrap_or_default().to_owned(), number("records"), number("records") * (number("digits") + 1))
+        };
+        let number = |name: &str| manifest["coverage"][name].as_u64().unwrap_or(0);
+        Written {
+            streams: manifest["streams"].as_array().into_iter().flatten().map(told).collect(),
+            coverage: [number("met"), number("cases")],
+        }
+    }
+
+    /// The streams, their records and sizes.
+    pub fn table(&self) -> String {
+        let mut table = plain_table(&["stream", "records", "bytes"]);
+        for (name, records, bytes) in &self.streams {
+            table.add_row([name.clone(), thousands(*records), thousands(*bytes)]);
+        }
+        let [met, cases] = self.coverage.map(thousands);
+        format!("{}\n\n{met} of {cases} cases met: coverage.csv has roundings, limits, decisions", aligned(table).trim_fmt())
+    }
+}
+
+/// The units that have ports in a frame of this kind.
+fn units(kind: Kind) -> &'static [&'static str] {
+    if kind.sorted { &SORTED_UNITS } else { &UNITS }
+}
+
+/// The stream whose records a stream's are made from.
+fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
+    let all = [
+        ("project.in", "pipeline.in"),
+        ("project.out", "project.in"),
+        ("ellipse.in", "project.out"),
+        ("ellipse.out", "ellipse.in"),
+        ("ellipse.request", "ellipse.out"),
+        ("ellipse.answer", "ellipse.request"),
+        ("sort.in", "ellipse.out"),
+        ("sort.out", "sort.in"),
+        ("raster.in", if kind.sorted { "sort.out" } else { "ellipse.out" }),
+        ("raster.out", "raster.in"),
+        ("gauss.in", "raster.out"),
+        ("gauss.out", "gauss.in"),
+        ("fragment.in", "gauss.out"),
+        ("fragment.out", "fragment.in"),
+        ("fragment.request", "fragment.in"),
+        ("fragment.answer", "fragment.request"),
+        ("shade.in", if kind.preshaded { "ellipse.request" } else { "fragment.request" }),
+        ("shade.out", "shade.in"),
+        ("resolve.in", "fragment.held"),
+        ("resolve.out", "resolve.in"),
+        ("pipeline.out", "resolve.out"),
+    ];
+    let found = all.iter().find(|(name, _)| *name == stream).map(|(_, parent)| *parent);
+    // Sheets ask for no light.
+    found.filter(|parent| !kind.sheets || *parent != "fragment.request")
+}
+
+/// What files, records and units are, in words; of ellipsoids what is different besides.
+fn explained(kind: Kind) -> String {
+    let units = include_str!("trace/units.md");
+    if !kind.ellipsoids && !kind.sheets {
+        return units.to_owned();
+    }
+    units.replace("# This machine\n", &format!("{}\n# This machine\n", include_str!("trace/ellipsoids.md")))
+}
+
+/// Whether a scene's text needs no other file.
+fn is_complete(text: &str) -> bool {
+    let scene: Value = serde_json::from_str(text).unwrap_or_default();
+    let splats = &scene["splats"];
+    let mut sources = splats.as_array().map_or_else(|| std::slice::from_ref(splats), Vec::as_slice).iter();
+    let is_read = |of: &Value| of.is_string() || of.get("file").is_some();
+    scene.is_object() && !sources.any(|source| is_read(source) || is_read(&source["volume"]))
+}
+
+fn key_fields() -> Vec<Value> {
+    let mut below: u32 = Key::PARTS.iter().map(|(_, bits)| bits).sum();
+    let field = |(name, bits): &(&str, u32)| {
+        below -= bits;
+        json!({"name": name, "lsb": below, "width": bits})
+    };
+    Key::PARTS.iter().map(field).collect()
+}
+
+/// A number that looks random, from a seed and a number (SplitMix64).
+fn mixed(seed: u64, number: u64) -> u64 {
+    let mut z = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ z >> 31
+}
+
+impl Window {
+    /// The rectangle that is wanted, to the column and row after the last.
+    fn check(&self, frame: &Frame) -> Result<Rectangle> {
+        let units = units(Kind::of(frame));
+        if let Some(unknown) = self.units.iter().find(|unit| !units.contains(&unit.as_str())) {
+            return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));
+        }
+        let of_all = self.units.iter().find(|unit| OF_ALL_SPLATS.contains(&unit.as_str()));
+        if let (true, Some(_), Some(unit)) = (Kind::of(frame).sorted, self.splats, of_all) {
+            return Err(Error::input(format!(
+                "--splats with --units {unit}: these splats are sorted, and what it does depends on the others too; --pixels has all of some"
+            )));
+        }
+        if let Some([first, end]) = self.splats
+            && (first >= end || end as usize > frame.splats.len())
+        {
+            let count = frame.splats.len();
+            return Err(Error::input(format!(
+                "--splats {first}..{end}: the scene's splats are 0..{count}, and the second number must be greater"
+            )));
+        }
+        if let Some([first, end]) = self.waves
+            && (first >= end || end - first > MOST_WAVES)
+        {
+            return Err(Error::input(format!(
+                "--waves {first}..{end}: cycles are needed, at most {MOST_WAVES}, the second number greater"
+            )));
+        }
+        if frame.lighting.materials.len() > 1 << ports::MATERIAL_BITS {
+            let count = frame.lighting.materials.len();
+            return Err(Error::input(format!("the scene has {count} materials, but a record's index has {} bits", ports::MATERIAL_BITS)));
+        }
+        let places = [frame.view.inverse_focal.places, frame.inverse_threshold.places];
+        if places.iter().any(|places| i8::try_from(*places).is_err()) {
+            return Err(Error::input(
+                "the focal length or the coverage threshold lies beyond 2^±127, and records have 8 bits for that power",
+            ));
+        }
+        let Some([left, top, right, bottom]) = self.pixels else { return Ok([0, 0, frame.width, frame.height]) };
+        if left > right || top > bottom || right >= frame.width || bottom >= frame.height {
+            return Err(Error::input(format!(
+                "--pixels {left},{top},{right},{bottom}: first column and row, last column and row are needed, and the picture is {}×{}",
+                frame.width, frame.height
+            )));
+        }
+        Ok([left, top, right + 1, bottom + 1])
+    }
+
+    fn wants(&self, kind: Kind, stream: &Stream) -> bool {
+        // A part of a frame is no frame.
+        let whole = self.splats.is_none() && self.pixels.is_none() && self.sample.is_none();
+        let unit = stream.unit().unwrap_or_default();
+        // What is drawn in the order of depth meets at a pixel only as a whole.
+        let alone = !kind.sorted || self.splats.is_none() || !OF_ALL_SPLATS.contains(&unit);
+        alone && self.wants_any(&[unit]) && (whole || unit != "pipeline") && (self.splats.is_some() || stream.name != "fragment.start")
+    }
+
+    fn wants_any(&self, units: &[&str]) -> bool {
+        self.units.is_empty() || self.units.iter().any(|unit| units.contains(&unit.as_str()))
+    }
+
+    /// The records that a sample has.
+    fn kept(&self, source: &Source) -> Vec<u32> {
+        let unit = source.name.split('.').next().unwrap_or_default();
+        let mut words = Vec::new();
+        let sampled = |record: &u32| {
+            words.clear();
+            self.samples(unit, &(source.at)(*record as usize, &mut words))
+        };
+        (0..source.records as u32).filter(sampled).collect()
+    }
+
+    fn samples(&self, unit: &str, key: &Key) -> bool {
+        let one_in = self.sample.unwrap_or(1);
+        // Fragments depend on those before them at their pixel: whole pixels are taken. Everything before that, by splats.
+        let by_pixel = ["fragment", "shade", "resolve"].contains(&unit);
+        let number = if by_pixel { u64::from(key.y) << 16 | u64::from(key.x) } else { u64::from(key.splat) };
+        mixed(self.seed, number).is_multiple_of(one_in.into())
+    }
+}
+
+/// A whole frame, of which a window shows a part.
+struct Whole<'a> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+}
+
+impl Whole<'_> {
+    /// The frame to draw, what the scene calls its splats, and the frame of those before the window.
+    fn part(&self, window: &Window, rectangle: Rectangle) -> (Frame, Vec<u32>, Frame) {
+        let mut splats: Vec<u32> = (0..self.frame.splats.len() as u32).collect();
+        if window.pixels.is_some() {
+            let touching = self.touching(rectangle);
+            splats.retain(|splat| touching.binary_search(splat).is_ok());
+        }
+        let [first, end] = window.splats.unwrap_or([0, u32::MAX]);
+        splats.retain(|splat| *splat < end);
+        if Kind::of(self.frame).sorted {
+            splats.retain(|splat| *splat >= first);
+        }
+        let before = splats.partition_point(|splat| *splat < first);
+        (self.of(&splats), splats.clone(), self.of(&splats[..before]))
+    }
+
+    /// The frame of these splats alone.
+    fn of(&self, splats: &[u32]) -> Frame {
+        let mut frame = Frame { splats: Vec::new(), ..self.frame.clone() };
+        frame.splats = splats.iter().map(|splat| self.frame.splats[*splat as usize]).collect();
+        if let (Some(part), Some(whole)) = (&mut frame.ellipsoids, &self.frame.ellipsoids) {
+            part.own = splats.iter().filter_map(|splat| whole.own.get(*splat as usize)).copied().collect();
+        }
+        if let (Some(part), Some(whole)) = (&mut frame.sheets, &self.frame.sheets) {
+            part.numbers = splats.iter().filter_map(|splat| whole.numbers.get(*splat as usize)).copied().collect();
+        }
+        frame
+    }
+
+    /// The splats whose boxes meet a rectangle.
+    fn touching(&self, [left, top, right, bottom]: Rectangle) -> Vec<u32> {
+        let mut watcher = Watcher::new(self.machine, self.frame, 0);
+        pipeline::set_up_told(self.machine, self.frame, &mut watcher);
+        let meets = |splat: &&watcher::SetUp| {
+            let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
+            let drawn = splat.project[..2] == [0, 0] && [backface, faint, outside] == [0; 3];
+            let columns = first_column < i64::from(right) && last_column >= i64::from(left);
+            drawn && columns && first_row < i64::from(bottom) && last_row >= i64::from(top)
+        };
+        watcher.set_up.iter().filter(meets).map(|splat| splat.splat).collect()
+    }
+}
+
+/// The fragments that a rectangle's pixels hold after a frame, slot by slot.
+fn held(machine: &Elaborated, frame: &Frame, [left, top, right, bottom]: Rectangle) -> Vec<([u32; 2], Vec<Slot>)> {
+    let mut watcher = Watcher::new(machine, frame, u32::MAX);
+    pipeline::draw_told(machine, frame, &mut watcher);
+    watcher.sort();
+    let pixels = watcher.held.into_iter().map(|held| {
+        let [_, x, y] = watcher::parts(held.key);
+        ([x, y], held.slots)
+    });
+    pixels.filter(|([x, y], _)| (left..right).contains(x) && (top..bottom).contains(y)).collect()
+}
+
+/// The folder that is being written.
+struct Folder<'a> {
+    folder: &'a Path,
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+}
+
+impl Folder<'_> {
+    fn text(&self, name: &str, text: &str) -> Result<()> {
+        write_beside(&self.folder.join(name), |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))
+    }
+
+    /// Writes lines; returns their digest.
+    fn lines(&self, name: &str, layout: &Layout, lines: &[Vec<i64>]) -> Result<String> {
+        let mut text = Vec::new();
+        lines.iter().for_each(|words| layout.write(words, &mut text));
+        write_beside(&self.folder.join(name), |file| file.write_all(&text).map_err(|e| e.to_string()))?;
+        Ok(hex(&Sha256::digest(&text)))
+    }
+
+    fn constants(&self) -> Result<Vec<Value>> {
+        let records = transfers::constants(self.frame);
+        let described = ports::constants(self.machine, Kind::of(self.frame));
+        let of = |(stream, (_, records)): (&Stream, &(&str, Vec<Vec<i64>>))| {
+            let layout = Layout::new(stream);
+            let file = format!("{}.hex", stream.name);
+            let sha256 = self.lines(&file, &layout, records)?;
+            Ok(json!({
+                "name": stream.name, "file": file, "records": records.len(), "width": layout.width, "digits": layout.digits(),
+                "sha256": sha256, "fields": headers::fields(stream),
+            }))
+        };
+        described.iter().zip(&records).map(of).collect()
+    }
+
+    fn roms(&self) -> Result<Vec<Value>> {
+        fs::create_dir_all(self.folder.join("rom"))
+            .map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.folder.display())))?;
+        let of = |rom: &roms::Rom| {
+            let file = format!("rom/{}.hex", rom.name);
+            let sha256 = self.lines(&file, &rom.layout, &rom.lines)?;
+            let (width, digits) = (rom.layout.width, rom.layout.digits());
+            Ok(json!({
+                "name": rom.name, "file": file, "records": rom.lines.len(), "width": width, "digits": digits, "sha256": sha256,
+                "fields": rom.fields,
+            }))
+        };
+        roms::roms(self.machine, self.frame).iter().map(of).collect()
+    }
+
+    fn headers(&self, scene: &str, streams: &[&str]) -> Result<()> {
+        self.text("machine_pkg.sv", &headers::package(self.machine, self.frame))?;
+        let (machine, frame, kind) = (self.machine, self.frame, Kind::of(self.frame));
+        self.text("records.svh", &headers::structs(machine, kind))?;
+        self.text("records.h", &headers::c_header(machine, kind))?;
+        let head = format!(
+            "# {scene} on {}\n\n{}×{} pixels, {} splats, written by splatsim {}.\n\n",
+            machine.machine.name,
+            frame.width,
+            frame.height,
+            frame.splats.len(),
+            env!("CARGO_PKG_VERSION")
+        );
+        let units = explained(kind);
+        let (tables, formats) = (headers::tables(machine, kind, streams), headers::formats(machine, frame));
+        self.text("README.md", &format!("{head}{units}\n## Records\n{tables}\n## Words and numbers\n{formats}"))
+    }
+
+    /// Writes constants, tables, streams and coverage; returns what the manifest says of them.
+    fn contents(&self, window: &Window, sources: &[Source], coverage: &Coverage, tags: &[Tag]) -> Result<Value> {
+        let told = |e: std::io::Error| Error::job(format!("{}: cannot be written: {e}", self.folder.display()));
+        fs::create_dir_all(self.folder.join("keys")).map_err(told)?;
+        fs::create_dir_all(self.folder.join("rom")).map_err(told)?;
+        let kind = Kind::of(self.frame);
+        let streams: Vec<Stream> = ports::streams(self.machine, kind).into_iter().filter(|stream| window.wants(kind, stream)).collect();
+        let kept: Option<Vec<Vec<u32>>> = window.sample.map(|_| sources.par_iter().map(|source| window.kept(source)).collect());
+        let files: Vec<Value> = streams
+            .par_iter()
+            .filter_map(|stream| Some((stream, sources.iter().position(|source| source.name == stream.name)?)))
+            .map(|(stream, place)| {
+                let of = |place: usize| kept.as_ref().map(|kept| &kept[place][..]);
+                let parents = sources.iter().position(|source| Some(source.name) == parent(kind, stream.name)).and_then(of);
+                self.stream(stream, &sources[place], of(place), parents)
+            })
+            .collect::<Result<_>>()?;
+        self.text("coverage.csv", &coverage.csv())?;
+        let [met, cases] = coverage.counts();
+        let tags: Vec<Value> =
+            tags.iter().map(|tag| json!({"stream": tag.stream, "tag": tag.tag, "first": tag.first, "records": tag.records})).collect();
+        Ok(json!({
+            "constants": self.constants()?, "roms": self.roms()?, "streams": files, "tags": tags,
+            "coverage": {"file": "coverage.csv", "met": met, "cases": cases},
+        }))
+    }
+
+    /// Writes a stream and its keys, or those of its records that are kept; returns what the manifest says of it.
+    fn stream(&self, stream: &Stream, source: &Source, kept: Option<&[u32]>, parents: Option<&[u32]>) -> Result<Value> {
+        let layout = Layout::new(stream);
+        let keys = Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
+        let unit = stream.unit().unwrap_or_default();
+        let (file, key_file) = (format!("{}.hex", stream.name), format!("keys/{}.hex", stream.name));
+        let (mut sha, mut key_sha) = (Sha256::new(), Sha256::new());
+        let records = kept.map_or(source.records, <[u32]>::len);
+        let parent_of = |key: &Key| match parents {
+            Some(parents) if key.parent != NONE => parents.binary_search(&key.parent).map_or(NONE, |record| record as u32),
+            _ => key.parent,
+        };
+        write_beside(&self.folder.join(&key_file), |key_out| {
+            write_beside(&self.folder.join(&file), |out| {
+                let starts: Vec<usize> = (0..records).step_by(CHUNK).collect();
+                for group in starts.chunks(rayon::current_num_threads() * 2) {
+                    let chunk = |&start: &usize| {
+                        let (mut text, mut key_text, mut words) = (Vec::new(), Vec::new(), Vec::new());
+                        for record in start..records.min(start + CHUNK) {
+                            words.clear();
+                            let key = (source.at)(kept.map_or(record, |kept| kept[record] as usize), &mut words);
+                            layout.mask(&mut words);
+                            layout.write(&words, &mut text);
+                            keys.write(&Key { parent: parent_of(&key), ..key }.words(), &mut key_text);
+                        }
+                        (text, key_text)
+                    };
+                    let texts: Vec<(Vec<u8>, Vec<u8>)> = group.par_iter().map(chunk).collect();
+                    for (text, key_text) in texts {
+                        sha.update(&text);
+                        key_sha.update(&key_text);
+                        out.write_all(&text).map_err(|e| e.to_string())?;
+                        key_out.write_all(&key_text).map_err(|e| e.to_string())?;
+                    }
+                }
+                Ok(())
+            })
+            .map_err(|e| e.to_string())
+        })?;
+        let order = match stream.order {
+            Order::Total => "total",
+            Order::PerPixel => "per-pixel",
+        };
+        Ok(json!({
+            "name": stream.name, "unit": unit, "file": file, "records": records, "width": layout.width, "digits": layout.digits(),
+            "order": order, "parent": parent(Kind::of(self.frame), stream.name), "sha256": hex(&sha.finalize()), "keys": {"file": key_file, "sha256": hex(&key_sha.finalize())},
+            "fields": headers::fields(stream),
+        }))
+    }
+}

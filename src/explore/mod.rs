@@ -1,0 +1,6 @@
+//! Explore: many machines or many scenes.
+
+pub mod pareto;
+pub mod search;
+pub mod stress;
+pub mod sweep;

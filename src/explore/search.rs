@@ -1,0 +1,690 @@
+//! Search: the narrowest machine that meets a target on a scene, and on cameras that it was not made for.
+//!
+//! ```text
+//! scenes ─► ranges ─► integer bits cut ─► fraction bits, tables ─( min+1, max−1, annealing )─► machine ─► unseen views
+//!             ▲                                                                                              │ one fails
+//!             └──────────────────────────── that view is looked at from now on ◄─────────────────────────────┘
+//! ```
+//! Every machine that is drawn is a row of a journal, as in `sweep`: a search that is cut off goes on where it was, and `chart` draws
+//! what it met. What it finds depends on the seed alone.
+//!
+//! Laws (tests/search.rs): `a_machine_is_found_that_meets_the_target_elsewhere_too`, `it_is_close_to_the_best_of_all`,
+//! `a_search_that_is_killed_goes_on`.
+
+mod descent;
+mod knobs;
+
+use crate::accuracy::distance;
+use crate::accuracy::ranges::SignalReport;
+use crate::error::{Error, Result};
+use crate::explore::sweep::table::{Journal, Kind, Row, named};
+use crate::explore::sweep::write_plan;
+use crate::golden;
+use crate::hardware::quantise::quantise;
+use crate::hardware::{fixed, machines};
+use crate::output::files::{open_folder, write_beside};
+use crate::output::picture::Picture;
+use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::performance::cost::{Cost, Prices};
+use crate::run::timed;
+use crate::scene::Scene;
+use crate::scene::digest::{digest, digest_of};
+use descent::Problem;
+use indicatif::{ProgressBar, ProgressStyle};
+use knobs::Knob;
+use rtl_model::Machine;
+use rtl_model::num::Format;
+use serde::Serialize;
+use serde_json::{Value, json};
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// What a machine must reach, on every scene and view: fixed against golden.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Target {
+    /// At least so many decibels, over all pixels.
+    pub psnr_db: Option<f64>,
+    /// Nowhere further off.
+    pub max_error: Option<f64>,
+    /// No word leaves its range, but for those that are meant to.
+    pub no_saturation: bool,
+}
+
+/// How it is searched.
+#[derive(Clone, Debug)]
+pub struct Asked {
+    /// What is wanted.
+    pub target: Target,
+    /// Unseen cameras that must hold too.
+    pub views: usize,
+    /// Another seed, another annealing.
+    pub seed: u64,
+    /// Machines that annealing draws.
+    pub tries: u64,
+    /// Only these units, words or sizes; all where empty.
+    pub only: Vec<String>,
+    /// What bits cost.
+    pub prices: Prices,
+    /// Show how far it is.
+    pub progress: bool,
+}
+
+/// Rounds, each with another view, before it is given up.
+const ROUNDS: usize = 12;
+/// Cameras beside the views that ranges are read from, a scene: a word that overflows on another camera spoils its whole picture.
+const RANGE_VIEWS: usize = 16;
+/// The first of them; unseen views come long before.
+const FIRST_RANGE_VIEW: usize = 1_000_000;
+/// By how much a view that fails makes the aim higher, squared error, at most: 3 dB.
+const MOST_STRICTER: f64 = 2.0;
+
+const COLUMNS: [(&str, Kind); 11] = [
+    ("point", Kind::Whole),
+    ("key", Kind::Text),
+    ("scene", Kind::Text),
+    ("changes", Kind::Text),
+    ("method", Kind::Text),
+    ("misfit", Kind::Text),
+    ("psnr_db", Kind::Number),
+    ("max_error", Kind::Number),
+    ("saturated", Kind::Whole),
+    ("area", Kind::Number),
+    ("host_seconds", Kind::Number),
+];
+
+/// A scene as one camera sees it.
+struct View {
+    name: String,
+    scene: Scene,
+    golden: Picture,
+    digest: String,
+}
+
+impl View {
+    fn new(scene: &Scene, name: String, machine: &Machine) -> Self {
+        let golden = golden::render(scene, &fixed::rules(machine)).picture;
+        View { name, digest: digest_of(scene), scene: scene.clone(), golden }
+    }
+
+    /// Without the scene.
+    fn short_name(&self) -> &str {
+        self.name.rsplit(" from ").next().unwrap_or_default()
+    }
+
+    /// The n-th of the cameras that nobody asked for: around the target, by golden angles, a little above and below.
+    fn unseen(scene: &Scene, nth: usize, machine: &Machine) -> Self {
+        let turned = Scene { camera: scene.camera.turned(nth), ..scene.clone() };
+        View::new(&turned, format!("{} from view {nth}", scene.name), machine)
+    }
+}
+
+/// How far a machine is off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Found {
+    /// Least; none where pictures are equal.
+    pub psnr_db: Option<f64>,
+    /// Greatest.
+    pub max_error: f64,
+    /// Words that left their range; none where nobody looked.
+    pub saturated: Option<u64>,
+}
+
+impl Found {
+    fn and(self, other: Found) -> Found {
+        let least = |a: Option<f64>, b: Option<f64>| match (a, b) {
+            (Some(a), Some(b)) => Some(a.min(b)),
+            (a, b) => a.or(b),
+        };
+        Found {
+            psnr_db: least(self.psnr_db, other.psnr_db),
+            max_error: self.max_error.max(other.max_error),
+            saturated: self.saturated.zip(other.saturated).map(|(a, b)| a + b),
+        }
+    }
+
+    fn psnr(&self) -> String {
+        self.psnr_db.map_or("equal".into(), |db| format!("{db:.1}"))
+    }
+}
+
+impl Target {
+    /// Part of what is allowed, squared: at most 1 is well.
+    fn load(&self, found: &Found) -> f64 {
+        let by_psnr = self.psnr_db.zip(found.psnr_db).map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
+        let by_error = self.max_error.map_or(0.0, |most| found.max_error / most * (found.max_error / most));
+        let lost = if self.no_saturation && found.saturated.unwrap_or(0) > 0 { f64::INFINITY } else { 0.0 };
+        by_psnr.max(by_error).max(lost)
+    }
+}
+
+/// A step of the way.
+#[derive(Clone, Debug, Serialize)]
+pub struct Step {
+    /// What was done.
+    pub method: String,
+    /// What came of it, LUT equivalents.
+    pub area: f64,
+    #[serde(flatten)]
+    found: Found,
+    /// Different machines asked for until then, each drawn once.
+    pub drawn: u64,
+}
+
+/// What was found.
+#[derive(Debug, Serialize)]
+pub struct Outcome {
+    /// The scenes.
+    pub scenes: Vec<String>,
+    /// What was wanted.
+    pub target: Target,
+    /// The machine that was narrowed.
+    pub base: String,
+    /// The way.
+    pub path: Vec<Step>,
+    /// Unseen views.
+    pub views: Vec<Unseen>,
+    /// Views that failed, and were looked at from then on.
+    pub learnt: Vec<String>,
+    /// What a step less would do, the worst first: knob, value now, decibels then; none where it could not be built.
+    pub tight: Vec<Tight>,
+    /// The machine.
+    pub machine: Machine,
+    /// What was written.
+    #[serde(skip)]
+    pub files: Vec<PathBuf>,
+}
+
+/// A view that was not searched on.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unseen {
+    /// Scene and number.
+    pub name: String,
+    /// Where its eye is; all else of the camera is the scene's own.
+    pub eye: [f64; 3],
+    #[serde(flatten)]
+    found: Found,
+}
+
+/// A step that cannot be taken.
+#[derive(Clone, Debug, Serialize)]
+pub struct Tight {
+    /// Where.
+    pub path: String,
+    /// What it is.
+    pub value: Value,
+    /// Decibels with a step less; none where the pictures are equal or it cannot be built.
+    pub psnr_db: Option<f64>,
+}
+
+/// Searches.
+///
+/// # Errors
+/// [`Error::Input`] where the target cannot be met by the machine as it is, or the folder is of something else; [`Error::Job`] where
+/// what is found cannot be written, or holds on no unseen view.
+pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) -> Result<Outcome> {
+    let knobs = knobs::all(machine, &asked.only);
+    if let Some(name) = asked.only.iter().find(|name| !knobs.iter().any(|knob| machines::is_below(&knob.path, name))) {
+        return Err(Error::input(format!("--only {name}: machine {} has no such unit, word or size", machine.name)));
+    }
+    fixed::elaborate(machine)?;
+    for scene in scenes {
+        quantise(scene, machine)?;
+    }
+    open_folder(folder)?;
+    let journal = Journal::open(folder, "", named(&COLUMNS))?;
+    let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
+    write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": asked.target, "scenes": names, "machine": machine}))?;
+    let views = scenes.iter().map(|scene| View::new(scene, scene.name.clone(), machine)).collect();
+    let mut search = Search::new(machine, knobs, scenes, views, journal, asked);
+    let none = vec![0; search.knobs.len()];
+    search.check_reach()?;
+    let mut path = vec![search.step(&machine.name, &none)?];
+    let mut learnt: Vec<String> = Vec::new();
+    let mut next_view = 1;
+    let mut steps: Option<Vec<u32>> = None;
+    loop {
+        let best = search.round(steps.as_deref(), &mut path)?;
+        let (held, failed) = search.verified(scenes, &best, next_view)?;
+        next_view += asked.views;
+        let Some((worst, found)) = failed else {
+            let outcome = search.outcome(names, path, held, learnt, &best)?;
+            return search.write(outcome, folder);
+        };
+        if learnt.len() + 1 == ROUNDS {
+            return Err(Error::job(format!("after {ROUNDS} rounds {} still misses the target: aim lower", worst.name)));
+        }
+        learnt.push(worst.name.clone());
+        path.push(Step { method: format!("{} fails", worst.short_name()), found, ..search.step("", &best)? });
+        let load = asked.target.load(&found);
+        // Views differ: what just meets the target on some misses it on others.
+        search.stricter *= if load.is_finite() { load.min(MOST_STRICTER) } else { 1.0 };
+        search.learn(worst);
+        search.check_reach()?;
+        steps = Some(best);
+    }
+}
+
+/// Views with what was found there, and the worst that fails.
+type Verdict = (Vec<Unseen>, Option<(View, Found)>);
+
+/// What is known.
+struct Search<'a> {
+    scenes: &'a [Scene],
+    asked: &'a Asked,
+    base: Machine,
+    /// The base with integer bits cut.
+    cut: Machine,
+    fields: Value,
+    knobs: Vec<Knob>,
+    views: Vec<View>,
+    journal: Journal,
+    /// Rows by their keys.
+    known: HashMap<String, u64>,
+    areas: HashMap<Vec<u32>, Option<f64>>,
+    method: &'static str,
+    /// Machines that were asked for, drawn now or before.
+    asked_for: HashSet<String>,
+    /// The error allowed, squared, is so many times less than the target's.
+    stricter: f64,
+    bar: ProgressBar,
+}
+
+impl<'a> Search<'a> {
+    fn new(machine: &Machine, knobs: Vec<Knob>, scenes: &'a [Scene], views: Vec<View>, journal: Journal, asked: &'a Asked) -> Self {
+        let known = journal.rows().filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?))).collect();
+        let bar = if asked.progress { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed} {msg}") {
+            bar.set_style(style);
+        }
+        bar.enable_steady_tick(Duration::from_millis(200));
+        let (base, cut, fields) = (machine.clone(), machine.clone(), machines::value(machine));
+        Search {
+            scenes,
+            asked,
+            base,
+            cut,
+            fields,
+            knobs,
+            views,
+            journal,
+            known,
+            areas: HashMap::new(),
+            method: "",
+            asked_for: HashSet::new(),
+            stricter: 1.0,
+            bar,
+        }
+    }
+
+    /// One more view to look at.
+    fn learn(&mut self, view: View) {
+        self.views.push(view);
+        self.areas.clear();
+    }
+
+    /// Whether the base meets the target on all views; there it makes the aim no higher than it can reach itself.
+    fn check_reach(&mut self) -> Result<()> {
+        self.cut = self.base.clone();
+        self.take_fields();
+        let found = self.found(&vec![0; self.knobs.len()])?;
+        let load = self.asked.target.load(&found);
+        if load > 1.0 {
+            let names = self.views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
+            let lost = found.saturated.filter(|count| *count > 0).map_or(String::new(), |count| format!(", {count} words out of range"));
+            let told = format!("{} reaches {} dB, at most {:.4} off{lost}", self.base.name, found.psnr(), found.max_error);
+            return Err(Error::input(format!("the target is out of reach: on {names} {told}")));
+        }
+        self.stricter = self.stricter.min(1.0 / load.max(f64::MIN_POSITIVE));
+        Ok(())
+    }
+
+    fn machine(&self, steps: &[u32]) -> Option<Machine> {
+        let mut fields = self.fields.clone();
+        for (knob, steps) in self.knobs.iter().zip(steps).filter(|(_, steps)| **steps > 0) {
+            machines::lay(&mut fields, &knob.path, knob.value(*steps));
+        }
+        serde_json::from_value(fields).ok()
+    }
+
+    fn area_of(&self, machine: &Machine) -> Option<f64> {
+        Some(Cost::new(&machine.elaborate().ok()?, &self.asked.prices).area)
+    }
+
+    /// What differs from the base, as `sweep` writes it.
+    fn changes(&self, machine: &Machine) -> String {
+        let [base, now] = [&self.base, machine].map(machines::value);
+        let mut changes = Vec::new();
+        differences(&base, &now, "", &mut changes);
+        changes.join(" ")
+    }
+
+    /// How far a machine is off on all views; drawn if it never was.
+    fn found(&mut self, steps: &[u32]) -> Result<Found> {
+        let Some(machine) = self.machine(steps) else { return Ok(HOPELESS) };
+        let Ok(elaborated) = machine.elaborate() else { return Ok(HOPELESS) };
+        let views: Vec<&str> = self.views.iter().map(|view| view.digest.as_str()).collect();
+        let nameless = Machine { name: String::new(), ..machine.clone() };
+        let all = json!([env!("CARGO_PKG_VERSION"), views, nameless, self.asked.target.no_saturation, self.asked.prices]);
+        let key = digest(all.to_string().as_bytes());
+        self.asked_for.insert(key.clone());
+        if let Some(row) = self.known.get(&key).and_then(|point| self.journal.get(*point)) {
+            let saturated = row[8].as_u64();
+            let is_hopeless = !row[5].is_null();
+            return Ok(if is_hopeless {
+                HOPELESS
+            } else {
+                Found { psnr_db: row[6].as_f64(), max_error: row[7].as_f64().unwrap_or(0.0), saturated }
+            });
+        }
+        let (found, seconds) = timed(|| -> Result<Found> {
+            let mut all: Option<Found> = None;
+            for view in &self.views {
+                let found = drawn(&elaborated, &machine, view, self.asked.target.no_saturation)?;
+                all = Some(all.map_or(found, |all| all.and(found)));
+            }
+            Ok(all.unwrap_or_default())
+        });
+        let misfit = found.as_ref().err().map(Error::to_string);
+        let found = found.unwrap_or(HOPELESS);
+        let area = Cost::new(&elaborated, &self.asked.prices).area;
+        let point = self.journal.rows().filter_map(|row| row[0].as_u64()).next_back().map_or(0, |last| last + 1);
+        let scene = self.views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
+        let seen = misfit.is_none();
+        let row: Row = vec![
+            json!(point),
+            json!(key),
+            json!(scene),
+            json!(self.changes(&machine)),
+            json!(self.method),
+            json!(misfit),
+            json!(found.psnr_db.filter(|_| seen)),
+            json!(seen.then_some(found.max_error)),
+            json!(found.saturated),
+            json!(area),
+            json!(seconds),
+        ];
+        self.journal.push(point, row)?;
+        self.known.insert(key, point);
+        let told = format!(
+            "{}: {} machines drawn, this one {} LUT equivalents, {} dB",
+            self.method,
+            self.asked_for.len(),
+            thousands(area as u64),
+            found.psnr()
+        );
+        self.bar.set_message(told);
+        Ok(found)
+    }
+
+    fn step(&mut self, method: &str, steps: &[u32]) -> Result<Step> {
+        let area = self.area(steps).unwrap_or(f64::INFINITY);
+        Ok(Step { method: method.to_owned(), area, found: self.found(steps)?, drawn: self.asked_for.len() as u64 })
+    }
+
+    /// Cuts integer bits down to what the views need, and cameras all around.
+    fn cut(&mut self) -> Result<()> {
+        let elaborated = fixed::elaborate(&self.base)?;
+        let mut needed: HashMap<String, i32> = HashMap::new();
+        let turned = |scene: &Scene, nth| Scene { camera: scene.camera.turned(nth), ..scene.clone() };
+        let around = self.scenes.iter().flat_map(|scene| (0..RANGE_VIEWS).map(move |nth| turned(scene, FIRST_RANGE_VIEW + nth)));
+        let all = self.views.iter().map(|view| Cow::Borrowed(&view.scene)).chain(around.map(Cow::Owned));
+        for scene in all {
+            let Ok(quantised) = quantise(&scene, &self.base) else { continue };
+            let (_, ranges) = fixed::draw_ranged(&elaborated, &quantised);
+            for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
+                if let Some(narrowest) = range.narrowest(signal.word.format) {
+                    let bits = needed.entry(format!("{}.{}", signal.unit, signal.name)).or_insert(i32::MIN);
+                    *bits = (*bits).max(narrowest.int_bits);
+                }
+            }
+        }
+        self.cut = self.base.clone();
+        self.take_fields();
+        let is_asked = |path: &str| self.asked.only.is_empty() || self.asked.only.iter().any(|name| machines::is_below(path, name));
+        let words = machines::words(&self.base).into_iter().filter(|(path, _)| is_asked(path));
+        let less = |(path, format): (String, Format)| {
+            let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);
+            (int_bits < format.int_bits).then(|| (path, Value::from(Format { int_bits, ..format }.to_string())))
+        };
+        // Not all can be: a table's span is its index' range.
+        let mut changes: Vec<(String, Value)> = words.filter_map(less).collect();
+        changes.retain(|change| self.try_cut(change).is_some());
+        let none = vec![0; self.knobs.len()];
+        if self.load(&none)? <= 1.0 {
+            return Ok(());
+        }
+        // Some word holds what no picture shows: a constant of the scene, or a wrap that would not have mattered. Which?
+        self.cut = self.base.clone();
+        self.take_fields();
+        for change in changes {
+            let Some(before) = self.try_cut(&change) else { continue };
+            if self.load(&none)? > 1.0 {
+                self.cut = before;
+                self.take_fields();
+            }
+        }
+        Ok(())
+    }
+
+    /// Cuts one word, if the machine can be built then; what it was before.
+    fn try_cut(&mut self, change: &(String, Value)) -> Option<Machine> {
+        let machine = machines::with(&self.cut, std::slice::from_ref(change), "").ok().filter(|machine| machine.elaborate().is_ok())?;
+        let before = std::mem::replace(&mut self.cut, machine);
+        self.take_fields();
+        Some(before)
+    }
+
+    /// The machine that steps are taken from is another one.
+    fn take_fields(&mut self) {
+        self.fields = machines::value(&self.cut);
+        let only = &self.asked.only;
+        self.knobs = knobs::all(&self.cut, only);
+        self.areas.clear();
+    }
+
+    /// From the ranges to a machine that meets the target on all views. Fraction bits begin where the round before ended.
+    fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<Step>) -> Result<Vec<u32>> {
+        let none = vec![0; self.knobs.len()];
+        self.method = "ranges";
+        self.cut()?;
+        path.push(self.step("integer bits by ranges", &none)?);
+        let (well, ill) = match before {
+            Some(before) => (None, before.iter().zip(&self.knobs).map(|(steps, knob)| (*steps).min(knob.most)).collect()),
+            None => {
+                self.method = "alone";
+                let limits = descent::limits(self)?;
+                let (well, ill) = descent::starts(self, &limits)?;
+                (Some(well), ill)
+            }
+        };
+        self.method = "min+1";
+        let back = descent::given_back(self, &ill)?;
+        path.push(self.step("min+1", &back)?);
+        self.method = "max−1";
+        let is_back_well = self.load(&back)? <= 1.0;
+        let Some(well) = well else {
+            // A round for another view.
+            let down = descent::taken_away(self, if is_back_well { &back } else { &none })?;
+            path.push(self.step("max−1", &down)?);
+            return Ok(down);
+        };
+        let down = descent::taken_away(self, &well)?;
+        path.push(self.step("max−1", &down)?);
+        let best = if is_back_well && self.area(&back) < self.area(&down) { back } else { down };
+        self.method = "annealing";
+        let cold = descent::annealed(self, &best, self.asked.seed, self.asked.tries)?;
+        path.push(self.step("annealing", &cold)?);
+        self.method = "last steps";
+        let last = descent::taken_away(self, &cold)?;
+        path.push(self.step("last steps", &last)?);
+        Ok(last)
+    }
+
+    /// How the machine does on unseen views, and the worst that fails.
+    fn verified(&mut self, scenes: &[Scene], steps: &[u32], from: usize) -> Result<Verdict> {
+        let Some(machine) = self.machine(steps) else { return Ok((Vec::new(), None)) };
+        let elaborated = fixed::elaborate(&machine)?;
+        let mut held = Vec::new();
+        let mut worst: Option<(f64, (View, Found))> = None;
+        for scene in scenes {
+            for nth in from..from + self.asked.views {
+                let view = View::unseen(scene, nth, &machine);
+                let found = drawn(&elaborated, &machine, &view, self.asked.target.no_saturation).unwrap_or(HOPELESS);
+                let load = self.asked.target.load(&found);
+                self.bar.set_message(format!("{}: {} dB", view.name, found.psnr()));
+                held.push(Unseen { name: view.name.clone(), eye: view.scene.camera.eye.to_array(), found });
+                if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
+                    worst = Some((load, (view, found)));
+                }
+            }
+        }
+        Ok((held, worst.map(|(_, failed)| failed)))
+    }
+
+    fn outcome(&mut self, scenes: Vec<String>, path: Vec<Step>, views: Vec<Unseen>, learnt: Vec<String>, steps: &[u32]) -> Result<Outcome> {
+        let mut tight = Vec::new();
+        for knob in 0..self.knobs.len() {
+            if steps[knob] == self.knobs[knob].most {
+                continue;
+            }
+            let mut next = steps.to_vec();
+            next[knob] += 1;
+            let found = self.found(&next)?;
+            if found == HOPELESS || self.asked.target.load(&found) * self.stricter <= 1.0 {
+                continue;
+            }
+            let Knob { path, .. } = &self.knobs[knob];
+            tight.push(Tight { path: path.clone(), value: self.knobs[knob].value(steps[knob]), psnr_db: found.psnr_db });
+        }
+        let worth = |tight: &Tight| tight.psnr_db.unwrap_or(f64::INFINITY);
+        tight.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
+        let aim = match (self.asked.target.psnr_db, self.asked.target.max_error) {
+            (Some(db), _) => format!("{db}dB"),
+            (None, most) => format!("{}", most.unwrap_or(0.0)),
+        };
+        let stem = |name: &String| Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = format!("{}-{aim}", scenes.iter().map(stem).collect::<Vec<_>>().join("-"));
+        let machine = Machine { name, ..self.machine(steps).unwrap_or_else(|| self.base.clone()) };
+        let (target, base) = (self.asked.target, self.base.name.clone());
+        Ok(Outcome { scenes, target, base, path, views, learnt, tight, machine, files: Vec::new() })
+    }
+
+    fn write(self, outcome: Outcome, folder: &Path) -> Result<Outcome> {
+        self.bar.finish_and_clear();
+        let mut files = self.journal.write(folder, "search")?;
+        for (name, value) in [("machine.json", json!(outcome.machine)), ("search.json", json!(outcome))] {
+            let path = folder.join(name);
+            write_beside(&path, |file| serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string()))?;
+            files.insert(0, path);
+        }
+        Ok(Outcome { files, ..outcome })
+    }
+}
+
+impl Problem for Search<'_> {
+    fn most(&self) -> Vec<u32> {
+        self.knobs.iter().map(|knob| knob.most).collect()
+    }
+
+    fn area(&mut self, steps: &[u32]) -> Option<f64> {
+        if let Some(area) = self.areas.get(steps) {
+            return *area;
+        }
+        let area = self.machine(steps).and_then(|machine| self.area_of(&machine));
+        self.areas.insert(steps.to_vec(), area);
+        area
+    }
+
+    fn load(&mut self, steps: &[u32]) -> Result<f64> {
+        let found = self.found(steps)?;
+        Ok(if found == HOPELESS { f64::INFINITY } else { self.asked.target.load(&found) * self.stricter })
+    }
+}
+
+/// Of a machine that cannot be built, or cannot hold the scene.
+const HOPELESS: Found = Found { psnr_db: Some(f64::NEG_INFINITY), max_error: f64::INFINITY, saturated: None };
+
+/// Draws a view and compares.
+fn drawn(elaborated: &rtl_model::machine::Elaborated, machine: &Machine, view: &View, watched: bool) -> Result<Found> {
+    let quantised = quantise(&view.scene, machine)?;
+    let (drawing, saturated) = if watched {
+        let (drawing, ranges) = fixed::draw_ranged(elaborated, &quantised);
+        let signals = elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range));
+        (drawing, Some(signals.filter(|signal| !signal.is_declared_clamp()).map(|signal| signal.overflows()).sum()))
+    } else {
+        (fixed::draw(elaborated, &quantised), None)
+    };
+    let apart = distance(&fixed::picture(elaborated, &drawing), &view.golden);
+    Ok(Found { psnr_db: apart.psnr_db, max_error: apart.max_error, saturated })
+}
+
+/// Leaves that differ, as PATH=VALUE.
+fn differences(base: &Value, now: &Value, path: &str, changes: &mut Vec<String>) {
+    match (base, now) {
+        (Value::Object(base), Value::Object(now)) => {
+            for (name, now) in now {
+                let below = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                // A word that has a rounding is named without `.format`, as in a plan.
+                let below = if name == "format" { path.to_owned() } else { below };
+                differences(base.get(name).unwrap_or(&Value::Null), now, &below, changes);
+            }
+        }
+        _ if base != now => changes.push(format!("{path}={}", now.as_str().map_or_else(|| now.to_string(), str::to_owned))),
+        _ => {}
+    }
+}
+
+/// Tight steps that are told.
+const TOLD: usize = 8;
+
+impl Outcome {
+    /// The way and what it led to, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let (first, last) = (&self.path[0], &self.path[self.path.len() - 1]);
+        let mut aims = Vec::new();
+        aims.extend(self.target.psnr_db.map(|db| format!("at least {db} dB")));
+        aims.extend(self.target.max_error.map(|most| format!("nowhere more than {most} off")));
+        aims.extend(self.target.no_saturation.then(|| "no saturation".to_owned()));
+        let head = format!("{}, from {}: {}", self.scenes.join(", "), self.base, aims.join(", "));
+        let mut table = plain_table(&["", "area", "", "PSNR dB", "max error", "drawn"]);
+        for Step { method, area, found, drawn } in &self.path {
+            let part = format!("{:.1}%", 100.0 * area / first.area);
+            table.add_row([
+                method.clone(),
+                thousands(*area as u64),
+                part,
+                found.psnr(),
+                format!("{:.4}", found.max_error),
+                thousands(*drawn),
+            ]);
+        }
+        let mut text = format!("{}\n\n{}\n", wrapped(&head), aligned(table).trim_fmt());
+        let saved = 100.0 * (1.0 - last.area / first.area);
+        let _ =
+            write!(text, "\n{}: {} LUT equivalents, {saved:.1}% less than {}", self.machine.name, thousands(last.area as u64), self.base);
+        let reference = Machine::named("reference").and_then(|machine| machine.elaborate().ok());
+        if let Some(reference) = reference.filter(|_| self.base != "reference") {
+            let whole = Cost::new(&reference, &Prices::default()).area;
+            let _ = write!(text, ", {:.1}% less than reference", 100.0 * (1.0 - last.area / whole));
+        }
+        let worst = self.views.iter().filter_map(|view| view.found.psnr_db).fold(f64::INFINITY, f64::min);
+        let worst = if worst.is_finite() { format!(", the worst with {worst:.1} dB") } else { String::new() };
+        let views = match self.views.len() {
+            0 => "no unseen view was tried".to_owned(),
+            count => format!("holds on {count} unseen views{worst}"),
+        };
+        let _ = write!(text, "\n{}", wrapped(&views));
+        let tight = self.tight.iter().take(TOLD).map(|tight| {
+            let value = tight.value.as_str().map_or_else(|| tight.value.to_string(), str::to_owned);
+            format!("{} {value} ({})", tight.path, tight.psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB")))
+        });
+        let tight: Vec<String> = tight.collect();
+        if !tight.is_empty() {
+            let _ = write!(text, "\n{}", wrapped(&format!("tightest, and what a step less would make of it: {}", tight.join(", "))));
+        }
+        text
+    }
+}

@@ -1,0 +1,327 @@
+//! Descent: the least area at which a load stays below 1, over whole numbers of steps taken away from each knob.
+//!
+//! ```text
+//! each knob alone, as far as it goes ─► all that far, less d ─┬─ d too small: steps given back, best relief for its area  (min+1)
+//!                                                            ├─ d large enough: steps taken, most area for its harm     (max−1)
+//!                                                            └─ from the better one: random exchanges, ever colder      (annealing)
+//! ```
+//! Both greedy ways are lazy: what a step does is measured again only when it comes up, for it changes little in between.
+//! Sources: Cantin, Savaria, Lavoie, *A comparison of automatic word length optimization procedures* (ISCAS 2002), for min+1 and max−1.
+//!
+//! Laws: `what_is_found_is_close_to_the_best_there_is`, `no_single_step_is_left`.
+
+use crate::error::Result;
+use crate::explore::sweep::plan::mixed;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+/// What is searched.
+pub trait Problem {
+    /// Steps that each knob has.
+    fn most(&self) -> Vec<u32>;
+
+    /// What it takes; none where it cannot be built.
+    fn area(&mut self, steps: &[u32]) -> Option<f64>;
+
+    /// What it does, as a part of what is allowed: the error, squared, over the greatest error allowed, squared. At most 1 is well.
+    /// Infinite where it cannot be built.
+    ///
+    /// # Errors
+    /// Where it cannot be kept what was found.
+    fn load(&mut self, steps: &[u32]) -> Result<f64>;
+}
+
+/// Stands for a load without limit.
+const ENDLESS: f64 = 1e12;
+/// Harm below this is none.
+const LEAST_HARM: f64 = 1e-3;
+/// Of the area: a rise that annealing takes in two of five cases, at first and at last.
+const HOT: f64 = 0.004;
+const COLD: f64 = 0.0001;
+/// Exchanges that are thought of for each that is tried.
+const THOUGHTS: u64 = 40;
+
+fn with(steps: &[u32], knob: usize, value: u32) -> Vec<u32> {
+    let mut steps = steps.to_vec();
+    steps[knob] = value;
+    steps
+}
+
+fn load(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
+    Ok(problem.load(steps)?.min(ENDLESS))
+}
+
+/// How far each knob goes alone, all others as they are.
+pub fn limits(problem: &mut impl Problem) -> Result<Vec<u32>> {
+    let most = problem.most();
+    let none = vec![0; most.len()];
+    let mut limits = none.clone();
+    for knob in 0..most.len() {
+        let [mut well, mut ill] = [0, most[knob] + 1];
+        while ill - well > 1 {
+            let middle = u32::midpoint(well, ill);
+            if problem.load(&with(&none, knob, middle))? <= 1.0 { well = middle } else { ill = middle }
+        }
+        limits[knob] = well;
+    }
+    Ok(limits)
+}
+
+/// All knobs as far as they go alone, less the fewest steps with which all is well; and less one step fewer.
+pub fn starts(problem: &mut impl Problem, limits: &[u32]) -> Result<(Vec<u32>, Vec<u32>)> {
+    let mut ill = limits.to_vec();
+    for back in 0.. {
+        let steps: Vec<u32> = limits.iter().map(|limit| limit.saturating_sub(back)).collect();
+        if problem.load(&steps)? <= 1.0 || steps.iter().all(|step| *step == 0) {
+            return Ok((steps, ill));
+        }
+        ill = steps;
+    }
+    Ok((limits.to_vec(), ill))
+}
+
+/// A step that is thought of, and how good it seemed when it was last measured.
+struct Thought {
+    score: f64,
+    knob: usize,
+    /// The state that it was measured at.
+    at: u64,
+}
+
+impl PartialEq for Thought {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Thought {}
+
+impl PartialOrd for Thought {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Thought {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.score.total_cmp(&other.score).then(other.knob.cmp(&self.knob))
+    }
+}
+
+/// A step of every knob, each as good as can be until it is measured.
+fn unmeasured(knobs: usize) -> BinaryHeap<Thought> {
+    (0..knobs).map(|knob| Thought { score: f64::INFINITY, knob, at: 0 }).collect()
+}
+
+/// From where all is not well: gives steps back, one after the other, until it is.
+pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> {
+    let mut steps = from.to_vec();
+    let mut now = load(problem, &steps)?;
+    let mut state = 1;
+    let mut thoughts = unmeasured(steps.len());
+    while now > 1.0 {
+        let Some(thought) = thoughts.pop() else {
+            // Nothing helps alone: all give one back.
+            if steps.iter().all(|step| *step == 0) {
+                break;
+            }
+            steps.iter_mut().for_each(|step| *step = step.saturating_sub(1));
+            now = load(problem, &steps)?;
+            state += 1;
+            thoughts = unmeasured(steps.len());
+            continue;
+        };
+        let knob = thought.knob;
+        if steps[knob] == 0 {
+            continue;
+        }
+        let next = with(&steps, knob, steps[knob] - 1);
+        if thought.at == state {
+            now = load(problem, &next)?;
+            steps = next;
+            state += 1;
+            thoughts.push(Thought { at: 0, ..thought });
+            continue;
+        }
+        let relief = now - load(problem, &next)?;
+        if relief > 0.0 {
+            let price = match (problem.area(&steps), problem.area(&next)) {
+                (Some(before), Some(after)) => (after - before).max(f64::MIN_POSITIVE),
+                // What cannot be built has no price; whatever makes it better is welcome.
+                _ => 1.0,
+            };
+            thoughts.push(Thought { score: relief / price, knob, at: state });
+        }
+    }
+    Ok(steps)
+}
+
+/// From where all is well: takes steps away, one after the other, while it stays so. One that did not do is not tried again: what else
+/// is taken away meanwhile makes nothing better, but for luck.
+pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> {
+    let most = problem.most();
+    let mut steps = from.to_vec();
+    let mut now = load(problem, &steps)?;
+    let mut state = 1;
+    let mut thoughts = unmeasured(steps.len());
+    while let Some(thought) = thoughts.pop() {
+        let knob = thought.knob;
+        if steps[knob] == most[knob] {
+            continue;
+        }
+        let next = with(&steps, knob, steps[knob] + 1);
+        let (Some(before), Some(after)) = (problem.area(&steps), problem.area(&next)) else { continue };
+        if after >= before {
+            continue;
+        }
+        let then = load(problem, &next)?;
+        if then > 1.0 {
+            continue;
+        }
+        if thought.at == state {
+            (steps, now) = (next, then);
+            state += 1;
+            thoughts.push(Thought { at: 0, ..thought });
+        } else {
+            let harm = (then - now).max(LEAST_HARM);
+            thoughts.push(Thought { score: (before - after) / harm, knob, at: state });
+        }
+    }
+    Ok(steps)
+}
+
+/// From where all is well: exchanges steps at random, ever colder; the best that was met. `tries` loads are asked for.
+pub fn annealed(problem: &mut impl Problem, from: &[u32], seed: u64, tries: u64) -> Result<Vec<u32>> {
+    let most = problem.most();
+    let Some(first) = problem.area(from).filter(|_| most.iter().any(|most| *most > 0)) else { return Ok(from.to_vec()) };
+    let (mut steps, mut area) = (from.to_vec(), first);
+    let (mut best, mut best_area) = (steps.clone(), area);
+    let mut drawn = seed;
+    let mut below = |count: u64| {
+        drawn = drawn.wrapping_add(1);
+        mixed(mixed(drawn)) % count.max(1)
+    };
+    let mut tried = 0;
+    for thought in 0..tries * THOUGHTS {
+        if tried == tries {
+            break;
+        }
+        let [by_tries, by_thoughts] = [tried as f64 / tries as f64, thought as f64 / (tries * THOUGHTS) as f64];
+        let heat = first * HOT * libm::pow(COLD / HOT, by_tries.max(by_thoughts));
+        let mut next = steps.clone();
+        for _ in 0..1 + below(2) {
+            let knob = below(most.len() as u64) as usize;
+            next[knob] = (next[knob] + 1 + below(2) as u32).min(most[knob]);
+        }
+        for _ in 0..below(3) {
+            let knob = below(most.len() as u64) as usize;
+            next[knob] = next[knob].saturating_sub(1 + below(2) as u32);
+        }
+        let chance = below(1 << 32) as f64 / (1u64 << 32) as f64;
+        let Some(next_area) = problem.area(&next).filter(|_| next != steps) else { continue };
+        if next_area > area && libm::exp((area - next_area) / heat) < chance {
+            continue;
+        }
+        tried += 1;
+        if problem.load(&next)? <= 1.0 {
+            (steps, area) = (next, next_area);
+            if area < best_area {
+                (best, best_area) = (steps.clone(), area);
+            }
+        }
+    }
+    Ok(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Errors that add up, each four times as great a step; area that falls by a word's price a step.
+    #[derive(Clone, Debug)]
+    struct Sum {
+        noise: Vec<f64>,
+        price: Vec<f64>,
+        most: u32,
+        loads: u64,
+    }
+
+    impl Sum {
+        fn allowed(&self, steps: &[u32]) -> f64 {
+            self.noise.iter().zip(steps).map(|(noise, steps)| noise * libm::pow(4.0, f64::from(*steps))).sum()
+        }
+
+        fn takes(&self, steps: &[u32]) -> f64 {
+            100.0 + self.price.iter().zip(steps).map(|(price, steps)| price * f64::from(self.most - steps)).sum::<f64>()
+        }
+    }
+
+    impl Problem for Sum {
+        fn most(&self) -> Vec<u32> {
+            vec![self.most; self.noise.len()]
+        }
+
+        fn area(&mut self, steps: &[u32]) -> Option<f64> {
+            Some(self.takes(steps))
+        }
+
+        fn load(&mut self, steps: &[u32]) -> Result<f64> {
+            self.loads += 1;
+            Ok(self.allowed(steps))
+        }
+    }
+
+    fn least(sum: &Sum) -> f64 {
+        let count = u64::from(sum.most + 1).pow(sum.noise.len() as u32);
+        let steps = |number: u64| -> Vec<u32> {
+            (0..sum.noise.len() as u32).map(|knob| (number / u64::from(sum.most + 1).pow(knob) % u64::from(sum.most + 1)) as u32).collect()
+        };
+        (0..count).map(steps).filter(|steps| sum.allowed(steps) <= 1.0).map(|steps| sum.takes(&steps)).fold(f64::INFINITY, f64::min)
+    }
+
+    fn sums() -> impl Strategy<Value = Sum> {
+        let knobs = prop::collection::vec((1e-5..0.2f64, 1.0..200.0f64), 4);
+        knobs.prop_map(|knobs| {
+            let (noise, price) = knobs.into_iter().unzip();
+            Sum { noise, price, most: 7, loads: 0 }
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        #[test]
+        fn what_is_found_is_close_to_the_best_there_is(mut sum in sums(), seed in any::<u64>()) {
+            let limits = limits(&mut sum).unwrap();
+            let (well, ill) = starts(&mut sum, &limits).unwrap();
+            let back = given_back(&mut sum, &ill).unwrap();
+            let down = taken_away(&mut sum, &well).unwrap();
+            let better = if sum.takes(&back) < sum.takes(&down) { &back } else { &down };
+            let cold = annealed(&mut sum, better, seed, 300).unwrap();
+            let found = taken_away(&mut sum, &cold).unwrap();
+            prop_assert!([&well, &back, &down, &cold, &found].iter().all(|steps| sum.allowed(steps) <= 1.0));
+            let (best, found) = (least(&sum), sum.takes(&found));
+            prop_assert!(found <= 1.05 * best, "{found} where {best} is the least");
+            prop_assert!(sum.takes(&down) <= 1.25 * best && sum.takes(&back) <= 1.4 * best, "{} {} {best}", sum.takes(&down), sum.takes(&back));
+        }
+
+        #[test]
+        fn no_single_step_is_left(mut sum in sums()) {
+            let steps = taken_away(&mut sum, &[0; 4]).unwrap();
+            for knob in 0..4 {
+                prop_assert!(steps[knob] == sum.most || sum.allowed(&with(&steps, knob, steps[knob] + 1)) > 1.0);
+            }
+        }
+    }
+
+    #[test]
+    fn limits_are_found_by_halving() {
+        let mut sum = Sum { noise: vec![1e-9, 0.9, 4.0, 1e-3], price: vec![1.0; 4], most: 9, loads: 0 };
+        sum.noise[2] = 0.2;
+        assert_eq!(limits(&mut sum).unwrap(), [0, 0, 0, 0], "what is not well at first goes nowhere");
+        sum.noise = vec![1e-9, 0.3, 0.2, 1e-3];
+        // Others leave half of what is allowed.
+        assert_eq!(limits(&mut sum).unwrap(), [9, 0, 0, 4]);
+        assert!(sum.loads < 40, "{}", sum.loads);
+    }
+}

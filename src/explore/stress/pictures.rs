@@ -1,0 +1,169 @@
+//! Pictures: the catalogue as a grid of charts, and as a gallery.
+
+use super::{CASES, Case, CaseReport, Catalogue, Exhibit, Failure, Found, MachineReport, Point, SHARE_FAILS, short};
+use crate::error::Result;
+use crate::output::chart::{Axis, Chart, Mark, Panel, Series, Tile, Words, write_png};
+use crate::output::picture::Picture;
+use rtl_model::Machine;
+use std::path::Path;
+
+/// Columns of the chart's grid and size of a cell.
+const CHART_COLUMNS: usize = 4;
+const CHART_CELL_PX: [u32; 2] = [470, 320];
+/// The gallery: two exhibits a row.
+const GALLERY_COLUMNS: usize = 2;
+const GALLERY_CELL_PX: [u32; 2] = [152, 170];
+/// Characters of a line in a cell of the gallery.
+const GALLERY_CHARS: usize = 22;
+/// Errors below this are drawn as this; nothing in a picture shows them.
+const FLOOR: f64 = 1e-6;
+/// Where bounds are drawn that say nothing.
+const CEILING: f64 = 2.0;
+/// How much brighter an error is shown.
+const ENLARGED: f64 = 16.0;
+/// Colour numbers: the method, and machines in their order.
+const METHOD: usize = 6;
+const MACHINES: [usize; 5] = [0, 2, 1, 3, 4];
+
+fn colour(machine: usize) -> usize {
+    MACHINES[machine % MACHINES.len()]
+}
+
+/// Where a value lies: 0 is put one decade below the least other one of a logarithmic axis.
+fn place(case: &Case, value: f64) -> f64 {
+    if !case.log || value > 0.0 {
+        return value;
+    }
+    case.values.iter().copied().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min) / 10.0
+}
+
+/// One panel a case, and one that says how to read them.
+pub fn write_chart(catalogue: &Catalogue, path: &Path) -> Result<()> {
+    let key = key();
+    let panels: Vec<Panel> = catalogue.cases.iter().map(panel).collect();
+    let drawings: Vec<&dyn Chart> = std::iter::once(&key as &dyn Chart).chain(panels.iter().map(|panel| panel as &dyn Chart)).collect();
+    write_png(&drawings, CHART_COLUMNS, CHART_CELL_PX, path)
+}
+
+fn key() -> Words {
+    let mut lines = vec![(Some((Mark::Line, METHOD)), "golden − ideal: the method's error".to_owned())];
+    let names = [Machine::NAMES[0], Machine::NAMES[1], Machine::NAMES[2], "the case's own variant of reference"];
+    lines.extend(names.iter().enumerate().map(|(i, name)| (Some((Mark::Line, colour(i))), format!("fixed − led on {name}"))));
+    lines.push((None, "(of ellipsoids: volume or gaussian as reference,".into()));
+    lines.push((None, "its variant as lean)".into()));
+    let rest = [
+        (Some((Mark::Dashed, colour(0))), "its bound; at the top where it says nothing"),
+        (Some((Mark::Dots, colour(0))), "fixed − golden: with flipped decisions"),
+        (None, "all: the greatest of a picture, linear light in [0, 1];"),
+        (None, "what is below 1e-6 is drawn there"),
+        (None, "upright: first value at which the method fails"),
+        (None, "(over 8/255), or a machine's arithmetic: by its error, by"),
+        (None, "its bound (over 1 on more than 1 % of the pixels), or"),
+        (None, "by refusing the scene"),
+    ];
+    lines.extend(rest.into_iter().map(|(sample, line)| (sample, line.to_owned())));
+    Words { title: "How to read this".into(), lines }
+}
+
+fn panel(report: &CaseReport) -> Panel {
+    // Every report is of a case of the table.
+    let case = CASES.iter().find(|case| case.name == report.name).unwrap_or(&CASES[0]);
+    let unit = if case.unit.is_empty() { String::new() } else { format!(", {}", case.unit) };
+    let with_zero = if case.log && case.values.contains(&0.0) { " (0 at the left end)" } else { "" };
+    let label = format!("{}{unit}{with_zero}", case.parameter);
+    let mut series = Vec::new();
+    let mut limits = Vec::new();
+    for (i, machine) in report.machines.iter().enumerate() {
+        let line = |mark, colour, of: &dyn Fn(&Point) -> Option<f64>| {
+            let mut points: Vec<[f64; 2]> =
+                machine.points.iter().filter_map(|point| Some([place(case, point.value), of(point)?.max(FLOOR)])).collect();
+            points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            Series { name: String::new(), points, mark, colour }
+        };
+        if i == 0 {
+            series.push(line(Mark::Line, METHOD, &|point| Some(point.found()?.golden_vs_ideal.max_error)));
+            limits.extend(machine.method_fails_at.map(|value| (place(case, value), "method".to_owned(), METHOD)));
+        }
+        series.push(line(Mark::Dots, colour(i), &|point| Some(point.found()?.fixed_vs_golden.max_error)));
+        series.push(line(Mark::Dashed, colour(i), &|point| Some(told_bound(point.found()?))));
+        series.push(line(Mark::Line, colour(i), &|point| Some(point.found()?.lockstep.max_error)));
+        limits.extend(limit(case, machine, colour(i)));
+    }
+    let (x, y) = (if case.log { Axis::log(&label) } else { Axis::linear(&label) }, Axis::log("error").within(FLOOR / 2.0, 1.2 * CEILING));
+    Panel { title: report.name.into(), x, y, series, limits: joined(limits), ..Panel::default() }
+}
+
+/// The bound where it says something, else the top of the chart.
+fn told_bound(found: &Found) -> f64 {
+    let bound = &found.lockstep;
+    if bound.share_over_1 > SHARE_FAILS { CEILING } else { bound.max_bound.unwrap_or(0.0) }
+}
+
+fn limit(case: &Case, machine: &MachineReport, colour: usize) -> Option<(f64, String, usize)> {
+    let how = match machine.arithmetic_fails_by? {
+        Failure::Error => "error",
+        Failure::Bound => "bound",
+        Failure::Refused => "refuses",
+    };
+    Some((place(case, machine.arithmetic_fails_at?), format!("{}: {how}", machine.machine), colour))
+}
+
+/// Limits at one place share a line, and its words.
+fn joined(limits: Vec<(f64, String, usize)>) -> Vec<(f64, String, usize)> {
+    let mut joined: Vec<(f64, String, usize)> = Vec::new();
+    for (at, word, colour) in limits {
+        match joined.iter_mut().find(|(other, ..)| *other == at) {
+            Some((_, words, _)) => *words += &format!("; {word}"),
+            None => joined.push((at, word, colour)),
+        }
+    }
+    joined
+}
+
+/// One row an exhibit: what it is, ideal, golden, fixed, error.
+pub fn write_gallery(exhibits: &[Exhibit], path: &Path) -> Result<()> {
+    let rows: Vec<(Words, [Tile; 4])> = exhibits.iter().map(|exhibit| (words(exhibit), tiles(exhibit))).collect();
+    let mut drawings: Vec<&dyn Chart> = Vec::new();
+    for (words, tiles) in &rows {
+        drawings.push(words);
+        drawings.extend(tiles.iter().map(|tile| tile as &dyn Chart));
+    }
+    write_png(&drawings, 5 * GALLERY_COLUMNS.min(rows.len().max(1)), GALLERY_CELL_PX, path)
+}
+
+fn words(exhibit: &Exhibit) -> Words {
+    let case = exhibit.case;
+    let value = format!("{} {} {}", case.parameter, short(exhibit.value), case.unit);
+    Words { title: case.name.into(), lines: broken(value.trim()).into_iter().map(|line| (None, line)).collect() }
+}
+
+fn tiles(exhibit: &Exhibit) -> [Tile; 4] {
+    let pictures = &exhibit.pictures;
+    let error = error(&pictures.fixed, &pictures.golden);
+    let tile = |caption: &str, picture: &Picture| Tile { caption: caption.into(), picture: picture.clone() };
+    [
+        tile("ideal", &pictures.ideal),
+        tile("golden", &pictures.golden),
+        tile(&format!("fixed: {}", exhibit.machine), &pictures.fixed),
+        tile(&format!("error × {ENLARGED}"), &error),
+    ]
+}
+
+fn error(fixed: &Picture, golden: &Picture) -> Picture {
+    let pixel =
+        |(a, b): (&[f64; 4], &[f64; 4])| [0, 1, 2, 3].map(|i| (ENLARGED * (a[i].clamp(0.0, 1.0) - b[i].clamp(0.0, 1.0)).abs()).min(1.0));
+    Picture { rgba: fixed.rgba.iter().zip(&golden.rgba).map(pixel).collect(), ..fixed.clone() }
+}
+
+/// A text in lines that a cell of the gallery holds.
+fn broken(text: &str) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.is_empty() => line.push_str(word),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= GALLERY_CHARS => *line += &format!(" {word}"),
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}

@@ -1,0 +1,228 @@
+//! Point: one case at one value on one machine, and whether all that is wrong there is told.
+
+use super::FAILS;
+use crate::accuracy::ranges::SignalReport;
+use crate::accuracy::{Distance, Flips, Lockstep, distance, lockstep, pixel_error};
+use crate::error::Error;
+use crate::golden;
+use crate::hardware::fixed;
+use crate::hardware::quantise::{Quantised, quantise};
+use crate::output::picture::Picture;
+use crate::run::report::CulledReport;
+use crate::scene::Scene;
+use rtl_model::machine::{Elaborated, Machine};
+use serde::Serialize;
+
+/// The three pictures at a point.
+#[derive(Clone, Debug)]
+pub struct Pictures {
+    /// Every surface.
+    pub ideal: Picture,
+    /// The machine's rules in f64.
+    pub golden: Picture,
+    /// The machine.
+    pub fixed: Picture,
+}
+
+/// One value on one machine: drawn and compared, or refused in a sentence.
+#[derive(Clone, Debug, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// The machine cannot hold the scene, and says why.
+    Refused(String),
+    /// It drew.
+    Drawn(Box<Found>),
+}
+
+/// What was found where the machine drew.
+#[derive(Clone, Debug, Serialize)]
+pub struct Found {
+    /// Pixels that a splat touches, in `fixed` or in `golden`.
+    pub covered_pixels: u64,
+    /// The method's error.
+    pub golden_vs_ideal: Distance,
+    /// The arithmetic's error, flips included.
+    pub fixed_vs_golden: Distance,
+    /// The arithmetic's error alone, and its bound.
+    pub lockstep: Bounded,
+    /// Where fixed and `golden` differ by more than 8/255.
+    pub beyond: Beyond,
+    /// Splats that the machine did not draw.
+    pub culled: CulledReport,
+    /// Results outside of their word's range that were saturated, without the declared clamps.
+    pub saturated: u64,
+    /// Results that wrapped.
+    pub wrapped: u64,
+    /// The signals that did.
+    pub overflowed: Vec<String>,
+}
+
+/// Lockstep in a few numbers.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Bounded {
+    /// Greatest |fixed − led|.
+    pub max_error: f64,
+    /// Greatest bound of a covered pixel among those that are at most 1; none where there is no such pixel.
+    pub max_bound: Option<f64>,
+    /// Share of the covered pixels whose bound exceeds 1, where it says nothing.
+    pub share_over_1: f64,
+    /// Pixels that exceed their bound.
+    pub violations: u64,
+    /// Decisions that `golden` would have taken otherwise.
+    pub flips: Flips,
+}
+
+/// Pixels where fixed and `golden` differ by more than 8/255, each counted by the first thing that tells so.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Beyond {
+    /// All of them.
+    pub pixels: u64,
+    /// A decision flipped at the pixel.
+    pub flipped: u64,
+    /// The bound there is at least the difference, and at most 1.
+    pub within_bound: u64,
+    /// The bound there exceeds 1.
+    pub bound_over_1: u64,
+    /// Nothing. None should be.
+    pub silent: u64,
+}
+
+/// What is measured at a point, without the pictures of a refused one.
+pub struct Measured {
+    pub outcome: Outcome,
+    pub pictures: Option<Pictures>,
+}
+
+/// Draws a scene on a machine and in exact arithmetic, and compares.
+pub fn measure(scene: &Scene, ideal: &Picture, machine: &Machine) -> Measured {
+    match prepare(scene, machine) {
+        Ok((elaborated, quantised)) => draw(scene, ideal, &elaborated, &quantised),
+        Err(error) => Measured { outcome: Outcome::Refused(error.to_string()), pictures: None },
+    }
+}
+
+fn prepare(scene: &Scene, machine: &Machine) -> Result<(Elaborated, Quantised), Error> {
+    Ok((fixed::elaborate(machine)?, quantise(scene, machine)?))
+}
+
+fn draw(scene: &Scene, ideal: &Picture, machine: &Elaborated, quantised: &Quantised) -> Measured {
+    let (drawing, ranges) = fixed::draw_ranged(machine, quantised);
+    let fixed = fixed::picture(machine, &drawing);
+    let golden = golden::render(scene, &fixed::rules(&machine.machine)).picture;
+    let led = lockstep(scene, machine, quantised);
+    let signals = machine.signals.iter().zip(&ranges.0).map(|(signal, range)| (signal, SignalReport::new(signal, range)));
+    let mut found = Found {
+        covered_pixels: covered(&fixed, &golden).count() as u64,
+        golden_vs_ideal: distance(&golden, ideal),
+        fixed_vs_golden: distance(&fixed, &golden),
+        lockstep: bounded(&led, covered(&fixed, &golden)),
+        beyond: beyond(&fixed, &golden, &led),
+        culled: drawing.culled.into(),
+        saturated: 0,
+        wrapped: 0,
+        overflowed: Vec::new(),
+    };
+    for (signal, report) in signals.filter(|(_, report)| !report.is_declared_clamp() && report.saturated() + report.wrapped() > 0) {
+        found.saturated += report.saturated();
+        found.wrapped += report.wrapped();
+        found.overflowed.push(format!("{}.{}", signal.unit, signal.name));
+    }
+    Measured { outcome: Outcome::Drawn(Box::new(found)), pictures: Some(Pictures { ideal: ideal.clone(), golden, fixed }) }
+}
+
+/// Pixels that a splat touches in either picture.
+fn covered<'a>(a: &'a Picture, b: &'a Picture) -> impl Iterator<Item = usize> + 'a {
+    (0..a.covered.len()).filter(|&pixel| a.covered[pixel] || b.covered[pixel])
+}
+
+fn bounded(led: &Lockstep, covered: impl Iterator<Item = usize>) -> Bounded {
+    let (mut all, mut over_1, mut max_bound) = (0_u64, 0_u64, None);
+    for bound in covered.map(|pixel| led.bound[pixel]) {
+        all += 1;
+        if bound > 1.0 {
+            over_1 += 1;
+        } else {
+            max_bound = Some(max_bound.map_or(bound, |most: f64| most.max(bound)));
+        }
+    }
+    Bounded {
+        max_error: led.error.iter().copied().fold(0.0, f64::max),
+        max_bound,
+        share_over_1: over_1 as f64 / all.max(1) as f64,
+        violations: led.violations,
+        flips: led.flips,
+    }
+}
+
+fn beyond(fixed: &Picture, golden: &Picture, led: &Lockstep) -> Beyond {
+    let mut beyond = Beyond::default();
+    for pixel in 0..fixed.rgba.len() {
+        let error = pixel_error(fixed, golden, pixel);
+        if error <= FAILS {
+            continue;
+        }
+        beyond.pixels += 1;
+        let told = if led.flipped[pixel] != 0 {
+            &mut beyond.flipped
+        } else if led.bound[pixel] > 1.0 {
+            &mut beyond.bound_over_1
+        } else if led.bound[pixel] >= error {
+            &mut beyond.within_bound
+        } else {
+            &mut beyond.silent
+        };
+        *told += 1;
+    }
+    beyond
+}
+
+impl Found {
+    /// Everything here that should be 0: pixels beyond their bound, unexplained flips, silent failures.
+    pub fn faults(&self) -> u64 {
+        self.lockstep.violations + self.lockstep.flips.unexplained + self.beyond.silent
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey(values: &[f64]) -> Picture {
+        let rgba = values.iter().map(|value| [*value, *value, *value, 1.0]).collect();
+        Picture { width: values.len(), height: 1, rgba, covered: vec![true; values.len()] }
+    }
+
+    fn told(bound: f64, flipped: u8) -> Lockstep {
+        let flips = Flips::default();
+        Lockstep { led: grey(&[0.5]), bound: vec![bound], error: vec![0.0], flipped: vec![flipped], violations: 0, flips }
+    }
+
+    #[test]
+    fn a_large_error_is_silent_where_neither_flip_nor_bound_tells_of_it() {
+        let (fixed, golden) = (grey(&[0.5]), grey(&[0.6]));
+        let counts = |bound, flipped| {
+            let b = beyond(&fixed, &golden, &told(bound, flipped));
+            assert_eq!(b.pixels, b.flipped + b.within_bound + b.bound_over_1 + b.silent);
+            [b.flipped, b.within_bound, b.bound_over_1, b.silent]
+        };
+        assert_eq!(counts(0.05, 0), [0, 0, 0, 1]);
+        assert_eq!(counts(0.05, 4), [1, 0, 0, 0]);
+        assert_eq!(counts(0.2, 0), [0, 1, 0, 0]);
+        assert_eq!(counts(f64::INFINITY, 0), [0, 0, 1, 0]);
+    }
+
+    #[test]
+    fn a_small_error_needs_no_excuse() {
+        assert_eq!(beyond(&grey(&[0.5]), &grey(&[0.5 + 7.9 / 255.0]), &told(0.0, 0)).pixels, 0);
+    }
+
+    #[test]
+    fn bounds_over_1_are_counted_apart() {
+        let mut led = told(0.0, 0);
+        led.bound = vec![0.25, 3.0, f64::INFINITY, 0.125];
+        let b = bounded(&led, [0, 1, 3].into_iter());
+        assert_eq!((b.max_bound, b.share_over_1), (Some(0.25), 1.0 / 3.0));
+        assert_eq!(bounded(&led, [2].into_iter()).max_bound, None);
+        assert_eq!(bounded(&led, std::iter::empty()).share_over_1, 0.0);
+    }
+}

@@ -1,0 +1,615 @@
+//! Charts: what the rows of a folder say, as pictures and on one page.
+//!
+//! ```text
+//! points.jsonl, plan.json ─► [figures that these rows can fill] ─┬─► NAME.png, NAME.svg
+//!                                                                └─► charts.html, with the table
+//! ```
+//! A figure is drawn where its numbers vary, and left out where they do not. All but `host-speed` is the same on every computer.
+//!
+//! Laws (tests/chart.rs): `the_front_of_a_folder_is_named`, `figures_are_of_what_varies`.
+
+use super::table::{Row, Table};
+use super::{ACCOUNTS, UNITS, page};
+use crate::error::{Error, Result};
+use crate::explore::pareto;
+use crate::hardware::machines;
+use crate::output::chart::{self, Axis, Bars, Chart, Mark, Panel, Series, Shape};
+use crate::output::files::write_beside;
+use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use comfy_table::CellAlignment;
+use rtl_model::Machine;
+use rtl_model::num::Format;
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// A drawing with its name and what it says.
+pub struct Figure {
+    /// Of its files.
+    pub name: &'static str,
+    /// Above it, on the page.
+    pub title: String,
+    /// Below that: how to read it.
+    pub says: String,
+    charts: Vec<Box<dyn Chart>>,
+    columns: usize,
+    cell_px: [u32; 2],
+}
+
+/// A folder's rows, and the machine that they change.
+pub struct Rows {
+    table: Table,
+    base: Machine,
+    /// The base machine's fields.
+    fields: serde_json::Value,
+    /// The base machine's words.
+    words: BTreeMap<String, Format>,
+}
+
+/// What was drawn.
+pub struct Charts {
+    /// What was written.
+    pub files: Vec<PathBuf>,
+    fronts: String,
+}
+
+/// Names beside the points of a front, at most.
+const NAMES: usize = 10;
+/// Letters of such a name, at most.
+const LETTERS: usize = 44;
+/// Values from which on a word has a curve of its own.
+const CURVE: usize = 5;
+/// Bars of a field, and panels of a figure, at most.
+const MOST_BARS: usize = 40;
+const MOST_PANELS: usize = 24;
+
+/// Draws all that the rows of a folder can show into that folder.
+///
+/// # Errors
+/// [`Error::Input`] where it has no rows or they were changed, [`Error::Job`] where a file cannot be written.
+pub fn write(folder: &Path) -> Result<Charts> {
+    let rows = Rows::read(folder)?;
+    let figures = rows.figures();
+    let mut files = Vec::new();
+    let mut drawn = Vec::new();
+    for figure in &figures {
+        let charts: Vec<&dyn Chart> = figure.charts.iter().map(|chart| &**chart).collect();
+        let [png, svg] = ["png", "svg"].map(|extension| folder.join(figure.name).with_extension(extension));
+        chart::write_png(&charts, figure.columns, figure.cell_px, &png)?;
+        let text = chart::svg(&charts, figure.columns, figure.cell_px)?;
+        write_beside(&svg, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
+        drawn.push((figure, text));
+        files.extend([png, svg]);
+    }
+    let page = page::html(&rows.table, &rows.base.name, &drawn);
+    let path = folder.join("charts.html");
+    write_beside(&path, |file| file.write_all(page.as_bytes()).map_err(|e| e.to_string()))?;
+    files.push(path);
+    Ok(Charts { files, fronts: rows.fronts() })
+}
+
+impl Charts {
+    /// The machines that no other one beats, at most 80 columns wide.
+    pub fn summary(&self) -> &str {
+        &self.fronts
+    }
+}
+
+impl Rows {
+    /// The rows of a folder, of machines that could be built, and what `plan.json` says of them.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where a file is missing or was changed.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let table = Table::read(folder)?;
+        let path = folder.join("plan.json");
+        let told = |what: String| Error::input(format!("{}: {what}", path.display()));
+        let text = std::fs::read_to_string(&path).map_err(|e| told(format!("cannot be read: {e}")))?;
+        let plan: serde_json::Value = serde_json::from_str(&text).map_err(|e| told(format!("not JSON: {e}")))?;
+        let base = machines::from_value(plan.get("machine").unwrap_or(&serde_json::Value::Null), &format!("{}: machine", path.display()))?;
+        let words = machines::words(&base).into_iter().collect();
+        Ok(Rows { table, fields: machines::value(&base), base, words })
+    }
+
+    fn number(&self, row: &Row, name: &str) -> Option<f64> {
+        self.table.number(row, name)
+    }
+
+    fn scenes(&self) -> Vec<&str> {
+        let mut scenes: Vec<&str> = Vec::new();
+        for row in &self.table.rows {
+            let scene = self.table.text(row, "scene");
+            if !scenes.contains(&scene) {
+                scenes.push(scene);
+            }
+        }
+        scenes.truncate(MOST_PANELS);
+        scenes
+    }
+
+    /// The rows of a scene whose machines could be built.
+    fn of<'a>(&'a self, scene: &'a str) -> impl Iterator<Item = &'a Row> {
+        let table = &self.table;
+        table.rows.iter().filter(move |row| table.text(row, "scene") == scene && table.text(row, "misfit").is_empty())
+    }
+
+    /// What a row changes, as field and value; what it leaves as it is does not count.
+    fn changes<'a>(&self, row: &'a Row) -> Vec<(&'a str, &'a str)> {
+        let at = self.table.at("changes");
+        let text = at.and_then(|at| row[at].as_str()).unwrap_or_default();
+        let is_change = |(field, value): &(&str, &str)| {
+            if *field == "exact" {
+                return *value != "[]";
+            }
+            let base = self.fields.pointer(&format!("/{}", field.replace('.', "/")));
+            base.is_none_or(|base| base.as_str().map_or_else(|| base.to_string(), str::to_owned) != *value)
+        };
+        text.split(' ').filter_map(|change| change.split_once('=')).filter(is_change).collect()
+    }
+
+    /// Integer and fraction bits that a change gives a word.
+    fn more_bits(&self, field: &str, value: &str) -> Option<[i32; 2]> {
+        let (base, format) = (self.words.get(field)?, value.parse::<Format>().ok()?);
+        Some([format.int_bits - base.int_bits, format.frac_bits - base.frac_bits])
+    }
+
+    /// A machine's name, short enough to stand beside a point.
+    fn name(&self, row: &Row) -> String {
+        let changes = self.changes(row);
+        if changes.is_empty() {
+            return self.base.name.clone();
+        }
+        let one = |(field, value): &(&str, &str)| {
+            let bits = |bits: i32, of: &str| if bits == 0 { String::new() } else { format!(" {}{of}", signed(bits)) };
+            match self.more_bits(field, value) {
+                Some([int, frac]) if [int, frac] != [0, 0] => format!("{field}{}{}", bits(int, " int"), bits(frac, "")),
+                _ => format!("{} {value}", short(field)),
+            }
+        };
+        let name = changes.iter().map(one).collect::<Vec<_>>().join(", ");
+        let point = self.number(row, "point").unwrap_or(0.0);
+        if name.chars().count() > LETTERS { format!("point {point}") } else { name }
+    }
+
+    fn figures(&self) -> Vec<Figure> {
+        let found = [
+            self.scatter(
+                "accuracy-area",
+                ["area", "area, thousand LUT equivalents", "psnr_db", "PSNR, fixed − golden, dB"],
+                [1.0, 1.0],
+                "What accuracy costs. Each dot is a machine; those with a ring are beaten by none, all others cost more, are worse, or both. Better is up and to the left.",
+            ),
+            self.scatter(
+                "accuracy-speed",
+                ["frames_per_second", "frames/s of the machine", "psnr_db", "PSNR, fixed − golden, dB"],
+                [-1.0, 1.0],
+                "Accuracy against speed of the simulated machine. Better is up and to the right.",
+            ),
+            self.scatter(
+                "speed-area",
+                ["area", "area, thousand LUT equivalents", "frames_per_second", "frames/s of the machine"],
+                [1.0, 1.0],
+                "What speed costs. Better is up and to the left.",
+            ),
+            self.sensitivity(),
+            self.curves(),
+            self.layers(),
+            self.cycles(),
+            self.host_speed(),
+        ];
+        found.into_iter().flatten().collect()
+    }
+
+    /// A row's two numbers, and the same as cost and worth.
+    fn pair(&self, row: &Row, [x, y]: [&str; 2]) -> Option<[f64; 2]> {
+        Some([self.number(row, x)?, self.number(row, y)?])
+    }
+
+    /// Points of a scene and those of them on the front.
+    fn front<'a>(&'a self, scene: &'a str, names: [&str; 2], signs: [f64; 2]) -> (Vec<(&'a Row, [f64; 2])>, Vec<usize>) {
+        let points: Vec<(&Row, [f64; 2])> = self.of(scene).filter_map(|row| Some((row, self.pair(row, names)?))).collect();
+        let costs: Vec<[f64; 2]> = points.iter().map(|(_, [x, y])| [x * signs[0], y * signs[1]]).collect();
+        let front = pareto::front(&costs);
+        (points, front)
+    }
+
+    fn scatter(&self, name: &'static str, [x, x_label, y, y_label]: [&str; 4], signs: [f64; 2], says: &str) -> Option<Figure> {
+        let panel = |scene: &&str| {
+            let (points, front) = self.front(scene, [x, y], signs);
+            let unit = |name: &str| if name == "area" { 1e-3 } else { 1.0 };
+            let places: Vec<[f64; 2]> = points.iter().map(|(_, place)| [place[0] * unit(x), place[1] * unit(y)]).collect();
+            if !(0..2).all(|axis| varies(places.iter().map(|place| place[axis]))) {
+                return None;
+            }
+            let ring = |i: &usize| places[*i];
+            let named = spread(&front.iter().map(ring).collect::<Vec<_>>(), NAMES);
+            let mut notes: Vec<([f64; 2], String)> =
+                named.iter().map(|nth| (places[front[*nth]], self.name(points[front[*nth]].0))).collect();
+            // Equal machines have one name.
+            notes.dedup_by(|a, b| a.0 == b.0);
+            let base = points.iter().position(|(row, _)| self.changes(row).is_empty());
+            if let Some(base) = base.filter(|base| !notes.iter().any(|(other, _)| *other == places[*base])) {
+                notes.push((places[base], self.name(points[base].0)));
+            }
+            let series = |name: &str, points: Vec<[f64; 2]>, mark, colour| Series { name: name.into(), points, mark, colour };
+            Some(Panel {
+                title: (*scene).to_owned(),
+                x: Axis::linear(x_label),
+                y: Axis::linear(y_label),
+                series: vec![
+                    series("machines", places.clone(), Mark::Dots, 0),
+                    series("none is better", front.iter().map(ring).collect(), Mark::Rings, 1),
+                ],
+                notes,
+                ..Panel::default()
+            })
+        };
+        let scenes = self.scenes();
+        let charts: Vec<Box<dyn Chart>> = scenes.iter().filter_map(panel).map(|panel| Box::new(panel) as Box<dyn Chart>).collect();
+        let title = format!("{} against {}", y_label.split(',').next().unwrap_or_default(), x_label.split(',').next().unwrap_or_default());
+        figure(name, title, says, charts, [760, 520])
+    }
+
+    /// Rows of a scene that change one word alone: field, more bits, row; the base machine with no field.
+    fn one_word<'a>(&'a self, scene: &'a str) -> Vec<(&'a str, [i32; 2], &'a Row)> {
+        let one = |row: &'a Row| {
+            let changes = self.changes(row);
+            match changes[..] {
+                [] => Some(("", [0, 0], row)),
+                [(field, value)] => Some((field, self.more_bits(field, value)?, row)),
+                _ => None,
+            }
+        };
+        self.of(scene).filter_map(one).collect()
+    }
+
+    /// Every word with a few values: decibels by bits.
+    fn sensitivity(&self) -> Option<Figure> {
+        let mut charts: Vec<Box<dyn Chart>> = Vec::new();
+        let mut height = 0;
+        for scene in self.scenes() {
+            let all = self.one_word(scene);
+            let Some((_, _, base)) = all.iter().find(|(field, ..)| field.is_empty()) else { continue };
+            let mut by_word: BTreeMap<&str, BTreeMap<i32, &Row>> = BTreeMap::new();
+            let mut steps: Vec<i32> = Vec::new();
+            for (field, [int, frac], row) in all.iter().filter(|(field, ..)| !field.is_empty()) {
+                if *int == 0 && *frac != 0 {
+                    by_word.entry(field).or_default().insert(*frac, row);
+                    steps.push(*frac);
+                }
+            }
+            steps.sort_unstable();
+            steps.dedup();
+            if by_word.len() < CURVE || steps.len() > 6 {
+                continue;
+            }
+            let db = |row: &Row, column: &str| self.number(row, column).unwrap_or(f64::NAN);
+            let mut words: Vec<(&str, BTreeMap<i32, &Row>)> = by_word.into_iter().collect();
+            let least = |rows: &BTreeMap<i32, &Row>| rows.values().map(|row| db(row, "psnr_db")).fold(f64::INFINITY, f64::min);
+            words.sort_by(|a, b| least(&a.1).total_cmp(&least(&b.1)));
+            let legend: Vec<String> = steps.iter().map(|bits| format!("{} bits", signed(*bits))).chain(["as it is".to_owned()]).collect();
+            let mut dots = |column: &str, title: &str| {
+                let value = |rows: &BTreeMap<i32, &Row>, bits: &i32| rows.get(bits).map_or(f64::NAN, |row| db(row, column));
+                let row = |(word, rows): &(&str, BTreeMap<i32, &Row>)| {
+                    let values: Vec<f64> = steps.iter().map(|bits| value(rows, bits)).chain([db(base, column)]).collect();
+                    ((*word).to_owned(), values)
+                };
+                let rows: Vec<(String, Vec<f64>)> = words.iter().map(row).collect();
+                if rows.iter().any(|(_, values)| values.iter().any(|value| value.is_finite())) {
+                    let title = format!("{scene}: {title}");
+                    charts.push(Box::new(Bars { shape: Shape::Dots, title, axis: Axis::linear("dB"), legend: legend.clone(), rows }));
+                }
+            };
+            dots("psnr_db", "PSNR, fixed − golden");
+            dots("lockstep_psnr_db", "in lockstep, without flips");
+            if let [coarse, fine, ..] = steps[..]
+                && fine < 0
+            {
+                let slope = |column: &str, rows: &BTreeMap<i32, &Row>| {
+                    let at = |bits: i32| rows.get(&bits).map_or(f64::NAN, |row| db(row, column));
+                    (at(fine) - at(coarse)) / f64::from(fine - coarse)
+                };
+                let columns = ["psnr_db", "lockstep_psnr_db"];
+                let row = |(word, rows): &(&str, BTreeMap<i32, &Row>)| {
+                    let slopes: Vec<f64> = columns.iter().map(|column| slope(column, rows)).filter(|slope| slope.is_finite()).collect();
+                    ((*word).to_owned(), slopes)
+                };
+                let rows: Vec<(String, Vec<f64>)> = words.iter().map(row).collect();
+                let many = rows.iter().map(|(_, slopes)| slopes.len()).max().unwrap_or(0);
+                let legend = ["with flips".to_owned(), "in lockstep".to_owned()][..many].to_vec();
+                let title = format!("{scene}: dB a bit, from {} to {} bits", signed(coarse), signed(fine));
+                charts.push(Box::new(Bars { shape: Shape::Bars, title, axis: Axis::linear("dB a bit"), legend, rows }));
+            }
+            height = height.max(150 + 15 * words.len() as u32);
+        }
+        let says = "What one word's fraction bits do, all others as they are; the most sensitive on top. Where its rounding rules, a bit is worth 6 dB; where another word's rounding or flipped decisions rule, nothing.";
+        figure("sensitivity", "PSNR by fraction bits, word by word".into(), says, charts, [640, height])
+            .map(|figure| Figure { columns: 3, ..figure })
+    }
+
+    /// Words with many values: a curve each.
+    fn curves(&self) -> Option<Figure> {
+        let mut charts: Vec<Box<dyn Chart>> = Vec::new();
+        for scene in self.scenes() {
+            let all = self.one_word(scene);
+            let mut fields: Vec<&str> = all.iter().map(|(field, ..)| *field).filter(|field| !field.is_empty()).collect();
+            fields.sort_unstable();
+            fields.dedup();
+            for (field, part) in fields.iter().flat_map(|field| [(*field, 0), (*field, 1)]) {
+                let is_of = |(other, more, _): &&(&str, [i32; 2], &Row)| {
+                    (*other == field && more[part] != 0 && more[1 - part] == 0) || other.is_empty()
+                };
+                let mut rows: Vec<(f64, &Row)> = all.iter().filter(is_of).map(|(_, more, row)| (f64::from(more[part]), *row)).collect();
+                rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+                if rows.len() > CURVE && charts.len() < MOST_PANELS {
+                    let of = ["integer", "fraction"][part];
+                    let x = format!("{of} bits more than {} has", self.base.name);
+                    charts.push(Box::new(self.curve(&rows, format!("{scene}: {field}"), &x, part == 1)));
+                }
+            }
+        }
+        let says = "One word made narrower and wider. Along the slope its rounding rules: 6 dB a bit, as the dashed line. On the plateau another word or flipped decisions rule; in lockstep, without flips, it lies higher. Over the cliff its range runs out.";
+        figure("curves", "PSNR by bits of one word".into(), says, charts, [600, 420])
+    }
+
+    fn curve(&self, rows: &[(f64, &Row)], title: String, x: &str, has_slope: bool) -> Panel {
+        let series = |name: &str, column: &str, mark, colour| {
+            let points: Vec<[f64; 2]> = rows.iter().filter_map(|(bits, row)| Some([*bits, self.number(row, column)?])).collect();
+            Series { name: name.into(), points, mark, colour }
+        };
+        let both =
+            [series("fixed − golden", "psnr_db", Mark::Rings, 0), series("in lockstep, no flips", "lockstep_psnr_db", Mark::Rings, 2)];
+        let mut all: Vec<Series> = both.into_iter().filter(|series| !series.points.is_empty()).collect();
+        let places = || all.iter().flat_map(|series| series.points.iter().map(|point| point[1]));
+        let (least, most) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
+        // Through the middle of the slope, if there is one.
+        let steepest = all.last().filter(|_| has_slope).and_then(|series| {
+            series.points.windows(2).filter(|pair| pair[1][1] - pair[0][1] > 4.0 * (pair[1][0] - pair[0][0])).nth(1).map(|pair| pair[0])
+        });
+        if let Some([x0, y0]) = steepest {
+            const DB_A_BIT: f64 = 6.0206;
+            let end = |y: f64| [x0 + (y - y0) / DB_A_BIT, y];
+            let (first, last) = (rows.first().map_or(x0, |row| row.0), rows.last().map_or(x0, |row| row.0));
+            let at = |x: f64| [x, y0 + (x - x0) * DB_A_BIT];
+            let low = if at(first)[1] < least { end(least) } else { at(first) };
+            let high = if at(last)[1] > most { end(most) } else { at(last) };
+            all.push(Series { name: "6 dB a bit".into(), points: vec![low, high], mark: Mark::Dashed, colour: 6 });
+        }
+        Panel { title, x: Axis::linear(x), y: Axis::linear("PSNR, dB"), series: all, ..Panel::default() }
+    }
+
+    /// Layers and rules for merging: the method's error, and merges.
+    fn layers(&self) -> Option<Figure> {
+        let mut charts: Vec<Box<dyn Chart>> = Vec::new();
+        for scene in self.scenes() {
+            let mut by_rule: BTreeMap<String, BTreeMap<u64, &Row>> = BTreeMap::new();
+            for row in self.of(scene) {
+                let Ok(machine) = self.machine(row) else { continue };
+                let fragment = &machine.fragment;
+                let rule = serde_json::to_value(fragment.merge).ok().and_then(|rule| rule.as_str().map(str::to_owned)).unwrap_or_default();
+                let evicts = if fragment.evict_hidden { "" } else { ", hidden ones kept" };
+                by_rule.entry(format!("{rule}{evicts}")).or_default().entry(u64::from(fragment.layers)).or_insert(row);
+            }
+            if by_rule.values().all(|rows| rows.len() < 2) {
+                continue;
+            }
+            let panel = |title: &str, column: &str, y: Axis| {
+                let scale = if column == "merged" { 1e-3 } else { 1.0 };
+                let series = |(colour, (rule, rows)): (usize, (&String, &BTreeMap<u64, &Row>))| Series {
+                    name: rule.clone(),
+                    points: rows.iter().filter_map(|(layers, row)| Some([*layers as f64, self.number(row, column)? * scale])).collect(),
+                    mark: Mark::Rings,
+                    colour,
+                };
+                let series = by_rule.iter().enumerate().map(series).collect();
+                Panel { title: format!("{scene}: {title}"), x: Axis::linear("layers: fragments a pixel"), y, series, ..Panel::default() }
+            };
+            charts.push(Box::new(panel("the method's error", "golden_vs_ideal_psnr_db", Axis::linear("PSNR, golden − ideal, dB"))));
+            charts.push(Box::new(panel("merges", "merged", Axis::linear("merged contributions, thousands"))));
+        }
+        let says = "What another layer, or another rule for merging, buys: no word makes the picture better than this.";
+        figure("layers", "Layers and rules for merging".into(), says, charts, [600, 420])
+    }
+
+    fn machine(&self, row: &Row) -> Result<Machine> {
+        let value = |text: &str| serde_json::from_str(text).unwrap_or_else(|_| text.into());
+        let changes: Vec<(String, serde_json::Value)> = (self.changes(row).into_iter())
+            .filter(|(field, _)| field.starts_with("fragment."))
+            .map(|(field, text)| (field.to_owned(), value(text)))
+            .collect();
+        machines::with(&self.base, &changes, "")
+    }
+
+    /// Every field of the timing: cycles, and what the busiest unit does in them.
+    fn cycles(&self) -> Option<Figure> {
+        let mut charts: Vec<Box<dyn Chart>> = Vec::new();
+        let mut most = 0;
+        for scene in self.scenes() {
+            let mut fields: Vec<&str> = Vec::new();
+            for (field, _) in self.of(scene).flat_map(|row| self.changes(row)) {
+                if field.starts_with("timing.") && !fields.contains(&field) {
+                    fields.push(field);
+                }
+            }
+            for field in fields {
+                // The fewest cycles of each value.
+                let mut best: Vec<(String, f64, &Row)> = Vec::new();
+                for row in self.of(scene) {
+                    let Some(cycles) = self.number(row, "cycles") else { continue };
+                    let value = self.table.text(row, field).to_owned();
+                    match best.iter_mut().find(|(other, ..)| *other == value) {
+                        Some((_, least, best_row)) if cycles < *least => (*least, *best_row) = (cycles, row),
+                        Some(_) => {}
+                        None => best.push((value, cycles, row)),
+                    }
+                }
+                best.truncate(MOST_BARS);
+                if best.len() < 2 || charts.len() >= MOST_PANELS {
+                    continue;
+                }
+                most = most.max(best.len());
+                let row = |(value, cycles, row): &(String, f64, &Row)| {
+                    let (unit, counts) = self.busiest(row);
+                    let all: f64 = counts.iter().sum();
+                    (format!("{value}: {unit}"), counts.map(|count| count / all.max(1.0) * cycles / 1e6).to_vec())
+                };
+                charts.push(Box::new(Bars {
+                    shape: Shape::Stack,
+                    title: format!("{scene}: {field}, all else at its best"),
+                    axis: Axis::linear("million cycles; what the busiest unit does in them"),
+                    legend: ACCOUNTS.map(str::to_owned).to_vec(),
+                    rows: best.iter().map(row).collect(),
+                }));
+            }
+        }
+        let says = "Each value of a field with the fewest cycles that any machine with it takes. The bar is the whole frame; its parts are what the unit that is busy longest, named beside the value, does: work (busy), wait for an item (starved), for room behind it (blocked), for memory.";
+        figure("cycles", "Cycles and stalls by microarchitecture".into(), says, charts, [640, 170 + 30 * most as u32])
+    }
+
+    /// The unit that is busy longest, and what it does.
+    fn busiest(&self, row: &Row) -> (&'static str, [f64; 4]) {
+        let of = |unit: &str| ACCOUNTS.map(|account| self.number(row, &format!("{unit}_{account}")).unwrap_or(0.0));
+        let part = |counts: &[f64; 4]| counts[0] / counts.iter().sum::<f64>().max(1.0);
+        let all = UNITS.into_iter().map(|unit| (unit, of(unit)));
+        all.max_by(|a, b| part(&a.1).total_cmp(&part(&b.1))).unwrap_or(("", [0.0; 4]))
+    }
+
+    /// How fast the three renderers are on this computer, and how good.
+    fn host_speed(&self) -> Option<Figure> {
+        let mut charts: Vec<Box<dyn Chart>> = Vec::new();
+        for scene in self.scenes() {
+            let points = |seconds: &str, column: &str| {
+                let point = |row: &Row| Some([1.0 / self.number(row, seconds)?, self.number(row, column)?]);
+                self.of(scene).filter_map(point).collect::<Vec<[f64; 2]>>()
+            };
+            let [fixed, mut golden] =
+                [points("host_fixed_seconds", "fixed_vs_ideal_psnr_db"), points("host_golden_seconds", "golden_vs_ideal_psnr_db")];
+            golden.dedup();
+            let ideal = self.of(scene).find_map(|row| self.number(row, "host_ideal_seconds"));
+            let Some(ideal) = ideal.filter(|_| !fixed.is_empty() && !golden.is_empty()) else { continue };
+            // Nothing is better than ideal: it is drawn above all others.
+            let top = fixed.iter().chain(&golden).map(|point| point[1]).fold(0.0, f64::max) + 5.0;
+            let series = |name: &str, points, mark, colour| Series { name: name.into(), points, mark, colour };
+            let notes = vec![([1.0 / ideal, top], "ideal: exact".to_owned())];
+            let most = fixed.iter().chain(&golden).map(|point| point[0]).fold(1.0 / ideal, f64::max);
+            charts.push(Box::new(Panel {
+                title: scene.to_owned(),
+                x: Axis::linear("frames/s of the simulator").within(0.0, 1.1 * most),
+                y: Axis::linear("PSNR against ideal, dB"),
+                series: vec![
+                    series("fixed", fixed, Mark::Dots, 0),
+                    series("golden", golden, Mark::Dots, 1),
+                    series("ideal", vec![[1.0 / ideal, top]], Mark::Dots, 2),
+                ],
+                notes,
+                ..Panel::default()
+            }));
+        }
+        let says = "How many frames a second each renderer draws on the computer that made the rows, and how close it comes to the ideal picture. Times differ from run to run.";
+        figure("host-speed", "Accuracy against speed of the simulator".into(), says, charts, [640, 420])
+    }
+
+    /// The first front that there is, scene by scene, as a table.
+    fn fronts(&self) -> String {
+        let kinds = [(["area", "psnr_db"], [1.0, 1.0]), (["area", "frames_per_second"], [1.0, 1.0])];
+        let mut texts = Vec::new();
+        for scene in self.scenes() {
+            for (names, signs) in kinds {
+                let (points, front) = self.front(scene, names, signs);
+                if !(0..2).all(|axis| varies(points.iter().map(|(_, place)| place[axis]))) {
+                    continue;
+                }
+                let is_timed = points.iter().any(|(row, _)| self.number(row, "frames_per_second").is_some());
+                let mut table = plain_table(&["point", "area", "PSNR dB", if is_timed { "frames/s" } else { "" }, ""]);
+                let places: Vec<[f64; 2]> = front.iter().map(|i| points[*i].1).collect();
+                for nth in spread(&places, 2 * NAMES) {
+                    let row = points[front[nth]].0;
+                    let number =
+                        |name: &str, digits: usize| self.number(row, name).map_or(String::new(), |value| format!("{value:.digits$}"));
+                    let area = thousands(self.number(row, "area").unwrap_or(0.0) as u64);
+                    let name = format!("  {}", self.name(row));
+                    table.add_row([number("point", 0), area, number("psnr_db", 1), number("frames_per_second", 1), name]);
+                }
+                let mut table = aligned(table);
+                if let Some(last) = table.column_mut(4) {
+                    last.set_cell_alignment(CellAlignment::Left);
+                }
+                let what = if names[1] == "psnr_db" { "area and PSNR" } else { "area and frames/s" };
+                let count = points.len() as u64;
+                let head = format!("{scene}: of {} machines {} are beaten by none in {what}", thousands(count), front.len());
+                texts.push(format!("{}\n{}", wrapped(&head), table.trim_fmt()));
+                break;
+            }
+        }
+        texts.join("\n\n")
+    }
+}
+
+fn figure(name: &'static str, title: String, says: &str, mut charts: Vec<Box<dyn Chart>>, cell_px: [u32; 2]) -> Option<Figure> {
+    charts.truncate(MOST_PANELS);
+    let columns = if charts.len() > 1 { 2 } else { 1 };
+    (!charts.is_empty()).then(|| Figure { name, title, says: says.into(), charts, columns, cell_px })
+}
+
+/// Which of the points of a line to name, at most so many: the ends, and others as far apart as can be along it.
+fn spread(line: &[[f64; 2]], most: usize) -> Vec<usize> {
+    if line.len() <= most {
+        return (0..line.len()).collect();
+    }
+    let range = |axis: usize| {
+        let (low, high) =
+            line.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| (low.min(place[axis]), high.max(place[axis])));
+        (high - low).max(f64::MIN_POSITIVE)
+    };
+    let [width, height] = [range(0), range(1)];
+    let mut along = vec![0.0];
+    for pair in line.windows(2) {
+        let step = ((pair[1][0] - pair[0][0]) / width).abs() + ((pair[1][1] - pair[0][1]) / height).abs();
+        along.push(along[along.len() - 1] + step);
+    }
+    let whole = along[along.len() - 1];
+    let mut named: Vec<usize> = Vec::new();
+    for (i, at) in along.iter().enumerate() {
+        // The next one that is due lies here or before.
+        if named.len() < most && *at >= whole * named.len() as f64 / (most - 1) as f64 - 1e-12 {
+            named.push(i);
+        }
+    }
+    let last = line.len() - 1;
+    if named.last() != Some(&last) {
+        named.pop();
+        named.push(last);
+    }
+    named
+}
+
+fn varies(values: impl Iterator<Item = f64>) -> bool {
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    low < high
+}
+
+/// With a sign, and a true minus.
+fn signed(bits: i32) -> String {
+    if bits < 0 { format!("−{}", -bits) } else { format!("+{bits}") }
+}
+
+/// The last two steps of a path.
+fn short(field: &str) -> &str {
+    field.rmatch_indices('.').nth(1).map_or(field, |(at, _)| &field[at + 1..])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_spread_along_a_line_with_its_ends() {
+        let crowd = |nth: usize| [nth as f64 * 1e-4, 0.0];
+        let line: Vec<[f64; 2]> = (0..100).map(crowd).chain([[1.0, 1.0], [2.0, 1.0], [3.0, 5.0]]).collect();
+        assert_eq!(spread(&line, 4), [0, 101, 102], "the crowd has one name");
+        assert_eq!(spread(&line[..4], 4), [0, 1, 2, 3]);
+        let even: Vec<[f64; 2]> = (0..=90).map(|nth| [f64::from(nth), 0.0]).collect();
+        assert_eq!(spread(&even, 10), (0..10).map(|nth| 10 * nth).collect::<Vec<_>>());
+        assert_eq!(spread(&[[1.0, 1.0]; 9], 3), [0, 1, 8]);
+    }
+}

@@ -1,0 +1,371 @@
+//! Plan: which machines are tried on which scenes.
+//!
+//! ```text
+//! axes ─►( grid, one at a time, sample )─► changes of the base machine ─┐
+//! scenes ───────────────────────────────────────────────────────────────┴─► points, numbered
+//! ```
+
+use crate::accuracy::partial::UNITS;
+use crate::error::{Error, Result};
+use crate::hardware::machines;
+use crate::scene::{Overrides, Scene, validate};
+use rtl_model::Machine;
+use rtl_model::num::Format;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// What a plan file says.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Plan {
+    /// Built-in names, or files beside the plan.
+    pub scenes: Vec<String>,
+    /// Columns and rows of all pictures, instead of the scenes' own.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<[usize; 2]>,
+    /// The machine that is changed: a name, or a file beside the plan.
+    #[serde(default = "reference")]
+    pub machine: String,
+    /// What is changed of it.
+    pub axes: Vec<Axis>,
+    /// How axes are put together.
+    #[serde(default)]
+    pub order: Order,
+    /// Points of a sample.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub points: Option<u64>,
+    /// Another seed, another sample.
+    #[serde(default)]
+    pub seed: u64,
+    /// Hold each machine to its golden twin in lockstep too, which takes most of a point's time.
+    #[serde(default = "yes")]
+    pub lockstep: bool,
+}
+
+fn reference() -> String {
+    "reference".into()
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// A field, and what it is to be: values, a range, or other bits.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Axis {
+    /// A field of the machine, as `gauss.weight` or `timing.raster.lanes`; `*` is every word that can be so, one at a time; `exact` lists
+    /// units and words that are f64 instead, as `["raster", "splat.rgb"]`: of such a machine only errors are known.
+    pub field: String,
+    /// These values.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub values: Option<Vec<Value>>,
+    /// Whole numbers: first, last, step.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub range: Option<[i64; 3]>,
+    /// So many fraction bits more than the base machine's; fewer where negative. Of words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub add_frac_bits: Option<Vec<i32>>,
+    /// So many integer bits more than the base machine's; fewer where negative. Of words; beside `add_frac_bits`, one after the other.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub add_int_bits: Option<Vec<i32>>,
+}
+
+/// How axes are put together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Order {
+    /// Every value with every other axis' values.
+    #[default]
+    Grid,
+    /// The base machine; then every value of every axis, all others as in the base.
+    OneAtATime,
+    /// So many `points` that each axis' values come equally often (a Latin hypercube).
+    Sample,
+}
+
+/// A change of the base machine.
+pub type Change = (String, Value);
+
+/// The field that is none of the machine.
+const EXACT: &str = "exact";
+
+/// A machine with these changes, but for those that make it exact.
+///
+/// # Errors
+/// As [`machines::with`].
+pub fn machine_of(base: &Machine, changes: &[Change], told: &str) -> Result<Machine> {
+    let own: Vec<Change> = changes.iter().filter(|(field, _)| field != EXACT).cloned().collect();
+    machines::with(base, &own, told)
+}
+
+/// Units and words that changes make exact.
+pub fn exact_of(changes: &[Change]) -> Vec<String> {
+    let lists = changes.iter().filter(|(field, _)| field == EXACT).filter_map(|(_, value)| value.as_array());
+    lists.flatten().filter_map(|name| name.as_str().map(str::to_owned)).collect()
+}
+
+/// Refuses what names no units or words.
+fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
+    let told = |what: String| Error::input(format!("axes: {EXACT}: {what}"));
+    let names = value.as_array().ok_or_else(|| told(format!("{value} is no list, as [\"raster\", \"splat.rgb\"] is")))?;
+    let is_known = |name: &str| UNITS.contains(&name) || words.iter().any(|(word, _)| word == name);
+    match names.iter().find(|name| !name.as_str().is_some_and(is_known)) {
+        Some(name) => Err(told(format!("{name} is no unit and no word; units are {}", UNITS.join(", ")))),
+        None => Ok(()),
+    }
+}
+
+/// A plan that can be carried out.
+#[derive(Clone, Debug)]
+pub struct Points {
+    /// The plan.
+    pub plan: Plan,
+    /// The machine that is changed.
+    pub base: Machine,
+    /// Where relative paths begin.
+    folder: PathBuf,
+    /// What is tried, in the order of the plan, on each scene.
+    axes: Vec<(String, Vec<Value>)>,
+    /// Machines a scene.
+    machines: u64,
+}
+
+/// Plans that need no file.
+pub const READY: [(&str, &str); 5] = [
+    (
+        "precision",
+        r#"{"scenes": ["glass-spheres"], "axes": [{"field": "*", "add_frac_bits": [-4, -2, 2]}], "order": "one-at-a-time",
+            "lockstep": false}"#,
+    ),
+    (
+        "precision-in-lockstep",
+        r#"{"scenes": ["glass-spheres"], "axes": [{"field": "*", "add_frac_bits": [-4, -2, 2]}], "order": "one-at-a-time"}"#,
+    ),
+    (
+        "curves",
+        r#"{"scenes": ["glass-spheres"], "size": [256, 256], "order": "one-at-a-time", "axes": [
+            {"field": "splat.rgb", "add_frac_bits": [-8, -7, -6, -5, -4, -3, -2, -1, 1, 2, 3, 4]},
+            {"field": "raster.offset", "add_frac_bits": [-8, -7, -6, -5, -4, -3, -2, -1, 1, 2, 3, 4]},
+            {"field": "gauss.weight", "add_frac_bits": [-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 1, 2]},
+            {"field": "project.camera", "add_int_bits": [-3, -2, -1, 1, 2, 3]}]}"#,
+    ),
+    (
+        "architecture",
+        r#"{"scenes": ["glass-spheres"], "lockstep": false, "axes": [
+            {"field": "timing.raster.lanes", "values": [[1, 1], [2, 2], [4, 1], [8, 1], [4, 4]]},
+            {"field": "timing.raster.fifo", "values": [1, 4, 16, 64]},
+            {"field": "timing.tile.side_px", "values": [16, 32]},
+            {"field": "timing.shade.latency", "values": [1, 10, 20, 30, 40]}]}"#,
+    ),
+    (
+        "layers",
+        r#"{"scenes": ["glass-spheres"], "size": [256, 256], "lockstep": false, "axes": [
+            {"field": "fragment.merge", "values": ["nearest-pair", "farthest-pair"]},
+            {"field": "fragment.layers", "values": [1, 2, 3, 4, 6, 8]}]}"#,
+    ),
+];
+
+impl Points {
+    /// Reads a plan: the name of a ready one, or a file.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file, the field and what is wrong there.
+    pub fn load(name: &str) -> Result<Self> {
+        let told = |sentence: String| Error::input(format!("{name}: {sentence}"));
+        let ready = READY.iter().find(|(ready, _)| *ready == name && !Path::new(name).exists());
+        let text = match ready {
+            Some((_, text)) => (*text).to_owned(),
+            None if !Path::new(name).exists() => {
+                let names = READY.map(|(name, _)| name).join(", ");
+                return Err(told(format!("no such file, and no ready plan either; ready are {names}")));
+            }
+            None => std::fs::read_to_string(name).map_err(|e| told(format!("cannot be read: {e}")))?,
+        };
+        let value: Value = serde_json::from_str(&text).map_err(|e| told(format!("not JSON: {e}")))?;
+        validate::check(&value, &schema()).map_err(|misfit| told(misfit.to_string()))?;
+        let plan: Plan = serde_path_to_error::deserialize(&value).map_err(|e| told(format!("{}: {}", e.path(), e.inner())))?;
+        let folder = Path::new(name).parent().unwrap_or(Path::new("")).to_owned();
+        Points::new(plan, folder).map_err(|error| match error {
+            Error::Input(sentence) => told(sentence),
+            other => other,
+        })
+    }
+
+    fn new(plan: Plan, folder: PathBuf) -> Result<Self> {
+        if plan.scenes.is_empty() {
+            return Err(Error::input("scenes is empty: at least one is needed"));
+        }
+        let base = machines::load(&beside(&folder, &plan.machine), &[])?;
+        let words = machines::words(&base);
+        let mut axes = Vec::new();
+        for (nth, axis) in plan.axes.iter().enumerate() {
+            let told = |sentence: String| Error::input(format!("axes[{nth}]: {sentence}"));
+            if axis.field != "*" {
+                axes.push((axis.field.clone(), axis.values(&words).map_err(told)?));
+                continue;
+            }
+            if plan.order != Order::OneAtATime {
+                return Err(told("`*` needs \"order\": \"one-at-a-time\"".into()));
+            }
+            for (field, _) in &words {
+                let axis = Axis { field: field.clone(), ..axis.clone() };
+                let mut values = axis.values(&words).map_err(told)?;
+                // Some words have no bit more to give, or none less.
+                values.retain(|value| machines::with(&base, &[(field.clone(), value.clone())], "").is_ok());
+                axes.push((field.clone(), values));
+            }
+        }
+        for (nth, (field, values)) in axes.iter().enumerate() {
+            if axes[..nth].iter().any(|(other, _)| other == field) {
+                return Err(Error::input(format!("axes has {field} twice")));
+            }
+            for value in values {
+                if field == EXACT {
+                    check_exact(value, &words)?;
+                }
+                machine_of(&base, &[(field.clone(), value.clone())], "axes")?;
+            }
+        }
+        let counts = axes.iter().map(|(_, values)| values.len() as u64);
+        let machines = match plan.order {
+            Order::Grid => counts.fold(1, u64::saturating_mul),
+            Order::OneAtATime => 1 + counts.sum::<u64>(),
+            Order::Sample => {
+                plan.points.filter(|points| *points > 0).ok_or_else(|| Error::input("a sample needs `points`, one at least"))?
+            }
+        };
+        if plan.order != Order::Sample && plan.points.is_some() {
+            return Err(Error::input("points belongs to \"order\": \"sample\""));
+        }
+        Ok(Points { plan, base, folder, axes, machines })
+    }
+
+    /// How many there are.
+    pub fn count(&self) -> u64 {
+        self.machines.saturating_mul(self.plan.scenes.len() as u64)
+    }
+
+    /// Which scene a point is on, and what it changes.
+    pub fn point(&self, number: u64) -> (usize, Vec<Change>) {
+        ((number / self.machines) as usize, self.changes(number % self.machines))
+    }
+
+    fn changes(&self, number: u64) -> Vec<Change> {
+        let value = |axis: usize, nth: u64| (self.axes[axis].0.clone(), self.axes[axis].1[nth as usize].clone());
+        let count = |axis: usize| self.axes[axis].1.len() as u64;
+        match self.plan.order {
+            Order::Grid => {
+                // The last axis changes fastest.
+                let mut left = number;
+                let mut changes: Vec<Change> = Vec::new();
+                for axis in (0..self.axes.len()).rev() {
+                    changes.push(value(axis, left % count(axis)));
+                    left /= count(axis);
+                }
+                changes.reverse();
+                changes
+            }
+            Order::OneAtATime => {
+                let Some(mut left) = number.checked_sub(1) else { return Vec::new() };
+                for axis in 0..self.axes.len() {
+                    if left < count(axis) {
+                        return vec![value(axis, left)];
+                    }
+                    left -= count(axis);
+                }
+                Vec::new()
+            }
+            Order::Sample => {
+                let place = |axis: usize| shuffled(number, self.machines, self.plan.seed.wrapping_add(axis as u64));
+                (0..self.axes.len())
+                    .map(|axis| value(axis, (u128::from(place(axis)) * u128::from(count(axis)) / u128::from(self.machines)) as u64))
+                    .collect()
+            }
+        }
+    }
+
+    /// Fields that have an axis of their own, in the order of the plan; `*` has none.
+    pub fn fields(&self) -> Vec<String> {
+        self.plan.axes.iter().map(|axis| axis.field.clone()).filter(|field| field != "*").collect()
+    }
+
+    /// Loads a scene of the plan.
+    ///
+    /// # Errors
+    /// [`Error::Input`] as [`Scene::load`].
+    pub fn scene(&self, nth: usize) -> Result<Scene> {
+        let size = self.plan.size.map(|[width, height]| (width, height));
+        Scene::load(&beside(&self.folder, &self.plan.scenes[nth]), &Overrides { size })
+    }
+}
+
+/// A name, or a file that lies beside the plan.
+fn beside(folder: &Path, name: &str) -> String {
+    let path = folder.join(name);
+    if path.exists() { path.to_string_lossy().into_owned() } else { name.to_owned() }
+}
+
+/// The JSON Schema of a plan.
+pub fn schema() -> Value {
+    schemars::schema_for!(Plan).to_value()
+}
+
+impl Axis {
+    fn values(&self, words: &[(String, Format)]) -> std::result::Result<Vec<Value>, String> {
+        let no_bits = self.add_frac_bits.is_none() && self.add_int_bits.is_none();
+        let values = match (&self.values, self.range) {
+            (Some(values), None) if no_bits => values.clone(),
+            (None, Some([first, last, step])) if no_bits => {
+                let falls = (step > 0) != (last >= first) && first != last;
+                let count = if step == 0 || falls { 0 } else { (i128::from(last) - i128::from(first)) / i128::from(step) + 1 };
+                if count > 1_000_000 {
+                    return Err(format!("range {first} to {last} by {step} has {count} values: a million is the most"));
+                }
+                (0..count as i64).map(|nth| Value::from(first + nth * step)).collect()
+            }
+            (None, None) if !no_bits => {
+                let word = words.iter().find(|(field, _)| *field == self.field);
+                let Some((_, format)) = word else {
+                    return Err(format!("{} is no word, which add_frac_bits and add_int_bits need", self.field));
+                };
+                let [finer, wider] = [&self.add_frac_bits, &self.add_int_bits].map(|more| more.iter().flatten().copied());
+                let finer = finer.map(|more| Format { frac_bits: format.frac_bits.saturating_add(more), ..*format });
+                let wider = wider.map(|more| Format { int_bits: format.int_bits.saturating_add(more), ..*format });
+                finer.chain(wider).map(|format| Value::from(format.to_string())).collect()
+            }
+            _ => return Err(format!("{} needs one of values, range and bits to add", self.field)),
+        };
+        if values.is_empty() { Err(format!("{} has no values", self.field)) } else { Ok(values) }
+    }
+}
+
+/// Where a number of 0 to `count` − 1 comes to lie when all are shuffled: a permutation by four Feistel rounds, walked until it is in range.
+fn shuffled(number: u64, count: u64, seed: u64) -> u64 {
+    let half = (64 - (count.max(2) - 1).leading_zeros()).div_ceil(2);
+    let mask = (1u64 << half) - 1;
+    let mut place = number;
+    loop {
+        let [mut left, mut right] = [place >> half, place & mask];
+        for round in 0..4 {
+            (left, right) = (right, left ^ (mixed(right ^ mixed(seed ^ mixed(round))) & mask));
+        }
+        place = left << half | right;
+        if place < count {
+            return place;
+        }
+    }
+}
+
+/// SplitMix64: what a number is turned into.
+pub fn mixed(number: u64) -> u64 {
+    let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,283 @@
+//! Table: rows as they come, in a journal that outlives the process; all of them, as CSV and Parquet.
+//!
+//! ```text
+//! points.jsonl          a line of columns, then a row a line: [digest, [cells]]   appended, a whole line or none counts
+//! points-2-of-5.jsonl   the same of a part
+//! sweep.csv, sweep.parquet   every row known, by its point                         written beside, then renamed
+//! ```
+//! A line that the end of the process cut short is written again; one that somebody changed is an error.
+
+use crate::error::{Error, Result};
+use crate::output::files::write_beside;
+use crate::scene::digest::digest;
+use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
+use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::Type;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs::{self, File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// What a column holds; any cell may be empty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Text.
+    Text,
+    /// A whole number.
+    Whole,
+    /// A number.
+    Number,
+}
+
+/// A column's name and kind.
+pub type Column = (String, Kind);
+
+/// Columns by name and kind.
+pub fn named(columns: &[(&str, Kind)]) -> Vec<Column> {
+    columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect()
+}
+
+/// A row's cells, in the order of the columns: text, numbers or null.
+pub type Row = Vec<Value>;
+
+/// Rows by their points, and what their cells are.
+#[derive(Clone, Debug, Default)]
+pub struct Table {
+    /// What the cells are.
+    pub columns: Vec<Column>,
+    /// By rising point.
+    pub rows: Vec<Row>,
+}
+
+impl Table {
+    /// All rows of a folder.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where it has none, or where one was changed.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let cannot = |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
+        let paths = journals(folder).map_err(cannot)?;
+        let told = |what: &str| Error::input(format!("{}: {what}", folder.display()));
+        let first = paths.first().ok_or_else(|| told("has no points.jsonl: it is no folder of `sweep` or `search`"))?;
+        let text = fs::read_to_string(first).map_err(cannot)?;
+        let header = text.lines().next().unwrap_or_default();
+        let columns = columns(header).ok_or_else(|| Error::input(format!("{}: line 1: names no columns", first.display())))?;
+        let mut rows = BTreeMap::new();
+        for path in &paths {
+            let text = fs::read(path).map_err(cannot)?;
+            read(path, whole_lines(&text), header, &mut rows)?;
+        }
+        if rows.is_empty() { Err(told("has no rows yet")) } else { Ok(Table { columns, rows: rows.into_values().collect() }) }
+    }
+
+    /// Where a column is.
+    pub fn at(&self, name: &str) -> Option<usize> {
+        self.columns.iter().position(|(other, _)| other == name)
+    }
+
+    /// A cell that is a number.
+    pub fn number(&self, row: &Row, name: &str) -> Option<f64> {
+        row[self.at(name)?].as_f64()
+    }
+
+    /// A cell that is text; empty where it is not.
+    pub fn text<'a>(&self, row: &'a Row, name: &str) -> &'a str {
+        self.at(name).and_then(|at| row[at].as_str()).unwrap_or_default()
+    }
+}
+
+/// The lines that were written to their end.
+fn whole_lines(text: &[u8]) -> &[u8] {
+    &text[..text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)]
+}
+
+/// The rows of a folder: those that are there, and those that come.
+#[derive(Debug)]
+pub struct Journal {
+    columns: Vec<Column>,
+    file: File,
+    /// By point.
+    rows: BTreeMap<u64, Row>,
+}
+
+impl Journal {
+    /// Opens a folder's journal of a part, and reads those of all others.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where a journal there is of other columns, was changed, or is being written by somebody else.
+    pub fn open(folder: &Path, part: &str, columns: Vec<Column>) -> Result<Self> {
+        let own = folder.join(format!("points{part}.jsonl"));
+        let cannot = |path: &Path, e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", path.display()));
+        let mut file = OpenOptions::new().read(true).append(true).create(true).open(&own).map_err(|e| cannot(&own, e))?;
+        file.try_lock().map_err(|_| Error::input(format!("{}: another sweep is writing there", own.display())))?;
+        let header = header(&columns);
+        let mut rows = BTreeMap::new();
+        for path in journals(folder).map_err(|e| cannot(folder, e))? {
+            let text = fs::read(&path).map_err(|e| cannot(&path, e))?;
+            let whole = whole_lines(&text);
+            read(&path, whole, &header, &mut rows)?;
+            if path == own && whole.len() < text.len() {
+                // The last line was cut short.
+                file.set_len(whole.len() as u64).map_err(|e| cannot(&own, e))?;
+            }
+        }
+        if file.metadata().map_err(|e| cannot(&own, e))?.len() == 0 {
+            file.write_all(format!("{header}\n").as_bytes()).map_err(|e| written(&own, e))?;
+        }
+        Ok(Journal { columns, file, rows })
+    }
+
+    /// The row of a point.
+    pub fn get(&self, point: u64) -> Option<&Row> {
+        self.rows.get(&point)
+    }
+
+    /// All rows, by their points.
+    pub fn rows(&self) -> impl DoubleEndedIterator<Item = &Row> {
+        self.rows.values()
+    }
+
+    /// The same as a table.
+    pub fn table(&self) -> Table {
+        Table { columns: self.columns.clone(), rows: self.rows().cloned().collect() }
+    }
+
+    /// Another row: in the file before this returns.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where it cannot be written.
+    pub fn push(&mut self, point: u64, row: Row) -> Result<()> {
+        let cells = Value::from(row.clone()).to_string();
+        let line = format!("[\"{}\",{cells}]\n", digest(cells.as_bytes()));
+        self.file.write_all(line.as_bytes()).map_err(|e| Error::job(format!("the journal cannot be written: {e}")))?;
+        self.rows.insert(point, row);
+        Ok(())
+    }
+
+    /// Writes all rows as `stem`.csv and as Parquet.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where they cannot be written.
+    pub fn write(&self, folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
+        let [csv, parquet] = ["csv", "parquet"].map(|extension| folder.join(stem).with_extension(extension));
+        let text = self.csv();
+        write_beside(&csv, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
+        let bytes = self.parquet().map_err(|e| Error::job(format!("{}: {e}", parquet.display())))?;
+        write_beside(&parquet, |file| file.write_all(&bytes).map_err(|e| e.to_string()))?;
+        Ok(vec![csv, parquet])
+    }
+
+    /// As CSV (RFC 4180, but lines end in a line feed).
+    pub fn csv(&self) -> String {
+        let quoted = |text: &str| {
+            if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+        };
+        let cell = |cell: &Value| match cell {
+            Value::Null => String::new(),
+            Value::String(text) => quoted(text),
+            number => number.to_string(),
+        };
+        let mut text = self.columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",") + "\n";
+        for row in self.rows() {
+            text += &(row.iter().map(cell).collect::<Vec<_>>().join(",") + "\n");
+        }
+        text
+    }
+
+    fn parquet(&self) -> parquet::errors::Result<Vec<u8>> {
+        let field = |(name, kind): &Column| {
+            let physical = match kind {
+                Kind::Text => Physical::BYTE_ARRAY,
+                Kind::Whole => Physical::INT64,
+                Kind::Number => Physical::DOUBLE,
+            };
+            let text = (*kind == Kind::Text).then_some(LogicalType::String);
+            Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL).with_logical_type(text).build().map(Arc::new)
+        };
+        let fields = self.columns.iter().map(field).collect::<parquet::errors::Result<Vec<_>>>()?;
+        let schema = Arc::new(Type::group_type_builder("sweep").with_fields(fields).build()?);
+        let properties = WriterProperties::builder().set_compression(Compression::UNCOMPRESSED).build();
+        let mut bytes = Vec::new();
+        let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(properties))?;
+        let mut group = file.next_row_group()?;
+        for (nth, (_, kind)) in self.columns.iter().enumerate() {
+            let Some(mut column) = group.next_column()? else { break };
+            let cells: Vec<&Value> = self.rows().map(|row| &row[nth]).collect();
+            let there: Vec<i16> = cells.iter().map(|cell| i16::from(!cell.is_null())).collect();
+            match kind {
+                Kind::Text => {
+                    let words: Vec<ByteArray> = cells.iter().filter_map(|cell| cell.as_str()).map(ByteArray::from).collect();
+                    column.typed::<ByteArrayType>().write_batch(&words, Some(&there), None)?;
+                }
+                Kind::Whole => {
+                    let numbers: Vec<i64> = cells.iter().filter_map(|cell| cell.as_i64()).collect();
+                    column.typed::<Int64Type>().write_batch(&numbers, Some(&there), None)?;
+                }
+                Kind::Number => {
+                    let numbers: Vec<f64> = cells.iter().filter_map(|cell| cell.as_f64()).collect();
+                    column.typed::<DoubleType>().write_batch(&numbers, Some(&there), None)?;
+                }
+            }
+            column.close()?;
+        }
+        group.close()?;
+        file.close()?;
+        Ok(bytes)
+    }
+}
+
+fn written(path: &Path, e: std::io::Error) -> Error {
+    Error::job(format!("{}: cannot be written: {e}", path.display()))
+}
+
+fn header(columns: &[Column]) -> String {
+    Value::from(columns.iter().map(|(name, kind)| Value::from(format!("{name}: {kind:?}"))).collect::<Vec<_>>()).to_string()
+}
+
+fn columns(header: &str) -> Option<Vec<Column>> {
+    let names: Vec<String> = serde_json::from_str(header).ok()?;
+    let column = |text: &String| {
+        let (name, kind) = text.rsplit_once(": ")?;
+        let kind = [Kind::Text, Kind::Whole, Kind::Number].into_iter().find(|other| format!("{other:?}") == kind)?;
+        Some((name.to_owned(), kind))
+    };
+    names.iter().map(column).collect()
+}
+
+/// Every journal of a folder, in the order of their names.
+fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+    let is_journal = |path: &PathBuf| {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        name.starts_with("points") && name.ends_with(".jsonl")
+    };
+    paths.retain(is_journal);
+    paths.sort();
+    Ok(paths)
+}
+
+fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -> Result<()> {
+    let told = |line: usize, what: &str| Error::input(format!("{}: line {}: {what}", path.display(), line + 1));
+    let header_cells = columns(header).map_or(0, |columns| columns.len());
+    for (nth, line) in text.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
+        if nth == 0 {
+            if line != header.as_bytes() {
+                return Err(told(0, "has other columns: it is of another plan, or of another version"));
+            }
+            continue;
+        }
+        let changed = || told(nth, "is not as it was written: take the line out, and its point will be drawn again");
+        let (said, row): (String, Value) = serde_json::from_slice(line).map_err(|_| changed())?;
+        let Value::Array(row) = row else { return Err(changed()) };
+        let point = row.first().and_then(Value::as_u64).ok_or_else(changed)?;
+        if said != digest(Value::from(row.clone()).to_string().as_bytes()) || row.len() != header_cells {
+            return Err(changed());
+        }
+        rows.insert(point, row);
+    }
+    Ok(())
+}

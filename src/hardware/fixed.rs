@@ -1,0 +1,63 @@
+//! Fixed: draws a scene on the machine and brings the frame back to real numbers.
+
+use crate::error::{Error, Result};
+use crate::golden;
+use crate::hardware::quantise::Quantised;
+use crate::output::picture::Picture;
+use rtl_model::machine::{self, Elaborated, Machine};
+use rtl_model::probe::Ranges;
+use rtl_model::work::Work;
+use rtl_model::{Drawing, pipeline};
+
+/// A machine that can draw, or every reason why it cannot, in one sentence.
+///
+/// # Errors
+/// [`Error::Input`] naming every misfit.
+pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
+    machine.elaborate().map_err(|misfits| Error::input(format!("machine {} cannot be built: {}", machine.name, misfits.join("; "))))
+}
+
+/// Draws, with nobody watching.
+pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
+    pipeline::draw_unwatched(machine, &quantised.frame)
+}
+
+/// Draws and watches the range of every signal.
+pub fn draw_ranged(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges) {
+    pipeline::draw_ranged(machine, &quantised.frame)
+}
+
+/// Draws and records the work.
+pub fn draw_recorded(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Work) {
+    pipeline::draw_recorded(machine, &quantised.frame)
+}
+
+/// The machine's frame as a picture.
+pub fn picture(machine: &Elaborated, drawing: &Drawing) -> Picture {
+    let format = machine.machine.resolve.frame.format;
+    Picture {
+        width: drawing.width as usize,
+        height: drawing.height as usize,
+        rgba: drawing.frame.iter().map(|word| word.map(|channel| format.value(i64::from(channel)))).collect(),
+        covered: drawing.covered.clone(),
+    }
+}
+
+/// The machine's rules for fragments, for its golden twin.
+pub fn rules(machine: &Machine) -> golden::Rules {
+    let fragment = &machine.fragment;
+    golden::Rules {
+        layers: fragment.layers as usize,
+        merge: match fragment.merge {
+            machine::Merge::NearestPair => golden::Merge::NearestPair,
+            machine::Merge::FarthestPair => golden::Merge::FarthestPair,
+            machine::Merge::Replace => golden::Merge::Replace,
+        },
+        evict_hidden: fragment.evict_hidden,
+        opaque: f64::from(fragment.opaque_permille) / 1000.0,
+        fragment_depth: match fragment.fragment_depth {
+            machine::FragmentDepth::First => golden::FragmentDepth::First,
+            machine::FragmentDepth::Nearest => golden::FragmentDepth::Nearest,
+        },
+    }
+}

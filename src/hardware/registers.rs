@@ -1,0 +1,287 @@
+//! Registers: what the machine is given, word by word, beside the exact numbers that the words stand for.
+//!
+//! ```text
+//! exact number ─┬─►[ hold ]─► what is known of both (lockstep), or one of the two (mixed)
+//! held word ────┘
+//! ```
+//! Every word has the name of its field in the machine's description.
+
+use crate::golden::shade::Shader;
+use crate::hardware::quantise::{Quantised, quantised as constant};
+use crate::scene::{self, Opacity, Scene, Sheets, View};
+use glam::{DMat3, DQuat, DVec3};
+use rtl_model::frame::real::{self, Ellipsoid, Orientation, Splat};
+use rtl_model::frame::{self, Scaled};
+use rtl_model::machine::Elaborated;
+use rtl_model::num::Word;
+use rtl_model::real::{Mixed, Near, Real, Switches};
+use rtl_model::units::fragment;
+use rtl_model::units::fragment::sheets::real::Ratio;
+use rtl_model::units::shade::real::{Light, Lighting, Material};
+use std::f64::consts::TAU;
+
+/// The words that the machine is given: the splat's record, and what a frame loads.
+pub const INPUTS: [&str; 27] = [
+    "splat.position",
+    "splat.normal",
+    "splat.radius",
+    "splat.rgb",
+    "splat.opacity",
+    "project.eye",
+    "project.rotation",
+    "project.depth",
+    "project.slope",
+    "project.focal",
+    "ellipse.inverse_focal",
+    "ellipse.low_pass",
+    "ellipse.root_cutoff",
+    "ellipse.inverse_two_pi",
+    "ellipse.normal",
+    "ellipse.quaternion",
+    "ellipse.scale",
+    "raster.cutoff",
+    "gauss.weight",
+    "fragment.depth",
+    "fragment.weight_sum",
+    "fragment.opaque",
+    "fragment.opacity_sum",
+    "shade.light",
+    "shade.reflectance",
+    "shade.inverse_threshold",
+    "resolve.frame",
+];
+
+/// Makes one wire of an exact number and the word in its place.
+pub trait Hold {
+    /// A number on a wire.
+    type Real: Real;
+    /// The word with this name is held in place of a number.
+    fn hold(&self, name: &'static str, value: f64, word: Word, held: i64) -> Self::Real;
+    /// The same where it is a mantissa and a power of two.
+    fn hold_scaled(&self, name: &'static str, value: f64, word: Word, held: Scaled) -> Self::Real;
+}
+
+/// The exact number, and how far the word is from it.
+pub struct Bounded;
+
+impl Hold for Bounded {
+    type Real = Near;
+
+    fn hold(&self, _name: &'static str, value: f64, word: Word, held: i64) -> Near {
+        Near::held(value, word, held)
+    }
+
+    fn hold_scaled(&self, _name: &'static str, value: f64, word: Word, held: Scaled) -> Near {
+        Near::held_scaled(value, word, held)
+    }
+}
+
+/// The word where it is among the chosen, else the exact number.
+pub struct Chosen<'a> {
+    /// Names of words.
+    pub inputs: &'a [&'static str],
+    /// Signals that are words.
+    pub switches: &'a Switches,
+}
+
+impl<'a> Hold for Chosen<'a> {
+    type Real = Mixed<'a>;
+
+    fn hold(&self, name: &'static str, value: f64, word: Word, held: i64) -> Mixed<'a> {
+        let value = if self.inputs.contains(&name) { word.format.value(held) } else { value };
+        Mixed::new(value, self.switches)
+    }
+
+    fn hold_scaled(&self, name: &'static str, value: f64, word: Word, held: Scaled) -> Mixed<'a> {
+        let Scaled { mantissa, places } = held;
+        let value = if self.inputs.contains(&name) { word.format.value(mantissa) * (-(places as f64)).exp2() } else { value };
+        Mixed::new(value, self.switches)
+    }
+}
+
+/// A scene and the words that a machine has for it.
+#[derive(Clone, Copy, Debug)]
+pub struct Registers<'a> {
+    /// Exact.
+    pub scene: &'a Scene,
+    /// Exact.
+    pub eye: &'a View,
+    /// Whose words they are.
+    pub machine: &'a Elaborated,
+    /// The words.
+    pub quantised: &'a Quantised,
+}
+
+/// The registers of sheets, and what their table stands for.
+pub struct SheetWords<'a, R> {
+    /// Exact.
+    pub sheets: &'a Sheets,
+    /// As the machine has them.
+    pub registers: fragment::sheets::Registers<'a>,
+    /// α/x.
+    pub ratio: Ratio,
+    /// A pixel that lets through less takes nothing more.
+    pub stop: R,
+    /// Where each splat is a sheet, no weight counts for more.
+    pub most_weight: R,
+    /// Lesser weights make no fragment.
+    pub least_weight: R,
+}
+
+impl<'a, R> SheetWords<'a, R> {
+    /// None where fragments are grouped by depth.
+    pub fn new<H: Hold<Real = R>>(hold: &H, scene: &'a Scene, machine: &Elaborated, quantised: &'a Quantised) -> Option<Self> {
+        let (sheets, held) = (scene.sheets.as_ref()?, quantised.frame.sheets.as_ref()?);
+        let (weight, opacity) = (machine.machine.gauss.weight, machine.machine.fragment.opacity_sum);
+        Some(SheetWords {
+            sheets,
+            registers: machine.fragment.sheets(held),
+            ratio: match sheets.opacity {
+                // 1/x beyond 1, of which the second derivative is 2/x³.
+                Opacity::Linear => Ratio { exact: |depth| Opacity::Linear.over_depth(depth), curves: [1.0, 2.0] },
+                Opacity::Exponential => Ratio { exact: |depth| Opacity::Exponential.over_depth(depth), curves: [0.5, 1.0 / 3.0] },
+            },
+            stop: hold.hold("fragment.opacity_sum", sheets.stop, opacity, held.stop),
+            most_weight: hold.hold("gauss.weight", sheets.most_weight, weight, held.most_weight),
+            least_weight: hold.hold("gauss.weight", sheets.least_weight, weight, held.least_weight),
+        })
+    }
+}
+
+fn vector<H: Hold>(hold: &H, name: &'static str, value: DVec3, word: Word, held: [i64; 3]) -> [H::Real; 3] {
+    [0, 1, 2].map(|axis| hold.hold(name, value[axis], word, held[axis]))
+}
+
+impl Registers<'_> {
+    /// The viewing registers; lengths in machine units.
+    pub fn view<H: Hold>(&self, hold: &H) -> real::View<H::Real> {
+        let Registers { scene, eye: view, machine, quantised } = self;
+        let (p, e, raster) = (&machine.machine.project, &machine.machine.ellipse, &machine.machine.raster);
+        let (held, scale) = (&quantised.frame.view, &quantised.scale);
+        let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
+        let (kernel, near) = (&scene.kernel, scene.camera.near * scale.factor());
+        let guard = |axis: usize| hold.hold("project.slope", kernel.guard * view.half_px[axis] / view.focal_px, p.slope, held.guard[axis]);
+        real::View {
+            rotation: [0, 1, 2].map(|row| vector(hold, "project.rotation", view.rotation.row(row), p.rotation, held.rotation[row])),
+            eye: vector(hold, "project.eye", eye, p.eye, held.eye),
+            near: hold.hold("project.depth", near, p.depth, held.near),
+            guard: [guard(0), guard(1)],
+            focal: hold.hold("project.focal", view.focal_px, p.focal, held.focal),
+            inverse_focal: hold.hold_scaled("ellipse.inverse_focal", 1.0 / view.focal_px, e.inverse_focal, held.inverse_focal),
+            low_pass: hold.hold("ellipse.low_pass", kernel.low_pass, e.low_pass, held.low_pass),
+            cutoff: hold.hold("raster.cutoff", kernel.cutoff, raster.cutoff, held.cutoff),
+            root_cutoff: hold.hold("ellipse.root_cutoff", kernel.cutoff.sqrt(), e.root_cutoff, held.root_cutoff),
+            inverse_two_pi: hold.hold("ellipse.inverse_two_pi", 1.0 / TAU, e.inverse_two_pi, constant(e.inverse_two_pi, 1.0 / TAU)),
+        }
+    }
+
+    /// A splat's record; lengths in machine units.
+    pub fn splat<H: Hold>(&self, hold: &H, index: usize) -> Splat<H::Real> {
+        let (words, scale) = (&self.machine.machine.splat, &self.quantised.scale);
+        let (exact, held): (_, &frame::Splat) = (&self.scene.splats[index], &self.quantised.frame.splats[index]);
+        let of = |name, value: f64, word: Word, held: i32| hold.hold(name, value, word, i64::from(held));
+        let position = (exact.position - DVec3::from_array(scale.offset)) * scale.factor();
+        Splat {
+            position: vector(hold, "splat.position", position, words.position, held.position.map(i64::from)),
+            normal: vector(hold, "splat.normal", exact.normal, words.normal, held.normal.map(i64::from)),
+            radius: of("splat.radius", exact.radius * scale.factor(), words.radius, held.radius),
+            rgb: [0, 1, 2].map(|channel| of("splat.rgb", exact.rgb[channel], words.rgb, held.rgb[channel])),
+            opacity: of("splat.opacity", exact.opacity, words.opacity, held.opacity),
+        }
+    }
+
+    /// What makes an ellipsoid of a splat; none where splats are discs.
+    pub fn ellipsoid<H: Hold>(&self, hold: &H, index: usize) -> Option<Ellipsoid<H::Real>> {
+        let (exact, frame) = (self.scene.ellipsoids.as_ref()?, self.quantised.frame.ellipsoids.as_ref()?);
+        let (m, kernel) = (&self.machine.machine, &frame.kernel);
+        let words = m.ellipse.ellipsoid.as_ref()?;
+        let limit = |axis: usize| {
+            let exact = self.scene.kernel.jacobian * self.eye.half_px[axis] / self.eye.focal_px;
+            hold.hold("project.slope", exact, m.project.slope, kernel.jacobian[axis])
+        };
+        let of = exact.orientation(index);
+        let scales = |held: [i64; 3]| vector(hold, "ellipse.scale", of.scales, words.scale, held);
+        let orientation = match frame.own.get(index) {
+            Some(own) => {
+                let DQuat { x, y, z, w } = of.rotation;
+                let held = own.quaternion.map(i64::from);
+                Orientation::Own {
+                    quaternion: [(w, 0), (x, 1), (y, 2), (z, 3)]
+                        .map(|(part, i)| hold.hold("ellipse.quaternion", part, words.quaternion, held[i])),
+                    scales: scales(own.scales.map(i64::from)),
+                }
+            }
+            None => {
+                let turned = self.eye.rotation * DMat3::from_quat(of.rotation);
+                let axes = [turned.x_axis, turned.y_axis, turned.z_axis];
+                Orientation::Frame {
+                    axes: [0, 1, 2].map(|axis| vector(hold, "ellipse.normal", axes[axis], m.ellipse.normal, kernel.axes[axis])),
+                    scales: scales(kernel.scales),
+                }
+            }
+        };
+        Some(Ellipsoid { amplitude: kernel.amplitude, jacobian: [limit(0), limit(1)], orientation })
+    }
+
+    /// The lighting registers, in camera space.
+    pub fn lighting<H: Hold>(&self, hold: &H) -> Lighting<H::Real> {
+        let (words, frame, scene) = (&self.machine.machine.shade, &self.quantised.frame, self.scene);
+        let light = |(exact, held): (&scene::Light, &frame::Light)| {
+            let direction = self.eye.rotation * exact.direction;
+            let toward = |exact: DVec3, held: [i64; 3]| vector(hold, "shade.light", exact, words.light, held);
+            let half_way = held.half_way.map(|held| toward((direction - DVec3::Z).normalize(), held));
+            Light { direction: toward(direction, held.direction), half_way }
+        };
+        let reflectance = |exact: f64, held: i64| hold.hold("shade.reflectance", exact, words.reflectance, held);
+        let material = |(exact, held): (&scene::Material, &frame::Material)| match (exact, held) {
+            (
+                scene::Material::BlinnPhong { ambient, diffuse, specular, shininess },
+                frame::Material::BlinnPhong { ambient: held_ambient, diffuse: held_diffuse, specular: held_specular, highlight },
+            ) => {
+                let answers = |factor: f64, held: &[[i64; 3]]| {
+                    let answer = |(light, held): (&scene::Light, &[i64; 3])| [0, 1, 2].map(|i| reflectance(factor * light.rgb[i], held[i]));
+                    scene.lights.iter().zip(held).map(answer).collect()
+                };
+                Material::BlinnPhong {
+                    ambient: reflectance(*ambient, *held_ambient),
+                    diffuse: answers(*diffuse, held_diffuse),
+                    specular: answers(*specular, held_specular),
+                    highlight: self.machine.real_highlight(highlight, *shininess),
+                }
+            }
+            _ => Material::Unlit,
+        };
+        let inverse = 1.0 / scene.surface.coverage_threshold;
+        Lighting {
+            lights: scene.lights.iter().zip(&frame.lighting.lights).map(light).collect(),
+            materials: scene.materials.iter().zip(&frame.lighting.materials).map(material).collect(),
+            coverage_threshold: self.coverage_threshold(hold),
+            inverse_threshold: hold.hold_scaled("shade.inverse_threshold", inverse, words.inverse_threshold, frame.inverse_threshold),
+        }
+    }
+
+    /// τ.
+    pub fn coverage_threshold<H: Hold>(&self, hold: &H) -> H::Real {
+        let word = self.machine.machine.fragment.weight_sum;
+        hold.hold("fragment.weight_sum", self.scene.surface.coverage_threshold, word, self.quantised.frame.coverage_threshold)
+    }
+
+    /// ε, machine units.
+    pub fn z_threshold<H: Hold>(&self, hold: &H) -> H::Real {
+        let (exact, word) = (self.scene.surface.z_threshold * self.quantised.scale.factor(), self.machine.machine.fragment.depth);
+        hold.hold("fragment.depth", exact, word, self.quantised.frame.z_threshold)
+    }
+
+    /// The opacity from which a fragment hides what lies behind it; `exact` as the rules have it.
+    pub fn opaque<H: Hold>(&self, hold: &H, exact: f64) -> H::Real {
+        let word = self.machine.machine.fragment.opaque;
+        let held = word.format.one() * i64::from(self.machine.machine.fragment.opaque_permille) / 1000;
+        hold.hold("fragment.opaque", exact, word, held)
+    }
+
+    /// The background, premultiplied.
+    pub fn background<H: Hold>(&self, hold: &H, shader: &Shader) -> [H::Real; 4] {
+        let (exact, word) = (shader.background(), self.machine.machine.resolve.frame);
+        [0, 1, 2, 3].map(|i| hold.hold("resolve.frame", exact[i], word, self.quantised.frame.background[i]))
+    }
+}

@@ -1,0 +1,72 @@
+//! Tiles: pictures enlarged pixel by pixel, and words, as cells of a grid.
+
+use super::{Area, COLOURS, Draw, Drawn, FONT, INK, Mark, told};
+use crate::output::colour::srgb_encode;
+use crate::output::picture::Picture;
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+
+/// A picture under its caption, as large as a whole number of times fits.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    /// Above it.
+    pub caption: String,
+    /// Linear light, over black.
+    pub picture: Picture,
+}
+
+/// Lines of text, each perhaps beside a sample of how a series is drawn.
+#[derive(Clone, Debug, Default)]
+pub struct Words {
+    /// The first line, larger.
+    pub title: String,
+    /// The others, already broken.
+    pub lines: Vec<(Option<(Mark, usize)>, String)>,
+}
+
+/// Height of a caption, pixels.
+const CAPTION_PX: i32 = 18;
+/// Free space around a cell's content, pixels.
+const MARGIN_PX: i32 = 3;
+
+impl Draw for Tile {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+        let style = (FONT, 13).into_font().color(&INK);
+        area.draw(&Text::new(self.caption.clone(), (MARGIN_PX, MARGIN_PX), style)).map_err(told)?;
+        let (width, height) = area.dim_in_pixel();
+        let (columns, rows) = (self.picture.width as i32, self.picture.height as i32);
+        let side = ((width as i32 - 2 * MARGIN_PX) / columns).min((height as i32 - 2 * MARGIN_PX - CAPTION_PX) / rows).max(1);
+        for (i, [r, g, b, _]) in self.picture.rgba.iter().enumerate() {
+            let [x, y] = [MARGIN_PX + i as i32 % columns * side, MARGIN_PX + CAPTION_PX + i as i32 / columns * side];
+            let [r, g, b] = [r, g, b].map(|channel| (255.0 * srgb_encode(*channel)).round() as u8);
+            // The corner is not part of it.
+            let square = [(x, y), (x + side, y + side)];
+            area.draw(&Rectangle::new(square, RGBColor(r, g, b).filled())).map_err(told)?;
+        }
+        Ok(())
+    }
+}
+
+impl Draw for Words {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+        let title = (FONT, 16).into_font().color(&INK);
+        area.draw(&Text::new(self.title.clone(), (2 * MARGIN_PX, 2 * MARGIN_PX), title)).map_err(told)?;
+        for (i, (sample, line)) in self.lines.iter().enumerate() {
+            let y = 2 * MARGIN_PX + 24 + 17 * i as i32;
+            let mut x = 2 * MARGIN_PX;
+            if let Some((mark, colour)) = sample {
+                let style = COLOURS[colour % COLOURS.len()].stroke_width(2);
+                let path = vec![(x, y + 7), (x + 26, y + 7)];
+                match mark {
+                    Mark::Line => area.draw(&PathElement::new(path, style)),
+                    Mark::Dashed => area.draw(&DashedPathElement::new(path, 7, 5, style)),
+                    Mark::Dots | Mark::Rings => area.draw(&Circle::new((x + 13, y + 7), 3, style.filled())),
+                }
+                .map_err(told)?;
+                x += 34;
+            }
+            area.draw(&Text::new(line.clone(), (x, y), (FONT, 13).into_font().color(&INK))).map_err(told)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,7 @@
+//! Output: pictures, charts, text and files.
+
+pub mod chart;
+pub mod colour;
+pub mod files;
+pub mod picture;
+pub mod text;

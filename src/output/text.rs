@@ -1,0 +1,94 @@
+//! Text: tables and lines for a terminal of 80 columns.
+
+use comfy_table::{CellAlignment, Table, presets};
+
+/// Columns of the terminal that summaries are made for.
+const COLUMNS: usize = 80;
+
+/// An integer with its thousands set apart.
+pub fn thousands(number: u64) -> String {
+    let digits = number.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// A part of a whole; neither all nor nothing is said of what is not.
+pub fn share(part: u64, whole: u64) -> String {
+    match part {
+        0 => "–".into(),
+        _ if part == whole => "100%".into(),
+        _ if part * 100 < whole => "< 1%".into(),
+        _ => format!("{}%", part * 100 / whole),
+    }
+}
+
+/// A line broken between words where it is longer than a terminal's; what follows the break is set in.
+pub fn wrapped(line: &str) -> String {
+    let mut out = String::new();
+    let mut column = 0;
+    for word in line.split_inclusive(' ') {
+        let length = word.trim_end().chars().count();
+        if column > 4 && column + length > COLUMNS {
+            out.truncate(out.trim_end().len());
+            out.push_str("\n    ");
+            column = 4;
+        }
+        out.push_str(word);
+        column += word.chars().count();
+    }
+    out
+}
+
+/// A table without lines.
+pub fn plain_table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).set_header(header);
+    table
+}
+
+/// All columns but the first to the right, close together.
+pub fn aligned(mut table: Table) -> Table {
+    let columns = table.column_count();
+    for (i, column) in table.column_iter_mut().enumerate() {
+        let last = i + 1 == columns;
+        column.set_padding((0, if last { 0 } else { 2 }));
+        if i > 0 {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+/// Bytes as hexadecimal digits.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_line_is_broken_between_words_and_a_long_word_is_not() {
+        assert_eq!(wrapped("  short  as it is"), "  short  as it is");
+        let long = wrapped(&"word ".repeat(40));
+        assert!(
+            long.lines().count() == 3 && long.lines().all(|line| line.len() <= 80 && line.trim_end() == line || line.ends_with("word ")),
+            "{long}"
+        );
+        assert!(long.lines().skip(1).all(|line| line.starts_with("    word")));
+        let path = "/".repeat(100);
+        assert_eq!(wrapped(&format!("note: {path} is long")), format!("note:\n    {path}\n    is long"));
+    }
+
+    #[test]
+    fn thousands_are_set_apart() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(thousands), ["0", "999", "1,000", "1,234,567"]);
+    }
+}

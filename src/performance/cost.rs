@@ -1,0 +1,334 @@
+//! Cost: what a machine takes in area, and a frame in energy: proxies, for comparing machines.
+//!
+//! ```text
+//! parts of the elaborated machine ─►( × copies, lanes )─► bits of every kind ─►( × prices )─► area, LUT equivalents
+//! items of every unit, traffic    ─►( × parts )──────────────────────────────►( × prices )─► energy, joules a frame
+//! ```
+//! Prices are a table that can be replaced (`--prices FILE`). The default ones:
+//! - *Area* in six-input LUTs of a Xilinx 7, as Yosys 0.23 maps the units' twins (`sh tests/programs/area.sh`). Alone
+//!   (`sh tests/programs/operators.sh`) a multiplier takes 1.8 to 2.1 for each bit of one times bits of the other, an adder 1 a bit, a
+//!   comparator 0.67, a multiplexer 1, 0.5 to 0.6 in a shifter, a table 0.02 to 0.03. In a unit products grow, by what their sums carry,
+//!   and adders shrink: what rounds a product, or is added to it, is a row of its array. The prices are round numbers near the least
+//!   squares over the units of `tiny` and `lean`. Flip-flops are two to a LUT. FIFOs and memories as if of LUTs that keep 48 bits each.
+//! - *The fit*: over 34 units of five machines, three of them not fitted to, LUTs are 1.00 times the model without registers in the
+//!   geometric mean, 0.90 to 1.16 (README has the table). Not compared: parts of ellipsoids and sheets, what lanes share, storage.
+//! - *Energy* from Horowitz, "Computing's energy problem" (ISSCC 2014, 45 nm): an adder 0.1 pJ and a multiplier 3.1 pJ for 32 bits, 64
+//!   bits from a small memory 10 pJ, from DRAM 1.3 nJ. What is not in it is assumed: a multiplexer or register bit takes what an adder bit
+//!   does, and what stands still a hundredth of what an adder bit does, every cycle.
+//!
+//! Law: `the_parts_of_a_raster_grow_as_synthesis_says`.
+
+use crate::error::{Error, Result};
+use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
+use crate::scene::validate;
+use rtl_model::machine::timing::Setup;
+use rtl_model::machine::{Elaborated, Operator, Part};
+use rtl_model::timing::Cycles;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// What each kind of bit costs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct PerBit {
+    /// A multiplier, for each bit of one operand times bits of the other.
+    #[schemars(range(min = 0))]
+    pub multiplier: f64,
+    /// An adder or comparator.
+    #[schemars(range(min = 0))]
+    pub adder: f64,
+    /// A choice between two words.
+    #[schemars(range(min = 0))]
+    pub multiplexer: f64,
+    /// A word of the datapath.
+    #[schemars(range(min = 0))]
+    pub register: f64,
+    /// A table: of area each bit that it holds, of energy each bit that it gives.
+    #[schemars(range(min = 0))]
+    pub rom: f64,
+    /// A FIFO.
+    #[schemars(range(min = 0))]
+    pub fifo: f64,
+    /// Tiles or cache: of area each bit, of energy each bit read or written.
+    #[schemars(range(min = 0))]
+    pub memory: f64,
+}
+
+/// Prices; by default those of this file's head.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Prices {
+    /// LUT equivalents a bit.
+    pub area: PerBit,
+    /// Picojoules a bit that works.
+    pub energy_pj: PerBit,
+    /// Picojoules a byte to or from memory outside of the chip.
+    #[schemars(range(min = 0))]
+    pub dram_pj_per_byte: f64,
+    /// Picojoules a cycle for each LUT equivalent, at work or not.
+    #[schemars(range(min = 0))]
+    pub static_pj_per_area: f64,
+}
+
+/// See the head of this file.
+pub const DEFAULT: Prices = Prices {
+    area: PerBit { multiplier: 2.4, adder: 0.5, multiplexer: 0.8, register: 0.5, rom: 0.03, fifo: 1.0 / 48.0, memory: 1.0 / 48.0 },
+    energy_pj: PerBit { multiplier: 0.003, adder: 0.003, multiplexer: 0.003, register: 0.003, rom: 0.16, fifo: 0.16, memory: 0.16 },
+    dram_pj_per_byte: 162.5,
+    static_pj_per_area: 0.00003,
+};
+
+impl Default for Prices {
+    fn default() -> Self {
+        DEFAULT
+    }
+}
+
+impl Prices {
+    /// From a file, or those of this file's head.
+    ///
+    /// # Errors
+    /// As [`Prices::load`].
+    pub fn load_or_default(path: Option<&Path>) -> Result<Self> {
+        path.map_or(Ok(DEFAULT), Prices::load)
+    }
+
+    /// From a JSON file that has them all.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where it cannot be read, or says something else.
+    pub fn load(path: &Path) -> Result<Self> {
+        let told = |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
+        let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
+        let value = serde_json::from_str(&text).map_err(|e| told(format!("not JSON: {e}")))?;
+        validate::check(&value, &schemars::schema_for!(Prices).to_value()).map_err(|misfit| told(misfit.to_string()))?;
+        serde_json::from_value(value).map_err(|e| told(e.to_string()))
+    }
+}
+
+/// Bits of every kind.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Bits {
+    /// Products of the widths of all multipliers.
+    pub multiplier: u64,
+    /// 18×18 blocks that the multipliers take.
+    pub blocks_18: u64,
+    /// Adders and comparators.
+    pub adder: u64,
+    /// Multiplexers.
+    pub multiplexer: u64,
+    /// Words.
+    pub register: u64,
+    /// Tables.
+    pub rom: u64,
+    /// Bits that a look-up of every table gives.
+    pub rom_word: u64,
+}
+
+impl Bits {
+    fn add(&mut self, operator: Operator, copies: u64) {
+        let bits = |bits: i32| bits.max(0) as u64;
+        match operator {
+            Operator::Multiplier([a, b]) => {
+                self.multiplier += copies * bits(a) * bits(b);
+                self.blocks_18 += copies * bits(a).div_ceil(18) * bits(b).div_ceil(18);
+            }
+            Operator::Adder(width) => self.adder += copies * bits(width),
+            Operator::Multiplexer(width) => self.multiplexer += copies * bits(width),
+            Operator::Register(width) => self.register += copies * bits(width),
+            Operator::Rom([words, width]) => {
+                self.rom += copies * bits(words) * bits(width);
+                self.rom_word += copies * bits(width);
+            }
+        }
+    }
+
+    fn price(&self, of: &PerBit, rom: u64) -> f64 {
+        let Bits { multiplier, adder, multiplexer, register, .. } = *self;
+        let kinds = [(multiplier, of.multiplier), (adder, of.adder), (multiplexer, of.multiplexer), (register, of.register), (rom, of.rom)];
+        kinds.into_iter().map(|(bits, price)| bits as f64 * price).sum()
+    }
+}
+
+/// A unit's part of the area.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct UnitCost {
+    /// Its name.
+    pub name: &'static str,
+    /// LUT equivalents, of all that work side by side.
+    pub area: f64,
+    /// What it is built of.
+    #[serde(flatten)]
+    pub bits: Bits,
+}
+
+/// What a machine takes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// LUT equivalents: units, FIFOs, memory on the chip.
+    pub area: f64,
+    /// Every unit, in the order of the diagram.
+    pub units: Vec<UnitCost>,
+    /// Bits of all FIFOs.
+    pub fifo_bits: u64,
+    /// Bits of tiles, or of the cache.
+    pub memory_bits: u64,
+    /// Bits of a pixel in the frame buffer.
+    pub frame_bits_per_pixel: u64,
+}
+
+/// In the order of the diagram.
+const UNITS: [&str; 7] = ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
+
+impl Cost {
+    /// Of a machine.
+    pub fn new(machine: &Elaborated, prices: &Prices) -> Self {
+        let storage = machine.timing.storage;
+        let units: Vec<UnitCost> = UNITS
+            .map(|name| {
+                let bits = built(machine, name);
+                UnitCost { name, area: bits.price(&prices.area, bits.rom), bits }
+            })
+            .into();
+        let fifo_bits = storage.fifos.map(|fifo| u64::from(fifo.places) * u64::from(fifo.bits)).iter().sum();
+        let stored = fifo_bits as f64 * prices.area.fifo + storage.memory_bits as f64 * prices.area.memory;
+        Cost {
+            area: units.iter().map(|unit| unit.area).sum::<f64>() + stored,
+            units,
+            fifo_bits,
+            memory_bits: storage.memory_bits,
+            frame_bits_per_pixel: storage.frame_bits_per_pixel,
+        }
+    }
+
+    /// The table, at most 80 columns wide.
+    pub fn table(&self) -> String {
+        let mut table = plain_table(&["", "area", "", "18×18", "adders", "choices", "registers", "tables"]);
+        let percent = |area: f64| share(area as u64, self.area as u64);
+        for UnitCost { name, area, bits } in &self.units {
+            let bits = [bits.blocks_18, bits.adder, bits.multiplexer, bits.register, bits.rom].map(thousands);
+            table.add_row([(*name).to_owned(), thousands(*area as u64), percent(*area)].into_iter().chain(bits));
+        }
+        let units: f64 = self.units.iter().map(|unit| unit.area).sum();
+        let stored = self.area - units;
+        table.add_row(["storage".into(), thousands(stored as u64), percent(stored)]);
+        let stored = format!(
+            "FIFOs {} bits, memory {} bits; a pixel of the frame buffer {} bits",
+            thousands(self.fifo_bits),
+            thousands(self.memory_bits),
+            thousands(self.frame_bits_per_pixel)
+        );
+        format!(
+            "area {} LUT equivalents; blocks counted, all else in bits\n{}\n{}",
+            thousands(self.area as u64),
+            aligned(table).trim_fmt(),
+            wrapped(&stored)
+        )
+    }
+}
+
+/// How many of a unit work side by side, and how many multipliers they share.
+fn side_by_side(machine: &Elaborated, unit: &str) -> (u64, Option<u64>) {
+    let of = |setup: Setup| (u64::from(setup.units), setup.multipliers.map(u64::from));
+    match unit {
+        "project" => of(machine.timing.timing.project),
+        "ellipse" => of(machine.timing.timing.ellipse),
+        _ => (1, None),
+    }
+}
+
+/// What units of a name are built of.
+fn built(machine: &Elaborated, unit: &str) -> Bits {
+    let lanes: u64 = machine.timing.timing.raster.lanes.map(u64::from).iter().product();
+    let (units, shared) = side_by_side(machine, unit);
+    let parts = machine.parts.iter().filter(|part| part.unit == unit);
+    let mut bits = Bits::default();
+    let mut multipliers = Vec::new();
+    for &Part { operator, copies, per_lane, .. } in parts {
+        let copies = u64::from(copies) * if per_lane { lanes } else { 1 };
+        match operator {
+            Operator::Multiplier([a, b]) => multipliers.push((a.max(b), a.min(b), copies)),
+            _ => bits.add(operator, units * copies),
+        }
+    }
+    // Those that take several products in turn are as wide as the widest.
+    multipliers.sort_unstable_by(|one, other| other.cmp(one));
+    let mut left = shared.unwrap_or(u64::MAX);
+    for (a, b, copies) in multipliers {
+        bits.add(Operator::Multiplier([a, b]), units * copies.min(left));
+        left = left.saturating_sub(copies);
+    }
+    bits
+}
+
+/// A machine's area, and a frame's energy on it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CostReport {
+    /// Area.
+    #[serde(flatten)]
+    pub cost: Cost,
+    /// Energy, joules a frame.
+    pub energy: Energy,
+}
+
+impl CostReport {
+    /// Of a machine and the cycles that a frame took on it.
+    pub fn new(machine: &Elaborated, cycles: &Cycles, prices: &Prices) -> Self {
+        let cost = Cost::new(machine, prices);
+        CostReport { energy: Energy::new(machine, &cost, cycles, prices), cost }
+    }
+
+    /// Two lines, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let Energy { total, units, storage, dram, leakage } = self.energy;
+        let parts = [("units", units), ("storage", storage), ("DRAM", dram), ("leakage", leakage)];
+        let femtojoules = |joules: f64| (joules * 1e15) as u64;
+        let parts = parts.map(|(name, joules)| format!("{name} {}", share(femtojoules(joules), femtojoules(total)))).join(", ");
+        let area = thousands(self.cost.area as u64);
+        format!("area: {area} LUT equivalents\nenergy: {:.2} mJ a frame ({parts})", total * 1e3)
+    }
+}
+
+/// What a frame takes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Energy {
+    /// Joules: all that follow.
+    pub total: f64,
+    /// Units at work.
+    pub units: f64,
+    /// Tiles or cache, and FIFOs.
+    pub storage: f64,
+    /// Bytes outside of the chip.
+    pub dram: f64,
+    /// What it takes standing there.
+    pub leakage: f64,
+}
+
+impl Energy {
+    /// Of a frame that took these cycles on a machine of that cost. Every lane of a slot counts, whether it keeps a pixel or not.
+    pub fn new(machine: &Elaborated, cost: &Cost, cycles: &Cycles, prices: &Prices) -> Self {
+        let items = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>() as f64;
+        let of = &prices.energy_pj;
+        let units: f64 = (machine.parts.iter())
+            .map(|part| {
+                let mut bits = Bits::default();
+                let lanes = if part.per_lane { machine.timing.timing.raster.lanes } else { [1, 1] };
+                bits.add(part.operator, lanes.map(u64::from).iter().product::<u64>() * u64::from(part.copies));
+                let shading = if part.unit == "shade" { items("resolve-shade") } else { 0.0 };
+                (items(part.unit) + shading) * bits.price(of, bits.rom_word)
+            })
+            .sum();
+        let lanes: u32 = machine.timing.timing.raster.lanes.iter().product();
+        let read_and_written = items("fragment") * f64::from(2 * lanes * 8 * machine.timing.fragment_bytes);
+        let queued: f64 = machine.timing.storage.fifos.map(|fifo| items(fifo.to) * f64::from(2 * fifo.bits.min(1 << 20))).iter().sum();
+        let storage = read_and_written * of.memory + queued * of.fifo;
+        let dram = cycles.memory.total_bytes() as f64 * prices.dram_pj_per_byte;
+        let leakage = cost.area * cycles.total as f64 * prices.static_pj_per_area;
+        let [units, storage, dram, leakage] = [units, storage, dram, leakage].map(|picojoules| picojoules * 1e-12);
+        Energy { total: units + storage + dram + leakage, units, storage, dram, leakage }
+    }
+}
+
+#[cfg(test)]
+mod tests;

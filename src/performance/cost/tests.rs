@@ -1,0 +1,110 @@
+use super::*;
+use crate::hardware::{fixed, machines};
+use rtl_model::timing::{self, Detail};
+
+fn built_with(settings: &[&str]) -> Elaborated {
+    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+    fixed::elaborate(&machines::load("reference", &settings).unwrap()).unwrap()
+}
+
+fn area(settings: &[&str]) -> f64 {
+    Cost::new(&built_with(settings), &DEFAULT).area
+}
+
+/// A raster of one lane, written by others in SystemVerilog with accumulators of 20, 28 and 36 bits, took 242, 331 and 425 LUTs (Yosys 0.23,
+/// `synth_xilinx -family xc7 -nowidelut -flatten`), its seeds not counted. The lane's own parts should follow in the same proportion.
+#[test]
+fn the_parts_of_a_raster_grow_as_synthesis_says() {
+    let synthesised = [242.0, 331.0, 425.0];
+    let modelled = [20, 28, 36].map(|bits: i32| {
+        let frac_bits = bits - 6;
+        let registers = ["radial", "first", "second", "depth"].map(|word| format!("raster.{word}=I6F{frac_bits}"));
+        let depths = ["project.depth", "ellipse.depth_range"].map(|word| format!("{word}=U1F{frac_bits}"));
+        let rest = ["raster.cutoff=U4F12", "ellipse.depth_slope=I1F12", "timing.raster.lanes=[1,1]"].map(str::to_owned);
+        let machine = built_with(&[&registers[..], &depths, &rest].concat().iter().map(String::as_str).collect::<Vec<_>>());
+        let mut lane = Bits::default();
+        for part in machine.parts.iter().filter(|part| part.unit == "raster" && part.per_lane) {
+            lane.add(part.operator, part.copies.into());
+        }
+        lane.price(&PerBit { register: 0.0, ..DEFAULT.area }, 0)
+    });
+    let ratios: Vec<f64> = modelled.iter().zip(synthesised).map(|(model, luts)| model / luts).collect();
+    println!("a raster's lane, model over synthesis: {ratios:.3?}");
+    let mean = ratios.iter().sum::<f64>() / 3.0;
+    assert!(ratios.iter().all(|ratio| (ratio / mean - 1.0).abs() < 0.05), "{modelled:?}, {ratios:?}");
+}
+
+#[test]
+fn a_wider_word_costs_more_and_more_lanes_cost_lanes_alone() {
+    let reference = area(&[]);
+    for wider in ["gauss.weight=U-2F24", "ellipse.conic=U3F25", "timing.raster.fifo=64", "timing.tile.side_px=32", "timing.project.units=2"]
+    {
+        assert!(area(&[wider]) > reference, "{wider}");
+    }
+    assert!(area(&["timing.ellipse.multipliers=1"]) < reference);
+    let unit = |lanes: &str, name: &str| {
+        let cost = Cost::new(&built_with(&[lanes]), &DEFAULT);
+        cost.units.iter().find(|unit| unit.name == name).unwrap().area
+    };
+    let [one, two] = ["timing.raster.lanes=[1,1]", "timing.raster.lanes=[2,1]"];
+    assert_eq!(unit(two, "gauss"), 2.0 * unit(one, "gauss"));
+    assert_eq!(unit(two, "shade"), unit(one, "shade"));
+    assert!(unit(two, "raster") > unit(one, "raster") && unit(two, "raster") < 2.0 * unit(one, "raster"));
+}
+
+#[test]
+fn what_multipliers_share_is_as_wide_as_the_widest() {
+    let shared = |count: u32| built(&built_with(&[&format!("timing.project.multipliers={count}")]), "project").multiplier;
+    let all = built(&built_with(&[]), "project").multiplier;
+    // focal · slope, 27 × 26 bits; the rotation of 27 × 27 is wider.
+    assert_eq!([shared(1), shared(2)], [27 * 27, 2 * 27 * 27]);
+    assert_eq!(shared(1000), all);
+}
+
+#[test]
+fn a_price_of_nothing_but_one_kind_counts_that_kind() {
+    let machine = built_with(&[]);
+    let nothing = PerBit { multiplier: 0.0, adder: 0.0, multiplexer: 0.0, register: 0.0, rom: 0.0, fifo: 0.0, memory: 0.0 };
+    let of = |area: PerBit| Cost::new(&machine, &Prices { area, ..DEFAULT });
+    let cost = of(PerBit { register: 1.0, ..nothing });
+    assert_eq!(cost.area, cost.units.iter().map(|unit| unit.bits.register as f64).sum::<f64>());
+    let cost = of(PerBit { memory: 1.0, ..nothing });
+    // 16 × 16 pixels of three fragments.
+    assert_eq!(cost.area, f64::from(16 * 16 * 3 * 8 * machine.timing.fragment_bytes));
+}
+
+#[test]
+fn energy_is_the_sum_of_its_parts_and_grows_with_traffic() {
+    let machine = built_with(&[]);
+    let work = rtl_model::work::Work { width: 16, height: 16, ..Default::default() };
+    let cycles = timing::replay(&machine.timing, &work, Detail::Accounts);
+    let cost = Cost::new(&machine, &DEFAULT);
+    let energy = Energy::new(&machine, &cost, &cycles, &DEFAULT);
+    assert_eq!(energy.total, energy.units + energy.storage + energy.dram + energy.leakage);
+    // An empty frame: background words alone.
+    assert_eq!((energy.units, energy.storage), (0.0, 0.0));
+    assert!(energy.dram > 0.0 && energy.leakage > 0.0);
+    let dearer = Energy::new(&machine, &cost, &cycles, &Prices { dram_pj_per_byte: 2.0 * DEFAULT.dram_pj_per_byte, ..DEFAULT });
+    assert_eq!(dearer.dram, 2.0 * energy.dram);
+}
+
+#[test]
+fn prices_are_read_whole_or_refused_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("prices.json");
+    let refused = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        match Prices::load(&path) {
+            Err(Error::Input(sentence)) => sentence.replace(path.to_str().unwrap(), "prices.json"),
+            other => panic!("{other:?}"),
+        }
+    };
+    let mut value = serde_json::to_value(DEFAULT).unwrap();
+    std::fs::write(&path, value.to_string()).unwrap();
+    assert_eq!(Prices::load(&path).unwrap(), DEFAULT);
+    value["area"]["adder"] = (-1).into();
+    assert!(refused(&value.to_string()).starts_with("prices.json: area.adder"));
+    assert!(refused("{}").starts_with("prices.json: "));
+    assert!(refused("[").starts_with("prices.json: not JSON"));
+    assert!(matches!(Prices::load(&folder.path().join("none.json")), Err(Error::Input(sentence)) if sentence.contains("cannot be read")));
+}

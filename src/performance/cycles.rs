@@ -1,0 +1,332 @@
+//! Cycles: how long a machine takes for a frame, as part of `report.json`, as a table and as CSV.
+//!
+//! ```text
+//! recorded work ─►( rtl_model::timing )─► [cycles of every unit, traffic] ─┬─► report.json
+//!                                                                          ├─► table, 80 columns
+//!                                                                          └─► cycles.csv
+//! ```
+
+use crate::output::chart::{Axis, Mark, Panel, Series};
+use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
+use rtl_model::machine::timing::{Elaborated, Memory};
+use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Request, Wait};
+use serde::Serialize;
+use std::fmt::Write;
+
+/// A frame's time.
+#[derive(Clone, Debug, Serialize)]
+pub struct CyclesReport {
+    /// Cycles from the first request to the last word written.
+    pub total: u64,
+    /// Cycles a second.
+    pub clock_hz: u64,
+    /// Frames a second.
+    pub frames_per_second: f64,
+    /// What is busy longest: a unit, or memory.
+    pub bottleneck: &'static str,
+    /// Every unit, in the order of the diagram; its four counts sum to `total`.
+    pub units: Vec<UnitReport>,
+    /// What went to memory and back.
+    pub memory: MemoryReport,
+    /// Slots that the rasteriser tested, and those that kept a pixel.
+    pub slots: [u64; 2],
+    /// Lines that the cache looked up, and those that it had; none where there is no cache.
+    pub lookups: Option<[u64; 2]>,
+}
+
+/// A unit's time.
+#[derive(Clone, Debug, Serialize)]
+pub struct UnitReport {
+    /// Its name; of several side by side, with a number.
+    pub name: String,
+    /// Items taken.
+    pub items: u64,
+    /// Cycles with an item.
+    pub busy: u64,
+    /// Cycles without one.
+    pub starved: u64,
+    /// Cycles in which an item was here and could not be taken.
+    pub blocked: u64,
+    /// Cycles in which it waited for memory.
+    pub memory: u64,
+    /// The unit that it had no item from.
+    pub starved_by: Option<&'static str>,
+    /// Who blocked it, for how many cycles: `hazard` is a pixel still under way.
+    pub blocked_by: Vec<Blocker>,
+    /// When it, and those beside it, had items; with the first of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub over_time: Option<OverTime>,
+    /// `occupancy[n]`: how often n results waited behind it, or were on their way, when it took one.
+    pub occupancy: Vec<u64>,
+}
+
+/// Cycles with an item, window by window.
+#[derive(Clone, Debug, Serialize)]
+pub struct OverTime {
+    /// Cycles of a window.
+    pub window: u64,
+    /// Such cycles in each.
+    pub busy: Vec<u64>,
+}
+
+/// Who blocked a unit.
+#[derive(Clone, Debug, Serialize)]
+pub struct Blocker {
+    by: &'static str,
+    cycles: u64,
+}
+
+/// Traffic.
+#[derive(Clone, Debug, Serialize)]
+pub struct MemoryReport {
+    /// Cycles in which bytes moved.
+    pub busy: u64,
+    /// Bytes that moved.
+    pub bytes: u64,
+    /// Bytes a second, over the whole frame.
+    pub bytes_per_second: f64,
+    /// Bytes a second that could move; none of ideal memory.
+    pub peak_bytes_per_second: Option<f64>,
+    /// Part of the requests that found their row open; none of ideal memory, or where there were none.
+    pub row_hit_share: Option<f64>,
+    /// Who moved what.
+    pub clients: Vec<ClientReport>,
+    /// `read_latency_log2[n]`: reads of 2^n to 2^(n+1) − 1 cycles.
+    pub read_latency_log2: Vec<u64>,
+}
+
+/// A client's traffic.
+#[derive(Clone, Debug, Serialize)]
+pub struct ClientReport {
+    /// What it is for.
+    pub name: &'static str,
+    /// Bursts.
+    pub requests: u64,
+    /// Bytes from memory.
+    pub bytes_read: u64,
+    /// Bytes to memory.
+    pub bytes_written: u64,
+}
+
+impl CyclesReport {
+    /// What a replay found.
+    pub fn new(timing: &Elaborated, cycles: &Cycles) -> Self {
+        let clock_hz = timing.timing.clock_hz;
+        let seconds = cycles.total as f64 / clock_hz as f64;
+        let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };
+        let memory = &cycles.memory;
+        let requests: u64 = memory.requests.iter().sum();
+        let Memory { ideal, bytes_per_cycle, .. } = timing.timing.memory;
+        let of_client = |client: Client| {
+            let [bytes_read, bytes_written] = memory.bytes[client as usize];
+            ClientReport { name: client.name(), requests: memory.requests[client as usize], bytes_read, bytes_written }
+        };
+        let last = memory.latencies.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1);
+        CyclesReport {
+            total: cycles.total,
+            clock_hz,
+            frames_per_second: per_second(1),
+            bottleneck: cycles.bottleneck(),
+            units: cycles.units.iter().map(|unit| unit_report(unit, &cycles.units)).collect(),
+            memory: MemoryReport {
+                busy: memory.busy,
+                bytes: memory.total_bytes(),
+                bytes_per_second: per_second(memory.total_bytes()),
+                peak_bytes_per_second: (!ideal).then(|| clock_hz as f64 * f64::from(bytes_per_cycle)),
+                row_hit_share: (requests > 0 && !ideal).then(|| memory.row_hits as f64 / requests as f64),
+                clients: CLIENTS.into_iter().filter(|client| memory.requests[*client as usize] > 0).map(of_client).collect(),
+                read_latency_log2: memory.latencies[..last].to_vec(),
+            },
+            slots: cycles.slots,
+            lookups: (cycles.lookups[0] > 0).then_some(cycles.lookups),
+        }
+    }
+
+    /// The summary, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let mut table = plain_table(&["", "items", "busy", "starved", "blocked", "memory", "blocked by"]);
+        for unit in &self.units {
+            let part = |cycles: u64| share(cycles, self.total);
+            let longest = unit.blocked_by.iter().max_by_key(|blocker| blocker.cycles).map_or("", |blocker| blocker.by);
+            let row = [thousands(unit.items), part(unit.busy), part(unit.starved), part(unit.blocked), part(unit.memory), longest.into()];
+            table.add_row(std::iter::once(unit.name.clone()).chain(row));
+        }
+        let memory = &self.memory;
+        let gigabytes = |bytes: f64| format!("{:.2} GB/s", bytes / 1e9);
+        let mut text = format!(
+            "{} cycles at {:.0} MHz: {} frames/s; busiest: {}\n{}\n",
+            thousands(self.total),
+            self.clock_hz as f64 / 1e6,
+            rate(self.frames_per_second),
+            self.bottleneck,
+            aligned(table).trim_fmt()
+        );
+        let clients: Vec<String> = (memory.clients.iter())
+            .map(|client| format!("{} {}", client.name.replace('_', " "), megabytes(client.bytes_read + client.bytes_written)))
+            .collect();
+        let of_peak = match memory.peak_bytes_per_second {
+            Some(peak) => format!("of {}, busy {}", gigabytes(peak), share(memory.busy, self.total)),
+            None => "of ideal memory".into(),
+        };
+        let [moved, clients, rate] = [megabytes(memory.bytes), clients.join(", "), gigabytes(memory.bytes_per_second)];
+        let traffic = format!("memory: {moved} ({clients}); {rate} {of_peak}");
+        let _ = write!(text, "{}", wrapped(&traffic));
+        if let Some([lookups, hits]) = self.lookups {
+            let _ = write!(text, "\ncache: {} look-ups, {} hits", thousands(lookups), share(hits, lookups));
+        }
+        let _ = write!(text, "\nslots: {} tested, {} kept a pixel", thousands(self.slots[0]), share(self.slots[1], self.slots[0]));
+        text
+    }
+
+    /// Every unit's use over time, in per cent; of several side by side together.
+    pub fn charts(&self) -> Vec<Panel> {
+        let panel = |(nth, unit, over_time): (usize, &UnitReport, &OverTime)| {
+            let name = unit.name.split('.').next().unwrap_or_default();
+            let beside = self.units.iter().filter(|other| other.name.split('.').next() == Some(name)).count();
+            let whole = (over_time.window * beside as u64) as f64;
+            let at = |window: usize| (window as u64 * over_time.window) as f64 / 1e6;
+            // As steps.
+            let steps = |(window, busy): (usize, &u64)| {
+                [[at(window), *busy as f64 * 100.0 / whole], [at(window + 1), *busy as f64 * 100.0 / whole]]
+            };
+            let points = over_time.busy.iter().enumerate().flat_map(steps).collect();
+            Panel {
+                title: format!("{name}: {}", share(unit.busy, self.total)),
+                x: Axis::linear("million cycles").within(0.0, self.total as f64 / 1e6),
+                y: Axis::linear("% of cycles").within(0.0, 100.0),
+                series: vec![Series { name: String::new(), points, mark: Mark::Line, colour: nth }],
+                ..Panel::default()
+            }
+        };
+        let timed = self.units.iter().filter_map(|unit| unit.over_time.as_ref().map(|over_time| (unit, over_time)));
+        timed.enumerate().map(|(nth, (unit, over_time))| panel((nth % 6, unit, over_time))).collect()
+    }
+
+    /// One line a unit.
+    pub fn csv(&self) -> String {
+        let mut text = String::from("unit,items,busy,starved,blocked,memory,total\n");
+        for unit in &self.units {
+            let UnitReport { name, items, busy, starved, blocked, memory, .. } = unit;
+            let _ = writeln!(text, "{name},{items},{busy},{starved},{blocked},{memory},{}", self.total);
+        }
+        text
+    }
+}
+
+/// Requests to memory, burst by burst, in the formats of DRAM simulators.
+#[derive(Clone, Debug)]
+pub struct Requests {
+    burst_bytes: u64,
+    requests: Vec<Request>,
+}
+
+/// A format of traces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Trace {
+    /// `LD ADDRESS` and `ST ADDRESS`: the front end LoadStoreTrace.
+    Ramulator2,
+    /// `ADDRESS READ CYCLE` and `ADDRESS WRITE CYCLE`.
+    Dramsim3,
+}
+
+impl Requests {
+    /// File names.
+    pub const FORMATS: [(&'static str, Trace); 2] = [("requests.ramulator2", Trace::Ramulator2), ("requests.dramsim3", Trace::Dramsim3)];
+
+    /// In the order of cycles; those of one cycle as they were made.
+    pub fn new(timing: &Elaborated, mut requests: Vec<Request>) -> Self {
+        requests.sort_by_key(|request| request.cycle);
+        Requests { burst_bytes: timing.timing.memory.burst_bytes.into(), requests }
+    }
+
+    /// Writes a trace, a burst a line.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn write(&self, format: Trace, file: &mut impl std::io::Write) -> std::io::Result<()> {
+        for Request { cycle, address, bytes, direction } in &self.requests {
+            for at in (*address..address + bytes).step_by(self.burst_bytes as usize) {
+                match (format, direction) {
+                    (Trace::Ramulator2, Direction::Read) => writeln!(file, "LD 0x{at:x}")?,
+                    (Trace::Ramulator2, Direction::Write) => writeln!(file, "ST 0x{at:x}")?,
+                    (Trace::Dramsim3, Direction::Read) => writeln!(file, "0x{at:x} READ {cycle}")?,
+                    (Trace::Dramsim3, Direction::Write) => writeln!(file, "0x{at:x} WRITE {cycle}")?,
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitReport {
+    let several = all.iter().filter(|other| other.name == unit.name).count() > 1;
+    let timing::Account { busy, starved, blocked, memory } = unit.account;
+    UnitReport {
+        name: if several { format!("{}.{}", unit.name, unit.index) } else { unit.name.into() },
+        items: unit.items,
+        busy,
+        starved,
+        blocked,
+        memory,
+        starved_by: unit.starved_by,
+        blocked_by: (unit.blocked_by.iter())
+            .map(|(wait, cycles)| Blocker {
+                by: match wait {
+                    Wait::Unit(name) => name,
+                    Wait::Hazard => "hazard",
+                },
+                cycles: *cycles,
+            })
+            .collect(),
+        over_time: unit.timeline.as_ref().map(|timeline| OverTime { window: timeline.window, busy: timeline.busy.clone() }),
+        occupancy: unit.occupancy[..unit.occupancy.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1)].to_vec(),
+    }
+}
+
+fn megabytes(bytes: u64) -> String {
+    format!("{:.1} MB", bytes as f64 / 1e6)
+}
+
+fn rate(per_second: f64) -> String {
+    if per_second < 100.0 { format!("{per_second:.1}") } else { format!("{per_second:.0}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rtl_model::Machine;
+    use rtl_model::work::Work;
+
+    #[test]
+    fn ideal_memory_has_traffic_but_no_peak() {
+        let machine = Machine::named("tiny").unwrap();
+        let of = |ideal: bool| {
+            let mut machine = machine.clone();
+            machine.timing.memory.ideal = ideal;
+            let timing = machine.elaborate().unwrap().timing;
+            let work = Work { width: 32, height: 16, ..Work::default() };
+            CyclesReport::new(&timing, &timing::replay(&timing, &work, timing::Detail::Histograms))
+        };
+        let [finite, ideal] = [of(false), of(true)];
+        assert!(ideal.memory.bytes > 0 && ideal.memory.bytes == finite.memory.bytes);
+        let told = |report: &CyclesReport| {
+            (report.memory.busy > 0, report.memory.peak_bytes_per_second.is_some(), report.memory.row_hit_share.is_some())
+        };
+        assert_eq!([told(&finite), told(&ideal)], [(true, true, true), (false, false, false)]);
+        assert!(ideal.summary().contains("GB/s of ideal memory\n") && finite.summary().contains("of 6.40 GB/s, busy"));
+    }
+
+    #[test]
+    fn requests_are_told_burst_by_burst_in_the_order_of_cycles() {
+        let timing = Machine::named("tiny").unwrap().elaborate().unwrap().timing;
+        let request = |cycle, address, bytes, direction| Request { cycle, address, bytes, direction };
+        let requests = Requests::new(&timing, vec![request(9, 256, 128, Direction::Write), request(3, 64, 64, Direction::Read)]);
+        let told = |format| {
+            let mut text = Vec::new();
+            requests.write(format, &mut text).unwrap();
+            String::from_utf8(text).unwrap()
+        };
+        assert_eq!(told(Trace::Dramsim3), "0x40 READ 3\n0x100 WRITE 9\n0x140 WRITE 9\n");
+        assert_eq!(told(Trace::Ramulator2), "LD 0x40\nST 0x100\nST 0x140\n");
+    }
+}

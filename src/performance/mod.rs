@@ -1,0 +1,6 @@
+//! Performance: cycles, area and energy of recorded work.
+
+pub mod cost;
+pub mod cycles;
+pub mod recording;
+pub mod timings;

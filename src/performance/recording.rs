@@ -1,0 +1,185 @@
+//! Recording: a frame's work in a file, so that its time can be asked for again without drawing it.
+//!
+//! ```text
+//! run --record FILE ─► "splatsim-work-1\n", machine and scene's name, what happened ─► replay FILE: any timing of the same machine
+//! ```
+//! What happened depends on everything of a machine but its `timing`: only that can be changed.
+//!
+//! Laws (tests/recording.rs): `a_record_that_is_read_is_the_one_that_was_written`, `no_damage_is_taken_for_a_record`,
+//! `a_replay_takes_the_cycles_of_the_run`.
+
+use crate::error::{Error, Result};
+use crate::hardware::{fixed, machines};
+use crate::output::chart::{self, Chart};
+use crate::output::files::write_beside;
+use crate::output::text::wrapped;
+use crate::performance::cycles::{CyclesReport, Requests};
+use crate::performance::timings::{Axes, Timings, Variants};
+use rtl_model::Machine;
+use rtl_model::timing::{self, Detail};
+use rtl_model::work::Work;
+use serde::{Deserialize, Serialize};
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// What a file of this kind begins with.
+const MAGIC: &[u8] = b"splatsim-work-1\n";
+
+/// A frame's work, and whose it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    /// The scene's name.
+    pub scene: String,
+    /// What drew it.
+    pub machine: Machine,
+    /// What happened.
+    pub work: Work,
+}
+
+/// As it lies in the file.
+#[derive(Serialize, Deserialize)]
+struct Parts {
+    scene: String,
+    /// JSON.
+    machine: String,
+    work: Work,
+}
+
+/// What a replay came to.
+#[derive(Clone, Debug)]
+pub struct Replayed {
+    /// The frame's time.
+    pub cycles: CyclesReport,
+    /// With other values of a field.
+    pub timings: Option<Timings>,
+    /// What went to memory, if that was asked for.
+    pub requests: Option<Requests>,
+}
+
+impl Recording {
+    /// Makes sure that a file can be written, before any work is done for it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no such folder, or a folder of that name.
+    pub fn may_be_written(path: &Path) -> Result<()> {
+        let told = |what: &str| Err(Error::input(format!("--record {}: cannot be written: {what}", path.display())));
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        match folder {
+            Some(folder) if !folder.is_dir() => told(&format!("there is no folder {}", folder.display())),
+            _ if path.is_dir() => told("it is a folder, and a file is needed"),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes it into a file.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where it cannot be written; then nothing is.
+    pub fn write(self, path: &Path) -> Result<()> {
+        let machine = serde_json::to_string(&self.machine).map_err(|error| Error::job(error.to_string()))?;
+        let parts = Parts { scene: self.scene, machine, work: self.work };
+        write_beside(path, |file| {
+            file.write_all(MAGIC).map_err(|error| error.to_string())?;
+            postcard::to_io(&parts, file).map(|_| ()).map_err(|error| error.to_string())
+        })
+    }
+
+    /// Reads what [`write`](Self::write) wrote.
+    ///
+    /// # Errors
+    /// [`Error::Input`], one sentence, where the file is none of these or is damaged.
+    pub fn read(path: &Path) -> Result<Self> {
+        let told = |what: &str| Error::input(format!("{}: {what}", path.display()));
+        let bytes = fs::read(path).map_err(|error| told(&format!("cannot be read: {error}")))?;
+        let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| told("is no record of a frame's work, as `run --record` writes them"))?;
+        let damaged = |what: &str| told(&format!("is damaged: {what}"));
+        let (parts, left): (Parts, &[u8]) =
+            postcard::take_from_bytes(rest).map_err(|_| damaged("it ends too soon, or holds no such values"))?;
+        if !left.is_empty() {
+            return Err(damaged("something follows its end"));
+        }
+        let machine = serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is no JSON"))?;
+        let machine = machines::from_value(&machine, &format!("{}: its machine", path.display()))?;
+        parts.work.check().map_err(|what| damaged(&what))?;
+        Ok(Recording { scene: parts.scene, machine, work: parts.work })
+    }
+
+    /// Changes the machine's timing, as `--set timing.…=…`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no such field, or it is not one of `timing`.
+    pub fn set(&mut self, setting: &str) -> Result<()> {
+        let told = format!("--set {setting}");
+        if !setting.trim_start().starts_with("timing.") {
+            return Err(Error::input(format!(
+                "{told}: what happened in a frame stands in the record; only fields below `timing` can change"
+            )));
+        }
+        self.machine = machines::changed(&self.machine, setting, &told)?;
+        Ok(())
+    }
+
+    /// Asks for the frame's time.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where no machine can have such a timing.
+    pub fn replay(&self, axes: Option<&Axes>, requests: bool) -> Result<Replayed> {
+        let elaborated = fixed::elaborate(&self.machine)?;
+        let variants = axes.map(|axes| Variants::new(&self.machine, axes)).transpose()?;
+        let detail = if requests { Detail::Log } else { Detail::Histograms };
+        let cycles = timing::replay(&elaborated.timing, &self.work, detail);
+        let report = CyclesReport::new(&elaborated.timing, &cycles);
+        let requests = requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
+        Ok(Replayed { cycles: report, timings: variants.map(|variants| Timings::new(&variants, &self.work)), requests })
+    }
+}
+
+impl Replayed {
+    /// For a terminal, at most 80 columns wide.
+    pub fn summary(&self, recording: &Recording) -> String {
+        let Recording { scene, machine, work } = recording;
+        let told = wrapped(&format!("{scene} on {}: {} splats, {}×{}", machine.name, work.fates.len(), work.width, work.height));
+        let timings = self.timings.as_ref().map_or_else(String::new, |timings| format!("\n\n{}", timings.table()));
+        format!("{told}\n\n{}{timings}", self.cycles.summary())
+    }
+
+    /// Writes tables and charts into a folder; returns what was written.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where a file cannot be written; none is left half-written.
+    pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
+        let mut written = write_cycles(&self.cycles, self.timings.as_ref(), self.requests.as_ref(), folder)?;
+        let path = folder.join("cycles.json");
+        write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.cycles).map_err(|error| error.to_string()))?;
+        written.push(path);
+        Ok(written)
+    }
+}
+
+/// Writes what a frame's time is shown by: charts, a table, and requests to memory.
+///
+/// # Errors
+/// [`Error::Job`] where a file cannot be written; none is left half-written.
+pub fn write_cycles(cycles: &CyclesReport, timings: Option<&Timings>, requests: Option<&Requests>, folder: &Path) -> Result<Vec<PathBuf>> {
+    let mut written = Vec::new();
+    if let Some(timings) = timings {
+        let path = folder.join("timings.png");
+        chart::write_png(&[&timings.chart()], 1, [760, 520], &path)?;
+        written.push(path);
+    }
+    for (name, format) in requests.iter().flat_map(|_| Requests::FORMATS) {
+        let path = folder.join(name);
+        write_beside(&path, |file| requests.iter().try_for_each(|requests| requests.write(format, file)).map_err(|e| e.to_string()))?;
+        written.push(path);
+    }
+    let charts = cycles.charts();
+    let charts: Vec<&dyn Chart> = charts.iter().map(|chart| chart as &dyn Chart).collect();
+    let path = folder.join("cycles.png");
+    chart::write_png(&charts, 2, [460, 240], &path)?;
+    written.push(path);
+    let path = folder.join("cycles.csv");
+    write_beside(&path, |file| file.write_all(cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;
+    written.push(path);
+    Ok(written)
+}

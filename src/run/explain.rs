@@ -1,0 +1,282 @@
+//! Explain: one pixel's whole story, the machine beside `golden`: every contribution, decision and layer.
+
+use crate::error::{Error, Result};
+use crate::golden::{self, Arrival, Story};
+use crate::hardware::fixed;
+use crate::hardware::quantise::{Scale, quantise};
+use crate::output::text::{aligned, plain_table};
+use crate::scene::{Scene, Sheet};
+use rtl_model::Machine;
+use rtl_model::machine::Elaborated;
+use rtl_model::pipeline;
+use rtl_model::probe::Watcher;
+use rtl_model::units::fragment::{Contribution, Decision};
+use rtl_model::units::resolve::Layer;
+use std::any::Any;
+use std::collections::{HashMap, HashSet};
+use std::fmt::Write;
+
+/// Watches one pixel.
+#[derive(Clone, Debug, Default)]
+struct Witness {
+    pixel: [u32; 2],
+    contributions: Vec<(Contribution, Decision)>,
+    layers: Vec<Layer>,
+    frame: Option<[i64; 4]>,
+}
+
+impl Watcher<'static> for Witness {
+    fn fork(&self) -> Box<dyn Watcher<'static>> {
+        Box::new(Witness { pixel: self.pixel, ..Witness::default() })
+    }
+
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        self
+    }
+
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        if let Ok(fork) = seen.downcast::<Witness>() {
+            self.contributions.extend(fork.contributions);
+            self.layers.extend(fork.layers);
+            self.frame = self.frame.or(fork.frame);
+        }
+    }
+
+    fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
+        if [x, y] == self.pixel {
+            self.contributions.push((*contribution, decision));
+        }
+    }
+
+    fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], frame: [i64; 4]) {
+        if [x, y] == self.pixel {
+            self.layers = layers.to_vec();
+            self.frame = Some(frame);
+        }
+    }
+}
+
+/// Tells the story of pixel (x, y).
+///
+/// # Errors
+/// [`Error::Input`] where the pixel lies outside the picture, the machine cannot be built or cannot hold the scene.
+pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<String> {
+    let (width, height) = (scene.image.width, scene.image.height);
+    if x >= width || y >= height {
+        return Err(Error::input(format!(
+            "--pixel {x},{y}: the picture is {width}×{height}, so X is 0 to {} and Y 0 to {}",
+            width - 1,
+            height - 1
+        )));
+    }
+    let elaborated = fixed::elaborate(machine)?;
+    let quantised = quantise(scene, machine)?;
+    let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
+    let drawing = pipeline::draw_decided(&elaborated, &quantised.frame, &mut witness);
+    let story = golden::story(scene, &fixed::rules(machine), x, y);
+    let told =
+        Told { machine: &elaborated, scale: quantised.scale, fixed: &witness, golden: &story, sheet: scene.sheets.as_ref().map(|s| &s.of) };
+
+    let mut text = format!("pixel {x},{y} of {} on {}\n\n", scene.name, machine.name);
+    let _ = writeln!(text, "{}\n", told.contributions());
+    let _ = writeln!(text, "{}\n", told.layers());
+    let word = drawing.frame[y * width + x].map(i64::from);
+    let _ = write!(text, "{}", told.end(word));
+    Ok(text)
+}
+
+struct Told<'a> {
+    machine: &'a Elaborated,
+    scale: Scale,
+    fixed: &'a Witness,
+    golden: &'a Story,
+    /// None where fragments are grouped by depth.
+    sheet: Option<&'a Sheet>,
+}
+
+/// A contribution on the machine, in `golden`, or in both.
+type Pair<'a> = (Option<&'a (Contribution, Decision)>, Option<&'a Arrival>);
+
+impl Told<'_> {
+    /// Brings equal splats side by side, in the machine's order; what only `golden` has comes before what follows it there.
+    fn pairs(&self) -> Vec<Pair<'_>> {
+        let (fixed, golden) = (&self.fixed.contributions, &self.golden.arrivals);
+        let in_golden: HashMap<usize, usize> = golden.iter().enumerate().map(|(nth, arrival)| (arrival.splat, nth)).collect();
+        let in_fixed: HashSet<usize> = fixed.iter().map(|(contribution, _)| contribution.splat as usize).collect();
+        let mut alone = golden.iter().enumerate().filter(|(_, arrival)| !in_fixed.contains(&arrival.splat)).peekable();
+        let mut pairs: Vec<Pair> = Vec::new();
+        for told in fixed {
+            let splat = told.0.splat as usize;
+            let nth = in_golden.get(&splat).copied();
+            while let Some((_, arrival)) = alone.next_if(|(other, arrival)| nth.map_or(arrival.splat < splat, |nth| *other < nth)) {
+                pairs.push((None, Some(arrival)));
+            }
+            pairs.push((Some(told), nth.map(|nth| &golden[nth])));
+        }
+        pairs.extend(alone.map(|(_, arrival)| (None, Some(arrival))));
+        pairs
+    }
+
+    fn world_depth(&self, word: i64) -> f64 {
+        self.machine.machine.fragment.depth.format.value(word) / self.scale.factor()
+    }
+
+    fn contributions(&self) -> String {
+        let pairs = self.pairs();
+        if pairs.is_empty() {
+            return "No splat touches this pixel.".into();
+        }
+        let mut table = plain_table(&["splat", "r", "w", "z", "decision", "golden r", "w", "z", "decision", ""]);
+        let mut flips = 0;
+        for (fixed, golden) in &pairs {
+            let splat = fixed.map(|(c, _)| c.splat as usize).or(golden.map(|a| a.splat)).unwrap_or_default();
+            let mut row = vec![splat.to_string()];
+            row.extend(fixed.map_or_else(nothing, |(c, decision)| self.machine_row(c, *decision)));
+            row.extend(golden.map_or_else(nothing, |arrival| self.golden_row(arrival)));
+            let flip = row[4] != row[8];
+            flips += usize::from(flip);
+            row.push(if flip { "◄".into() } else { String::new() });
+            table.add_row(row);
+        }
+        let mark = if flips > 0 { " (◄)" } else { "" };
+        let count = pairs.len();
+        format!("{}\n\n{count} contributions, {flips} decided otherwise by the machine than by golden{mark}", aligned(table).trim_fmt())
+    }
+
+    fn machine_row(&self, c: &Contribution, decision: Decision) -> [String; 4] {
+        let gauss = &self.machine.machine.gauss;
+        let decision = self.sheet_decision(c.splat as usize, machine_fate(decision)).unwrap_or_else(|| machine_decision(decision));
+        [
+            format!("{:.5}", gauss.radial_index.format.value(c.radial_index)),
+            format!("{:.6}", gauss.weight.format.value(c.weight)),
+            format!("{:.5}", self.world_depth(c.depth)),
+            decision,
+        ]
+    }
+
+    fn golden_row(&self, arrival: &Arrival) -> [String; 4] {
+        let told = self.sheet_decision(arrival.splat, golden_fate(arrival.decision));
+        let decision = told.unwrap_or_else(|| golden_decision(arrival.decision));
+        [format!("{:.5}", arrival.radial_index), format!("{:.6}", arrival.weight), format!("{:.5}", arrival.z), decision]
+    }
+
+    /// None where fragments are grouped by depth.
+    fn sheet_decision(&self, splat: usize, fate: Fate) -> Option<String> {
+        Some(match (self.sheet?, fate) {
+            (_, Fate::Dropped) => "too late".into(),
+            (Sheet::Splat, _) => "blend".into(),
+            (Sheet::Slice(numbers), Fate::Added) => format!("add to {}", numbers[splat]),
+            (Sheet::Slice(numbers), Fate::Opened) => format!("open {}", numbers[splat]),
+        })
+    }
+
+    /// What all sheets come to.
+    fn composite(&self) -> String {
+        let premultiplied = self.machine.machine.shade.premultiplied.format;
+        let mut table = plain_table(&["all sheets", "red", "green", "blue", "opacity"]);
+        let fixed = self.fixed.layers.iter().map(|layer| {
+            let [r, g, b] = layer.colour;
+            ("fixed", [r, g, b, layer.opacity].map(|word| premultiplied.value(word)))
+        });
+        let golden = self.golden.layers.iter().map(|layer| {
+            let [r, g, b] = layer.colour;
+            ("golden", [r, g, b, layer.coverage])
+        });
+        for (name, channels) in fixed.chain(golden) {
+            table.add_row(std::iter::once(name.to_owned()).chain(channels.map(|channel| format!("{channel:.5}"))));
+        }
+        format!("All sheets together; colour is multiplied by opacity:\n\n{}", aligned(table))
+    }
+
+    fn layers(&self) -> String {
+        let mut table = plain_table(&["layer", "slot", "z", "weight", "red", "green", "blue", "opacity"]);
+        let premultiplied = self.machine.machine.shade.premultiplied.format;
+        let weight = self.machine.machine.fragment.weight_sum.format;
+        let merged = |merged: bool, weight: f64| if merged { "merged".into() } else { format!("{weight:.5}") };
+        for (i, layer) in self.fixed.layers.iter().enumerate() {
+            let mut row = vec![format!("fixed {i}"), layer.slot.to_string(), format!("{:.5}", self.world_depth(layer.depth))];
+            row.push(merged(layer.merged, weight.value(layer.weight)));
+            row.extend(layer.colour.iter().chain([&layer.opacity]).map(|word| format!("{:.5}", premultiplied.value(*word))));
+            table.add_row(row);
+        }
+        for (i, layer) in self.golden.layers.iter().enumerate() {
+            let mut row = vec![format!("golden {i}"), layer.slot.to_string(), format!("{:.5}", layer.z)];
+            row.push(merged(layer.shaded, layer.weight));
+            row.extend(layer.colour.iter().chain([&layer.coverage]).map(|value| format!("{value:.5}")));
+            table.add_row(row);
+        }
+        if self.fixed.layers.is_empty() && self.golden.layers.is_empty() {
+            return "Nothing is left to blend: the pixel is background.".into();
+        }
+        if self.sheet.is_some() {
+            return self.composite();
+        }
+        format!("Layers at the end, front to back; colour is shaded and multiplied by opacity:\n\n{}", aligned(table))
+    }
+
+    fn end(&self, word: [i64; 4]) -> String {
+        let format = self.machine.machine.resolve.frame.format;
+        let mut table = plain_table(&["blended", "red", "green", "blue", "alpha"]);
+        let fixed = word.map(|word| format.value(word));
+        let golden = self.golden.rgba;
+        let row =
+            |name: &str, values: [f64; 4]| std::iter::once(name.to_owned()).chain(values.map(|v| format!("{v:.6}"))).collect::<Vec<_>>();
+        table.add_row(row("fixed", fixed));
+        table.add_row(row("golden", golden));
+        table.add_row(row("difference", std::array::from_fn(|channel| fixed[channel] - golden[channel])));
+        let words = word.map(|word| format!("{word:x}")).join(" ");
+        format!("{}\n\nframe word ({format}, hexadecimal): {words}", aligned(table))
+    }
+}
+
+fn nothing() -> [String; 4] {
+    std::array::from_fn(|column| if column == 3 { "none".into() } else { "–".into() })
+}
+
+fn machine_decision(decision: Decision) -> String {
+    match decision {
+        Decision::Accumulated(slot) => format!("add to {slot}"),
+        Decision::Inserted(slot) => format!("open {slot}"),
+        Decision::Merged(front, back) => format!("merge {front}+{back}"),
+        Decision::Evicted(true) => "evicted".into(),
+        Decision::Evicted(false) => "evict deepest".into(),
+        Decision::Replaced => "replace".into(),
+        Decision::Dropped => "drop".into(),
+    }
+}
+
+fn golden_decision(decision: golden::Decision) -> String {
+    match decision {
+        golden::Decision::Accumulated { slot } => format!("add to {slot}"),
+        golden::Decision::Inserted { slot } => format!("open {slot}"),
+        golden::Decision::Merged { slot, .. } => format!("merge {slot}+{}", slot + 1),
+        golden::Decision::Evicted { slot: None } => "evicted".into(),
+        golden::Decision::Evicted { slot: Some(_) } => "evict deepest".into(),
+        golden::Decision::Replaced => "replace".into(),
+        golden::Decision::Dropped => "drop".into(),
+    }
+}
+
+/// What can become of a contribution where fragments are grouped by sheets.
+#[derive(Clone, Copy)]
+enum Fate {
+    Added,
+    Opened,
+    Dropped,
+}
+
+fn machine_fate(decision: Decision) -> Fate {
+    match decision {
+        Decision::Accumulated(_) => Fate::Added,
+        Decision::Dropped => Fate::Dropped,
+        _ => Fate::Opened,
+    }
+}
+
+fn golden_fate(decision: golden::Decision) -> Fate {
+    match decision {
+        golden::Decision::Accumulated { .. } => Fate::Added,
+        golden::Decision::Dropped => Fate::Dropped,
+        _ => Fate::Opened,
+    }
+}

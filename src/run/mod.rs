@@ -1,0 +1,201 @@
+//! Run: the main job. Draws a scene on the machine, with `golden` and with `ideal`; compares; reports.
+//!
+//! ```text
+//! scene ─┬─► quantise ─► fixed ─┬─► compare ─► report.json, summary
+//!        ├─► golden ────────────┤
+//!        └─► ideal ─────────────┘
+//! ```
+
+pub mod explain;
+pub mod preview;
+pub mod report;
+
+use crate::accuracy::attribution::attribute;
+use crate::accuracy::ranges::{self, SignalReport};
+use crate::accuracy::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
+use crate::error::Result;
+use crate::golden::{self, Rendering};
+use crate::hardware::fixed;
+use crate::hardware::quantise::quantise;
+use crate::output::chart;
+use crate::output::files::write_beside;
+use crate::output::picture::Picture;
+use crate::performance::cost::{CostReport, Prices};
+use crate::performance::cycles::{CyclesReport, Requests};
+use crate::performance::recording::write_cycles;
+use crate::performance::timings::{Timings, Variants};
+use crate::run::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
+use crate::scene::Scene;
+use rtl_model::Machine;
+use rtl_model::timing::{self, Detail};
+use rtl_model::work::Work;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// What is done only where it was asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Asked {
+    /// Who makes the error.
+    pub attribution: bool,
+    /// The frame on other microarchitectures.
+    pub timings: Option<Variants>,
+    /// Every request to memory.
+    pub requests: bool,
+    /// What happened, for timing to replay.
+    pub record: bool,
+    /// What bits cost.
+    pub prices: Prices,
+}
+
+/// Three pictures, their difference, and what was found.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// What the hardware makes.
+    pub fixed: Picture,
+    /// What exact arithmetic makes by the same rules.
+    pub golden: Picture,
+    /// What no fixed number of fragments can make better.
+    pub ideal: Picture,
+    /// |fixed − golden|, scaled to be seen.
+    pub error: ErrorPicture,
+    /// The machine with `golden` in lockstep.
+    pub lockstep: Lockstep,
+    /// Every request to memory, if that was asked for.
+    pub requests: Option<Requests>,
+    /// What happened, if that was asked for.
+    pub work: Option<Work>,
+    /// What was found.
+    pub report: Report,
+    /// Colours are not linear light but what a screen is sent.
+    pub encoded: bool,
+}
+
+/// Draws `scene` on `machine` and compares; where asked to, says who makes the error. `load_seconds` goes into the report.
+///
+/// # Errors
+/// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
+pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -> Result<Outcome> {
+    let attributed = asked.attribution;
+    let elaborated = fixed::elaborate(machine)?;
+    let (quantised, quantise_seconds) = timed(|| quantise(scene, machine));
+    let quantised = quantised?;
+    let (drawing, fixed_seconds) = timed(|| fixed::draw(&elaborated, &quantised));
+    let ((_, ranges), watched_seconds) = timed(|| fixed::draw_ranged(&elaborated, &quantised));
+    let ((_, work), recorded_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
+    let detail = if asked.requests { Detail::Log } else { Detail::Histograms };
+    let (cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
+    let timings = asked.timings.as_ref().map(|variants| Timings::new(variants, &work));
+    let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
+    let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
+    let (lockstep, lockstep_seconds) = timed(|| lockstep(scene, &elaborated, &quantised));
+    let (attribution, attribution_seconds) = timed(|| attributed.then(|| attribute(scene, &elaborated, &quantised, &golden.picture)));
+
+    let fixed = fixed::picture(&elaborated, &drawing);
+    let error = error_picture(&fixed, &golden.picture);
+    let fragments = drawing.outcomes.total();
+    let report = Report {
+        version: env!("CARGO_PKG_VERSION"),
+        scene: SceneReport {
+            name: scene.name.clone(),
+            width: scene.image.width,
+            height: scene.image.height,
+            splats: scene.splats.len() as u64,
+            culled: drawing.culled.into(),
+            fragments,
+            scale: quantised.scale,
+            notes: scene.notes.iter().chain(&quantised.notes).cloned().collect(),
+        },
+        machine: MachineReport::new(&elaborated),
+        accuracy: Accuracy {
+            fixed_vs_golden: metrics(&fixed, &golden.picture),
+            golden_vs_ideal: metrics(&golden.picture, &ideal.picture),
+            lockstep: lockstep.summary(&fixed),
+        },
+        fragments: drawing.outcomes.into(),
+        signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
+        cost: CostReport::new(&elaborated, &cycles, &asked.prices),
+        cycles: CyclesReport::new(&elaborated.timing, &cycles),
+        timings,
+        preview: None,
+        golden: found(&golden),
+        attribution,
+        error_scale: error.scale,
+        host: Host {
+            threads: rayon::current_num_threads(),
+            load_seconds,
+            quantise_seconds,
+            fixed_seconds,
+            watched_seconds,
+            recorded_seconds,
+            replay_seconds,
+            golden_seconds,
+            ideal_seconds,
+            lockstep_seconds,
+            attribution_seconds: attributed.then_some(attribution_seconds),
+            whole_seconds: None,
+            fragments_per_second: fragments as f64 / fixed_seconds,
+        },
+    };
+    let work = asked.record.then_some(work);
+    let requests = asked.requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
+    let encoded = scene.image.encoded;
+    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, work, report, encoded })
+}
+
+fn found(golden: &Rendering) -> Golden {
+    Golden { fragments: golden.fragments, culled: golden.culled, outcomes: golden.outcomes }
+}
+
+/// What `work` returns, and how long it took in seconds.
+pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, start.elapsed().as_secs_f64())
+}
+
+impl Outcome {
+    /// Writes pictures and report into a folder; returns what was written.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where a file cannot be written; none is left half-written.
+    pub fn write(&self, folder: &Path, exr: bool) -> Result<Vec<PathBuf>> {
+        let mut written = Vec::new();
+        let flips = self.lockstep.flip_picture();
+        let pictures =
+            [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal), ("error", &self.error.picture), ("flips", &flips)];
+        for (name, picture) in pictures {
+            let path = folder.join(name).with_extension("png");
+            let shown = matches!(name, "fixed" | "golden" | "ideal") && self.encoded;
+            if shown {
+                picture.decoded().write_png(&path)?
+            } else {
+                picture.write_png(&path)?
+            }
+            written.push(path);
+        }
+        for (name, picture) in pictures.iter().take(if exr { 3 } else { 0 }) {
+            let path = folder.join(name).with_extension("exr");
+            picture.write_exr(&path)?;
+            written.push(path);
+        }
+        let path = folder.join("bounds.png");
+        chart::write_png(&[&self.lockstep.bound_chart()], 1, [900, 640], &path)?;
+        written.push(path);
+        if let Some(attribution) = &self.report.attribution {
+            let [units, words] = attribution.charts();
+            let path = folder.join("attribution.png");
+            chart::write_png(&[&units, &words], 2, [760, 560], &path)?;
+            written.push(path);
+        }
+        let path = folder.join("ranges.png");
+        let Report { scene, machine, signals, .. } = &self.report;
+        let chart = ranges::chart(&scene.name, &machine.description.name, signals);
+        chart::write_png(&[&chart], 1, chart.size_px(), &path)?;
+        written.push(path);
+        written.extend(write_cycles(&self.report.cycles, self.report.timings.as_ref(), self.requests.as_ref(), folder)?);
+        let path = folder.join("report.json");
+        write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
+        written.push(path);
+        Ok(written)
+    }
+}

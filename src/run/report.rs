@@ -1,0 +1,318 @@
+//! Report: what a run found, as `report.json` (INTERFACE: "run") and as a summary for a terminal of 80 columns.
+
+use crate::accuracy::attribution::Attribution;
+use crate::accuracy::ranges::SignalReport;
+use crate::accuracy::{Metrics, Summary};
+use crate::hardware::quantise::Scale;
+use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::performance::cost::CostReport;
+use crate::performance::cycles::CyclesReport;
+use crate::performance::timings::Timings;
+use crate::run::preview::Preview;
+use comfy_table::Table;
+use rtl_model::machine::{Elaborated, Machine, Operator, Part};
+use rtl_model::pipeline::Culled;
+use rtl_model::units::fragment::Outcomes;
+use serde::Serialize;
+use std::fmt::Write;
+
+/// Above this two pictures differ by the last places of f64 and the summary says no more than that.
+const MOST_DB: f64 = 200.0;
+
+/// Everything that a run found. All but `host` is the same for the same input on every machine, at any thread count.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// Version of this program.
+    pub version: &'static str,
+    /// What was drawn.
+    pub scene: SceneReport,
+    /// On what.
+    pub machine: MachineReport,
+    /// How far the pictures lie apart.
+    pub accuracy: Accuracy,
+    /// What became of the contributions on the machine.
+    pub fragments: Fragments,
+    /// Every signal's range.
+    pub signals: Vec<SignalReport>,
+    /// How long the machine takes.
+    pub cycles: CyclesReport,
+    /// What it takes in area, and the frame in energy.
+    pub cost: CostReport,
+    /// How long others would take; only where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timings: Option<Timings>,
+    /// What this says of a larger picture; only where it is a preview.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub preview: Option<Preview>,
+    /// What the golden renderer found on the same scene.
+    pub golden: Golden,
+    /// Who makes how much of the error; only where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attribution: Option<Attribution>,
+    /// Factor of `error.png`.
+    pub error_scale: f64,
+    /// Time on this computer.
+    pub host: Host,
+}
+
+/// The scene's part.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneReport {
+    /// File or built-in name.
+    pub name: String,
+    /// Pixels.
+    pub width: usize,
+    /// Pixels.
+    pub height: usize,
+    /// Splats in the scene.
+    pub splats: u64,
+    /// Those not drawn, by the first reason that holds.
+    pub culled: CulledReport,
+    /// Contributions that the machine made.
+    pub fragments: u64,
+    /// How world units became machine units.
+    pub scale: Scale,
+    /// What readers and quantiser found odd.
+    pub notes: Vec<String>,
+}
+
+/// Splats that were not drawn.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CulledReport {
+    near: u64,
+    outside: u64,
+    faint: u64,
+    backface: u64,
+}
+
+impl From<Culled> for CulledReport {
+    fn from(culled: Culled) -> Self {
+        let Culled { near, outside, faint, backface } = culled;
+        CulledReport { near, outside, faint, backface }
+    }
+}
+
+/// The machine's part.
+#[derive(Clone, Debug, Serialize)]
+pub struct MachineReport {
+    /// The whole description.
+    pub description: Machine,
+    /// Bits of one fragment in the frame buffer.
+    pub fragment_bits: i32,
+    /// Bits of the widest multiplier operand.
+    pub widest_operand_bits: i32,
+    /// The microarchitecture, nothing left out.
+    pub timing: rtl_model::machine::timing::Elaborated,
+}
+
+/// Distances of the three pictures.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Accuracy {
+    /// The arithmetic's error.
+    pub fixed_vs_golden: Metrics,
+    /// The method's error.
+    pub golden_vs_ideal: Metrics,
+    /// The arithmetic's error alone: against `golden` led by the machine's decisions.
+    pub lockstep: Summary,
+}
+
+/// Outcomes of contributions.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Fragments {
+    accumulated: u64,
+    inserted: u64,
+    merged: u64,
+    evicted: u64,
+    replaced: u64,
+    dropped: u64,
+    most_in_a_pixel: u64,
+}
+
+impl From<Outcomes> for Fragments {
+    fn from(o: Outcomes) -> Self {
+        Fragments {
+            accumulated: o.accumulated,
+            inserted: o.inserted,
+            merged: o.merged,
+            evicted: o.evicted,
+            replaced: o.replaced,
+            dropped: o.dropped,
+            most_in_a_pixel: o.most_in_a_pixel,
+        }
+    }
+}
+
+/// What the golden renderer found.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Golden {
+    /// Contributions.
+    pub fragments: u64,
+    /// Splats not drawn.
+    pub culled: crate::golden::Culled,
+    /// What became of the contributions.
+    pub outcomes: crate::golden::Outcomes,
+}
+
+/// Wall-clock figures of this computer; nothing else in a report depends on it.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Host {
+    /// Threads that were used.
+    pub threads: usize,
+    /// Reading the scene, neighbours included.
+    pub load_seconds: f64,
+    /// Bringing it to bits.
+    pub quantise_seconds: f64,
+    /// The machine, unwatched.
+    pub fixed_seconds: f64,
+    /// The machine, watched.
+    pub watched_seconds: f64,
+    /// The machine, its work recorded.
+    pub recorded_seconds: f64,
+    /// Replaying that.
+    pub replay_seconds: f64,
+    /// `golden`.
+    pub golden_seconds: f64,
+    /// `ideal`.
+    pub ideal_seconds: f64,
+    /// The machine with `golden` in lockstep.
+    pub lockstep_seconds: f64,
+    /// Finding out who makes the error; only where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub attribution_seconds: Option<f64>,
+    /// What the whole of a preview would take, about.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub whole_seconds: Option<f64>,
+    /// Contributions a second of the machine, unwatched.
+    pub fragments_per_second: f64,
+}
+
+impl MachineReport {
+    /// Describes a machine.
+    pub fn new(machine: &Elaborated) -> Self {
+        let operands = |part: &Part| if let Operator::Multiplier(bits) = part.operator { bits } else { [0; 2] };
+        let widest = machine.parts.iter().flat_map(operands).max();
+        MachineReport {
+            description: machine.machine.clone(),
+            fragment_bits: machine.machine.fragment_bits(),
+            widest_operand_bits: widest.unwrap_or(0),
+            timing: machine.timing.clone(),
+        }
+    }
+}
+
+impl Report {
+    /// The summary, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let mut text = String::new();
+        let scene = &self.scene;
+        let [splats, fragments] = [scene.splats, scene.fragments].map(thousands);
+        let machine = &self.machine.description.name;
+        let title = format!("{} on {machine}, {}×{}: {splats} splats, {fragments} contributions", scene.name, scene.width, scene.height);
+        let _ = writeln!(text, "{}\n", wrapped(&title));
+        let _ = writeln!(text, "{}\n", self.accuracy_table());
+        let _ = writeln!(text, "{}\n", self.lockstep_summary());
+        let _ = writeln!(text, "{}\n", self.work_table());
+        let _ = writeln!(text, "{}\n{}\n", self.cycles.summary(), self.cost.summary());
+        if let Some(timings) = &self.timings {
+            let _ = writeln!(text, "{}\n", timings.table());
+        }
+        let _ = writeln!(text, "{}", self.signal_summary());
+        for note in &scene.notes {
+            let _ = writeln!(text, "{}", wrapped(&format!("note: {note}")));
+        }
+        if let Some(attribution) = &self.attribution {
+            let _ = writeln!(text, "\n{}", attribution.summary());
+        }
+        let _ = write!(text, "\n{}", self.host_summary());
+        if let Some(preview) = &self.preview {
+            let _ = write!(text, "\n\n{}\n", preview.summary(self.host.whole_seconds.unwrap_or(0.0)));
+        }
+        text
+    }
+
+    fn accuracy_table(&self) -> Table {
+        let mut table = plain_table(&["", "PSNR dB", "covered dB", "SSIM", "max error", "mean error", "px > 1/255"]);
+        for (name, m) in [("fixed − golden", self.accuracy.fixed_vs_golden), ("golden − ideal", self.accuracy.golden_vs_ideal)] {
+            let db = |db: Option<f64>| match db {
+                None => "equal".into(),
+                Some(db) if db > MOST_DB => format!("> {MOST_DB}"),
+                Some(db) => format!("{db:.1}"),
+            };
+            table.add_row([
+                name.into(),
+                db(m.psnr_db),
+                db(m.psnr_covered_db),
+                format!("{:.5}", m.ssim),
+                format!("{:.4}", m.max_error),
+                format!("{:.1e}", m.mean_error),
+                thousands(m.pixels_over_1_255),
+            ]);
+        }
+        aligned(table)
+    }
+
+    fn lockstep_summary(&self) -> String {
+        let l = &self.accuracy.lockstep;
+        let f = &l.flips;
+        let kinds = [
+            ("cull", f.cull),
+            ("coverage", f.coverage),
+            ("slot", f.slot),
+            ("order", f.order),
+            ("pair", f.pair),
+            ("eviction", f.eviction),
+            ("unexplained", f.unexplained),
+        ];
+        let kinds: Vec<String> =
+            kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{} {kind}", thousands(*count))).collect();
+        let kinds = if kinds.is_empty() { String::new() } else { format!(" ({})", kinds.join(", ")) };
+        let db = l.psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB"));
+        let bound = l.bound.nine_in_ten.map_or("infinite".into(), |bound| format!("{:.2}/255", 255.0 * bound));
+        [
+            format!("in lockstep, golden led by the machine's decisions: {db}, at most {:.4} off", l.max_error),
+            format!("bound: {bound} at nine covered pixels in ten, exceeded at {}", thousands(l.bound_violations)),
+            format!("decisions that golden takes otherwise: {}{kinds}", thousands(l.decision_flips)),
+        ]
+        .map(|line| wrapped(&line))
+        .join("\n")
+    }
+
+    fn work_table(&self) -> Table {
+        let f = &self.fragments;
+        let g = &self.golden.outcomes;
+        let mut table = plain_table(&["", "accumulated", "inserted", "merged", "evicted", "replaced", "dropped"]);
+        let row = |name: &str, counts: [u64; 6]| std::iter::once(name.to_owned()).chain(counts.map(thousands)).collect::<Vec<_>>();
+        table.add_row(row("fixed", [f.accumulated, f.inserted, f.merged, f.evicted, f.replaced, f.dropped]));
+        table.add_row(row("golden", [g.accumulated, g.inserted, g.merged, g.evicted, g.replaced, g.dropped]));
+        aligned(table)
+    }
+
+    fn signal_summary(&self) -> String {
+        let culled = &self.scene.culled;
+        let reasons = [("near", culled.near), ("outside", culled.outside), ("faint", culled.faint), ("backface", culled.backface)];
+        let culled: Vec<String> =
+            reasons.iter().filter(|(_, count)| *count > 0).map(|(reason, count)| format!("{} {reason}", thousands(*count))).collect();
+        let culled = if culled.is_empty() { "none".into() } else { culled.join(", ") };
+        let over: Vec<&SignalReport> = self.signals.iter().filter(|signal| signal.overflows() > 0).collect();
+        let mut text = format!(
+            "culled: {culled}\nsignals: {} watched, outside of their range {}",
+            self.signals.len(),
+            if over.is_empty() { "none".into() } else { over.len().to_string() }
+        );
+        for signal in over {
+            let declared = if signal.is_declared_clamp() { ", a declared clamp" } else { "" };
+            let what = if signal.wrapped() > 0 { "wrapped" } else { "saturated" };
+            let times = if signal.overflows() == 1 { "once".into() } else { thousands(signal.overflows()) + " times" };
+            let line = format!("  {}.{} ({}) {what} {times}{declared}", signal.unit, signal.name, signal.format);
+            let _ = write!(text, "\n{}", wrapped(&line));
+        }
+        text
+    }
+
+    fn host_summary(&self) -> String {
+        let h = &self.host;
+        let times = [("load", h.load_seconds), ("fixed", h.fixed_seconds), ("golden", h.golden_seconds), ("ideal", h.ideal_seconds)];
+        let times = times.map(|(what, seconds)| format!("{what} {seconds:.2} s")).join(", ");
+        format!("host: {times}\n      fixed makes {:.0} M contributions a second", h.fragments_per_second / 1e6)
+    }
+}

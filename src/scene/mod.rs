@@ -1,0 +1,321 @@
+//! Scene: everything that is to be drawn and how it is looked at, complete and checked, in f64 and world units.
+//!
+//! A value of [`Scene`] has no holes left: readers fill in what a file leaves out (INTERFACE: "Scene").
+
+mod builtin;
+mod camera;
+pub mod digest;
+mod fields;
+mod gaussians;
+mod json;
+mod neighbours;
+mod ply;
+mod volume;
+mod voxels;
+
+pub(crate) mod validate;
+
+pub use builtin::{Builtin, names};
+pub use json::schema;
+
+use crate::error::{Error, Result};
+use glam::{DMat3, DQuat, DVec3};
+use std::path::Path;
+
+/// One splat: a Gaussian disc (ALGORITHM §2), or an ellipsoid ([`Scene::ellipsoids`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Splat {
+    /// Centre, world units.
+    pub position: DVec3,
+    /// Unit normal, world space.
+    pub normal: DVec3,
+    /// Standard deviation σ of the reconstruction kernel in the tangent plane, world units, > 0.
+    pub radius: f64,
+    /// Linear light, each in [0, 1]; of Gaussians whatever their file means, ≥ 0.
+    pub rgb: [f64; 3],
+    /// α in [0, 1]; of volumes the optical depth through the kernel's middle, ≥ 0.
+    pub opacity: f64,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+}
+
+/// Where the eye is and what it sees (ALGORITHM §1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// World position of the eye.
+    pub eye: DVec3,
+    /// World position that lands on the middle of the picture.
+    pub target: DVec3,
+    /// Direction that is up in the picture; not parallel to `target − eye`.
+    pub up: DVec3,
+    /// Full vertical angle of view, degrees, in (0, 180).
+    pub fov_y_degrees: f64,
+    /// Splats at or nearer than this depth are culled, world units, > 0.
+    pub near: f64,
+}
+
+/// The picture to make.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Image {
+    /// Pixels, 1 to 16384.
+    pub width: usize,
+    /// Pixels, 1 to 16384.
+    pub height: usize,
+    /// Linear RGB and straight alpha, each in [0, 1].
+    pub background: [f64; 4],
+    /// Colours are not linear light but what a screen is sent: those of trained Gaussians, which are blended as they are.
+    pub encoded: bool,
+}
+
+/// The footprint's constants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Kernel {
+    /// Fragments exist where the radial index is below this, > 0.
+    pub cutoff: f64,
+    /// Variance of the low-pass filter, pixel², ≥ 0.
+    pub low_pass: f64,
+    /// Splats whose centre lies farther to the side than this, in half pictures, are culled: the affine approximation has no meaning
+    /// there. Above 0.
+    pub guard: f64,
+    /// No slope a or b beyond this, in half pictures, counts in an ellipsoid's Jacobian. Above 0.
+    pub jacobian: f64,
+}
+
+/// What an ellipsoid's amplitude is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Amplitude {
+    /// That of the disc which its first two axes span (SS §5): for kernels flattened along the third, which is the normal.
+    Disc,
+    /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ (EWA (33)).
+    LineIntegral,
+    /// The opacity itself, at the peak: the convention of trained Gaussians.
+    Peak,
+}
+
+/// Principal axes of a splat's kernel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orientation {
+    /// The axes are the columns of its matrix, world space.
+    pub rotation: DQuat,
+    /// Standard deviations along them relative to the splat's radius, which is the largest: at most 1, above 0.
+    pub scales: DVec3,
+}
+
+/// What makes ellipsoids of a scene's splats (EWA §6.2, ALGORITHM §9).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ellipsoids {
+    /// One for each splat, or a single one that all have.
+    pub orientations: Vec<Orientation>,
+    /// What amplitudes are.
+    pub amplitude: Amplitude,
+    /// Splats are lit one by one before they are drawn (EWA §6.1), instead of fragments after.
+    pub preshaded: bool,
+    /// Drawn in the order of depth, nearest first, those of equal depth in input order.
+    pub sorted: bool,
+}
+
+impl Ellipsoids {
+    /// Of the splat with this number.
+    pub fn orientation(&self, splat: usize) -> &Orientation {
+        &self.orientations[if self.orientations.len() == 1 { 0 } else { splat }]
+    }
+}
+
+/// What opacity an optical depth x has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Opacity {
+    /// x, as far as 1: e^(−x) ≈ 1 − x (EWA (6)).
+    Linear,
+    /// 1 − e^(−x).
+    Exponential,
+}
+
+impl Opacity {
+    /// α/x.
+    pub fn over_depth(self, depth: f64) -> f64 {
+        match self {
+            Opacity::Linear if depth <= 1.0 => 1.0,
+            Opacity::Linear => 1.0 / depth,
+            Opacity::Exponential if depth == 0.0 => 1.0,
+            Opacity::Exponential => -libm::expm1(-depth) / depth,
+        }
+    }
+}
+
+/// Which splats are one sheet.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Sheet {
+    /// Those with the same number, which follow each other: a slice of a volume.
+    Slice(Vec<u32>),
+    /// Every splat is a sheet of its own: a Gaussian.
+    Splat,
+}
+
+/// How splats become pictures where they are grouped by sheets instead of surfaces (EWA §7.1).
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sheets {
+    /// Which splats are one sheet.
+    pub of: Sheet,
+    /// The deepest sheet comes first.
+    pub back_to_front: bool,
+    /// What opacity a sheet has.
+    pub opacity: Opacity,
+    /// A pixel that lets through less than this takes nothing more, in [0, 1); 0 never.
+    pub stop: f64,
+    /// What makes a pixel stop is blended still.
+    pub keeps_last: bool,
+    /// Lesser weights make no fragment, in [0, 1].
+    pub least_weight: f64,
+    /// Where each splat is a sheet, no weight counts for more, in (0, 1].
+    pub most_weight: f64,
+}
+
+/// How fragments become surfaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surface {
+    /// ε: contributions nearer than this in depth belong together, world units, > 0.
+    pub z_threshold: f64,
+    /// τ: weight sum from which a pixel counts as fully covered, > 0.
+    pub coverage_threshold: f64,
+    /// Drop splats whose normal points away from the eye.
+    pub cull_backfaces: bool,
+}
+
+/// A directional light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Unit vector from the surface towards the light, world space.
+    pub direction: DVec3,
+    /// Linear light, each ≥ 0.
+    pub rgb: [f64; 3],
+}
+
+/// How a surface answers light (ALGORITHM §7).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Material {
+    /// The colour as it is.
+    Unlit,
+    /// Blinn-Phong with the viewer at infinity.
+    BlinnPhong {
+        /// Share of the colour that needs no light, ≥ 0.
+        ambient: f64,
+        /// Lambert factor, ≥ 0.
+        diffuse: f64,
+        /// Highlight factor, ≥ 0.
+        specular: f64,
+        /// Highlight exponent, ≥ 0.
+        shininess: f64,
+    },
+}
+
+/// Everything a renderer needs.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scene {
+    /// What to call it in reports: file name or built-in name.
+    pub name: String,
+    /// In input order, which is the order the machine sees.
+    pub splats: Vec<Splat>,
+    /// The eye.
+    pub camera: Camera,
+    /// The picture.
+    pub image: Image,
+    /// The footprint.
+    pub kernel: Kernel,
+    /// What makes ellipsoids of the splats; none where they are discs.
+    pub ellipsoids: Option<Ellipsoids>,
+    /// Grouping by sheets; none where it is by depth.
+    pub sheets: Option<Sheets>,
+    /// Surface reconstruction.
+    pub surface: Surface,
+    /// May be empty: then only ambient light.
+    pub lights: Vec<Light>,
+    /// Never empty; every splat's index is in range.
+    pub materials: Vec<Material>,
+    /// What a reader left out or found odd, one sentence each, for the summary.
+    pub notes: Vec<String>,
+}
+
+/// What the command line says over a scene's own file.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Overrides {
+    /// Width and height of the picture, pixels.
+    pub size: Option<(usize, usize)>,
+}
+
+/// The viewing transform in numbers: what camera and image make of world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// World → camera directions: rows are right, down, forward (x right, y down, z forward).
+    pub rotation: DMat3,
+    /// World position of the eye.
+    pub eye: DVec3,
+    /// `s`: pixels per unit of `t_x/t_z` (ALGORITHM §1).
+    pub focal_px: f64,
+    /// Half the picture's width and height, pixels.
+    pub half_px: [f64; 2],
+}
+
+impl Scene {
+    /// Reads a scene: the path of a `.json` scene file or of a `.ply` cloud, or, where there is no such file, the name of
+    /// a built-in scene.
+    ///
+    /// # Errors
+    /// [`Error::Input`], one sentence: which file, which field or row, what is wrong with it, what would be right.
+    pub fn load(name_or_path: &str, overrides: &Overrides) -> Result<Scene> {
+        let path = Path::new(name_or_path);
+        if let (Some(text), false) = (builtin::scene(name_or_path), path.exists()) {
+            return json::read(text, name_or_path, Path::new(""), overrides);
+        }
+        let told = |sentence: String| Error::input(format!("{name_or_path}: {sentence}"));
+        if !path.exists() {
+            let names = builtin::names().collect::<Vec<_>>().join(", ");
+            return Err(told(format!("no such file, and no built-in scene either; built in are {names}")));
+        }
+        if volume::is_volume(path) {
+            return json::of_cloud(path, name_or_path, overrides);
+        }
+        match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
+            Some("ply" | "splat" | "spz") => json::of_cloud(path, name_or_path, overrides),
+            Some("json") => {
+                let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
+                json::read(&text, name_or_path, path.parent().unwrap_or(Path::new("")), overrides)
+            }
+            _ => Err(told(
+                "is of no known kind; a scene is a .json file, points (.ply), Gaussians (.ply, .splat, .spz), a volume (.nrrd, .nhdr, .mhd, \
+                 .mha, .nii, .nii.gz, .vti) or a built-in name"
+                    .into(),
+            )),
+        }
+    }
+
+    /// The text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
+    pub fn text(name_or_path: &str) -> Option<String> {
+        let path = Path::new(name_or_path);
+        if !path.exists() {
+            return builtin::scene(name_or_path).map(str::to_owned);
+        }
+        path.extension().filter(|extension| extension.eq_ignore_ascii_case("json"))?;
+        std::fs::read_to_string(path).ok()
+    }
+
+    /// The viewing transform (ALGORITHM §1): `t = rotation · (p − eye)`.
+    pub fn view(&self) -> View {
+        let forward = (self.camera.target - self.camera.eye).normalize();
+        let right = forward.cross(self.camera.up).normalize();
+        let down = forward.cross(right);
+        let half_px = [self.image.width as f64 / 2.0, self.image.height as f64 / 2.0];
+        View {
+            rotation: DMat3::from_cols(right, down, forward).transpose(),
+            eye: self.camera.eye,
+            focal_px: half_px[1] / libm::tan(self.camera.fov_y_degrees.to_radians() / 2.0),
+            half_px,
+        }
+    }
+}
+
+/// The vector's direction, however long it is; none where it is zero or not finite.
+fn unit(vector: DVec3) -> Option<DVec3> {
+    let longest = vector.abs().max_element();
+    // Divided first: squares of very long or very short vectors do not fit f64.
+    (vector.is_finite() && longest > 0.0).then(|| (vector / longest).normalize())
+}
