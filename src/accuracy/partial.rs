@@ -12,7 +12,7 @@
 mod sheets;
 
 use crate::golden::footprint::pixels;
-use crate::golden::fragments::{Fragment, nearest_pair, nearest_within};
+use crate::golden::fragments::{Fragment, merged_pair, nearest_within};
 use crate::golden::shade::Shader;
 use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
 use crate::golden::{FragmentDepth, Merge, Outcomes, Rules};
@@ -298,12 +298,12 @@ impl<'a> Painter for Pixels<'a> {
         frame.accumulate(&mut new, &arrival);
         if fragments.len() < rules.layers {
             fragments.push(new);
-        } else if rules.merge == Merge::Replace {
-            if new.z < fragments[0].z {
-                fragments[0] = new;
-            }
-        } else {
-            frame.overflow(fragments, new);
+            return;
+        }
+        match rules.merge {
+            Merge::Replace if new.z < fragments[0].z => fragments[0] = new,
+            Merge::Replace => {}
+            Merge::NearestPair | Merge::FarthestPair => frame.overflow(fragments, new),
         }
     }
 
@@ -345,7 +345,7 @@ impl<'a> FrameWords<'a> {
             fragments.truncate(deepest);
             return;
         }
-        let front = if rules.merge == Merge::NearestPair { nearest_pair(fragments) } else { deepest - 1 };
+        let Some(front) = merged_pair(rules.merge, fragments) else { return };
         let [over, under] = [front, front + 1].map(|slot| self.stored(&fragments[slot]));
         let [r, g, b, alpha] = self.stage.machine.real_merge(over, under).map(number);
         fragments[front] = Fragment { rgb: DVec3::new(r, g, b), alpha, shaded: true, ..fragments[front] };

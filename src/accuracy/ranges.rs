@@ -86,6 +86,35 @@ impl Histogram {
     }
 }
 
+/// Results that left their format's range, all signals together, where that is a loss.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Overflows {
+    /// Results that were saturated, without those of declared clamps.
+    pub saturated: u64,
+    /// Results that wrapped.
+    pub wrapped: u64,
+    /// The signals of both, as `unit.name`.
+    pub signals: Vec<String>,
+}
+
+impl Overflows {
+    /// Adds up what signals report. No declared clamp wraps.
+    pub fn of(signals: &[SignalReport]) -> Self {
+        let mut all = Overflows::default();
+        for signal in signals.iter().filter(|signal| !signal.is_declared_clamp() && signal.overflows() > 0) {
+            all.saturated += signal.saturated();
+            all.wrapped += signal.wrapped();
+            all.signals.push(format!("{}.{}", signal.unit, signal.name));
+        }
+        all
+    }
+
+    /// Saturated and wrapped results.
+    pub fn total(&self) -> u64 {
+        self.saturated + self.wrapped
+    }
+}
+
 impl SignalReport {
     /// What a watched signal reports.
     pub fn new(signal: &Signal, range: &Range) -> Self {

@@ -537,7 +537,7 @@ impl Run {
         let (outcome, seconds) = timed(|| run::run(small.as_ref().unwrap_or(&scene), &machine, load_seconds, &asked));
         let mut outcome = outcome?;
         if small.is_some() {
-            let preview = Preview::new(&scene, &machine, &outcome.report)?;
+            let preview = Preview::new(&scene, &machine, outcome.report.figures())?;
             outcome.report.host.whole_seconds = Some(seconds * preview.growth(scene.splats.len()));
             outcome.report.preview = Some(preview);
         }

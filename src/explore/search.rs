@@ -15,7 +15,6 @@ mod descent;
 mod knobs;
 
 use crate::accuracy::distance;
-use crate::accuracy::ranges::SignalReport;
 use crate::error::{Error, Result};
 use crate::explore::sweep::table::{Journal, Kind, Row, named};
 use crate::explore::sweep::write_plan;
@@ -26,6 +25,7 @@ use crate::output::files::{open_folder, write_beside};
 use crate::output::picture::Picture;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
+use crate::run::evaluation::Evaluation;
 use crate::run::timed;
 use crate::scene::Scene;
 use crate::scene::digest::{digest, digest_of};
@@ -33,6 +33,7 @@ use descent::Problem;
 use indicatif::{ProgressBar, ProgressStyle};
 use knobs::Knob;
 use rtl_model::Machine;
+use rtl_model::machine::Elaborated;
 use rtl_model::num::Format;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -382,7 +383,7 @@ impl<'a> Search<'a> {
         let (found, seconds) = timed(|| -> Result<Found> {
             let mut all: Option<Found> = None;
             for view in &self.views {
-                let found = drawn(&elaborated, &machine, view, self.asked.target.no_saturation)?;
+                let found = drawn(&elaborated, view, self.asked.target.no_saturation)?;
                 all = Some(all.map_or(found, |all| all.and(found)));
             }
             Ok(all.unwrap_or_default())
@@ -532,7 +533,7 @@ impl<'a> Search<'a> {
         for scene in scenes {
             for nth in from..from + self.asked.views {
                 let view = View::unseen(scene, nth, &machine);
-                let found = drawn(&elaborated, &machine, &view, self.asked.target.no_saturation).unwrap_or(HOPELESS);
+                let found = drawn(&elaborated, &view, self.asked.target.no_saturation).unwrap_or(HOPELESS);
                 let load = self.asked.target.load(&found);
                 self.bar.set_message(format!("{}: {} dB", view.name, found.psnr()));
                 held.push(Unseen { name: view.name.clone(), eye: view.scene.camera.eye.to_array(), found });
@@ -608,16 +609,16 @@ impl Problem for Search<'_> {
 const HOPELESS: Found = Found { psnr_db: Some(f64::NEG_INFINITY), max_error: f64::INFINITY, saturated: None };
 
 /// Draws a view and compares.
-fn drawn(elaborated: &rtl_model::machine::Elaborated, machine: &Machine, view: &View, watched: bool) -> Result<Found> {
-    let quantised = quantise(&view.scene, machine)?;
-    let (drawing, saturated) = if watched {
-        let (drawing, ranges) = fixed::draw_ranged(elaborated, &quantised);
-        let signals = elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range));
-        (drawing, Some(signals.filter(|signal| !signal.is_declared_clamp()).map(|signal| signal.overflows()).sum()))
+fn drawn(elaborated: &Elaborated, view: &View, observed: bool) -> Result<Found> {
+    let evaluation = Evaluation::on(&view.scene, elaborated)?;
+    let (picture, saturated) = if observed {
+        let observed = evaluation.observe();
+        let lost = observed.overflows().total();
+        (observed.picture, Some(lost))
     } else {
-        (fixed::draw(elaborated, &quantised), None)
+        (evaluation.picture(&evaluation.draw()), None)
     };
-    let apart = distance(&fixed::picture(elaborated, &drawing), &view.golden);
+    let apart = distance(&picture, &view.golden);
     Ok(Found { psnr_db: apart.psnr_db, max_error: apart.max_error, saturated })
 }
 

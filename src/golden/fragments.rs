@@ -144,7 +144,7 @@ impl<'a> Golden<'a> {
         }
         match self.rules.merge {
             Merge::Replace => replace(&mut slots[0], new),
-            _ => overflow(self.rules, self.shader, slots, new),
+            Merge::NearestPair | Merge::FarthestPair => overflow(self.rules, self.shader, slots, new),
         }
     }
 }
@@ -223,14 +223,23 @@ fn overflow(rules: &Rules, shader: &Shader, slots: &mut [Fragment], new: Fragmen
     if rules.evict_hidden && slots[..deepest].iter().any(hides) {
         return Decision::Evicted { slot: (place < deepest).then_some(place) };
     }
-    let slot = if rules.merge == Merge::NearestPair { nearest_pair(slots) } else { deepest - 1 };
+    let Some(slot) = merged_pair(rules.merge, slots) else { return Decision::Dropped };
     slots[slot] = Fragment::merge(&slots[slot], &slots[slot + 1], shader);
     slots[slot + 1..].rotate_left(1);
     Decision::Merged { slot, place }
 }
 
+/// The front of the adjacent pair that a rule merges, of fragments in z order; none where it merges none.
+pub(crate) fn merged_pair(rule: Merge, fragments: &[Fragment]) -> Option<usize> {
+    match rule {
+        Merge::NearestPair => Some(nearest_pair(fragments)),
+        Merge::FarthestPair => Some(fragments.len().saturating_sub(2)),
+        Merge::Replace => None,
+    }
+}
+
 /// The front of the adjacent pair that differs least in z; of equals the one nearer to the eye.
-pub(crate) fn nearest_pair(fragments: &[Fragment]) -> usize {
+fn nearest_pair(fragments: &[Fragment]) -> usize {
     let gaps = fragments.windows(2).map(|pair| pair[1].z - pair[0].z).enumerate();
     gaps.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(front, _)| front)
 }

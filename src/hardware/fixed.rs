@@ -27,6 +27,13 @@ pub fn draw_ranged(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ran
     pipeline::draw_ranged(machine, &quantised.frame)
 }
 
+/// Draws once, watches the range of every signal and records the work.
+pub fn draw_observed(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges, Work) {
+    let (drawing, ranges) = draw_ranged(machine, quantised);
+    let (_, work) = draw_recorded(machine, quantised);
+    (drawing, ranges, work)
+}
+
 /// Draws and records the work.
 pub fn draw_recorded(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Work) {
     pipeline::draw_recorded(machine, &quantised.frame)

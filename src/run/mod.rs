@@ -6,17 +6,17 @@
 //!        └─► ideal ─────────────┘
 //! ```
 
+pub mod evaluation;
 pub mod explain;
 pub mod preview;
 pub mod report;
 
 use crate::accuracy::attribution::attribute;
-use crate::accuracy::ranges::{self, SignalReport};
-use crate::accuracy::{ErrorPicture, Lockstep, error_picture, lockstep, metrics};
+use crate::accuracy::ranges;
+use crate::accuracy::{ErrorPicture, Lockstep, error_picture, metrics};
 use crate::error::Result;
 use crate::golden::{self, Rendering};
 use crate::hardware::fixed;
-use crate::hardware::quantise::quantise;
 use crate::output::chart;
 use crate::output::files::write_beside;
 use crate::output::picture::Picture;
@@ -24,6 +24,7 @@ use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::{CyclesReport, Requests};
 use crate::performance::recording::write_cycles;
 use crate::performance::timings::{Timings, Variants};
+use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::Scene;
 use rtl_model::Machine;
@@ -77,20 +78,21 @@ pub struct Outcome {
 pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -> Result<Outcome> {
     let attributed = asked.attribution;
     let elaborated = fixed::elaborate(machine)?;
-    let (quantised, quantise_seconds) = timed(|| quantise(scene, machine));
-    let quantised = quantised?;
-    let (drawing, fixed_seconds) = timed(|| fixed::draw(&elaborated, &quantised));
-    let ((_, ranges), watched_seconds) = timed(|| fixed::draw_ranged(&elaborated, &quantised));
-    let ((_, work), recorded_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
+    let (evaluation, quantise_seconds) = timed(|| Evaluation::on(scene, &elaborated));
+    let evaluation = evaluation?;
+    // Of this frame nothing is used but how long it took.
+    let (_, fixed_seconds) = timed(|| evaluation.draw());
+    let (observed, observed_seconds) = timed(|| evaluation.observe());
+    let Observed { drawing, picture: fixed, signals, work } = observed;
     let detail = if asked.requests { Detail::Log } else { Detail::Histograms };
     let (cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
     let timings = asked.timings.as_ref().map(|variants| Timings::new(variants, &work));
-    let (golden, golden_seconds) = timed(|| golden::render(scene, &fixed::rules(machine)));
+    let (golden, golden_seconds) = timed(|| evaluation.golden());
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
-    let (lockstep, lockstep_seconds) = timed(|| lockstep(scene, &elaborated, &quantised));
-    let (attribution, attribution_seconds) = timed(|| attributed.then(|| attribute(scene, &elaborated, &quantised, &golden.picture)));
+    let (lockstep, lockstep_seconds) = timed(|| evaluation.lockstep());
+    let (attribution, attribution_seconds) =
+        timed(|| attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture)));
 
-    let fixed = fixed::picture(&elaborated, &drawing);
     let error = error_picture(&fixed, &golden.picture);
     let fragments = drawing.outcomes.total();
     let report = Report {
@@ -102,8 +104,8 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             splats: scene.splats.len() as u64,
             culled: drawing.culled.into(),
             fragments,
-            scale: quantised.scale,
-            notes: scene.notes.iter().chain(&quantised.notes).cloned().collect(),
+            scale: evaluation.quantised.scale,
+            notes: scene.notes.iter().chain(&evaluation.quantised.notes).cloned().collect(),
         },
         machine: MachineReport::new(&elaborated),
         accuracy: Accuracy {
@@ -112,7 +114,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             lockstep: lockstep.summary(&fixed),
         },
         fragments: drawing.outcomes.into(),
-        signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
+        signals,
         cost: CostReport::new(&elaborated, &cycles, &asked.prices),
         cycles: CyclesReport::new(&elaborated.timing, &cycles),
         timings,
@@ -125,8 +127,8 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             load_seconds,
             quantise_seconds,
             fixed_seconds,
-            watched_seconds,
-            recorded_seconds,
+            watched_seconds: observed_seconds,
+            recorded_seconds: observed_seconds,
             replay_seconds,
             golden_seconds,
             ideal_seconds,

@@ -14,9 +14,8 @@ use crate::accuracy::distance;
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
-use crate::hardware::quantise::quantise;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
-use crate::run::report::Report;
+use crate::run::evaluation::Evaluation;
 use crate::run::timed;
 use crate::scene::Scene;
 use rtl_model::Machine;
@@ -31,16 +30,23 @@ const LEAST_SIDE_PX: usize = 128;
 /// As a part of them, contributions are off by this, if those of the preview do not say more: rims, and what coarse words make faint.
 const LEAST_OFF: f64 = 0.05;
 
-/// One size.
+/// Figures of a picture of one size.
 #[derive(Clone, Copy, Debug, Serialize)]
-struct Figures {
-    width: usize,
-    height: usize,
-    contributions: u64,
-    cycles: u64,
-    memory_bytes: u64,
-    fixed_vs_golden_psnr_db: Option<f64>,
-    golden_vs_ideal_psnr_db: Option<f64>,
+pub struct Figures {
+    /// Pixels a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Contributions that the machine made.
+    pub contributions: u64,
+    /// Cycles of the frame.
+    pub cycles: u64,
+    /// Bytes to and from memory.
+    pub memory_bytes: u64,
+    /// The arithmetic's error.
+    pub fixed_vs_golden_psnr_db: Option<f64>,
+    /// The method's error.
+    pub golden_vs_ideal_psnr_db: Option<f64>,
 }
 
 /// What was left out, and what the rest says.
@@ -92,38 +98,28 @@ fn off(expected: u64, had: u64) -> f64 {
 }
 
 fn figures(scene: &Scene, machine: &Machine) -> Result<Figures> {
-    let elaborated = fixed::elaborate(machine)?;
-    let quantised = quantise(scene, machine)?;
-    let (drawing, work) = fixed::draw_recorded(&elaborated, &quantised);
-    let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
-    let golden = golden::render(scene, &fixed::rules(machine)).picture;
+    let evaluation = Evaluation::new(scene, machine)?;
+    let (drawing, work) = fixed::draw_recorded(&evaluation.machine, &evaluation.quantised);
+    let cycles = timing::replay(&evaluation.machine.timing, &work, Detail::Accounts);
+    let golden = evaluation.golden().picture;
     Ok(Figures {
         width: scene.image.width,
         height: scene.image.height,
         contributions: drawing.outcomes.total(),
         cycles: cycles.total,
         memory_bytes: cycles.memory.total_bytes(),
-        fixed_vs_golden_psnr_db: distance(&fixed::picture(&elaborated, &drawing), &golden).psnr_db,
+        fixed_vs_golden_psnr_db: distance(&evaluation.picture(&drawing), &golden).psnr_db,
         golden_vs_ideal_psnr_db: distance(&golden, &golden::ideal(scene).picture).psnr_db,
     })
 }
 
 impl Preview {
-    /// Of a whole, and what a run of its preview found.
+    /// Of a whole, and the figures `now` of a run of its preview.
     ///
     /// # Errors
     /// As [`crate::run::run`].
-    pub fn new(whole: &Scene, machine: &Machine, report: &Report) -> Result<Self> {
+    pub fn new(whole: &Scene, machine: &Machine, now: Figures) -> Result<Self> {
         let less = figures(&smaller(whole, 2 * PART), machine)?;
-        let now = Figures {
-            width: report.scene.width,
-            height: report.scene.height,
-            contributions: report.scene.fragments,
-            cycles: report.cycles.total,
-            memory_bytes: report.cycles.memory.bytes,
-            fixed_vs_golden_psnr_db: report.accuracy.fixed_vs_golden.psnr_db,
-            golden_vs_ideal_psnr_db: report.accuracy.golden_vs_ideal.psnr_db,
-        };
         let off = off(contributions(&scene(whole)?, machine), now.contributions);
         Ok(Preview {
             of: [whole.image.width, whole.image.height],

@@ -8,7 +8,7 @@ use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::CostReport;
 use crate::performance::cycles::CyclesReport;
 use crate::performance::timings::Timings;
-use crate::run::preview::Preview;
+use crate::run::preview::{Figures, Preview};
 use comfy_table::Table;
 use rtl_model::machine::{Elaborated, Machine, Operator, Part};
 use rtl_model::pipeline::Culled;
@@ -164,9 +164,9 @@ pub struct Host {
     pub quantise_seconds: f64,
     /// The machine, unwatched.
     pub fixed_seconds: f64,
-    /// The machine, watched.
+    /// The machine, its ranges observed and its work recorded at once.
     pub watched_seconds: f64,
-    /// The machine, its work recorded.
+    /// The same frame: the two were drawn apart once.
     pub recorded_seconds: f64,
     /// Replaying that.
     pub replay_seconds: f64,
@@ -201,6 +201,19 @@ impl MachineReport {
 }
 
 impl Report {
+    /// What a preview says of its size.
+    pub fn figures(&self) -> Figures {
+        Figures {
+            width: self.scene.width,
+            height: self.scene.height,
+            contributions: self.scene.fragments,
+            cycles: self.cycles.total,
+            memory_bytes: self.cycles.memory.bytes,
+            fixed_vs_golden_psnr_db: self.accuracy.fixed_vs_golden.psnr_db,
+            golden_vs_ideal_psnr_db: self.accuracy.golden_vs_ideal.psnr_db,
+        }
+    }
+
     /// The summary, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let mut text = String::new();

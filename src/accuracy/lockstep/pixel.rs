@@ -11,9 +11,9 @@
 //! so that a surface of one colour keeps it however its weights are off.
 
 use super::Flips;
-use crate::golden::fragments::{Fragment, nearest_pair, nearest_within};
+use crate::golden::fragments::{Fragment, merged_pair, nearest_within};
 use crate::golden::shade::Shader;
-use crate::golden::{FragmentDepth, Merge, Rules};
+use crate::golden::{FragmentDepth, Rules};
 use rtl_model::machine::{Elaborated, Machine};
 use rtl_model::num::{Rounding, Word};
 use rtl_model::real::{Near, Real};
@@ -232,7 +232,7 @@ impl Pixel {
         }
         if let Decision::Merged(front, _) = decision {
             let front = usize::from(front);
-            let wanted = if common.rules.merge == Merge::NearestPair { nearest_pair(&self.fragments) } else { deepest - 1 };
+            let wanted = merged_pair(common.rules.merge, &self.fragments).unwrap_or(front);
             if wanted != front {
                 let gap = |i: usize| self.bounds[i + 1].depth - self.bounds[i].depth;
                 flips.pair(order_unsure || gap(front).may_cross(gap(wanted)));

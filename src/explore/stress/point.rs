@@ -1,16 +1,13 @@
 //! Point: one case at one value on one machine, and whether all that is wrong there is told.
 
 use super::FAILS;
-use crate::accuracy::ranges::SignalReport;
-use crate::accuracy::{Distance, Flips, Lockstep, distance, lockstep, pixel_error};
-use crate::error::Error;
-use crate::golden;
-use crate::hardware::fixed;
-use crate::hardware::quantise::{Quantised, quantise};
+use crate::accuracy::ranges::Overflows;
+use crate::accuracy::{Distance, Flips, Lockstep, distance, pixel_error};
 use crate::output::picture::Picture;
+use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::CulledReport;
 use crate::scene::Scene;
-use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::Machine;
 use serde::Serialize;
 
 /// The three pictures at a point.
@@ -95,38 +92,29 @@ pub struct Measured {
 
 /// Draws a scene on a machine and in exact arithmetic, and compares.
 pub fn measure(scene: &Scene, ideal: &Picture, machine: &Machine) -> Measured {
-    match prepare(scene, machine) {
-        Ok((elaborated, quantised)) => draw(scene, ideal, &elaborated, &quantised),
+    match Evaluation::new(scene, machine) {
+        Ok(evaluation) => draw(ideal, &evaluation),
         Err(error) => Measured { outcome: Outcome::Refused(error.to_string()), pictures: None },
     }
 }
 
-fn prepare(scene: &Scene, machine: &Machine) -> Result<(Elaborated, Quantised), Error> {
-    Ok((fixed::elaborate(machine)?, quantise(scene, machine)?))
-}
-
-fn draw(scene: &Scene, ideal: &Picture, machine: &Elaborated, quantised: &Quantised) -> Measured {
-    let (drawing, ranges) = fixed::draw_ranged(machine, quantised);
-    let fixed = fixed::picture(machine, &drawing);
-    let golden = golden::render(scene, &fixed::rules(&machine.machine)).picture;
-    let led = lockstep(scene, machine, quantised);
-    let signals = machine.signals.iter().zip(&ranges.0).map(|(signal, range)| (signal, SignalReport::new(signal, range)));
-    let mut found = Found {
+fn draw(ideal: &Picture, evaluation: &Evaluation) -> Measured {
+    let observed = evaluation.observe();
+    let golden = evaluation.golden().picture;
+    let led = evaluation.lockstep();
+    let Overflows { saturated, wrapped, signals } = observed.overflows();
+    let Observed { drawing, picture: fixed, .. } = observed;
+    let found = Found {
         covered_pixels: covered(&fixed, &golden).count() as u64,
         golden_vs_ideal: distance(&golden, ideal),
         fixed_vs_golden: distance(&fixed, &golden),
         lockstep: bounded(&led, covered(&fixed, &golden)),
         beyond: beyond(&fixed, &golden, &led),
         culled: drawing.culled.into(),
-        saturated: 0,
-        wrapped: 0,
-        overflowed: Vec::new(),
+        saturated,
+        wrapped,
+        overflowed: signals,
     };
-    for (signal, report) in signals.filter(|(_, report)| !report.is_declared_clamp() && report.saturated() + report.wrapped() > 0) {
-        found.saturated += report.saturated();
-        found.wrapped += report.wrapped();
-        found.overflowed.push(format!("{}.{}", signal.unit, signal.name));
-    }
     Measured { outcome: Outcome::Drawn(Box::new(found)), pictures: Some(Pictures { ideal: ideal.clone(), golden, fixed }) }
 }
 

@@ -8,8 +8,9 @@
 //!
 //! Laws (tests/chart.rs): `the_front_of_a_folder_is_named`, `figures_are_of_what_varies`.
 
+use super::columns::{self, ACCOUNTS, UNITS};
+use super::page;
 use super::table::{Row, Table};
-use super::{ACCOUNTS, UNITS, page};
 use crate::error::{Error, Result};
 use crate::explore::pareto;
 use crate::hardware::machines;
@@ -118,7 +119,7 @@ impl Rows {
     fn scenes(&self) -> Vec<&str> {
         let mut scenes: Vec<&str> = Vec::new();
         for row in &self.table.rows {
-            let scene = self.table.text(row, "scene");
+            let scene = self.table.text(row, columns::SCENE);
             if !scenes.contains(&scene) {
                 scenes.push(scene);
             }
@@ -130,12 +131,12 @@ impl Rows {
     /// The rows of a scene whose machines could be built.
     fn of<'a>(&'a self, scene: &'a str) -> impl Iterator<Item = &'a Row> {
         let table = &self.table;
-        table.rows.iter().filter(move |row| table.text(row, "scene") == scene && table.text(row, "misfit").is_empty())
+        table.rows.iter().filter(move |row| table.text(row, columns::SCENE) == scene && table.text(row, columns::MISFIT).is_empty())
     }
 
     /// What a row changes, as field and value; what it leaves as it is does not count.
     fn changes<'a>(&self, row: &'a Row) -> Vec<(&'a str, &'a str)> {
-        let at = self.table.at("changes");
+        let at = self.table.at(columns::CHANGES);
         let text = at.and_then(|at| row[at].as_str()).unwrap_or_default();
         let is_change = |(field, value): &(&str, &str)| {
             if *field == "exact" {
@@ -167,7 +168,7 @@ impl Rows {
             }
         };
         let name = changes.iter().map(one).collect::<Vec<_>>().join(", ");
-        let point = self.number(row, "point").unwrap_or(0.0);
+        let point = self.number(row, columns::POINT).unwrap_or(0.0);
         if name.chars().count() > LETTERS { format!("point {point}") } else { name }
     }
 
@@ -175,19 +176,19 @@ impl Rows {
         let found = [
             self.scatter(
                 "accuracy-area",
-                ["area", "area, thousand LUT equivalents", "psnr_db", "PSNR, fixed − golden, dB"],
+                [columns::AREA, "area, thousand LUT equivalents", columns::PSNR_DB, "PSNR, fixed − golden, dB"],
                 [1.0, 1.0],
                 "What accuracy costs. Each dot is a machine; those with a ring are beaten by none, all others cost more, are worse, or both. Better is up and to the left.",
             ),
             self.scatter(
                 "accuracy-speed",
-                ["frames_per_second", "frames/s of the machine", "psnr_db", "PSNR, fixed − golden, dB"],
+                [columns::FRAMES_PER_SECOND, "frames/s of the machine", columns::PSNR_DB, "PSNR, fixed − golden, dB"],
                 [-1.0, 1.0],
                 "Accuracy against speed of the simulated machine. Better is up and to the right.",
             ),
             self.scatter(
                 "speed-area",
-                ["area", "area, thousand LUT equivalents", "frames_per_second", "frames/s of the machine"],
+                [columns::AREA, "area, thousand LUT equivalents", columns::FRAMES_PER_SECOND, "frames/s of the machine"],
                 [1.0, 1.0],
                 "What speed costs. Better is up and to the left.",
             ),
@@ -216,7 +217,7 @@ impl Rows {
     fn scatter(&self, name: &'static str, [x, x_label, y, y_label]: [&str; 4], signs: [f64; 2], says: &str) -> Option<Figure> {
         let panel = |scene: &&str| {
             let (points, front) = self.front(scene, [x, y], signs);
-            let unit = |name: &str| if name == "area" { 1e-3 } else { 1.0 };
+            let unit = |name: &str| if name == columns::AREA { 1e-3 } else { 1.0 };
             let places: Vec<[f64; 2]> = points.iter().map(|(_, place)| [place[0] * unit(x), place[1] * unit(y)]).collect();
             if !(0..2).all(|axis| varies(places.iter().map(|place| place[axis]))) {
                 return None;
@@ -285,7 +286,7 @@ impl Rows {
             }
             let db = |row: &Row, column: &str| self.number(row, column).unwrap_or(f64::NAN);
             let mut words: Vec<(&str, BTreeMap<i32, &Row>)> = by_word.into_iter().collect();
-            let least = |rows: &BTreeMap<i32, &Row>| rows.values().map(|row| db(row, "psnr_db")).fold(f64::INFINITY, f64::min);
+            let least = |rows: &BTreeMap<i32, &Row>| rows.values().map(|row| db(row, columns::PSNR_DB)).fold(f64::INFINITY, f64::min);
             words.sort_by(|a, b| least(&a.1).total_cmp(&least(&b.1)));
             let legend: Vec<String> = steps.iter().map(|bits| format!("{} bits", signed(*bits))).chain(["as it is".to_owned()]).collect();
             let mut dots = |column: &str, title: &str| {
@@ -300,8 +301,8 @@ impl Rows {
                     charts.push(Box::new(Bars { shape: Shape::Dots, title, axis: Axis::linear("dB"), legend: legend.clone(), rows }));
                 }
             };
-            dots("psnr_db", "PSNR, fixed − golden");
-            dots("lockstep_psnr_db", "in lockstep, without flips");
+            dots(columns::PSNR_DB, "PSNR, fixed − golden");
+            dots(columns::LOCKSTEP_PSNR_DB, "in lockstep, without flips");
             if let [coarse, fine, ..] = steps[..]
                 && fine < 0
             {
@@ -309,9 +310,9 @@ impl Rows {
                     let at = |bits: i32| rows.get(&bits).map_or(f64::NAN, |row| db(row, column));
                     (at(fine) - at(coarse)) / f64::from(fine - coarse)
                 };
-                let columns = ["psnr_db", "lockstep_psnr_db"];
+                let both = [columns::PSNR_DB, columns::LOCKSTEP_PSNR_DB];
                 let row = |(word, rows): &(&str, BTreeMap<i32, &Row>)| {
-                    let slopes: Vec<f64> = columns.iter().map(|column| slope(column, rows)).filter(|slope| slope.is_finite()).collect();
+                    let slopes: Vec<f64> = both.iter().map(|column| slope(column, rows)).filter(|slope| slope.is_finite()).collect();
                     ((*word).to_owned(), slopes)
                 };
                 let rows: Vec<(String, Vec<f64>)> = words.iter().map(row).collect();
@@ -357,8 +358,10 @@ impl Rows {
             let points: Vec<[f64; 2]> = rows.iter().filter_map(|(bits, row)| Some([*bits, self.number(row, column)?])).collect();
             Series { name: name.into(), points, mark, colour }
         };
-        let both =
-            [series("fixed − golden", "psnr_db", Mark::Rings, 0), series("in lockstep, no flips", "lockstep_psnr_db", Mark::Rings, 2)];
+        let both = [
+            series("fixed − golden", columns::PSNR_DB, Mark::Rings, 0),
+            series("in lockstep, no flips", columns::LOCKSTEP_PSNR_DB, Mark::Rings, 2),
+        ];
         let mut all: Vec<Series> = both.into_iter().filter(|series| !series.points.is_empty()).collect();
         let places = || all.iter().flat_map(|series| series.points.iter().map(|point| point[1]));
         let (least, most) = (places().fold(f64::INFINITY, f64::min), places().fold(f64::NEG_INFINITY, f64::max));
@@ -394,7 +397,7 @@ impl Rows {
                 continue;
             }
             let panel = |title: &str, column: &str, y: Axis| {
-                let scale = if column == "merged" { 1e-3 } else { 1.0 };
+                let scale = if column == columns::MERGED { 1e-3 } else { 1.0 };
                 let series = |(colour, (rule, rows)): (usize, (&String, &BTreeMap<u64, &Row>))| Series {
                     name: rule.clone(),
                     points: rows.iter().filter_map(|(layers, row)| Some([*layers as f64, self.number(row, column)? * scale])).collect(),
@@ -404,8 +407,8 @@ impl Rows {
                 let series = by_rule.iter().enumerate().map(series).collect();
                 Panel { title: format!("{scene}: {title}"), x: Axis::linear("layers: fragments a pixel"), y, series, ..Panel::default() }
             };
-            charts.push(Box::new(panel("the method's error", "golden_vs_ideal_psnr_db", Axis::linear("PSNR, golden − ideal, dB"))));
-            charts.push(Box::new(panel("merges", "merged", Axis::linear("merged contributions, thousands"))));
+            charts.push(Box::new(panel("the method's error", columns::GOLDEN_VS_IDEAL_PSNR_DB, Axis::linear("PSNR, golden − ideal, dB"))));
+            charts.push(Box::new(panel("merges", columns::MERGED, Axis::linear("merged contributions, thousands"))));
         }
         let says = "What another layer, or another rule for merging, buys: no word makes the picture better than this.";
         figure("layers", "Layers and rules for merging".into(), says, charts, [600, 420])
@@ -435,7 +438,7 @@ impl Rows {
                 // The fewest cycles of each value.
                 let mut best: Vec<(String, f64, &Row)> = Vec::new();
                 for row in self.of(scene) {
-                    let Some(cycles) = self.number(row, "cycles") else { continue };
+                    let Some(cycles) = self.number(row, columns::CYCLES) else { continue };
                     let value = self.table.text(row, field).to_owned();
                     match best.iter_mut().find(|(other, ..)| *other == value) {
                         Some((_, least, best_row)) if cycles < *least => (*least, *best_row) = (cycles, row),
@@ -482,10 +485,12 @@ impl Rows {
                 let point = |row: &Row| Some([1.0 / self.number(row, seconds)?, self.number(row, column)?]);
                 self.of(scene).filter_map(point).collect::<Vec<[f64; 2]>>()
             };
-            let [fixed, mut golden] =
-                [points("host_fixed_seconds", "fixed_vs_ideal_psnr_db"), points("host_golden_seconds", "golden_vs_ideal_psnr_db")];
+            let [fixed, mut golden] = [
+                points(columns::HOST_FIXED_SECONDS, columns::FIXED_VS_IDEAL_PSNR_DB),
+                points(columns::HOST_GOLDEN_SECONDS, columns::GOLDEN_VS_IDEAL_PSNR_DB),
+            ];
             golden.dedup();
-            let ideal = self.of(scene).find_map(|row| self.number(row, "host_ideal_seconds"));
+            let ideal = self.of(scene).find_map(|row| self.number(row, columns::HOST_IDEAL_SECONDS));
             let Some(ideal) = ideal.filter(|_| !fixed.is_empty() && !golden.is_empty()) else { continue };
             // Nothing is better than ideal: it is drawn above all others.
             let top = fixed.iter().chain(&golden).map(|point| point[1]).fold(0.0, f64::max) + 5.0;
@@ -511,7 +516,7 @@ impl Rows {
 
     /// The first front that there is, scene by scene, as a table.
     fn fronts(&self) -> String {
-        let kinds = [(["area", "psnr_db"], [1.0, 1.0]), (["area", "frames_per_second"], [1.0, 1.0])];
+        let kinds = [([columns::AREA, columns::PSNR_DB], [1.0, 1.0]), ([columns::AREA, columns::FRAMES_PER_SECOND], [1.0, 1.0])];
         let mut texts = Vec::new();
         for scene in self.scenes() {
             for (names, signs) in kinds {
@@ -519,22 +524,28 @@ impl Rows {
                 if !(0..2).all(|axis| varies(points.iter().map(|(_, place)| place[axis]))) {
                     continue;
                 }
-                let is_timed = points.iter().any(|(row, _)| self.number(row, "frames_per_second").is_some());
+                let is_timed = points.iter().any(|(row, _)| self.number(row, columns::FRAMES_PER_SECOND).is_some());
                 let mut table = plain_table(&["point", "area", "PSNR dB", if is_timed { "frames/s" } else { "" }, ""]);
                 let places: Vec<[f64; 2]> = front.iter().map(|i| points[*i].1).collect();
                 for nth in spread(&places, 2 * NAMES) {
                     let row = points[front[nth]].0;
                     let number =
                         |name: &str, digits: usize| self.number(row, name).map_or(String::new(), |value| format!("{value:.digits$}"));
-                    let area = thousands(self.number(row, "area").unwrap_or(0.0) as u64);
+                    let area = thousands(self.number(row, columns::AREA).unwrap_or(0.0) as u64);
                     let name = format!("  {}", self.name(row));
-                    table.add_row([number("point", 0), area, number("psnr_db", 1), number("frames_per_second", 1), name]);
+                    table.add_row([
+                        number(columns::POINT, 0),
+                        area,
+                        number(columns::PSNR_DB, 1),
+                        number(columns::FRAMES_PER_SECOND, 1),
+                        name,
+                    ]);
                 }
                 let mut table = aligned(table);
                 if let Some(last) = table.column_mut(4) {
                     last.set_cell_alignment(CellAlignment::Left);
                 }
-                let what = if names[1] == "psnr_db" { "area and PSNR" } else { "area and frames/s" };
+                let what = if names[1] == columns::PSNR_DB { "area and PSNR" } else { "area and frames/s" };
                 let count = points.len() as u64;
                 let head = format!("{scene}: of {} machines {} are beaten by none in {what}", thousands(count), front.len());
                 texts.push(format!("{}\n{}", wrapped(&head), table.trim_fmt()));

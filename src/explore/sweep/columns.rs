@@ -1,0 +1,175 @@
+//! Columns: every figure of a sweep's point, each listed once: its name, what its cells hold, and where it comes from.
+//!
+//! A new column is a line here. Its constant is how charts and summaries name it, so that a mistyped column does not compile.
+
+use super::table::{Column, Kind, Row, named};
+use crate::accuracy::ranges::Overflows;
+use crate::accuracy::{Metrics, Summary};
+use crate::performance::cost::CostReport;
+use crate::performance::cycles::CyclesReport;
+use crate::run::report::MachineReport;
+use rtl_model::timing::{Account, Cycles};
+use rtl_model::units::fragment::Outcomes;
+use serde_json::{Value, json};
+
+/// All that is known of a point. What was not looked at is none, and its cells are empty.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Findings {
+    /// Why the machine cannot be built or cannot hold the scene.
+    pub misfit: Option<String>,
+    pub errors: Option<Errors>,
+    pub frame: Option<Frame>,
+    pub lockstep: Option<Summary>,
+    pub replay: Option<Replay>,
+    pub host_seconds: f64,
+}
+
+/// How far the picture is off.
+#[derive(Clone, Debug)]
+pub(super) struct Errors {
+    pub fixed_vs_golden: Metrics,
+    pub golden_vs_ideal_psnr_db: Option<f64>,
+    pub fixed_vs_ideal_psnr_db: Option<f64>,
+    pub golden_seconds: f64,
+}
+
+/// What the machine did.
+#[derive(Clone, Debug)]
+pub(super) struct Frame {
+    pub overflows: Overflows,
+    pub outcomes: Outcomes,
+    pub fixed_seconds: f64,
+    pub ideal_seconds: f64,
+}
+
+/// How long it takes, and what it is built of.
+#[derive(Clone, Debug)]
+pub(super) struct Replay {
+    pub cycles: CyclesReport,
+    pub cost: CostReport,
+    pub machine: MachineReport,
+    pub units: Cycles,
+}
+
+/// A figure of a point.
+struct Figure {
+    name: &'static str,
+    kind: Kind,
+    cell: fn(&Findings) -> Value,
+}
+
+macro_rules! figures {
+    ($($constant:ident = $name:literal, $kind:ident, $cell:expr;)*) => {
+        $(#[doc = concat!("`", $name, "`")] pub const $constant: &str = $name;)*
+        const FIGURES: &[Figure] = &[$(Figure { name: $name, kind: Kind::$kind, cell: $cell }),*];
+    };
+}
+
+/// Of what may not have been looked at.
+fn of<T>(part: &Option<T>, cell: impl FnOnce(&T) -> Value) -> Value {
+    part.as_ref().map_or(Value::Null, cell)
+}
+
+// A PSNR is empty also where pictures are equal.
+figures! {
+    MISFIT = "misfit", Text, |f| json!(f.misfit);
+    PSNR_DB = "psnr_db", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.psnr_db));
+    PSNR_COVERED_DB = "psnr_covered_db", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.psnr_covered_db));
+    SSIM = "ssim", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.ssim));
+    MAX_ERROR = "max_error", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.max_error));
+    MEAN_ERROR = "mean_error", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.mean_error));
+    PIXELS_OVER_1_255 = "pixels_over_1_255", Whole, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.pixels_over_1_255));
+    GOLDEN_VS_IDEAL_PSNR_DB = "golden_vs_ideal_psnr_db", Number, |f| of(&f.errors, |e| json!(e.golden_vs_ideal_psnr_db));
+    FIXED_VS_IDEAL_PSNR_DB = "fixed_vs_ideal_psnr_db", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_ideal_psnr_db));
+    LOCKSTEP_PSNR_DB = "lockstep_psnr_db", Number, |f| of(&f.lockstep, |l| json!(l.psnr_db));
+    LOCKSTEP_MAX_ERROR = "lockstep_max_error", Number, |f| of(&f.lockstep, |l| json!(l.max_error));
+    BOUND_VIOLATIONS = "bound_violations", Whole, |f| of(&f.lockstep, |l| json!(l.bound_violations));
+    DECISION_FLIPS = "decision_flips", Whole, |f| of(&f.lockstep, |l| json!(l.decision_flips));
+    SATURATED = "saturated", Whole, |f| of(&f.frame, |frame| json!(frame.overflows.saturated));
+    WRAPPED = "wrapped", Whole, |f| of(&f.frame, |frame| json!(frame.overflows.wrapped));
+    CONTRIBUTIONS = "contributions", Whole, |f| of(&f.frame, |frame| json!(frame.outcomes.total()));
+    MERGED = "merged", Whole, |f| of(&f.frame, |frame| json!(frame.outcomes.merged));
+    EVICTED = "evicted", Whole, |f| of(&f.frame, |frame| json!(frame.outcomes.evicted));
+    CYCLES = "cycles", Whole, |f| of(&f.replay, |r| json!(r.cycles.total));
+    FRAMES_PER_SECOND = "frames_per_second", Number, |f| of(&f.replay, |r| json!(r.cycles.frames_per_second));
+    BOTTLENECK = "bottleneck", Text, |f| of(&f.replay, |r| json!(r.cycles.bottleneck));
+    MEMORY_BYTES = "memory_bytes", Whole, |f| of(&f.replay, |r| json!(r.cycles.memory.bytes));
+    AREA = "area", Number, |f| of(&f.replay, |r| json!(r.cost.cost.area));
+    MULTIPLIER_BLOCKS_18 = "multiplier_blocks_18", Whole, |f| of(&f.replay, |r| json!(r.blocks_18()));
+    FIFO_BITS = "fifo_bits", Whole, |f| of(&f.replay, |r| json!(r.cost.cost.fifo_bits));
+    MEMORY_BITS = "memory_bits", Whole, |f| of(&f.replay, |r| json!(r.cost.cost.memory_bits));
+    FRAME_BITS_PER_PIXEL = "frame_bits_per_pixel", Whole, |f| of(&f.replay, |r| json!(r.cost.cost.frame_bits_per_pixel));
+    FRAGMENT_BITS = "fragment_bits", Whole, |f| of(&f.replay, |r| json!(r.machine.fragment_bits));
+    WIDEST_OPERAND_BITS = "widest_operand_bits", Whole, |f| of(&f.replay, |r| json!(r.machine.widest_operand_bits));
+    ENERGY_J = "energy_j", Number, |f| of(&f.replay, |r| json!(r.cost.energy.total));
+}
+
+macro_rules! seconds {
+    ($($constant:ident = $name:literal, $cell:expr;)*) => {
+        $(#[doc = concat!("`", $name, "`")] pub const $constant: &str = $name;)*
+        const SECONDS: &[Figure] = &[$(Figure { name: $name, kind: Kind::Number, cell: $cell }),*];
+    };
+}
+
+// Of this computer: a point with all that was done for it, and a frame of each renderer.
+seconds! {
+    HOST_SECONDS = "host_seconds", |f| json!(f.host_seconds);
+    HOST_FIXED_SECONDS = "host_fixed_seconds", |f| of(&f.frame, |frame| json!(frame.fixed_seconds));
+    HOST_GOLDEN_SECONDS = "host_golden_seconds", |f| of(&f.errors, |e| json!(e.golden_seconds));
+    HOST_IDEAL_SECONDS = "host_ideal_seconds", |f| of(&f.frame, |frame| json!(frame.ideal_seconds));
+}
+
+/// `point`: the number of a row.
+pub const POINT: &str = "point";
+/// `key`: a digest of all that determines a row.
+pub const KEY: &str = "key";
+/// `scene`: what was drawn.
+pub const SCENE: &str = "scene";
+/// `changes`: how the machine differs from the plan's.
+pub const CHANGES: &str = "changes";
+
+/// Columns before the plan's own fields.
+const HEAD: [(&str, Kind); 4] = [(POINT, Kind::Whole), (KEY, Kind::Text), (SCENE, Kind::Text), (CHANGES, Kind::Text)];
+
+/// Units with an account of their cycles each, those of several side by side together; empty where a machine has none.
+pub const UNITS: [&str; 11] = ["fetch", "project", "ellipse", "bin", "list", "raster", "gauss", "cache", "fragment", "shade", "resolve"];
+
+/// What a unit does in a cycle.
+pub const ACCOUNTS: [&str; 4] = ["busy", "starved", "blocked", "memory"];
+
+/// The column of a unit's account.
+pub fn account(unit: &str, account: &str) -> String {
+    format!("{unit}_{account}")
+}
+
+/// All columns of a plan with these fields of its own.
+pub(super) fn all(fields: &[String]) -> Vec<Column> {
+    let own = fields.iter().map(|field| (field.clone(), Kind::Text));
+    let accounts = UNITS.iter().flat_map(|unit| ACCOUNTS.map(|name| (account(unit, name), Kind::Whole)));
+    let figure = |figure: &Figure| (figure.name.to_owned(), figure.kind);
+    named(&HEAD).into_iter().chain(own).chain(FIGURES.iter().map(figure)).chain(accounts).chain(SECONDS.iter().map(figure)).collect()
+}
+
+/// The cells that follow the plan's own fields.
+pub(super) fn cells(findings: &Findings) -> Row {
+    let accounts =
+        UNITS.iter().flat_map(|unit| findings.replay.as_ref().map_or([const { Value::Null }; 4], |replay| replay.accounts(unit)));
+    let cell = |figure: &Figure| (figure.cell)(findings);
+    FIGURES.iter().map(cell).chain(accounts).chain(SECONDS.iter().map(cell)).collect()
+}
+
+impl Replay {
+    fn blocks_18(&self) -> u64 {
+        self.cost.cost.units.iter().map(|unit| unit.bits.blocks_18).sum()
+    }
+
+    /// Cycles of a unit, and of those of its kind, by [`ACCOUNTS`]; none where the machine has no such unit.
+    fn accounts(&self, unit: &str) -> [Value; 4] {
+        let same = || self.units.units.iter().filter(|other| other.name == unit);
+        let of = |count: fn(&Account) -> u64| json!(same().map(|other| count(&other.account)).sum::<u64>());
+        if same().next().is_none() {
+            return [const { Value::Null }; 4];
+        }
+        [of(|a| a.busy), of(|a| a.starved), of(|a| a.blocked), of(|a| a.memory)]
+    }
+}

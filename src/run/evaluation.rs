@@ -1,0 +1,105 @@
+//! Evaluation: one scene on one machine: elaborate, quantise, draw, compare. Every job that asks how good a machine is asks here.
+//!
+//! ```text
+//! machine ─► elaborate ─┐
+//! scene ────────────────┴─► quantise ─┬─► draw, observed ─► picture, signals, work
+//!   └─► golden, by the machine's rules │
+//!                                      └─► lockstep
+//! ```
+
+use crate::accuracy::ranges::{Overflows, SignalReport};
+use crate::accuracy::{Lockstep, lockstep};
+use crate::error::Result;
+use crate::golden::{self, Rendering, Rules};
+use crate::hardware::fixed;
+use crate::hardware::quantise::{Quantised, quantise};
+use crate::output::picture::Picture;
+use crate::scene::Scene;
+use rtl_model::machine::Elaborated;
+use rtl_model::work::Work;
+use rtl_model::{Drawing, Machine};
+use std::borrow::Cow;
+
+/// A scene on a machine that holds it.
+#[derive(Clone, Debug)]
+pub struct Evaluation<'a> {
+    /// In world units.
+    pub scene: &'a Scene,
+    /// The checked machine.
+    pub machine: Cow<'a, Elaborated>,
+    /// The scene in the machine's words.
+    pub quantised: Quantised,
+}
+
+/// A frame with all that was observed while it was drawn.
+#[derive(Clone, Debug)]
+pub struct Observed {
+    /// Frame words and counts.
+    pub drawing: Drawing,
+    /// The frame as real numbers.
+    pub picture: Picture,
+    /// The range of every signal.
+    pub signals: Vec<SignalReport>,
+    /// What happened, for timing to replay.
+    pub work: Work,
+}
+
+impl Observed {
+    /// Results that left their format's range.
+    pub fn overflows(&self) -> Overflows {
+        Overflows::of(&self.signals)
+    }
+}
+
+impl<'a> Evaluation<'a> {
+    /// Checks the machine and brings the scene to its words.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold the scene.
+    pub fn new(scene: &'a Scene, machine: &Machine) -> Result<Self> {
+        let elaborated = fixed::elaborate(machine)?;
+        let quantised = quantise(scene, machine)?;
+        Ok(Evaluation { scene, machine: Cow::Owned(elaborated), quantised })
+    }
+
+    /// Brings the scene to the words of a machine that is checked already.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Input`] where it cannot hold the scene.
+    pub fn on(scene: &'a Scene, machine: &'a Elaborated) -> Result<Self> {
+        let quantised = quantise(scene, &machine.machine)?;
+        Ok(Evaluation { scene, machine: Cow::Borrowed(machine), quantised })
+    }
+
+    /// The machine's rules for fragments.
+    pub fn rules(&self) -> Rules {
+        fixed::rules(&self.machine.machine)
+    }
+
+    /// Draws the frame, observed by nobody.
+    pub fn draw(&self) -> Drawing {
+        fixed::draw(&self.machine, &self.quantised)
+    }
+
+    /// Draws the frame once, and keeps the range of every signal and the work.
+    pub fn observe(&self) -> Observed {
+        let (drawing, ranges, work) = fixed::draw_observed(&self.machine, &self.quantised);
+        let signals = self.machine.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect();
+        Observed { picture: self.picture(&drawing), drawing, signals, work }
+    }
+
+    /// A frame as real numbers.
+    pub fn picture(&self, drawing: &Drawing) -> Picture {
+        fixed::picture(&self.machine, drawing)
+    }
+
+    /// What exact arithmetic makes by the same rules.
+    pub fn golden(&self) -> Rendering {
+        golden::render(self.scene, &self.rules())
+    }
+
+    /// The machine with `golden` led by its decisions.
+    pub fn lockstep(&self) -> Lockstep {
+        lockstep(self.scene, &self.machine, &self.quantised)
+    }
+}
