@@ -14,7 +14,7 @@
 use crate::chart::{Extent, Extents};
 use crate::mixed::UNITS;
 use crate::report::{Report, share};
-use rtl_model::machine::Signal;
+use rtl_model::elaboration::Signal;
 use rtl_model::probe::Range;
 use serde::Serialize;
 use std::fmt::Write;

@@ -9,8 +9,10 @@ use crate::quantise::Scale;
 use crate::ranges::SignalReport;
 use crate::timings::Timings;
 use comfy_table::{CellAlignment, Table, presets};
-use rtl_model::machine::{Elaborated, Machine, Operator, Part};
+use rtl_model::elaboration::{Operator, Part};
+use rtl_model::machine::Machine;
 use rtl_model::pipeline::Culled;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::units::fragment::Outcomes;
 use serde::Serialize;
 use std::fmt::Write;
@@ -104,7 +106,7 @@ pub struct MachineReport {
     /// Bits of the widest multiplier operand.
     pub widest_operand_bits: i32,
     /// The microarchitecture, nothing left out.
-    pub timing: rtl_model::machine::timing::Elaborated,
+    pub timing: rtl_model::elaboration::microarchitecture::Microarchitecture,
 }
 
 /// Distances of the three pictures.

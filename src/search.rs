@@ -605,7 +605,7 @@ impl Problem for Search<'_> {
 const HOPELESS: Found = Found { psnr_db: Some(f64::NEG_INFINITY), max_error: f64::INFINITY, saturated: None };
 
 /// Draws a view and compares.
-fn drawn(elaborated: &rtl_model::machine::Elaborated, machine: &Machine, view: &View, watched: bool) -> Result<Found> {
+fn drawn(elaborated: &rtl_model::pipeline::Elaborated, machine: &Machine, view: &View, watched: bool) -> Result<Found> {
     let quantised = quantise(&view.scene, machine)?;
     let (drawing, saturated) = if watched {
         let (drawing, ranges) = fixed::draw_ranged(elaborated, &quantised);

@@ -9,7 +9,8 @@ use crate::ranges::SignalReport;
 use crate::report::CulledReport;
 use crate::scene::Scene;
 use crate::{fixed, golden};
-use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::machine::Machine;
+use rtl_model::pipeline::Elaborated;
 use serde::Serialize;
 
 /// The three pictures at a point.

@@ -44,7 +44,7 @@ pub trait Lanes:
     /// Each lane shifted right towards minus infinity by the same amount, 0 to 63.
     fn right(self, by: u32) -> Self;
     /// Each lane, of which none is negative, shifted right by the same amount, 0 to 63.
-    fn right_natural(self, by: u32) -> Self;
+    fn right_unsigned(self, by: u32) -> Self;
     /// The sum modulo 2^64, as registers wrap.
     fn wrapping_add(self, other: Self) -> Self;
     /// The product with natural numbers below 2^32, modulo 2^64.
@@ -174,7 +174,7 @@ impl Lanes for Plain {
         self.zip(self, |v, _| v >> by)
     }
     #[inline(always)]
-    fn right_natural(self, by: u32) -> Self {
+    fn right_unsigned(self, by: u32) -> Self {
         debug_assert!(!self.any_negative(), "a lane is negative");
         self.right(by)
     }

@@ -1,10 +1,10 @@
 //! Pipeline over the reals: one splat, and one of its contributions, through the units' bounds.
 
-use crate::frame::real::{Ellipsoid, Splat, View};
-use crate::machine::Elaborated;
-use crate::num::table::real::Power;
+use crate::functions::table::real::Power;
 use crate::num::two;
-use crate::real::{Mixed, Near, Real, Scale};
+use crate::pipeline::Elaborated;
+use crate::real::frame::{Ellipsoid, Splat, View};
+use crate::real::{Near, PartialPrecision, Real, Scale};
 use crate::units::fragment::sheets;
 use crate::units::fragment::sheets::real::Ratio;
 use crate::units::shade::real::{Lighting, Sums};
@@ -110,7 +110,7 @@ impl Elaborated {
     /// Registers at the first pixels of some rows of a box ([`raster::Raster::mixed`]).
     pub fn mixed_rows<'a>(
         &self,
-        input: &raster::real::Input<Mixed<'a>>,
+        input: &raster::real::Input<PartialPrecision<'a>>,
         first: [f64; 2],
         rows: Range<u32>,
     ) -> impl Iterator<Item = raster::real::Row<'a>> {
@@ -118,7 +118,7 @@ impl Elaborated {
     }
 
     /// r and z at some columns from the first pixel of a row.
-    pub fn mixed_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [Mixed<'a>; 2] {
+    pub fn mixed_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
         self.raster.mixed_pixel(row, columns)
     }
 
@@ -131,7 +131,7 @@ impl Elaborated {
     }
 
     /// Colour times opacity, and opacity, of a sheet that is done.
-    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &sheets::Registers, ratio: &Ratio) -> [R; 4] {
+    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &sheets::SheetRegisters, ratio: &Ratio) -> [R; 4] {
         self.fragment.real_close(weight, rgb, registers, ratio)
     }
 

@@ -13,8 +13,8 @@
 
 use super::ranges::{Range, Ranges};
 use super::{Probe, Seen};
-use crate::machine::Elaborated;
 use crate::num::{Fit, LANES, Words};
+use crate::records::{SUM_SIGNALS, Signal};
 
 /// Items in the sample, if there are as many and not too many more.
 const FEW: usize = 12;
@@ -172,13 +172,14 @@ pub struct Meters {
     is_limited: bool,
     limited: Vec<Limited>,
     /// Items of the sample, word by word, and other items where a word met a limit.
-    heard: [Ranges; 2],
+    resampled: [Ranges; 2],
 }
 
 impl Meters {
-    /// For a machine.
-    pub fn new(machine: &Elaborated) -> Self {
-        Meters::of(machine.signals.len(), machine.fragment.sum_signals())
+    /// For a machine with these signals.
+    pub fn new(signals: &[Signal]) -> Self {
+        let of_sum = |name: &str| signals.iter().position(|signal| signal.unit == "fragment" && signal.name == name).unwrap_or_default();
+        Meters::of(signals.len(), SUM_SIGNALS.map(of_sum))
     }
 
     fn of(signals: usize, sum_signals: [usize; LANES]) -> Self {
@@ -191,13 +192,13 @@ impl Meters {
             sum_signals,
             is_limited: false,
             limited: Vec::new(),
-            heard: [Ranges::new(signals), Ranges::new(signals)],
+            resampled: [Ranges::new(signals), Ranges::new(signals)],
         }
     }
 
     /// What they read.
     pub fn ranges(&self) -> Ranges {
-        let [sample, limited] = &self.heard;
+        let [sample, limited] = &self.resampled;
         let mut ranges = sample.clone();
         for (signal, range) in ranges.0.iter_mut().enumerate() {
             range.absorb(&Range { words: 0, inexact: 0, bins: Range::default().bins, ..limited.0[signal] });
@@ -236,7 +237,7 @@ impl Probe for Meters {
             self.way[signal].absorb(&fork.way[signal]);
         }
         self.sums.absorb(&fork.sums);
-        for (own, other) in self.heard.iter_mut().zip(fork.heard) {
+        for (own, other) in self.resampled.iter_mut().zip(fork.resampled) {
             own.absorb(other);
         }
     }
@@ -310,8 +311,8 @@ impl Probe for Meters {
     }
 
     #[inline(always)]
-    fn again(&mut self, item: usize, of: usize) -> Option<&mut Ranges> {
-        let [sample, limited] = &mut self.heard;
+    fn resample(&mut self, item: usize, of: usize) -> Option<&mut Ranges> {
+        let [sample, limited] = &mut self.resampled;
         let heard = match (is_sampled(item, of), std::mem::take(&mut self.is_limited)) {
             (true, _) => Some(sample),
             (false, true) => Some(limited),

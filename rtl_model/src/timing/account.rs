@@ -2,7 +2,7 @@
 //!
 //! Laws: `every_cycle_of_the_default_machines_is_accounted_for`, `a_frame_ticks_as_it_is_replayed`.
 
-use crate::machine::timing::Pace;
+use crate::elaboration::microarchitecture::Pace;
 
 /// Cycles of a unit. They sum to the frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

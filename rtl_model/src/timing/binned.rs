@@ -14,17 +14,18 @@ use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
 use super::stages::{Fill, Merge, Resolve, SetUp};
-use crate::machine::timing::{self, Elaborated, Pace};
+use crate::elaboration::microarchitecture;
+use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::work::{Bins, Work, each_tile};
 use std::collections::VecDeque;
 
 /// Bytes of a list's entry: which splat.
-const ENTRY_BYTES: u64 = timing::ENTRY_BYTES as u64;
+const ENTRY_BYTES: u64 = microarchitecture::ENTRY_BYTES as u64;
 /// Lists lie so far apart.
 const LIST_BYTES: u64 = 1 << 24;
 
 /// Replays a frame.
-pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
+pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
     let side = t.timing.tile.side_px;
     let burst = u64::from(t.timing.memory.burst_bytes);
@@ -99,7 +100,7 @@ pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
-fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
+fn first_pass<'a>(t: &'a Microarchitecture, work: &Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut setup = SetUp::new(t, work, "bin", detail);
@@ -168,7 +169,7 @@ const SORTED: u64 = 1 << 60;
 
 /// Radix sort of all lists' entries by depth: a pass for each digit of the key reads every entry and writes it to where it belongs, an entry
 /// a cycle, after a cycle for each value of the digit to sum the counts up. Says when it is done.
-fn sort_lists(t: &Elaborated, entries: u64, sort: &mut Unit, from: u64, memory: &mut Memory) -> u64 {
+fn sort_lists(t: &Microarchitecture, entries: u64, sort: &mut Unit, from: u64, memory: &mut Memory) -> u64 {
     let Some(shape) = t.sort else { return from };
     let mut now = from;
     for pass in 0..u64::from(shape.passes) {

@@ -8,7 +8,7 @@
 //! Law: `a_drawn_frame_ticks_as_it_is_replayed`.
 
 use super::slots::Piece;
-use crate::machine::timing::Elaborated;
+use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::work::{TILE_PX, Work};
 
 /// A piece that was taken: until when it is under way, and its place.
@@ -29,7 +29,7 @@ pub struct Hazards {
 }
 
 impl Hazards {
-    pub fn new(timing: &Elaborated, work: &Work) -> Self {
+    pub fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let columns = (work.width as usize).div_ceil(TILE_PX);
         let [across, down] = timing.timing.raster.lanes.map(|lanes| lanes as usize);
         // A cycle at least for each slot; its pixels lie in so many strips at most.

@@ -12,7 +12,7 @@ use super::cache::Cache;
 use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
 use super::slots::{Piece, below};
 use super::stages::{Fill, Merge, Resolve, SetUp};
-use crate::machine::timing::Elaborated;
+use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::work::Work;
 
 /// Where the frame's lines lie.
@@ -23,7 +23,7 @@ struct Lines {
 }
 
 impl Lines {
-    fn new(timing: &Elaborated, work: &Work) -> Self {
+    fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let [columns, rows] = timing.timing.cache.line_px;
         Lines { log: [columns.ilog2(), rows.ilog2()], across: work.width.div_ceil(columns), down: work.height.div_ceil(rows) }
     }
@@ -46,7 +46,7 @@ impl Lines {
 }
 
 /// Replays a frame.
-pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
+pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
     let mut setup = SetUp::new(t, work, "raster", detail);
@@ -95,7 +95,15 @@ pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
 }
 
 /// Line by line: what was touched is read, if the cache has it not; every word is written.
-fn resolve_frame(t: &Elaborated, work: &Work, lines: &Lines, cache: &Cache, merge: &mut Merge, resolve: &mut Resolve, memory: &mut Memory) {
+fn resolve_frame(
+    t: &Microarchitecture,
+    work: &Work,
+    lines: &Lines,
+    cache: &Cache,
+    merge: &mut Merge,
+    resolve: &mut Resolve,
+    memory: &mut Memory,
+) {
     let start = merge.written;
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let line_bytes = u64::from(t.line_bytes);

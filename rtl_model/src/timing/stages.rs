@@ -9,13 +9,13 @@ use super::account::{Detail, Ready, Unit};
 use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::slots::{Piece, Slots};
-use crate::machine::timing::Elaborated;
+use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::work::{Fate, Footprint, Work};
 use std::ops::Range;
 
 /// Fetch, project and ellipse, and shade where splats are lit before they are drawn: one splat each.
 pub struct SetUp<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     pub fetch: Unit,
     pub project: Unit,
     pub ellipse: Unit,
@@ -31,7 +31,7 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, behind: &'static str, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &Work, behind: &'static str, detail: Detail) -> Self {
         let after_ellipse = if work.preshaded { "shade" } else { behind };
         SetUp {
             timing,
@@ -132,7 +132,7 @@ impl<'a> SetUp<'a> {
 
 /// Raster and gauss: one footprint, slot by slot.
 pub struct Fill<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     pub raster: Unit,
     pub gauss: Unit,
     walk: Slots<'a>,
@@ -141,7 +141,7 @@ pub struct Fill<'a> {
 }
 
 impl<'a> Fill<'a> {
-    pub fn new(timing: &'a Elaborated, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
         Fill {
             timing,
             raster: Unit::new("raster", timing.raster, Some(before), Some("gauss"), detail),
@@ -198,7 +198,7 @@ impl<'a> Fill<'a> {
 
 /// Fragments: slots come, merges take longer, and no pixel is taken twice at a time.
 pub struct Merge<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     pub fragment: Unit,
     pub shade: Unit,
     hazards: Hazards,
@@ -207,7 +207,7 @@ pub struct Merge<'a> {
 }
 
 impl<'a> Merge<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
         Merge {
             timing,
             fragment: Unit::new("fragment", timing.fragment, Some(before), behind, detail),
@@ -244,7 +244,7 @@ impl<'a> Merge<'a> {
 
 /// Resolve: pixels that lie together, a line or a tile. It takes a pixel's fragments one a cycle, whether merged, and so lit, or left to shade.
 pub struct Resolve<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     pub unit: Unit,
     /// What each pixel holds: fragments, and how many of them are left to shade.
     held: Vec<[u8; 2]>,
@@ -252,7 +252,7 @@ pub struct Resolve<'a> {
 }
 
 impl<'a> Resolve<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &Work, detail: Detail) -> Self {
         Resolve { timing, unit: Unit::new("resolve", timing.resolve, Some("fragment"), None, detail), held: work.held(), width: work.width }
     }
 

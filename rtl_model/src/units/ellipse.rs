@@ -16,10 +16,13 @@
 //!
 //! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside* where the box misses the picture.
 
+use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM};
+use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator};
 use crate::frame::View;
-use crate::machine::{Elaboration, MAX_OPERAND_BITS, Machine, Operator};
-use crate::num::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
-use crate::num::{Exact, Exacts, Fit, Format, Reciprocal, ReciprocalRoot, Rounding, Word, Words, align, three, two};
+use crate::functions::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
+use crate::functions::{Reciprocal, ReciprocalRoot, square_root};
+use crate::machine::Machine;
+use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words, align, three, two};
 use crate::probe::{Probe, Tap};
 
 use ellipsoid::Ellipsoids;
@@ -68,6 +71,12 @@ pub struct Output<W> {
     pub faint: W,
     /// The box misses the picture.
     pub outside: W,
+}
+
+/// Cycles: normal, facing; radius to variance; determinant, root, inverse, conic, amplitude. Extents and slopes beside that.
+pub fn latency(machine: &Machine) -> u32 {
+    let variance = (PRODUCT + 2 * SUM) * 2 + (PRODUCT + SUM) * 2 + PRODUCT + SUM + (PRODUCT + SUM);
+    variance + NORMALISE + square_root::latency(machine.ellipse.root) + 3 * PRODUCT
 }
 
 /// The elaborated unit.

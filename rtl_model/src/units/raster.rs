@@ -18,7 +18,9 @@
 //! Laws: `stepping_equals_the_closed_form`, `seeded_and_differenced_rows_agree_within_their_guard_bits`,
 //! `a_radial_index_below_zero_is_zero`.
 
-use crate::machine::{Elaboration, Machine, Operator, Rows};
+use crate::elaboration::latency::{PRODUCT, SUM};
+use crate::elaboration::{Elaboration, Operator};
+use crate::machine::{Machine, Rows};
 use crate::num::register::Held;
 use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, three, two};
 use crate::probe::{Probe, Tap};
@@ -203,6 +205,11 @@ const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [0, 0, 1, 3, 6, 10, 15, 21, 28, 36, 45,
 
 /// Bits of a column or a row: a picture has up to 16384.
 const PIXEL_BITS: i32 = 14;
+
+/// Cycles: offset, gradient, seed, compare.
+pub fn latency() -> u32 {
+    SUM + (PRODUCT + SUM) * 2 + SUM
+}
 
 /// The elaborated unit.
 #[derive(Clone, Debug)]
@@ -601,8 +608,8 @@ impl Raster {
     pub fn fragments<L: Lanes>(&self, walks: &Walks, lane: usize, span: &Span, places: [u8; LANES]) -> [L; 2] {
         let place = L::from_bytes(places);
         let held = place.look_up(span.radial.as_flattened().as_flattened());
-        let radial = self.radial_register.read_natural(held.max(L::splat(0)));
-        let [column, row] = [place & L::splat(SIDE_PX as i64 - 1), place.right_natural(SIDE_PX.ilog2())];
+        let radial = self.radial_register.read_unsigned(held.max(L::splat(0)));
+        let [column, row] = [place & L::splat(SIDE_PX as i64 - 1), place.right_unsigned(SIDE_PX.ilog2())];
         let [by_column, by_row] = two!(axis => L::splat(walks.depth_slope[axis][lane]));
         let (start, lean) = match self.rows {
             Rows::Differenced => (L::splat(walks.seed.depth[lane]), column * by_column + row * by_row),

@@ -10,7 +10,7 @@
 use crate::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
 use crate::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, slots_of, turn};
 use crate::scene::Scene;
-use rtl_model::machine::timing::{Elaborated, Pace, SortShape};
+use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::timing::{Client, Direction};
 use std::collections::VecDeque;
 
@@ -40,7 +40,7 @@ struct Tile {
 }
 
 struct Machine<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     scene: &'a Scene,
     memory: Memory,
     now: u64,
@@ -91,7 +91,7 @@ struct Machine<'a> {
 }
 
 impl<'a> Machine<'a> {
-    fn new(timing: &'a Elaborated, scene: &'a Scene) -> Self {
+    fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         let t = &timing.timing;
         let side = t.tile.side_px as usize;
         let across = (scene.width as usize).div_ceil(side);
@@ -427,7 +427,7 @@ impl<'a> Machine<'a> {
 }
 
 /// Draws a scene, cycle by cycle.
-pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
+pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };

@@ -6,7 +6,7 @@
 use crate::memory::{Done, LINES, Memory, Requests, WORDS};
 use crate::parts::{Act, Fill, Link, Merge, SetUp, Slot, Ticked, Unit, places, resolve_cycles, run, slots_of, turn};
 use crate::scene::Scene;
-use rtl_model::machine::timing::Elaborated;
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{Client, Direction};
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
@@ -115,7 +115,7 @@ struct Looking {
 
 /// The machine.
 struct Machine<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     scene: &'a Scene,
     memory: Memory,
     now: u64,
@@ -143,7 +143,7 @@ struct Machine<'a> {
 const ALL: [[usize; 2]; 2] = [[0; 2], [usize::MAX; 2]];
 
 impl<'a> Machine<'a> {
-    fn new(timing: &'a Elaborated, scene: &'a Scene) -> Self {
+    fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         let t = &timing.timing;
         let slots = (0..scene.splats.len()).flat_map(|splat| slots_of(timing, scene, splat, ALL));
         let expected = slots.filter(|slot| !slot.pixels.is_empty()).count();
@@ -326,7 +326,7 @@ impl<'a> Machine<'a> {
 }
 
 /// Draws a scene, cycle by cycle.
-pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
+pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let Machine { memory, setup, fill, cache, lines, looked_up, merge, resolve, .. } = machine;

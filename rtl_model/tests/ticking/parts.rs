@@ -2,7 +2,7 @@
 
 use crate::memory::{Memory, Requests, SPLATS, Traffic};
 use crate::scene::Scene;
-use rtl_model::machine::timing::{Elaborated, Pace};
+use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
 use rtl_model::timing::{Account, Client, Direction};
 use rtl_model::work::{Event, Fate};
 use std::collections::VecDeque;
@@ -151,7 +151,7 @@ pub struct Slot {
 }
 
 /// The slots of a splat's part from one pixel to another.
-pub fn slots_of(timing: &Elaborated, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Slot> {
+pub fn slots_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Slot> {
     let splat = &scene.splats[splat];
     if splat.fate != Fate::Drawn {
         return VecDeque::new();
@@ -223,7 +223,7 @@ pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, mut act
 
 /// Fetch, project and ellipse; and shade where splats are lit before they are drawn.
 pub struct SetUp<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     scene: &'a Scene,
     now: u64,
     fetch: Unit,
@@ -238,7 +238,7 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Elaborated, scene: &'a Scene) -> Self {
+    pub fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         SetUp {
             timing,
             scene,
@@ -376,7 +376,7 @@ pub struct Fill {
 }
 
 impl Fill {
-    pub fn new(timing: &Elaborated) -> Self {
+    pub fn new(timing: &Microarchitecture) -> Self {
         Fill {
             latencies: [timing.raster.latency.into(), timing.gauss.latency.into()],
             raster: Unit::new("raster", 1),
@@ -459,7 +459,7 @@ pub struct Merge {
 }
 
 impl Merge {
-    pub fn new(timing: &Elaborated, scene: &Scene) -> Self {
+    pub fn new(timing: &Microarchitecture, scene: &Scene) -> Self {
         Merge {
             fragment_latency: timing.fragment.latency.into(),
             shade_pace: timing.shade,
@@ -503,7 +503,7 @@ impl Merge {
 }
 
 /// For how long pixels hold resolve, and how many fragments are shaded for that.
-pub fn resolve_cycles(timing: &Elaborated, scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> [u64; 2] {
+pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> [u64; 2] {
     let [width, height] = [scene.width, scene.height].map(|size| size as usize);
     let [mut cycles, mut shades] = [0; 2];
     for y in top..height.min(top + rows) {

@@ -1,0 +1,463 @@
+//! Ports: what crosses the wires between units, field by field: the records that a trace holds and that a twin in hardware takes and gives.
+//!
+//! ```text
+//! frame, lights, materials                          constants
+//! project.in ─► project.out ─► ellipse.in ─► ellipse.out ─► raster.in ─► raster.out ─► gauss.in ─► gauss.out ─► fragment.in ─► fragment.out
+//!                                                                 fragment.request ─► fragment.answer      fragment.held ─► resolve.in ─► resolve.out
+//! ```
+//! Ellipsoids bring their axes along, and may be lit before they are drawn (`ellipse.request`, `ellipse.answer`) and sorted by depth
+//! (`sort.in`, `sort.out`); where fragments are grouped by sheets, they have the number of one in the place of depth, normal and opacity.
+//!
+//! A record is one transfer through a port: words side by side, the first field in the most significant bits, two's complement.
+//! Fields that mean nothing in a record (a culled splat's pixel) are 0, and [`Field::unless`] says when.
+//!
+//! Law: `records_have_the_widths_of_their_fields`.
+
+use crate::frame::Frame;
+use crate::machine::Machine;
+use crate::num::{Format, Word};
+use crate::pipeline::Elaborated;
+use crate::units::raster::Raster;
+
+/// Bits of a column or row.
+const PIXEL_BITS: i32 = 14;
+/// Bits of a power of two.
+const EXPONENT_BITS: i32 = 8;
+/// Bits of a material's index.
+pub const MATERIAL_BITS: i32 = 8;
+/// Bits of what a splat is called on its way through the raster.
+const TAG_BITS: i32 = 32;
+/// Bits of a sheet's number.
+pub const SHEET_BITS: i32 = 31;
+
+/// What records depend on beside the machine: what a frame has it draw.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Kind {
+    /// Splats are ellipsoids; else they are discs.
+    pub ellipsoids: bool,
+    /// They are lit before they are drawn.
+    pub preshaded: bool,
+    /// They are drawn in the order of their depths.
+    pub sorted: bool,
+    /// Fragments are grouped by sheets; else by depth.
+    pub sheets: bool,
+}
+
+impl Kind {
+    /// That of a frame.
+    pub fn of(frame: &Frame) -> Self {
+        let ellipsoids = frame.ellipsoids.as_ref();
+        Kind {
+            ellipsoids: ellipsoids.is_some(),
+            preshaded: ellipsoids.is_some_and(|ellipsoids| ellipsoids.preshaded),
+            sorted: ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted),
+            sheets: frame.sheets.is_some(),
+        }
+    }
+}
+
+/// One field of a record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Its name in the record, such as `pixel_x`.
+    pub name: String,
+    /// The signal whose word it is, such as `project.pixel`; none for numbers that count something.
+    pub signal: Option<String>,
+    /// Where its bits are, and how the signal rounds and overflows.
+    pub word: Word,
+    /// Flags of the same record that say that it means nothing and is 0.
+    pub unless: &'static [&'static str],
+}
+
+impl Field {
+    /// Bits.
+    pub fn width(&self) -> u32 {
+        self.word.format.width() as u32
+    }
+}
+
+/// What may be exchanged among a stream's records without changing what they mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// Nothing.
+    Total,
+    /// Records of different pixels.
+    PerPixel,
+}
+
+/// The records that cross one port.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stream {
+    /// Unit and port, such as `raster.in`; or what is constant in a frame, such as `light`.
+    pub name: &'static str,
+    /// From the most significant bits down.
+    pub fields: Vec<Field>,
+    /// Which order counts.
+    pub order: Order,
+}
+
+impl Stream {
+    fn new(name: &'static str) -> Self {
+        Stream { name, fields: Vec::new(), order: Order::Total }
+    }
+
+    fn per_pixel(self) -> Self {
+        Stream { order: Order::PerPixel, ..self }
+    }
+
+    fn field(mut self, name: &str, signal: Option<String>, word: Word) -> Self {
+        self.fields.push(Field { name: name.to_owned(), signal, word, unless: &[] });
+        self
+    }
+
+    fn word(self, name: &str, signal: &str, word: Word) -> Self {
+        self.field(name, Some(signal.to_owned()), word)
+    }
+
+    fn words(self, names: &[&str], signal: &str, word: Word) -> Self {
+        names.iter().fold(self, |stream, name| stream.word(name, signal, word))
+    }
+
+    fn naturals(self, names: &[&str], bits: i32) -> Self {
+        names.iter().fold(self, |stream, name| stream.field(name, None, Word::new(Format::unsigned(bits, 0))))
+    }
+
+    fn exponent(self, name: &str) -> Self {
+        self.field(name, None, Word::new(Format::signed(EXPONENT_BITS, 0)))
+    }
+
+    /// All fields from here on mean nothing where one of these flags is set.
+    fn unless(mut self, first: usize, flags: &'static [&'static str]) -> Self {
+        self.fields[first..].iter_mut().for_each(|field| field.unless = flags);
+        self
+    }
+
+    /// Bits of a record.
+    pub fn width(&self) -> u32 {
+        self.fields.iter().map(Field::width).sum()
+    }
+
+    /// The least significant bit of each field.
+    pub fn places(&self) -> Vec<u32> {
+        let mut below = self.width();
+        self.fields
+            .iter()
+            .map(|field| {
+                below -= field.width();
+                below
+            })
+            .collect()
+    }
+
+    /// The unit that it belongs to; none for constants.
+    pub fn unit(&self) -> Option<&'static str> {
+        self.name.split_once('.').map(|(unit, _)| unit)
+    }
+}
+
+const XYZ: [&str; 3] = ["x", "y", "z"];
+
+fn each<const N: usize>(name: &str, ends: [&str; N]) -> [String; N] {
+    ends.map(|end| format!("{name}_{end}"))
+}
+
+fn axes(stream: Stream, name: &str, signal: &str, word: Word) -> Stream {
+    let names = each(name, XYZ);
+    stream.words(&names.each_ref().map(String::as_str), signal, word)
+}
+
+/// The depth that leaves the raster's clamp: exact.
+pub fn exact_depth(machine: &Machine) -> Format {
+    let exact = Raster::depth_exact(machine);
+    Format::signed(exact.int_bits + 1, exact.frac_bits)
+}
+
+/// The constants of a frame: registers, lights, materials, and what each material makes of each light.
+pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
+    let m = &elaborated.machine;
+    let (p, l, s) = (&m.project, &m.ellipse, &m.shade);
+    let mut frame = Stream::new("frame").naturals(&["width", "height"], PIXEL_BITS + 1);
+    for row in 0..3 {
+        for column in 0..3 {
+            frame = frame.word(&format!("rotation_{row}{column}"), "project.rotation", p.rotation);
+        }
+    }
+    let frame = axes(frame, "eye", "project.eye", p.eye)
+        .word("near", "project.depth", p.depth)
+        .words(&["guard_x", "guard_y"], "project.slope", p.slope)
+        .word("focal", "project.focal", p.focal)
+        .word("inverse_focal", "ellipse.inverse_focal", l.inverse_focal)
+        .exponent("inverse_focal_places")
+        .word("low_pass", "ellipse.low_pass", l.low_pass)
+        .word("cutoff", "raster.cutoff", m.raster.cutoff)
+        .word("root_cutoff", "ellipse.root_cutoff", l.root_cutoff)
+        .naturals(&["cull_backfaces"], 1)
+        .word("z_threshold", "fragment.depth", m.fragment.depth)
+        .word("coverage_threshold", "fragment.weight_sum", m.fragment.weight_sum)
+        .word("inverse_threshold", "shade.inverse_threshold", s.inverse_threshold)
+        .exponent("inverse_threshold_places")
+        .words(&["background_r", "background_g", "background_b", "background_a"], "resolve.frame", m.resolve.frame);
+    let light = axes(Stream::new("light"), "direction", "shade.light", s.light).naturals(&["has_half_way"], 1);
+    vec![
+        sheet_registers(kernel(frame, m, kind), m, kind),
+        axes(light, "half_way", "shade.light", s.light),
+        Stream::new("material").naturals(&["unlit"], 1).word("ambient", "shade.reflectance", s.reflectance),
+        Stream::new("reflection").words(
+            &["diffuse_r", "diffuse_g", "diffuse_b", "specular_r", "specular_g", "specular_b"],
+            "shade.reflectance",
+            s.reflectance,
+        ),
+    ]
+}
+
+/// What all ellipsoids have in common.
+fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
+    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return frame };
+    let mut frame = frame.naturals(&["amplitude"], 2).naturals(&["preshaded", "own_axes"], 1);
+    frame = frame.words(&["jacobian_x", "jacobian_y"], "project.slope", m.project.slope);
+    for axis in each("axis", ["0", "1", "2"]) {
+        frame = axes(frame, &axis, "ellipse.normal", m.ellipse.normal);
+    }
+    frame.words(&SCALES, "ellipse.scale", words.scale)
+}
+
+/// What all sheets have in common.
+fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
+    if !kind.sheets {
+        return frame;
+    }
+    frame
+        .naturals(&["each_splat", "back_to_front"], 1)
+        .word("stop", "fragment.opacity_sum", m.fragment.opacity_sum)
+        .naturals(&["keeps_last"], 1)
+        .words(&["least_weight", "most_weight"], "gauss.weight", m.gauss.weight)
+        .naturals(&["has_ratio"], 1)
+}
+
+/// The ports of the units, in the order of the diagram.
+pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
+    let m = &elaborated.machine;
+    let mut streams = vec![
+        pipeline_in(m, kind),
+        axes(Stream::new("project.in"), "position", "splat.position", m.splat.position),
+        project_out(m),
+        ellipse_in(m, kind),
+        ellipse_out(m),
+    ];
+    if kind.preshaded {
+        streams.extend([sums(Stream::new("ellipse.request"), m), premultiplied(Stream::new("ellipse.answer"), m)]);
+    }
+    if let (true, Some(sort)) = (kind.sorted, &m.sort) {
+        let splat = |name| Stream::new(name).naturals(&["tag"], TAG_BITS);
+        streams.extend([
+            splat("sort.in").word("depth", "project.depth", m.project.depth),
+            splat("sort.out").word("key", "sort.key", sort.key),
+        ]);
+    }
+    streams.extend([
+        raster_in(m),
+        raster_out(m),
+        Stream::new("gauss.in").word("radial", "raster.radial", m.raster.radial).word(
+            "amplitude",
+            "ellipse.amplitude",
+            m.ellipse.amplitude,
+        ),
+        Stream::new("gauss.out").word("weight", "gauss.weight", m.gauss.weight),
+        if kind.sheets { sheet_in(m) } else { fragment_in(m) },
+        Stream::new("fragment.out").naturals(&["x", "y"], PIXEL_BITS).naturals(&["outcome"], 3).naturals(&["slot"], 4).per_pixel(),
+    ]);
+    if kind.sheets {
+        streams.extend([composite("fragment.start", m).per_pixel(), lit(composite("fragment.held", m), m).per_pixel()]);
+    } else {
+        streams.extend([
+            sums(Stream::new("fragment.request"), m),
+            premultiplied(Stream::new("fragment.answer"), m),
+            start(m),
+            lit(slot("fragment.held", m).unless(6, &["shaded"]), m).per_pixel(),
+        ]);
+    }
+    streams.extend([
+        sums(Stream::new("shade.in"), m),
+        premultiplied(Stream::new("shade.out"), m),
+        premultiplied(Stream::new("resolve.in").naturals(&["x", "y"], PIXEL_BITS).naturals(&["last", "empty"], 1), m)
+            .unless(4, &["empty"])
+            .per_pixel(),
+        frame_words("resolve.out", m),
+        frame_words("pipeline.out", m),
+    ]);
+    streams
+}
+
+fn attributes(stream: Stream, m: &Machine) -> Stream {
+    stream.words(&["red", "green", "blue"], "splat.rgb", m.splat.rgb).word("opacity", "splat.opacity", m.splat.opacity)
+}
+
+fn pipeline_in(m: &Machine, kind: Kind) -> Stream {
+    let centre = axes(Stream::new("pipeline.in"), "position", "splat.position", m.splat.position);
+    let disc = axes(centre, "normal", "splat.normal", m.splat.normal).word("radius", "splat.radius", m.splat.radius);
+    let splat = attributes(orientation(disc, m, kind), m).naturals(&["material"], MATERIAL_BITS);
+    if kind.sheets { splat.naturals(&["sheet"], SHEET_BITS) } else { splat }
+}
+
+const SCALES: [&str; 3] = ["scale_0", "scale_1", "scale_2"];
+
+/// A splat's own axes; 0 where it has those of the frame.
+fn orientation(stream: Stream, m: &Machine, kind: Kind) -> Stream {
+    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return stream };
+    let quaternion = each("quaternion", ["w", "x", "y", "z"]);
+    stream.words(&quaternion.each_ref().map(String::as_str), "ellipse.quaternion", words.quaternion).words(
+        &SCALES,
+        "ellipse.scale",
+        words.scale,
+    )
+}
+
+/// What setup hands on about a point.
+fn point(stream: Stream, m: &Machine) -> Stream {
+    let p = &m.project;
+    stream
+        .word("inverse_depth", "project.reciprocal.result", Word::new(p.reciprocal.format()))
+        .exponent("inverse_depth_exponent")
+        .words(&["slope_x", "slope_y"], "project.slope", p.slope)
+        .words(&["pixel_x", "pixel_y"], "project.pixel", p.pixel)
+}
+
+fn project_out(m: &Machine) -> Stream {
+    let flags = Stream::new("project.out").naturals(&["near", "outside"], 1);
+    let depth =
+        flags.word("forward", "project.camera", m.project.camera).exponent("exponent").word("depth", "project.depth", m.project.depth);
+    point(depth, m).unless(2, &["near", "outside"]).unless_first(1, &["near"])
+}
+
+fn ellipse_in(m: &Machine, kind: Kind) -> Stream {
+    let disc = axes(Stream::new("ellipse.in"), "normal", "splat.normal", m.splat.normal).word("radius", "splat.radius", m.splat.radius);
+    let mut splat = orientation(disc, m, kind);
+    if kind.ellipsoids {
+        splat = splat.word("opacity", "splat.opacity", m.splat.opacity);
+    }
+    point(splat.word("forward", "project.camera", m.project.camera).exponent("exponent"), m)
+}
+
+fn conic(stream: Stream, m: &Machine) -> Stream {
+    let l = &m.ellipse;
+    stream.word("conic_xx", "ellipse.conic", l.conic).word("conic_xy", "ellipse.conic_cross", l.conic_cross).word(
+        "conic_yy",
+        "ellipse.conic",
+        l.conic,
+    )
+}
+
+const BOX: [&str; 4] = ["first_column", "last_column", "first_row", "last_row"];
+
+fn ellipse_out(m: &Machine) -> Stream {
+    let l = &m.ellipse;
+    let flags = Stream::new("ellipse.out").naturals(&["backface", "faint", "outside"], 1);
+    conic(axes(flags, "normal", "fragment.normal", m.fragment.normal), m)
+        .word("amplitude", "ellipse.amplitude", l.amplitude)
+        .naturals(&BOX, PIXEL_BITS)
+        .words(&["depth_slope_x", "depth_slope_y"], "ellipse.depth_slope", l.depth_slope)
+        .word("depth_range", "ellipse.depth_range", l.depth_range)
+        .unless(3, &["backface", "faint", "outside"])
+        .unless_first(1, &["backface"])
+        .unless_first(2, &["backface", "faint"])
+}
+
+fn raster_in(m: &Machine) -> Stream {
+    let centre = Stream::new("raster.in").naturals(&["tag"], TAG_BITS).words(&["pixel_x", "pixel_y"], "project.pixel", m.project.pixel);
+    conic(centre, m)
+        .word("depth", "project.depth", m.project.depth)
+        .words(&["depth_slope_x", "depth_slope_y"], "ellipse.depth_slope", m.ellipse.depth_slope)
+        .word("depth_range", "ellipse.depth_range", m.ellipse.depth_range)
+        .naturals(&BOX, PIXEL_BITS)
+}
+
+fn raster_out(m: &Machine) -> Stream {
+    Stream::new("raster.out")
+        .naturals(&["tag"], TAG_BITS)
+        .naturals(&["x", "y"], PIXEL_BITS)
+        .word("radial", "raster.radial", m.raster.radial)
+        .field("depth", None, Word::new(exact_depth(m)))
+}
+
+fn fragment_in(m: &Machine) -> Stream {
+    let contribution = Stream::new("fragment.in").naturals(&["x", "y"], PIXEL_BITS).word("weight", "gauss.weight", m.gauss.weight).field(
+        "depth",
+        None,
+        Word::new(exact_depth(m)),
+    );
+    axes(attributes(contribution, m), "normal", "fragment.normal", m.fragment.normal).naturals(&["material"], MATERIAL_BITS).per_pixel()
+}
+
+/// A contribution to a sheet.
+fn sheet_in(m: &Machine) -> Stream {
+    Stream::new("fragment.in")
+        .naturals(&["x", "y"], PIXEL_BITS)
+        .word("weight", "gauss.weight", m.gauss.weight)
+        .naturals(&["sheet"], SHEET_BITS)
+        .words(&["red", "green", "blue"], "splat.rgb", m.splat.rgb)
+        .per_pixel()
+}
+
+fn all_sums(stream: Stream, m: &Machine) -> Stream {
+    let f = &m.fragment;
+    let coloured = stream
+        .word("weight", "fragment.weight_sum", f.weight_sum)
+        .words(&["colour_r", "colour_g", "colour_b"], "fragment.colour_sum", f.colour_sum)
+        .word("opacity", "fragment.opacity_sum", f.opacity_sum);
+    axes(coloured, "normal", "fragment.normal_sum", f.normal_sum)
+}
+
+fn sums(stream: Stream, m: &Machine) -> Stream {
+    all_sums(stream, m).naturals(&["material"], MATERIAL_BITS)
+}
+
+fn premultiplied(stream: Stream, m: &Machine) -> Stream {
+    stream.words(&["colour_r", "colour_g", "colour_b", "opacity"], "shade.premultiplied", m.shade.premultiplied)
+}
+
+/// A fragment in its slot; where it is shaded, `colour` and `opacity` are those of its light.
+fn slot(name: &'static str, m: &Machine) -> Stream {
+    let key = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["slot"], 4).naturals(&["shaded"], 1);
+    all_sums(key.word("depth", "fragment.depth", m.fragment.depth).naturals(&["material"], MATERIAL_BITS), m)
+}
+
+/// A pixel of sheets: what has been blended, and the open sheet.
+fn composite(name: &'static str, m: &Machine) -> Stream {
+    let f = &m.fragment;
+    let pixel = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["stopped", "closed"], 1);
+    pixel
+        .words(&["colour_r", "colour_g", "colour_b"], "fragment.colour_sum", f.colour_sum)
+        .word("opacity", "fragment.opacity_sum", f.opacity_sum)
+        .naturals(&["sheet"], SHEET_BITS)
+        .word("weight", "fragment.weight_sum", f.weight_sum)
+        .words(&["sheet_r", "sheet_g", "sheet_b"], "fragment.colour_sum", f.colour_sum)
+        .unless(8, &["closed"])
+}
+
+fn lit(stream: Stream, m: &Machine) -> Stream {
+    stream.words(&["lit_r", "lit_g", "lit_b", "lit_opacity"], "shade.premultiplied", m.shade.premultiplied)
+}
+
+/// What a pixel held before a window, in the places of its slots.
+fn start(m: &Machine) -> Stream {
+    let mut start = slot("fragment.start", m).per_pixel();
+    let means_nothing = |field: &&mut Field| field.name == "weight" || field.name.starts_with("normal");
+    start.fields.iter_mut().filter(means_nothing).for_each(|field| field.unless = &["shaded"]);
+    start
+}
+
+fn frame_words(name: &'static str, m: &Machine) -> Stream {
+    let pixel = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS);
+    pixel.words(&["red", "green", "blue", "alpha"], "resolve.frame", m.resolve.frame).per_pixel()
+}
+
+impl Stream {
+    /// One field means nothing where one of these flags is set.
+    fn unless_first(mut self, field: usize, flags: &'static [&'static str]) -> Self {
+        self.fields[field].unless = flags;
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests;
