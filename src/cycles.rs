@@ -138,7 +138,7 @@ impl CyclesReport {
                 clients: CLIENTS.into_iter().filter(|client| memory.requests[*client as usize] > 0).map(of_client).collect(),
                 read_latency_log2: memory.latencies[..last].to_vec(),
             },
-            slots: cycles.slots,
+            slots: cycles.stamps,
             lookups: (cycles.lookups[0] > 0).then_some(cycles.lookups),
         }
     }

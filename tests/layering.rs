@@ -235,7 +235,7 @@ fn surroundings(code: &str) -> Vec<String> {
     words.chain(roots.into_iter().filter(|root| used.contains(root))).map(String::from).collect()
 }
 
-/// What a unit may name of its crate.
+/// Whatever a unit names of its crate that it may not: other than layers below it, and what the host does in them.
 fn neighbours(code: &str) -> Vec<String> {
     let above = names(code, "super").then(|| "super".into());
     neighbours_over_the_reals(code)
@@ -245,13 +245,32 @@ fn neighbours(code: &str) -> Vec<String> {
         .collect()
 }
 
-/// What a unit's bound may name: its unit, which is its parent, and real numbers too.
+/// The same of a unit's bound, which may name its unit, which is its parent, and real numbers too.
 fn neighbours_over_the_reals(code: &str) -> Vec<String> {
-    let allowed = ["num", "machine", "frame", "probe", "real"];
+    let allowed = ["kernels", "real", "functions", "elaboration", "machine", "probe", "frame", "records", "num"];
     let steps = steps_from(code, "crate").into_iter().filter(|step| !allowed.contains(step)).map(|step| format!("crate::{step}"));
-    let outside = ["units", "rayon", "pipeline"].into_iter().filter(|word| names(code, word)).map(String::from);
+    let outside = ["units", "rayon", "pipeline", "host"].into_iter().filter(|word| names(code, word)).map(String::from);
     let above = steps_from(code, "super").contains("super").then(|| "super::super".into());
     steps.chain(outside).chain(above).collect()
+}
+
+/// The machine's layers, top to bottom: each names those below it alone.
+const LAYERS: [&str; 13] =
+    ["timing", "pipeline", "units", "kernels", "real", "functions", "elaboration", "machine", "probe", "work", "frame", "records", "num"];
+
+/// Names that do not point down from a file: of its crate anything but its own layer and those below, by `crate::` or by too many `super::`.
+fn upward(path: &str, code: &str) -> Vec<String> {
+    let inside = path.strip_prefix(MACHINE).unwrap_or(path);
+    let modules: Vec<&str> = inside.trim_end_matches(".rs").split('/').filter(|module| *module != "mod").collect();
+    let place = |layer: &str| LAYERS.iter().position(|known| *known == layer);
+    let own = place(modules[0]).unwrap_or(LAYERS.len());
+    let steps = steps_from(code, "crate").into_iter().filter(|step| place(step).is_none_or(|step| step < own));
+    let crossing = steps.map(|step| format!("crate::{step}"));
+    let tokens = tokens(code);
+    // `super` and two colons are three tokens.
+    let climbs = |i: usize| tokens[i..].chunks(3).take_while(|step| step[0] == "super").count();
+    let out = (0..tokens.len()).any(|i| climbs(i) >= modules.len());
+    crossing.chain(out.then(|| "super:: leaves its layer".into())).collect()
 }
 
 /// Real numbers, named other than to declare the module that has them.
@@ -291,6 +310,8 @@ fn check(sources: &Sources, applies: impl Fn(&str) -> bool, rule: impl Fn(&str, 
 const MACHINE: &str = "rtl_model/src/";
 const UNITS: &str = "rtl_model/src/units/";
 const NUM: &str = "rtl_model/src/num/";
+const FUNCTIONS: &str = "rtl_model/src/functions/";
+const PIPELINE: &str = "rtl_model/src/pipeline/";
 
 /// Whether a file of the machine says over the reals what another does with words.
 fn is_over_the_reals(path: &str) -> bool {
@@ -302,7 +323,7 @@ fn is_over_the_reals(path: &str) -> bool {
 #[test]
 fn the_machine_has_no_floats() {
     let mut sources = sources(&["rtl_model/src"]);
-    let num = sources.get_mut("rtl_model/src/num.rs").unwrap();
+    let num = sources.get_mut("rtl_model/src/num/mod.rs").unwrap();
     // For human eyes and for the bench; that no unit calls it is the next test.
     let without_value = without_items(num, "pub fn value(self");
     assert_ne!(*num, without_value);
@@ -354,34 +375,36 @@ fn a_unit_names_no_other_unit() {
 }
 
 #[test]
-fn only_the_wiring_knows_several_units() {
-    // machine.rs elaborates them, probe.rs, a recorder and told.rs watch their ports, ports.rs describes those, pipeline.rs wires them, alone.rs
-    // drives each by itself. A field may be called `units`.
-    let wiring = [
-        "pipeline.rs",
-        "pipeline/real.rs",
-        "machine.rs",
-        "probe.rs",
-        "probe/recorder.rs",
-        "probe/told.rs",
-        "lib.rs",
-        "ports.rs",
-        "alone.rs",
-    ];
-    let wiring = wiring.map(|file| format!("{MACHINE}{file}"));
+fn the_machines_imports_point_down_only() {
+    let sources = sources(&[MACHINE]);
+    let layer = |path: &str| path.strip_prefix(MACHINE).and_then(|inside| inside.split_once('/')).map(|(layer, _)| layer.to_owned());
+    let known: BTreeSet<String> = sources.keys().filter_map(|path| layer(path)).collect();
+    assert_eq!(known, LAYERS.map(String::from).into(), "a folder is no layer, or a layer no folder");
+    let outside: Vec<_> = sources.keys().filter(|path| layer(path).is_none()).collect();
+    assert_eq!(outside, ["rtl_model/src/lib.rs"]);
+    check(&sources, |path| layer(path).is_some(), upward);
+}
+
+/// The pipeline elaborates and wires them, describes their ports, and drives each by itself. A field may be called `units`.
+#[test]
+fn only_the_pipeline_knows_several_units() {
     let rule = |_: &str, code: &str| steps_from(code, "crate").contains("units").then(|| "names the units".into()).into_iter().collect();
-    check(&sources(&[MACHINE]), |path| !wiring.iter().any(|file| file == path) && !path.starts_with(UNITS), rule);
+    check(&sources(&[MACHINE]), |path| !path.starts_with(PIPELINE) && !path.starts_with(UNITS), rule);
 }
 
 /// Function and time meet only in recorded work: timing computes no value, and what computes values counts no cycle.
 #[test]
 fn timing_knows_recorded_work_and_its_own_description_alone() {
-    let is_timing = |path: &str| path.starts_with(&format!("{MACHINE}timing")) || path == format!("{MACHINE}work.rs");
+    let is_timing = |path: &str| path.starts_with(&format!("{MACHINE}timing/")) || path.starts_with(&format!("{MACHINE}work/"));
     let all = sources(&[MACHINE]);
     assert!(all.keys().filter(|path| is_timing(path)).count() >= 8);
     let stranger = |_: &str, code: &str| -> Vec<String> {
         let steps = steps_from(code, "crate");
-        steps.into_iter().filter(|step| !["machine", "work", "timing"].contains(step)).map(|step| format!("crate::{step}")).collect()
+        steps
+            .into_iter()
+            .filter(|step| !["elaboration", "machine", "work", "timing"].contains(step))
+            .map(|step| format!("crate::{step}"))
+            .collect()
     };
     check(&all, is_timing, stranger);
     let counts = |_: &str, code: &str| steps_from(code, "crate").contains("timing").then(|| "crate::timing".into()).into_iter().collect();
@@ -389,21 +412,19 @@ fn timing_knows_recorded_work_and_its_own_description_alone() {
 }
 
 #[test]
-fn bits_are_lost_in_num_alone() {
+fn bits_are_lost_in_num_and_functions_alone() {
     // The fit of eight sums at once, and the reach of one, which elaboration works out.
     let excused = [
-        (">> (limits.right[lane]", "rtl_model/src/units/fragment.rs"),
-        ("] + (most >> right)", "rtl_model/src/units/fragment.rs"),
-        ("] + (least >> right)", "rtl_model/src/units/fragment.rs"),
+        (">> (limits.right[lane]", "rtl_model/src/kernels/packed.rs"),
+        ("] + (most >> right)", "rtl_model/src/kernels/packed.rs"),
+        ("] + (least >> right)", "rtl_model/src/kernels/packed.rs"),
         // The vector form of `right`, which is num's own shift.
-        ("(SIGN as u64 >> by)", "rtl_model/src/host.rs"),
+        ("(SIGN as u64 >> by)", "rtl_model/src/kernels/host.rs"),
         // Bytes of a word, one after the other.
-        ("i64::from_le_bytes(bytes) >> (32 * i)", "rtl_model/src/host.rs"),
+        ("i64::from_le_bytes(bytes) >> (32 * i)", "rtl_model/src/kernels/host.rs"),
         // A limit that elaboration works out, rounded up, and a bit of a mask.
         ("(-opaque << opacity_places) >> m.opaque.format.frac_bits", "rtl_model/src/units/fragment.rs"),
         ("bits >> place & 1 == 1", "rtl_model/src/units/raster.rs"),
-        // The exponent of a real number.
-        (".to_bits() >> 52", "rtl_model/src/real.rs"),
     ];
     let sources = sources(&[MACHINE]);
     for (line, path) in excused {
@@ -412,7 +433,7 @@ fn bits_are_lost_in_num_alone() {
     let is_excused = |path: &str, line: &str| excused.iter().any(|(part, whose)| *whose == path && line.contains(part));
     check(
         &sources,
-        |path| !path.starts_with(NUM),
+        |path| !path.starts_with(NUM) && !path.starts_with(FUNCTIONS),
         |path, code| right_shifts(code).into_iter().filter(|line| !is_excused(path, line)).collect(),
     );
 }
@@ -463,9 +484,9 @@ fn only_quantise_turns_real_numbers_into_bits() {
 #[test]
 fn the_only_unsafe_code_asks_for_vector_instructions() {
     let sources = sources(&["rtl_model/src", "rtl_model/tests", "src", "tests", "benches", "examples"]);
-    assert!(names(&sources["rtl_model/src/host.rs"], "unsafe"));
+    assert!(names(&sources["rtl_model/src/kernels/host.rs"], "unsafe"));
     let rule = |_: &str, code: &str| names(code, "unsafe").then(|| "has unsafe code".into()).into_iter().collect();
-    check(&sources, |path| path != "rtl_model/src/host.rs", rule);
+    check(&sources, |path| path != "rtl_model/src/kernels/host.rs", rule);
 }
 
 // --- The rules can fail ---
@@ -506,7 +527,7 @@ fn neighbours_are_seen() {
         "use crate::units::gauss;",
         "use super::gauss;",
         "use crate::{num::Fit, pipeline};",
-        "crate::host::vectorised()",
+        "crate::kernels::host::vectorised()",
         "use crate::real::Near;",
         "use rayon::prelude::*;",
     ] {
@@ -517,6 +538,28 @@ fn neighbours_are_seen() {
         assert!(!neighbours_over_the_reals(text).is_empty(), "{text}");
     }
     assert!(neighbours_over_the_reals("use super::{Shade, x}; use crate::{num::Fit, real::Real}; super::Sums").is_empty());
+}
+
+#[test]
+fn names_that_point_up_are_seen() {
+    let up = |file: &str, code: &str| upward(&format!("{MACHINE}{file}"), code);
+    for (file, text) in [
+        ("num/fit.rs", "use crate::probe::Tap;"),
+        ("probe/mod.rs", "use crate::{num::Fit, units::shade};"),
+        ("machine/named.rs", "crate::elaboration::Elaboration"),
+        ("units/gauss.rs", "use crate::Machine;"),
+        ("records/mod.rs", "use super::units;"),
+        ("units/gauss.rs", "use super::super::pipeline;"),
+    ] {
+        assert!(!up(file, text).is_empty(), "{file}: {text}");
+    }
+    for (file, text) in [
+        ("timing/stamps.rs", "use crate::{work::Work, elaboration::latency};"),
+        ("pipeline/fill.rs", "use super::Drawing; pub(crate) use crate::pipeline::Setup;"),
+        ("units/shade/real/tests.rs", "use super::super::Input;"),
+    ] {
+        assert!(up(file, text).is_empty(), "{file}: {text}: {:?}", up(file, text));
+    }
 }
 
 #[test]

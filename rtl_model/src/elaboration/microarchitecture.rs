@@ -43,11 +43,11 @@ pub struct Microarchitecture {
     pub project: Pace,
     /// An item is a splat.
     pub ellipse: Pace,
-    /// An item is a slot.
+    /// An item is a stamp.
     pub raster: Pace,
-    /// An item is a slot that kept a pixel.
+    /// An item is a stamp that kept a pixel.
     pub gauss: Pace,
-    /// An item is a slot whose weights are not all 0.
+    /// An item is a stamp whose weights are not all 0.
     pub cache: Pace,
     /// Likewise; merging takes more.
     pub fragment: Pace,
@@ -73,7 +73,7 @@ pub struct Microarchitecture {
     pub frame_bytes: u32,
     /// Bytes of a line of the frame buffer.
     pub line_bytes: u32,
-    /// What waits and what is kept on the chip.
+    /// Words that wait and that are kept on the chip.
     pub storage: Storage,
 }
 
@@ -229,7 +229,7 @@ impl Machine {
 }
 
 impl Machine {
-    /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, slots. A slot's lanes carry a
+    /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps. A stamp's lanes carry a
     /// radial index or a weight, and a depth; its splat's attributes go with it.
     fn storage(&self, [splat, prepared]: [i32; 2], [fragment_bytes, frame_bytes]: [u32; 2]) -> Storage {
         let (t, p, f) = (&self.timing, &self.project, &self.fragment);
@@ -240,7 +240,7 @@ impl Machine {
         let attributes = bits(&[(3, self.splat.rgb), (1, self.splat.opacity), (3, f.normal)]) + 8;
         // What is out of range is a misfit already: here it must do no harm.
         let lanes = t.raster.lanes[0].saturating_mul(t.raster.lanes[1]).min(64) as i32;
-        let slot = |word: Word| lanes * bits(&[(1, word), (1, f.depth)]) + attributes;
+        let stamp = |word: Word| lanes * bits(&[(1, word), (1, f.depth)]) + attributes;
         let fragments = u64::from(f.layers) * u64::from(fragment_bytes) * 8;
         let fifo = |to, places: u32, units: u32, bits: i32| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
         let immediate = t.organisation == Organisation::Immediate;
@@ -250,9 +250,9 @@ impl Machine {
             fifo("ellipse", t.project.fifo, t.project.units, point + rest),
             fifo(set_up, t.ellipse.fifo, t.ellipse.units, prepared),
             fifo("raster", if immediate { 0 } else { t.fetch.fifo }, 1, prepared),
-            fifo("gauss", t.raster.fifo, 1, slot(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)])),
-            fifo(weighed, t.gauss.fifo, 1, slot(self.gauss.weight)),
-            fifo("fragment", if immediate { t.cache.fifo } else { 0 }, 1, slot(self.gauss.weight)),
+            fifo("gauss", t.raster.fifo, 1, stamp(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)])),
+            fifo(weighed, t.gauss.fifo, 1, stamp(self.gauss.weight)),
+            fifo("fragment", if immediate { t.cache.fifo } else { 0 }, 1, stamp(self.gauss.weight)),
         ];
         let kept = if immediate {
             [t.cache.line_px[0], t.cache.line_px[1], t.cache.lines]

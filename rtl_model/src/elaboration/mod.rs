@@ -13,7 +13,7 @@ pub use crate::records::Signal;
 
 use crate::num::{Exact, Fit, Format, MAX_WIDTH_BITS, Overflow, Rounding, Word};
 
-/// What hardware is built of.
+/// Operator: hardware is built of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operator {
     /// A product: bits of both operands, sign bits included.
@@ -33,7 +33,7 @@ pub enum Operator {
 pub struct Part {
     /// The unit it belongs to.
     pub unit: &'static str,
-    /// What it is.
+    /// Its operator.
     pub operator: Operator,
     /// How many of them a unit has that takes an item a cycle.
     pub copies: u32,
@@ -48,7 +48,7 @@ impl Part {
     }
 }
 
-/// What elaboration gathers: signals, multipliers, misfits.
+/// Elaboration gathers signals, multipliers, misfits.
 #[derive(Clone, Debug)]
 pub struct Elaboration {
     /// Every signal, in the order of the diagram.
@@ -101,7 +101,7 @@ impl Elaboration {
         });
     }
 
-    /// What is declared inside is built so many times.
+    /// Builds what is declared inside so many times.
     pub fn copies<T>(&mut self, copies: u32, declare: impl FnOnce(&mut Self) -> T) -> T {
         let before = self.copies;
         self.copies *= copies;
@@ -110,7 +110,7 @@ impl Elaboration {
         declared
     }
 
-    /// What is declared inside is built once for every lane of the rasteriser.
+    /// Builds what is declared inside once for every lane of the rasteriser.
     pub fn per_lane<T>(&mut self, declare: impl FnOnce(&mut Self) -> T) -> T {
         let before = std::mem::replace(&mut self.per_lane, true);
         let declared = declare(self);

@@ -89,7 +89,7 @@ pub struct Lighting {
     pub materials: Vec<Material>,
 }
 
-/// What an ellipsoid's amplitude is.
+/// Meaning of an ellipsoid's amplitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Amplitude {
     /// That of the disc which its first two axes span (Surface Splatting §5): for kernels flattened along the third.
@@ -101,10 +101,10 @@ pub enum Amplitude {
     Peak,
 }
 
-/// What all ellipsoids of a frame have in common.
+/// Registers that all ellipsoids of a frame have in common.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Kernel {
-    /// What amplitudes are.
+    /// Meaning of amplitudes.
     pub amplitude: Amplitude,
     /// Greatest |a| and |b| in the Jacobian (`project.slope`).
     pub jacobian: [i64; 2],
@@ -126,7 +126,7 @@ pub struct Orientation {
 /// The splats of a frame as ellipsoids.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Ellipsoids {
-    /// What they have in common.
+    /// Registers that they have in common.
     pub kernel: Kernel,
     /// One for each splat; or none, and all have the kernel's axes.
     pub own: Vec<Orientation>,
@@ -136,7 +136,7 @@ pub struct Ellipsoids {
     pub sorted: bool,
 }
 
-/// What a sheet is.
+/// Meaning of a sheet.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Each {
     /// All splats with the same number.
@@ -149,7 +149,7 @@ pub enum Each {
 /// Fragments are grouped by sheets instead of depths.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Sheets {
-    /// What a sheet is.
+    /// Meaning of a sheet.
     pub each: Each,
     /// The number of each splat's sheet, where a sheet is a slice.
     pub numbers: Vec<u32>,
@@ -157,7 +157,7 @@ pub struct Sheets {
     pub back_to_front: bool,
     /// A pixel that lets through less than this (`fragment.opacity_sum`) takes nothing more; 0 never.
     pub stop: i64,
-    /// What makes a pixel stop is blended still.
+    /// The sheet that makes a pixel stop is blended still.
     pub keeps_last: bool,
     /// Lesser weights make no fragment (`gauss.weight`).
     pub least_weight: i64,
@@ -188,7 +188,7 @@ pub struct Frame {
     pub lighting: Lighting,
     /// Splats in input order.
     pub splats: Vec<Splat>,
-    /// What makes ellipsoids of them; none where they are discs.
+    /// Axes that make ellipsoids of them; none where they are discs.
     pub ellipsoids: Option<Ellipsoids>,
     /// How fragments are grouped; none: by depth.
     pub sheets: Option<Sheets>,

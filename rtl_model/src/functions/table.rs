@@ -65,7 +65,7 @@ impl Table {
         value.left(self.fraction_bits) + delta * fraction
     }
 
-    /// What lies between two words.
+    /// Interpolation between two words.
     pub fn interpolation(&self) -> Interpolation {
         self.interpolation
     }

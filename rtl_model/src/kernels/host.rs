@@ -10,7 +10,7 @@ use crate::num::{LANES, Lanes};
 
 /// A kernel: work that gains from vector instructions. `run` must be `#[inline(always)]` all the way down to be compiled for them.
 pub trait Kernel {
-    /// What comes out.
+    /// Result.
     type Output;
     /// Does it, with lanes of the given kind.
     fn run<L: Lanes>(self) -> Self::Output;

@@ -39,7 +39,7 @@ pub trait Accumulator: Copy + Default + Send + Sync + 'static {
     fn get(self) -> i64;
 }
 
-/// What an accumulation needs where all of its fits are simple, lane by lane.
+/// Limits of an accumulation, where all of its fits are simple, lane by lane.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Limits<A> {
     half: [A; SUMS],

@@ -12,7 +12,7 @@
 use super::{Exact, Exacts, LANES, Lanes, Overflow, Rounding, Word, Words, three};
 use std::hint::cold_path;
 
-/// What a [`Fit`] lost, for whoever watches.
+/// Loss of a [`Fit`], for whoever watches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Loss {
     /// Bits that were not zero fell off below the last place.
@@ -43,7 +43,7 @@ pub struct Fit {
     pub word: Word,
     /// Fraction bits of the exact result less those of the word: places to the right.
     places: i64,
-    /// What rounds to nearest before those places are cut; 0 where they are just cut.
+    /// Half a place, which rounds to nearest before those places are cut; 0 where they are just cut.
     half: i64,
     min: i64,
     max: i64,
@@ -102,7 +102,7 @@ impl Fit {
         (exact.wrapping_add(self.half) >> self.right).max(self.min).min(self.max)
     }
 
-    /// What is added before places are cut.
+    /// Half a place, or what else is added before places are cut.
     pub fn half(&self) -> i64 {
         self.half
     }
@@ -388,7 +388,7 @@ impl Fit {
         if places < 0 { i128::from(exact) << (-places).min(63) } else { i128::from(self.cut(exact, places.min(63) as u32)) }
     }
 
-    /// What is lost when `exact`, with `more` fraction bits than was elaborated, becomes a word.
+    /// Says what is lost when `exact`, with `more` fraction bits than was elaborated, becomes a word.
     pub fn loss(&self, exact: i64, more: i64) -> Loss {
         let rounded = self.rounded(exact, more);
         let inexact = self.is_inexact(exact, more);

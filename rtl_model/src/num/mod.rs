@@ -85,7 +85,7 @@ impl Format {
         1 << self.frac_bits
     }
 
-    /// What a word stands for, for human eyes and for the bench; no unit calls this.
+    /// Value that a word stands for, for human eyes and for the bench; no unit calls this.
     pub fn value(self, word: i64) -> f64 {
         word as f64 * (-f64::from(self.frac_bits)).exp2()
     }
@@ -186,7 +186,7 @@ pub fn align<const N: usize>(frac_bits: [i32; N]) -> [u32; N] {
     frac_bits.map(|bits| (finest - bits).clamp(0, 62) as u32)
 }
 
-/// What becomes of the bits below a format's last place.
+/// Rounding: what becomes of the bits below a format's last place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rounding {
@@ -199,7 +199,7 @@ pub enum Rounding {
     NearestEven,
 }
 
-/// What becomes of a value outside a format's range.
+/// Overflow: what becomes of a value outside a format's range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Overflow {

@@ -16,7 +16,7 @@ pub struct Elaborated {
     pub machine: Machine,
     /// Every signal, in the order of the diagram.
     pub signals: Vec<Signal>,
-    /// What its units are built of.
+    /// Parts that its units are built of.
     pub parts: Vec<Part>,
     pub(crate) project: project::Project,
     pub(crate) ellipse: ellipse::Ellipse,
@@ -104,7 +104,7 @@ impl Machine {
         if self.ellipse.ellipsoid.is_some() { e.copies(3, |e| e.fit("ellipse", "emission", word, from)) } else { Fit::new(0, word, from) }
     }
 
-    /// What each unit takes by its formats.
+    /// Latency of each unit by its formats.
     fn latencies(&self) -> Latencies {
         Latencies {
             project: project::latency(self),

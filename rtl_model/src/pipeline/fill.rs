@@ -150,7 +150,7 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     probe: &'a mut P,
 }
 
-/// Draws a tile once more, for another to hear.
+/// Draws a tile once more, for another to observe.
 #[inline(never)]
 fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
     plainly(FillTile::<false, Plainly, i64, Ranges> { host: Plainly, shared, part, tile: &mut Box::default(), probe });

@@ -62,7 +62,7 @@ pub struct Drawing {
     pub covered: Vec<bool>,
     /// Splats that were not drawn.
     pub culled: Culled,
-    /// What became of the contributions.
+    /// Outcomes of the contributions.
     pub outcomes: Outcomes,
 }
 

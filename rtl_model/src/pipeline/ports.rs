@@ -30,7 +30,7 @@ const TAG_BITS: i32 = 32;
 /// Bits of a sheet's number.
 pub const SHEET_BITS: i32 = 31;
 
-/// What records depend on beside the machine: what a frame has it draw.
+/// Kind of frame: all that records depend on beside the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Kind {
     /// Splats are ellipsoids; else they are discs.
@@ -76,7 +76,7 @@ impl Field {
     }
 }
 
-/// What may be exchanged among a stream's records without changing what they mean.
+/// Order: what may be exchanged among a stream's records without changing what they mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// Nothing.
@@ -210,7 +210,7 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     ]
 }
 
-/// What all ellipsoids have in common.
+/// Registers that all ellipsoids have in common.
 fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return frame };
     let mut frame = frame.naturals(&["amplitude"], 2).naturals(&["preshaded", "own_axes"], 1);
@@ -221,7 +221,7 @@ fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     frame.words(&SCALES, "ellipse.scale", words.scale)
 }
 
-/// What all sheets have in common.
+/// Registers that all sheets have in common.
 fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     if !kind.sheets {
         return frame;

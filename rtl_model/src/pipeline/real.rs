@@ -16,7 +16,7 @@ use std::ops::Range;
 pub struct Footprint {
     /// Where it is.
     pub point: project::real::Projected<Near>,
-    /// What it looks like.
+    /// Its look.
     pub ellipse: ellipse::real::Output<Near>,
     walk: raster::real::Walk,
 }
@@ -50,7 +50,7 @@ impl Footprint {
         Footprint { point, ellipse, walk: machine.raster.near(&walked(&point, &ellipse), reach) }
     }
 
-    /// What the splat gives to the pixel whose centre lies at `at` from the picture's middle.
+    /// Contribution of the splat to the pixel whose centre lies at `at` from the picture's middle.
     pub fn contribution(&self, machine: &Elaborated, at: [f64; 2]) -> Contribution {
         let radial = machine.raster.near_radial(&self.walk, at);
         Contribution {
@@ -61,7 +61,7 @@ impl Footprint {
     }
 }
 
-/// What setup hands to raster.
+/// Input port of raster, from setup.
 pub fn walked<R: Real>(point: &project::real::Projected<R>, ellipse: &ellipse::real::Output<R>) -> raster::real::Input<R> {
     raster::real::Input {
         pixel: point.pixel,
@@ -145,12 +145,12 @@ impl Elaborated {
         self.shade.real(lighting, sums)
     }
 
-    /// What a slot keeps of a fragment that was shaded for a merge.
+    /// Words that a slot keeps of a fragment that was shaded for a merge.
     pub fn real_stored<R: Real>(&self, shaded: [R; 4]) -> [R; 4] {
         self.fragment.real_stored(shaded)
     }
 
-    /// What a merge or resolve reads of a fragment that a merge left.
+    /// Light that a merge or resolve reads of a fragment that a merge left.
     pub fn real_read<R: Real>(&self, slot: [R; 4]) -> [R; 4] {
         self.fragment.real_read(slot)
     }

@@ -117,7 +117,7 @@ struct SetUp<'a, P> {
     probe: &'a mut P,
 }
 
-/// Sets eight splats up once more, for another to hear.
+/// Sets eight splats up once more, for another to observe.
 #[inline(never)]
 fn resample_set_up(machine: &Elaborated, frame: &Frame, splats: &[Splat], first: u32, probe: &mut Ranges) {
     plainly(SetUp { machine, frame, splats, first, of: splats.len(), probe });
@@ -198,7 +198,7 @@ impl<P: Probe> Kernel for SetUpEllipsoids<'_, P> {
     }
 }
 
-/// Sets eight ellipsoids up once more, for another to hear.
+/// Sets eight ellipsoids up once more, for another to observe.
 #[inline(never)]
 fn resample_ellipsoids(machine: &Elaborated, frame: &Frame, ellipsoids: &Ellipsoids, splats: &[Splat], first: u32, probe: &mut Ranges) {
     plainly(SetUpEllipsoids { machine, frame, ellipsoids, splats, first, of: splats.len(), probe });
@@ -237,7 +237,7 @@ impl<'a> Lit<'a> {
     }
 }
 
-/// What sets splats up.
+/// The units that set splats up.
 struct Units<'a> {
     project: &'a project::Project,
     ellipse: &'a ellipse::Ellipse,

@@ -47,7 +47,7 @@ pub fn ellipse(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64
     ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
 }
 
-/// What `ellipse` is given of any splat: its normal and σ, and what `project` made of it.
+/// Input port of `ellipse`, of any splat: its normal and σ, and what `project` made of it.
 fn to_ellipse<W>(normal: [W; 3], radius: W, of_project: [W; 8]) -> ellipse::Input<W> {
     let [forward, exponent, inverse, inverse_exponent, a, b, x, y] = of_project;
     ellipse::Input {
@@ -73,7 +73,7 @@ pub fn ellipsoid(machine: &Elaborated, frame: &Frame, input: [i64; 20], observer
     machine.ellipse.ellipsoids(&frame.view, &ellipsoids.kernel, size_px, &input, axes, opacity, tap).map(|output| ellipse_words(&output))
 }
 
-/// What a splat with this colour, normal and material sends to `shade` before it is drawn: `ellipse.request`.
+/// Request that a splat with this colour, normal and material sends to `shade` before it is drawn: `ellipse.request`.
 pub fn emission(machine: &Elaborated, rgb: [i64; 3], normal: [i64; 3], material: u32, observer: &mut dyn Observer<'_>) -> shade::Input {
     emitting(machine, rgb.map(narrow), normal.map(narrow), material, &mut Tap::new(&mut DynProbe::new(observer)))
 }
@@ -195,13 +195,13 @@ impl<'a> Fragments<'a> {
         decision
     }
 
-    /// What a pixel of the tile holds, slot by slot.
+    /// Fragments that a pixel of the tile holds, slot by slot.
     pub fn held(&self, pixel: usize) -> Vec<Slot> {
         let at = (pixel % TILE_AREA) as u8;
         (0..self.tile.live(at)).map(|slot| self.tile.slot(at, slot)).collect()
     }
 
-    /// What a shaded fragment is read as.
+    /// Light that a shaded fragment is read as.
     pub fn lit(&self, slot: &Slot, observer: &mut dyn Observer<'_>) -> Premultiplied {
         self.machine.fragment.shaded(slot, &mut Tap::new(&mut DynProbe::new(observer)))
     }
@@ -233,7 +233,7 @@ impl<'a> Sheets<'a> {
         unit.contribute_to_sheet::<Plainly, DynProbe>(&mut self.tile, pixel, &input, &self.registers, tap)
     }
 
-    /// What a pixel of the tile holds; none where nothing came.
+    /// Sheets that a pixel of the tile holds; none where nothing came.
     pub fn held(&self, pixel: usize) -> Option<Held> {
         let at = (pixel % TILE_AREA) as u8;
         // Where each splat is a sheet none is ever open.
@@ -242,7 +242,7 @@ impl<'a> Sheets<'a> {
         (!slots.is_empty()).then(|| Held::of(&slots))
     }
 
-    /// What its sheets come to.
+    /// Light that its sheets come to.
     pub fn lit(&self, pixel: usize, observer: &mut dyn Observer<'_>) -> Option<Premultiplied> {
         let at = (pixel % TILE_AREA) as u8;
         self.machine.fragment.composite(&self.tile, at, &self.registers, &mut Tap::new(&mut DynProbe::new(observer)))

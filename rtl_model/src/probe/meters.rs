@@ -196,7 +196,7 @@ impl Meters {
         }
     }
 
-    /// What they read.
+    /// Reads them.
     pub fn ranges(&self) -> Ranges {
         let [sample, limited] = &self.resampled;
         let mut ranges = sample.clone();

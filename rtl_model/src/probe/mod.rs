@@ -3,8 +3,8 @@
 //! Units hand every fitted word and every decision to a [`Tap`]; with [`NoProbe`] the compiler removes all of it.
 //! Parts of a frame are watched by forks of a probe; absorbing forks is associative, so threads cannot change a count.
 //!
-//! A probe hears words one by one, or ([`Probe::EIGHT`]) eight at a time without what was lost; then it may ask for an item of work, eight
-//! splats or a tile, once [again](Probe::resample), to hear all.
+//! A probe observes words one by one, or ([`Probe::EIGHT`]) eight at a time without what was lost; then it may ask for an item of work, eight
+//! splats or a tile, once [more](Probe::resample), to observe all.
 
 mod meters;
 mod observer;
@@ -18,7 +18,7 @@ pub use ranges::{BINS, Range, Ranges};
 use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
 use crate::records::{Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed};
 
-/// A watcher of the machine.
+/// A probe of the machine.
 pub trait Probe: Send + Sync + Sized {
     /// Whether words are wanted: if not, the compiler drops the calls.
     const WORDS: bool;
@@ -35,7 +35,7 @@ pub trait Probe: Send + Sync + Sized {
     /// is told of words between two transfers belongs to the second.
     const TRANSFERS: bool = false;
 
-    /// A fresh watcher of the same kind, for another part of the frame.
+    /// A fresh probe of the same kind, for another part of the frame.
     fn fork(&self) -> Self;
     /// Takes over what a fork saw.
     fn absorb(&mut self, fork: Self);
@@ -61,7 +61,7 @@ pub trait Probe: Send + Sync + Sized {
     /// A register of a signal was to hold all from the first to the second on its way, which are no words of their own.
     fn reached(&mut self, _signal: usize, _results: [i64; 2]) {}
     /// All words of an item of work have been told, of the first or another of so many of its kind in the frame: who, if any, is to
-    /// hear them all again, one by one.
+    /// observe them all once more, one by one.
     #[inline(always)]
     fn resample(&mut self, _item: usize, _of: usize) -> Option<&mut Ranges> {
         None
@@ -85,7 +85,7 @@ pub trait Probe: Send + Sync + Sized {
     /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
     #[inline(always)]
     fn span(&mut self, _rows: usize, _left: usize, _places: &[u8]) {}
-    /// What became of the next place; none where its weight rounds to 0.
+    /// The next place had this outcome; none where its weight rounds to 0.
     #[inline(always)]
     fn became(&mut self, _decision: Option<Decision>) {}
     /// A fragment is shaded so that it can merge.
@@ -110,7 +110,7 @@ pub trait Probe: Send + Sync + Sized {
     fn tile(&mut self, _x: u32, _y: u32) {}
 }
 
-/// Nobody watches.
+/// No probe: nothing is observed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct NoProbe;
 
@@ -127,9 +127,9 @@ impl Probe for NoProbe {
 /// A unit's connection to the probe: every fit passes through it.
 #[derive(Debug)]
 pub struct Tap<'a, P> {
-    /// The watcher.
+    /// The probe.
     pub probe: &'a mut P,
-    /// Lanes that carry a live item, the first in the last place; the others are not shown to the watcher.
+    /// Lanes that carry a live item, the first in the last place; the others are not shown to the probe.
     pub live: u8,
 }
 
@@ -140,13 +140,13 @@ impl<'a, P: Probe> Tap<'a, P> {
         Tap { probe, live: u8::MAX }
     }
 
-    /// Shows the watcher only the first so many lanes.
+    /// Shows the probe only the first so many lanes.
     #[inline(always)]
     pub fn first(self, lanes: usize) -> Self {
         Tap { live: ((1 << lanes.min(LANES)) - 1) as u8, ..self }
     }
 
-    /// Shows the watcher no more of the lanes where the condition holds.
+    /// Shows the probe no more of the lanes where the condition holds.
     #[inline(always)]
     pub fn drop_where<W: Words>(&mut self, condition: W) {
         if P::WORDS {
@@ -317,7 +317,7 @@ impl<'a, P: Probe> Tap<'a, P> {
         }
     }
 
-    /// Fits eight results one by one and tells of what is live: the long way of all that is watched. Of a copy, as in `num::fit`.
+    /// Fits eight results one by one and reports what is live: the long way of all that is watched. Of a copy, as in `num::fit`.
     #[cold]
     #[inline(never)]
     fn observe_one_by_one(&mut self, fit: Fit, exact: [i64; LANES], more: [i64; LANES]) -> [i64; LANES] {

@@ -10,7 +10,7 @@ use std::any::Any;
 pub trait Observer<'w>: Send + Sync {
     /// A fresh observer of the same kind, for another part of the frame.
     fn fork(&self) -> Box<dyn Observer<'w> + 'w>;
-    /// What it has seen, in a form that one of its kind understands.
+    /// Hands over what it has seen, in a form that one of its kind understands.
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send>;
     /// Takes over what a fork has handed over.
     fn take_over(&mut self, seen: Box<dyn Any + Send>);

@@ -42,10 +42,10 @@ pub struct View<R> {
     pub inverse_two_pi: R,
 }
 
-/// What makes an ellipsoid of a splat.
+/// Axes that make an ellipsoid of a splat.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipsoid<R> {
-    /// What its amplitude is.
+    /// Meaning of its amplitude.
     pub amplitude: Amplitude,
     /// Greatest |a| and |b| in the Jacobian.
     pub jacobian: [R; 2],

@@ -120,7 +120,7 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self;
     /// The machine's side is a last place more than the word that it is.
     fn a_place_more(self, fit: &Fit) -> Self;
-    /// What follows where this is at least the limit, and where it is not; machine and exact side each decide for themselves.
+    /// Branches to what follows where this is at least the limit, and where it is not; machine and exact side each decide for themselves.
     fn branch<const N: usize>(self, limit: Self, at_least: impl FnOnce() -> [Self; N], below: impl FnOnce() -> [Self; N]) -> [Self; N];
     /// 1/x of a positive number, by a function unit.
     fn reciprocal(self, unit: &Reciprocal) -> Self;

@@ -22,7 +22,7 @@ pub struct Switches(pub Vec<bool>);
 /// A number of such a machine.
 #[derive(Clone, Copy, Debug)]
 pub struct PartialPrecision<'a> {
-    /// What it is.
+    /// Its value.
     pub value: f64,
     /// None for a constant.
     switches: Option<&'a Switches>,

@@ -40,7 +40,7 @@ pub struct Contribution {
     pub depth: i64,
 }
 
-/// What became of a contribution.
+/// Outcome of a contribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
     /// Added to the fragment in this slot.

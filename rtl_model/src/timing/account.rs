@@ -17,7 +17,7 @@ pub struct Account {
     pub memory: u64,
 }
 
-/// What a unit waited for besides items and room.
+/// Cause of a wait besides items and room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wait {
     /// A unit before it or behind it.

@@ -69,9 +69,9 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             let here = memory.request(now.max(burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
             outstanding.push(here);
 
-            let (taken, _) = fill.footprint(footprint, (corner_16, side), (now + 1, here), |slot, here| {
+            let (taken, _) = fill.footprint(footprint, (corner_16, side), (now + 1, here), |stamp, here| {
                 // The tile before is still in the buffer.
-                merge.slot(slot, Ready { here, room: buffer_free, ..Ready::default() })[0]
+                merge.stamp(stamp, Ready { here, room: buffer_free, ..Ready::default() })[0]
             });
             list.behind.give(taken);
         }
@@ -96,7 +96,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         units.push(lit);
     }
     units.push(resolve.unit);
-    Cycles { slots: fill.slots, ..Cycles::of(units, memory) }
+    Cycles { stamps: fill.stamps, ..Cycles::of(units, memory) }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.

@@ -1,7 +1,7 @@
 //! Timing: recorded work → cycles. It never asks what a value is, and never decides what work there is.
 //!
 //! ```text
-//! Work ─►( slots )─► immediate: fetch ─► project ─► ellipse ─► raster ─► gauss ─► cache ─► fragment ─► resolve
+//! Work ─►( stamps )─► immediate: fetch ─► project ─► ellipse ─► raster ─► gauss ─► cache ─► fragment ─► resolve
 //!                └─► binned:    fetch ─► project ─► ellipse ─► lists ║ fetch ─► raster ─► gauss ─► fragment ─► resolve
 //! ```
 //! Units are in order. One takes an item at the latest of three moments: the item is here, the unit is free, there is room behind it. The
@@ -25,8 +25,8 @@ mod cache;
 mod hazards;
 mod immediate;
 mod memory;
-mod slots;
 mod stages;
+mod stamps;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
@@ -44,26 +44,26 @@ pub struct Cycles {
     pub total: u64,
     /// Every unit, in the order of the diagram.
     pub units: Vec<UnitCycles>,
-    /// What lies outside of the chip.
+    /// Memory, which lies outside of the chip.
     pub memory: MemoryCycles,
     /// Every request to memory, in the order in which items are gone through, if that was to be logged.
     pub requests: Vec<Request>,
     /// Lines looked up by the cache, and those among them that it had.
     pub lookups: [u64; 2],
-    /// Slots of the rasteriser, and those among them that kept a pixel.
-    pub slots: [u64; 2],
+    /// Stamps of the rasteriser, and those among them that kept a pixel.
+    pub stamps: [u64; 2],
 }
 
 impl Cycles {
-    /// Of units and memory when all is through. Nothing looked up, no slots.
+    /// Of units and memory when all is through. Nothing looked up, no stamps.
     fn of(units: Vec<Unit>, memory: Memory) -> Self {
         let (memory, requests, written) = memory.finish();
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
         let units = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
-        Cycles { total, units, memory, requests, lookups: [0; 2], slots: [0; 2] }
+        Cycles { total, units, memory, requests, lookups: [0; 2], stamps: [0; 2] }
     }
 
-    /// What is busy in the most cycles: a unit, or memory.
+    /// Names what is busy in the most cycles: a unit, or memory.
     pub fn bottleneck(&self) -> &'static str {
         let busiest = self.units.iter().max_by_key(|unit| unit.account.busy);
         match busiest {

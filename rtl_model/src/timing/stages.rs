@@ -8,7 +8,7 @@
 use super::account::{Detail, Ready, Unit};
 use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
-use super::slots::{Piece, Slots};
+use super::stamps::{Piece, Stamps};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::work::{Fate, Footprint, Work};
 use std::ops::Range;
@@ -130,14 +130,14 @@ impl<'a> SetUp<'a> {
     }
 }
 
-/// Raster and gauss: one footprint, slot by slot.
+/// Raster and gauss: one footprint, stamp by stamp.
 pub struct Fill<'a> {
     timing: &'a Microarchitecture,
     pub raster: Unit,
     pub gauss: Unit,
-    walk: Slots<'a>,
+    walk: Stamps<'a>,
     /// How many there were, and those among them that kept a pixel.
-    pub slots: [u64; 2],
+    pub stamps: [u64; 2],
 }
 
 impl<'a> Fill<'a> {
@@ -146,13 +146,13 @@ impl<'a> Fill<'a> {
             timing,
             raster: Unit::new("raster", timing.raster, Some(before), Some("gauss"), detail),
             gauss: Unit::new("gauss", timing.gauss, Some("raster"), Some(behind), detail),
-            walk: Slots::new(work, timing.timing.raster.lanes),
-            slots: [0; 2],
+            walk: Stamps::new(work, timing.timing.raster.lanes),
+            stamps: [0; 2],
         }
     }
 
-    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from memory; `next` takes each slot that has a
-    /// weight, with the first cycle in which gauss has it, and says when. Says when the raster takes it, and whether it has such a slot.
+    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from memory; `next` takes each stamp that has a
+    /// weight, with the first cycle in which gauss has it, and says when. Says when the raster takes it, and whether it has such a stamp.
     #[inline(always)]
     pub fn footprint(
         &mut self,
@@ -163,20 +163,20 @@ impl<'a> Fill<'a> {
     ) -> (u64, bool) {
         let t = self.timing;
         let ready = Ready { here, memory, ..Ready::default() };
-        let slots = self.walk.footprint(footprint, corner, side);
+        let stamps = self.walk.footprint(footprint, corner, side);
         let (mut first_taken, mut gone_through, mut is_seen) = (u64::MAX, 0, false);
-        for slot in self.walk.kept() {
-            self.slots[1] += 1;
-            // Slots that keep nothing wait for no room.
-            let empty = slot[0].slot - gone_through;
-            gone_through = slot[0].slot + 1;
+        for stamp in self.walk.kept() {
+            self.stamps[1] += 1;
+            // Stamps that keep nothing wait for no room.
+            let empty = stamp[0].stamp - gone_through;
+            gone_through = stamp[0].stamp + 1;
             if empty > 0 {
                 first_taken = first_taken.min(self.raster.take_run(ready, empty.into()));
             }
             let now = self.raster.take(Ready { room: self.raster.behind.free(), ..ready }, 1);
             first_taken = first_taken.min(now);
             self.raster.behind.take(now);
-            let goes_on = slot.iter().fold(0, |all, piece| all | piece.pixels) != 0;
+            let goes_on = stamp.iter().fold(0, |all, piece| all | piece.pixels) != 0;
             let room = if goes_on { self.gauss.behind.free() } else { 0 };
             let here = now + u64::from(t.raster.latency);
             let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
@@ -184,19 +184,19 @@ impl<'a> Fill<'a> {
             if goes_on {
                 is_seen = true;
                 self.gauss.behind.take(now);
-                let taken = next(slot, now + u64::from(t.gauss.latency));
+                let taken = next(stamp, now + u64::from(t.gauss.latency));
                 self.gauss.behind.give(taken);
             }
         }
-        self.slots[0] += u64::from(slots);
-        if gone_through < slots {
-            first_taken = first_taken.min(self.raster.take_run(ready, (slots - gone_through).into()));
+        self.stamps[0] += u64::from(stamps);
+        if gone_through < stamps {
+            first_taken = first_taken.min(self.raster.take_run(ready, (stamps - gone_through).into()));
         }
         (first_taken, is_seen)
     }
 }
 
-/// Fragments: slots come, merges take longer, and no pixel is taken twice at a time.
+/// Fragments: stamps come, merges take longer, and no pixel is taken twice at a time.
 pub struct Merge<'a> {
     timing: &'a Microarchitecture,
     pub fragment: Unit,
@@ -217,15 +217,15 @@ impl<'a> Merge<'a> {
         }
     }
 
-    /// Takes a slot; says when, and when it is written.
+    /// Takes a stamp; says when, and when it is written.
     #[inline(always)]
-    pub fn slot(&mut self, slot: &[Piece], ready: Ready) -> [u64; 2] {
+    pub fn stamp(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
         let t = self.timing;
-        let hazard = self.hazards.until(slot, ready.here.max(self.fragment.free()));
-        let [merges, shades] = match slot {
+        let hazard = self.hazards.until(stamp, ready.here.max(self.fragment.free()));
+        let [merges, shades] = match stamp {
             // Mostly.
             [piece] => [piece.merges, piece.shades].map(u64::from),
-            _ => slot.iter().fold([0; 2], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]),
+            _ => stamp.iter().fold([0; 2], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]),
         };
         let mut cycles = 1 + merges * u64::from(t.timing.fragment.merge);
         if shades > 0 {
@@ -235,7 +235,7 @@ impl<'a> Merge<'a> {
         for _ in 0..shades {
             self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
         }
-        self.hazards.take(slot, now + cycles - 1 + u64::from(t.hazard));
+        self.hazards.take(stamp, now + cycles - 1 + u64::from(t.hazard));
         let written = now + cycles - 1 + u64::from(t.fragment.latency);
         self.written = self.written.max(written);
         [now, written]

@@ -114,7 +114,7 @@ pub struct Ellipse {
     ellipsoids: Option<Ellipsoids>,
 }
 
-/// What both kinds of splats have in common.
+/// Footprint of both kinds of splats.
 struct Footprint<W> {
     conic: [W; 3],
     amplitude: W,

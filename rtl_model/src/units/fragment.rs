@@ -461,7 +461,7 @@ impl Fragment {
         Slot { sums, depth: 0, material, shaded: false }
     }
 
-    /// What a shaded slot holds.
+    /// Reads a shaded slot.
     pub fn shaded<P: Probe>(&self, fragment: &Slot, tap: &mut Tap<P>) -> Premultiplied {
         let s = &fragment.sums;
         Premultiplied {

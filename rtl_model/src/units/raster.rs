@@ -525,7 +525,7 @@ impl Raster {
         }
     }
 
-    /// Shows the watcher how far the registers go in the part of a box, and where they wrap.
+    /// Shows the probe how far the registers go in the part of a box, and where they wrap.
     #[inline(always)]
     fn watch_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
         let seed = Seed { radial: w.seed.radial[lane], by_column: w.seed.by_column[lane], depth: w.seed.depth[lane] };
@@ -536,7 +536,7 @@ impl Raster {
         }
     }
 
-    /// Shows the watcher how far the registers go in a row, and where they wrap.
+    /// Shows the probe how far the registers go in a row, and where they wrap.
     #[inline(always)]
     fn watch_row<P: Probe>(&self, seed: &Seed<Held>, by_column_twice: Held, depth_slope: i64, columns: usize, tap: &mut Tap<P>) {
         if self.reach(seed, by_column_twice, [0; 3], [depth_slope, 0], [columns, 1], tap) {
@@ -580,7 +580,7 @@ impl Raster {
         lowest.min(least) < min || high.max(most) > max || by_column_twice < 0 || by_row_twice < 0
     }
 
-    /// Shows the watcher where the rows' registers wrap.
+    /// Shows the probe where the rows' registers wrap.
     #[inline(never)]
     fn walk_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
         let [columns, rows] = w.size(lane);

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 /// Side of a recorded tile, pixels.
 pub const TILE_PX: usize = 16;
 
-/// What became of a splat.
+/// Fate of a splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fate {
     /// It has a box.
@@ -36,7 +36,7 @@ pub enum Fate {
     Missing,
 }
 
-/// What became of a contribution.
+/// Outcome of a contribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Event {
     /// Added to a fragment.
@@ -71,7 +71,7 @@ impl Footprint {
     }
 }
 
-/// What happened in a tile.
+/// Record of a tile.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Tile {
     /// Its first pixel.
@@ -129,14 +129,14 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// What happened in a frame.
+/// Record of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Work {
     /// Pixels a row.
     pub width: u32,
     /// Rows.
     pub height: u32,
-    /// What became of each splat, in input order.
+    /// Fate of each splat, in input order.
     pub fates: Vec<Fate>,
     /// The drawn splats, in input order.
     pub footprints: Vec<Footprint>,
@@ -166,7 +166,7 @@ impl Work {
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
     }
 
-    /// What each pixel, row by row, ends with: fragments, and how many of them are left to shade.
+    /// Contents of each pixel in the end, row by row: fragments, and how many of them are left to shade.
     pub fn held(&self) -> Vec<[u8; 2]> {
         let [width, height] = [self.width, self.height].map(|size| size as usize);
         let mut held = vec![[0; 2]; width * height];
@@ -218,7 +218,7 @@ pub struct Recorder {
 pub const CULLED: [Fate; 5] = [Fate::Near, Fate::Outside, Fate::Backface, Fate::Faint, Fate::Missing];
 
 impl Recorder {
-    /// What was recorded of a frame.
+    /// Record of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
         let Recorder { footprints, culled, order, preshaded, shared_axes, mut tiles, .. } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
@@ -277,7 +277,7 @@ impl Recorder {
         self.now.counts.push(0);
     }
 
-    /// What became of the next place.
+    /// The next place had this outcome.
     #[inline(always)]
     pub fn became(&mut self, event: Event) {
         let TileRecorder { places, told, counts, events, .. } = &mut self.now;

@@ -37,8 +37,8 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     if others.next().is_some() {
         return Some("a unit does not tick".into());
     }
-    let [ticked, replayed] = [(ticked.total, ticked.lookups, ticked.slots), (replayed.total, replayed.lookups, replayed.slots)];
-    (ticked != replayed).then(|| format!("total, look-ups, slots: ticked {ticked:?}, replayed {replayed:?}"))
+    let [ticked, replayed] = [(ticked.total, ticked.lookups, ticked.stamps), (replayed.total, replayed.lookups, replayed.stamps)];
+    (ticked != replayed).then(|| format!("total, look-ups, stamps: ticked {ticked:?}, replayed {replayed:?}"))
 }
 
 /// What is moved does not depend on when.

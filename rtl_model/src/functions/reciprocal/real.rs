@@ -6,7 +6,7 @@ use crate::num::real::{floor_log2, power_of_two};
 use crate::probe::{NoProbe, Tap};
 
 impl Reciprocal {
-    /// What the unit makes of a positive number that is no word: its mantissa is cut as a word's would be.
+    /// Result that the unit makes of a positive number that is no word: its mantissa is cut as a word's would be.
     pub fn of(&self, x: f64) -> f64 {
         let exponent = floor_log2(x);
         // At the top of its 62 bits, so that nothing is shifted.

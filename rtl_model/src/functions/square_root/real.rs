@@ -7,7 +7,7 @@ use crate::num::real::{floor_log2, power_of_two};
 use crate::probe::{NoProbe, Tap};
 
 impl ReciprocalRoot {
-    /// What the unit makes of 1/√x of a positive number that is no word: its mantissa is cut as a word's would be.
+    /// Result that the unit makes of 1/√x of a positive number that is no word: its mantissa is cut as a word's would be.
     pub fn of(&self, x: f64) -> f64 {
         let (mantissa, half_exponent) = normalised(x);
         // An even power of two, so that the unit halves it.
@@ -17,7 +17,7 @@ impl ReciprocalRoot {
         y as f64 * power_of_two(exponent as i32 + half_places - half_exponent - self.bits as i32)
     }
 
-    /// What the unit makes of √x of a positive number that is no word.
+    /// Result that the unit makes of √x of a positive number that is no word.
     pub fn root_of(&self, x: f64) -> f64 {
         let (mantissa, half_exponent) = normalised(x);
         let place = power_of_two(1 - self.bits as i32);

@@ -24,7 +24,7 @@ pub fn error(fit: &Fit, interpolation: Interpolation, step: f64, slope: f64, cur
 }
 
 impl Table {
-    /// What stands in the table at a part of its range, from 0 to below 1, that may be no argument's: before the result is fitted.
+    /// Value in the table at a part of its range, from 0 to below 1, that may be no argument's: before the result is fitted.
     pub fn at(&self, part: f64) -> f64 {
         let steps = self.words.len() as f64;
         let position = (part * steps).clamp(0.0, steps);

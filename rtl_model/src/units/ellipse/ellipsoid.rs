@@ -22,7 +22,7 @@ use crate::machine::Machine;
 use crate::num::{Exact, Exacts, Fit, Words, three, two};
 use crate::probe::{Probe, Tap};
 
-/// What a machine has for ellipsoids alone.
+/// Parts of the unit for ellipsoids alone.
 #[derive(Clone, Debug)]
 pub(super) struct Ellipsoids {
     rotation: Fit,

@@ -45,7 +45,7 @@ pub struct Output<R> {
     pub depth_range: R,
 }
 
-/// What both kinds of splats have in common.
+/// Footprint of both kinds of splats.
 pub(super) struct Footprint<R> {
     pub determinant: R,
     pub conic: [R; 3],

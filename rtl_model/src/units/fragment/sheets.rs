@@ -24,7 +24,7 @@ use crate::probe::{Probe, Tap};
 pub use crate::records::Held;
 use crate::records::STOPPED;
 
-/// What a machine has for sheets alone.
+/// Parts of the unit for sheets alone.
 #[derive(Clone, Debug)]
 pub(super) struct Sheets {
     index: Fit,
@@ -196,7 +196,7 @@ impl Fragment {
         Some(self.blended(over, under, tap))
     }
 
-    /// What a pixel's sheets come to; none where it has none.
+    /// Composes a pixel's sheets; none where it has none.
     pub fn composite<A: Accumulator, P: Probe>(
         &self,
         tile: &Tile<A>,

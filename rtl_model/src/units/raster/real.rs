@@ -30,7 +30,7 @@ pub struct Input<R> {
     pub depth_range: R,
 }
 
-/// What cutting a result to a word may lose where it stays in range; nothing where no places are cut.
+/// Loss by cutting a result to a word may lose where it stays in range; nothing where no places are cut.
 fn loss(fit: &Fit) -> f64 {
     if fit.places() <= 0 {
         return 0.0;
@@ -46,14 +46,14 @@ fn outruns(fit: &Fit, most: f64) -> bool {
     most.partial_cmp(&format.value(format.max())).is_none_or(std::cmp::Ordering::is_gt)
 }
 
-/// What rounded differences add up to on the way: e₁ each step, e₂ each pair of steps; rows that are seeded afresh take no steps.
+/// Sum of rounded differences on the way: e₁ each step, e₂ each pair of steps; rows that are seeded afresh take no steps.
 fn stepped(rows: Rows, [columns, lines]: [f64; 2], first: f64, second: f64) -> f64 {
     let [i, j] = [columns, if rows == Rows::Seeded { 0.0 } else { lines }];
     let pairs = |n: f64| n * (n - 1.0).max(0.0) / 2.0;
     (i + j) * first + (pairs(i) + pairs(j) + i * j) * second
 }
 
-/// What a splat's differences may be wrong by, worked out once for all of its pixels.
+/// Errors of a splat's differences, worked out once for all of its pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Walk {
     input: Input<Near>,

@@ -29,7 +29,7 @@ fn rules() -> frame::Sheets {
     frame::Sheets { most_weight: 8 << 20, ratio: ratio(exponential), keeps_last: true, ..frame::Sheets::default() }
 }
 
-/// What the unit makes of contributions to one pixel: each decision, and the composite.
+/// Result that the unit makes of contributions to one pixel: each decision, and the composite.
 fn drawn(sheets: &frame::Sheets, arrivals: &[Arrival]) -> (Vec<Decision>, [f64; 4]) {
     let machine = Machine::named("volume").unwrap().elaborate().unwrap();
     let (unit, mut tile, probe) = (&machine.fragment, Box::<Tile<i64>>::default(), &mut NoProbe);

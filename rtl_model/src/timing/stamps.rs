@@ -1,11 +1,11 @@
-//! Slots: a footprint, cut into what the rasteriser's lanes test in a cycle.
+//! Stamps: a footprint, cut into what the rasteriser's lanes test in a cycle.
 //!
 //! ```text
-//!  box ┌──┬──┬──┐    lanes 4×1: three slots a row
-//!      │··│##│#·│    a slot that keeps no pixel takes its cycle, and nothing comes of it
+//!  box ┌──┬──┬──┐    lanes 4×1: three stamps a row
+//!      │··│##│#·│    a stamp that keeps no pixel takes its cycle, and nothing comes of it
 //!      └──┴──┴──┘
 //! ```
-//! Slots lie side by side from the first pixel of the box, or of its part in a tile, row by row. What a slot keeps lies in strips: 16
+//! Stamps lie side by side from the first pixel of the box, or of its part in a tile, row by row. What a stamp keeps lies in strips: 16
 //! pixels of a row, as wide as a recorded tile.
 //!
 //! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
@@ -13,11 +13,11 @@
 use crate::work::{Event, Footprint, Reader, TILE_PX, Work};
 use std::ops::Range;
 
-/// What a slot keeps in a strip.
+/// What a stamp keeps in a strip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
-    /// Which slot of the footprint.
-    pub slot: u32,
+    /// Which stamp of the footprint.
+    pub stamp: u32,
     /// The strip's place in the picture, row by row.
     pub strip: u32,
     /// Its first pixel: column and row.
@@ -34,13 +34,13 @@ pub struct Piece {
 #[derive(Clone, Copy, Debug)]
 struct Part<'a> {
     kept: &'a [u16],
-    /// Whether more is told of it.
-    is_told: bool,
+    /// Whether more happened to it.
+    has_events: bool,
 }
 
 /// What became of columns that were kept.
 #[derive(Clone, Debug, Default)]
-struct Told {
+struct Happened {
     faint: [u16; TILE_PX],
     merged: [u16; TILE_PX],
     /// Merges for which one fragment was shaded, and those for which two were.
@@ -48,8 +48,8 @@ struct Told {
 }
 
 /// Goes through footprints: all recorded tiles, and where each is.
-pub struct Slots<'a> {
-    /// Columns and rows of a slot.
+pub struct Stamps<'a> {
+    /// Columns and rows of a stamp.
     lanes: [u32; 2],
     width: Width,
     /// Recorded tiles of a row of the picture.
@@ -60,12 +60,12 @@ pub struct Slots<'a> {
     /// The recorded tiles side by side that a box lies in.
     parts: Vec<Part<'a>>,
     /// Of each of them in which more happened than that contributions were added, what else.
-    told: Vec<Told>,
-    /// What a footprint's slots keep, slot by slot, in each row by row.
+    happened: Vec<Happened>,
+    /// What a footprint's stamps keep, stamp by stamp, in each row by row.
     pieces: Vec<Piece>,
 }
 
-impl<'a> Slots<'a> {
+impl<'a> Stamps<'a> {
     pub fn new(work: &'a Work, lanes: [u32; 2]) -> Self {
         let [columns, rows] = [work.width, work.height].map(|size| (size as usize).div_ceil(TILE_PX));
         let mut tiles = vec![u32::MAX; columns * rows];
@@ -73,20 +73,20 @@ impl<'a> Slots<'a> {
             let [column, row] = tile.corner.map(|at| usize::from(at) / TILE_PX);
             tiles[row * columns + column] = index as u32;
         }
-        Slots {
+        Stamps {
             lanes,
             width: Width::new(lanes[0]),
             columns,
             tiles,
             readers: work.tiles.iter().map(|tile| tile.reader()).collect(),
             parts: Vec::new(),
-            told: Vec::new(),
+            happened: Vec::new(),
             pieces: Vec::new(),
         }
     }
 
     /// Goes through the part of the next footprint that lies in these pixels of the picture, which are whole recorded tiles. Says how many
-    /// slots there are.
+    /// stamps there are.
     #[inline(always)]
     pub fn footprint(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32) -> u32 {
         let within = |[first, last]: [u16; 2], corner: u16| {
@@ -103,55 +103,55 @@ impl<'a> Slots<'a> {
         let left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
         let lies_in_tiles = tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
         self.pieces.clear();
-        let mut first_slot = 0;
+        let mut first_stamp = 0;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
             let top = (tile_row * TILE_PX) as u16;
             let part = clip(rows, top);
             let first_y = top + part.start as u16;
             self.read(tile_row * self.columns, tile_columns.clone(), part.len());
             if lies_in_tiles {
-                self.collect_from_tile(part.len(), [left, first_y], columns[0] - left, [first_slot, across]);
-                first_slot += across * part.len() as u32;
+                self.collect_from_tile(part.len(), [left, first_y], columns[0] - left, [first_stamp, across]);
+                first_stamp += across * part.len() as u32;
             } else {
                 self.collect(part.len(), [left, first_y], [columns[0], rows[0]], across);
             }
         }
         if self.lanes[1] > 1 {
-            self.pieces.sort_by_key(|piece| piece.slot);
+            self.pieces.sort_by_key(|piece| piece.stamp);
         }
         across * down.div_ceil(self.lanes[1])
     }
 
-    /// What each slot of it keeps, if it keeps a pixel.
+    /// What each stamp of it keeps, if it keeps a pixel.
     #[inline(always)]
     pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
-        self.pieces.chunk_by(|one, next| one.slot == next.slot)
+        self.pieces.chunk_by(|one, next| one.stamp == next.stamp)
     }
 
-    /// Collects the pieces of so many rows from this pixel on, of a footprint in one recorded tile whose slots end where strips do: four rows
+    /// Collects the pieces of so many rows from this pixel on, of a footprint in one recorded tile whose stamps end where strips do: four rows
     /// at a time, and only those that keep a pixel.
     #[inline(always)]
-    fn collect_from_tile(&mut self, rows: usize, [left, first_y]: [u16; 2], first: u16, [first_slot, across]: [u32; 2]) {
-        let Part { kept: mut all, is_told } = self.parts[0];
+    fn collect_from_tile(&mut self, rows: usize, [left, first_y]: [u16; 2], first: u16, [first_stamp, across]: [u32; 2]) {
+        let Part { kept: mut all, has_events } = self.parts[0];
         let first_strip = self.strip(left, first_y);
         let mut row = 0;
         while row < rows {
             let rows_here = u64::MAX / (1 << (64 - 16 * (rows - row).min(4)));
             let kept = (four(all) & rows_here) / (1 << first);
-            let mut slots = self.width.slots(kept);
-            while slots != 0 {
-                let at = slots.trailing_zeros();
-                slots &= slots - 1;
+            let mut stamps = self.width.stamps(kept);
+            while stamps != 0 {
+                let at = stamps.trailing_zeros();
+                stamps &= stamps - 1;
                 let (row, column) = (row as u32 + at / 16, at % 16);
                 let piece = Piece {
-                    slot: first_slot + row * across + self.width.divides(column),
+                    stamp: first_stamp + row * across + self.width.divides(column),
                     strip: first_strip + row * self.columns as u32,
                     corner: [left, first_y + row as u16],
                     pixels: ((kept / (1 << at)) as u16 & self.width.pixels_of_one) << (column + u32::from(first)),
                     merges: 0,
                     shades: 0,
                 };
-                self.pieces.push(if is_told { self.told[0].of_piece(row as usize, piece) } else { piece });
+                self.pieces.push(if has_events { self.happened[0].of_piece(row as usize, piece) } else { piece });
             }
             all = all.get(4..).unwrap_or_default();
             row += 4;
@@ -172,12 +172,12 @@ impl<'a> Slots<'a> {
             let index = self.tiles[first + column] as usize;
             let kept = self.readers[index].rows();
             let (_, events) = self.readers[index].splat(rows);
-            self.parts.push(Part { kept, is_told: !events.is_empty() });
-            if nth == self.told.len() {
-                self.told.push(Told::default());
+            self.parts.push(Part { kept, has_events: !events.is_empty() });
+            if nth == self.happened.len() {
+                self.happened.push(Happened::default());
             }
             if !events.is_empty() {
-                self.told[nth].read(events, rows);
+                self.happened[nth].read(events, rows);
             }
         }
     }
@@ -186,13 +186,13 @@ impl<'a> Slots<'a> {
     fn collect(&mut self, rows: usize, [left, first_y]: [u16; 2], first: [u16; 2], across: u32) {
         for row in 0..rows {
             let y = first_y + row as u16;
-            let first_slot = u32::from(y - first[1]) / self.lanes[1] * across;
+            let first_stamp = u32::from(y - first[1]) / self.lanes[1] * across;
             let mut left = left;
-            for (part, told) in self.parts.iter().zip(&self.told) {
+            for (part, happened) in self.parts.iter().zip(&self.happened) {
                 for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
                     let strip = self.strip(left, y);
-                    let piece = Piece { slot: first_slot + nth, strip, corner: [left, y], pixels, merges: 0, shades: 0 };
-                    self.pieces.push(if part.is_told { told.of_piece(row, piece) } else { piece });
+                    let piece = Piece { stamp: first_stamp + nth, strip, corner: [left, y], pixels, merges: 0, shades: 0 };
+                    self.pieces.push(if part.has_events { happened.of_piece(row, piece) } else { piece });
                 }
                 left += TILE_PX as u16;
             }
@@ -200,7 +200,7 @@ impl<'a> Slots<'a> {
     }
 }
 
-/// Pixels of a slot's row, to divide by.
+/// Pixels of a stamp's row, to divide by.
 #[derive(Clone, Copy, Debug)]
 struct Width {
     pixels: u32,
@@ -208,7 +208,7 @@ struct Width {
     inverse: u64,
     /// As many of a strip's pixels, the first.
     pixels_of_one: u16,
-    /// The first pixel of each slot of four strips, side by side, where slots divide strips.
+    /// The first pixel of each stamp of four strips, side by side, where stamps divide strips.
     first_of_each: u64,
 }
 
@@ -224,14 +224,14 @@ impl Width {
         (u64::from(column) * self.inverse / (1 << 32)) as u32
     }
 
-    /// Whether a slot that begins with a strip ends with it, or another does.
+    /// Whether a stamp that begins with a strip ends with it, or another does.
     fn divides_strips(self) -> bool {
         (TILE_PX as u32).is_multiple_of(self.pixels)
     }
 
-    /// Of four strips, the first in the last places: the first pixel of each slot that keeps one.
+    /// Of four strips, the first in the last places: the first pixel of each stamp that keeps one.
     #[inline(always)]
-    fn slots(self, kept: u64) -> u64 {
+    fn stamps(self, kept: u64) -> u64 {
         let (mut any, mut pixels) = (kept, 1);
         while pixels < self.pixels {
             any |= any / (1 << pixels);
@@ -241,7 +241,7 @@ impl Width {
     }
 }
 
-/// Pixels of a strip, which begins in this column, cut into slots, the first of which begins in that one.
+/// Pixels of a strip, which begins in this column, cut into stamps, the first of which begins in that one.
 #[inline(always)]
 fn cut(mut pixels: u16, left: u16, first: u16, width: Width) -> impl Iterator<Item = (u32, u16)> {
     let [left, first] = [left, first].map(u32::from);
@@ -265,7 +265,7 @@ fn four(rows: &[u16]) -> u64 {
     rows.iter().rev().fold(0, |all, row| all * (1 << 16) + u64::from(*row))
 }
 
-impl Told {
+impl Happened {
     /// Reads what became of a splat that has so many rows.
     fn read(&mut self, events: &[(u8, Event)], rows: usize) {
         let [one, two] = &mut self.shaded;
@@ -324,13 +324,13 @@ mod tests {
     }
 
     #[test]
-    fn slots_of_four_strips_are_those_that_keep_a_pixel() {
+    fn stamps_of_four_strips_are_those_that_keep_a_pixel() {
         for width in [1, 2, 4, 8, 16].map(Width::new) {
             assert!(width.divides_strips());
-            let slot = |pixel: u32| pixel / width.pixels * width.pixels;
+            let stamp = |pixel: u32| pixel / width.pixels * width.pixels;
             for (one, other) in (0..64).flat_map(|one| (0..64).map(move |other| (one, other))) {
                 let kept = 1_u64 << one | 1 << other;
-                assert_eq!(width.slots(kept), 1 << slot(one) | 1 << slot(other), "{} {kept:x}", width.pixels);
+                assert_eq!(width.stamps(kept), 1 << stamp(one) | 1 << stamp(other), "{} {kept:x}", width.pixels);
             }
         }
         assert!(![3, 5, 12, 32, 64].map(Width::new).into_iter().any(Width::divides_strips));
