@@ -1,4 +1,4 @@
-//! Do traces hold what crossed the wires, and can a unit be driven by its inputs unit_replay?
+//! Do traces hold what crossed the wires, and can a unit be driven by its inputs alone?
 
 mod cosimulation;
 mod traced;
@@ -452,7 +452,7 @@ proptest! {
     }
 }
 
-/// Does a trace's text say enough to write a unit anew? The program was written from it and from the manifest unit_replay.
+/// Does a trace's text say enough to write a unit anew? The program was written from it and from the manifest alone.
 #[test]
 fn a_raster_in_python_gives_every_record() {
     if !have(&["python3"], "a raster in another language") {

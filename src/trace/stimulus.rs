@@ -1,4 +1,4 @@
-//! Stimulus: made-up cases for each unit unit_replay: corner values of every field, thresholds and ties on purpose, then seeded random ones.
+//! Stimulus: made-up cases for each unit alone: corner values of every field, thresholds and ties on purpose, then seeded random ones.
 //!
 //! A scene's own transfers seldom meet a limit, a tie or a threshold, where hardware goes wrong first. Here each unit is driven by
 //! itself, so what it is given need not be what another unit could make.
@@ -167,7 +167,7 @@ impl Maker<'_> {
         end
     }
 
-    /// Every corner of every field with random words beside it, then random words unit_replay.
+    /// Every corner of every field with random words beside it, then random words alone.
     fn words(&mut self, formats: &[Format]) -> Vec<(String, Vec<Vec<i64>>)> {
         let random = &mut self.random;
         let mut any = |fixed: Option<(usize, i64)>| -> Vec<i64> {

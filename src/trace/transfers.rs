@@ -334,7 +334,7 @@ impl<'a> Transfers<'a> {
         all
     }
 
-    /// What setup has for ellipsoids unit_replay: what is lit before it is drawn, and the sort.
+    /// What setup has for ellipsoids alone: what is lit before it is drawn, and the sort.
     fn of_setup(&self) -> Vec<Source<'_>> {
         let w = &self.watcher;
         let emitted = |i: usize| -> &Emitted { &w.emitted[i] };
