@@ -5,7 +5,7 @@
 //!                                          └► every misfit, a sentence each
 //! ```
 
-use super::{Elaboration, Part};
+use super::{Elaboration, Part, unit};
 use crate::machine::Machine;
 use crate::machine::timing::{Cache, Memory, Organisation, Setup, Tile, Timing};
 use crate::num::Word;
@@ -164,7 +164,7 @@ impl Machine {
             fifo,
         };
         let products = |unit: &str| e.parts.iter().filter(|part| part.unit == unit).map(Part::products).sum();
-        let [project_products, ellipse_products] = ["project", "ellipse"].map(products);
+        let [project_products, ellipse_products] = [unit::PROJECT, unit::ELLIPSE].map(products);
         let (p, l) = (&self.project, &self.ellipse);
         let fragment = stage(t.fragment.latency, latencies.fragment, 1);
         let f = &self.fragment;
@@ -244,15 +244,15 @@ impl Machine {
         let fragments = u64::from(f.layers) * u64::from(fragment_bytes) * 8;
         let fifo = |to, places: u32, units: u32, bits: i32| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
         let immediate = t.organisation == Organisation::Immediate;
-        let (set_up, weighed) = if immediate { ("raster", "cache") } else { ("bin", "fragment") };
+        let (set_up, weighed) = if immediate { (unit::RASTER, "cache") } else { ("bin", unit::FRAGMENT) };
         let fifos = [
-            fifo("project", t.fetch.fifo, 1, splat),
-            fifo("ellipse", t.project.fifo, t.project.units, point + rest),
+            fifo(unit::PROJECT, t.fetch.fifo, 1, splat),
+            fifo(unit::ELLIPSE, t.project.fifo, t.project.units, point + rest),
             fifo(set_up, t.ellipse.fifo, t.ellipse.units, prepared),
-            fifo("raster", if immediate { 0 } else { t.fetch.fifo }, 1, prepared),
-            fifo("gauss", t.raster.fifo, 1, stamp(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)])),
+            fifo(unit::RASTER, if immediate { 0 } else { t.fetch.fifo }, 1, prepared),
+            fifo(unit::GAUSS, t.raster.fifo, 1, stamp(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)])),
             fifo(weighed, t.gauss.fifo, 1, stamp(self.gauss.weight)),
-            fifo("fragment", if immediate { t.cache.fifo } else { 0 }, 1, stamp(self.gauss.weight)),
+            fifo(unit::FRAGMENT, if immediate { t.cache.fifo } else { 0 }, 1, stamp(self.gauss.weight)),
         ];
         let kept = if immediate {
             [t.cache.line_px[0], t.cache.line_px[1], t.cache.lines]

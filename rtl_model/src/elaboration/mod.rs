@@ -9,7 +9,7 @@ use crate::machine::FunctionUnit;
 pub mod latency;
 pub mod microarchitecture;
 
-pub use crate::records::Signal;
+pub use crate::records::{Signal, unit};
 
 use crate::num::{Exact, Fit, Format, MAX_WIDTH_BITS, Overflow, Rounding, Word};
 

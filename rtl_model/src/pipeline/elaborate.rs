@@ -7,6 +7,7 @@ use crate::elaboration::{Elaboration, Part, Signal};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::{Machine, Splat};
 use crate::num::Fit;
+use crate::records::unit;
 use crate::units::{ellipse, fragment, gauss, project, raster, resolve, shade};
 
 /// A machine that has been checked and can draw.
@@ -92,16 +93,20 @@ impl Machine {
 
     fn elaborate_sort(&self, e: &mut Elaboration) -> Option<Fit> {
         let sort = self.sort.as_ref()?;
-        e.port("sort", "key", sort.key);
-        e.signedness("sort", "key", sort.key, false);
-        e.within("sort", "digit_bits", sort.digit_bits, 1, 16);
-        Some(e.fit("sort", "key", sort.key, self.project.depth.into()))
+        e.port(unit::SORT, "key", sort.key);
+        e.signedness(unit::SORT, "key", sort.key, false);
+        e.within(unit::SORT, "digit_bits", sort.digit_bits, 1, 16);
+        Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()))
     }
 
     /// Only ellipsoids are lit before they are drawn.
     fn elaborate_emission(&self, e: &mut Elaboration) -> Fit {
         let (word, from) = (self.splat.rgb, self.shade.premultiplied.into());
-        if self.ellipse.ellipsoid.is_some() { e.copies(3, |e| e.fit("ellipse", "emission", word, from)) } else { Fit::new(0, word, from) }
+        if self.ellipse.ellipsoid.is_some() {
+            e.copies(3, |e| e.fit(unit::ELLIPSE, "emission", word, from))
+        } else {
+            Fit::new(0, word, from)
+        }
     }
 
     /// Latency of each unit by its formats.

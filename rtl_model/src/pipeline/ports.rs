@@ -17,6 +17,7 @@ use crate::frame::Frame;
 use crate::machine::Machine;
 use crate::num::{Format, Word};
 use crate::pipeline::Elaborated;
+use crate::records::{DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, ProjectOut, RasterIn, RasterOut, SheetIn};
 use crate::units::raster::Raster;
 
 /// Bits of a column or row.
@@ -122,6 +123,11 @@ impl Stream {
         names.iter().fold(self, |stream, name| stream.field(name, None, Word::new(Format::unsigned(bits, 0))))
     }
 
+    /// The fields of a declared record, each with what its wire carries.
+    fn record<const N: usize>(self, names: &[&str], wires: [Wire; N]) -> Self {
+        names.iter().zip(wires).fold(self, |stream, (name, Wire { signal, word })| stream.field(name, signal.map(str::to_owned), word))
+    }
+
     fn exponent(self, name: &str) -> Self {
         self.field(name, None, Word::new(Format::signed(EXPONENT_BITS, 0)))
     }
@@ -153,6 +159,33 @@ impl Stream {
     pub fn unit(&self) -> Option<&'static str> {
         self.name.split_once('.').map(|(unit, _)| unit)
     }
+}
+
+/// What a wire of a record carries.
+#[derive(Clone, Copy, Debug)]
+struct Wire {
+    signal: Option<&'static str>,
+    word: Word,
+}
+
+/// A signal's word.
+fn wire(signal: &'static str, word: Word) -> Wire {
+    Wire { signal: Some(signal), word }
+}
+
+/// A number that counts something, or a flag.
+fn natural(bits: i32) -> Wire {
+    Wire { signal: None, word: Word::new(Format::unsigned(bits, 0)) }
+}
+
+/// A power of two.
+fn power() -> Wire {
+    Wire { signal: None, word: Word::new(Format::signed(EXPONENT_BITS, 0)) }
+}
+
+/// A depth that leaves the raster's clamp.
+fn clamped_depth(m: &Machine) -> Wire {
+    Wire { signal: None, word: Word::new(exact_depth(m)) }
 }
 
 const XYZ: [&str; 3] = ["x", "y", "z"];
@@ -257,11 +290,7 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     streams.extend([
         raster_in(m),
         raster_out(m),
-        Stream::new("gauss.in").word("radial", "raster.radial", m.raster.radial).word(
-            "amplitude",
-            "ellipse.amplitude",
-            m.ellipse.amplitude,
-        ),
+        gauss_in(m),
         Stream::new("gauss.out").word("weight", "gauss.weight", m.gauss.weight),
         if kind.sheets { sheet_in(m) } else { fragment_in(m) },
         Stream::new("fragment.out").naturals(&["x", "y"], PIXEL_BITS).naturals(&["outcome"], 3).naturals(&["slot"], 4).per_pixel(),
@@ -312,90 +341,172 @@ fn orientation(stream: Stream, m: &Machine, kind: Kind) -> Stream {
     )
 }
 
-/// What setup hands on about a point.
-fn point(stream: Stream, m: &Machine) -> Stream {
-    let p = &m.project;
-    stream
-        .word("inverse_depth", "project.reciprocal.result", Word::new(p.reciprocal.format()))
-        .exponent("inverse_depth_exponent")
-        .words(&["slope_x", "slope_y"], "project.slope", p.slope)
-        .words(&["pixel_x", "pixel_y"], "project.pixel", p.pixel)
-}
-
 fn project_out(m: &Machine) -> Stream {
-    let flags = Stream::new("project.out").naturals(&["near", "outside"], 1);
-    let depth =
-        flags.word("forward", "project.camera", m.project.camera).exponent("exponent").word("depth", "project.depth", m.project.depth);
-    point(depth, m).unless(2, &["near", "outside"]).unless_first(1, &["near"])
+    let p = &m.project;
+    let [slope, pixel] = [wire("project.slope", p.slope), wire("project.pixel", p.pixel)];
+    let wires = ProjectOut {
+        near: natural(1),
+        outside: natural(1),
+        forward: wire("project.camera", p.camera),
+        exponent: power(),
+        depth: wire("project.depth", p.depth),
+        inverse_depth: wire("project.reciprocal.result", Word::new(p.reciprocal.format())),
+        inverse_depth_exponent: power(),
+        slope_x: slope,
+        slope_y: slope,
+        pixel_x: pixel,
+        pixel_y: pixel,
+    };
+    let record = Stream::new("project.out").record(ProjectOut::NAMES, wires.into_words());
+    record.unless(2, &["near", "outside"]).unless_first(1, &["near"])
 }
 
 fn ellipse_in(m: &Machine, kind: Kind) -> Stream {
-    let disc = axes(Stream::new("ellipse.in"), "normal", "splat.normal", m.splat.normal).word("radius", "splat.radius", m.splat.radius);
-    let mut splat = orientation(disc, m, kind);
-    if kind.ellipsoids {
-        splat = splat.word("opacity", "splat.opacity", m.splat.opacity);
-    }
-    point(splat.word("forward", "project.camera", m.project.camera).exponent("exponent"), m)
+    let p = &m.project;
+    let [slope, pixel, normal] = [wire("project.slope", p.slope), wire("project.pixel", p.pixel), wire("splat.normal", m.splat.normal)];
+    let disc = DiscIn {
+        normal_x: normal,
+        normal_y: normal,
+        normal_z: normal,
+        radius: wire("splat.radius", m.splat.radius),
+        forward: wire("project.camera", p.camera),
+        exponent: power(),
+        inverse_depth: wire("project.reciprocal.result", Word::new(p.reciprocal.format())),
+        inverse_depth_exponent: power(),
+        slope_x: slope,
+        slope_y: slope,
+        pixel_x: pixel,
+        pixel_y: pixel,
+    };
+    let stream = Stream::new("ellipse.in");
+    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else {
+        return stream.record(DiscIn::NAMES, disc.into_words());
+    };
+    let [quaternion, scale] = [wire("ellipse.quaternion", words.quaternion), wire("ellipse.scale", words.scale)];
+    let ellipsoid = EllipsoidIn {
+        normal_x: normal,
+        normal_y: normal,
+        normal_z: normal,
+        radius: disc.radius,
+        quaternion_w: quaternion,
+        quaternion_x: quaternion,
+        quaternion_y: quaternion,
+        quaternion_z: quaternion,
+        scale_0: scale,
+        scale_1: scale,
+        scale_2: scale,
+        opacity: wire("splat.opacity", m.splat.opacity),
+        forward: disc.forward,
+        exponent: disc.exponent,
+        inverse_depth: disc.inverse_depth,
+        inverse_depth_exponent: disc.inverse_depth_exponent,
+        slope_x: slope,
+        slope_y: slope,
+        pixel_x: pixel,
+        pixel_y: pixel,
+    };
+    stream.record(EllipsoidIn::NAMES, ellipsoid.into_words())
 }
-
-fn conic(stream: Stream, m: &Machine) -> Stream {
-    let l = &m.ellipse;
-    stream.word("conic_xx", "ellipse.conic", l.conic).word("conic_xy", "ellipse.conic_cross", l.conic_cross).word(
-        "conic_yy",
-        "ellipse.conic",
-        l.conic,
-    )
-}
-
-const BOX: [&str; 4] = ["first_column", "last_column", "first_row", "last_row"];
 
 fn ellipse_out(m: &Machine) -> Stream {
     let l = &m.ellipse;
-    let flags = Stream::new("ellipse.out").naturals(&["backface", "faint", "outside"], 1);
-    conic(axes(flags, "normal", "fragment.normal", m.fragment.normal), m)
-        .word("amplitude", "ellipse.amplitude", l.amplitude)
-        .naturals(&BOX, PIXEL_BITS)
-        .words(&["depth_slope_x", "depth_slope_y"], "ellipse.depth_slope", l.depth_slope)
-        .word("depth_range", "ellipse.depth_range", l.depth_range)
+    let [normal, conic, slope] =
+        [wire("fragment.normal", m.fragment.normal), wire("ellipse.conic", l.conic), wire("ellipse.depth_slope", l.depth_slope)];
+    let wires = EllipseOut {
+        backface: natural(1),
+        faint: natural(1),
+        outside: natural(1),
+        normal_x: normal,
+        normal_y: normal,
+        normal_z: normal,
+        conic_xx: conic,
+        conic_xy: wire("ellipse.conic_cross", l.conic_cross),
+        conic_yy: conic,
+        amplitude: wire("ellipse.amplitude", l.amplitude),
+        first_column: natural(PIXEL_BITS),
+        last_column: natural(PIXEL_BITS),
+        first_row: natural(PIXEL_BITS),
+        last_row: natural(PIXEL_BITS),
+        depth_slope_x: slope,
+        depth_slope_y: slope,
+        depth_range: wire("ellipse.depth_range", l.depth_range),
+    };
+    Stream::new("ellipse.out")
+        .record(EllipseOut::NAMES, wires.into_words())
         .unless(3, &["backface", "faint", "outside"])
         .unless_first(1, &["backface"])
         .unless_first(2, &["backface", "faint"])
 }
 
 fn raster_in(m: &Machine) -> Stream {
-    let centre = Stream::new("raster.in").naturals(&["tag"], TAG_BITS).words(&["pixel_x", "pixel_y"], "project.pixel", m.project.pixel);
-    conic(centre, m)
-        .word("depth", "project.depth", m.project.depth)
-        .words(&["depth_slope_x", "depth_slope_y"], "ellipse.depth_slope", m.ellipse.depth_slope)
-        .word("depth_range", "ellipse.depth_range", m.ellipse.depth_range)
-        .naturals(&BOX, PIXEL_BITS)
+    let l = &m.ellipse;
+    let [pixel, conic, slope] =
+        [wire("project.pixel", m.project.pixel), wire("ellipse.conic", l.conic), wire("ellipse.depth_slope", l.depth_slope)];
+    let wires = RasterIn {
+        pixel_x: pixel,
+        pixel_y: pixel,
+        conic_xx: conic,
+        conic_xy: wire("ellipse.conic_cross", l.conic_cross),
+        conic_yy: conic,
+        depth: wire("project.depth", m.project.depth),
+        depth_slope_x: slope,
+        depth_slope_y: slope,
+        depth_range: wire("ellipse.depth_range", l.depth_range),
+        first_column: natural(PIXEL_BITS),
+        last_column: natural(PIXEL_BITS),
+        first_row: natural(PIXEL_BITS),
+        last_row: natural(PIXEL_BITS),
+    };
+    Stream::new("raster.in").naturals(&["tag"], TAG_BITS).record(RasterIn::NAMES, wires.into_words())
 }
 
 fn raster_out(m: &Machine) -> Stream {
-    Stream::new("raster.out")
-        .naturals(&["tag"], TAG_BITS)
-        .naturals(&["x", "y"], PIXEL_BITS)
-        .word("radial", "raster.radial", m.raster.radial)
-        .field("depth", None, Word::new(exact_depth(m)))
+    let wires = RasterOut {
+        x: natural(PIXEL_BITS),
+        y: natural(PIXEL_BITS),
+        radial: wire("raster.radial", m.raster.radial),
+        depth: clamped_depth(m),
+    };
+    Stream::new("raster.out").naturals(&["tag"], TAG_BITS).record(RasterOut::NAMES, wires.into_words())
+}
+
+fn gauss_in(m: &Machine) -> Stream {
+    let wires = GaussIn { radial: wire("raster.radial", m.raster.radial), amplitude: wire("ellipse.amplitude", m.ellipse.amplitude) };
+    Stream::new("gauss.in").record(GaussIn::NAMES, wires.into_words())
 }
 
 fn fragment_in(m: &Machine) -> Stream {
-    let contribution = Stream::new("fragment.in").naturals(&["x", "y"], PIXEL_BITS).word("weight", "gauss.weight", m.gauss.weight).field(
-        "depth",
-        None,
-        Word::new(exact_depth(m)),
-    );
-    axes(attributes(contribution, m), "normal", "fragment.normal", m.fragment.normal).naturals(&["material"], MATERIAL_BITS).per_pixel()
+    let [rgb, normal] = [wire("splat.rgb", m.splat.rgb), wire("fragment.normal", m.fragment.normal)];
+    let wires = FragmentIn {
+        x: natural(PIXEL_BITS),
+        y: natural(PIXEL_BITS),
+        weight: wire("gauss.weight", m.gauss.weight),
+        depth: clamped_depth(m),
+        red: rgb,
+        green: rgb,
+        blue: rgb,
+        opacity: wire("splat.opacity", m.splat.opacity),
+        normal_x: normal,
+        normal_y: normal,
+        normal_z: normal,
+        material: natural(MATERIAL_BITS),
+    };
+    Stream::new("fragment.in").record(FragmentIn::NAMES, wires.into_words()).per_pixel()
 }
 
 /// A contribution to a sheet.
 fn sheet_in(m: &Machine) -> Stream {
-    Stream::new("fragment.in")
-        .naturals(&["x", "y"], PIXEL_BITS)
-        .word("weight", "gauss.weight", m.gauss.weight)
-        .naturals(&["sheet"], SHEET_BITS)
-        .words(&["red", "green", "blue"], "splat.rgb", m.splat.rgb)
-        .per_pixel()
+    let rgb = wire("splat.rgb", m.splat.rgb);
+    let wires = SheetIn {
+        x: natural(PIXEL_BITS),
+        y: natural(PIXEL_BITS),
+        weight: wire("gauss.weight", m.gauss.weight),
+        sheet: natural(SHEET_BITS),
+        red: rgb,
+        green: rgb,
+        blue: rgb,
+    };
+    Stream::new("fragment.in").record(SheetIn::NAMES, wires.into_words()).per_pixel()
 }
 
 fn all_sums(stream: Stream, m: &Machine) -> Stream {

@@ -7,7 +7,7 @@ use crate::functions::Table;
 use crate::kernels::host::{Kernel, plainly};
 use crate::num::{Fit, LANES, Lanes, Words, three, two};
 use crate::probe::{Probe, Ranges, Tap};
-use crate::records::{Attributes, PROJECTED, SET_UP};
+use crate::records::{Attributes, EllipseOut, PROJECTED, ProjectOut, SET_UP};
 use crate::units::ellipse::ellipsoid::Axes;
 use crate::units::{ellipse, project, raster, shade};
 use rayon::prelude::*;
@@ -399,22 +399,57 @@ fn halves(word: i32) -> [u16; 2] {
 
 /// The first lane of what `project` makes, as a record has it.
 pub(super) fn projected_words<W: Words>(point: &project::Projected<W>) -> [i64; PROJECTED] {
-    let inverse = point.inverse_depth;
-    let ([a, b], [x, y]) = (point.slope, point.pixel);
-    let words = [point.camera[2], point.exponent, point.depth, inverse.mantissa, inverse.exponent, a, b, x, y];
-    record([point.near, point.outside], words)
+    let ([_, _, forward], inverse) = (point.camera, point.inverse_depth);
+    let ([slope_x, slope_y], [pixel_x, pixel_y]) = (point.slope.map(first), point.pixel.map(first));
+    let record = ProjectOut {
+        near: flag(point.near),
+        outside: flag(point.outside),
+        forward: first(forward),
+        exponent: first(point.exponent),
+        depth: first(point.depth),
+        inverse_depth: first(inverse.mantissa),
+        inverse_depth_exponent: first(inverse.exponent),
+        slope_x,
+        slope_y,
+        pixel_x,
+        pixel_y,
+    };
+    record.into_words()
 }
 
 /// The first lane of what `ellipse` makes, as a record has it.
 pub(super) fn ellipse_words<W: Words>(e: &ellipse::Output<W>) -> [i64; SET_UP] {
-    let ([n, m, o], [xx, xy, yy], [z_x, z_y]) = (e.normal, e.conic, e.depth_slope);
-    let ([left, right], [top, bottom]) = (e.columns, e.rows);
-    record([e.backface, e.faint, e.outside], [n, m, o, xx, xy, yy, e.amplitude, left, right, top, bottom, z_x, z_y, e.depth_range])
+    let ([normal_x, normal_y, normal_z], [conic_xx, conic_xy, conic_yy]) = (e.normal.map(first), e.conic.map(first));
+    let ([first_column, last_column], [first_row, last_row]) = (e.columns.map(first), e.rows.map(first));
+    let [depth_slope_x, depth_slope_y] = e.depth_slope.map(first);
+    let record = EllipseOut {
+        backface: flag(e.backface),
+        faint: flag(e.faint),
+        outside: flag(e.outside),
+        normal_x,
+        normal_y,
+        normal_z,
+        conic_xx,
+        conic_xy,
+        conic_yy,
+        amplitude: first(e.amplitude),
+        first_column,
+        last_column,
+        first_row,
+        last_row,
+        depth_slope_x,
+        depth_slope_y,
+        depth_range: first(e.depth_range),
+    };
+    record.into_words()
 }
 
-/// The first lane of conditions, as 1 or 0, and of words.
-fn record<W: Words, const FLAGS: usize, const WORDS: usize, const ALL: usize>(flags: [W; FLAGS], words: [W; WORDS]) -> [i64; ALL] {
-    let flags = flags.map(|flag| i64::from(flag.signs() & 1));
-    let words = words.map(|word| i64::from(word.to_array()[0]));
-    std::array::from_fn(|i| if i < FLAGS { flags[i] } else { words[i - FLAGS] })
+/// The first lane of a condition, as 1 or 0.
+fn flag<W: Words>(condition: W) -> i64 {
+    i64::from(condition.signs() & 1)
+}
+
+/// The first lane of words.
+fn first<W: Words>(words: W) -> i64 {
+    i64::from(words.to_array()[0])
 }

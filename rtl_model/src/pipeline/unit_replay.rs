@@ -14,7 +14,10 @@ use crate::num::lanes::Plain;
 use crate::num::words::PlainWords;
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Observer, Probe, Tap};
-use crate::records::{Contribution, Decision, Held, Layer, PROJECTED, Premultiplied, SET_UP, Slot, TILE_AREA, TILE_PX};
+use crate::records::{
+    Contribution, Decision, DiscIn, EllipsoidIn, FragmentIn, GaussIn, Held, Layer, PROJECTED, Premultiplied, RasterIn, RasterOut, SET_UP,
+    SheetIn, Slot, TILE_AREA, TILE_PX,
+};
 use crate::units::ellipse::ellipsoid::Axes;
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
@@ -39,38 +42,56 @@ pub fn project(machine: &Elaborated, view: &View, position: [i64; 3], observer: 
 }
 
 /// `ellipse`: a record of `ellipse.in`, in a picture of this size.
-pub fn ellipse(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 12], observer: &mut dyn Observer<'_>) -> [i64; SET_UP] {
-    let [n_x, n_y, n_z, radius, of_project @ ..] = input.map(all);
-    let input = to_ellipse([n_x, n_y, n_z], radius, of_project);
+pub fn ellipse(
+    machine: &Elaborated,
+    view: &View,
+    size_px: [u32; 2],
+    input: [i64; DiscIn::WORDS],
+    observer: &mut dyn Observer<'_>,
+) -> [i64; SET_UP] {
+    let i = DiscIn::from_words(input).map(all);
+    let input = ellipse::Input {
+        normal: [i.normal_x, i.normal_y, i.normal_z],
+        radius: i.radius,
+        forward: i.forward,
+        exponent: i.exponent,
+        inverse_depth: Scientific { mantissa: i.inverse_depth, exponent: i.inverse_depth_exponent },
+        slope: [i.slope_x, i.slope_y],
+        pixel: [i.pixel_x, i.pixel_y],
+    };
     let probe = &mut DynProbe::new(observer);
     let tap = &mut Tap::new(probe).first(1);
     ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
 }
 
-/// Input port of `ellipse`, of any splat: its normal and σ, and what `project` made of it.
-fn to_ellipse<W>(normal: [W; 3], radius: W, of_project: [W; 8]) -> ellipse::Input<W> {
-    let [forward, exponent, inverse, inverse_exponent, a, b, x, y] = of_project;
-    ellipse::Input {
-        normal,
-        radius,
-        forward,
-        exponent,
-        inverse_depth: Scientific { mantissa: inverse, exponent: inverse_exponent },
-        slope: [a, b],
-        pixel: [x, y],
-    }
-}
-
 /// `ellipse` of ellipsoids: a record of `ellipse.in`, in a frame of them; none where the frame or the machine has none.
-pub fn ellipsoid(machine: &Elaborated, frame: &Frame, input: [i64; 20], observer: &mut dyn Observer<'_>) -> Option<[i64; SET_UP]> {
-    let [n_x, n_y, n_z, radius, w, x, y, z, s_0, s_1, s_2, opacity, of_project @ ..] = input.map(all);
+pub fn ellipsoid(
+    machine: &Elaborated,
+    frame: &Frame,
+    input: [i64; EllipsoidIn::WORDS],
+    observer: &mut dyn Observer<'_>,
+) -> Option<[i64; SET_UP]> {
+    let i = EllipsoidIn::from_words(input).map(all);
     let ellipsoids = frame.ellipsoids.as_ref()?;
-    let input = to_ellipse([n_x, n_y, n_z], radius, of_project);
-    let axes = if ellipsoids.own.is_empty() { Axes::Frame } else { Axes::Own([w, x, y, z], [s_0, s_1, s_2]) };
+    let input = ellipse::Input {
+        normal: [i.normal_x, i.normal_y, i.normal_z],
+        radius: i.radius,
+        forward: i.forward,
+        exponent: i.exponent,
+        inverse_depth: Scientific { mantissa: i.inverse_depth, exponent: i.inverse_depth_exponent },
+        slope: [i.slope_x, i.slope_y],
+        pixel: [i.pixel_x, i.pixel_y],
+    };
+    let axes = if ellipsoids.own.is_empty() {
+        Axes::Frame
+    } else {
+        let quaternion = [i.quaternion_w, i.quaternion_x, i.quaternion_y, i.quaternion_z];
+        Axes::Own(quaternion, [i.scale_0, i.scale_1, i.scale_2])
+    };
     let probe = &mut DynProbe::new(observer);
     let tap = &mut Tap::new(probe).first(1);
     let size_px = [frame.width, frame.height];
-    machine.ellipse.ellipsoids(&frame.view, &ellipsoids.kernel, size_px, &input, axes, opacity, tap).map(|output| ellipse_words(&output))
+    machine.ellipse.ellipsoids(&frame.view, &ellipsoids.kernel, size_px, &input, axes, i.opacity, tap).map(|output| ellipse_words(&output))
 }
 
 /// Request that a splat with this colour, normal and material sends to `shade` before it is drawn: `ellipse.request`.
@@ -95,15 +116,23 @@ pub fn sort(machine: &Elaborated, depths: &[i64], observer: &mut dyn Observer<'_
 }
 
 /// `raster`: a record of `raster.in` without its tag; column, row, radial index and depth of each fragment, row by row.
-pub fn raster(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64; 13], observer: &mut dyn Observer<'_>) -> Vec<[i64; 4]> {
-    let [x, y, xx, xy, yy, depth, z_x, z_y, depth_range, left, right, top, bottom] = input;
+pub fn raster(
+    machine: &Elaborated,
+    view: &View,
+    size_px: [u32; 2],
+    input: [i64; RasterIn::WORDS],
+    observer: &mut dyn Observer<'_>,
+) -> Vec<[i64; RasterOut::WORDS]> {
+    let record = RasterIn::from_words(input);
+    let RasterIn { first_column: left, last_column: right, first_row: top, last_row: bottom, .. } = record;
     let side = |first: i64, last: i64| [first as u16, last as u16];
+    let i = record.map(narrow);
     let input = raster::Input {
-        pixel: [x, y].map(narrow),
-        conic: [xx, xy, yy].map(narrow),
-        depth: narrow(depth),
-        depth_slope: [z_x, z_y].map(narrow),
-        depth_range: narrow(depth_range),
+        pixel: [i.pixel_x, i.pixel_y],
+        conic: [i.conic_xx, i.conic_xy, i.conic_yy],
+        depth: i.depth,
+        depth_slope: [i.depth_slope_x, i.depth_slope_y],
+        depth_range: i.depth_range,
         columns: side(left, right),
         rows: side(top, bottom),
     };
@@ -133,7 +162,8 @@ pub fn raster(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64;
                 let places = span.places(first);
                 let [radial, depth] = machine.raster.fragments::<Plain>(&walks, 0, &span, places).map(|lanes| lanes.to_array()[0]);
                 let pixel = i64::from(walks.pixels(0, places)[0]);
-                fragments.push([column * tile + pixel % tile, row * tile + pixel / tile, radial, depth]);
+                let made = RasterOut { x: column * tile + pixel % tile, y: row * tile + pixel / tile, radial, depth };
+                fragments.push(made.into_words());
             }
         }
     }
@@ -142,7 +172,8 @@ pub fn raster(machine: &Elaborated, view: &View, size_px: [u32; 2], input: [i64;
 }
 
 /// `gauss`: a record of `gauss.in`; its weight.
-pub fn gauss(machine: &Elaborated, [radial, amplitude]: [i64; 2], observer: &mut dyn Observer<'_>) -> i64 {
+pub fn gauss(machine: &Elaborated, input: [i64; GaussIn::WORDS], observer: &mut dyn Observer<'_>) -> i64 {
+    let GaussIn { radial, amplitude } = GaussIn::from_words(input);
     let probe = &mut DynProbe::new(observer);
     let tap = &mut Tap::new(probe).first(1);
     let [_, weight] = machine.gauss.lanes::<false, Plain, DynProbe>(Plain::splat(radial), amplitude, tap);
@@ -174,10 +205,16 @@ impl<'a> Fragments<'a> {
     }
 
     /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
-    pub fn take(&mut self, input: [i64; 12], mut answer: impl FnMut(&Slot) -> Premultiplied, observer: &mut dyn Observer<'_>) -> Decision {
-        let [x, y, weight, exact_depth, red, green, blue, opacity, n_x, n_y, n_z, material] = input;
+    pub fn take(
+        &mut self,
+        input: [i64; FragmentIn::WORDS],
+        mut answer: impl FnMut(&Slot) -> Premultiplied,
+        observer: &mut dyn Observer<'_>,
+    ) -> Decision {
+        let FragmentIn { x, y, weight, depth: exact_depth, red, green, blue, opacity, normal_x, normal_y, normal_z, material } =
+            FragmentIn::from_words(input);
         let registers = FragmentRegisters { z_threshold: self.frame.z_threshold, coverage_threshold: self.frame.coverage_threshold };
-        let attributes = [1, red, green, blue, opacity, n_x, n_y, n_z].map(narrow);
+        let attributes = [1, red, green, blue, opacity, normal_x, normal_y, normal_z].map(narrow);
         let unit = &self.machine.fragment;
         let depth = unit
             .depth::<false, Plain, DynProbe>(Plain::splat(exact_depth), &mut Tap::new(&mut DynProbe::new(observer)).first(1))
@@ -222,8 +259,8 @@ impl<'a> Sheets<'a> {
     }
 
     /// Takes a record of `fragment.in` whose pixel lies in the tile.
-    pub fn take(&mut self, input: [i64; 7], observer: &mut dyn Observer<'_>) -> Decision {
-        let [x, y, weight, sheet, red, green, blue] = input;
+    pub fn take(&mut self, input: [i64; SheetIn::WORDS], observer: &mut dyn Observer<'_>) -> Decision {
+        let SheetIn { x, y, weight, sheet, red, green, blue } = SheetIn::from_words(input);
         let attributes = [1, red, green, blue, 0, 0, 0, 0].map(narrow);
         let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
         let probe = &mut DynProbe::new(observer);

@@ -14,7 +14,7 @@
 use super::ranges::{Range, Ranges};
 use super::{Probe, Seen};
 use crate::num::{Fit, LANES, Words};
-use crate::records::{SUM_SIGNALS, Signal};
+use crate::records::{SUM_SIGNALS, Signal, unit};
 
 /// Items in the sample, if there are as many and not too many more.
 const FEW: usize = 12;
@@ -178,7 +178,8 @@ pub struct Meters {
 impl Meters {
     /// For a machine with these signals.
     pub fn new(signals: &[Signal]) -> Self {
-        let of_sum = |name: &str| signals.iter().position(|signal| signal.unit == "fragment" && signal.name == name).unwrap_or_default();
+        let of_sum =
+            |name: &str| signals.iter().position(|signal| signal.unit == unit::FRAGMENT && signal.name == name).unwrap_or_default();
         Meters::of(signals.len(), SUM_SIGNALS.map(of_sum))
     }
 

@@ -3,10 +3,13 @@
 mod fragment;
 mod light;
 mod setup;
+pub mod unit;
+mod words;
 
 pub use fragment::*;
 pub use light::*;
 pub use setup::*;
+pub use words::*;
 
 use crate::num::Word;
 

@@ -1,10 +1,5 @@
 //! Setup's records: what project and ellipse make of a splat, and what raster and gauss make of its fragments.
 
-/// Words of a record of `project.out`.
-pub const PROJECTED: usize = 11;
-/// Words of a record of `ellipse.out`.
-pub const SET_UP: usize = 17;
-
 /// A fragment on its way: what `raster.out` and `gauss.out` carry of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Weighed {

@@ -16,6 +16,7 @@ use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORD
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use crate::elaboration::microarchitecture;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
+use crate::elaboration::unit;
 use crate::work::{Bins, Work, each_tile};
 use std::collections::VecDeque;
 
@@ -33,15 +34,15 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let lists = work.bins(side as usize);
     let (setup, bin, listed) = first_pass(t, work, &lists, &mut memory, detail);
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-    let mut sort = Unit::new("sort", one, Some("bin"), Some("list"), detail);
+    let mut sort = Unit::new(unit::SORT, one, Some("bin"), Some("list"), detail);
     let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
 
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
-    let mut list = Unit::new("list", one, Some("bin"), Some("raster"), detail);
-    let mut fill = Fill::new(t, work, "list", "fragment", detail);
-    let mut merge = Merge::new(t, work, "gauss", Some("resolve"), detail);
+    let mut list = Unit::new("list", one, Some("bin"), Some(unit::RASTER), detail);
+    let mut fill = Fill::new(t, work, "list", unit::FRAGMENT, detail);
+    let mut merge = Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail);
     let mut resolve = Resolve::new(t, work, detail);
-    let mut lit = Unit::new("resolve-shade", t.shade, Some("resolve"), None, detail);
+    let mut lit = Unit::new("resolve-shade", t.shade, Some(unit::RESOLVE), None, detail);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];

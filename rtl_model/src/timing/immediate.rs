@@ -13,6 +13,7 @@ use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use super::stamps::{Piece, below};
 use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::unit;
 use crate::work::Work;
 
 /// Where the frame's lines lie.
@@ -49,9 +50,9 @@ impl Lines {
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
-    let mut setup = SetUp::new(t, work, "raster", detail);
+    let mut setup = SetUp::new(t, work, unit::RASTER, detail);
     let mut fill = Fill::new(t, work, SetUp::last_name(work), "cache", detail);
-    let mut lookup = Unit::new("cache", t.cache, Some("gauss"), Some("fragment"), detail);
+    let mut lookup = Unit::new("cache", t.cache, Some(unit::GAUSS), Some(unit::FRAGMENT), detail);
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
     let mut merge = Merge::new(t, work, "cache", None, detail);

@@ -10,6 +10,7 @@ use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::stamps::{Piece, Stamps};
 use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::unit;
 use crate::work::{Fate, Footprint, Work};
 use std::ops::Range;
 
@@ -32,13 +33,13 @@ pub struct SetUp<'a> {
 
 impl<'a> SetUp<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &Work, behind: &'static str, detail: Detail) -> Self {
-        let after_ellipse = if work.preshaded { "shade" } else { behind };
+        let after_ellipse = if work.preshaded { unit::SHADE } else { behind };
         SetUp {
             timing,
-            fetch: Unit::new("fetch", timing.fetch, None, Some("project"), detail),
-            project: Unit::new("project", timing.project, Some("fetch"), Some("ellipse"), detail),
-            ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(after_ellipse), detail),
-            shade: work.preshaded.then(|| Unit::new("shade", timing.shade, Some("ellipse"), Some(behind), detail)),
+            fetch: Unit::new("fetch", timing.fetch, None, Some(unit::PROJECT), detail),
+            project: Unit::new(unit::PROJECT, timing.project, Some("fetch"), Some(unit::ELLIPSE), detail),
+            ellipse: Unit::new(unit::ELLIPSE, timing.ellipse, Some(unit::PROJECT), Some(after_ellipse), detail),
+            shade: work.preshaded.then(|| Unit::new(unit::SHADE, timing.shade, Some(unit::ELLIPSE), Some(behind), detail)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
             splat_bytes: timing.voxel_bytes.filter(|_| work.shared_axes).unwrap_or(timing.splat_bytes).into(),
             fetched: 0,
@@ -110,7 +111,7 @@ impl<'a> SetUp<'a> {
 
     /// The name of its last unit.
     pub fn last_name(work: &Work) -> &'static str {
-        if work.preshaded { "shade" } else { "ellipse" }
+        if work.preshaded { unit::SHADE } else { unit::ELLIPSE }
     }
 
     /// Whether it is known when another splat has room behind the last unit.
@@ -144,8 +145,8 @@ impl<'a> Fill<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
         Fill {
             timing,
-            raster: Unit::new("raster", timing.raster, Some(before), Some("gauss"), detail),
-            gauss: Unit::new("gauss", timing.gauss, Some("raster"), Some(behind), detail),
+            raster: Unit::new(unit::RASTER, timing.raster, Some(before), Some(unit::GAUSS), detail),
+            gauss: Unit::new(unit::GAUSS, timing.gauss, Some(unit::RASTER), Some(behind), detail),
             walk: Stamps::new(work, timing.timing.raster.lanes),
             stamps: [0; 2],
         }
@@ -210,8 +211,8 @@ impl<'a> Merge<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
         Merge {
             timing,
-            fragment: Unit::new("fragment", timing.fragment, Some(before), behind, detail),
-            shade: Unit::new("shade", timing.shade, Some("fragment"), None, detail),
+            fragment: Unit::new(unit::FRAGMENT, timing.fragment, Some(before), behind, detail),
+            shade: Unit::new(unit::SHADE, timing.shade, Some(unit::FRAGMENT), None, detail),
             hazards: Hazards::new(timing, work),
             written: 0,
         }
@@ -253,7 +254,12 @@ pub struct Resolve<'a> {
 
 impl<'a> Resolve<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &Work, detail: Detail) -> Self {
-        Resolve { timing, unit: Unit::new("resolve", timing.resolve, Some("fragment"), None, detail), held: work.held(), width: work.width }
+        Resolve {
+            timing,
+            unit: Unit::new(unit::RESOLVE, timing.resolve, Some(unit::FRAGMENT), None, detail),
+            held: work.held(),
+            width: work.width,
+        }
     }
 
     /// Takes these columns and rows of the picture, shading in a unit; says when the last of their words is there.

@@ -280,7 +280,7 @@ impl Happened {
                         self.shaded[nth][row] |= pixel;
                     }
                 }
-                _ => {}
+                Event::Accumulated | Event::Inserted | Event::Evicted | Event::Replaced => {}
             }
         }
     }

@@ -24,10 +24,11 @@ use crate::functions::{Reciprocal, ReciprocalRoot, square_root};
 use crate::machine::Machine;
 use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words, align, three, two};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
 use ellipsoid::Ellipsoids;
 
-const UNIT: &str = "ellipse";
+const UNIT: &str = unit::ELLIPSE;
 
 /// Input port, eight splats: the splat's words and the point's.
 #[derive(Clone, Copy, Debug)]
@@ -292,7 +293,7 @@ impl Ellipse {
         });
         let deep = e.times(UNIT, machine.splat.radius, m.root_cutoff);
         let depth_range = e.fit(UNIT, "depth_range", m.depth_range, deep);
-        let fragment_normal = e.copies(3, |e| e.fit("fragment", "normal", machine.fragment.normal, m.normal.into()));
+        let fragment_normal = e.copies(3, |e| e.fit(unit::FRAGMENT, "normal", machine.fragment.normal, m.normal.into()));
 
         let ellipsoids = Ellipsoids::new(e, machine);
         let f = |word: Word| word.format.frac_bits;

@@ -17,6 +17,7 @@ use crate::kernels::{Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSu
 use crate::machine::{FragmentDepth, Machine, Merge};
 use crate::num::{Exact, Fit, Lanes, Word, three};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 use sheets::Sheets;
 use std::cmp::Ordering;
 
@@ -25,7 +26,7 @@ pub use crate::records::{
     TILE_AREA, TILE_PX, WEIGHT,
 };
 
-const UNIT: &str = "fragment";
+const UNIT: &str = unit::FRAGMENT;
 
 /// Input port: one contribution. Its material is not read unless it opens a fragment.
 #[derive(Clone, Copy, Debug)]
@@ -205,7 +206,7 @@ impl Fragment {
             opaque_shaded: -((-opaque << opacity_places) >> m.opaque.format.frac_bits) as i64,
             store: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, shaded)), e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded)],
             read: [(3, m.colour_sum), (1, m.opacity_sum)]
-                .map(|(copies, sum)| e.copies(copies, |e| e.fit("shade", "premultiplied", premultiplied, sum.into()))),
+                .map(|(copies, sum)| e.copies(copies, |e| e.fit(unit::SHADE, "premultiplied", premultiplied, sum.into()))),
             blend: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, over)), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
             sheets: Sheets::new(e, machine),

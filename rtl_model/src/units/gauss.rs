@@ -15,8 +15,9 @@ use crate::functions::{Table, table};
 use crate::machine::Machine;
 use crate::num::{Fit, Lanes};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
-const UNIT: &str = "gauss";
+const UNIT: &str = unit::GAUSS;
 
 /// Cycles: table, product.
 pub fn latency(machine: &Machine) -> u32 {

@@ -24,8 +24,9 @@ use crate::functions::{Reciprocal, reciprocal};
 use crate::machine::Machine;
 use crate::num::{Exact, Exacts, Fit, Words, align, three, two};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
-const UNIT: &str = "project";
+const UNIT: &str = unit::PROJECT;
 
 /// Fraction bits of a difference shifted left until its largest part fills 62 bits.
 const NORMALISED_FRAC_BITS: i32 = 62;

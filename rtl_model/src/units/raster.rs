@@ -24,8 +24,9 @@ use crate::machine::{Machine, Rows};
 use crate::num::register::Held;
 use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, three, two};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
-const UNIT: &str = "raster";
+const UNIT: &str = unit::RASTER;
 
 /// Side of the square that boxes are cut to, pixels.
 const SIDE_PX: usize = 16;

@@ -13,10 +13,11 @@ use crate::elaboration::{Elaboration, Operator};
 use crate::machine::Machine;
 use crate::num::{Fit, three};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
 pub use crate::records::Layer;
 
-const UNIT: &str = "resolve";
+const UNIT: &str = unit::RESOLVE;
 
 /// Cycles: a product and a sum for each layer.
 pub fn latency(machine: &Machine) -> u32 {

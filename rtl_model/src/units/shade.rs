@@ -19,10 +19,11 @@ use crate::functions::{Reciprocal, ReciprocalRoot, Table, reciprocal, square_roo
 use crate::machine::Machine;
 use crate::num::{Fit, three};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
 pub use crate::records::{ShadeInput as Input, ShadeOutput as Output};
 
-const UNIT: &str = "shade";
+const UNIT: &str = unit::SHADE;
 
 /// Registers that a frame loads.
 #[derive(Clone, Copy, Debug)]

@@ -70,3 +70,16 @@ fn what_setup_makes_has_the_fields_of_its_records() {
         assert_eq!(width("ellipse.out"), crate::records::SET_UP);
     }
 }
+
+#[test]
+fn signals_parts_and_ports_belong_to_units_that_are_listed() {
+    for machine in machines() {
+        let signals = machine.signals.iter().map(|signal| signal.unit).filter(|unit| *unit != "splat");
+        let parts = machine.parts.iter().map(|part| part.unit);
+        let all = kinds(&machine).into_iter().flat_map(|kind| streams(&machine, kind));
+        let ports: Vec<_> = all.filter_map(|stream| stream.unit()).filter(|unit| *unit != "pipeline").collect();
+        for name in signals.chain(parts).chain(ports) {
+            assert!(crate::records::unit::ALL.contains(&name), "{name}");
+        }
+    }
+}

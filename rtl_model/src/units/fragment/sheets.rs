@@ -23,6 +23,7 @@ use crate::num::{Exact, Fit, three};
 use crate::probe::{Probe, Tap};
 pub use crate::records::Held;
 use crate::records::STOPPED;
+use crate::records::unit;
 
 /// Parts of the unit for sheets alone.
 #[derive(Clone, Debug)]
@@ -80,7 +81,7 @@ impl Sheets {
         let fraction_bits = Table::fraction_bits(shape.index_bits, argument.width() as u32);
         table::interpolator(e, UNIT, shape, words.ratio, fraction_bits);
         let scaled = [m.weight_sum, m.colour_sum].map(|sum| e.times(UNIT, sum, words.ratio));
-        let mut fit = |from: Exact| e.fit("shade", "premultiplied", premultiplied, from);
+        let mut fit = |from: Exact| e.fit(unit::SHADE, "premultiplied", premultiplied, from);
         let closed = scaled.map(&mut fit);
         let plain = [m.weight_sum, m.colour_sum].map(|sum| fit(sum.into()));
         Some(Sheets {
