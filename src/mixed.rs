@@ -253,10 +253,10 @@ impl<'a> Cover for Drawn<'a> {
         let (left, top) = (footprint.columns.start, footprint.rows.start);
         let least_weight = frame.sheets.as_ref().map_or(0.0, |words| words.least_weight.value);
         let first = [f64::from(left) + 0.5 - half_px[0], f64::from(top) + 0.5 - half_px[1]];
-        let downwards = machine.mixed_rows(&input, first, rows.start - top..rows.end - top);
+        let downwards = machine.partial_precision_rows(&input, first, rows.start - top..rows.end - top);
         for (y, row) in rows.zip(downwards) {
             for x in columns.clone() {
-                let [radial, depth] = machine.mixed_pixel(&row, f64::from(x - left));
+                let [radial, depth] = machine.partial_precision_pixel(&row, f64::from(x - left));
                 if radial.value < frame.cutoff {
                     let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
                     // A weight that rounds to 0 makes no fragment.

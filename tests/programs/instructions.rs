@@ -9,7 +9,7 @@
 //! watcher=   # nobody, or: ranges, work
 //! count setup --toggle-collect="instructions::setup*"
 //! count fill --toggle-collect="instructions::fill*"
-//! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*pipeline::bins*" --toggle-collect="*::shade_for_merge*" \
+//! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*fill::bins*" --toggle-collect="*::shade_for_merge*" \
 //!   --toggle-collect="*FillTile*::resolve*"
 //! callgrind_annotate /tmp/fill.out   # the same by function and file
 //! ```

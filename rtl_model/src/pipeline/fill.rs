@@ -41,7 +41,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
     let sheets = frame.sheets.as_ref().map(|sheets| machine.fragment.sheets(sheets));
     let bins = bins(frame, setup);
     let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
-    // One tile's fragments at a time, and one watcher, for every run of tiles that a thread takes.
+    // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
     let start = || Run { tile: Box::<Tile<L>>::default(), probe: probe.fork(), done: Vec::new() };
     let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
         let shared = Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref() };

@@ -107,19 +107,19 @@ impl Elaborated {
         self.fragment.real_accumulated(lane, sum, weight, attribute)
     }
 
-    /// Registers at the first pixels of some rows of a box ([`raster::Raster::mixed`]).
-    pub fn mixed_rows<'a>(
+    /// Registers at the first pixels of some rows of a box ([`raster::Raster::partial_precision_rows`]).
+    pub fn partial_precision_rows<'a>(
         &self,
         input: &raster::real::Input<PartialPrecision<'a>>,
         first: [f64; 2],
         rows: Range<u32>,
     ) -> impl Iterator<Item = raster::real::Row<'a>> {
-        self.raster.mixed(input, first, rows)
+        self.raster.partial_precision_rows(input, first, rows)
     }
 
     /// r and z at some columns from the first pixel of a row.
-    pub fn mixed_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
-        self.raster.mixed_pixel(row, columns)
+    pub fn partial_precision_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
+        self.raster.partial_precision_pixel(row, columns)
     }
 
     /// The light that a splat sends which is lit before it is drawn, from its own colour and normal.

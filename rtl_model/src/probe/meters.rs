@@ -153,7 +153,7 @@ impl Wide {
 /// A word that met a limit alone: its fit, its exact result and that one's additional fraction bits, the word.
 type Limited = (Fit, i64, i64, i64);
 
-/// Most of them that are kept of an item of work: with more it is heard again.
+/// Most of them that are kept of an item of work: with more it is resampled.
 const KEPT: usize = 64;
 
 /// Watches the range of every signal.
@@ -264,7 +264,7 @@ impl Probe for Meters {
         if live == 0 {
             return;
         }
-        // What met a limit is heard again, and with it all that came with it.
+        // What met a limit is resampled, and with it all that came with it.
         if seen.limited & live != 0 {
             self.is_limited = true;
             return;
@@ -314,7 +314,7 @@ impl Probe for Meters {
     #[inline(always)]
     fn resample(&mut self, item: usize, of: usize) -> Option<&mut Ranges> {
         let [sample, limited] = &mut self.resampled;
-        let heard = match (is_sampled(item, of), std::mem::take(&mut self.is_limited)) {
+        let resampled = match (is_sampled(item, of), std::mem::take(&mut self.is_limited)) {
             (true, _) => Some(sample),
             (false, true) => Some(limited),
             (false, false) => {
@@ -322,9 +322,9 @@ impl Probe for Meters {
                 return None;
             }
         };
-        // They are heard again with all others.
+        // They are resampled with all others.
         self.limited.clear();
-        heard
+        resampled
     }
 }
 

@@ -32,7 +32,7 @@ pub trait Probe: Send + Sync + Sized {
     /// Whether work is wanted: what became of splats, rows, contributions and pixels.
     const WORK: bool = false;
     /// Whether transfers are wanted, record by record as in [`ports`](crate::pipeline::ports). The machine then takes one item at a time, and what
-    /// is told of words between two transfers belongs to the second.
+    /// is observed of words between two transfers belongs to the second.
     const TRANSFERS: bool = false;
 
     /// A fresh probe of the same kind, for another part of the frame.
@@ -60,7 +60,7 @@ pub trait Probe: Send + Sync + Sized {
     fn wrapped(&mut self, _signal: usize) {}
     /// A register of a signal was to hold all from the first to the second on its way, which are no words of their own.
     fn reached(&mut self, _signal: usize, _results: [i64; 2]) {}
-    /// All words of an item of work have been told, of the first or another of so many of its kind in the frame: who, if any, is to
+    /// All words of an item of work have been observed, of the first or another of so many of its kind in the frame: who, if any, is to
     /// observe them all once more, one by one.
     #[inline(always)]
     fn resample(&mut self, _item: usize, _of: usize) -> Option<&mut Ranges> {
@@ -76,11 +76,11 @@ pub trait Probe: Send + Sync + Sized {
     /// A splat has a box: its first and last column and row.
     #[inline(always)]
     fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
-    /// All splats with a box have been told; they are drawn in this order, each by its place among them.
+    /// All splats with a box have been observed; they are drawn in this order, each by its place among them.
     fn sorted(&mut self, _order: Vec<u32>) {}
     /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
     fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool) {}
-    /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade was told before.
+    /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade was observed before.
     fn emitted(&mut self, _splat: u32, _rgb: [i32; 3]) {}
     /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
     #[inline(always)]
@@ -99,14 +99,14 @@ pub trait Probe: Send + Sync + Sized {
     fn walked(&mut self, _splat: u32) {}
     /// A splat's fragment at pixel (x, y) left raster and gauss.
     fn weighed(&mut self, _x: u32, _y: u32, _weighed: &Weighed) {}
-    /// A fragment enters shade, from merging or from resolving; what is told from here on is shade's.
+    /// A fragment enters shade, from merging or from resolving; what is observed from here on is shade's.
     fn shade_in(&mut self) {}
     /// It left shade.
     fn shade_out(&mut self, _input: &ShadeInput, _output: &ShadeOutput) {}
     /// Pixel (x, y) holds these fragments in the end, slot by slot; the light of each beside it. Of sheets: what has been blended, then the
     /// open one; beside it the light of all together.
     fn holds(&mut self, _x: u32, _y: u32, _slots: &[Slot], _layers: &[Layer]) {}
-    /// The tile whose first pixel is (x, y) is done: all of it has been told.
+    /// The tile whose first pixel is (x, y) is done: all of it has been observed.
     fn tile(&mut self, _x: u32, _y: u32) {}
 }
 

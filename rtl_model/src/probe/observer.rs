@@ -5,7 +5,7 @@ use crate::num::Fit;
 use crate::records::{Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed};
 use std::any::Any;
 
-/// An observer that is told what it wants to hear, one call at a time: slower than a [`Probe`], and no code of the machine is compiled for
+/// An observer that is called for what it wants to see, one call at a time: slower than a [`Probe`], and no code of the machine is compiled for
 /// it. `'w` is what it borrows.
 pub trait Observer<'w>: Send + Sync {
     /// A fresh observer of the same kind, for another part of the frame.

@@ -1,4 +1,4 @@
-//! Recorder: a watcher that records [work](crate::work).
+//! Recorder: a probe that records [work](crate::work).
 
 use super::Probe;
 use crate::records::Decision;

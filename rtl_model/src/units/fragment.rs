@@ -272,7 +272,7 @@ impl Fragment {
         &self.depth
     }
 
-    /// Depths as the comparators see them. Nobody but a watcher can tell what lies below 0 from 0.
+    /// Depths as the comparators see them. Nobody but a probe can tell what lies below 0 from 0.
     #[inline(always)]
     pub fn depth<const SIMPLE_FITS: bool, V: Lanes, P: Probe>(&self, exact: V, tap: &mut Tap<P>) -> V {
         if P::WORDS { tap.fit(&self.depth, exact) } else { tap.fit_unsigned::<SIMPLE_FITS, V>(&self.depth, exact.max(V::splat(0))) }

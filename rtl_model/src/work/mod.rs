@@ -195,9 +195,9 @@ struct TileRecorder {
     counts: Vec<u16>,
     events: Vec<(u8, Event)>,
     pixels: Vec<u8>,
-    /// The span that is being told: where its contributions lie, and how many of them were told.
+    /// The span that is being recorded: where its contributions lie, and how many of them were.
     places: Vec<u8>,
-    told: usize,
+    recorded: usize,
     shaded: u8,
 }
 
@@ -248,7 +248,7 @@ impl Recorder {
         }
     }
 
-    /// All splats with a box have been told; they are drawn in this order.
+    /// All splats with a box have been recorded; they are drawn in this order.
     pub fn sorted(&mut self, order: Vec<u32>) {
         self.order = order;
     }
@@ -267,7 +267,7 @@ impl Recorder {
     #[inline(always)]
     pub fn span(&mut self, rows: usize, left: usize, places: &[u8]) {
         self.now.places.clear();
-        self.now.told = 0;
+        self.now.recorded = 0;
         let mut kept = [0u16; TILE_PX];
         for place in places {
             kept[usize::from(place / 16) % TILE_PX] |= 1 << (usize::from(place % 16) + left);
@@ -280,14 +280,14 @@ impl Recorder {
     /// The next place had this outcome.
     #[inline(always)]
     pub fn became(&mut self, event: Event) {
-        let TileRecorder { places, told, counts, events, .. } = &mut self.now;
+        let TileRecorder { places, recorded, counts, events, .. } = &mut self.now;
         if event != Event::Accumulated
             && let Some(count) = counts.last_mut()
         {
             *count += 1;
-            events.push((places[*told], event));
+            events.push((places[*recorded], event));
         }
-        *told += 1;
+        *recorded += 1;
     }
 
     /// A fragment is shaded so that it can merge.

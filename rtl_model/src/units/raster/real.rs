@@ -134,7 +134,12 @@ pub struct Row<'a> {
 
 impl Raster {
     /// Registers at the first pixels of `rows` rows of a box, of which the very first has this centre from the picture's middle.
-    pub fn mixed<'a>(&self, input: &Input<PartialPrecision<'a>>, [left, top]: [f64; 2], rows: Range<u32>) -> impl Iterator<Item = Row<'a>> {
+    pub fn partial_precision_rows<'a>(
+        &self,
+        input: &Input<PartialPrecision<'a>>,
+        [left, top]: [f64; 2],
+        rows: Range<u32>,
+    ) -> impl Iterator<Item = Row<'a>> {
         let [xx, xy, yy] = input.conic;
         let [by_x, by_y] = input.depth_slope;
         let limits = [input.depth - input.depth_range, input.depth + input.depth_range];
@@ -166,7 +171,7 @@ impl Raster {
     }
 
     /// r and z at some columns from the first pixel of a row; r may be below 0, z is clamped to what the disc can reach.
-    pub fn mixed_pixel<'a>(&self, row: &Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
+    pub fn partial_precision_pixel<'a>(&self, row: &Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
         let radial = row.radial + row.first.times(columns) + row.second.times(columns * (columns - 1.0) / 2.0);
         let depth = (row.depth + row.depth_step.times(columns)).wrapped(&self.depth);
         let [nearest, deepest] = row.limits;
