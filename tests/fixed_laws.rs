@@ -7,10 +7,11 @@ use std::f64::consts::TAU;
 
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use handmade::{Dice, confetti, scene, splat};
-use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::machine::Machine;
 use rtl_model::num::{Fit, Word};
 use rtl_model::pipeline;
-use rtl_model::probe::Watcher;
+use rtl_model::pipeline::Elaborated;
+use rtl_model::probe::Observer;
 use rtl_model::{Drawing, Frame};
 use splatsim::hardware::fixed;
 use splatsim::hardware::quantise::quantise;
@@ -29,7 +30,7 @@ fn words(scene: &Scene, machine: &Elaborated) -> Frame {
 }
 
 fn draw(scene: &Scene, machine: &Elaborated) -> Drawing {
-    pipeline::draw_unwatched(machine, &words(scene, machine))
+    pipeline::draw_unobserved(machine, &words(scene, machine))
 }
 
 // --- Setup ---
@@ -37,8 +38,8 @@ fn draw(scene: &Scene, machine: &Elaborated) -> Drawing {
 /// Hears every word of every signal.
 struct Words(Vec<(usize, i64)>);
 
-impl Watcher<'static> for Words {
-    fn fork(&self) -> Box<dyn Watcher<'static>> {
+impl Observer<'static> for Words {
+    fn fork(&self) -> Box<dyn Observer<'static>> {
         Box::new(Words(Vec::new()))
     }
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
@@ -75,7 +76,7 @@ struct Ellipse {
 /// The machine's answer to a frame's only splat; none where it is culled.
 fn machine_sets_up(machine: &Elaborated, frame: &Frame) -> Option<Ellipse> {
     let mut heard = Words(Vec::new());
-    let setup = pipeline::set_up_told(machine, frame, &mut heard);
+    let setup = pipeline::set_up_observed(machine, frame, &mut heard);
     let of = |unit: &str, name: &str| -> Vec<f64> {
         let (signal, word) =
             machine.signals.iter().enumerate().find(|(_, s)| s.unit == unit && s.name == name).map(|(i, s)| (i, s.word)).unwrap();
@@ -249,7 +250,7 @@ fn watching_changes_nothing() {
     let scene = confetti(3000, 4);
     for machine in machines() {
         let frame = words(&scene, &machine);
-        let ((watched, ranges), unwatched) = (pipeline::draw_ranged(&machine, &frame), pipeline::draw_unwatched(&machine, &frame));
+        let ((watched, ranges), unwatched) = (pipeline::draw_ranged(&machine, &frame), pipeline::draw_unobserved(&machine, &frame));
         assert_eq!(watched, unwatched);
         assert!(ranges.0.iter().all(|range| range.words == 0 || range.is_seen()));
         assert!(ranges.0.iter().map(|range| range.words).sum::<u64>() > watched.outcomes.total() / 10);
@@ -292,7 +293,7 @@ fn an_opaque_splat_hides_all_behind_it() {
     for machine in machines() {
         let frame = words(&scene, &machine);
         let with = |splats: &[&[rtl_model::frame::Splat]]| {
-            pipeline::draw_unwatched(&machine, &Frame { splats: splats.concat(), ..frame.clone() }).frame
+            pipeline::draw_unobserved(&machine, &Frame { splats: splats.concat(), ..frame.clone() }).frame
         };
         let (behind, front) = frame.splats.split_at(200);
         let alone = with(&[front]);

@@ -7,11 +7,14 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use rtl_model::machine::{Elaborated, Elaboration, FunctionUnit, Interpolation, Machine, Rows};
+use rtl_model::elaboration::Elaboration;
+use rtl_model::functions::ReciprocalRoot;
+use rtl_model::machine::{FunctionUnit, Interpolation, Machine, Rows};
 use rtl_model::num::LANES;
+use rtl_model::num::Rounding;
 use rtl_model::num::lanes::Plain;
-use rtl_model::num::{ReciprocalRoot, Rounding};
-use rtl_model::probe::{Tap, Unwatched};
+use rtl_model::pipeline::Elaborated;
+use rtl_model::probe::{NoProbe, Tap};
 use rtl_model::units::raster::{self, Raster, Span};
 use splatsim::accuracy::proofs::script::{number, within};
 use splatsim::accuracy::proofs::{Proof, proofs, write};
@@ -292,7 +295,7 @@ fn a_reciprocals_script_computes_what_the_unit_does() {
                 let x = Dyadic((i128::from(mantissa) << 9) + 400, -(shape.bits as i32) - 9);
                 let m = x.rounded(-(shape.bits as i32), "dn");
                 let all = defined(&proof, &[("x", x), ("y0", guess(&proof, m))]);
-                let (y, _) = unit.one((mantissa << 9) + 400, &mut Tap::new(&mut Unwatched));
+                let (y, _) = unit.one((mantissa << 9) + 400, &mut Tap::new(&mut NoProbe));
                 let script = all[&format!("y{}", shape.newton_steps)];
                 assert!(script.equals(Dyadic(y.into(), -(shape.bits as i32))), "{name}: {signal} of {mantissa}: {y}, {script:?}");
                 assert!(m.equals(all["m"]));
@@ -317,7 +320,7 @@ fn a_reciprocal_roots_script_computes_what_the_unit_does() {
                 // Roots are irrational: all but what follows from them is computed.
                 let zero = Dyadic(0, 0);
                 let all = defined(&proof, &[("m", m), ("x", m), ("v", m), ("s", zero), ("t", zero), ("y0", guess(&proof, m))]);
-                let (y, _) = unit.one(operand, &mut Tap::new(&mut Unwatched));
+                let (y, _) = unit.one(operand, &mut Tap::new(&mut NoProbe));
                 let script = all[&format!("y{}", shape.newton_steps)];
                 assert!(script.equals(Dyadic(y.into(), -bits)), "{name}: {signal} of {mantissa}: {y}, {script:?}");
                 assert!(all["cut"].equals(m));
@@ -370,7 +373,7 @@ fn the_rasters_script_computes_what_the_unit_does() {
             let at = [odd(4), odd(5)].map(|part| (((part - 50_000) << (pixel + 4)) / 50_001) as i32);
             let input = raster::Input { pixel: at, conic: words, columns: [256, 300], rows: [256, 300], ..Default::default() };
             let rows = if m.raster.rows == Rows::Differenced { 16 } else { 0 };
-            let mut probe = Unwatched;
+            let mut probe = NoProbe;
             let tap = &mut Tap::new(&mut probe);
             let size_px = [512, 512];
             let walks = unit.enter::<Plain, _>(size_px, [256 + 16, 256 + rows], &[&input; LANES], tap);

@@ -1,7 +1,7 @@
 //! Is what the ranges say of a machine's formats true of the machine?
 
 use rtl_model::Machine;
-use rtl_model::machine::Signal;
+use rtl_model::elaboration::Signal;
 use rtl_model::num::Format;
 use rtl_model::probe::Range;
 use serde_json::Value;

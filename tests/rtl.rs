@@ -465,7 +465,7 @@ fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 
     let machine = settings.iter().fold(wired.clone(), |machine, setting| changed(&machine, setting, setting).unwrap());
     let elaborated = fixed::elaborate(&Machine { sort: None, ..machine }).unwrap();
     let frame = quantise(&scene_of(scene), wired).unwrap().frame;
-    let drawn = pipeline::draw_unwatched(&fixed::elaborate(wired).unwrap(), &frame).frame;
+    let drawn = pipeline::draw_unobserved(&fixed::elaborate(wired).unwrap(), &frame).frame;
     let (drawing, work) = pipeline::draw_recorded(&elaborated, &ordered(frame, &as_drawn(trace)));
     assert_eq!(drawing.frame, drawn, "in the order of the sort it is another frame");
     let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);

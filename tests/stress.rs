@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use assert_cmd::Command;
 use glam::{DMat2, DVec2, DVec3};
-use rtl_model::probe::Watcher;
+use rtl_model::probe::Observer;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::{Machine, pipeline};
 use splatsim::explore::stress::{self, CASES, Case, Catalogue, FOCAL_PX, Failure, Found, MachineReport};
@@ -228,11 +228,11 @@ fn a_machine_with_too_few_guard_bits_drifts_where_one_with_enough_does_not() {
 }
 
 /// Draws a case's scene on its variant.
-fn on_variant(case: &Case, value: f64, watcher: &mut dyn Watcher<'static>) {
+fn on_variant(case: &Case, value: f64, watcher: &mut dyn Observer<'static>) {
     let machine = machines::load("reference", &(case.variant.unwrap().settings)(value)).unwrap();
     let elaborated = fixed::elaborate(&machine).unwrap();
     let quantised = quantise::quantise(&(case.scene)(value), &machine).unwrap();
-    pipeline::draw_decided(&elaborated, &quantised.frame, watcher);
+    pipeline::draw_with_decisions(&elaborated, &quantised.frame, watcher);
 }
 
 #[test]
@@ -256,8 +256,8 @@ fn the_radial_index_wraps_and_comes_back_inside_the_footprint() {
 #[derive(Default)]
 struct AtZero(Vec<(u32, u32)>);
 
-impl Watcher<'static> for AtZero {
-    fn fork(&self) -> Box<dyn Watcher<'static>> {
+impl Observer<'static> for AtZero {
+    fn fork(&self) -> Box<dyn Observer<'static>> {
         Box::new(AtZero::default())
     }
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {

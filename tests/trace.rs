@@ -5,8 +5,8 @@ mod traced;
 
 use cosimulation::{have, run};
 use proptest::prelude::*;
-use rtl_model::alone;
-use rtl_model::probe::Unwatched;
+use rtl_model::pipeline::unit_replay;
+use rtl_model::probe::NoProbe;
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
@@ -72,28 +72,28 @@ fn masked(trace: &Traced, stream: &str, mut words: Vec<i64>) -> Vec<i64> {
 }
 
 fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
-    let unwatched = &mut Unwatched;
+    let unwatched = &mut NoProbe;
     let size_px = [frame.width, frame.height];
     for (input, output) in trace.records("project.in").iter().zip(trace.records("project.out")) {
-        let made = alone::project(elaborated, &frame.view, array(input), unwatched);
+        let made = unit_replay::project(elaborated, &frame.view, array(input), unwatched);
         assert_eq!(masked(trace, "project.out", made.to_vec()), output);
     }
     for (input, output) in trace.records("ellipse.in").iter().zip(trace.records("ellipse.out")) {
         let made = match frame.ellipsoids {
-            Some(_) => alone::ellipsoid(elaborated, frame, array(input), unwatched).unwrap(),
-            None => alone::ellipse(elaborated, &frame.view, size_px, array(input), unwatched),
+            Some(_) => unit_replay::ellipsoid(elaborated, frame, array(input), unwatched).unwrap(),
+            None => unit_replay::ellipse(elaborated, &frame.view, size_px, array(input), unwatched),
         };
         assert_eq!(masked(trace, "ellipse.out", made.to_vec()), output);
     }
     let mut fragments = trace.records("raster.out").into_iter();
     for input in trace.records("raster.in") {
-        for made in alone::raster(elaborated, &frame.view, size_px, array(&input[1..]), unwatched) {
+        for made in unit_replay::raster(elaborated, &frame.view, size_px, array(&input[1..]), unwatched) {
             assert_eq!(fragments.next(), Some([&input[..1], &made].concat()));
         }
     }
     assert_eq!(fragments.next(), None, "raster.out has records that raster.in does not make");
     for (input, output) in trace.records("gauss.in").iter().zip(trace.records("gauss.out")) {
-        assert_eq!(vec![alone::gauss(elaborated, array(input), unwatched)], output);
+        assert_eq!(vec![unit_replay::gauss(elaborated, array(input), unwatched)], output);
     }
     replay_fragments(trace, elaborated, frame);
     replay_shade(trace, elaborated, frame);
@@ -101,7 +101,7 @@ fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model:
 }
 
 fn replay_shade(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
-    let unwatched = &mut Unwatched;
+    let unwatched = &mut NoProbe;
     for (input, output) in trace.records("shade.in").iter().zip(trace.records("shade.out")) {
         let words = shade::Input {
             weight: input[0],
@@ -110,24 +110,24 @@ fn replay_shade(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_
             normal: array(&input[5..8]),
             material: input[8] as u32,
         };
-        let made = alone::shade(elaborated, frame, &words, unwatched);
+        let made = unit_replay::shade(elaborated, frame, &words, unwatched);
         assert_eq!([&made.colour[..], &[made.opacity]].concat(), output);
     }
 }
 
 /// What is lit before it is drawn: asked of shade by the splat and its normal, and drawn in the colour that came back.
 fn replay_emission(trace: &Traced, elaborated: &rtl_model::Elaborated) {
-    let unwatched = &mut Unwatched;
+    let unwatched = &mut NoProbe;
     let (splats, set_up) = (trace.records("pipeline.in"), trace.records("ellipse.out"));
     let [red, material] = ["red", "material"].map(|name| trace.field("pipeline.in", name));
     let (requests, answers) = (trace.records("ellipse.request"), trace.records("ellipse.answer"));
     let mut colours = BTreeMap::new();
     for ((key, request), answer) in trace.keys("ellipse.request").iter().zip(&requests).zip(&answers) {
         let (splat, normal) = (&splats[key[SPLAT] as usize], array(&set_up[key[PARENT] as usize][3..6]));
-        let made = alone::emission(elaborated, array(&splat[red..red + 3]), normal, splat[material] as u32, unwatched);
+        let made = unit_replay::emission(elaborated, array(&splat[red..red + 3]), normal, splat[material] as u32, unwatched);
         let made = [&[made.weight][..], &made.colour, &[made.opacity], &made.normal, &[made.material.into()]].concat();
         assert_eq!(&made, request);
-        colours.insert(key[SPLAT], alone::emitted_colour(elaborated, array(&answer[..3]), unwatched));
+        colours.insert(key[SPLAT], unit_replay::emitted_colour(elaborated, array(&answer[..3]), unwatched));
     }
     assert_eq!([requests, answers], ["shade.in", "shade.out"].map(|stream| trace.records(stream)));
     assert_eq!(colours.len(), trace.lines("raster.in").len());
@@ -140,7 +140,7 @@ fn replay_emission(trace: &Traced, elaborated: &rtl_model::Elaborated) {
 fn replay_sort(trace: &Traced, elaborated: &rtl_model::Elaborated) {
     let (given, sorted) = (trace.records("sort.in"), trace.records("sort.out"));
     let depths: Vec<i64> = given.iter().map(|record| record[1]).collect();
-    let made = alone::sort(elaborated, &depths, &mut Unwatched).unwrap();
+    let made = unit_replay::sort(elaborated, &depths, &mut NoProbe).unwrap();
     let made: Vec<Vec<i64>> = made.into_iter().map(|(nth, key)| vec![given[nth][0], key]).collect();
     assert_eq!(made, sorted);
     assert!(given.iter().map(|record| record[0]).ne(sorted.iter().map(|record| record[0])), "in order before they are sorted");
@@ -152,8 +152,8 @@ fn replay_sheets(trace: &Traced, elaborated: &rtl_model::Elaborated, sheets: &rt
     let decisions = trace.records("fragment.out");
     let mut tiles = BTreeMap::new();
     for (input, told) in trace.records("fragment.in").into_iter().zip(decisions) {
-        let tile = tiles.entry([input[0] / side, input[1] / side]).or_insert_with(|| alone::Sheets::new(elaborated, sheets));
-        let [outcome, slot] = match tile.take(array(&input), &mut Unwatched) {
+        let tile = tiles.entry([input[0] / side, input[1] / side]).or_insert_with(|| unit_replay::Sheets::new(elaborated, sheets));
+        let [outcome, slot] = match tile.take(array(&input), &mut NoProbe) {
             Decision::Accumulated(slot) => [0, slot.into()],
             Decision::Inserted(slot) => [1, slot.into()],
             Decision::Merged(front, _) => [2, front.into()],
@@ -165,7 +165,7 @@ fn replay_sheets(trace: &Traced, elaborated: &rtl_model::Elaborated, sheets: &rt
     for record in trace.records("fragment.held") {
         let tile = &tiles[&[record[0] / side, record[1] / side]];
         let pixel = (record[1] % side * side + record[0] % side) as usize;
-        let (held, lit) = (tile.held(pixel).unwrap(), tile.lit(pixel, &mut Unwatched).unwrap());
+        let (held, lit) = (tile.held(pixel).unwrap(), tile.lit(pixel, &mut NoProbe).unwrap());
         let (sheet, open) = held.open.unwrap_or_default();
         let head = [record[0], record[1], held.stopped.into(), held.open.is_none().into()];
         let made = [&head[..], &held.composite[1..5], &[sheet.into()], &open[..4], &lit.colour, &[lit.opacity]].concat();
@@ -181,7 +181,7 @@ fn replay_resolve(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rt
             layers.push(Layer { colour: [r, g, b], opacity, ..Layer::default() });
         }
         if last == 1 {
-            let word = alone::resolve(elaborated, frame, &layers, &mut Unwatched);
+            let word = unit_replay::resolve(elaborated, frame, &layers, &mut NoProbe);
             assert_eq!(pixels.next(), Some([&[x, y], &word[..]].concat()));
             layers.clear();
         }
@@ -199,7 +199,7 @@ fn replay_fragments(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &
     let asked_by: Vec<i64> = trace.keys("fragment.request").iter().map(|key| key[PARENT]).collect();
     let mut tiles = BTreeMap::new();
     for (i, input) in trace.records("fragment.in").into_iter().enumerate() {
-        let tile = tiles.entry([input[0] / side, input[1] / side]).or_insert_with(|| alone::Fragments::new(elaborated, frame));
+        let tile = tiles.entry([input[0] / side, input[1] / side]).or_insert_with(|| unit_replay::Fragments::new(elaborated, frame));
         let mut next = asked_by.partition_point(|by| (*by as usize) < i);
         let answer = |slot: &Slot| {
             assert_eq!(asked_by[next] as usize, i, "a request that the trace does not have");
@@ -208,7 +208,7 @@ fn replay_fragments(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &
             next += 1;
             Premultiplied { colour: [r, g, b], opacity }
         };
-        let decision = tile.take(array(&input), answer, &mut Unwatched);
+        let decision = tile.take(array(&input), answer, &mut NoProbe);
         assert!(asked_by.get(next).is_none_or(|by| *by as usize > i), "requests of the trace that were not made");
         let told = match decision {
             Decision::Accumulated(slot) => [0, slot.into()],
@@ -226,7 +226,7 @@ fn replay_fragments(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &
     for record in trace.records("fragment.held") {
         let tile = &tiles[&[record[0] / side, record[1] / side]];
         let slot = tile.held((record[1] % side * side + record[0] % side) as usize)[record[2] as usize];
-        let lit = if slot.shaded { tile.lit(&slot, &mut Unwatched) } else { Premultiplied::default() };
+        let lit = if slot.shaded { tile.lit(&slot, &mut NoProbe) } else { Premultiplied::default() };
         let head = [record[0], record[1], record[2], slot.shaded.into(), slot.depth, slot.material.into()];
         let made = [&head[..], &slot.sums, &lit.colour, &[lit.opacity]].concat();
         assert_eq!(masked(trace, "fragment.held", made), record);

@@ -1,4 +1,4 @@
-// Emission: the light that a splat sends before it is drawn, in the place of its colour. Twin of Lit::emission in pipeline.rs.
+// Emission: the light that a splat sends before it is drawn, in the place of its colour. Twin of Lit::emission in pipeline/set_up.rs.
 //
 //   rgb, normal, material ->[ fit ]-> sums ->( shade )-> light ->[ fit ]-> rgb
 //

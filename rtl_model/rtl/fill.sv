@@ -1,5 +1,5 @@
 // Fill: the second half of the datapath where fragments are grouped by depth: raster, gauss, fragment, shade and resolve. Twin of fill in
-// pipeline.rs, for a picture whose fragments all fit on the chip.
+// pipeline/fill.rs, for a picture whose fragments all fit on the chip.
 //
 //   footprints -> raster -> gauss -> fragment -+-> layers -> resolve -> frame
 //                                     +--> shade <--+

@@ -1,4 +1,4 @@
-// Lookup: a function of one argument, read from a ROM, nearest or with straight lines between. Twin of num/table.rs.
+// Lookup: a function of one argument, read from a ROM, nearest or with straight lines between. Twin of functions/table.rs.
 //
 //   argument = [ address | fraction ]     nearest:  word = value[address]
 //                                         linear:   word = value[address] + delta[address] * fraction

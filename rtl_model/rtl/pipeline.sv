@@ -1,4 +1,4 @@
-// Pipeline: wires the units, for discs. Twin of pipeline.rs, for a picture whose fragments all fit on the chip.
+// Pipeline: wires the units, for discs. Twin of pipeline/mod.rs, for a picture whose fragments all fit on the chip.
 //
 //   splats ->( set_up: project -> ellipse )->( fill: raster -> gauss -> fragment -> resolve )-> frame
 //                                                                         +-> shade <-+

@@ -1,5 +1,5 @@
 // Pipeline_ellipsoids: wires the units, for ellipsoids whose fragments are grouped by depth, as those of a surface in a volume. Twin of
-// pipeline.rs, for a picture whose fragments all fit on the chip.
+// pipeline/mod.rs, for a picture whose fragments all fit on the chip.
 //
 //   splats ->( set_up_ellipsoids: project -> ellipsoid )->( fill: raster -> gauss -> fragment -> resolve )-> frame
 //                                                                                      +-> shade <-+

@@ -1,4 +1,4 @@
-// Pipeline_sheets: wires the units, for ellipsoids whose fragments are grouped by sheets: volumes and Gaussians. Twin of pipeline.rs, for a
+// Pipeline_sheets: wires the units, for ellipsoids whose fragments are grouped by sheets: volumes and Gaussians. Twin of pipeline/mod.rs, for a
 // picture whose pixels all fit on the chip.
 //
 //   splats ->( set_up_ellipsoids: project -> ellipsoid )->( emission )->( weigh: raster -> gauss )-> sheets -> resolve -> frame

@@ -1,4 +1,4 @@
-// Reciprocal: 1/x by leading-zero normalisation, a table and Newton steps. Twin of num/reciprocal.rs.
+// Reciprocal: 1/x by leading-zero normalisation, a table and Newton steps. Twin of functions/reciprocal.rs.
 //
 //   x ->[<< lz]-> m in [1,2) -+->[table]-> y0 ->( c = 2 - m*y )*steps -> y in [1/2,1]
 //         +-> exponent e      +---------------->( y = y*c     )          1/x = y * 2^-e

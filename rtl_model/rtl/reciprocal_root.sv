@@ -1,5 +1,5 @@
 // Reciprocal root: 1/sqrt(x), and what makes sqrt(x) of it, by leading-zero normalisation, a table and Newton steps.
-// Twin of num/square_root.rs.
+// Twin of functions/square_root.rs.
 //
 //   x ->[<< even lz]-> m in [1,4) -+->[table]-> y0 ->( q = y*y       )*steps -> y in (1/2,1]
 //         +-> exponent 2e          |                 ( c = 3 - m*q   )          1/sqrt(x) = y * 2^-e

@@ -1,4 +1,4 @@
-// Set_up: the first half of the datapath for discs: project and ellipse. Twin of set_up in pipeline.rs.
+// Set_up: the first half of the datapath for discs: project and ellipse. Twin of set_up in pipeline/set_up.rs.
 //
 //   splats -> project -> ellipse -> footprints
 //

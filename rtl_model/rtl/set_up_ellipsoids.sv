@@ -1,4 +1,4 @@
-// Set_up_ellipsoids: the first half of the datapath for ellipsoids: project and ellipsoid. Twin of SetUpEllipsoids in pipeline.rs.
+// Set_up_ellipsoids: the first half of the datapath for ellipsoids: project and ellipsoid. Twin of SetUpEllipsoids in pipeline/set_up.rs.
 //
 //   splats -> project -> ellipsoid -> footprints
 //

@@ -13,27 +13,42 @@
 //! with a *radial index* r, a weight and a depth; a *fragment* is what contributions of one surface add up to; a pixel holds
 //! at most l of them, its *layers*. (Zwicker et al., *Surface Splatting*, 2001; *EWA Splatting*, 2002.)
 //!
-//! Each unit is one file in `units/`: ports, formats, losses, function, laws. `num/` says what a number is and holds the one
-//! lossy act, [`num::Fit`]. [`machine`] holds every format on one page and elaborates it; [`pipeline`] wires the units;
-//! [`probe`] watches; [`frame`] is what the machine is given; `host.rs` knows the computer that all this runs on. [`work`] records what
-//! happened, and [`timing`] makes cycles of that: the two meet nowhere else.
+//! Each folder is a layer, and names those below it alone:
+//!
+//! ```text
+//! timing        recorded work → cycles
+//! pipeline      elaborates a machine and wires the units; ports field by field; a unit by itself
+//! units         one unit a file: ports, formats, legality, latency, parts, function, laws
+//! kernels       the host's fast versions of what units do
+//! real          the same steps over real numbers: bounds, partial precision
+//! functions     reciprocal, square root, table
+//! elaboration   what is gathered while a description is checked: misfits, signals, parts; the microarchitecture
+//! machine       the description: every format on one page; named machines
+//! probe         what may be watched while the machine draws
+//! work          what happened in a frame, recorded for timing
+//! frame         what the machine is given for one picture
+//! records       what crosses the ports between units
+//! num           what a number is, and the one lossy act, Fit
+//! ```
+//! Function and time meet in recorded [`work`] and nowhere else.
 //!
 //! Absent on purpose: floats in the datapath, files, clocks, printing, hash-ordered maps. Real numbers become words in
 //! the bench, in one file; no unit counts time.
 
-pub mod alone;
+pub mod elaboration;
 pub mod frame;
-pub mod host;
+pub mod functions;
+pub mod kernels;
 pub mod machine;
 pub mod num;
 pub mod pipeline;
-pub mod ports;
 pub mod probe;
 pub mod real;
+pub mod records;
 pub mod timing;
 pub mod units;
 pub mod work;
 
 pub use frame::Frame;
-pub use machine::{Elaborated, Machine};
-pub use pipeline::{Drawing, draw};
+pub use machine::Machine;
+pub use pipeline::{Drawing, Elaborated, draw};

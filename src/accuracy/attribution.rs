@@ -15,7 +15,7 @@ use crate::output::picture::Picture;
 use crate::output::text::{aligned, plain_table};
 use crate::scene::Scene;
 use comfy_table::Table;
-use rtl_model::machine::Elaborated;
+use rtl_model::pipeline::Elaborated;
 use serde::Serialize;
 
 /// How much of the error each part of a machine makes. All distances are from `golden`.

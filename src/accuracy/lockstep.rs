@@ -27,11 +27,11 @@ use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
 use pixel::{ATTRIBUTES, Arrival, Common, Pixel};
 use rayon::prelude::*;
-use rtl_model::frame::real;
-use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::real::Footprint as NearFootprint;
-use rtl_model::probe::Watcher;
+use rtl_model::probe::Observer;
+use rtl_model::real::frame as real;
 use rtl_model::real::{Near, Real};
 use rtl_model::units::fragment::{Contribution, Decision, TILE_AREA, TILE_PX};
 use rtl_model::units::resolve::Layer;
@@ -140,7 +140,7 @@ fn held_to(scene: &Scene, drawn: &Elaborated, claimed: &Elaborated, quantised: &
     let shader = Shader::new(scene);
     let stage = Stage::new(scene, claimed, quantised, &rules, &shader);
     let mut leader = Leader::new(&stage);
-    let drawing = pipeline::draw_decided(drawn, &quantised.frame, &mut leader);
+    let drawing = pipeline::draw_with_decisions(drawn, &quantised.frame, &mut leader);
     leader.finish(drawing.covered)
 }
 
@@ -443,8 +443,8 @@ struct Part {
     violations: u64,
 }
 
-impl<'a> Watcher<'a> for Leader<'a> {
-    fn fork(&self) -> Box<dyn Watcher<'a> + 'a> {
+impl<'a> Observer<'a> for Leader<'a> {
+    fn fork(&self) -> Box<dyn Observer<'a> + 'a> {
         Box::new(Leader::new(self.stage))
     }
 

@@ -1,4 +1,4 @@
-//! Mixed: draws a scene on a machine of which only some words are words, and f64 takes the place of the rest.
+//! PartialPrecision: draws a scene on a machine of which only some words are words, and f64 takes the place of the rest.
 //!
 //! ```text
 //! chosen words ─►┬─ set up: splats, project, ellipse ─► footprints ─┐
@@ -23,9 +23,10 @@ use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
 use glam::DVec3;
 use rayon::prelude::*;
-use rtl_model::machine::{Elaborated, Signal};
+use rtl_model::elaboration::Signal;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::real::walked;
-use rtl_model::real::{Mixed, Switches};
+use rtl_model::real::{PartialPrecision, Switches};
 use rtl_model::units::raster::real::Input;
 use rtl_model::units::shade::real::{Lighting, Sums};
 use sheets::SheetPixels;
@@ -128,7 +129,7 @@ impl<'a> Stage<'a> {
             let splat = registers.splat(&hold, index);
             let (point, ellipse) = self.machine.real_set_up(&view, &splat, registers.ellipsoid(&hold, index).as_ref());
             let backface = self.scene.surface.cull_backfaces && ellipse.facing.value > 0.0;
-            let is_dark = |number: Mixed| number.value == 0.0 || number.value.is_nan();
+            let is_dark = |number: PartialPrecision| number.value == 0.0 || number.value.is_nan();
             let faint = [ellipse.facing, splat.radius, ellipse.determinant, ellipse.amplitude].into_iter().any(is_dark);
             let beyond = point.inside.iter().any(|inside| inside.value < 0.0);
             let near = point.depth.value <= view.near.value || point.depth.value.is_nan();
@@ -192,7 +193,7 @@ impl<'a> Stage<'a> {
     }
 }
 
-fn number(mixed: Mixed) -> f64 {
+fn number(mixed: PartialPrecision) -> f64 {
     mixed.value
 }
 
@@ -203,16 +204,16 @@ struct FrameWords<'a> {
     z_threshold: f64,
     coverage_threshold: f64,
     opaque: f64,
-    lighting: Lighting<Mixed<'a>>,
-    background: [Mixed<'a>; 4],
+    lighting: Lighting<PartialPrecision<'a>>,
+    background: [PartialPrecision<'a>; 4],
     /// None where fragments are grouped by depth.
-    sheets: Option<SheetWords<'a, Mixed<'a>>>,
+    sheets: Option<SheetWords<'a, PartialPrecision<'a>>>,
     switches: &'a Switches,
 }
 
 impl<'a> FrameWords<'a> {
-    fn word(&self, value: f64) -> Mixed<'a> {
-        Mixed::new(value, self.switches)
+    fn word(&self, value: f64) -> PartialPrecision<'a> {
+        PartialPrecision::new(value, self.switches)
     }
 }
 
@@ -252,10 +253,10 @@ impl<'a> Cover for Drawn<'a> {
         let (left, top) = (footprint.columns.start, footprint.rows.start);
         let least_weight = frame.sheets.as_ref().map_or(0.0, |words| words.least_weight.value);
         let first = [f64::from(left) + 0.5 - half_px[0], f64::from(top) + 0.5 - half_px[1]];
-        let downwards = machine.mixed_rows(&input, first, rows.start - top..rows.end - top);
+        let downwards = machine.partial_precision_rows(&input, first, rows.start - top..rows.end - top);
         for (y, row) in rows.zip(downwards) {
             for x in columns.clone() {
-                let [radial, depth] = machine.mixed_pixel(&row, f64::from(x - left));
+                let [radial, depth] = machine.partial_precision_pixel(&row, f64::from(x - left));
                 if radial.value < frame.cutoff {
                     let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
                     // A weight that rounds to 0 makes no fragment.
@@ -310,7 +311,7 @@ impl<'a> Painter for Pixels<'a> {
     fn finish(&mut self, pixel: usize) -> [f64; 4] {
         let (frame, fragments) = (self.frame, &mut self.fragments[pixel]);
         fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
-        let layers: Vec<[Mixed; 4]> = fragments.drain(..).map(|fragment| frame.light(&fragment)).collect();
+        let layers: Vec<[PartialPrecision; 4]> = fragments.drain(..).map(|fragment| frame.light(&fragment)).collect();
         frame.stage.machine.real_resolve(&layers, frame.background).map(number)
     }
 
@@ -353,12 +354,12 @@ impl<'a> FrameWords<'a> {
     }
 
     /// What a merge blends of a fragment: it lives in a slot once it is shaded.
-    fn stored(&self, fragment: &Fragment) -> [Mixed<'a>; 4] {
+    fn stored(&self, fragment: &Fragment) -> [PartialPrecision<'a>; 4] {
         if fragment.shaded { self.light(fragment) } else { self.stage.machine.real_stored(self.light(fragment)) }
     }
 
     /// Premultiplied colour and opacity of a fragment.
-    fn light(&self, fragment: &Fragment) -> [Mixed<'a>; 4] {
+    fn light(&self, fragment: &Fragment) -> [PartialPrecision<'a>; 4] {
         let Fragment { weight, rgb, alpha, normal, .. } = *fragment;
         if fragment.shaded {
             return self.stage.machine.real_read([rgb.x, rgb.y, rgb.z, alpha].map(|channel| self.word(channel)));

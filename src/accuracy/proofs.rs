@@ -11,8 +11,8 @@
 use crate::error::Result;
 use crate::output::files::write_beside;
 use crate::output::text::{aligned, plain_table};
-use rtl_model::machine::Elaborated;
 use rtl_model::num::{Rounding, Word};
+use rtl_model::pipeline::Elaborated;
 use script::Script;
 use std::io::Write;
 use std::path::Path;

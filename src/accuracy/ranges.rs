@@ -14,7 +14,7 @@
 use crate::accuracy::partial::UNITS;
 use crate::output::chart::{Extent, Extents};
 use crate::output::text::share;
-use rtl_model::machine::Signal;
+use rtl_model::elaboration::Signal;
 use rtl_model::probe::Range;
 use serde::Serialize;
 use std::fmt::Write;

@@ -39,9 +39,9 @@ use coverage::Coverage;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::frame::Frame;
-use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
-use rtl_model::ports::{self, Kind, Order, Stream};
+use rtl_model::pipeline::Elaborated;
+use rtl_model::pipeline::ports::{self, Kind, Order, Stream};
 use rtl_model::timing::{self, Detail};
 use rtl_model::units::fragment::Slot;
 use serde_json::{Value, json};
@@ -117,9 +117,9 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         let (shown, splats, before) = whole.part(window, rectangle);
         let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
         let mut watcher = Watcher::new(&elaborated, &shown, before.splats.len() as u32);
-        let setup = pipeline::set_up_told(&elaborated, &shown, &mut watcher);
+        let setup = pipeline::set_up_observed(&elaborated, &shown, &mut watcher);
         if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
-            pipeline::fill_told(&elaborated, &shown, &setup, &mut watcher);
+            pipeline::fill_observed(&elaborated, &shown, &setup, &mut watcher);
         }
         let mut coverage = std::mem::take(&mut watcher.coverage);
         watcher.decisions(&mut coverage);
@@ -383,7 +383,7 @@ impl Whole<'_> {
     /// The splats whose boxes meet a rectangle.
     fn touching(&self, [left, top, right, bottom]: Rectangle) -> Vec<u32> {
         let mut watcher = Watcher::new(self.machine, self.frame, 0);
-        pipeline::set_up_told(self.machine, self.frame, &mut watcher);
+        pipeline::set_up_observed(self.machine, self.frame, &mut watcher);
         let meets = |splat: &&watcher::SetUp| {
             let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
             let drawn = splat.project[..2] == [0, 0] && [backface, faint, outside] == [0; 3];
@@ -397,7 +397,7 @@ impl Whole<'_> {
 /// The fragments that a rectangle's pixels hold after a frame, slot by slot.
 fn held(machine: &Elaborated, frame: &Frame, [left, top, right, bottom]: Rectangle) -> Vec<([u32; 2], Vec<Slot>)> {
     let mut watcher = Watcher::new(machine, frame, u32::MAX);
-    pipeline::draw_told(machine, frame, &mut watcher);
+    pipeline::draw_observed(machine, frame, &mut watcher);
     watcher.sort();
     let pixels = watcher.held.into_iter().map(|held| {
         let [_, x, y] = watcher::parts(held.key);

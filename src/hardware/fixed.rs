@@ -4,7 +4,8 @@ use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::quantise::Quantised;
 use crate::output::picture::Picture;
-use rtl_model::machine::{self, Elaborated, Machine};
+use rtl_model::machine::{self, Machine};
+use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::Ranges;
 use rtl_model::work::Work;
 use rtl_model::{Drawing, pipeline};
@@ -19,7 +20,7 @@ pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
 
 /// Draws, with nobody watching.
 pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
-    pipeline::draw_unwatched(machine, &quantised.frame)
+    pipeline::draw_unobserved(machine, &quantised.frame)
 }
 
 /// Draws and watches the range of every signal.

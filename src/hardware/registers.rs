@@ -10,11 +10,12 @@ use crate::golden::shade::Shader;
 use crate::hardware::quantise::{Quantised, quantised as constant};
 use crate::scene::{self, Opacity, Scene, Sheets, View};
 use glam::{DMat3, DQuat, DVec3};
-use rtl_model::frame::real::{self, Ellipsoid, Orientation, Splat};
 use rtl_model::frame::{self, Scaled};
-use rtl_model::machine::Elaborated;
 use rtl_model::num::Word;
-use rtl_model::real::{Mixed, Near, Real, Switches};
+use rtl_model::pipeline::Elaborated;
+use rtl_model::real::frame as real;
+use rtl_model::real::frame::{Ellipsoid, Orientation, Splat};
+use rtl_model::real::{Near, PartialPrecision, Real, Switches};
 use rtl_model::units::fragment;
 use rtl_model::units::fragment::sheets::real::Ratio;
 use rtl_model::units::shade::real::{Light, Lighting, Material};
@@ -85,17 +86,17 @@ pub struct Chosen<'a> {
 }
 
 impl<'a> Hold for Chosen<'a> {
-    type Real = Mixed<'a>;
+    type Real = PartialPrecision<'a>;
 
-    fn hold(&self, name: &'static str, value: f64, word: Word, held: i64) -> Mixed<'a> {
+    fn hold(&self, name: &'static str, value: f64, word: Word, held: i64) -> PartialPrecision<'a> {
         let value = if self.inputs.contains(&name) { word.format.value(held) } else { value };
-        Mixed::new(value, self.switches)
+        PartialPrecision::new(value, self.switches)
     }
 
-    fn hold_scaled(&self, name: &'static str, value: f64, word: Word, held: Scaled) -> Mixed<'a> {
+    fn hold_scaled(&self, name: &'static str, value: f64, word: Word, held: Scaled) -> PartialPrecision<'a> {
         let Scaled { mantissa, places } = held;
         let value = if self.inputs.contains(&name) { word.format.value(mantissa) * (-(places as f64)).exp2() } else { value };
-        Mixed::new(value, self.switches)
+        PartialPrecision::new(value, self.switches)
     }
 }
 
@@ -117,7 +118,7 @@ pub struct SheetWords<'a, R> {
     /// Exact.
     pub sheets: &'a Sheets,
     /// As the machine has them.
-    pub registers: fragment::sheets::Registers<'a>,
+    pub registers: fragment::sheets::SheetRegisters<'a>,
     /// α/x.
     pub ratio: Ratio,
     /// A pixel that lets through less takes nothing more.

@@ -21,8 +21,9 @@
 use crate::error::{Error, Result};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::scene::validate;
+use rtl_model::elaboration::{Operator, Part};
 use rtl_model::machine::timing::Setup;
-use rtl_model::machine::{Elaborated, Operator, Part};
+use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::Cycles;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

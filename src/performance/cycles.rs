@@ -8,7 +8,8 @@
 
 use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
-use rtl_model::machine::timing::{Elaborated, Memory};
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::machine::timing::Memory;
 use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Request, Wait};
 use serde::Serialize;
 use std::fmt::Write;
@@ -110,7 +111,7 @@ pub struct ClientReport {
 
 impl CyclesReport {
     /// What a replay found.
-    pub fn new(timing: &Elaborated, cycles: &Cycles) -> Self {
+    pub fn new(timing: &Microarchitecture, cycles: &Cycles) -> Self {
         let clock_hz = timing.timing.clock_hz;
         let seconds = cycles.total as f64 / clock_hz as f64;
         let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };
@@ -137,7 +138,7 @@ impl CyclesReport {
                 clients: CLIENTS.into_iter().filter(|client| memory.requests[*client as usize] > 0).map(of_client).collect(),
                 read_latency_log2: memory.latencies[..last].to_vec(),
             },
-            slots: cycles.slots,
+            slots: cycles.stamps,
             lookups: (cycles.lookups[0] > 0).then_some(cycles.lookups),
         }
     }
@@ -234,7 +235,7 @@ impl Requests {
     pub const FORMATS: [(&'static str, Trace); 2] = [("requests.ramulator2", Trace::Ramulator2), ("requests.dramsim3", Trace::Dramsim3)];
 
     /// In the order of cycles; those of one cycle as they were made.
-    pub fn new(timing: &Elaborated, mut requests: Vec<Request>) -> Self {
+    pub fn new(timing: &Microarchitecture, mut requests: Vec<Request>) -> Self {
         requests.sort_by_key(|request| request.cycle);
         Requests { burst_bytes: timing.timing.memory.burst_bytes.into(), requests }
     }

@@ -13,7 +13,7 @@ use crate::output::text::{aligned, plain_table, thousands};
 use crate::performance::cycles::CyclesReport;
 use rayon::prelude::*;
 use rtl_model::Machine;
-use rtl_model::machine::timing::Elaborated;
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use serde::Serialize;
@@ -59,7 +59,7 @@ impl FromStr for Axes {
 #[derive(Clone, Debug)]
 pub struct Variants {
     axes: Axes,
-    machines: Vec<Elaborated>,
+    machines: Vec<Microarchitecture>,
 }
 
 impl Variants {
@@ -101,7 +101,7 @@ impl Timings {
     /// Replays a frame's work on all of them.
     pub fn new(variants: &Variants, work: &Work) -> Self {
         let Variants { axes, machines } = variants;
-        let row = |(value, machine): (&String, &Elaborated)| Row {
+        let row = |(value, machine): (&String, &Microarchitecture)| Row {
             value: value.clone(),
             cycles: CyclesReport::new(machine, &timing::replay(machine, work, Detail::Histograms)),
         };

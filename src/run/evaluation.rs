@@ -15,7 +15,7 @@ use crate::hardware::fixed;
 use crate::hardware::quantise::{Quantised, quantise};
 use crate::output::picture::Picture;
 use crate::scene::Scene;
-use rtl_model::machine::Elaborated;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::work::Work;
 use rtl_model::{Drawing, Machine};
 use std::borrow::Cow;

@@ -7,9 +7,9 @@ use crate::hardware::quantise::{Scale, quantise};
 use crate::output::text::{aligned, plain_table};
 use crate::scene::{Scene, Sheet};
 use rtl_model::Machine;
-use rtl_model::machine::Elaborated;
 use rtl_model::pipeline;
-use rtl_model::probe::Watcher;
+use rtl_model::pipeline::Elaborated;
+use rtl_model::probe::Observer;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
 use std::any::Any;
@@ -25,8 +25,8 @@ struct Witness {
     frame: Option<[i64; 4]>,
 }
 
-impl Watcher<'static> for Witness {
-    fn fork(&self) -> Box<dyn Watcher<'static>> {
+impl Observer<'static> for Witness {
+    fn fork(&self) -> Box<dyn Observer<'static>> {
         Box::new(Witness { pixel: self.pixel, ..Witness::default() })
     }
 
@@ -72,7 +72,7 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
     let elaborated = fixed::elaborate(machine)?;
     let quantised = quantise(scene, machine)?;
     let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
-    let drawing = pipeline::draw_decided(&elaborated, &quantised.frame, &mut witness);
+    let drawing = pipeline::draw_with_decisions(&elaborated, &quantised.frame, &mut witness);
     let story = golden::story(scene, &fixed::rules(machine), x, y);
     let told =
         Told { machine: &elaborated, scale: quantised.scale, fixed: &witness, golden: &story, sheet: scene.sheets.as_ref().map(|s| &s.of) };

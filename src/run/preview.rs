@@ -222,6 +222,7 @@ fn duration(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::hardware::quantise::quantise;
     use crate::scene::Overrides;
 
     #[test]

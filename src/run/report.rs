@@ -10,8 +10,10 @@ use crate::performance::cycles::CyclesReport;
 use crate::performance::timings::Timings;
 use crate::run::preview::{Figures, Preview};
 use comfy_table::Table;
-use rtl_model::machine::{Elaborated, Machine, Operator, Part};
+use rtl_model::elaboration::{Operator, Part};
+use rtl_model::machine::Machine;
 use rtl_model::pipeline::Culled;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::units::fragment::Outcomes;
 use serde::Serialize;
 use std::fmt::Write;
@@ -102,7 +104,7 @@ pub struct MachineReport {
     /// Bits of the widest multiplier operand.
     pub widest_operand_bits: i32,
     /// The microarchitecture, nothing left out.
-    pub timing: rtl_model::machine::timing::Elaborated,
+    pub timing: rtl_model::elaboration::microarchitecture::Microarchitecture,
 }
 
 /// Distances of the three pictures.

@@ -6,7 +6,8 @@ use std::sync::LazyLock;
 
 use divan::Bencher;
 use divan::counter::ItemsCount;
-use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::machine::Machine;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::{self, Setup};
 use splatsim::golden;
 use splatsim::hardware::fixed;
@@ -42,8 +43,8 @@ fn case(name: &'static str, scene: Scene, machine: &str) -> Case {
     let machine = Machine::named(machine).unwrap();
     let quantised = quantise(&scene, &machine).unwrap();
     let machine = fixed::elaborate(&machine).unwrap();
-    let setup = pipeline::set_up_unwatched(&machine, &quantised.frame);
-    let fragments = pipeline::fill_unwatched(&machine, &quantised.frame, &setup).outcomes.total();
+    let setup = pipeline::set_up_unobserved(&machine, &quantised.frame);
+    let fragments = pipeline::fill_unobserved(&machine, &quantised.frame, &setup).outcomes.total();
     Case { name, scene, machine, quantised, setup, fragments }
 }
 
@@ -55,14 +56,14 @@ fn cases() -> impl Iterator<Item = &'static Case> {
 #[divan::bench(args = cases())]
 fn setup(bencher: Bencher, case: &Case) {
     let splats = bencher.counter(ItemsCount::new(case.scene.splats.len()));
-    splats.bench(|| pipeline::set_up_unwatched(&case.machine, &case.quantised.frame));
+    splats.bench(|| pipeline::set_up_unobserved(&case.machine, &case.quantised.frame));
 }
 
 /// Raster, gauss, fragment and resolve. Items a second are fragments, as in those that follow.
 #[divan::bench(args = cases())]
 fn fill(bencher: Bencher, case: &Case) {
     let fragments = bencher.counter(ItemsCount::new(case.fragments));
-    fragments.bench(|| pipeline::fill_unwatched(&case.machine, &case.quantised.frame, &case.setup));
+    fragments.bench(|| pipeline::fill_unobserved(&case.machine, &case.quantised.frame, &case.setup));
 }
 
 #[divan::bench(args = cases())]

@@ -9,7 +9,7 @@
 //! watcher=   # nobody, or: ranges, work
 //! count setup --toggle-collect="instructions::setup*"
 //! count fill --toggle-collect="instructions::fill*"
-//! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*pipeline::bins*" --toggle-collect="*::shade_for_merge*" \
+//! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*fill::bins*" --toggle-collect="*::shade_for_merge*" \
 //!   --toggle-collect="*FillTile*::resolve*"
 //! callgrind_annotate /tmp/fill.out   # the same by function and file
 //! ```
@@ -17,7 +17,8 @@
 //! printed is instructions a fragment in all that follows. The third leaves out binning, the shading of fragments that merge, and
 //! resolving: raster, gauss and fragment alone.
 
-use rtl_model::machine::{Elaborated, Machine};
+use rtl_model::machine::Machine;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::{self, Drawing, Setup};
 use rtl_model::probe::Meters;
 use rtl_model::work::Recorder;
@@ -35,7 +36,7 @@ enum Watcher {
 #[inline(never)]
 fn setup(machine: &Elaborated, quantised: &Quantised, watcher: &mut Watcher) -> Setup {
     match watcher {
-        Watcher::Nobody => pipeline::set_up_unwatched(machine, &quantised.frame),
+        Watcher::Nobody => pipeline::set_up_unobserved(machine, &quantised.frame),
         Watcher::Ranges(meters) => pipeline::set_up_metered(machine, &quantised.frame, meters),
         Watcher::Work(recorder) => pipeline::set_up_recorded(machine, &quantised.frame, recorder),
     }
@@ -44,7 +45,7 @@ fn setup(machine: &Elaborated, quantised: &Quantised, watcher: &mut Watcher) -> 
 #[inline(never)]
 fn fill(machine: &Elaborated, quantised: &Quantised, setup: &Setup, watcher: &mut Watcher) -> Drawing {
     match watcher {
-        Watcher::Nobody => pipeline::fill_unwatched(machine, &quantised.frame, setup),
+        Watcher::Nobody => pipeline::fill_unobserved(machine, &quantised.frame, setup),
         Watcher::Ranges(meters) => pipeline::fill_metered(machine, &quantised.frame, setup, meters),
         Watcher::Work(recorder) => pipeline::fill_recorded(machine, &quantised.frame, setup, recorder),
     }
@@ -61,7 +62,7 @@ fn main() -> Result<()> {
     let quantised = quantise(&scene, &machine)?;
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
     let mut watcher = match arguments.next().as_deref() {
-        Some("ranges") => Watcher::Ranges(Box::new(Meters::new(&elaborated))),
+        Some("ranges") => Watcher::Ranges(Box::new(Meters::new(&elaborated.signals))),
         Some("work") => Watcher::Work(Box::default()),
         _ => Watcher::Nobody,
     };

@@ -12,7 +12,7 @@
 use super::{Exact, Exacts, LANES, Lanes, Overflow, Rounding, Word, Words, three};
 use std::hint::cold_path;
 
-/// What a [`Fit`] lost, for whoever watches.
+/// Loss of a [`Fit`], for whoever watches.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Loss {
     /// Bits that were not zero fell off below the last place.
@@ -43,7 +43,7 @@ pub struct Fit {
     pub word: Word,
     /// Fraction bits of the exact result less those of the word: places to the right.
     places: i64,
-    /// What rounds to nearest before those places are cut; 0 where they are just cut.
+    /// Half a place, which rounds to nearest before those places are cut; 0 where they are just cut.
     half: i64,
     min: i64,
     max: i64,
@@ -51,9 +51,9 @@ pub struct Fit {
     head: u32,
     /// Places to the right from there that leave one place to round by; impossible ones where an add and limits are not all there is.
     barrel: i64,
-    /// Simple, and no shift to the left: an add, a shift and two limits.
-    plain: bool,
-    /// Plain, and any exact result of the elaborated shape, cut by 0 to 31 places, is a word of 32 bits: limits can wait until it is one.
+    /// The usual rounding and overflow, and no shift to the left: an add, a shift and two limits.
+    simple: bool,
+    /// Simple, and any exact result of the elaborated shape, cut by 0 to 31 places, is a word of 32 bits: limits can wait until it is one.
     narrow: bool,
     /// The same after 32 places and more, which leave a word of any exact result.
     deep: bool,
@@ -71,12 +71,12 @@ impl Fit {
     pub fn new(signal: usize, word: Word, from: Exact) -> Self {
         let places = i64::from(from.frac_bits - word.format.frac_bits);
         let half = if word.round == Rounding::Truncate { 0 } else { half(places.clamp(0, 63) as u32) };
-        let simple = word.round != Rounding::NearestEven && word.overflow == Overflow::Saturate;
-        let plain = simple && (0..=62).contains(&places);
-        let narrow = plain && places < 32 && i64::from(from.bits()) - places <= 30;
-        let deep = plain && places >= 32;
+        let usual = word.round != Rounding::NearestEven && word.overflow == Overflow::Saturate;
+        let simple = usual && (0..=62).contains(&places);
+        let narrow = simple && places < 32 && i64::from(from.bits()) - places <= 30;
+        let deep = simple && places >= 32;
         let head = if places < MOST_HEAD { (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32 } else { 0 };
-        let barrel = if simple { places + i64::from(head) - 1 } else { IMPOSSIBLE };
+        let barrel = if usual { places + i64::from(head) - 1 } else { IMPOSSIBLE };
         Fit {
             signal,
             word,
@@ -86,7 +86,7 @@ impl Fit {
             max: word.format.max(),
             head,
             barrel,
-            plain,
+            simple,
             narrow,
             deep,
             right: places.clamp(0, 62) as u32,
@@ -96,13 +96,13 @@ impl Fit {
     /// The word for one exact result.
     #[inline(always)]
     pub fn one(&self, exact: i64) -> i64 {
-        if !self.plain {
+        if !self.simple {
             return self.one_shifted(exact, 0);
         }
         (exact.wrapping_add(self.half) >> self.right).max(self.min).min(self.max)
     }
 
-    /// What is added before places are cut.
+    /// Half a place, or what else is added before places are cut.
     pub fn half(&self) -> i64 {
         self.half
     }
@@ -119,8 +119,8 @@ impl Fit {
     }
 
     /// Whether an add, a shift and two limits are all there is.
-    pub fn is_plain(&self) -> bool {
-        self.plain
+    pub fn is_simple(&self) -> bool {
+        self.simple
     }
 
     /// The word for one exact result with `more` fraction bits than was elaborated.
@@ -138,7 +138,7 @@ impl Fit {
     /// The words for eight exact results.
     #[inline(always)]
     pub fn lanes<L: Lanes>(&self, exact: L) -> L {
-        if !self.plain {
+        if !self.simple {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
         self.limit_lanes((exact + L::splat(self.half)).right(self.right))
@@ -159,23 +159,23 @@ impl Fit {
         (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap
     }
 
-    /// The words for eight exact results of which none is negative, in a word without a sign. `PLAIN` says that [`Fit::is_plain`], so
+    /// The words for eight exact results of which none is negative, in a word without a sign. `SIMPLE_FITS` says that [`Fit::is_simple`], so
     /// that nothing has to be asked.
     #[inline(always)]
-    pub fn lanes_natural<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
-        if !PLAIN && !self.plain {
+    pub fn lanes_unsigned<const SIMPLE_FITS: bool, L: Lanes>(&self, exact: L) -> L {
+        if !SIMPLE_FITS && !self.simple {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
-        (exact + L::splat(self.half)).right_natural(self.right).min(L::splat(self.max))
+        (exact + L::splat(self.half)).right_unsigned(self.right).min(L::splat(self.max))
     }
 
-    /// [`Fit::lanes_natural`] where the word is known to reach all results.
+    /// [`Fit::lanes_unsigned`] where the word is known to reach all results.
     #[inline(always)]
-    pub fn lanes_within<const PLAIN: bool, L: Lanes>(&self, exact: L) -> L {
-        if !PLAIN && !self.plain {
+    pub fn lanes_within<const SIMPLE_FITS: bool, L: Lanes>(&self, exact: L) -> L {
+        if !SIMPLE_FITS && !self.simple {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
-        (exact + L::splat(self.half)).right_natural(self.right)
+        (exact + L::splat(self.half)).right_unsigned(self.right)
     }
 
     #[inline(always)]
@@ -213,7 +213,7 @@ impl Fit {
     /// The words for eight exact results, where they may have more than 32 bits.
     #[inline(always)]
     pub fn wide<X: Exacts>(&self, exact: X) -> X {
-        if !self.plain {
+        if !self.simple {
             cold_path();
             return X::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
@@ -235,22 +235,22 @@ impl Fit {
         }
     }
 
-    /// [`Fit::lanes`], and which met a limit; none where it takes the long way. `NATURAL` says that no result is negative, and no word.
+    /// [`Fit::lanes`], and which met a limit; none where it takes the long way. `UNSIGNED` says that no result is negative, and no word.
     #[inline(always)]
-    pub fn lanes_seen<const NATURAL: bool, L: Lanes>(&self, exact: L) -> Option<(L, u8)> {
-        if !self.plain {
+    pub fn lanes_seen<const UNSIGNED: bool, L: Lanes>(&self, exact: L) -> Option<(L, u8)> {
+        if !self.simple {
             return None;
         }
         let rounded = exact + L::splat(self.half);
-        let (cut, words) = if NATURAL {
-            let cut = rounded.right_natural(self.right);
+        let (cut, words) = if UNSIGNED {
+            let cut = rounded.right_unsigned(self.right);
             (cut, cut.min(L::splat(self.max)))
         } else {
             let cut = rounded.right(self.right);
             (cut, self.limit_lanes(cut))
         };
         let limited = cut.above(words);
-        let limited = if NATURAL { limited } else { limited | words.above(cut) };
+        let limited = if UNSIGNED { limited } else { limited | words.above(cut) };
         Some((words, limited.signs()))
     }
 
@@ -275,7 +275,7 @@ impl Fit {
     /// [`Fit::wide`], and which met a limit; none where it takes the long way.
     #[inline(always)]
     pub fn wide_seen<X: Exacts>(&self, exact: X) -> Option<(X, u8)> {
-        if !self.plain {
+        if !self.simple {
             return None;
         }
         let cut = (exact + X::splat(self.half)).right(self.places as u32);
@@ -303,7 +303,7 @@ impl Fit {
     /// [`Fit::one`]; none where it meets a limit.
     #[inline(always)]
     pub fn one_within(&self, exact: i64) -> Option<i64> {
-        if !self.plain {
+        if !self.simple {
             return self.one_shifted_within(exact, 0);
         }
         let cut = exact.wrapping_add(self.half) >> self.right;
@@ -313,7 +313,7 @@ impl Fit {
     /// Three times [`Fit::one`]; none where one meets a limit.
     #[inline(always)]
     pub fn three_within(&self, exact: [i64; 3]) -> Option<[i64; 3]> {
-        if !self.plain {
+        if !self.simple {
             return self.three_shifted_within(exact, 0);
         }
         let cut = three!(i => exact[i].wrapping_add(self.half) >> self.right);
@@ -369,7 +369,7 @@ impl Fit {
     /// Plain, and its words have at most 31 bits: [`Seen`] can hold them.
     #[inline(always)]
     pub fn is_short(&self) -> bool {
-        self.plain && self.word.format.width() < 32
+        self.simple && self.word.format.width() < 32
     }
 
     /// Whether a result loses bits below the word's last place.
@@ -388,7 +388,7 @@ impl Fit {
         if places < 0 { i128::from(exact) << (-places).min(63) } else { i128::from(self.cut(exact, places.min(63) as u32)) }
     }
 
-    /// What is lost when `exact`, with `more` fraction bits than was elaborated, becomes a word.
+    /// Says what is lost when `exact`, with `more` fraction bits than was elaborated, becomes a word.
     pub fn loss(&self, exact: i64, more: i64) -> Loss {
         let rounded = self.rounded(exact, more);
         let inexact = self.is_inexact(exact, more);

@@ -1,7 +1,7 @@
 //! Lanes: eight items side by side on one set of wires, so that a unit is written once, as for one item, and runs eight wide.
 //!
 //! Nothing here is hardware: it is how the simulator keeps a host's vector units busy. [`Plain`] is what every operation
-//! means; `host.rs` has the same eight lanes in vector registers. Every operation is exact; multiplier operands are words of
+//! means; `kernels/host.rs` has the same eight lanes in vector registers. Every operation is exact; multiplier operands are words of
 //! at most 32 bits (elaboration sees to it), so a product never leaves 64.
 //!
 //! Law: `vector_lanes_equal_plain_lanes`.
@@ -44,7 +44,7 @@ pub trait Lanes:
     /// Each lane shifted right towards minus infinity by the same amount, 0 to 63.
     fn right(self, by: u32) -> Self;
     /// Each lane, of which none is negative, shifted right by the same amount, 0 to 63.
-    fn right_natural(self, by: u32) -> Self;
+    fn right_unsigned(self, by: u32) -> Self;
     /// The sum modulo 2^64, as registers wrap.
     fn wrapping_add(self, other: Self) -> Self;
     /// The product with natural numbers below 2^32, modulo 2^64.
@@ -86,7 +86,7 @@ pub trait Lanes:
 
 /// `[f(0), f(1), f(2)]`, written out.
 ///
-/// A closure of any size is compiled on its own, without the vector instructions that its caller may use (`host.rs`).
+/// A closure of any size is compiled on its own, without the vector instructions that its caller may use (`kernels/host.rs`).
 macro_rules! three {
     ($i:ident => $f:expr) => {
         [
@@ -174,7 +174,7 @@ impl Lanes for Plain {
         self.zip(self, |v, _| v >> by)
     }
     #[inline(always)]
-    fn right_natural(self, by: u32) -> Self {
+    fn right_unsigned(self, by: u32) -> Self {
         debug_assert!(!self.any_negative(), "a lane is negative");
         self.right(by)
     }

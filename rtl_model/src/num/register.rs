@@ -49,8 +49,8 @@ impl Register {
 
     /// [`Register::read_lanes`] where none is negative.
     #[inline(always)]
-    pub fn read_natural<L: Lanes>(self, held: L) -> L {
-        held.right_natural(self.unused)
+    pub fn read_unsigned<L: Lanes>(self, held: L) -> L {
+        held.right_unsigned(self.unused)
     }
 
     /// The word that is held.

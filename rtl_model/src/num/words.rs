@@ -2,7 +2,7 @@
 //!
 //! Ports and multiplier operands are such words (elaboration sees to it). A product of two [`Words`] is [`Exacts`], of at most
 //! 62 bits; a fit leads back. Nothing here is hardware: it is how the simulator keeps a host's vector units busy, at half the
-//! width of [`super::Lanes`]. [`PlainWords`] and [`Plain`] are what every operation means; `host.rs` has the same in vector registers.
+//! width of [`super::Lanes`]. [`PlainWords`] and [`Plain`] are what every operation means; `kernels/host.rs` has the same in vector registers.
 //!
 //! Law: `vector_words_equal_plain_words`.
 

@@ -1,10 +1,10 @@
 //! Pipeline over the reals: one splat, and one of its contributions, through the units' bounds.
 
-use crate::frame::real::{Ellipsoid, Splat, View};
-use crate::machine::Elaborated;
-use crate::num::table::real::Power;
+use crate::functions::table::real::Power;
 use crate::num::two;
-use crate::real::{Mixed, Near, Real, Scale};
+use crate::pipeline::Elaborated;
+use crate::real::frame::{Ellipsoid, Splat, View};
+use crate::real::{Near, PartialPrecision, Real, Scale};
 use crate::units::fragment::sheets;
 use crate::units::fragment::sheets::real::Ratio;
 use crate::units::shade::real::{Lighting, Sums};
@@ -16,7 +16,7 @@ use std::ops::Range;
 pub struct Footprint {
     /// Where it is.
     pub point: project::real::Projected<Near>,
-    /// What it looks like.
+    /// Its look.
     pub ellipse: ellipse::real::Output<Near>,
     walk: raster::real::Walk,
 }
@@ -50,7 +50,7 @@ impl Footprint {
         Footprint { point, ellipse, walk: machine.raster.near(&walked(&point, &ellipse), reach) }
     }
 
-    /// What the splat gives to the pixel whose centre lies at `at` from the picture's middle.
+    /// Contribution of the splat to the pixel whose centre lies at `at` from the picture's middle.
     pub fn contribution(&self, machine: &Elaborated, at: [f64; 2]) -> Contribution {
         let radial = machine.raster.near_radial(&self.walk, at);
         Contribution {
@@ -61,7 +61,7 @@ impl Footprint {
     }
 }
 
-/// What setup hands to raster.
+/// Input port of raster, from setup.
 pub fn walked<R: Real>(point: &project::real::Projected<R>, ellipse: &ellipse::real::Output<R>) -> raster::real::Input<R> {
     raster::real::Input {
         pixel: point.pixel,
@@ -107,19 +107,19 @@ impl Elaborated {
         self.fragment.real_accumulated(lane, sum, weight, attribute)
     }
 
-    /// Registers at the first pixels of some rows of a box ([`raster::Raster::mixed`]).
-    pub fn mixed_rows<'a>(
+    /// Registers at the first pixels of some rows of a box ([`raster::Raster::partial_precision_rows`]).
+    pub fn partial_precision_rows<'a>(
         &self,
-        input: &raster::real::Input<Mixed<'a>>,
+        input: &raster::real::Input<PartialPrecision<'a>>,
         first: [f64; 2],
         rows: Range<u32>,
     ) -> impl Iterator<Item = raster::real::Row<'a>> {
-        self.raster.mixed(input, first, rows)
+        self.raster.partial_precision_rows(input, first, rows)
     }
 
     /// r and z at some columns from the first pixel of a row.
-    pub fn mixed_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [Mixed<'a>; 2] {
-        self.raster.mixed_pixel(row, columns)
+    pub fn partial_precision_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
+        self.raster.partial_precision_pixel(row, columns)
     }
 
     /// The light that a splat sends which is lit before it is drawn, from its own colour and normal.
@@ -131,7 +131,7 @@ impl Elaborated {
     }
 
     /// Colour times opacity, and opacity, of a sheet that is done.
-    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &sheets::Registers, ratio: &Ratio) -> [R; 4] {
+    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &sheets::SheetRegisters, ratio: &Ratio) -> [R; 4] {
         self.fragment.real_close(weight, rgb, registers, ratio)
     }
 
@@ -145,12 +145,12 @@ impl Elaborated {
         self.shade.real(lighting, sums)
     }
 
-    /// What a slot keeps of a fragment that was shaded for a merge.
+    /// Words that a slot keeps of a fragment that was shaded for a merge.
     pub fn real_stored<R: Real>(&self, shaded: [R; 4]) -> [R; 4] {
         self.fragment.real_stored(shaded)
     }
 
-    /// What a merge or resolve reads of a fragment that a merge left.
+    /// Light that a merge or resolve reads of a fragment that a merge left.
     pub fn real_read<R: Real>(&self, slot: [R; 4]) -> [R; 4] {
         self.fragment.real_read(slot)
     }

@@ -13,8 +13,8 @@
 
 use super::ranges::{Range, Ranges};
 use super::{Probe, Seen};
-use crate::machine::Elaborated;
 use crate::num::{Fit, LANES, Words};
+use crate::records::{SUM_SIGNALS, Signal, unit};
 
 /// Items in the sample, if there are as many and not too many more.
 const FEW: usize = 12;
@@ -153,7 +153,7 @@ impl Wide {
 /// A word that met a limit alone: its fit, its exact result and that one's additional fraction bits, the word.
 type Limited = (Fit, i64, i64, i64);
 
-/// Most of them that are kept of an item of work: with more it is heard again.
+/// Most of them that are kept of an item of work: with more it is resampled.
 const KEPT: usize = 64;
 
 /// Watches the range of every signal.
@@ -172,13 +172,15 @@ pub struct Meters {
     is_limited: bool,
     limited: Vec<Limited>,
     /// Items of the sample, word by word, and other items where a word met a limit.
-    heard: [Ranges; 2],
+    resampled: [Ranges; 2],
 }
 
 impl Meters {
-    /// For a machine.
-    pub fn new(machine: &Elaborated) -> Self {
-        Meters::of(machine.signals.len(), machine.fragment.sum_signals())
+    /// For a machine with these signals.
+    pub fn new(signals: &[Signal]) -> Self {
+        let of_sum =
+            |name: &str| signals.iter().position(|signal| signal.unit == unit::FRAGMENT && signal.name == name).unwrap_or_default();
+        Meters::of(signals.len(), SUM_SIGNALS.map(of_sum))
     }
 
     fn of(signals: usize, sum_signals: [usize; LANES]) -> Self {
@@ -191,13 +193,13 @@ impl Meters {
             sum_signals,
             is_limited: false,
             limited: Vec::new(),
-            heard: [Ranges::new(signals), Ranges::new(signals)],
+            resampled: [Ranges::new(signals), Ranges::new(signals)],
         }
     }
 
-    /// What they read.
+    /// Reads them.
     pub fn ranges(&self) -> Ranges {
-        let [sample, limited] = &self.heard;
+        let [sample, limited] = &self.resampled;
         let mut ranges = sample.clone();
         for (signal, range) in ranges.0.iter_mut().enumerate() {
             range.absorb(&Range { words: 0, inexact: 0, bins: Range::default().bins, ..limited.0[signal] });
@@ -236,7 +238,7 @@ impl Probe for Meters {
             self.way[signal].absorb(&fork.way[signal]);
         }
         self.sums.absorb(&fork.sums);
-        for (own, other) in self.heard.iter_mut().zip(fork.heard) {
+        for (own, other) in self.resampled.iter_mut().zip(fork.resampled) {
             own.absorb(other);
         }
     }
@@ -262,7 +264,7 @@ impl Probe for Meters {
         if live == 0 {
             return;
         }
-        // What met a limit is heard again, and with it all that came with it.
+        // What met a limit is resampled, and with it all that came with it.
         if seen.limited & live != 0 {
             self.is_limited = true;
             return;
@@ -310,9 +312,9 @@ impl Probe for Meters {
     }
 
     #[inline(always)]
-    fn again(&mut self, item: usize, of: usize) -> Option<&mut Ranges> {
-        let [sample, limited] = &mut self.heard;
-        let heard = match (is_sampled(item, of), std::mem::take(&mut self.is_limited)) {
+    fn resample(&mut self, item: usize, of: usize) -> Option<&mut Ranges> {
+        let [sample, limited] = &mut self.resampled;
+        let resampled = match (is_sampled(item, of), std::mem::take(&mut self.is_limited)) {
             (true, _) => Some(sample),
             (false, true) => Some(limited),
             (false, false) => {
@@ -320,9 +322,9 @@ impl Probe for Meters {
                 return None;
             }
         };
-        // They are heard again with all others.
+        // They are resampled with all others.
         self.limited.clear();
-        heard
+        resampled
     }
 }
 

@@ -14,7 +14,7 @@ use crate::num::{Fit, Format};
 /// Bins of a histogram: a word of 64 bits would not have its own.
 pub const BINS: usize = 64;
 
-/// What one signal saw.
+/// Range of one signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Range {
     /// Words counted.

@@ -1,7 +1,7 @@
-//! Recorder: a watcher that records [work](crate::work).
+//! Recorder: a probe that records [work](crate::work).
 
 use super::Probe;
-use crate::units::fragment::Decision;
+use crate::records::Decision;
 use crate::work::{Event, Recorder};
 
 impl Probe for Recorder {

@@ -2,9 +2,10 @@
 
 use super::*;
 use crate::Machine;
-use crate::machine::{Elaboration, FunctionUnit, Interpolation};
-use crate::num::table::Table;
-use crate::num::{Exact, Format};
+use crate::elaboration::Elaboration;
+use crate::functions::table::Table;
+use crate::machine::{FunctionUnit, Interpolation};
+use crate::num::{Exact, Format, Rounding};
 use serde_json::{Value, json};
 use std::fmt::Debug;
 

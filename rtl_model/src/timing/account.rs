@@ -2,7 +2,7 @@
 //!
 //! Laws: `every_cycle_of_the_default_machines_is_accounted_for`, `a_frame_ticks_as_it_is_replayed`.
 
-use crate::machine::timing::Pace;
+use crate::elaboration::microarchitecture::Pace;
 
 /// Cycles of a unit. They sum to the frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub struct Account {
     pub memory: u64,
 }
 
-/// What a unit waited for besides items and room.
+/// Cause of a wait besides items and room.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wait {
     /// A unit before it or behind it.

@@ -14,17 +14,19 @@ use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
 use super::stages::{Fill, Merge, Resolve, SetUp};
-use crate::machine::timing::{self, Elaborated, Pace};
+use crate::elaboration::microarchitecture;
+use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
+use crate::elaboration::unit;
 use crate::work::{Bins, Work, each_tile};
 use std::collections::VecDeque;
 
 /// Bytes of a list's entry: which splat.
-const ENTRY_BYTES: u64 = timing::ENTRY_BYTES as u64;
+const ENTRY_BYTES: u64 = microarchitecture::ENTRY_BYTES as u64;
 /// Lists lie so far apart.
 const LIST_BYTES: u64 = 1 << 24;
 
 /// Replays a frame.
-pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
+pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
     let side = t.timing.tile.side_px;
     let burst = u64::from(t.timing.memory.burst_bytes);
@@ -32,15 +34,15 @@ pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
     let lists = work.bins(side as usize);
     let (setup, bin, listed) = first_pass(t, work, &lists, &mut memory, detail);
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-    let mut sort = Unit::new("sort", one, Some("bin"), Some("list"), detail);
+    let mut sort = Unit::new(unit::SORT, one, Some("bin"), Some("list"), detail);
     let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
 
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
-    let mut list = Unit::new("list", one, Some("bin"), Some("raster"), detail);
-    let mut fill = Fill::new(t, work, "list", "fragment", detail);
-    let mut merge = Merge::new(t, work, "gauss", Some("resolve"), detail);
+    let mut list = Unit::new("list", one, Some("bin"), Some(unit::RASTER), detail);
+    let mut fill = Fill::new(t, work, "list", unit::FRAGMENT, detail);
+    let mut merge = Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail);
     let mut resolve = Resolve::new(t, work, detail);
-    let mut lit = Unit::new("resolve-shade", t.shade, Some("resolve"), None, detail);
+    let mut lit = Unit::new("resolve-shade", t.shade, Some(unit::RESOLVE), None, detail);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
@@ -68,9 +70,9 @@ pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
             let here = memory.request(now.max(burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
             outstanding.push(here);
 
-            let (taken, _) = fill.footprint(footprint, (corner_16, side), (now + 1, here), |slot, here| {
+            let (taken, _) = fill.footprint(footprint, (corner_16, side), (now + 1, here), |stamp, here| {
                 // The tile before is still in the buffer.
-                merge.slot(slot, Ready { here, room: buffer_free, ..Ready::default() })[0]
+                merge.stamp(stamp, Ready { here, room: buffer_free, ..Ready::default() })[0]
             });
             list.behind.give(taken);
         }
@@ -95,11 +97,11 @@ pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
         units.push(lit);
     }
     units.push(resolve.unit);
-    Cycles { slots: fill.slots, ..Cycles::of(units, memory) }
+    Cycles { stamps: fill.stamps, ..Cycles::of(units, memory) }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
-fn first_pass<'a>(t: &'a Elaborated, work: &Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
+fn first_pass<'a>(t: &'a Microarchitecture, work: &Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut setup = SetUp::new(t, work, "bin", detail);
@@ -168,7 +170,7 @@ const SORTED: u64 = 1 << 60;
 
 /// Radix sort of all lists' entries by depth: a pass for each digit of the key reads every entry and writes it to where it belongs, an entry
 /// a cycle, after a cycle for each value of the digit to sum the counts up. Says when it is done.
-fn sort_lists(t: &Elaborated, entries: u64, sort: &mut Unit, from: u64, memory: &mut Memory) -> u64 {
+fn sort_lists(t: &Microarchitecture, entries: u64, sort: &mut Unit, from: u64, memory: &mut Memory) -> u64 {
     let Some(shape) = t.sort else { return from };
     let mut now = from;
     for pass in 0..u64::from(shape.passes) {

@@ -5,7 +5,8 @@
 //! Laws: `a_frame_ticks_as_it_is_replayed`, `more_of_anything_is_never_slower_if_lines_come_and_go`.
 
 use super::memory::{Client, Direction, LINES, Memory, Outstanding};
-use crate::machine::timing::{Cache as Description, Elaborated};
+use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::machine::timing::Cache as Description;
 
 /// Nothing is there.
 const EMPTY: u32 = u32::MAX;
@@ -50,7 +51,7 @@ pub struct Cache {
 
 impl Cache {
     /// For a frame of so many lines.
-    pub fn new(timing: &Elaborated, lines: usize) -> Self {
+    pub fn new(timing: &Microarchitecture, lines: usize) -> Self {
         let description = timing.timing.cache;
         Cache {
             description,

@@ -7,8 +7,8 @@
 //!
 //! Law: `a_drawn_frame_ticks_as_it_is_replayed`.
 
-use super::slots::Piece;
-use crate::machine::timing::Elaborated;
+use super::stamps::Piece;
+use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::work::{TILE_PX, Work};
 
 /// A piece that was taken: until when it is under way, and its place.
@@ -29,20 +29,20 @@ pub struct Hazards {
 }
 
 impl Hazards {
-    pub fn new(timing: &Elaborated, work: &Work) -> Self {
+    pub fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let columns = (work.width as usize).div_ceil(TILE_PX);
         let [across, down] = timing.timing.raster.lanes.map(|lanes| lanes as usize);
-        // A cycle at least for each slot; its pixels lie in so many strips at most.
+        // A cycle at least for each stamp; its pixels lie in so many strips at most.
         let under_way = timing.hazard as usize * ((across - 1).div_ceil(TILE_PX) + 1) * down;
         let last = vec![Taken::default(); columns * work.height as usize];
         Hazards { last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0 }
     }
 
-    /// Until when a pixel of a slot is under way, if that is after this cycle, from which on a slot can be taken.
+    /// Until when a pixel of a stamp is under way, if that is after this cycle, from which on a stamp can be taken.
     #[inline(always)]
-    pub fn until(&self, slot: &[Piece], now: u64) -> u64 {
+    pub fn until(&self, stamp: &[Piece], now: u64) -> u64 {
         let mut until = now;
-        for piece in slot {
+        for piece in stamp {
             let mut taken = self.last[piece.strip as usize];
             while taken.until > until {
                 let (pixels, before) = self.pieces[taken.place as usize];
@@ -55,10 +55,10 @@ impl Hazards {
         until
     }
 
-    /// A slot is taken, and under way until then.
+    /// A stamp is taken, and under way until then.
     #[inline(always)]
-    pub fn take(&mut self, slot: &[Piece], until: u64) {
-        for piece in slot {
+    pub fn take(&mut self, stamp: &[Piece], until: u64) {
+        for piece in stamp {
             let strip = piece.strip as usize;
             self.pieces[self.turn] = (piece.pixels, self.last[strip]);
             self.last[strip] = Taken { until, place: self.turn as u32 };

@@ -10,9 +10,10 @@ use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::cache::Cache;
 use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
-use super::slots::{Piece, below};
 use super::stages::{Fill, Merge, Resolve, SetUp};
-use crate::machine::timing::Elaborated;
+use super::stamps::{Piece, below};
+use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::unit;
 use crate::work::Work;
 
 /// Where the frame's lines lie.
@@ -23,7 +24,7 @@ struct Lines {
 }
 
 impl Lines {
-    fn new(timing: &Elaborated, work: &Work) -> Self {
+    fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let [columns, rows] = timing.timing.cache.line_px;
         Lines { log: [columns.ilog2(), rows.ilog2()], across: work.width.div_ceil(columns), down: work.height.div_ceil(rows) }
     }
@@ -46,12 +47,12 @@ impl Lines {
 }
 
 /// Replays a frame.
-pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
+pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
-    let mut setup = SetUp::new(t, work, "raster", detail);
+    let mut setup = SetUp::new(t, work, unit::RASTER, detail);
     let mut fill = Fill::new(t, work, SetUp::last_name(work), "cache", detail);
-    let mut lookup = Unit::new("cache", t.cache, Some("gauss"), Some("fragment"), detail);
+    let mut lookup = Unit::new("cache", t.cache, Some(unit::GAUSS), Some(unit::FRAGMENT), detail);
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
     let mut merge = Merge::new(t, work, "cache", None, detail);
@@ -60,11 +61,11 @@ pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
     for (index, fate) in work.fates.iter().enumerate() {
         let Some(here) = setup.splat(index as u64, *fate, &mut memory) else { continue };
         let Some(footprint) = footprints.next() else { break };
-        let (taken, is_seen) = fill.footprint(footprint, ([0, 0], u16::MAX.into()), (here, 0), |slot, here| {
+        let (taken, is_seen) = fill.footprint(footprint, ([0, 0], u16::MAX.into()), (here, 0), |stamp, here| {
             touched.clear();
-            slot.iter().for_each(|piece| lines.touch(piece, &mut touched));
+            stamp.iter().for_each(|piece| lines.touch(piece, &mut touched));
             let ready = Ready { here, room: lookup.behind.free(), ..Ready::default() };
-            // What it waits for along the way holds it: the first look-up begins when it takes the slot.
+            // What it waits for along the way holds it: the first look-up begins when it takes the stamp.
             let start = lookup.free().max(ready.here).max(ready.room);
             let (mut over, mut lines_here) = (start, start);
             for (nth, (line, place)) in touched.iter_mut().enumerate() {
@@ -75,7 +76,7 @@ pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
             let taken = lookup.take_with_memory(ready, touched.len() as u64, over + 1 - start);
             lookup.behind.take(taken);
             let here = over + u64::from(t.cache.latency);
-            let [now, written] = merge.slot(slot, Ready { here, memory: lines_here, ..Ready::default() });
+            let [now, written] = merge.stamp(stamp, Ready { here, memory: lines_here, ..Ready::default() });
             lookup.behind.give(now);
             touched.iter().for_each(|(line, place)| cache.written(*line, *place, written));
             taken
@@ -91,11 +92,19 @@ pub fn replay(timing: &Elaborated, work: &Work, detail: Detail) -> Cycles {
     // Of sheets nothing is shaded any more.
     let shade = setup.shade.unwrap_or(merge.shade);
     let units = [setup.fetch, setup.project, setup.ellipse, fill.raster, fill.gauss, lookup, merge.fragment, shade, resolve.unit];
-    Cycles { lookups: cache.lookups, slots: fill.slots, ..Cycles::of(units.into(), memory) }
+    Cycles { lookups: cache.lookups, stamps: fill.stamps, ..Cycles::of(units.into(), memory) }
 }
 
 /// Line by line: what was touched is read, if the cache has it not; every word is written.
-fn resolve_frame(t: &Elaborated, work: &Work, lines: &Lines, cache: &Cache, merge: &mut Merge, resolve: &mut Resolve, memory: &mut Memory) {
+fn resolve_frame(
+    t: &Microarchitecture,
+    work: &Work,
+    lines: &Lines,
+    cache: &Cache,
+    merge: &mut Merge,
+    resolve: &mut Resolve,
+    memory: &mut Memory,
+) {
     let start = merge.written;
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let line_bytes = u64::from(t.line_bytes);

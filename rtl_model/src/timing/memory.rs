@@ -34,7 +34,7 @@ pub enum Client {
 }
 
 impl Client {
-    /// What it is called in reports.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Client::Splats => "splats",
@@ -110,7 +110,7 @@ pub struct Memory {
     logged: Option<Vec<Request>>,
 }
 
-/// What was asked of memory.
+/// Request to memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
     /// When.

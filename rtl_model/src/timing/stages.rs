@@ -8,14 +8,15 @@
 use super::account::{Detail, Ready, Unit};
 use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
-use super::slots::{Piece, Slots};
-use crate::machine::timing::Elaborated;
+use super::stamps::{Piece, Stamps};
+use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::unit;
 use crate::work::{Fate, Footprint, Work};
 use std::ops::Range;
 
 /// Fetch, project and ellipse, and shade where splats are lit before they are drawn: one splat each.
 pub struct SetUp<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     pub fetch: Unit,
     pub project: Unit,
     pub ellipse: Unit,
@@ -31,14 +32,14 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, behind: &'static str, detail: Detail) -> Self {
-        let after_ellipse = if work.preshaded { "shade" } else { behind };
+    pub fn new(timing: &'a Microarchitecture, work: &Work, behind: &'static str, detail: Detail) -> Self {
+        let after_ellipse = if work.preshaded { unit::SHADE } else { behind };
         SetUp {
             timing,
-            fetch: Unit::new("fetch", timing.fetch, None, Some("project"), detail),
-            project: Unit::new("project", timing.project, Some("fetch"), Some("ellipse"), detail),
-            ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(after_ellipse), detail),
-            shade: work.preshaded.then(|| Unit::new("shade", timing.shade, Some("ellipse"), Some(behind), detail)),
+            fetch: Unit::new("fetch", timing.fetch, None, Some(unit::PROJECT), detail),
+            project: Unit::new(unit::PROJECT, timing.project, Some("fetch"), Some(unit::ELLIPSE), detail),
+            ellipse: Unit::new(unit::ELLIPSE, timing.ellipse, Some(unit::PROJECT), Some(after_ellipse), detail),
+            shade: work.preshaded.then(|| Unit::new(unit::SHADE, timing.shade, Some(unit::ELLIPSE), Some(behind), detail)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
             splat_bytes: timing.voxel_bytes.filter(|_| work.shared_axes).unwrap_or(timing.splat_bytes).into(),
             fetched: 0,
@@ -110,7 +111,7 @@ impl<'a> SetUp<'a> {
 
     /// The name of its last unit.
     pub fn last_name(work: &Work) -> &'static str {
-        if work.preshaded { "shade" } else { "ellipse" }
+        if work.preshaded { unit::SHADE } else { unit::ELLIPSE }
     }
 
     /// Whether it is known when another splat has room behind the last unit.
@@ -130,29 +131,29 @@ impl<'a> SetUp<'a> {
     }
 }
 
-/// Raster and gauss: one footprint, slot by slot.
+/// Raster and gauss: one footprint, stamp by stamp.
 pub struct Fill<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     pub raster: Unit,
     pub gauss: Unit,
-    walk: Slots<'a>,
+    walk: Stamps<'a>,
     /// How many there were, and those among them that kept a pixel.
-    pub slots: [u64; 2],
+    pub stamps: [u64; 2],
 }
 
 impl<'a> Fill<'a> {
-    pub fn new(timing: &'a Elaborated, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
         Fill {
             timing,
-            raster: Unit::new("raster", timing.raster, Some(before), Some("gauss"), detail),
-            gauss: Unit::new("gauss", timing.gauss, Some("raster"), Some(behind), detail),
-            walk: Slots::new(work, timing.timing.raster.lanes),
-            slots: [0; 2],
+            raster: Unit::new(unit::RASTER, timing.raster, Some(before), Some(unit::GAUSS), detail),
+            gauss: Unit::new(unit::GAUSS, timing.gauss, Some(unit::RASTER), Some(behind), detail),
+            walk: Stamps::new(work, timing.timing.raster.lanes),
+            stamps: [0; 2],
         }
     }
 
-    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from memory; `next` takes each slot that has a
-    /// weight, with the first cycle in which gauss has it, and says when. Says when the raster takes it, and whether it has such a slot.
+    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from memory; `next` takes each stamp that has a
+    /// weight, with the first cycle in which gauss has it, and says when. Says when the raster takes it, and whether it has such a stamp.
     #[inline(always)]
     pub fn footprint(
         &mut self,
@@ -163,20 +164,20 @@ impl<'a> Fill<'a> {
     ) -> (u64, bool) {
         let t = self.timing;
         let ready = Ready { here, memory, ..Ready::default() };
-        let slots = self.walk.footprint(footprint, corner, side);
+        let stamps = self.walk.footprint(footprint, corner, side);
         let (mut first_taken, mut gone_through, mut is_seen) = (u64::MAX, 0, false);
-        for slot in self.walk.kept() {
-            self.slots[1] += 1;
-            // Slots that keep nothing wait for no room.
-            let empty = slot[0].slot - gone_through;
-            gone_through = slot[0].slot + 1;
+        for stamp in self.walk.kept() {
+            self.stamps[1] += 1;
+            // Stamps that keep nothing wait for no room.
+            let empty = stamp[0].stamp - gone_through;
+            gone_through = stamp[0].stamp + 1;
             if empty > 0 {
                 first_taken = first_taken.min(self.raster.take_run(ready, empty.into()));
             }
             let now = self.raster.take(Ready { room: self.raster.behind.free(), ..ready }, 1);
             first_taken = first_taken.min(now);
             self.raster.behind.take(now);
-            let goes_on = slot.iter().fold(0, |all, piece| all | piece.pixels) != 0;
+            let goes_on = stamp.iter().fold(0, |all, piece| all | piece.pixels) != 0;
             let room = if goes_on { self.gauss.behind.free() } else { 0 };
             let here = now + u64::from(t.raster.latency);
             let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
@@ -184,21 +185,21 @@ impl<'a> Fill<'a> {
             if goes_on {
                 is_seen = true;
                 self.gauss.behind.take(now);
-                let taken = next(slot, now + u64::from(t.gauss.latency));
+                let taken = next(stamp, now + u64::from(t.gauss.latency));
                 self.gauss.behind.give(taken);
             }
         }
-        self.slots[0] += u64::from(slots);
-        if gone_through < slots {
-            first_taken = first_taken.min(self.raster.take_run(ready, (slots - gone_through).into()));
+        self.stamps[0] += u64::from(stamps);
+        if gone_through < stamps {
+            first_taken = first_taken.min(self.raster.take_run(ready, (stamps - gone_through).into()));
         }
         (first_taken, is_seen)
     }
 }
 
-/// Fragments: slots come, merges take longer, and no pixel is taken twice at a time.
+/// Fragments: stamps come, merges take longer, and no pixel is taken twice at a time.
 pub struct Merge<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     pub fragment: Unit,
     pub shade: Unit,
     hazards: Hazards,
@@ -207,25 +208,25 @@ pub struct Merge<'a> {
 }
 
 impl<'a> Merge<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
         Merge {
             timing,
-            fragment: Unit::new("fragment", timing.fragment, Some(before), behind, detail),
-            shade: Unit::new("shade", timing.shade, Some("fragment"), None, detail),
+            fragment: Unit::new(unit::FRAGMENT, timing.fragment, Some(before), behind, detail),
+            shade: Unit::new(unit::SHADE, timing.shade, Some(unit::FRAGMENT), None, detail),
             hazards: Hazards::new(timing, work),
             written: 0,
         }
     }
 
-    /// Takes a slot; says when, and when it is written.
+    /// Takes a stamp; says when, and when it is written.
     #[inline(always)]
-    pub fn slot(&mut self, slot: &[Piece], ready: Ready) -> [u64; 2] {
+    pub fn stamp(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
         let t = self.timing;
-        let hazard = self.hazards.until(slot, ready.here.max(self.fragment.free()));
-        let [merges, shades] = match slot {
+        let hazard = self.hazards.until(stamp, ready.here.max(self.fragment.free()));
+        let [merges, shades] = match stamp {
             // Mostly.
             [piece] => [piece.merges, piece.shades].map(u64::from),
-            _ => slot.iter().fold([0; 2], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]),
+            _ => stamp.iter().fold([0; 2], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]),
         };
         let mut cycles = 1 + merges * u64::from(t.timing.fragment.merge);
         if shades > 0 {
@@ -235,7 +236,7 @@ impl<'a> Merge<'a> {
         for _ in 0..shades {
             self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
         }
-        self.hazards.take(slot, now + cycles - 1 + u64::from(t.hazard));
+        self.hazards.take(stamp, now + cycles - 1 + u64::from(t.hazard));
         let written = now + cycles - 1 + u64::from(t.fragment.latency);
         self.written = self.written.max(written);
         [now, written]
@@ -244,7 +245,7 @@ impl<'a> Merge<'a> {
 
 /// Resolve: pixels that lie together, a line or a tile. It takes a pixel's fragments one a cycle, whether merged, and so lit, or left to shade.
 pub struct Resolve<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     pub unit: Unit,
     /// What each pixel holds: fragments, and how many of them are left to shade.
     held: Vec<[u8; 2]>,
@@ -252,8 +253,13 @@ pub struct Resolve<'a> {
 }
 
 impl<'a> Resolve<'a> {
-    pub fn new(timing: &'a Elaborated, work: &Work, detail: Detail) -> Self {
-        Resolve { timing, unit: Unit::new("resolve", timing.resolve, Some("fragment"), None, detail), held: work.held(), width: work.width }
+    pub fn new(timing: &'a Microarchitecture, work: &Work, detail: Detail) -> Self {
+        Resolve {
+            timing,
+            unit: Unit::new(unit::RESOLVE, timing.resolve, Some(unit::FRAGMENT), None, detail),
+            held: work.held(),
+            width: work.width,
+        }
     }
 
     /// Takes these columns and rows of the picture, shading in a unit; says when the last of their words is there.

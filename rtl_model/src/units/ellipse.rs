@@ -16,15 +16,19 @@
 //!
 //! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside* where the box misses the picture.
 
+use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM};
+use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator};
 use crate::frame::View;
-use crate::machine::{Elaboration, MAX_OPERAND_BITS, Machine, Operator};
-use crate::num::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
-use crate::num::{Exact, Exacts, Fit, Format, Reciprocal, ReciprocalRoot, Rounding, Word, Words, align, three, two};
+use crate::functions::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
+use crate::functions::{Reciprocal, ReciprocalRoot, square_root};
+use crate::machine::Machine;
+use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words, align, three, two};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
 use ellipsoid::Ellipsoids;
 
-const UNIT: &str = "ellipse";
+const UNIT: &str = unit::ELLIPSE;
 
 /// Input port, eight splats: the splat's words and the point's.
 #[derive(Clone, Copy, Debug)]
@@ -70,6 +74,12 @@ pub struct Output<W> {
     pub outside: W,
 }
 
+/// Cycles: normal, facing; radius to variance; determinant, root, inverse, conic, amplitude. Extents and slopes beside that.
+pub fn latency(machine: &Machine) -> u32 {
+    let variance = (PRODUCT + 2 * SUM) * 2 + (PRODUCT + SUM) * 2 + PRODUCT + SUM + (PRODUCT + SUM);
+    variance + NORMALISE + square_root::latency(machine.ellipse.root) + 3 * PRODUCT
+}
+
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Ellipse {
@@ -105,7 +115,7 @@ pub struct Ellipse {
     ellipsoids: Option<Ellipsoids>,
 }
 
-/// What both kinds of splats have in common.
+/// Footprint of both kinds of splats.
 struct Footprint<W> {
     conic: [W; 3],
     amplitude: W,
@@ -283,7 +293,7 @@ impl Ellipse {
         });
         let deep = e.times(UNIT, machine.splat.radius, m.root_cutoff);
         let depth_range = e.fit(UNIT, "depth_range", m.depth_range, deep);
-        let fragment_normal = e.copies(3, |e| e.fit("fragment", "normal", machine.fragment.normal, m.normal.into()));
+        let fragment_normal = e.copies(3, |e| e.fit(unit::FRAGMENT, "normal", machine.fragment.normal, m.normal.into()));
 
         let ellipsoids = Ellipsoids::new(e, machine);
         let f = |word: Word| word.format.frac_bits;

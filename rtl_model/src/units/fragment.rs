@@ -11,360 +11,88 @@
 //!
 //! Laws: `every_contribution_has_one_outcome`, `slots_are_in_depth_order_after_a_merge`.
 
-use crate::machine::{Elaboration, FragmentDepth, Machine, Merge, Operator};
-use crate::num::{Exact, Fit, Lanes, Seen, Word, Words, three};
+use crate::elaboration::latency::{PRODUCT, SUM};
+use crate::elaboration::{Elaboration, Operator};
+use crate::kernels::{Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits};
+use crate::machine::{FragmentDepth, Machine, Merge};
+use crate::num::{Exact, Fit, Lanes, Word, three};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 use sheets::Sheets;
 use std::cmp::Ordering;
 
-const UNIT: &str = "fragment";
+pub use crate::records::{
+    Attributes, COLOUR, Contribution, Decision, MAX_LAYERS, NORMAL, OPACITY, Outcomes, Premultiplied, SUM_SIGNALS, SUMS, Slot, Sums,
+    TILE_AREA, TILE_PX, WEIGHT,
+};
 
-/// Side of a tile, pixels.
-pub const TILE_PX: usize = 16;
-/// Pixels of a tile.
-pub const TILE_AREA: usize = TILE_PX * TILE_PX;
-/// Sums of a fragment: weight, rgb, opacity, normal.
-pub const SUMS: usize = 8;
-/// Greatest number of layers.
-pub const MAX_LAYERS: usize = 8;
+const UNIT: &str = unit::FRAGMENT;
 
-/// The sums of one fragment, or the colour and opacity of a shaded one in the places of theirs.
-pub type Sums = [i64; SUMS];
-/// Where a fragment's weight sum lies.
-pub const WEIGHT: usize = 0;
-/// Where its colour begins.
-pub const COLOUR: usize = 1;
-/// Where its opacity lies.
-pub const OPACITY: usize = 4;
-/// Where its normal begins.
-pub const NORMAL: usize = 5;
-
-/// A contribution's part that is the splat's: 1, r, g, b, α, n_x, n_y, n_z.
-pub type Attributes = [i32; SUMS];
-
-/// Input port: one contribution to one pixel, as watchers see it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Contribution {
-    /// Which splat of the frame.
-    pub splat: u32,
-    /// r (`gauss.radial_index`).
-    pub radial_index: i64,
+/// Input port: one contribution. Its material is not read unless it opens a fragment.
+#[derive(Clone, Copy, Debug)]
+pub struct Input<'a> {
     /// w (`gauss.weight`).
     pub weight: i64,
     /// z (`fragment.depth`).
     pub depth: i64,
-}
-
-/// What became of a contribution.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Decision {
-    /// Added to the fragment in this slot.
-    Accumulated(u8),
-    /// Opened this free slot.
-    Inserted(u8),
-    /// Made two fragments merge: places in depth order, of `layers` + 1, of the front and the back one.
-    Merged(u8, u8),
-    /// Made the deepest fragment vanish behind an opaque one; `true` if it was the contribution itself.
-    Evicted(bool),
-    /// Replaced what was there (z-buffer).
-    Replaced,
-    /// Was dropped behind what was there (z-buffer).
-    Dropped,
-}
-
-/// How often each [`Decision`] was taken.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Outcomes {
-    /// Added to a fragment.
-    pub accumulated: u64,
-    /// Opened a slot.
-    pub inserted: u64,
-    /// Made two fragments merge.
-    pub merged: u64,
-    /// Made the deepest fragment vanish.
-    pub evicted: u64,
-    /// Replaced a fragment.
-    pub replaced: u64,
-    /// Was dropped.
-    pub dropped: u64,
-    /// Contributions to the busiest pixel.
-    pub most_in_a_pixel: u64,
-}
-
-impl Outcomes {
-    /// Adds what another part of the frame counted.
-    pub fn absorb(&mut self, other: &Outcomes) {
-        self.accumulated += other.accumulated;
-        self.inserted += other.inserted;
-        self.merged += other.merged;
-        self.evicted += other.evicted;
-        self.replaced += other.replaced;
-        self.dropped += other.dropped;
-        self.most_in_a_pixel = self.most_in_a_pixel.max(other.most_in_a_pixel);
-    }
-
-    /// All contributions.
-    pub fn total(&self) -> u64 {
-        self.accumulated + self.inserted + self.merged + self.evicted + self.replaced + self.dropped
-    }
-}
-
-/// Shade port, answer: a fragment's colour times its opacity, and its opacity (`shade.premultiplied`).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Premultiplied {
-    /// Colour times opacity.
-    pub colour: [i64; 3],
-    /// Opacity.
-    pub opacity: i64,
-}
-
-/// [`Sums`] in the host's words, side by side in one vector register where they are 32 bits.
-#[derive(Clone, Copy, Debug, Default)]
-#[repr(align(32))]
-pub struct HostSums<L>([L; SUMS]);
-
-impl<L: Lane> HostSums<L> {
-    fn put(sums: &Sums) -> Self {
-        HostSums(sums.map(L::put))
-    }
-
-    fn get(&self) -> Sums {
-        self.0.map(L::get)
-    }
-}
-
-/// The host's word for a sum: 32 bits where everything fits, else 64.
-pub trait Lane: Copy + Default + Send + Sync + 'static {
-    /// The unit's limits in this word.
-    fn limits(unit: &Fragment) -> &Limits<Self>;
-    /// Adds `weight · attributes`, each rounded, to sums that saturate. For whoever watches, where words of 31 bits hold all: what was
-    /// seen.
-    fn accumulate<V: Lanes>(
-        sums: &mut HostSums<Self>,
-        attributes: &Attributes,
-        weight: i64,
-        limits: &Limits<Self>,
-    ) -> Option<Seen<V::Words>>;
-    /// From a word that fits.
-    fn put(word: i64) -> Self;
-    /// The word.
-    fn get(self) -> i64;
-}
-
-/// What an accumulation needs where all of its fits are plain, lane by lane.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Limits<L> {
-    half: [L; SUMS],
-    right: [L; SUMS],
-    min: [L; SUMS],
-    max: [L; SUMS],
-}
-
-impl<L: Lane> Limits<L> {
-    fn new(half: [i64; SUMS], right: [u32; SUMS], words: [Word; SUMS]) -> Self {
-        Limits {
-            half: half.map(L::put),
-            right: right.map(|right| L::put(right.into())),
-            min: words.map(|word| L::put(word.format.min())),
-            max: words.map(|word| L::put(word.format.max())),
-        }
-    }
-}
-
-impl Lane for i32 {
-    fn limits(unit: &Fragment) -> &Limits<i32> {
-        &unit.narrow_limits
-    }
-    #[inline(always)]
-    fn accumulate<V: Lanes>(
-        sums: &mut HostSums<i32>,
-        attributes: &Attributes,
-        weight: i64,
-        limits: &Limits<i32>,
-    ) -> Option<Seen<V::Words>> {
-        let Limits { half, right, min, max } = limits;
-        let unlimited = V::add_product(&mut sums.0, attributes, weight as i32, half, right, [min, max]);
-        let words = V::Words::from_array(sums.0);
-        Some(Seen { words, limited: !(unlimited - words).is_zero().signs() })
-    }
-    #[inline(always)]
-    fn put(word: i64) -> i32 {
-        word as i32
-    }
-    #[inline(always)]
-    fn get(self) -> i64 {
-        i64::from(self)
-    }
-}
-
-impl Lane for i64 {
-    fn limits(unit: &Fragment) -> &Limits<i64> {
-        &unit.wide_limits
-    }
-    #[inline(always)]
-    fn accumulate<V: Lanes>(
-        HostSums(sums): &mut HostSums<i64>,
-        attributes: &Attributes,
-        weight: i64,
-        limits: &Limits<i64>,
-    ) -> Option<Seen<V::Words>> {
-        // Words of at most 32 bits each: one multiplication.
-        let weight = weight as i32;
-        for lane in 0..SUMS {
-            let product = i64::from(attributes[lane]) * i64::from(weight);
-            let rounded = (product + limits.half[lane]) >> (limits.right[lane] & 63);
-            sums[lane] = (sums[lane] + rounded).max(limits.min[lane]).min(limits.max[lane]);
-        }
-        None
-    }
-    #[inline(always)]
-    fn put(word: i64) -> i64 {
-        word
-    }
-    #[inline(always)]
-    fn get(self) -> i64 {
-        self
-    }
-}
-
-/// Set in the key of a slot that is shaded or empty: its depth is then farther than any ε from any depth word.
-const NO_MATCH: i32 = i32::MIN;
-/// Widest depth that the comparators take, bits.
-const MAX_DEPTH_BITS: i32 = 30;
-
-/// The fragments of a tile's pixels.
-#[derive(Clone, Debug)]
-pub struct Tile<L> {
-    /// Depth of each slot of each pixel, with [`NO_MATCH`] where it is not to be matched.
-    keys: [[i32; MAX_LAYERS]; TILE_AREA],
-    /// Slot by slot: those in use lie side by side in the cache.
-    sums: [[HostSums<L>; TILE_AREA]; MAX_LAYERS],
-    material: [[u32; TILE_AREA]; MAX_LAYERS],
-    live: [u8; TILE_AREA],
-    contributions: [u32; TILE_AREA],
-}
-
-impl<L: Lane> Default for Tile<L> {
-    fn default() -> Self {
-        Tile {
-            keys: [[NO_MATCH; MAX_LAYERS]; TILE_AREA],
-            sums: [[HostSums::default(); TILE_AREA]; MAX_LAYERS],
-            material: [[0; TILE_AREA]; MAX_LAYERS],
-            live: [0; TILE_AREA],
-            contributions: [0; TILE_AREA],
-        }
-    }
-}
-
-/// A slot's number, as the host is to see it: never beyond the last.
-#[inline(always)]
-fn within(slot: usize) -> usize {
-    slot % MAX_LAYERS
-}
-
-impl<L: Lane> Tile<L> {
-    /// Empties the tile.
-    pub fn clear(&mut self) {
-        self.live.fill(0);
-        self.contributions.fill(0);
-        self.keys.fill([NO_MATCH; MAX_LAYERS]);
-    }
-
-    /// How many contributions a pixel has had.
-    pub fn contributions(&self, pixel: u8) -> u32 {
-        self.contributions[usize::from(pixel)]
-    }
-
-    /// How many fragments a pixel has.
-    pub fn live(&self, pixel: u8) -> usize {
-        usize::from(self.live[usize::from(pixel)])
-    }
-
-    /// The fragment in a slot.
-    pub fn slot(&self, pixel: u8, slot: usize) -> Slot {
-        self.read(pixel, slot).get()
-    }
-
-    #[inline(always)]
-    fn sums(&self, pixel: u8, slot: usize) -> &HostSums<L> {
-        &self.sums[within(slot)][usize::from(pixel)]
-    }
-
-    #[inline(always)]
-    fn key(&self, pixel: u8, slot: usize) -> i32 {
-        self.keys[usize::from(pixel)][within(slot)]
-    }
-
-    #[inline(always)]
-    fn depth(&self, pixel: u8, slot: usize) -> i32 {
-        self.key(pixel, slot) & !NO_MATCH
-    }
-
-    #[inline(always)]
-    fn read(&self, pixel: u8, slot: usize) -> HostSlot<L> {
-        let material = self.material[within(slot)][usize::from(pixel)];
-        HostSlot { sums: *self.sums(pixel, slot), key: self.key(pixel, slot), material }
-    }
-
-    #[inline(always)]
-    fn write(&mut self, pixel: u8, slot: usize, fragment: HostSlot<L>) {
-        let (slot, pixel) = (within(slot), usize::from(pixel));
-        self.sums[slot][pixel] = fragment.sums;
-        self.keys[pixel][slot] = fragment.key;
-        self.material[slot][pixel] = fragment.material;
-    }
-
-    #[inline(always)]
-    fn copy(&mut self, pixel: u8, from: usize, to: usize) {
-        self.write(pixel, to, self.read(pixel, from));
-    }
-}
-
-/// A fragment outside its slot, in the host's words.
-#[derive(Clone, Copy, Debug, Default)]
-struct HostSlot<L> {
-    sums: HostSums<L>,
-    key: i32,
-    material: u32,
-}
-
-/// A fragment outside its slot.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Slot {
-    /// Sums, or shaded colour and opacity.
-    pub sums: Sums,
-    /// z of the fragment (`fragment.depth`).
-    pub depth: i64,
+    /// The splat's part.
+    pub attributes: &'a Attributes,
     /// Index into the frame's materials.
-    pub material: u32,
-    /// Whether `sums` hold a shaded colour.
-    pub shaded: bool,
+    pub material: &'a u32,
 }
 
-impl<L: Lane> HostSlot<L> {
-    fn get(&self) -> Slot {
-        Slot { sums: self.sums.get(), depth: i64::from(self.key & !NO_MATCH), material: self.material, shaded: self.key < 0 }
-    }
+/// Registers that a frame loads.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FragmentRegisters {
+    /// ε (`fragment.depth`).
+    pub z_threshold: i64,
+    /// τ (`fragment.weight_sum`).
+    pub coverage_threshold: i64,
+}
 
-    fn put(slot: &Slot) -> Self {
-        let key = slot.depth as i32 | if slot.shaded { NO_MATCH } else { 0 };
-        HostSlot { sums: HostSums::put(&slot.sums), key, material: slot.material }
+/// What a full pixel does with one fragment more.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Full {
+    /// The nearer of the two stays.
+    Replace,
+    /// Two of them become one.
+    Merge(Pair),
+}
+
+/// Which two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Pair {
+    Nearest,
+    Farthest,
+}
+
+impl From<Merge> for Full {
+    fn from(merge: Merge) -> Self {
+        match merge {
+            Merge::NearestPair => Full::Merge(Pair::Nearest),
+            Merge::FarthestPair => Full::Merge(Pair::Farthest),
+            Merge::Replace => Full::Replace,
+        }
     }
+}
+
+/// Cycles: read, compare depths, product, sum, write.
+pub fn latency() -> u32 {
+    1 + 1 + PRODUCT + SUM + 1
 }
 
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Fragment {
     layers: usize,
-    merge: Merge,
+    full: Full,
     evict_hidden: bool,
     nearest_depth: bool,
     depth: Fit,
     sums: [Fit; SUMS],
     /// Left shifts that align a sum and a product.
     align: [[u32; 2]; SUMS],
-    narrow_limits: Limits<i32>,
-    wide_limits: Limits<i64>,
+    limits: SumLimits,
     /// Whether 32-bit sums and products hold everything.
     narrow: bool,
     /// Factors that bring Σw·α and Σw times the opacity limit to the same places.
@@ -381,16 +109,12 @@ pub struct Fragment {
     weight_frac_bits: u32,
 }
 
-/// Names of the sums' signals.
-const SIGNALS: [&str; SUMS] =
-    ["weight_sum", "colour_sum", "colour_sum", "colour_sum", "opacity_sum", "normal_sum", "normal_sum", "normal_sum"];
-
 impl Fragment {
     /// Elaborates the unit; `depth` is the shape of the depth that arrives.
     pub fn new(e: &mut Elaboration, machine: &Machine, depth: Exact) -> Self {
         let m = &machine.fragment;
         let layers = e.within(UNIT, "layers", m.layers, 1, MAX_LAYERS as u32) as usize;
-        e.require(m.merge != Merge::Replace || m.layers == 1, || {
+        e.require(Full::from(m.merge) != Full::Replace || m.layers == 1, || {
             format!("fragment.merge is replace, a z-buffer, with {} layers: it needs fragment.layers 1", m.layers)
         });
         e.within(UNIT, "opaque_permille", m.opaque_permille, 1, 1000);
@@ -422,7 +146,7 @@ impl Fragment {
         let sums: [Fit; SUMS] = std::array::from_fn(|lane| {
             e.per_lane(|e| {
                 let sum = e.sum(UNIT, [products[lane], words[lane].into()]);
-                e.fit(UNIT, SIGNALS[lane], words[lane], sum)
+                e.fit(UNIT, SUM_SIGNALS[lane], words[lane], sum)
             })
         });
         let slot = machine.fragment_bits();
@@ -467,20 +191,22 @@ impl Fragment {
         let right = align.map(|[right, _]: [u32; 2]| right);
         Fragment {
             layers,
-            merge: m.merge,
+            full: m.merge.into(),
             evict_hidden: m.evict_hidden,
-            nearest_depth: m.fragment_depth == FragmentDepth::Nearest,
+            nearest_depth: match m.fragment_depth {
+                FragmentDepth::First => false,
+                FragmentDepth::Nearest => true,
+            },
             depth: e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth)),
-            narrow_limits: Limits::new(half, right, words),
-            wide_limits: Limits::new(half, right, words),
-            narrow: (0..SUMS).all(|lane| is_narrow(machine.gauss.weight, attributes[lane], words[lane], &sums[lane])),
+            limits: SumLimits::new(half, right, words),
+            narrow: (0..SUMS).all(|lane| fits_32_bits(machine.gauss.weight, attributes[lane], words[lane], &sums[lane])),
             sums,
             align,
             opaque_scales: [1 << (limit_places - opacity_places).max(0), opaque << (opacity_places - limit_places).max(0)],
             opaque_shaded: -((-opaque << opacity_places) >> m.opaque.format.frac_bits) as i64,
             store: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, shaded)), e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded)],
             read: [(3, m.colour_sum), (1, m.opacity_sum)]
-                .map(|(copies, sum)| e.copies(copies, |e| e.fit("shade", "premultiplied", premultiplied, sum.into()))),
+                .map(|(copies, sum)| e.copies(copies, |e| e.fit(unit::SHADE, "premultiplied", premultiplied, sum.into()))),
             blend: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, over)), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
             sheets: Sheets::new(e, machine),
@@ -510,7 +236,7 @@ impl Fragment {
             e.adders(UNIT, 2, limit);
         });
         // The closest pair.
-        if m.merge == Merge::NearestPair {
+        if Full::from(m.merge) == Full::Merge(Pair::Nearest) {
             e.adders(UNIT, layers, depth);
             e.copies(layers - 1, |e| e.limit(UNIT, depth));
             e.choice(UNIT, layers, slot);
@@ -521,9 +247,9 @@ impl Fragment {
     }
 
     /// Whether all of its hot fits are plain.
-    pub fn is_plain(&self) -> bool {
-        let short = |fit: &Fit| fit.is_plain() && fit.places() < 32;
-        self.depth.is_plain() && self.sums.iter().all(short) && self.align.iter().all(|[_, left]| *left == 0)
+    pub fn is_simple(&self) -> bool {
+        let short = |fit: &Fit| fit.is_simple() && fit.places() < 32;
+        self.depth.is_simple() && self.sums.iter().all(short) && self.align.iter().all(|[_, left]| *left == 0)
     }
 
     /// Whether 32-bit sums and products hold everything.
@@ -546,62 +272,55 @@ impl Fragment {
         &self.depth
     }
 
-    /// Depths as the comparators see them. Nobody but a watcher can tell what lies below 0 from 0.
+    /// Depths as the comparators see them. Nobody but a probe can tell what lies below 0 from 0.
     #[inline(always)]
-    pub fn depth<const PLAIN: bool, V: Lanes, P: Probe>(&self, exact: V, tap: &mut Tap<P>) -> V {
-        if P::WORDS { tap.fit(&self.depth, exact) } else { tap.fit_natural::<PLAIN, V>(&self.depth, exact.max(V::splat(0))) }
+    pub fn depth<const SIMPLE_FITS: bool, V: Lanes, P: Probe>(&self, exact: V, tap: &mut Tap<P>) -> V {
+        if P::WORDS { tap.fit(&self.depth, exact) } else { tap.fit_unsigned::<SIMPLE_FITS, V>(&self.depth, exact.max(V::splat(0))) }
     }
 
-    /// Takes one contribution in. Its material is not read unless it opens a fragment.
+    /// Takes one contribution in.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
-    pub fn contribute<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
+    pub fn contribute<H: HostPath, P: Probe>(
         &self,
-        tile: &mut Tile<L>,
+        tile: &mut Tile<H::Accumulator>,
         pixel: u8,
-        [weight, depth]: [i64; 2],
-        attributes: &Attributes,
-        material: &u32,
-        registers: &Registers,
+        input: &Input,
+        registers: &FragmentRegisters,
         shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
     ) -> Decision {
-        let at = usize::from(pixel);
-        tile.contributions[at] += 1;
-        let key = depth as i32;
-        let near = V::near(&tile.keys[at], key, registers.z_threshold as u32);
-        if near != 0 {
-            // Rarely more than one.
-            let several = near & (near - 1) != 0;
-            let slot = within(if several { V::nearest(&tile.keys[at], key) } else { near.trailing_zeros() as usize });
-            self.accumulate::<PLAIN, V, L, P>(&mut tile.sums[slot][at], weight, attributes, tap);
+        tile.count(pixel);
+        let depth = input.depth as i32;
+        if let Some(slot) = tile.nearest::<H::Lanes>(pixel, depth, registers.z_threshold as u32) {
+            self.accumulate::<H, P>(tile.sums_mut(pixel, slot), input.weight, input.attributes, tap);
             if self.nearest_depth {
-                tile.keys[at][slot] = tile.keys[at][slot].min(key);
+                tile.bring_nearer(pixel, slot, depth);
             }
             return Decision::Accumulated(slot as u8);
         }
-        let mut fresh = HostSlot { sums: HostSums::default(), key, material: *material };
-        self.accumulate::<PLAIN, V, L, P>(&mut fresh.sums, weight, attributes, tap);
-        let live = tile.live[at];
-        if usize::from(live) < self.layers {
-            tile.write(pixel, usize::from(live), fresh);
-            tile.live[at] += 1;
-            return Decision::Inserted(live);
+        let mut fresh = PackedSlot { sums: PackedSums::default(), key: depth, material: *input.material };
+        self.accumulate::<H, P>(&mut fresh.sums, input.weight, input.attributes, tap);
+        let live = tile.live(pixel);
+        if live < self.layers {
+            tile.write(pixel, live, fresh);
+            tile.set_live(pixel, live as u8 + 1);
+            return Decision::Inserted(live as u8);
         }
         self.overflow(tile, pixel, &fresh, registers, shade, tap.probe)
     }
 
     #[inline(always)]
-    fn accumulate<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
+    fn accumulate<H: HostPath, P: Probe>(
         &self,
-        sums: &mut HostSums<L>,
+        sums: &mut PackedSums<H::Accumulator>,
         weight: i64,
         attributes: &Attributes,
         tap: &mut Tap<P>,
     ) {
-        if PLAIN && (!P::WORDS || P::EIGHT) {
+        if H::SIMPLE_FITS && (!P::WORDS || P::EIGHT) {
             let before = *sums;
-            match L::accumulate::<V>(sums, attributes, weight, L::limits(self)) {
+            let limits = H::Accumulator::limits(&self.limits);
+            match H::Accumulator::accumulate::<H::Lanes>(sums, attributes, weight, limits) {
                 Some(seen) if P::WORDS => return tap.probe.sums(seen),
                 _ if !P::WORDS => return,
                 _ => *sums = before,
@@ -610,37 +329,40 @@ impl Fragment {
         self.accumulate_one_by_one(sums, weight, attributes, tap);
     }
 
-    fn accumulate_one_by_one<L: Lane, P: Probe>(&self, sums: &mut HostSums<L>, weight: i64, attributes: &Attributes, tap: &mut Tap<P>) {
+    fn accumulate_one_by_one<A: Accumulator, P: Probe>(
+        &self,
+        sums: &mut PackedSums<A>,
+        weight: i64,
+        attributes: &Attributes,
+        tap: &mut Tap<P>,
+    ) {
         for (lane, sum) in sums.0.iter_mut().enumerate() {
             let [of_sum, of_product] = self.align[lane];
             let exact = (sum.get() << of_sum) + ((i64::from(attributes[lane]) * weight) << of_product);
-            *sum = L::put(tap.fit_one(&self.sums[lane], exact));
+            *sum = A::put(tap.fit_one(&self.sums[lane], exact));
         }
     }
 
     /// One fragment too many: replace, evict or merge.
     #[cold]
     #[inline(never)]
-    fn overflow<L: Lane, P: Probe>(
+    fn overflow<A: Accumulator, P: Probe>(
         &self,
-        tile: &mut Tile<L>,
+        tile: &mut Tile<A>,
         pixel: u8,
-        fresh: &HostSlot<L>,
-        registers: &Registers,
+        fresh: &PackedSlot<A>,
+        registers: &FragmentRegisters,
         shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         probe: &mut P,
     ) -> Decision {
-        if self.merge == Merge::Replace {
-            let nearer = fresh.key < tile.depth(pixel, 0);
-            if nearer {
-                tile.write(pixel, 0, *fresh);
-            }
-            return if nearer { Decision::Replaced } else { Decision::Dropped };
-        }
-        self.sort(tile, pixel);
+        let pair = match self.full {
+            Full::Replace => return replace(tile, pixel, fresh),
+            Full::Merge(pair) => pair,
+        };
+        // After the first overflow they stay in order.
+        tile.sort(pixel, self.layers);
         // Stable: the fresh one comes after its equals.
-        let behind = tile.keys[usize::from(pixel)][..self.layers].iter().position(|key| key & !NO_MATCH > fresh.key);
-        let place = behind.unwrap_or(self.layers);
+        let place = tile.place(pixel, self.layers, fresh.key);
         if self.evict_hidden && self.hides(tile, pixel, fresh, place, registers) {
             if place < self.layers {
                 (place..self.layers - 1).rev().for_each(|slot| tile.copy(pixel, slot, slot + 1));
@@ -648,12 +370,12 @@ impl Fragment {
             }
             return Decision::Evicted(place == self.layers);
         }
-        let stacked = |position: usize, tile: &Tile<L>| match position.cmp(&place) {
+        let stacked = |position: usize, tile: &Tile<A>| match position.cmp(&place) {
             Ordering::Less => tile.read(pixel, position),
             Ordering::Equal => *fresh,
             Ordering::Greater => tile.read(pixel, position - 1),
         };
-        let front = self.front_of_pair(|position| stacked(position, tile).key & !NO_MATCH);
+        let front = self.front_of_pair(pair, |position| stacked(position, tile).depth());
         let [over, under] = [stacked(front, tile), stacked(front + 1, tile)];
         let merged = self.merged(&over.get(), &under.get(), shade, &mut Tap::new(probe));
         // The slots between the pair and the fresh one's place move over by one.
@@ -664,42 +386,30 @@ impl Fragment {
             (front + 2..place).for_each(|slot| tile.copy(pixel, slot, slot - 1));
             tile.write(pixel, place - 1, *fresh);
         }
-        tile.write(pixel, front, HostSlot::put(&merged));
+        tile.write(pixel, front, PackedSlot::put(&merged));
         Decision::Merged(front as u8, front as u8 + 1)
-    }
-
-    /// Brings a full pixel's slots into depth order; after the first overflow they stay in it.
-    #[inline(always)]
-    fn sort<L: Lane>(&self, tile: &mut Tile<L>, pixel: u8) {
-        if !tile.keys[usize::from(pixel)][..self.layers].is_sorted_by_key(|key| key & !NO_MATCH) {
-            let mut stack = [HostSlot::default(); MAX_LAYERS];
-            let stack = &mut stack[..self.layers];
-            stack.iter_mut().enumerate().for_each(|(slot, fragment)| *fragment = tile.read(pixel, slot));
-            stack.sort_by_key(|fragment| fragment.key & !NO_MATCH);
-            stack.iter().enumerate().for_each(|(slot, fragment)| tile.write(pixel, slot, *fragment));
-        }
     }
 
     /// Whether one of the fragments, the fresh one at its place among them, hides the deepest.
     #[inline(always)]
-    fn hides<L: Lane>(&self, tile: &Tile<L>, pixel: u8, fresh: &HostSlot<L>, place: usize, registers: &Registers) -> bool {
+    fn hides<A: Accumulator>(&self, tile: &Tile<A>, pixel: u8, fresh: &PackedSlot<A>, place: usize, registers: &FragmentRegisters) -> bool {
         let in_front = self.layers - usize::from(place < self.layers);
         (0..in_front).any(|slot| self.is_opaque(tile.sums(pixel, slot), tile.key(pixel, slot), registers))
             || place < self.layers && self.is_opaque(&fresh.sums, fresh.key, registers)
     }
 
     /// The nearer of the two to merge, in a stack in depth order.
-    fn front_of_pair(&self, depth: impl Fn(usize) -> i32) -> usize {
-        match self.merge {
+    fn front_of_pair(&self, pair: Pair, depth: impl Fn(usize) -> i32) -> usize {
+        match pair {
             // The first of equals: the pair nearer to the eye.
-            Merge::NearestPair => (0..self.layers).min_by_key(|&i| depth(i + 1) - depth(i)).unwrap_or(0),
-            _ => self.layers - 1,
+            Pair::Nearest => (0..self.layers).min_by_key(|&i| depth(i + 1) - depth(i)).unwrap_or(0),
+            Pair::Farthest => self.layers - 1,
         }
     }
 
     /// Whether nothing behind a fragment can be seen: opaque itself, and covering the pixel.
     #[inline(always)]
-    fn is_opaque<L: Lane>(&self, sums: &HostSums<L>, key: i32, registers: &Registers) -> bool {
+    fn is_opaque<A: Accumulator>(&self, sums: &PackedSums<A>, key: i32, registers: &FragmentRegisters) -> bool {
         let [weight, opacity] = [sums.0[WEIGHT].get(), sums.0[OPACITY].get()];
         if key < 0 {
             return opacity >= self.opaque_shaded;
@@ -752,7 +462,7 @@ impl Fragment {
         Slot { sums, depth: 0, material, shaded: false }
     }
 
-    /// What a shaded slot holds.
+    /// Reads a shaded slot.
     pub fn shaded<P: Probe>(&self, fragment: &Slot, tap: &mut Tap<P>) -> Premultiplied {
         let s = &fragment.sums;
         Premultiplied {
@@ -762,42 +472,13 @@ impl Fragment {
     }
 }
 
-/// Registers that a frame loads.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Registers {
-    /// ε (`fragment.depth`).
-    pub z_threshold: i64,
-    /// τ (`fragment.weight_sum`).
-    pub coverage_threshold: i64,
-}
-
-/// Whether 32 bits hold a lane's product, its rounding and its sum.
-fn is_narrow(weight: Word, attribute: Word, sum: Word, fit: &Fit) -> bool {
-    let most = i128::from(weight.format.max()) * i128::from(attribute.format.max()) + i128::from(fit.half());
-    let least = i128::from(weight.format.max()) * i128::from(attribute.format.min());
-    let held = i128::from(i32::MIN)..=i128::from(i32::MAX);
-    let right = fit.places().clamp(0, 62);
-    let sums = [sum.format.max(), sum.format.min()].map(i128::from);
-    held.contains(&most)
-        && held.contains(&least)
-        && held.contains(&(sums[0] + (most >> right)))
-        && held.contains(&(sums[1] + (least >> right)))
-        && right < 32
-}
-
-impl Outcomes {
-    /// Counts one.
-    #[inline(always)]
-    pub fn count(&mut self, decision: Decision) {
-        match decision {
-            Decision::Accumulated(_) => self.accumulated += 1,
-            Decision::Inserted(_) => self.inserted += 1,
-            Decision::Merged(..) => self.merged += 1,
-            Decision::Evicted(_) => self.evicted += 1,
-            Decision::Replaced => self.replaced += 1,
-            Decision::Dropped => self.dropped += 1,
-        }
+/// A z-buffer: the nearer of the two stays.
+fn replace<A: Accumulator>(tile: &mut Tile<A>, pixel: u8, fresh: &PackedSlot<A>) -> Decision {
+    if fresh.key < tile.depth(pixel, 0) {
+        tile.write(pixel, 0, *fresh);
+        return Decision::Replaced;
     }
+    Decision::Dropped
 }
 
 pub mod real;

@@ -9,11 +9,20 @@
 //!
 //! Law: `a_weight_never_exceeds_its_amplitude`.
 
-use crate::machine::{Elaboration, Machine, Operator};
-use crate::num::{Fit, Lanes, Table, table};
+use crate::elaboration::latency::PRODUCT;
+use crate::elaboration::{Elaboration, Operator};
+use crate::functions::{Table, table};
+use crate::machine::Machine;
+use crate::num::{Fit, Lanes};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
-const UNIT: &str = "gauss";
+const UNIT: &str = unit::GAUSS;
+
+/// Cycles: table, product.
+pub fn latency(machine: &Machine) -> u32 {
+    table::latency(machine.gauss.table) + PRODUCT
+}
 
 /// The elaborated unit.
 #[derive(Clone, Debug)]
@@ -61,17 +70,17 @@ impl Gauss {
     }
 
     /// Whether all of its fits are plain.
-    pub fn is_plain(&self) -> bool {
-        [&self.radial_index, self.table.fit(), &self.weight].into_iter().all(Fit::is_plain)
+    pub fn is_simple(&self) -> bool {
+        [&self.radial_index, self.table.fit(), &self.weight].into_iter().all(Fit::is_simple)
     }
 
     /// Radial index and weight of eight fragments of one splat, whose r is not negative.
     #[inline(always)]
-    pub fn lanes<const PLAIN: bool, L: Lanes, P: Probe>(&self, radial: L, amplitude: i64, tap: &mut Tap<P>) -> [L; 2] {
-        let radial_index = tap.fit_natural::<PLAIN, L>(&self.radial_index, radial);
+    pub fn lanes<const SIMPLE_FITS: bool, L: Lanes, P: Probe>(&self, radial: L, amplitude: i64, tap: &mut Tap<P>) -> [L; 2] {
+        let radial_index = tap.fit_unsigned::<SIMPLE_FITS, L>(&self.radial_index, radial);
         // Between two words of the table lies nothing beyond them.
-        let falloff = tap.fit_within::<PLAIN, L>(self.table.fit(), self.table.exact_lanes(radial_index));
-        [radial_index, tap.fit_natural::<PLAIN, L>(&self.weight, L::splat(amplitude) * falloff)]
+        let falloff = tap.fit_within::<SIMPLE_FITS, L>(self.table.fit(), self.table.exact_lanes(radial_index));
+        [radial_index, tap.fit_unsigned::<SIMPLE_FITS, L>(&self.weight, L::splat(amplitude) * falloff)]
     }
 }
 

@@ -16,16 +16,25 @@
 //!
 //! Law: `a_projected_point_is_within_its_last_places`.
 
+use crate::elaboration::Elaboration;
+use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM};
 use crate::frame::View;
-use crate::machine::{Elaboration, Machine};
-use crate::num::reciprocal::Scientific;
-use crate::num::{Exact, Exacts, Fit, Reciprocal, Words, align, three, two};
+use crate::functions::reciprocal::Scientific;
+use crate::functions::{Reciprocal, reciprocal};
+use crate::machine::Machine;
+use crate::num::{Exact, Exacts, Fit, Words, align, three, two};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
-const UNIT: &str = "project";
+const UNIT: &str = unit::PROJECT;
 
 /// Fraction bits of a difference shifted left until its largest part fills 62 bits.
 const NORMALISED_FRAC_BITS: i32 = 62;
+
+/// Cycles: difference, normalise, rotate, 1/t_z, quotient, pixel.
+pub fn latency(machine: &Machine) -> u32 {
+    SUM + NORMALISE + (PRODUCT + 2 * SUM) + reciprocal::latency(machine.project.reciprocal) + 2 * PRODUCT
+}
 
 /// The elaborated unit.
 #[derive(Clone, Debug)]

@@ -18,12 +18,15 @@
 //! Laws: `stepping_equals_the_closed_form`, `seeded_and_differenced_rows_agree_within_their_guard_bits`,
 //! `a_radial_index_below_zero_is_zero`.
 
-use crate::machine::{Elaboration, Machine, Operator, Rows};
+use crate::elaboration::latency::{PRODUCT, SUM};
+use crate::elaboration::{Elaboration, Operator};
+use crate::machine::{Machine, Rows};
 use crate::num::register::Held;
 use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, three, two};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
-const UNIT: &str = "raster";
+const UNIT: &str = unit::RASTER;
 
 /// Side of the square that boxes are cut to, pixels.
 const SIDE_PX: usize = 16;
@@ -203,6 +206,11 @@ const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [0, 0, 1, 3, 6, 10, 15, 21, 28, 36, 45,
 
 /// Bits of a column or a row: a picture has up to 16384.
 const PIXEL_BITS: i32 = 14;
+
+/// Cycles: offset, gradient, seed, compare.
+pub fn latency() -> u32 {
+    SUM + (PRODUCT + SUM) * 2 + SUM
+}
 
 /// The elaborated unit.
 #[derive(Clone, Debug)]
@@ -518,7 +526,7 @@ impl Raster {
         }
     }
 
-    /// Shows the watcher how far the registers go in the part of a box, and where they wrap.
+    /// Shows the probe how far the registers go in the part of a box, and where they wrap.
     #[inline(always)]
     fn watch_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
         let seed = Seed { radial: w.seed.radial[lane], by_column: w.seed.by_column[lane], depth: w.seed.depth[lane] };
@@ -529,7 +537,7 @@ impl Raster {
         }
     }
 
-    /// Shows the watcher how far the registers go in a row, and where they wrap.
+    /// Shows the probe how far the registers go in a row, and where they wrap.
     #[inline(always)]
     fn watch_row<P: Probe>(&self, seed: &Seed<Held>, by_column_twice: Held, depth_slope: i64, columns: usize, tap: &mut Tap<P>) {
         if self.reach(seed, by_column_twice, [0; 3], [depth_slope, 0], [columns, 1], tap) {
@@ -573,7 +581,7 @@ impl Raster {
         lowest.min(least) < min || high.max(most) > max || by_column_twice < 0 || by_row_twice < 0
     }
 
-    /// Shows the watcher where the rows' registers wrap.
+    /// Shows the probe where the rows' registers wrap.
     #[inline(never)]
     fn walk_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
         let [columns, rows] = w.size(lane);
@@ -601,8 +609,8 @@ impl Raster {
     pub fn fragments<L: Lanes>(&self, walks: &Walks, lane: usize, span: &Span, places: [u8; LANES]) -> [L; 2] {
         let place = L::from_bytes(places);
         let held = place.look_up(span.radial.as_flattened().as_flattened());
-        let radial = self.radial_register.read_natural(held.max(L::splat(0)));
-        let [column, row] = [place & L::splat(SIDE_PX as i64 - 1), place.right_natural(SIDE_PX.ilog2())];
+        let radial = self.radial_register.read_unsigned(held.max(L::splat(0)));
+        let [column, row] = [place & L::splat(SIDE_PX as i64 - 1), place.right_unsigned(SIDE_PX.ilog2())];
         let [by_column, by_row] = two!(axis => L::splat(walks.depth_slope[axis][lane]));
         let (start, lean) = match self.rows {
             Rows::Differenced => (L::splat(walks.seed.depth[lane]), column * by_column + row * by_row),

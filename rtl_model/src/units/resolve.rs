@@ -8,27 +8,20 @@
 //!
 //! Laws: `an_empty_pixel_is_background`, `an_opaque_layer_hides_all_behind_it`.
 
-use crate::machine::{Elaboration, Machine, Operator};
+use crate::elaboration::latency::{PRODUCT, SUM};
+use crate::elaboration::{Elaboration, Operator};
+use crate::machine::Machine;
 use crate::num::{Fit, three};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
-const UNIT: &str = "resolve";
+pub use crate::records::Layer;
 
-/// Input port: one layer of a pixel.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Layer {
-    /// Slot it was in.
-    pub slot: usize,
-    /// z (`fragment.depth`).
-    pub depth: i64,
-    /// Σw (`fragment.weight_sum`), 0 if it was merged.
-    pub weight: i64,
-    /// Whether it was merged, and so shaded, before.
-    pub merged: bool,
-    /// Colour times opacity (`shade.premultiplied`).
-    pub colour: [i64; 3],
-    /// α' (`shade.premultiplied`).
-    pub opacity: i64,
+const UNIT: &str = unit::RESOLVE;
+
+/// Cycles: a product and a sum for each layer.
+pub fn latency(machine: &Machine) -> u32 {
+    machine.fragment.layers * (PRODUCT + SUM)
 }
 
 /// The elaborated unit.

@@ -12,40 +12,22 @@
 //!
 //! Laws: `white_stays_white`, `shading_ignores_the_length_of_a_normal`.
 
+use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM};
+use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{Frame, Light, Lighting, Material, Scaled};
-use crate::machine::{Elaboration, Machine, Operator};
-use crate::num::{Fit, Reciprocal, ReciprocalRoot, Table, table, three};
+use crate::functions::{Reciprocal, ReciprocalRoot, Table, reciprocal, square_root, table};
+use crate::machine::Machine;
+use crate::num::{Fit, three};
 use crate::probe::{Probe, Tap};
+use crate::records::unit;
 
-const UNIT: &str = "shade";
+pub use crate::records::{ShadeInput as Input, ShadeOutput as Output};
 
-/// Input port: one fragment's sums.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Input {
-    /// Σw (`fragment.weight_sum`).
-    pub weight: i64,
-    /// Σw·rgb (`fragment.colour_sum`).
-    pub colour: [i64; 3],
-    /// Σw·α (`fragment.opacity_sum`).
-    pub opacity: i64,
-    /// Σw·n (`fragment.normal_sum`).
-    pub normal: [i64; 3],
-    /// Index into the frame's materials.
-    pub material: u32,
-}
-
-/// Output port (`shade.premultiplied`).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Output {
-    /// Colour times opacity.
-    pub colour: [i64; 3],
-    /// α'.
-    pub opacity: i64,
-}
+const UNIT: &str = unit::SHADE;
 
 /// Registers that a frame loads.
 #[derive(Clone, Copy, Debug)]
-pub struct Registers<'a> {
+pub struct LightRegisters<'a> {
     /// Lights and materials.
     pub lighting: &'a Lighting,
     /// The materials' highlight tables, by material.
@@ -56,12 +38,24 @@ pub struct Registers<'a> {
     pub inverse_threshold: Scaled,
 }
 
-impl<'a> Registers<'a> {
+impl<'a> LightRegisters<'a> {
     /// A frame's, with its materials' tables ([`Shade::highlights`]).
     pub fn of(frame: &'a Frame, highlights: &'a [Option<Table>]) -> Self {
         let Frame { lighting, coverage_threshold, inverse_threshold, .. } = frame;
-        Registers { lighting, highlights, coverage_threshold: *coverage_threshold, inverse_threshold: *inverse_threshold }
+        LightRegisters { lighting, highlights, coverage_threshold: *coverage_threshold, inverse_threshold: *inverse_threshold }
     }
+}
+
+/// Cycles: 1/W beside the unit normal; cosine, highlight, irradiance, colour, coverage and opacity.
+pub fn latency(machine: &Machine) -> u32 {
+    let m = &machine.shade;
+    let normal = NORMALISE + PRODUCT + 2 * SUM + square_root::latency(m.root) + PRODUCT;
+    reciprocal::latency(m.reciprocal).max(normal)
+        + (PRODUCT + 2 * SUM)
+        + table::latency(m.highlight_table)
+        + (PRODUCT + SUM)
+        + 2 * (PRODUCT + SUM)
+        + PRODUCT
 }
 
 /// The elaborated unit.
@@ -232,7 +226,7 @@ impl Shade {
     }
 
     /// Shades one fragment.
-    pub fn one<P: Probe>(&self, registers: &Registers, input: &Input, tap: &mut Tap<P>) -> Output {
+    pub fn one<P: Probe>(&self, registers: &LightRegisters, input: &Input, tap: &mut Tap<P>) -> Output {
         if input.weight <= 0 {
             return Output::default();
         }
@@ -249,7 +243,7 @@ impl Shade {
     }
 
     /// min(1, W/τ).
-    fn coverage<P: Probe>(&self, registers: &Registers, weight: i64, exponent: i64, tap: &mut Tap<P>) -> i64 {
+    fn coverage<P: Probe>(&self, registers: &LightRegisters, weight: i64, exponent: i64, tap: &mut Tap<P>) -> i64 {
         if weight >= registers.coverage_threshold {
             return self.words.coverage_one;
         }
@@ -259,7 +253,7 @@ impl Shade {
     }
 
     /// The colour that leaves the surface, at most 1.
-    fn lit<P: Probe>(&self, registers: &Registers, input: &Input, rgb: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> [i64; 3] {
+    fn lit<P: Probe>(&self, registers: &LightRegisters, input: &Input, rgb: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> [i64; 3] {
         let w = self.words;
         let material = input.material as usize;
         let (Material::BlinnPhong { ambient, diffuse, specular, .. }, Some(table)) =

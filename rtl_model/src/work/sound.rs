@@ -16,7 +16,7 @@ impl Work {
     /// Whether all of its parts belong together.
     ///
     /// # Errors
-    /// What is wrong with it, half a sentence.
+    /// Half a sentence about what is wrong with it.
     pub fn check(&self) -> Result<(), String> {
         let sizes = [self.width, self.height];
         require(sizes.iter().all(|size| (1..=MOST_PX).contains(size)), "the picture's size is not 1 to 16384")?;

@@ -4,7 +4,7 @@ use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use proptest::prelude::*;
 use rtl_model::machine::Rows;
-use rtl_model::pipeline::{draw, draw_ranged, draw_unwatched};
+use rtl_model::pipeline::{draw, draw_ranged, draw_unobserved};
 use rtl_model::probe::{Range, Ranges};
 use rtl_model::{Drawing, Elaborated, Frame, Machine};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,7 +18,7 @@ fn counted(machine: &Elaborated, frame: &Frame) -> Ranges {
 
 /// Draws watched, eight words at a time and one by one, and not; what was seen must lie in the signals' formats.
 fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
-    let drawing = draw_unwatched(machine, frame);
+    let drawing = draw_unobserved(machine, frame);
     let (watched, ranges) = draw_ranged(machine, frame);
     assert_eq!(watched, drawing, "watched and unwatched differ");
     assert_eq!(ranges, counted(machine, frame));
@@ -141,7 +141,7 @@ fn threads_and_watchers_change_no_bit() {
         let watched = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let (drawing, ranges) = pool.install(|| draw_ranged(&elaborated, &frame));
-            assert_eq!(pool.install(|| draw_unwatched(&elaborated, &frame)), drawing);
+            assert_eq!(pool.install(|| draw_unobserved(&elaborated, &frame)), drawing);
             (drawing, ranges)
         };
         let one = watched(1);

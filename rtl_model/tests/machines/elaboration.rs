@@ -3,8 +3,10 @@
 use crate::mutation::{mutated, mutations, named, with_field, with_format};
 use proptest::prelude::*;
 use rtl_model::Machine;
-use rtl_model::machine::{Elaborated, Merge, Operator, Part};
+use rtl_model::elaboration::{Operator, Part};
+use rtl_model::machine::Merge;
 use rtl_model::num::Format;
+use rtl_model::pipeline::Elaborated;
 use serde_json::json;
 
 fn built(name: &str) -> Elaborated {

@@ -157,7 +157,7 @@ fn tiles_of_any_size_do_the_same_work() {
         (machine.timing.tile.side_px, machine.timing.raster.lanes) = (side, [1, 1]);
         let cycles = replay(&machine.elaborate().unwrap().timing, &work, Detail::Histograms);
         let items = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>();
-        (cycles.slots, items("fragment"), items("bin"))
+        (cycles.stamps, items("fragment"), items("bin"))
     };
     assert!(of(16).1 > 1000);
     for side in [32, 48, 64, 1024] {

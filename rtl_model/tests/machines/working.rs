@@ -2,8 +2,8 @@
 
 use crate::frames::{frame, in_tile};
 use rtl_model::machine::Merge;
-use rtl_model::pipeline::{draw_decided, draw_recorded, draw_unwatched};
-use rtl_model::probe::Watcher;
+use rtl_model::pipeline::{draw_recorded, draw_unobserved, draw_with_decisions};
+use rtl_model::probe::Observer;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
 use rtl_model::work::{Event, Fate, TILE_PX, Work};
@@ -18,8 +18,8 @@ struct Witness {
     held: BTreeMap<[u32; 2], [u8; 2]>,
 }
 
-impl Watcher<'static> for Witness {
-    fn fork(&self) -> Box<dyn Watcher<'static>> {
+impl Observer<'static> for Witness {
+    fn fork(&self) -> Box<dyn Observer<'static>> {
         Box::new(Witness::default())
     }
 
@@ -102,9 +102,9 @@ fn what_is_recorded_is_what_was_drawn() {
     let mut seen = BTreeMap::new();
     for (machine, frame) in crowds() {
         let (drawing, work) = draw_recorded(&machine, &frame);
-        assert_eq!(drawing, draw_unwatched(&machine, &frame));
+        assert_eq!(drawing, draw_unobserved(&machine, &frame));
         let mut witness = Witness::default();
-        draw_decided(&machine, &frame, &mut witness);
+        draw_with_decisions(&machine, &frame, &mut witness);
 
         let told = told(&work);
         for (pixel, events) in &told {

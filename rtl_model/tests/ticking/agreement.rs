@@ -6,7 +6,8 @@ use crate::parts::Ticked;
 use crate::scene::Scene;
 use crate::{binned, immediate, machines, scene};
 use rtl_model::Machine;
-use rtl_model::machine::timing::{Elaborated, Organisation, Timing};
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::machine::timing::{Organisation, Timing};
 use rtl_model::pipeline::draw_recorded;
 use rtl_model::timing::{Cycles, Detail, UnitCycles, replay};
 use rtl_model::work::Work;
@@ -36,8 +37,8 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     if others.next().is_some() {
         return Some("a unit does not tick".into());
     }
-    let [ticked, replayed] = [(ticked.total, ticked.lookups, ticked.slots), (replayed.total, replayed.lookups, replayed.slots)];
-    (ticked != replayed).then(|| format!("total, look-ups, slots: ticked {ticked:?}, replayed {replayed:?}"))
+    let [ticked, replayed] = [(ticked.total, ticked.lookups, ticked.stamps), (replayed.total, replayed.lookups, replayed.stamps)];
+    (ticked != replayed).then(|| format!("total, look-ups, stamps: ticked {ticked:?}, replayed {replayed:?}"))
 }
 
 /// What is moved does not depend on when.
@@ -47,7 +48,7 @@ pub fn difference_in_traffic(ticked: &Ticked, replayed: &Cycles) -> Option<Strin
     (ticked != replayed).then(|| format!("bytes and bursts: ticked {ticked:?}, replayed {replayed:?}"))
 }
 
-pub fn tick(timing: &Elaborated, scene: &Scene) -> Ticked {
+pub fn tick(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     match timing.timing.organisation {
         Organisation::Immediate => immediate::draw(timing, scene),
         Organisation::Binned => binned::draw(timing, scene),
@@ -63,7 +64,7 @@ fn told_briefly(cycles: Cycles, detail: Detail) -> Cycles {
     Cycles { units: cycles.units.into_iter().map(of).collect(), requests: Vec::new(), ..cycles }
 }
 
-fn compare(timing: &Elaborated, scene: &Scene, work: &Work) -> Result<Ticked, String> {
+fn compare(timing: &Microarchitecture, scene: &Scene, work: &Work) -> Result<Ticked, String> {
     let ticked = tick(timing, scene);
     let replayed = replay(timing, work, Detail::Log);
     for detail in [Detail::Accounts, Detail::Histograms] {

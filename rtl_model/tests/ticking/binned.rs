@@ -5,12 +5,12 @@
 //! first entry, and written when it is here. A pass is over when it has no more to do and the last part is written.
 //!
 //! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun go when the last word is written. `list`
-//! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its slots is written.
+//! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its stamps is written.
 
 use crate::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
-use crate::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, slots_of, turn};
+use crate::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
 use crate::scene::Scene;
-use rtl_model::machine::timing::{Elaborated, Pace, SortShape};
+use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::timing::{Client, Direction};
 use std::collections::VecDeque;
 
@@ -35,12 +35,12 @@ struct Entry {
 struct Tile {
     corner: [usize; 2],
     place: u64,
-    /// Slots before the first that comes after it.
+    /// Stamps before the first that comes after it.
     end: usize,
 }
 
 struct Machine<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     scene: &'a Scene,
     memory: Memory,
     now: u64,
@@ -79,7 +79,7 @@ struct Machine<'a> {
     listed: Link<usize>,
     fill: Fill,
     merge: Merge,
-    /// When each slot is written; the tile that the last one was in.
+    /// When each stamp is written; the tile that the last one was in.
     written: Vec<u64>,
     drawing: usize,
     resolve: Unit,
@@ -91,7 +91,7 @@ struct Machine<'a> {
 }
 
 impl<'a> Machine<'a> {
-    fn new(timing: &'a Elaborated, scene: &'a Scene) -> Self {
+    fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         let t = &timing.timing;
         let side = t.tile.side_px as usize;
         let across = (scene.width as usize).div_ceil(side);
@@ -110,8 +110,8 @@ impl<'a> Machine<'a> {
                     continue;
                 }
                 touched[place].push(tile);
-                let slots = slots_of(timing, scene, place, [corner, corner.map(|at| at + side - 1)]);
-                end += slots.iter().filter(|slot| !slot.pixels.is_empty()).count();
+                let stamps = stamps_of(timing, scene, place, [corner, corner.map(|at| at + side - 1)]);
+                end += stamps.iter().filter(|stamp| !stamp.pixels.is_empty()).count();
                 entries.push(Entry { splat: place, record: record as u64, corner, tile: tile as u64, nth });
                 nth += 1;
             }
@@ -328,7 +328,7 @@ impl<'a> Machine<'a> {
         self.fill.raster(self.now, &mut self.listed, |number| {
             let Entry { splat, corner, .. } = self.entries[*number];
             let last = corner.map(|at| at + self.timing.timing.tile.side_px as usize - 1);
-            self.records[*number].has_come(self.now).then(|| slots_of(self.timing, self.scene, splat, [corner, last]))
+            self.records[*number].has_come(self.now).then(|| stamps_of(self.timing, self.scene, splat, [corner, last]))
         })
     }
 
@@ -337,17 +337,17 @@ impl<'a> Machine<'a> {
     }
 
     fn fragment(&mut self) -> Act {
-        let Some(slot) = self.fill.weighted.front(self.now) else { return Act::Starve };
-        while self.tiles[self.drawing].end <= slot.number {
+        let Some(stamp) = self.fill.weighted.front(self.now) else { return Act::Starve };
+        while self.tiles[self.drawing].end <= stamp.number {
             self.drawing += 1;
         }
         let before = self.drawing.checked_sub(self.buffers());
         let has_buffer = before.is_none_or(|tile| self.resolved.get(tile).is_some_and(|at| *at <= self.now));
-        if !has_buffer || !self.merge.may_take(self.now, slot) {
+        if !has_buffer || !self.merge.may_take(self.now, stamp) {
             return Act::Block;
         }
-        let slot = self.fill.weighted.pop();
-        let [cycles, written] = self.merge.take(self.now, &slot);
+        let stamp = self.fill.weighted.pop();
+        let [cycles, written] = self.merge.take(self.now, &stamp);
         self.written.push(written);
         Act::Take(cycles)
     }
@@ -427,15 +427,15 @@ impl<'a> Machine<'a> {
 }
 
 /// Draws a scene, cycle by cycle.
-pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
+pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
     let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, .. } = machine;
-    let slots = fill.taken();
+    let stamps = fill.taken();
     let lit = if timing.timing.tile.buffers == 2 { vec![lit] } else { Vec::new() };
     let (setup, shade) = setup.units();
     let second = [fill.units(), vec![merge.fragment, shade.unwrap_or(merge.shade)], lit, vec![resolve]].concat();
     let units = [setup, vec![bin], sort, vec![list.before(listed)], second].concat();
-    Ticked { total, units, lookups: [0; 2], slots, traffic: memory.traffic }
+    Ticked { total, units, lookups: [0; 2], stamps, traffic: memory.traffic }
 }

@@ -4,9 +4,9 @@
 //! within a cycle does not matter.
 
 use crate::memory::{Done, LINES, Memory, Requests, WORDS};
-use crate::parts::{Act, Fill, Link, Merge, SetUp, Slot, Ticked, Unit, places, resolve_cycles, run, slots_of, turn};
+use crate::parts::{Act, Fill, Link, Merge, SetUp, Stamp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
 use crate::scene::Scene;
-use rtl_model::machine::timing::Elaborated;
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{Client, Direction};
 use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
@@ -15,16 +15,16 @@ use std::ops::Range;
 struct Way {
     line: usize,
     used: u64,
-    /// The slots that looked it up.
+    /// The stamps that looked it up.
     users: Vec<usize>,
     read: Option<Done>,
 }
 
-/// A line that leaves, or one that is read in its place, when the slots that used the one that leaves are written.
+/// A line that leaves, or one that is read in its place, when the stamps that used the one that leaves are written.
 struct HeldUp {
     client: Client,
     line: usize,
-    slots: Vec<usize>,
+    stamps: Vec<usize>,
     done: Done,
 }
 
@@ -37,15 +37,15 @@ struct Lines {
     written_back: BTreeSet<usize>,
     touched: BTreeSet<usize>,
     reads: Requests,
-    /// The slots that used the line that left for the look-up that is not over yet.
+    /// The stamps that used the line that left for the look-up that is not over yet.
     before: Vec<usize>,
     held_up: Vec<HeldUp>,
     lookups: [u64; 2],
 }
 
 impl Lines {
-    /// Looks a line up for a slot: whether that is over in this cycle, and for which read the slot has to wait.
-    fn look_up(&mut self, now: u64, line: usize, slot: usize) -> Option<Option<Done>> {
+    /// Looks a line up for a stamp: whether that is over in this cycle, and for which read the stamp has to wait.
+    fn look_up(&mut self, now: u64, line: usize, stamp: usize) -> Option<Option<Done>> {
         let of = line % self.sets.len();
         let set = &mut self.sets[of];
         let found = set.iter().position(|way| way.line == line);
@@ -54,10 +54,10 @@ impl Lines {
             let oldest = (0..set.len()).min_by_key(|way| set[*way].used).expect("a way");
             let victim = set.swap_remove(oldest);
             self.written_back.insert(victim.line);
-            // A slot cannot wait for itself.
-            self.before = victim.users.into_iter().filter(|user| *user != slot).collect();
-            let slots = self.before.clone();
-            self.held_up.push(HeldUp { client: Client::FrameWrite, line: victim.line, slots, done: Done::default() });
+            // A stamp cannot wait for itself.
+            self.before = victim.users.into_iter().filter(|user| *user != stamp).collect();
+            let stamps = self.before.clone();
+            self.held_up.push(HeldUp { client: Client::FrameWrite, line: victim.line, stamps, done: Done::default() });
         }
         let must_read = found.is_none() && self.written_back.contains(&line);
         if must_read && !self.reads.is_free(now) {
@@ -70,18 +70,18 @@ impl Lines {
             self.lookups[1] += 1;
             let way = &mut set[found];
             way.used = self.clock;
-            if way.users.last() != Some(&slot) {
-                way.users.push(slot);
+            if way.users.last() != Some(&stamp) {
+                way.users.push(stamp);
             }
             return Some(way.read.clone());
         }
-        let slots = std::mem::take(&mut self.before);
+        let stamps = std::mem::take(&mut self.before);
         let read = must_read.then(|| {
             let done = self.reads.next();
-            self.held_up.push(HeldUp { client: Client::FrameRead, line, slots, done: done.clone() });
+            self.held_up.push(HeldUp { client: Client::FrameRead, line, stamps, done: done.clone() });
             done
         });
-        set.push(Way { line, used: self.clock, users: vec![slot], read: read.clone() });
+        set.push(Way { line, used: self.clock, users: vec![stamp], read: read.clone() });
         Some(read)
     }
 
@@ -93,8 +93,8 @@ impl Lines {
 
     /// Asks for what is no longer held up.
     fn send(&mut self, now: u64, memory: &mut Memory, written: &[Option<u64>]) {
-        // The last slot is written last.
-        let is_held_up = |of: &HeldUp| !of.slots.iter().rev().all(|slot| written[*slot].is_some_and(|at| at <= now));
+        // The last stamp is written last.
+        let is_held_up = |of: &HeldUp| !of.stamps.iter().rev().all(|stamp| written[*stamp].is_some_and(|at| at <= now));
         for HeldUp { client, line, done, .. } in self.held_up.extract_if(.., |of| !is_held_up(of)).collect::<Vec<_>>() {
             let direction = if client == Client::FrameRead { Direction::Read } else { Direction::Write };
             memory.ask(now, client, direction, self.bytes(line), &done);
@@ -106,29 +106,29 @@ impl Lines {
     }
 }
 
-/// A slot in the cache unit.
+/// A stamp in the cache unit.
 struct Looking {
-    slot: Slot,
+    stamp: Stamp,
     next: usize,
     reads: Vec<Done>,
 }
 
 /// The machine.
 struct Machine<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     scene: &'a Scene,
     memory: Memory,
     now: u64,
     setup: SetUp<'a>,
-    /// How many slots will reach the fragment unit.
+    /// How many stamps will reach the fragment unit.
     expected: usize,
     fill: Fill,
     cache: Unit,
     lines: Lines,
     looking: Option<Looking>,
-    looked_up: Link<(Slot, Vec<Done>)>,
+    looked_up: Link<(Stamp, Vec<Done>)>,
     merge: Merge,
-    /// When each slot is written, and when those that were taken all are.
+    /// When each stamp is written, and when those that were taken all are.
     written: Vec<Option<u64>>,
     all_written: u64,
     resolve: Unit,
@@ -143,10 +143,10 @@ struct Machine<'a> {
 const ALL: [[usize; 2]; 2] = [[0; 2], [usize::MAX; 2]];
 
 impl<'a> Machine<'a> {
-    fn new(timing: &'a Elaborated, scene: &'a Scene) -> Self {
+    fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         let t = &timing.timing;
-        let slots = (0..scene.splats.len()).flat_map(|splat| slots_of(timing, scene, splat, ALL));
-        let expected = slots.filter(|slot| !slot.pixels.is_empty()).count();
+        let stamps = (0..scene.splats.len()).flat_map(|splat| stamps_of(timing, scene, splat, ALL));
+        let expected = stamps.filter(|stamp| !stamp.pixels.is_empty()).count();
         Machine {
             timing,
             scene,
@@ -182,7 +182,7 @@ impl<'a> Machine<'a> {
     }
 
     fn raster(&mut self) -> Act {
-        self.fill.raster(self.now, self.setup.done(), |splat| Some(slots_of(self.timing, self.scene, *splat, ALL)))
+        self.fill.raster(self.now, self.setup.done(), |splat| Some(stamps_of(self.timing, self.scene, *splat, ALL)))
     }
 
     fn gauss(&mut self) -> Act {
@@ -202,38 +202,38 @@ impl<'a> Machine<'a> {
                 return;
             }
             self.looked_up.reserve();
-            self.looking = Some(Looking { slot: self.fill.weighted.pop(), next: 0, reads: Vec::new() });
+            self.looking = Some(Looking { stamp: self.fill.weighted.pop(), next: 0, reads: Vec::new() });
             self.cache.sides[0].items += 1;
             self.cache.log.push(self.now);
         }
         let account = &mut self.cache.sides[0].account;
-        let looking = self.looking.as_mut().expect("a slot");
-        let line = looking.slot.lines[looking.next];
-        let Some(read) = self.lines.look_up(self.now, line, looking.slot.number) else {
+        let looking = self.looking.as_mut().expect("a stamp");
+        let line = looking.stamp.lines[looking.next];
+        let Some(read) = self.lines.look_up(self.now, line, looking.stamp.number) else {
             account.memory += 1;
             return;
         };
         account.busy += 1;
         looking.reads.extend(read);
         looking.next += 1;
-        if looking.next == looking.slot.lines.len() {
-            let Looking { slot, reads, .. } = self.looking.take().expect("a slot");
-            self.looked_up.items.push_back((self.now + u64::from(self.timing.cache.latency), (slot, reads)));
+        if looking.next == looking.stamp.lines.len() {
+            let Looking { stamp, reads, .. } = self.looking.take().expect("a stamp");
+            self.looked_up.items.push_back((self.now + u64::from(self.timing.cache.latency), (stamp, reads)));
         }
     }
 
     fn fragment(&mut self) -> Act {
-        let Some((slot, reads)) = self.looked_up.front(self.now) else { return Act::Starve };
+        let Some((stamp, reads)) = self.looked_up.front(self.now) else { return Act::Starve };
         if !reads.iter().all(|read| read.has_come(self.now)) {
             return Act::Wait;
         }
-        if !self.merge.may_take(self.now, slot) {
+        if !self.merge.may_take(self.now, stamp) {
             return Act::Block;
         }
-        let (slot, _) = self.looked_up.pop();
-        let [cycles, written] = self.merge.take(self.now, &slot);
+        let (stamp, _) = self.looked_up.pop();
+        let [cycles, written] = self.merge.take(self.now, &stamp);
         self.all_written = written;
-        self.written[slot.number] = Some(written);
+        self.written[stamp.number] = Some(written);
         Act::Take(cycles)
     }
 
@@ -242,7 +242,7 @@ impl<'a> Machine<'a> {
         [self.scene.width.div_ceil(columns) as usize, self.scene.height.div_ceil(rows) as usize]
     }
 
-    /// Once the last slot is written, what resolve needs is read, whatever it does itself.
+    /// Once the last stamp is written, what resolve needs is read, whatever it does itself.
     fn read_lines(&mut self) {
         if self.merge.fragment.log.len() < self.expected || self.all_written > self.now {
             return;
@@ -326,12 +326,12 @@ impl<'a> Machine<'a> {
 }
 
 /// Draws a scene, cycle by cycle.
-pub fn draw(timing: &Elaborated, scene: &Scene) -> Ticked {
+pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let Machine { memory, setup, fill, cache, lines, looked_up, merge, resolve, .. } = machine;
-    let slots = fill.taken();
+    let stamps = fill.taken();
     let (setup, shade) = setup.units();
     let units = [setup, fill.units(), vec![cache.before(looked_up), merge.fragment, shade.unwrap_or(merge.shade), resolve]].concat();
-    Ticked { total, units, lookups: lines.lookups, slots, traffic: memory.traffic }
+    Ticked { total, units, lookups: lines.lookups, stamps, traffic: memory.traffic }
 }

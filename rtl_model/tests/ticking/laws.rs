@@ -128,7 +128,7 @@ fn more_of_anything_is_never_slower_if_the_cache_holds_all() {
     assert_eq!(found, []);
 }
 
-/// The cache's lines follow from the order of slots alone, and a look-up waits for all before it.
+/// The cache's lines follow from the order of stamps alone, and a look-up waits for all before it.
 #[test]
 fn more_of_anything_is_never_slower_if_lines_come_and_go() {
     assert_eq!(slower(2000, random), []);
@@ -175,7 +175,7 @@ fn more_of_something_can_be_slower_where_memory_is_shared() {
     assert!(!found.is_empty());
 }
 
-/// A wide slot waits for all of its lines and for all of its pixels.
+/// A wide stamp waits for all of its lines and for all of its pixels.
 #[test]
 fn wider_lanes_can_be_slower() {
     let mut counts = [0; 3];

@@ -2,7 +2,8 @@
 
 use crate::frames::Dice;
 use rtl_model::Machine;
-use rtl_model::machine::timing::{Cache, Elaborated, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Timing};
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::machine::timing::{Cache, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Timing};
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
 pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
@@ -18,7 +19,7 @@ pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
     }
 }
 
-pub fn elaborate(timing: Timing) -> Elaborated {
+pub fn elaborate(timing: Timing) -> Microarchitecture {
     let mut machine = Machine::named("tiny").unwrap();
     machine.timing = timing;
     machine.elaborate().unwrap().timing

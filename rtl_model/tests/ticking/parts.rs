@@ -1,8 +1,8 @@
-//! What is a ticking machine made of? Units, FIFOs with credits, slots; and the units that both organisations have.
+//! What is a ticking machine made of? Units, FIFOs with credits, stamps; and the units that both organisations have.
 
 use crate::memory::{Memory, Requests, SPLATS, Traffic};
 use crate::scene::Scene;
-use rtl_model::machine::timing::{Elaborated, Pace};
+use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
 use rtl_model::timing::{Account, Client, Direction};
 use rtl_model::work::{Event, Fate};
 use std::collections::VecDeque;
@@ -34,7 +34,7 @@ pub struct Ticked {
     pub units: Vec<Unit>,
     pub lookups: [u64; 2],
     /// All that the raster took, and those that kept a pixel.
-    pub slots: [u64; 2],
+    pub stamps: [u64; 2],
     pub traffic: Traffic,
 }
 
@@ -136,9 +136,9 @@ impl<T> Link<T> {
     }
 }
 
-/// The pixels of a slot.
+/// The pixels of a stamp.
 #[derive(Clone, Debug, Default)]
-pub struct Slot {
+pub struct Stamp {
     pub kept: bool,
     /// Its pixels that are not faint, as places in the picture.
     pub pixels: Vec<usize>,
@@ -150,8 +150,8 @@ pub struct Slot {
     pub number: usize,
 }
 
-/// The slots of a splat's part from one pixel to another.
-pub fn slots_of(timing: &Elaborated, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Slot> {
+/// The stamps of a splat's part from one pixel to another.
+pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Stamp> {
     let splat = &scene.splats[splat];
     if splat.fate != Fate::Drawn {
         return VecDeque::new();
@@ -163,32 +163,32 @@ pub fn slots_of(timing: &Elaborated, scene: &Scene, splat: usize, [first, last]:
     let lanes = timing.timing.raster.lanes.map(|lanes| lanes as usize);
     let [line_width, line_height] = timing.timing.cache.line_px.map(|size| size as usize);
     let lines_across = (scene.width as usize).div_ceil(line_width);
-    let mut slots = VecDeque::new();
+    let mut stamps = VecDeque::new();
     for top in (top_most..=bottom_most).step_by(lanes[1]) {
         for left in (left_most..=right_most).step_by(lanes[0]) {
-            let mut slot = Slot::default();
+            let mut stamp = Stamp::default();
             for y in top..(bottom_most + 1).min(top + lanes[1]) {
                 for x in left..(right_most + 1).min(left + lanes[0]) {
                     let Some(event) = splat.pixel(x - from[0], y - from[1]) else { continue };
-                    slot.kept = true;
+                    stamp.kept = true;
                     if event == Event::Faint {
                         continue;
                     }
-                    slot.pixels.push(y * scene.width as usize + x);
+                    stamp.pixels.push(y * scene.width as usize + x);
                     if let Event::Merged(shades) = event {
-                        slot.merges += 1;
-                        slot.shades.push(u64::from(shades));
+                        stamp.merges += 1;
+                        stamp.shades.push(u64::from(shades));
                     }
                     let line = y / line_height * lines_across + x / line_width;
-                    if !slot.lines.contains(&line) {
-                        slot.lines.push(line);
+                    if !stamp.lines.contains(&line) {
+                        stamp.lines.push(line);
                     }
                 }
             }
-            slots.push_back(slot);
+            stamps.push_back(stamp);
         }
     }
-    slots
+    stamps
 }
 
 /// Places behind a unit.
@@ -223,7 +223,7 @@ pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, mut act
 
 /// Fetch, project and ellipse; and shade where splats are lit before they are drawn.
 pub struct SetUp<'a> {
-    timing: &'a Elaborated,
+    timing: &'a Microarchitecture,
     scene: &'a Scene,
     now: u64,
     fetch: Unit,
@@ -238,7 +238,7 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Elaborated, scene: &'a Scene) -> Self {
+    pub fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         SetUp {
             timing,
             scene,
@@ -366,81 +366,81 @@ pub struct Fill {
     latencies: [u64; 2],
     pub raster: Unit,
     /// What is left of the footprint that the raster looks at, and whether it took any of it.
-    left: VecDeque<Slot>,
+    left: VecDeque<Stamp>,
     begun: bool,
-    /// Slots so far that go on to the fragment unit.
+    /// Stamps so far that go on to the fragment unit.
     numbered: usize,
-    slots: Link<Slot>,
+    stamps: Link<Stamp>,
     pub gauss: Unit,
-    pub weighted: Link<Slot>,
+    pub weighted: Link<Stamp>,
 }
 
 impl Fill {
-    pub fn new(timing: &Elaborated) -> Self {
+    pub fn new(timing: &Microarchitecture) -> Self {
         Fill {
             latencies: [timing.raster.latency.into(), timing.gauss.latency.into()],
             raster: Unit::new("raster", 1),
             left: VecDeque::new(),
             begun: false,
             numbered: 0,
-            slots: Link::new(places(timing.raster)),
+            stamps: Link::new(places(timing.raster)),
             gauss: Unit::new("gauss", 1),
             weighted: Link::new(places(timing.gauss)),
         }
     }
 
-    /// Looks at a footprint, of which `slots` says which it has, unless they are on their way.
-    pub fn raster<T>(&mut self, now: u64, from: &mut Link<T>, slots: impl FnOnce(&T) -> Option<VecDeque<Slot>>) -> Act {
+    /// Looks at a footprint, of which `stamps` says which it has, unless they are on their way.
+    pub fn raster<T>(&mut self, now: u64, from: &mut Link<T>, stamps: impl FnOnce(&T) -> Option<VecDeque<Stamp>>) -> Act {
         if self.left.is_empty() {
             let Some(item) = from.front(now) else { return Act::Starve };
-            let Some(slots) = slots(item) else { return Act::Wait };
-            (self.left, self.begun) = (slots, false);
+            let Some(stamps) = stamps(item) else { return Act::Wait };
+            (self.left, self.begun) = (stamps, false);
         }
-        if self.left[0].kept && !self.slots.has_room() {
+        if self.left[0].kept && !self.stamps.has_room() {
             return Act::Block;
         }
         if !std::mem::replace(&mut self.begun, true) {
             from.pop();
         }
-        let mut slot = self.left.pop_front().expect("a slot");
-        if slot.kept {
-            slot.number = self.numbered;
-            self.numbered += usize::from(!slot.pixels.is_empty());
-            self.slots.push(now + self.latencies[0], slot);
+        let mut stamp = self.left.pop_front().expect("a stamp");
+        if stamp.kept {
+            stamp.number = self.numbered;
+            self.numbered += usize::from(!stamp.pixels.is_empty());
+            self.stamps.push(now + self.latencies[0], stamp);
         }
         Act::Take(1)
     }
 
     pub fn gauss(&mut self, now: u64) -> Act {
-        let Some(slot) = self.slots.front(now) else { return Act::Starve };
-        let ends = slot.pixels.is_empty();
+        let Some(stamp) = self.stamps.front(now) else { return Act::Starve };
+        let ends = stamp.pixels.is_empty();
         if !ends && !self.weighted.has_room() {
             return Act::Block;
         }
-        let slot = self.slots.pop();
+        let stamp = self.stamps.pop();
         if !ends {
-            self.weighted.push(now + self.latencies[1], slot);
+            self.weighted.push(now + self.latencies[1], stamp);
         }
         Act::Take(1)
     }
 
     pub fn end_tick(&mut self) {
-        self.slots.tick();
+        self.stamps.tick();
         self.weighted.tick();
     }
 
     pub fn is_done(&self, now: u64) -> bool {
-        let waiting = [self.left.len(), self.slots.items.len(), self.weighted.items.len()];
+        let waiting = [self.left.len(), self.stamps.items.len(), self.weighted.items.len()];
         waiting == [0; 3] && self.raster.is_idle(now) && self.gauss.is_idle(now)
     }
 
-    /// Slots that the raster took, and those that kept a pixel.
+    /// Stamps that the raster took, and those that kept a pixel.
     pub fn taken(&self) -> [u64; 2] {
         [&self.raster, &self.gauss].map(|unit| unit.log.len() as u64)
     }
 
     pub fn units(self) -> Vec<Unit> {
-        vec![self.raster.before(self.slots), self.gauss.before(self.weighted)]
+        vec![self.raster.before(self.stamps), self.gauss.before(self.weighted)]
     }
 }
 
@@ -459,7 +459,7 @@ pub struct Merge {
 }
 
 impl Merge {
-    pub fn new(timing: &Elaborated, scene: &Scene) -> Self {
+    pub fn new(timing: &Microarchitecture, scene: &Scene) -> Self {
         Merge {
             fragment_latency: timing.fragment.latency.into(),
             shade_pace: timing.shade,
@@ -472,17 +472,17 @@ impl Merge {
         }
     }
 
-    pub fn may_take(&self, now: u64, slot: &Slot) -> bool {
-        slot.pixels.iter().all(|pixel| self.pixel_free[*pixel] <= now)
+    pub fn may_take(&self, now: u64, stamp: &Stamp) -> bool {
+        stamp.pixels.iter().all(|pixel| self.pixel_free[*pixel] <= now)
     }
 
-    /// Takes a slot: for how long, and when it is written.
-    pub fn take(&mut self, now: u64, slot: &Slot) -> [u64; 2] {
-        let shades: u64 = slot.shades.iter().sum();
+    /// Takes a stamp: for how long, and when it is written.
+    pub fn take(&mut self, now: u64, stamp: &Stamp) -> [u64; 2] {
+        let shades: u64 = stamp.shades.iter().sum();
         let [latency, interval] = [self.shade_pace.latency, self.shade_pace.interval].map(u64::from);
-        let cycles = 1 + slot.merges * self.merge + if shades > 0 { latency + (shades - 1) * interval } else { 0 };
+        let cycles = 1 + stamp.merges * self.merge + if shades > 0 { latency + (shades - 1) * interval } else { 0 };
         let last = now + cycles - 1;
-        slot.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = last + self.hazard);
+        stamp.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = last + self.hazard);
         self.to_shade.extend((0..shades).map(|_| (now + 1, interval)));
         [cycles, last + self.fragment_latency]
     }
@@ -503,7 +503,7 @@ impl Merge {
 }
 
 /// For how long pixels hold resolve, and how many fragments are shaded for that.
-pub fn resolve_cycles(timing: &Elaborated, scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> [u64; 2] {
+pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> [u64; 2] {
     let [width, height] = [scene.width, scene.height].map(|size| size as usize);
     let [mut cycles, mut shades] = [0; 2];
     for y in top..height.min(top + rows) {

@@ -10,7 +10,7 @@ use crate::hardware::quantise::Quantised;
 use crate::hardware::registers::{Bounded, SheetWords};
 use crate::scene::{Scene, Sheet};
 use glam::{DVec3, DVec4};
-use rtl_model::machine::Elaborated;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::real::{Near, Real};
 use rtl_model::units::fragment::Decision;
 

@@ -5,7 +5,7 @@ use crate::golden::Outcomes;
 use crate::golden::tiles::{PIXELS_IN_A_TILE, Painter};
 use crate::hardware::registers::SheetWords;
 use crate::scene::Sheet;
-use rtl_model::real::Mixed;
+use rtl_model::real::PartialPrecision;
 
 /// Σw and Σw·rgb.
 type Sums = [f64; 4];
@@ -22,12 +22,12 @@ struct Pixel {
 /// The pixels of a tile.
 pub(super) struct SheetPixels<'a> {
     frame: &'a FrameWords<'a>,
-    words: &'a SheetWords<'a, Mixed<'a>>,
+    words: &'a SheetWords<'a, PartialPrecision<'a>>,
     pixels: Vec<Pixel>,
 }
 
 impl<'a> SheetPixels<'a> {
-    pub fn new(frame: &'a FrameWords<'a>, words: &'a SheetWords<'a, Mixed<'a>>) -> Self {
+    pub fn new(frame: &'a FrameWords<'a>, words: &'a SheetWords<'a, PartialPrecision<'a>>) -> Self {
         SheetPixels { frame, words, pixels: vec![Pixel::default(); PIXELS_IN_A_TILE] }
     }
 
@@ -50,7 +50,7 @@ impl<'a> SheetPixels<'a> {
         blended.map(number)
     }
 
-    fn read(&self, composite: [f64; 4]) -> [Mixed<'a>; 4] {
+    fn read(&self, composite: [f64; 4]) -> [PartialPrecision<'a>; 4] {
         self.frame.stage.machine.real_read(composite.map(|channel| self.frame.word(channel)))
     }
 

@@ -6,7 +6,8 @@
 
 use super::script::{Script, near_one, number, within, word, words};
 use super::{Proof, range, rounding};
-use rtl_model::num::{Format, Reciprocal, ReciprocalRoot, Rounding, Word};
+use rtl_model::functions::{Reciprocal, ReciprocalRoot};
+use rtl_model::num::{Format, Rounding, Word};
 
 const LEMMAS: [&str; 4] = [
     "Of each step of the table: m<i> is any mantissa in it, and the constant is the ROM's word.",

@@ -8,8 +8,9 @@
 
 use super::script::{Script, number, within, word, words};
 use super::{Proof, range, rounding};
-use rtl_model::machine::{Elaborated, Interpolation, TableShape};
-use rtl_model::num::table::{EXP_FRAC_BITS, gaussian_words, real};
+use rtl_model::functions::table::{EXP_FRAC_BITS, gaussian_words, real};
+use rtl_model::machine::{Interpolation, TableShape};
+use rtl_model::pipeline::Elaborated;
 use rtl_model::real::{Near, Real, Scale, power_of_two};
 
 /// What the table's exponential may be wrong by, in its own last places (`the_exponential_is_right_to_two_to_the_minus_54`).

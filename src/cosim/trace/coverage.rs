@@ -1,8 +1,8 @@
 //! Coverage: which cases a trace's records met, and how often: every rounding and limit of every signal, and what units decide by.
 
-use rtl_model::machine::Elaborated;
 use rtl_model::num::{Fit, Rounding};
-use rtl_model::probe::Watcher;
+use rtl_model::pipeline::Elaborated;
+use rtl_model::probe::Observer;
 use std::any::Any;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -109,8 +109,8 @@ impl Coverage {
     }
 }
 
-impl Watcher<'static> for Coverage {
-    fn fork(&self) -> Box<dyn Watcher<'static>> {
+impl Observer<'static> for Coverage {
+    fn fork(&self) -> Box<dyn Observer<'static>> {
         Box::new(self.of_another_part())
     }
 

@@ -1,9 +1,10 @@
 //! Headers: a machine's formats and records as SystemVerilog, C and Markdown, so that nobody slices bits by hand.
 
 use rtl_model::frame::Frame;
-use rtl_model::machine::{Elaborated, Interpolation, Merge, Rows};
+use rtl_model::machine::{Interpolation, Merge, Rows};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
-use rtl_model::ports::{self, Field, Kind, Order, Stream};
+use rtl_model::pipeline::Elaborated;
+use rtl_model::pipeline::ports::{self, Field, Kind, Order, Stream};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

@@ -2,7 +2,7 @@
 //!
 //! The first field is in the most significant bits; what a number of whole digits has more than the record is 0 and on top.
 
-use rtl_model::ports::Stream;
+use rtl_model::pipeline::ports::Stream;
 
 /// How a stream's records are written.
 #[derive(Clone, Debug)]

@@ -2,7 +2,8 @@
 
 use super::record::Layout;
 use rtl_model::frame::Frame;
-use rtl_model::machine::{Elaborated, FunctionUnit};
+use rtl_model::machine::FunctionUnit;
+use rtl_model::pipeline::Elaborated;
 
 /// A table in ROM.
 pub struct Rom {
@@ -39,7 +40,7 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
     }
     let m = &machine.machine;
     let line = |width: i32| Layout::of_naturals(&[width as u32, width as u32 + 1]);
-    let lines_of = |table: &rtl_model::num::Table| table.lines().map(|(value, step)| vec![value, step]).collect::<Vec<_>>();
+    let lines_of = |table: &rtl_model::functions::Table| table.lines().map(|(value, step)| vec![value, step]).collect::<Vec<_>>();
     let falloff = m.gauss.falloff.format.width();
     all.push(Rom { name: "gauss.table".into(), fields: LINE, layout: line(falloff), lines: lines_of(machine.gaussian()) });
     let size = 1 << m.shade.highlight_table.index_bits;

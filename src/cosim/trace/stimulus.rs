@@ -8,11 +8,11 @@ mod ellipsoids;
 use super::coverage::Coverage;
 use super::transfers::{Key, NONE};
 use super::watcher::{OUTCOMES, least_weight};
-use rtl_model::alone::{self, Fragments};
 use rtl_model::frame::Frame;
-use rtl_model::machine::Elaborated;
 use rtl_model::num::Format;
-use rtl_model::ports::{self, Kind, Stream};
+use rtl_model::pipeline::Elaborated;
+use rtl_model::pipeline::ports::{self, Kind, Stream};
+use rtl_model::pipeline::unit_replay::{self, Fragments};
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
@@ -214,7 +214,7 @@ impl Maker<'_> {
             for words in records {
                 let (position, own) = ([words[0], words[1], words[2]], &words[3..]);
                 let input = self.push("project.in", position.to_vec(), key(UNKNOWN));
-                let projected = alone::project(self.machine, &self.frame.view, position, &mut self.out.coverage);
+                let projected = unit_replay::project(self.machine, &self.frame.view, position, &mut self.out.coverage);
                 let output = self.push("project.out", projected.to_vec(), key(input));
                 for (flag, case) in projected.into_iter().zip(["near", "outside"]) {
                     self.out.coverage.count_if(flag != 0, "project", case);
@@ -238,8 +238,8 @@ impl Maker<'_> {
         let size_px = [self.frame.width, self.frame.height];
         let (machine, frame, coverage) = (self.machine, self.frame, &mut self.out.coverage);
         let made = match &frame.ellipsoids {
-            None => words.try_into().ok().map(|words| alone::ellipse(machine, &frame.view, size_px, words, coverage)),
-            Some(_) => words.try_into().ok().and_then(|words| alone::ellipsoid(machine, frame, words, coverage)),
+            None => words.try_into().ok().map(|words| unit_replay::ellipse(machine, &frame.view, size_px, words, coverage)),
+            Some(_) => words.try_into().ok().and_then(|words| unit_replay::ellipsoid(machine, frame, words, coverage)),
         };
         let Some(made) = made else { return };
         for (flag, case) in made.into_iter().zip(["backface", "faint", "outside"]) {
@@ -251,7 +251,7 @@ impl Maker<'_> {
     /// Places on both sides of where the camera no longer sees them, as near to each other as words can be.
     fn edges_of_view(&mut self, seen: &[[i64; 3]], formats: &[Format]) -> Vec<Vec<i64>> {
         let is_seen =
-            |place: [i64; 3]| alone::project(self.machine, &self.frame.view, place, &mut rtl_model::probe::Unwatched)[..2] == [0, 0];
+            |place: [i64; 3]| unit_replay::project(self.machine, &self.frame.view, place, &mut rtl_model::probe::NoProbe)[..2] == [0, 0];
         let mut edges = Vec::new();
         for _ in 0..64 {
             let inside = seen[self.random.below(seen.len() as i64) as usize];
@@ -282,7 +282,7 @@ impl Maker<'_> {
         let all = line.iter().flat_map(|&x| line.iter().flat_map(move |&y| [x, y].into_iter().map(move |_| [x, y])));
         let grid: Vec<[i64; 3]> = all.flat_map(|[x, y]| line.iter().map(move |&z| [x, y, z])).collect();
         let is_seen =
-            |place: &[i64; 3]| alone::project(self.machine, &self.frame.view, *place, &mut rtl_model::probe::Unwatched)[..2] == [0, 0];
+            |place: &[i64; 3]| unit_replay::project(self.machine, &self.frame.view, *place, &mut rtl_model::probe::NoProbe)[..2] == [0, 0];
         let mut seen: Vec<[i64; 3]> = grid.iter().copied().filter(is_seen).collect();
         seen.dedup();
         if seen.is_empty() { grid } else { seen }
@@ -305,8 +305,13 @@ impl Maker<'_> {
                 }
                 let number = self.out.made.iter().find(|made| made.name == "raster.in").map_or(0, |made| made.records.len());
                 let parent = self.push("raster.in", [&[number as i64], &input[..]].concat(), key(UNKNOWN));
-                let fragments =
-                    alone::raster(self.machine, &self.frame.view, [self.frame.width, self.frame.height], input, &mut self.out.coverage);
+                let fragments = unit_replay::raster(
+                    self.machine,
+                    &self.frame.view,
+                    [self.frame.width, self.frame.height],
+                    input,
+                    &mut self.out.coverage,
+                );
                 self.cover_raster(&input, &fragments);
                 for [x, y, radial, depth] in fragments {
                     self.push("raster.out", vec![number as i64, x, y, radial, depth], pixel_key([x, y], parent));
@@ -372,7 +377,7 @@ impl Maker<'_> {
             for [radial_word, amplitude] in records {
                 let words = [radial_word.clamp(0, radial.max()), amplitude];
                 let parent = self.push("gauss.in", words.to_vec(), key(UNKNOWN));
-                let weight = alone::gauss(self.machine, words, &mut self.out.coverage);
+                let weight = unit_replay::gauss(self.machine, words, &mut self.out.coverage);
                 self.out.coverage.count("gauss", if weight == 0 { "weight 0" } else { "weight above 0" });
                 for (by, name) in [(-1, "weight one below the least"), (0, "weight at the least")] {
                     if least > 1 {
@@ -588,7 +593,7 @@ impl Maker<'_> {
                     normal: [words[5], words[6], words[7]],
                     material: material as u32,
                 };
-                let output = alone::shade(self.machine, self.frame, &input, &mut self.out.coverage);
+                let output = unit_replay::shade(self.machine, self.frame, &input, &mut self.out.coverage);
                 let weight = match words[0] {
                     0 => "weight 0",
                     weight if weight < threshold => "weight below τ",
@@ -629,7 +634,7 @@ impl Maker<'_> {
             if layers.is_empty() {
                 first = Some(self.push("resolve.in", vec![at[0], at[1], 1, 1, 0, 0, 0, 0], pixel_key(at, UNKNOWN)));
             }
-            let word = alone::resolve(self.machine, self.frame, &layers, &mut self.out.coverage);
+            let word = unit_replay::resolve(self.machine, self.frame, &layers, &mut self.out.coverage);
             self.out.coverage.count("resolve", &format!("{count} layers"));
             self.push("resolve.out", [&at[..], &word[..]].concat(), pixel_key(at, first.unwrap_or(UNKNOWN)));
         }

@@ -7,10 +7,10 @@ pub use constants::constants;
 
 use super::stimulus::Made;
 use super::watcher::{Arrival, Emitted, Held, Shaded, Watcher, flag, key, parts};
-use rtl_model::alone;
 use rtl_model::frame::{Each, Frame};
-use rtl_model::machine::Elaborated;
-use rtl_model::ports::Kind;
+use rtl_model::pipeline::Elaborated;
+use rtl_model::pipeline::ports::Kind;
+use rtl_model::pipeline::unit_replay;
 use rtl_model::units::fragment::Slot;
 use slots::{light, light_of, pixel_words, slot_words, sums_of};
 
@@ -360,7 +360,7 @@ impl<'a> Transfers<'a> {
             }));
             all.push(source("sort.out", self.drawn.len(), move |i, words| {
                 let place = self.drawn[i];
-                let key = alone::sort(self.machine, &[depth(place)], &mut rtl_model::probe::Unwatched);
+                let key = unit_replay::sort(self.machine, &[depth(place)], &mut rtl_model::probe::NoProbe);
                 words.extend([splat(place).into(), key.map_or(0, |keyed| keyed[0].1)]);
                 Key::of_splat(splat(place), nth(&self.left, place), 0)
             }));
@@ -444,7 +444,7 @@ impl<'a> Transfers<'a> {
             Each::Splat => self.splats[splat as usize],
             Each::Slice => sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
         };
-        i64::from(number) & ((1 << rtl_model::ports::SHEET_BITS) - 1)
+        i64::from(number) & ((1 << rtl_model::pipeline::ports::SHEET_BITS) - 1)
     }
 
     /// A splat's colour, as it is drawn.
@@ -520,7 +520,7 @@ impl<'a> Transfers<'a> {
         words.extend(place.map(i64::from));
         let Some(held) = held.map(|place| &self.watcher.held[place as usize]) else {
             // A pixel in a tile that no splat touches.
-            let probe = &mut rtl_model::probe::Unwatched;
+            let probe = &mut rtl_model::probe::NoProbe;
             words.extend(self.machine.resolve.one(&[], self.frame.background, &mut rtl_model::probe::Tap::new(probe)));
             return 0;
         };

@@ -2,9 +2,10 @@
 
 use super::coverage::Coverage;
 use rtl_model::frame::Frame;
-use rtl_model::machine::Elaborated;
 use rtl_model::num::Fit;
-use rtl_model::probe::{self, PROJECTED, SET_UP, Weighed};
+use rtl_model::pipeline::Elaborated;
+use rtl_model::probe;
+use rtl_model::records::{PROJECTED, SET_UP, Weighed};
 use rtl_model::units::fragment::{Contribution, Decision, Slot};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
@@ -227,8 +228,8 @@ pub fn outcome(decision: Decision) -> (u8, u8) {
     }
 }
 
-impl probe::Watcher<'static> for Watcher {
-    fn fork(&self) -> Box<dyn probe::Watcher<'static>> {
+impl probe::Observer<'static> for Watcher {
+    fn fork(&self) -> Box<dyn probe::Observer<'static>> {
         Box::new(Watcher {
             first_splat: self.first_splat,
             coverage: self.coverage.of_another_part(),

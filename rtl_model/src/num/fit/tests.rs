@@ -52,9 +52,9 @@ fn agrees(fit: &Fit, exact: i64, more: i64) {
     if more == 0 {
         assert_eq!(fit.one(exact), word);
         assert_eq!(fit.lanes(Plain([exact; LANES])).0[0], word, "{exact} / 2^{} as {:?}, a lane", fit.places(), fit.word);
-        if fit.is_plain() && exact >= 0 && !fit.word.format.signed {
+        if fit.is_simple() && exact >= 0 && !fit.word.format.signed {
             let exact = Plain([exact; LANES]);
-            assert_eq!(fit.lanes_natural::<true, _>(exact).0[0], word, "{exact:?} / 2^{} as {:?}, a natural", fit.places(), fit.word);
+            assert_eq!(fit.lanes_unsigned::<true, _>(exact).0[0], word, "{exact:?} / 2^{} as {:?}, a natural", fit.places(), fit.word);
             let within = fit.lanes_within::<true, _>(exact).0[0];
             assert!(loss.saturated_high || within == word, "{exact:?} / 2^{} as {:?}, within", fit.places(), fit.word);
         }

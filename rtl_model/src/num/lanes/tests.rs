@@ -1,7 +1,7 @@
 //! Vector lanes are held to plain lanes, operation by operation; plain lanes to what the words say.
 
 use super::*;
-use crate::host::{Work, plainly, vectorised};
+use crate::kernels::host::{Kernel, plainly, vectorised};
 use proptest::prelude::*;
 
 /// Every operation on a few operands.
@@ -13,7 +13,7 @@ struct Everything<'a> {
     keys: [i32; LANES],
 }
 
-impl Work for Everything<'_> {
+impl Kernel for Everything<'_> {
     type Output = Vec<[i64; LANES]>;
 
     #[inline(always)]
@@ -49,7 +49,7 @@ impl Work for Everything<'_> {
             L::from_bytes(self.a[0].to_le_bytes()),
             a.wrapping_add(b),
             a.times(b & L::splat(0xffff_ffff)),
-            a.max(L::splat(0)).right_natural(uniform),
+            a.max(L::splat(0)).right_unsigned(uniform),
             pairs[0],
             pairs[1],
             L::from_array(sums.map(i64::from)),

@@ -1,7 +1,7 @@
 //! Vector words are held to plain words, operation by operation; plain words to what the words say.
 
 use super::*;
-use crate::host::{Work, plainly, vectorised};
+use crate::kernels::host::{Kernel, plainly, vectorised};
 use crate::num::Lanes;
 use proptest::prelude::*;
 
@@ -87,7 +87,7 @@ impl Everything<'_> {
     }
 }
 
-impl Work for Everything<'_> {
+impl Kernel for Everything<'_> {
     type Output = (Vec<[i32; LANES]>, Vec<Row>);
 
     fn run<L: Lanes>(self) -> Self::Output {
@@ -144,7 +144,7 @@ proptest! {
 #[test]
 fn leading_zeros_do_not_round() {
     struct LeadingZeros([i64; LANES]);
-    impl Work for LeadingZeros {
+    impl Kernel for LeadingZeros {
         type Output = [i32; LANES];
         fn run<L: Lanes>(self) -> [i32; LANES] {
             <L::Words as Words>::Exact::from_array(self.0).leading_zeros().to_array()

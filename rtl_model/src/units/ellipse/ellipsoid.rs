@@ -14,13 +14,15 @@
 //! What the amplitude is follows from what is drawn ([`Amplitude`]): a disc's, the integral along the ray, or the peak itself.
 
 use super::{Ellipse, Input, Output, UNIT};
+use crate::elaboration::Elaboration;
 use crate::frame::{Amplitude, Kernel, View};
-use crate::machine::{Elaboration, Machine};
-use crate::num::reciprocal::Scientific;
-use crate::num::{Exact, Exacts, Fit, ReciprocalRoot, Words, three, two};
+use crate::functions::ReciprocalRoot;
+use crate::functions::reciprocal::Scientific;
+use crate::machine::Machine;
+use crate::num::{Exact, Exacts, Fit, Words, three, two};
 use crate::probe::{Probe, Tap};
 
-/// What a machine has for ellipsoids alone.
+/// Parts of the unit for ellipsoids alone.
 #[derive(Clone, Debug)]
 pub(super) struct Ellipsoids {
     rotation: Fit,

@@ -5,8 +5,8 @@
 //! is where it breaks: there the determinant is as small as v·k² and the conic's relative error grows as u·k²/v.
 
 use super::Ellipse;
-use crate::frame::real::{Splat, View};
 use crate::num::{three, two};
+use crate::real::frame::{Splat, View};
 use crate::real::{Real, Scale, power_of_two};
 
 /// Input port.
@@ -45,7 +45,7 @@ pub struct Output<R> {
     pub depth_range: R,
 }
 
-/// What both kinds of splats have in common.
+/// Footprint of both kinds of splats.
 pub(super) struct Footprint<R> {
     pub determinant: R,
     pub conic: [R; 3],

@@ -38,7 +38,7 @@ impl Fragment {
         loss(fit.word.round).map(|places| places * f64::from(contributions) * fit.word.format.value(1))
     }
 
-    /// What a slot holds of a fragment that was shaded, as a merge or resolve reads it again.
+    /// Words that a slot holds of a fragment that was shaded, as a merge or resolve reads it again.
     pub fn real_stored<R: Real>(&self, shaded: [R; 4]) -> [R; 4] {
         let [r, g, b, opacity] = shaded;
         let [of_colour, of_opacity] = &self.store;

@@ -13,13 +13,19 @@
 //!
 //! A pixel that lets less than `stop` through takes nothing more.
 
-use super::{COLOUR, Decision, Fragment, HostSlot, HostSums, Lane, NO_MATCH, OPACITY, Premultiplied, SUMS, Slot, Sums, Tile, UNIT, WEIGHT};
+use super::{Attributes, COLOUR, Decision, Fragment, OPACITY, Premultiplied, Slot, Sums, UNIT, WEIGHT};
+use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{self, Each};
-use crate::machine::{Elaboration, Machine, Operator};
-use crate::num::{Exact, Fit, Lanes, Table, table, three};
+use crate::functions::{Table, table};
+use crate::kernels::{Accumulator, HostPath, NO_MATCH, PackedSlot, PackedSums, Tile};
+use crate::machine::Machine;
+use crate::num::{Exact, Fit, three};
 use crate::probe::{Probe, Tap};
+pub use crate::records::Held;
+use crate::records::STOPPED;
+use crate::records::unit;
 
-/// What a machine has for sheets alone.
+/// Parts of the unit for sheets alone.
 #[derive(Clone, Debug)]
 pub(super) struct Sheets {
     index: Fit,
@@ -32,39 +38,24 @@ pub(super) struct Sheets {
     plain: [Fit; 2],
 }
 
+/// Input port: one contribution to a sheet.
+#[derive(Clone, Copy, Debug)]
+pub struct SheetInput<'a> {
+    /// The number of its sheet.
+    pub sheet: u32,
+    /// w (`gauss.weight`).
+    pub weight: i64,
+    /// The splat's part.
+    pub attributes: &'a Attributes,
+}
+
 /// Registers of the sheets, and their table.
 #[derive(Clone, Debug)]
-pub struct Registers<'a> {
+pub struct SheetRegisters<'a> {
     /// As the frame has them.
     pub sheets: &'a frame::Sheets,
     /// ρ.
     pub ratio: Option<Table>,
-}
-
-/// In the key of the composite: the pixel takes nothing more.
-const STOPPED: i32 = 1;
-
-/// A pixel of sheets, as it is outside its slots.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Held {
-    /// It takes nothing more.
-    pub stopped: bool,
-    /// Sums of what has been blended.
-    pub composite: Sums,
-    /// The open sheet, if there is one: its number and its sums.
-    pub open: Option<(u32, Sums)>,
-}
-
-impl Held {
-    /// A pixel by its slots: what has been blended, and maybe an open sheet.
-    pub fn of(slots: &[Slot]) -> Self {
-        let composite = slots.first().copied().unwrap_or_default();
-        Held {
-            stopped: composite.depth & i64::from(STOPPED) != 0,
-            composite: composite.sums,
-            open: slots.get(1).map(|slot| (slot.depth as u32, slot.sums)),
-        }
-    }
 }
 
 impl Sheets {
@@ -90,7 +81,7 @@ impl Sheets {
         let fraction_bits = Table::fraction_bits(shape.index_bits, argument.width() as u32);
         table::interpolator(e, UNIT, shape, words.ratio, fraction_bits);
         let scaled = [m.weight_sum, m.colour_sum].map(|sum| e.times(UNIT, sum, words.ratio));
-        let mut fit = |from: Exact| e.fit("shade", "premultiplied", premultiplied, from);
+        let mut fit = |from: Exact| e.fit(unit::SHADE, "premultiplied", premultiplied, from);
         let closed = scaled.map(&mut fit);
         let plain = [m.weight_sum, m.colour_sum].map(|sum| fit(sum.into()));
         Some(Sheets {
@@ -119,47 +110,40 @@ impl Sheets {
 
 impl Fragment {
     /// A frame's registers for sheets.
-    pub fn sheets<'a>(&self, sheets: &'a frame::Sheets) -> Registers<'a> {
+    pub fn sheets<'a>(&self, sheets: &'a frame::Sheets) -> SheetRegisters<'a> {
         let table = |own: &Sheets| Table::new(own.ratio, own.shape.index_bits, own.argument_bits, own.shape.interpolation, &sheets.ratio);
         let ratio = self.sheets.as_ref().filter(|_| !sheets.ratio.is_empty()).map(table);
-        Registers { sheets, ratio }
+        SheetRegisters { sheets, ratio }
     }
 
     /// Takes one contribution in, of a sheet with this number.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
-    pub fn contribute_to_sheet<const PLAIN: bool, V: Lanes, L: Lane, P: Probe>(
+    pub fn contribute_to_sheet<H: HostPath, P: Probe>(
         &self,
-        tile: &mut Tile<L>,
+        tile: &mut Tile<H::Accumulator>,
         pixel: u8,
-        sheet: u32,
-        weight: i64,
-        attributes: &[i32; SUMS],
-        registers: &Registers,
+        input: &SheetInput,
+        registers: &SheetRegisters,
         tap: &mut Tap<P>,
     ) -> Decision {
-        let at = usize::from(pixel);
-        tile.contributions[at] += 1;
-        let live = tile.live[at];
-        if live > 0 && tile.keys[at][0] & STOPPED != 0 {
+        let SheetInput { sheet, weight, attributes } = *input;
+        tile.count(pixel);
+        let live = tile.live(pixel);
+        if live > 0 && tile.key(pixel, 0) & STOPPED != 0 {
             return Decision::Dropped;
         }
         let each = registers.sheets.each == Each::Splat;
         let key = sheet as i32 & !NO_MATCH;
-        if !each && live > 0 && tile.keys[at][1] == key {
-            self.accumulate::<PLAIN, V, L, P>(&mut tile.sums[1][at], weight, attributes, tap);
+        if !each && live > 0 && tile.key(pixel, 1) == key {
+            self.accumulate::<H, P>(tile.sums_mut(pixel, 1), weight, attributes, tap);
             return Decision::Accumulated(1);
         }
-        let mut fresh = HostSlot { sums: HostSums::default(), key, material: 0 };
-        self.accumulate::<PLAIN, V, L, P>(
-            &mut fresh.sums,
-            if each { weight.min(registers.sheets.most_weight) } else { weight },
-            attributes,
-            tap,
-        );
+        let mut fresh = PackedSlot { sums: PackedSums::default(), key, material: 0 };
+        let held = if each { weight.min(registers.sheets.most_weight) } else { weight };
+        self.accumulate::<H, P>(&mut fresh.sums, held, attributes, tap);
         if live == 0 {
-            tile.write(pixel, 0, HostSlot { key: NO_MATCH, ..HostSlot::default() });
-            tile.live[at] = 2;
+            tile.write(pixel, 0, PackedSlot { key: NO_MATCH, ..PackedSlot::default() });
+            tile.set_live(pixel, 2);
         }
         if each {
             if !self.blend_sheet(tile, pixel, &fresh.sums, registers, tap) {
@@ -169,8 +153,8 @@ impl Fragment {
             if live > 0 {
                 let open = *tile.sums(pixel, 1);
                 self.blend_sheet(tile, pixel, &open, registers, tap);
-                if tile.keys[at][0] & STOPPED != 0 {
-                    tile.live[at] = 1;
+                if tile.key(pixel, 0) & STOPPED != 0 {
+                    tile.set_live(pixel, 1);
                     return Decision::Dropped;
                 }
             }
@@ -180,12 +164,12 @@ impl Fragment {
     }
 
     /// Blends a sheet that is done; `false` if it is left out because it would let too little through.
-    fn blend_sheet<L: Lane, P: Probe>(
+    fn blend_sheet<A: Accumulator, P: Probe>(
         &self,
-        tile: &mut Tile<L>,
+        tile: &mut Tile<A>,
         pixel: u8,
-        sums: &HostSums<L>,
-        registers: &Registers,
+        sums: &PackedSums<A>,
+        registers: &SheetRegisters,
         tap: &mut Tap<P>,
     ) -> bool {
         let frame::Sheets { back_to_front, stop, keeps_last, .. } = *registers.sheets;
@@ -194,16 +178,16 @@ impl Fragment {
         let opaque = !back_to_front && self.sums[OPACITY].word.format.one() - blended[OPACITY] < stop;
         let key = NO_MATCH | if opaque { STOPPED } else { 0 };
         let kept = !opaque || keeps_last;
-        let sums = if kept { HostSums::put(&blended) } else { HostSums::put(&composite.sums) };
-        tile.write(pixel, 0, HostSlot { sums, key, material: 0 });
+        let sums = if kept { PackedSums::put(&blended) } else { PackedSums::put(&composite.sums) };
+        tile.write(pixel, 0, PackedSlot { sums, key, material: 0 });
         kept
     }
 
-    fn blended_sheet<L: Lane, P: Probe>(
+    fn blended_sheet<A: Accumulator, P: Probe>(
         &self,
         composite: &Slot,
-        sums: &HostSums<L>,
-        registers: &Registers,
+        sums: &PackedSums<A>,
+        registers: &SheetRegisters,
         tap: &mut Tap<P>,
     ) -> Option<Sums> {
         let own = self.sheets.as_ref()?;
@@ -213,12 +197,12 @@ impl Fragment {
         Some(self.blended(over, under, tap))
     }
 
-    /// What a pixel's sheets come to; none where it has none.
-    pub fn composite<L: Lane, P: Probe>(
+    /// Composes a pixel's sheets; none where it has none.
+    pub fn composite<A: Accumulator, P: Probe>(
         &self,
-        tile: &Tile<L>,
+        tile: &Tile<A>,
         pixel: u8,
-        registers: &Registers,
+        registers: &SheetRegisters,
         tap: &mut Tap<P>,
     ) -> Option<Premultiplied> {
         let live = tile.live(pixel);

@@ -1,8 +1,10 @@
 //! Fragment: against a small model written from ALGORITHM §6, and against itself in all its fast forms.
 
 use super::*;
+use crate::kernels::Path;
+use crate::num::lanes::Plain;
 use crate::num::{Format, Overflow, Rounding};
-use crate::probe::{Ranges, Unwatched};
+use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
 
 /// One contribution: weight, depth, r, g, b, α, normal, material.
@@ -18,7 +20,7 @@ struct Arrival {
 #[derive(Clone, Debug)]
 struct Rules {
     machine: Machine,
-    registers: Registers,
+    registers: FragmentRegisters,
 }
 
 /// Stands in for the unit shade: any function of a fragment's sums that stays between 0 and 1.
@@ -175,26 +177,18 @@ fn model(rules: &Rules, arrivals: &[Arrival]) -> Story {
     arrivals.iter().map(|arrival| (model.take(arrival), model.slots.clone())).collect()
 }
 
-fn machine<const PLAIN: bool, L: Lane, P: Probe>(rules: &Rules, arrivals: &[Arrival], pixel: u8, probe: &mut P) -> Story {
+fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(rules: &Rules, arrivals: &[Arrival], pixel: u8, probe: &mut P) -> Story {
     let unit = rules.machine.elaborate().unwrap().fragment;
     let one = rules.machine.shade.premultiplied.format.one();
-    let mut tile = Box::<Tile<L>>::default();
+    let mut tile = Box::<Tile<A>>::default();
     let tap = &mut Tap::new(probe);
     arrivals
         .iter()
         .map(|arrival| {
             let shade = |slot: &Slot, _: &mut Tap<P>| trivial_shade(one, &slot.sums, slot.material);
-            let words = [arrival.weight, arrival.depth];
-            let decision = unit.contribute::<PLAIN, crate::num::lanes::Plain, L, P>(
-                &mut tile,
-                pixel,
-                words,
-                &arrival.attributes,
-                &arrival.material,
-                &rules.registers,
-                shade,
-                tap,
-            );
+            let Arrival { weight, depth, attributes, material } = arrival;
+            let input = Input { weight: *weight, depth: *depth, attributes, material };
+            let decision = unit.contribute::<Path<SIMPLE_FITS, Plain, A>, P>(&mut tile, pixel, &input, &rules.registers, shade, tap);
             (decision, (0..tile.live(pixel)).map(|slot| tile.slot(pixel, slot)).collect())
         })
         .collect()
@@ -204,18 +198,17 @@ fn machine<const PLAIN: bool, L: Lane, P: Probe>(rules: &Rules, arrivals: &[Arri
 fn stories(rules: &Rules, arrivals: &[Arrival]) -> Vec<Story> {
     let elaborated = rules.machine.elaborate().unwrap();
     let ranges = &mut Ranges::new(elaborated.signals.len());
-    let mut all =
-        vec![machine::<false, i64, _>(rules, arrivals, 0, &mut Unwatched), machine::<false, i64, _>(rules, arrivals, 255, ranges)];
-    let (plain, narrow) = (elaborated.fragment.is_plain(), elaborated.fragment.is_narrow());
-    if plain {
-        all.push(machine::<true, i64, _>(rules, arrivals, 17, &mut Unwatched));
+    let mut all = vec![machine::<false, i64, _>(rules, arrivals, 0, &mut NoProbe), machine::<false, i64, _>(rules, arrivals, 255, ranges)];
+    let (simple, narrow) = (elaborated.fragment.is_simple(), elaborated.fragment.is_narrow());
+    if simple {
+        all.push(machine::<true, i64, _>(rules, arrivals, 17, &mut NoProbe));
         all.push(machine::<true, i64, _>(rules, arrivals, 17, ranges));
     }
     if narrow {
-        all.push(machine::<false, i32, _>(rules, arrivals, 200, &mut Unwatched));
+        all.push(machine::<false, i32, _>(rules, arrivals, 200, &mut NoProbe));
     }
-    if plain && narrow {
-        all.push(machine::<true, i32, _>(rules, arrivals, 3, &mut Unwatched));
+    if simple && narrow {
+        all.push(machine::<true, i32, _>(rules, arrivals, 3, &mut NoProbe));
         all.push(machine::<true, i32, _>(rules, arrivals, 3, ranges));
     }
     all
@@ -240,7 +233,7 @@ fn rules() -> impl Strategy<Value = Rules> {
             _ => {}
         }
         let coverage_threshold = (threshold * machine.fragment.weight_sum.format.one() as f64) as i64;
-        Rules { machine, registers: Registers { z_threshold, coverage_threshold } }
+        Rules { machine, registers: FragmentRegisters { z_threshold, coverage_threshold } }
     })
 }
 
@@ -292,7 +285,7 @@ proptest! {
 
     #[test]
     fn every_contribution_has_one_outcome((rules, arrivals) in cases()) {
-        let story = machine::<false, i64, _>(&rules, &arrivals, 0, &mut Unwatched);
+        let story = machine::<false, i64, _>(&rules, &arrivals, 0, &mut NoProbe);
         let mut outcomes = Outcomes::default();
         story.iter().for_each(|(decision, _)| outcomes.count(*decision));
         prop_assert_eq!(outcomes.total(), arrivals.len() as u64);
@@ -309,7 +302,7 @@ proptest! {
 
     #[test]
     fn slots_are_in_depth_order_after_a_merge((rules, arrivals) in cases()) {
-        for (decision, slots) in machine::<false, i64, _>(&rules, &arrivals, 0, &mut Unwatched) {
+        for (decision, slots) in machine::<false, i64, _>(&rules, &arrivals, 0, &mut NoProbe) {
             if matches!(decision, Decision::Merged(..) | Decision::Evicted(_)) {
                 prop_assert!(slots.is_sorted_by_key(|slot| slot.depth));
             }
@@ -322,7 +315,7 @@ fn reference(layers: u32, merge: Merge, evict_hidden: bool) -> Rules {
     let mut machine = Machine::named("reference").unwrap();
     machine.fragment = crate::machine::Fragment { layers, merge, evict_hidden, ..machine.fragment };
     let coverage_threshold = machine.fragment.weight_sum.format.one() / 10;
-    Rules { machine, registers: Registers { z_threshold: 10, coverage_threshold } }
+    Rules { machine, registers: FragmentRegisters { z_threshold: 10, coverage_threshold } }
 }
 
 /// Half-transparent grey unless opaque.
@@ -333,7 +326,7 @@ fn at(depth: i64, opaque: bool) -> Arrival {
 
 fn decisions(rules: &Rules, depths: &[i64]) -> Vec<Decision> {
     let arrivals: Vec<Arrival> = depths.iter().map(|depth| at(*depth, false)).collect();
-    machine::<true, i32, _>(rules, &arrivals, 0, &mut Unwatched).into_iter().map(|(decision, _)| decision).collect()
+    machine::<true, i32, _>(rules, &arrivals, 0, &mut NoProbe).into_iter().map(|(decision, _)| decision).collect()
 }
 
 #[test]
@@ -365,7 +358,7 @@ fn a_contribution_comes_after_its_equals() {
     // A shaded fragment at 100 matches nothing, so another at 100 has to stand behind it: the front one's material stays.
     let rules = reference(1, Merge::FarthestPair, true);
     let arrivals = [at(100, false), at(200, false), Arrival { material: 1, ..at(100, false) }];
-    let story = machine::<true, i32, _>(&rules, &arrivals, 0, &mut Unwatched);
+    let story = machine::<true, i32, _>(&rules, &arrivals, 0, &mut NoProbe);
     assert_eq!([story[1].0, story[2].0], [Decision::Merged(0, 1); 2]);
     assert_eq!(story[2].1[0].material, 0);
 }
@@ -373,7 +366,7 @@ fn a_contribution_comes_after_its_equals() {
 #[test]
 fn what_lies_behind_an_opaque_fragment_is_evicted() {
     let rules = reference(2, Merge::FarthestPair, true);
-    let story = |arrivals: &[Arrival]| machine::<true, i32, _>(&rules, arrivals, 0, &mut Unwatched).pop().unwrap().0;
+    let story = |arrivals: &[Arrival]| machine::<true, i32, _>(&rules, arrivals, 0, &mut NoProbe).pop().unwrap().0;
     assert_eq!(story(&[at(100, true), at(200, false), at(300, false)]), Decision::Evicted(true));
     assert_eq!(story(&[at(100, true), at(300, false), at(200, false)]), Decision::Evicted(false));
     // The new one is itself what hides.

@@ -4,7 +4,7 @@
 //! `falloff` and `weight`; the table errs by h²/32 + u_f/2 with straight lines over steps of h, by h/4 + u_f/2 without.
 
 use super::Gauss;
-use crate::num::table;
+use crate::functions::table;
 use crate::real::{Real, Scale, power_of_two};
 
 impl Gauss {

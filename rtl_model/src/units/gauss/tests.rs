@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::num::lanes::Plain;
-use crate::probe::Unwatched;
+use crate::probe::NoProbe;
 use proptest::prelude::*;
 
 fn gauss(name: &str) -> (Machine, Gauss) {
@@ -13,12 +13,12 @@ fn gauss(name: &str) -> (Machine, Gauss) {
 
 /// Radial index and weight: eight wide, whatever is known of the fits, as one by one.
 fn one(gauss: &Gauss, radial: i64, amplitude: i64) -> [i64; 2] {
-    let probe = &mut Unwatched;
+    let probe = &mut NoProbe;
     let tap = &mut Tap::new(probe);
     let radial_index = gauss.radial_index.one(radial);
     let words = [radial_index, gauss.weight.one(amplitude * gauss.table.fit().one(gauss.table.exact(radial_index)))];
     assert_eq!(gauss.lanes::<false, _, _>(Plain::splat(radial), amplitude, tap).map(|lanes| lanes.0[0]), words);
-    if gauss.is_plain() {
+    if gauss.is_simple() {
         assert_eq!(gauss.lanes::<true, _, _>(Plain::splat(radial), amplitude, tap).map(|lanes| lanes.0[0]), words);
     }
     words

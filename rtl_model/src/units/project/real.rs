@@ -5,8 +5,8 @@
 //! So with words of equal relative precision u the position on the screen is off by some 4·s·u pixels: `camera`'s part counts most.
 
 use super::Project;
-use crate::frame::real::View;
 use crate::num::{three, two};
+use crate::real::frame::View;
 use crate::real::{Real, Scale, power_of_two};
 
 /// Output port.

@@ -12,7 +12,7 @@
 use super::{Raster, Rows};
 use crate::machine::Machine;
 use crate::num::{Fit, Rounding, Word, two};
-use crate::real::{Mixed, Near, Real, Scale, power_of_two};
+use crate::real::{Near, PartialPrecision, Real, Scale, power_of_two};
 use std::ops::Range;
 
 /// Input port.
@@ -30,7 +30,7 @@ pub struct Input<R> {
     pub depth_range: R,
 }
 
-/// What cutting a result to a word may lose where it stays in range; nothing where no places are cut.
+/// Loss by cutting a result to a word may lose where it stays in range; nothing where no places are cut.
 fn loss(fit: &Fit) -> f64 {
     if fit.places() <= 0 {
         return 0.0;
@@ -46,14 +46,14 @@ fn outruns(fit: &Fit, most: f64) -> bool {
     most.partial_cmp(&format.value(format.max())).is_none_or(std::cmp::Ordering::is_gt)
 }
 
-/// What rounded differences add up to on the way: e₁ each step, e₂ each pair of steps; rows that are seeded afresh take no steps.
+/// Sum of rounded differences on the way: e₁ each step, e₂ each pair of steps; rows that are seeded afresh take no steps.
 fn stepped(rows: Rows, [columns, lines]: [f64; 2], first: f64, second: f64) -> f64 {
     let [i, j] = [columns, if rows == Rows::Seeded { 0.0 } else { lines }];
     let pairs = |n: f64| n * (n - 1.0).max(0.0) / 2.0;
     (i + j) * first + (pairs(i) + pairs(j) + i * j) * second
 }
 
-/// What a splat's differences may be wrong by, worked out once for all of its pixels.
+/// Errors of a splat's differences, worked out once for all of its pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Walk {
     input: Input<Near>,
@@ -123,18 +123,23 @@ impl Raster {
 /// Registers at the first pixel of a row of the box, and their differences.
 #[derive(Clone, Copy, Debug)]
 pub struct Row<'a> {
-    radial: Mixed<'a>,
-    first: Mixed<'a>,
-    second: Mixed<'a>,
-    depth: Mixed<'a>,
-    depth_step: Mixed<'a>,
+    radial: PartialPrecision<'a>,
+    first: PartialPrecision<'a>,
+    second: PartialPrecision<'a>,
+    depth: PartialPrecision<'a>,
+    depth_step: PartialPrecision<'a>,
     /// The depth clamp.
-    limits: [Mixed<'a>; 2],
+    limits: [PartialPrecision<'a>; 2],
 }
 
 impl Raster {
     /// Registers at the first pixels of `rows` rows of a box, of which the very first has this centre from the picture's middle.
-    pub fn mixed<'a>(&self, input: &Input<Mixed<'a>>, [left, top]: [f64; 2], rows: Range<u32>) -> impl Iterator<Item = Row<'a>> {
+    pub fn partial_precision_rows<'a>(
+        &self,
+        input: &Input<PartialPrecision<'a>>,
+        [left, top]: [f64; 2],
+        rows: Range<u32>,
+    ) -> impl Iterator<Item = Row<'a>> {
         let [xx, xy, yy] = input.conic;
         let [by_x, by_y] = input.depth_slope;
         let limits = [input.depth - input.depth_range, input.depth + input.depth_range];
@@ -166,7 +171,7 @@ impl Raster {
     }
 
     /// r and z at some columns from the first pixel of a row; r may be below 0, z is clamped to what the disc can reach.
-    pub fn mixed_pixel<'a>(&self, row: &Row<'a>, columns: f64) -> [Mixed<'a>; 2] {
+    pub fn partial_precision_pixel<'a>(&self, row: &Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
         let radial = row.radial + row.first.times(columns) + row.second.times(columns * (columns - 1.0) / 2.0);
         let depth = (row.depth + row.depth_step.times(columns)).wrapped(&self.depth);
         let [nearest, deepest] = row.limits;

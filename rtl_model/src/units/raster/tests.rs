@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::num::lanes::Plain;
-use crate::probe::{Ranges, Unwatched};
+use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
 
 const SIZE_PX: [u32; 2] = [512, 384];
@@ -91,7 +91,7 @@ fn registers(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<
 
 /// The registers of one row of the square.
 fn row(raster: &Raster, input: &Input, square: [u16; 2], row: u16) -> Vec<[i64; 2]> {
-    let (walks, span) = drawn(raster, input, square, i64::MAX, &mut Unwatched);
+    let (walks, span) = drawn(raster, input, square, i64::MAX, &mut NoProbe);
     let own = read_span(raster, &walks, &span).into_iter().filter(|(place, _)| usize::from(*place) / SIDE_PX == usize::from(row));
     own.map(|(_, read)| read).collect()
 }
@@ -302,7 +302,7 @@ proptest! {
         let squares = |[first, last]: [u16; 2]| (first / 16 * 16..=last).step_by(16);
         let mut all = Vec::new();
         for (y, x) in squares(input.rows).flat_map(|y| squares(input.columns).map(move |x| (y, x))) {
-            let (walks, span) = drawn(&raster, &input, [x, y], i64::MAX, &mut Unwatched);
+            let (walks, span) = drawn(&raster, &input, [x, y], i64::MAX, &mut NoProbe);
             for fragment in 0..span.fragments() {
                 let pixel = u16::from(walks.pixels(LANE, span.places(fragment))[0]);
                 all.push((y + pixel / 16, x + pixel % 16));
@@ -332,7 +332,7 @@ proptest! {
             });
             let plane = z + zx * d[0] + zy * d[1];
             prop_assert!((depth.value(word) - plane).abs() <= bound, "z at ({x}, {y}) is {} instead of {plane}", depth.value(word));
-            let (walks, span) = drawn(&raster, &input, [x, y], i64::MAX, &mut Unwatched);
+            let (walks, span) = drawn(&raster, &input, [x, y], i64::MAX, &mut NoProbe);
             let [_, clamped] = raster.fragments::<Plain>(&walks, LANE, &span, [0; LANES]);
             let clamped = clamped.0[0] as f64 * f64::from(-clamped_frac_bits).exp2();
             prop_assert!((clamped - plane.clamp(z - range, z + range)).abs() <= bound);
@@ -346,7 +346,7 @@ fn a_radial_index_below_zero_is_zero() {
     let machine = machine("reference", Rows::Seeded);
     let raster = unit(&machine);
     let input = Input::default();
-    let (walks, mut span) = drawn(&raster, &input, [0; 2], 1, &mut Unwatched);
+    let (walks, mut span) = drawn(&raster, &input, [0; 2], 1, &mut NoProbe);
     let radial = |held: Held, span: &mut Span| {
         span.radial[0][0][0] = held;
         raster.fragments::<Plain>(&walks, LANE, span, [0; LANES])[0].0[0]

@@ -1,7 +1,7 @@
 //! Resolve: laws of blending.
 
 use super::*;
-use crate::probe::Unwatched;
+use crate::probe::NoProbe;
 use proptest::prelude::*;
 
 fn unit(name: &str) -> (Machine, Resolve) {
@@ -11,7 +11,7 @@ fn unit(name: &str) -> (Machine, Resolve) {
 }
 
 fn one(resolve: &Resolve, layers: &[Layer], background: [i64; 4]) -> [i64; 4] {
-    resolve.one(layers, background, &mut Tap::new(&mut Unwatched))
+    resolve.one(layers, background, &mut Tap::new(&mut NoProbe))
 }
 
 fn names() -> impl Strategy<Value = &'static str> {

@@ -18,8 +18,8 @@
 //! Laws: `shading_is_within_its_bound`, `the_bound_of_shading_is_tight`.
 
 use super::Shade;
+use crate::functions::table::real::Power;
 use crate::num::Fit;
-use crate::num::table::real::Power;
 use crate::real::{Direction, Real, Scale};
 
 /// Input port: what one fragment's sums mean. Where W is 0 on the exact side the exact means are too.

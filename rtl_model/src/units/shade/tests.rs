@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::num::Word;
-use crate::probe::Unwatched;
+use crate::probe::NoProbe;
 use proptest::prelude::*;
 
 const UNLIT: u32 = 0;
@@ -46,13 +46,13 @@ fn bench(name: &str) -> Bench {
 
 impl Bench {
     fn one(&self, input: &Input) -> Output {
-        let registers = Registers {
+        let registers = LightRegisters {
             lighting: &self.lighting,
             highlights: &self.highlights,
             coverage_threshold: quantised(self.machine.fragment.weight_sum, 0.4),
             inverse_threshold: Scaled { mantissa: quantised(self.machine.shade.inverse_threshold, 0.625), places: -2 },
         };
-        self.shade.one(&registers, input, &mut Tap::new(&mut Unwatched))
+        self.shade.one(&registers, input, &mut Tap::new(&mut NoProbe))
     }
 
     /// Sums of a fragment of weight W, as a clean accumulation would leave them.

@@ -2,10 +2,10 @@
 
 use super::super::watcher::{OUTCOMES, least_weight, outcome};
 use super::{Maker, UNKNOWN, key, pixel_key};
-use rtl_model::alone::{self, Sheets};
 use rtl_model::frame::Each;
 use rtl_model::num::Format;
-use rtl_model::ports;
+use rtl_model::pipeline::ports;
+use rtl_model::pipeline::unit_replay::{self, Sheets};
 use rtl_model::units::fragment::sheets::Held;
 use rtl_model::units::fragment::{OPACITY, TILE_PX, WEIGHT};
 use std::collections::BTreeMap;
@@ -97,7 +97,7 @@ impl Maker<'_> {
         for (tag, depth) in (0i64..).zip(&depths) {
             self.push("sort.in", vec![tag, *depth], key(UNKNOWN));
         }
-        for (nth, word) in alone::sort(self.machine, &depths, &mut self.out.coverage).unwrap_or_default() {
+        for (nth, word) in unit_replay::sort(self.machine, &depths, &mut self.out.coverage).unwrap_or_default() {
             self.push("sort.out", vec![nth as i64, word], key(nth));
         }
         self.tag("sort.in", "ties and random", 0);
@@ -207,10 +207,10 @@ impl Maker<'_> {
         let mut stops = |weight: i64| {
             let (tile, pixel) = tiles.of(at);
             let mut trial = tile.clone();
-            trial.take(with(weight, words), &mut rtl_model::probe::Unwatched);
+            trial.take(with(weight, words), &mut rtl_model::probe::NoProbe);
             if slices {
                 let [x, y, _, _, r, g, b] = with(weight, words);
-                trial.take([x, y, 1, next, r, g, b], &mut rtl_model::probe::Unwatched);
+                trial.take([x, y, 1, next, r, g, b], &mut rtl_model::probe::NoProbe);
             }
             trial.held(pixel).is_some_and(|held| held.stopped)
         };

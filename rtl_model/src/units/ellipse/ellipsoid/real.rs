@@ -5,8 +5,8 @@
 
 use super::{Ellipse, Ellipsoids, OTHERS};
 use crate::frame::Amplitude;
-use crate::frame::real::{Ellipsoid, Orientation, View};
 use crate::num::{three, two};
+use crate::real::frame::{Ellipsoid, Orientation, View};
 use crate::real::{Real, Scale};
 use crate::units::ellipse::real::{Input, Output};
 

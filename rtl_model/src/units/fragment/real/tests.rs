@@ -1,11 +1,12 @@
 //! Fragment's bounds against sums and blends in f64, and the integer unit on words.
 
-use super::super::{HostSums, Premultiplied, SUMS, Slot, Sums, WEIGHT};
+use super::super::{PackedSums, Premultiplied, SUMS, Slot, Sums, WEIGHT};
 use super::*;
 use crate::Machine;
+use crate::kernels::Path;
 use crate::num::Word;
 use crate::num::lanes::Plain;
-use crate::probe::{Tap, Unwatched};
+use crate::probe::{NoProbe, Tap};
 use crate::real::Near;
 use crate::real::tests::{Dice, Use, held, used};
 use std::cell::RefCell;
@@ -31,7 +32,7 @@ impl Pixel {
         let normal = self.machine.fragment.normal;
         let words = [Word::new(crate::num::Format::unsigned(1, 0)), s.rgb, s.rgb, s.rgb, s.opacity, normal, normal, normal];
         let count = 1 + dice.below(30) as u32;
-        let (mut own, mut exact, mut bound) = (HostSums::<i64>::default(), [0.0; SUMS], [Near::exact(0.0); SUMS]);
+        let (mut own, mut exact, mut bound) = (PackedSums::<i64>::default(), [0.0; SUMS], [Near::exact(0.0); SUMS]);
         for _ in 0..count {
             let w = held(weight, dice.between(0.0, 0.25)).0;
             let exactly = weight.format.value(w);
@@ -41,7 +42,12 @@ impl Pixel {
                 exact[lane] += exactly * attribute;
                 bound[lane] = self.unit.real_accumulated(lane, bound[lane], Near::exact(exactly), Near::exact(attribute));
             }
-            self.unit.accumulate::<false, Plain, i64, _>(&mut own, w, &attributes.map(|word| word as i32), &mut Tap::new(&mut Unwatched));
+            self.unit.accumulate::<Path<false, Plain, i64>, _>(
+                &mut own,
+                w,
+                &attributes.map(|word| word as i32),
+                &mut Tap::new(&mut NoProbe),
+            );
         }
         let own = own.get();
         (std::array::from_fn(|lane| self.sum_word(lane).format.value(own[lane])), exact, bound, count)
@@ -126,8 +132,8 @@ impl Pixel {
         if front.slot.shaded {
             both.borrow_mut().next();
         }
-        let shade = |_: &Slot, _: &mut Tap<Unwatched>| both.borrow_mut().next().unwrap();
-        let slot = self.unit.merged(&front.slot, &back.slot, shade, &mut Tap::new(&mut Unwatched));
+        let shade = |_: &Slot, _: &mut Tap<NoProbe>| both.borrow_mut().next().unwrap();
+        let slot = self.unit.merged(&front.slot, &back.slot, shade, &mut Tap::new(&mut NoProbe));
         let bound = self.unit.real_blend(front.bound, back.bound);
         std::array::from_fn(|i| {
             let lane = if i < 3 { COLOUR + i } else { OPACITY };

@@ -3,9 +3,9 @@
 //! A sum adds half a last place a contribution; the ratio adds its table's error times x. Both are then weighed by what the sheets before
 //! let through, which the blend's bounds count ([`super::Fragment::real_blend`]).
 
-use super::{Fragment, Registers};
-use crate::num::Table;
-use crate::num::table::real::error;
+use super::{Fragment, SheetRegisters};
+use crate::functions::Table;
+use crate::functions::table::real::error;
 use crate::real::{Real, Scale, power_of_two};
 
 /// The ratio α/x as a function, for bounds.
@@ -24,7 +24,7 @@ impl Fragment {
     }
 
     /// Premultiplied colour and opacity of a sheet that is done, from Σw and Σw·rgb.
-    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &Registers, ratio: &Ratio) -> [R; 4] {
+    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &SheetRegisters, ratio: &Ratio) -> [R; 4] {
         let Some(own) = &self.sheets else { return [R::constant(0.0); 4] };
         let one = R::constant(1.0);
         let scaled = |table: &Table| {

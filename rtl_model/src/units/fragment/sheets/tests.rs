@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::frame;
+use crate::kernels::Path;
 use crate::num::lanes::Plain;
-use crate::probe::Unwatched;
+use crate::probe::NoProbe;
 use proptest::prelude::*;
 
 const WEIGHT_PLACES: f64 = 1048576.0;
@@ -28,17 +29,18 @@ fn rules() -> frame::Sheets {
     frame::Sheets { most_weight: 8 << 20, ratio: ratio(exponential), keeps_last: true, ..frame::Sheets::default() }
 }
 
-/// What the unit makes of contributions to one pixel: each decision, and the composite.
+/// Result that the unit makes of contributions to one pixel: each decision, and the composite.
 fn drawn(sheets: &frame::Sheets, arrivals: &[Arrival]) -> (Vec<Decision>, [f64; 4]) {
     let machine = Machine::named("volume").unwrap().elaborate().unwrap();
-    let (unit, mut tile, probe) = (&machine.fragment, Box::<Tile<i64>>::default(), &mut Unwatched);
+    let (unit, mut tile, probe) = (&machine.fragment, Box::<Tile<i64>>::default(), &mut NoProbe);
     let registers = unit.sheets(sheets);
     let tap = &mut Tap::new(probe);
     let decisions = arrivals.iter().map(|(sheet, weight, rgb)| {
         let [r, g, b] = rgb.map(|channel| (channel * 4096.0).round() as i32);
         let weight = (weight * WEIGHT_PLACES).round() as i64;
         let attributes = [1, r, g, b, 0, 0, 0, 0];
-        unit.contribute_to_sheet::<false, Plain, i64, _>(&mut tile, 7, *sheet, weight, &attributes, &registers, tap)
+        let input = SheetInput { sheet: *sheet, weight, attributes: &attributes };
+        unit.contribute_to_sheet::<Path<false, Plain, i64>, _>(&mut tile, 7, &input, &registers, tap)
     });
     let decisions = decisions.collect();
     let places = f64::from(machine.machine.shade.premultiplied.format.frac_bits).exp2();

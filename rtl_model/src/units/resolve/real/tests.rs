@@ -2,7 +2,7 @@
 
 use super::super::Layer;
 use crate::num::Word;
-use crate::probe::{Tap, Unwatched};
+use crate::probe::{NoProbe, Tap};
 use crate::real::Near;
 use crate::real::tests::{Dice, Use, held, used};
 use crate::{Elaborated, Machine};
@@ -35,7 +35,7 @@ fn blend(dice: &mut Dice, machine: &Elaborated, layers: u64, off: u64) -> [(f64,
     let layers: Vec<_> = (0..layers).map(|_| premultiplied(dice, machine.shade.premultiplied, off)).collect();
     let background = premultiplied(dice, machine.resolve.frame, 0);
     let words = layers.iter().map(|(_, w, _)| Layer { colour: [w[0], w[1], w[2]], opacity: w[3], ..Layer::default() });
-    let own = unit.one(&words.collect::<Vec<_>>(), background.1, &mut Tap::new(&mut Unwatched));
+    let own = unit.one(&words.collect::<Vec<_>>(), background.1, &mut Tap::new(&mut NoProbe));
     let exact = exact(&layers.iter().map(|layer| layer.0).collect::<Vec<_>>(), background.0);
     let bound = unit.real(&layers.iter().map(|layer| layer.2).collect::<Vec<_>>(), background.2);
     std::array::from_fn(|i| (machine.resolve.frame.format.value(own[i]), exact[i], bound[i]))

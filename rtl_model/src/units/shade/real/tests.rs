@@ -1,12 +1,13 @@
 //! Shade's bound against ALGORITHM §7 in f64, and the integer unit on words.
 
-use super::super::{Input, Registers};
+use super::super::{Input, LightRegisters};
 use super::*;
 use crate::Machine;
 use crate::frame::{self, Scaled};
+use crate::functions::Table;
 use crate::machine::Interpolation;
-use crate::num::{Table, Word};
-use crate::probe::{Tap, Unwatched};
+use crate::num::Word;
+use crate::probe::{NoProbe, Tap};
 use crate::real::tests::{Dice, Use, held, quantised, used};
 use crate::real::{Near, power_of_two};
 
@@ -132,13 +133,18 @@ impl Bench {
         }
     }
 
-    fn registers(&self) -> Registers<'_> {
-        Registers { lighting: &self.words, highlights: &self.tables, coverage_threshold: self.threshold, inverse_threshold: self.inverse }
+    fn registers(&self) -> LightRegisters<'_> {
+        LightRegisters {
+            lighting: &self.words,
+            highlights: &self.tables,
+            coverage_threshold: self.threshold,
+            inverse_threshold: self.inverse,
+        }
     }
 
     /// What the machine makes of sums.
     fn one(&self, input: &Input) -> [f64; 4] {
-        let out = self.shade.one(&self.registers(), input, &mut Tap::new(&mut Unwatched));
+        let out = self.shade.one(&self.registers(), input, &mut Tap::new(&mut NoProbe));
         let [r, g, b] = out.colour;
         [r, g, b, out.opacity].map(|word| self.machine.shade.premultiplied.format.value(word))
     }
@@ -273,7 +279,7 @@ fn the_bound_of_each_step_is_tight() {
             let scene = Scene { lit: true, lights: vec![(dice.unit_vector(), [1.0; 3])], shininess: 16.0, ..Scene::random(dice) };
             let bench = Bench::new(Machine::named(name).unwrap(), &scene);
             let (shade, f, registers) = (&bench.shade, &bench.machine.fragment, bench.registers());
-            let mut unwatched = Unwatched;
+            let mut unwatched = NoProbe;
             let tap = &mut Tap::new(&mut unwatched);
             for _ in 0..500 {
                 let weight = quantised(f.weight_sum, dice.between(-3.0, 3.0).exp2()).max(1);

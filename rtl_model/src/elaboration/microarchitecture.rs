@@ -1,0 +1,343 @@
+//! Microarchitecture: works out what a description of timing leaves out.
+//!
+//! ```text
+//! description ─►( elaborate: what is left out follows from the formats )─► latencies, intervals, record sizes
+//!                                          └► every misfit, a sentence each
+//! ```
+
+use super::{Elaboration, Part, unit};
+use crate::machine::Machine;
+use crate::machine::timing::{Cache, Memory, Organisation, Setup, Tile, Timing};
+use crate::num::Word;
+use serde::Serialize;
+
+/// Cycles of a unit, nothing left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Pace {
+    /// How many work side by side.
+    pub units: u32,
+    /// From an item to its result.
+    pub latency: u32,
+    /// From one item to the next.
+    pub interval: u32,
+    /// Results that can wait behind it; as many more as are on their way through it.
+    pub fifo: u32,
+}
+
+impl Pace {
+    /// Results that have room between this unit's accepting and the next one's.
+    pub fn room(&self) -> usize {
+        (self.fifo + self.latency.div_ceil(self.interval)) as usize * self.units as usize
+    }
+}
+
+/// An elaborated microarchitecture: every derived value beside what it was derived from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Microarchitecture {
+    /// The description.
+    #[serde(skip)]
+    pub timing: Timing,
+    /// Record reader: an item is a splat.
+    pub fetch: Pace,
+    /// An item is a splat.
+    pub project: Pace,
+    /// An item is a splat.
+    pub ellipse: Pace,
+    /// An item is a stamp.
+    pub raster: Pace,
+    /// An item is a stamp that kept a pixel.
+    pub gauss: Pace,
+    /// An item is a stamp whose weights are not all 0.
+    pub cache: Pace,
+    /// Likewise; merging takes more.
+    pub fragment: Pace,
+    /// Cycles before the same pixel can be taken again.
+    pub hazard: u32,
+    /// An item is a fragment.
+    pub shade: Pace,
+    /// An item is a pixel.
+    pub resolve: Pace,
+    /// The sort by depth, if splats are sorted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sort: Option<SortShape>,
+    /// Bytes of a splat in memory.
+    pub splat_bytes: u32,
+    /// The same where all splats of a frame have the axes that lie in registers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxel_bytes: Option<u32>,
+    /// Bytes of a splat that is set up, in the memory of a binned machine.
+    pub prepared_bytes: u32,
+    /// Bytes of a fragment in the frame buffer.
+    pub fragment_bytes: u32,
+    /// Bytes of a frame word.
+    pub frame_bytes: u32,
+    /// Bytes of a line of the frame buffer.
+    pub line_bytes: u32,
+    /// Words that wait and that are kept on the chip.
+    pub storage: Storage,
+}
+
+/// Words kept on the chip, besides the registers of the units: bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Storage {
+    /// All FIFOs, in the order of the diagram.
+    pub fifos: [Fifo; 7],
+    /// Tiles, or the cache.
+    pub memory_bits: u64,
+    /// A pixel of the frame buffer: frame words, or all fragments of an immediate machine.
+    pub frame_bits_per_pixel: u64,
+}
+
+/// A radix sort.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct SortShape {
+    /// How often every entry is read and written.
+    pub passes: u32,
+    /// Bits of the key that a pass looks at.
+    pub digit_bits: u32,
+    /// Bytes of an entry: which splat, and its key.
+    pub entry_bytes: u32,
+}
+
+/// Cycles that each unit takes by its formats, from an item to its result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Latencies {
+    /// Of a splat.
+    pub project: u32,
+    /// Of a splat.
+    pub ellipse: u32,
+    /// Of a stamp.
+    pub raster: u32,
+    /// Of a stamp.
+    pub gauss: u32,
+    /// Of a stamp.
+    pub fragment: u32,
+    /// Of a fragment.
+    pub shade: u32,
+    /// Of a pixel.
+    pub resolve: u32,
+}
+
+/// A FIFO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Fifo {
+    /// The unit that takes from it.
+    pub to: &'static str,
+    /// Results that it holds; none where the organisation has no such FIFO.
+    pub places: u32,
+    /// Bits of each.
+    pub bits: u32,
+}
+
+/// Bytes of an entry of a tile's list: which splat.
+pub const ENTRY_BYTES: u32 = 4;
+/// The most that a field of memory may say.
+const MOST: u32 = 1 << 20;
+
+fn bytes(bits: i32) -> u32 {
+    (bits.max(0) as u32).div_ceil(8)
+}
+
+/// Bits of so many words.
+fn bits(words: &[(i32, Word)]) -> i32 {
+    words.iter().map(|(count, word)| count * word.format.width()).sum()
+}
+
+impl Machine {
+    /// Elaborates the microarchitecture, from what each unit takes by its formats; misfits are added to those of the formats.
+    pub fn elaborate_timing(&self, e: &mut Elaboration, latencies: &Latencies) -> Microarchitecture {
+        let t = &self.timing;
+        check(t, e);
+        let setup = |setup: Setup, latency: u32, products: u32| Pace {
+            units: setup.units.max(1),
+            latency: setup.latency.unwrap_or(latency).max(1),
+            interval: setup
+                .interval
+                .unwrap_or_else(|| setup.multipliers.map_or(1, |multipliers| products.div_ceil(multipliers.max(1))))
+                .max(1),
+            fifo: setup.fifo,
+        };
+        let stage = |latency: Option<u32>, derived: u32, fifo: u32| Pace {
+            units: 1,
+            latency: latency.unwrap_or(derived).max(1),
+            interval: 1,
+            fifo,
+        };
+        let products = |unit: &str| e.parts.iter().filter(|part| part.unit == unit).map(Part::products).sum();
+        let [project_products, ellipse_products] = [unit::PROJECT, unit::ELLIPSE].map(products);
+        let (p, l) = (&self.project, &self.ellipse);
+        let fragment = stage(t.fragment.latency, latencies.fragment, 1);
+        let f = &self.fragment;
+        let prepared = bits(&[
+            (2, p.pixel),
+            (2, l.conic),
+            (1, l.conic_cross),
+            (1, p.depth),
+            (2, l.depth_slope),
+            (1, l.depth_range),
+            (1, l.amplitude),
+            (3, self.splat.rgb),
+            (1, self.splat.opacity),
+            (3, f.normal),
+        ]) + 4 * 16
+            + 8;
+        // An ellipsoid's axes, which only a grid's splats have in common.
+        let axes = l.ellipsoid.map_or(0, |ellipsoid| bits(&[(4, ellipsoid.quaternion), (3, ellipsoid.scale)]));
+        let splat =
+            bits(&[(3, self.splat.position), (3, self.splat.normal), (1, self.splat.radius), (3, self.splat.rgb), (1, self.splat.opacity)])
+                + 8;
+        e.require(self.sort.is_none() || t.organisation == Organisation::Binned, || {
+            "timing.organisation is immediate, but a sort needs all splats first: binned would do".into()
+        });
+        let sort = self.sort.map(|sort| {
+            let digit_bits = sort.digit_bits.clamp(1, 16);
+            let key = sort.key.format.width();
+            SortShape { passes: (key.max(1) as u32).div_ceil(digit_bits), digit_bits, entry_bytes: 4 + bytes(key) }
+        });
+        let fragment_bytes = bytes(self.fragment_bits());
+        let frame_bytes = bytes(4 * self.resolve.frame.format.width());
+        let pixels = t.cache.line_px[0].saturating_mul(t.cache.line_px[1]);
+        let line_bytes = pixels.saturating_mul(f.layers).saturating_mul(fragment_bytes);
+        e.require(line_bytes <= MOST, || {
+            format!(
+                "timing.cache.line_px {}×{} makes lines of {line_bytes} bytes: at most {MOST} can be had",
+                t.cache.line_px[0], t.cache.line_px[1]
+            )
+        });
+        Microarchitecture {
+            timing: *t,
+            fetch: stage(Some(1), 1, t.fetch.fifo),
+            project: setup(t.project, latencies.project, project_products),
+            ellipse: setup(t.ellipse, latencies.ellipse, ellipse_products),
+            raster: stage(t.raster.latency, latencies.raster, t.raster.fifo),
+            gauss: stage(t.gauss.latency, latencies.gauss, t.gauss.fifo),
+            cache: stage(Some(t.cache.latency), 1, t.cache.fifo),
+            fragment,
+            hazard: t.fragment.hazard.unwrap_or(fragment.latency).max(1),
+            shade: Pace { interval: t.shade.interval.max(1), ..stage(t.shade.latency, latencies.shade, 1) },
+            resolve: Pace { interval: t.resolve.interval.max(1), ..stage(t.resolve.latency, latencies.resolve, 1) },
+            sort,
+            splat_bytes: bytes(splat + axes),
+            voxel_bytes: l.ellipsoid.map(|_| bytes(splat)),
+            prepared_bytes: bytes(prepared),
+            fragment_bytes,
+            frame_bytes,
+            line_bytes,
+            storage: self.storage([splat, prepared], [fragment_bytes, frame_bytes]),
+        }
+    }
+}
+
+impl Machine {
+    /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps. A stamp's lanes carry a
+    /// radial index or a weight, and a depth; its splat's attributes go with it.
+    fn storage(&self, [splat, prepared]: [i32; 2], [fragment_bytes, frame_bytes]: [u32; 2]) -> Storage {
+        let (t, p, f) = (&self.timing, &self.project, &self.fragment);
+        let exponent = 8;
+        let reciprocal = p.reciprocal.format().width();
+        let point = bits(&[(3, p.camera), (1, p.depth), (2, p.slope), (2, p.pixel)]) + reciprocal + 2 * exponent;
+        let rest = splat - bits(&[(3, self.splat.position)]);
+        let attributes = bits(&[(3, self.splat.rgb), (1, self.splat.opacity), (3, f.normal)]) + 8;
+        // What is out of range is a misfit already: here it must do no harm.
+        let lanes = t.raster.lanes[0].saturating_mul(t.raster.lanes[1]).min(64) as i32;
+        let stamp = |word: Word| lanes * bits(&[(1, word), (1, f.depth)]) + attributes;
+        let fragments = u64::from(f.layers) * u64::from(fragment_bytes) * 8;
+        let fifo = |to, places: u32, units: u32, bits: i32| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
+        let immediate = t.organisation == Organisation::Immediate;
+        let (set_up, weighed) = if immediate { (unit::RASTER, "cache") } else { ("bin", unit::FRAGMENT) };
+        let fifos = [
+            fifo(unit::PROJECT, t.fetch.fifo, 1, splat),
+            fifo(unit::ELLIPSE, t.project.fifo, t.project.units, point + rest),
+            fifo(set_up, t.ellipse.fifo, t.ellipse.units, prepared),
+            fifo(unit::RASTER, if immediate { 0 } else { t.fetch.fifo }, 1, prepared),
+            fifo(unit::GAUSS, t.raster.fifo, 1, stamp(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)])),
+            fifo(weighed, t.gauss.fifo, 1, stamp(self.gauss.weight)),
+            fifo(unit::FRAGMENT, if immediate { t.cache.fifo } else { 0 }, 1, stamp(self.gauss.weight)),
+        ];
+        let kept = if immediate {
+            [t.cache.line_px[0], t.cache.line_px[1], t.cache.lines]
+        } else {
+            [t.tile.side_px, t.tile.side_px, t.tile.buffers]
+        };
+        let kept_px = kept.map(u64::from).into_iter().fold(1, u64::saturating_mul);
+        Storage {
+            fifos,
+            memory_bits: kept_px.saturating_mul(fragments),
+            frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
+        }
+    }
+}
+
+/// Refuses what no machine can be.
+fn check(timing: &Timing, e: &mut Elaboration) {
+    let (latency, fifo) = (1..=4096, 1..=65_536);
+    let fields = [
+        ("project.units", timing.project.units, 1..=16),
+        ("ellipse.units", timing.ellipse.units, 1..=16),
+        ("project.fifo", timing.project.fifo, fifo.clone()),
+        ("ellipse.fifo", timing.ellipse.fifo, fifo.clone()),
+        ("fetch.fifo", timing.fetch.fifo, fifo.clone()),
+        ("raster.fifo", timing.raster.fifo, fifo.clone()),
+        ("gauss.fifo", timing.gauss.fifo, fifo.clone()),
+        ("cache.fifo", timing.cache.fifo, fifo),
+        ("raster.lanes[0]", timing.raster.lanes[0], 1..=64),
+        ("raster.lanes[1]", timing.raster.lanes[1], 1..=64),
+        ("cache.misses", timing.cache.misses, 1..=MOST),
+        ("cache.latency", timing.cache.latency, latency.clone()),
+        ("shade.interval", timing.shade.interval, latency.clone()),
+        ("resolve.interval", timing.resolve.interval, latency.clone()),
+        ("fragment.merge", timing.fragment.merge, 0..=4096),
+        ("memory.bytes_per_cycle", timing.memory.bytes_per_cycle, 1..=MOST),
+        ("memory.hit_latency", timing.memory.hit_latency, 1..=MOST),
+        ("memory.outstanding", timing.memory.outstanding, 1..=MOST),
+    ];
+    let left_out = [
+        ("project.latency", timing.project.latency),
+        ("project.interval", timing.project.interval),
+        ("project.multipliers", timing.project.multipliers),
+        ("ellipse.latency", timing.ellipse.latency),
+        ("ellipse.interval", timing.ellipse.interval),
+        ("ellipse.multipliers", timing.ellipse.multipliers),
+        ("raster.latency", timing.raster.latency),
+        ("gauss.latency", timing.gauss.latency),
+        ("fragment.latency", timing.fragment.latency),
+        ("fragment.hazard", timing.fragment.hazard),
+        ("shade.latency", timing.shade.latency),
+        ("resolve.latency", timing.resolve.latency),
+    ];
+    let given = left_out.into_iter().filter_map(|(name, value)| value.map(|value| (name, value, latency.clone())));
+    for (name, value, range) in fields.into_iter().chain(given) {
+        e.require(range.contains(&value), || format!("timing.{name} is {value}: it can be {} to {}", range.start(), range.end()));
+    }
+    e.require((1..=1_000_000_000_000).contains(&timing.clock_hz), || {
+        format!("timing.clock_hz is {}: it can be 1 to 1000000000000", timing.clock_hz)
+    });
+    let [columns, rows] = timing.raster.lanes;
+    e.require(columns.saturating_mul(rows) <= 64, || format!("timing.raster.lanes {columns}×{rows} are more than 64"));
+    for (name, value) in [
+        ("cache.line_px[0]", timing.cache.line_px[0]),
+        ("cache.line_px[1]", timing.cache.line_px[1]),
+        ("cache.lines", timing.cache.lines),
+        ("cache.ways", timing.cache.ways),
+        ("memory.burst_bytes", timing.memory.burst_bytes),
+        ("memory.row_bytes", timing.memory.row_bytes),
+        ("memory.banks", timing.memory.banks),
+    ] {
+        e.require(value.is_power_of_two() && value <= MOST, || format!("timing.{name} is {value}: it must be a power of two up to {MOST}"));
+    }
+    let Cache { lines, ways, .. } = timing.cache;
+    e.require(ways <= lines, || format!("timing.cache has {lines} lines in sets of {ways}: no set is full"));
+    let Memory { burst_bytes, row_bytes, hit_latency, miss_latency, .. } = timing.memory;
+    e.require(burst_bytes <= row_bytes, || format!("timing.memory reads {burst_bytes} bytes at a time from rows of {row_bytes}"));
+    e.require(burst_bytes >= ENTRY_BYTES, || {
+        format!("timing.memory.burst_bytes is {burst_bytes}: an entry of a tile's list has {ENTRY_BYTES}")
+    });
+    e.require((hit_latency..=MOST).contains(&miss_latency), || {
+        format!("timing.memory.miss_latency is {miss_latency}: it can be {hit_latency}, the latency of an open row, to {MOST}")
+    });
+    let Tile { side_px, buffers } = timing.tile;
+    e.require(side_px % 16 == 0 && (16..=1024).contains(&side_px), || {
+        format!("timing.tile.side_px is {side_px}: it must be a multiple of 16 up to 1024")
+    });
+    e.require((1..=2).contains(&buffers), || format!("timing.tile.buffers is {buffers}: it can be 1 or 2"));
+}

@@ -1,0 +1,278 @@
+//! Elaboration: what is gathered while a description is checked: signals, parts, misfits.
+//!
+//! Units declare what they do with words, and elaboration keeps what that is built of: each product is a multiplier, each sum its
+//! adders, each word a register.
+//!
+//! Laws: `what_setup_multiplies_is_what_it_declares`, `every_multiplier_is_declared`.
+
+use crate::machine::FunctionUnit;
+pub mod latency;
+pub mod microarchitecture;
+
+pub use crate::records::{Signal, unit};
+
+use crate::num::{Exact, Fit, Format, MAX_WIDTH_BITS, Overflow, Rounding, Word};
+
+/// Operator: hardware is built of these.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Operator {
+    /// A product: bits of both operands, sign bits included.
+    Multiplier([i32; 2]),
+    /// A sum, a difference or a comparison of so many bits.
+    Adder(i32),
+    /// A choice of one of two words of so many bits.
+    Multiplexer(i32),
+    /// A word of so many bits that is kept for a cycle.
+    Register(i32),
+    /// A table: words, and bits of each.
+    Rom([i32; 2]),
+}
+
+/// A part of a unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// The unit it belongs to.
+    pub unit: &'static str,
+    /// Its operator.
+    pub operator: Operator,
+    /// How many of them a unit has that takes an item a cycle.
+    pub copies: u32,
+    /// Whether every lane of the rasteriser has as many.
+    pub per_lane: bool,
+}
+
+impl Part {
+    /// How many products it makes in a cycle.
+    pub fn products(&self) -> u32 {
+        if matches!(self.operator, Operator::Multiplier(_)) { self.copies } else { 0 }
+    }
+}
+
+/// Elaboration gathers signals, multipliers, misfits.
+#[derive(Clone, Debug)]
+pub struct Elaboration {
+    /// Every signal, in the order of the diagram.
+    pub signals: Vec<Signal>,
+    /// All parts.
+    pub parts: Vec<Part>,
+    /// Every misfit, a sentence each.
+    pub misfits: Vec<String>,
+    /// How often what is declared now is built, and whether for every lane.
+    copies: u32,
+    per_lane: bool,
+}
+
+impl Default for Elaboration {
+    fn default() -> Self {
+        Elaboration { signals: Vec::new(), parts: Vec::new(), misfits: Vec::new(), copies: 1, per_lane: false }
+    }
+}
+
+/// Widest word on a port or at a multiplier, sign included.
+pub const MAX_OPERAND_BITS: i32 = 32;
+/// Widest magnitude of an exact result.
+const MAX_EXACT_BITS: i32 = 62;
+
+impl Elaboration {
+    /// A word on a port or at a multiplier: at most 32 bits.
+    pub fn port(&mut self, unit: &'static str, name: &str, word: Word) {
+        let Format { signed, frac_bits, .. } = word.format;
+        let limit = if signed { MAX_OPERAND_BITS } else { MAX_OPERAND_BITS - 1 };
+        if word.format.width() > limit {
+            let fits = Format { int_bits: limit - frac_bits.min(limit), frac_bits: frac_bits.min(limit), signed };
+            self.misfits
+                .push(format!("{unit}.{name} is {word}, {} bits on a port that carries {limit}: {fits} would fit", word.format.width()));
+        }
+        self.saturates(unit, name, word);
+    }
+
+    /// A word whose values mean nothing once they have wrapped.
+    pub fn saturates(&mut self, unit: &'static str, name: &str, word: Word) {
+        self.require(word.overflow == Overflow::Saturate, || {
+            format!("{unit}.{name} wraps, but only the raster's registers and the fragment's sums may: let it saturate")
+        });
+    }
+
+    /// An exact result that is used without being fitted first: `what` names it.
+    pub fn holds_exact(&mut self, what: &str, exact: Exact) {
+        self.require(exact.bits() <= MAX_EXACT_BITS, || {
+            let over = exact.bits() - MAX_EXACT_BITS;
+            format!("{what} needs {} bits, but {MAX_EXACT_BITS} can be held: {over} bits must go from its operands", exact.bits())
+        });
+    }
+
+    /// Builds what is declared inside so many times.
+    pub fn copies<T>(&mut self, copies: u32, declare: impl FnOnce(&mut Self) -> T) -> T {
+        let before = self.copies;
+        self.copies *= copies;
+        let declared = declare(self);
+        self.copies = before;
+        declared
+    }
+
+    /// Builds what is declared inside once for every lane of the rasteriser.
+    pub fn per_lane<T>(&mut self, declare: impl FnOnce(&mut Self) -> T) -> T {
+        let before = std::mem::replace(&mut self.per_lane, true);
+        let declared = declare(self);
+        self.per_lane = before;
+        declared
+    }
+
+    /// A part.
+    pub fn part(&mut self, unit: &'static str, operator: Operator) {
+        let Elaboration { copies, per_lane, .. } = *self;
+        if copies > 0 {
+            self.parts.push(Part { unit, operator, copies, per_lane });
+        }
+    }
+
+    /// A multiplier of two words: the exact product.
+    pub fn times(&mut self, unit: &'static str, a: impl Into<Operand>, b: impl Into<Operand>) -> Exact {
+        let (a, b) = (a.into(), b.into());
+        self.part(unit, Operator::Multiplier([a.bits, b.bits]));
+        a.exact.times(b.exact)
+    }
+
+    /// An adder for every term but the first: the exact sum, or what is left after differences.
+    pub fn sum<const N: usize>(&mut self, unit: &'static str, terms: [Exact; N]) -> Exact {
+        let add = |sum: Exact, term: Exact| {
+            let sum = sum.plus(term);
+            self.part(unit, Operator::Adder(sum.bits()));
+            sum
+        };
+        terms.into_iter().reduce(add).unwrap_or(Exact { int_bits: 0, frac_bits: 0 })
+    }
+
+    /// Adders of so many bits.
+    pub fn adders(&mut self, unit: &'static str, count: u32, bits: i32) {
+        self.copies(count, |e| e.part(unit, Operator::Adder(bits)));
+    }
+
+    /// Chooses one of so many words.
+    pub fn choice(&mut self, unit: &'static str, words: u32, bits: i32) {
+        self.copies(words.saturating_sub(1), |e| e.part(unit, Operator::Multiplexer(bits)));
+    }
+
+    /// Keeps a word of so many bits on one side of a limit: compares, and chooses.
+    pub fn limit(&mut self, unit: &'static str, bits: i32) {
+        self.adders(unit, 1, bits);
+        self.choice(unit, 2, bits);
+    }
+
+    /// Shifts by any number of places, a stage of multiplexers for each bit of that number.
+    pub fn shifter(&mut self, unit: &'static str, bits: i32) {
+        let stages = (bits.max(1) as u32).next_power_of_two().ilog2();
+        self.copies(stages, |e| e.part(unit, Operator::Multiplexer(bits)));
+    }
+
+    /// Shifts the leading one to the front: counts the zeros before it, which takes about as many gates as an adder.
+    pub fn normaliser(&mut self, unit: &'static str, bits: i32) {
+        self.part(unit, Operator::Adder(bits));
+        self.shifter(unit, bits);
+    }
+
+    /// The place where an exact result becomes the word called `name`.
+    pub fn fit(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
+        let left = (word.format.frac_bits - from.frac_bits).max(0);
+        if from.bits() > MAX_EXACT_BITS {
+            self.misfits.push(format!(
+                "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} bits must go from its operands",
+                from.bits(),
+                from.bits() - MAX_EXACT_BITS
+            ));
+        }
+        if left > 31 {
+            self.misfits.push(format!(
+                "{unit}.{name} is {word}, {left} fraction bits finer than the result that it is made from: {} would hold all of it",
+                Format { frac_bits: from.frac_bits, ..word.format }.within(MAX_WIDTH_BITS)
+            ));
+        }
+        let bits = word.format.width();
+        self.part(unit, Operator::Register(bits));
+        if word.round != Rounding::Truncate && from.frac_bits > word.format.frac_bits {
+            self.part(unit, Operator::Adder(bits));
+        }
+        if word.overflow == Overflow::Saturate && from.int_bits > Exact::from(word).int_bits {
+            self.part(unit, Operator::Multiplexer(bits));
+        }
+        Fit::new(self.signal(unit, name, word), word, from)
+    }
+
+    /// [`Elaboration::fit`] of a result that is shifted first, by any number of places: to the left until nothing but a limit is left, to
+    /// the right until nothing but a sign.
+    pub fn fit_shifted(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
+        self.shifter(unit, from.bits() + word.format.width());
+        self.fit(unit, name, word, from)
+    }
+
+    fn signal(&mut self, unit: &'static str, name: &str, word: Word) -> usize {
+        if let Some(known) = self.signals.iter().position(|s| s.unit == unit && s.name == name) {
+            return known;
+        }
+        self.signals.push(Signal { unit, name: name.to_owned(), word });
+        self.signals.len() - 1
+    }
+
+    /// A function unit's shape, made possible if it is not, so that elaboration can go on.
+    pub fn function_unit(&mut self, unit: &'static str, name: &str, config: FunctionUnit) -> FunctionUnit {
+        let bits = self.within(unit, &format!("{name}.bits"), config.bits, 4, 30);
+        let table_bits = self.within(unit, &format!("{name}.table_bits"), config.table_bits, 1, 12.min(bits));
+        let newton_steps = self.within(unit, &format!("{name}.newton_steps"), config.newton_steps, 0, 3);
+        FunctionUnit { table_bits, newton_steps, bits }
+    }
+
+    /// A number that must lie in a range.
+    pub fn within(&mut self, unit: &'static str, name: &str, value: u32, least: u32, most: u32) -> u32 {
+        if !(least..=most).contains(&value) {
+            self.misfits.push(format!("{unit}.{name} is {value}: {least} to {most} can be built"));
+        }
+        value.clamp(least, most)
+    }
+
+    /// A condition that must hold, or the sentence that says what does not.
+    pub fn require(&mut self, holds: bool, misfit: impl FnOnce() -> String) {
+        if !holds {
+            self.misfits.push(misfit());
+        }
+    }
+
+    /// A word that must represent 1.
+    pub fn holds_one(&mut self, unit: &'static str, name: &str, word: Word) {
+        let format = word.format;
+        self.require(format.max() >= format.one(), || {
+            let frac_bits = format.frac_bits.min(MAX_OPERAND_BITS - 2);
+            let fits = Format { int_bits: if format.signed { 2 } else { 1 }, frac_bits, ..format };
+            format!("{unit}.{name} is {word} and must hold 1: {fits} would fit")
+        });
+    }
+
+    /// A word that must be unsigned (`signed` false) or signed.
+    pub fn signedness(&mut self, unit: &'static str, name: &str, word: Word, signed: bool) {
+        self.require(word.format.signed == signed, || {
+            let fits = Format { signed, ..word.format };
+            format!("{unit}.{name} is {word}, but its values are {}: {fits} would fit", if signed { "signed" } else { "never negative" })
+        });
+    }
+}
+
+/// One side of a multiplier.
+#[derive(Clone, Copy, Debug)]
+pub struct Operand {
+    bits: i32,
+    exact: Exact,
+}
+
+impl From<Word> for Operand {
+    fn from(word: Word) -> Self {
+        Operand { bits: word.format.width(), exact: word.into() }
+    }
+}
+
+impl From<Format> for Operand {
+    fn from(format: Format) -> Self {
+        Operand { bits: format.width(), exact: format.into() }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,195 @@
+//! Frame: everything the machine is given for one picture, in words: constants in registers, splats in memory.
+//!
+//! The bench makes it (`quantise.rs` there is the one door from real numbers to bits); the machine only reads it.
+
+/// One splat record (formats: machine `splat`).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Splat {
+    /// Centre.
+    pub position: [i32; 3],
+    /// Normal.
+    pub normal: [i32; 3],
+    /// σ.
+    pub radius: i32,
+    /// Colour.
+    pub rgb: [i32; 3],
+    /// α.
+    pub opacity: i32,
+    /// Index into [`Lighting::materials`].
+    pub material: u32,
+}
+
+/// A positive constant as a mantissa and a power of two: `value = mantissa · 2^−places`, the mantissa in [½, 1].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Scaled {
+    /// Word of the format named where it is used.
+    pub mantissa: i64,
+    /// Places to the right.
+    pub places: i64,
+}
+
+/// The viewing registers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct View {
+    /// Rows right, down, forward (`project.rotation`).
+    pub rotation: [[i64; 3]; 3],
+    /// The eye (`project.eye`).
+    pub eye: [i64; 3],
+    /// Depth at or below which splats are culled (`project.depth`).
+    pub near: i64,
+    /// Greatest |a| and |b| (`project.slope`).
+    pub guard: [i64; 2],
+    /// s (`project.focal`).
+    pub focal: i64,
+    /// 1/s (`ellipse.inverse_focal`).
+    pub inverse_focal: Scaled,
+    /// Variance of the low-pass filter (`ellipse.low_pass`).
+    pub low_pass: i64,
+    /// Cutoff (`raster.cutoff`).
+    pub cutoff: i64,
+    /// √cutoff (`ellipse.root_cutoff`).
+    pub root_cutoff: i64,
+    /// Drop splats that face away.
+    pub cull_backfaces: bool,
+}
+
+/// A light, in camera space.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Light {
+    /// Towards the light (`shade.light`).
+    pub direction: [i64; 3],
+    /// Half-way between light and viewer (`shade.light`); none where they are opposite.
+    pub half_way: Option<[i64; 3]>,
+}
+
+/// A material's answer to the lights.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Material {
+    /// The colour as it is.
+    Unlit,
+    /// Blinn-Phong.
+    BlinnPhong {
+        /// Ambient factor (`shade.reflectance`).
+        ambient: i64,
+        /// Diffuse factor times light, for each light (`shade.reflectance`).
+        diffuse: Vec<[i64; 3]>,
+        /// Specular factor times light, for each light (`shade.reflectance`).
+        specular: Vec<[i64; 3]>,
+        /// Words of x^shininess over [0, 1] (`shade.highlight`): at the steps' middles or at their ends.
+        highlight: Vec<i64>,
+    },
+}
+
+/// The lighting registers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Lighting {
+    /// Directional lights.
+    pub lights: Vec<Light>,
+    /// Never empty where there are splats.
+    pub materials: Vec<Material>,
+}
+
+/// Meaning of an ellipsoid's amplitude.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Amplitude {
+    /// That of the disc which its first two axes span (Surface Splatting §5): for kernels flattened along the third.
+    #[default]
+    Disc,
+    /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ (EWA (33)).
+    LineIntegral,
+    /// The opacity itself, at the peak.
+    Peak,
+}
+
+/// Registers that all ellipsoids of a frame have in common.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Kernel {
+    /// Meaning of amplitudes.
+    pub amplitude: Amplitude,
+    /// Greatest |a| and |b| in the Jacobian (`project.slope`).
+    pub jacobian: [i64; 2],
+    /// Principal axes in camera space (`ellipse.normal`), for splats without axes of their own.
+    pub axes: [[i64; 3]; 3],
+    /// Standard deviations along them relative to σ (`ellipse.scale`).
+    pub scales: [i64; 3],
+}
+
+/// An ellipsoid's own axes, in its record.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Orientation {
+    /// Unit quaternion w, x, y, z (`ellipse.quaternion`).
+    pub quaternion: [i32; 4],
+    /// Standard deviations relative to σ (`ellipse.scale`).
+    pub scales: [i32; 3],
+}
+
+/// The splats of a frame as ellipsoids.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Ellipsoids {
+    /// Registers that they have in common.
+    pub kernel: Kernel,
+    /// One for each splat; or none, and all have the kernel's axes.
+    pub own: Vec<Orientation>,
+    /// Splats are lit before they are drawn, each by itself: what emits is a volume (EWA §6.1).
+    pub preshaded: bool,
+    /// Drawn in the order of their depths, as far as the sort's key tells them apart.
+    pub sorted: bool,
+}
+
+/// Meaning of a sheet.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Each {
+    /// All splats with the same number.
+    #[default]
+    Slice,
+    /// Each splat.
+    Splat,
+}
+
+/// Fragments are grouped by sheets instead of depths.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Sheets {
+    /// Meaning of a sheet.
+    pub each: Each,
+    /// The number of each splat's sheet, where a sheet is a slice.
+    pub numbers: Vec<u32>,
+    /// The deepest sheet comes first.
+    pub back_to_front: bool,
+    /// A pixel that lets through less than this (`fragment.opacity_sum`) takes nothing more; 0 never.
+    pub stop: i64,
+    /// The sheet that makes a pixel stop is blended still.
+    pub keeps_last: bool,
+    /// Lesser weights make no fragment (`gauss.weight`).
+    pub least_weight: i64,
+    /// Where each splat is a sheet, no weight counts for more (`gauss.weight`).
+    pub most_weight: i64,
+    /// Words of the table of α/x (`fragment.ratio`); none where opacity is the weight itself.
+    pub ratio: Vec<i64>,
+}
+
+/// One picture's work.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Frame {
+    /// Pixels a row, 1 to 16384.
+    pub width: u32,
+    /// Rows, 1 to 16384.
+    pub height: u32,
+    /// Viewing registers.
+    pub view: View,
+    /// ε (`fragment.depth`).
+    pub z_threshold: i64,
+    /// τ (`fragment.weight_sum`).
+    pub coverage_threshold: i64,
+    /// 1/τ (`shade.inverse_threshold`).
+    pub inverse_threshold: Scaled,
+    /// Premultiplied RGBA behind everything (`resolve.frame`).
+    pub background: [i64; 4],
+    /// Lighting registers.
+    pub lighting: Lighting,
+    /// Splats in input order.
+    pub splats: Vec<Splat>,
+    /// Axes that make ellipsoids of them; none where they are discs.
+    pub ellipsoids: Option<Ellipsoids>,
+    /// How fragments are grouped; none: by depth.
+    pub sheets: Option<Sheets>,
+}

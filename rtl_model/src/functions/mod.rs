@@ -1,0 +1,9 @@
+//! Functions: units that several blocks have, each built of a table: reciprocal, square root, any function of one argument.
+
+pub mod reciprocal;
+pub mod square_root;
+pub mod table;
+
+pub use reciprocal::Reciprocal;
+pub use square_root::ReciprocalRoot;
+pub use table::Table;

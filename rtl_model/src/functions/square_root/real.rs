@@ -1,0 +1,68 @@
+//! How far a reciprocal root may be from the real one.
+
+use super::ReciprocalRoot;
+use crate::functions::reciprocal::NORMALISED_FRAC_BITS;
+use crate::num::Fit;
+use crate::num::real::{floor_log2, power_of_two};
+use crate::probe::{NoProbe, Tap};
+
+impl ReciprocalRoot {
+    /// Result that the unit makes of 1/√x of a positive number that is no word: its mantissa is cut as a word's would be.
+    pub fn of(&self, x: f64) -> f64 {
+        let (mantissa, half_exponent) = normalised(x);
+        // An even power of two, so that the unit halves it.
+        let places = NORMALISED_FRAC_BITS - 2 + (NORMALISED_FRAC_BITS + self.operand_frac_bits as i32).rem_euclid(2);
+        let (y, exponent) = self.one((mantissa * power_of_two(places)) as i64, &mut Tap::new(&mut NoProbe));
+        let half_places = (places - self.operand_frac_bits as i32) / 2;
+        y as f64 * power_of_two(exponent as i32 + half_places - half_exponent - self.bits as i32)
+    }
+
+    /// Result that the unit makes of √x of a positive number that is no word.
+    pub fn root_of(&self, x: f64) -> f64 {
+        let (mantissa, half_exponent) = normalised(x);
+        let place = power_of_two(1 - self.bits as i32);
+        (mantissa / place).floor() * place * self.of(mantissa) * power_of_two(half_exponent)
+    }
+
+    /// The least number that the unit can be given.
+    pub fn least_operand(&self) -> f64 {
+        power_of_two(-(self.operand_frac_bits as i32))
+    }
+
+    /// The fit of its result.
+    pub fn result(&self) -> &Fit {
+        &self.result
+    }
+
+    /// Greatest |1 − y₀·√m| of a mantissa and its first guess, with u = 2^−bits and steps of h = 4/2^table_bits over [0, 4).
+    ///
+    /// y₀ = 1/√c at a step's middle c; √(m/c) is farthest from 1 at the ends of the first step that is asked for, [1, 1 + h)
+    /// (with one table bit: [1, 2), whose word is that of the middle of [0, 2), 1). Its rounding, ¾u by two roundings, counts √m ≤ 2 times.
+    pub fn table_error(&self) -> f64 {
+        let u = f64::from(self.bits).exp2().recip();
+        let h = 4.0 * f64::from(self.table_bits).exp2().recip();
+        let ends = if self.table_bits == 1 {
+            2f64.sqrt() - 1.0
+        } else {
+            (1.0 - (1.0 + h / 2.0).sqrt().recip()).max(((1.0 + h) / (1.0 + h / 2.0)).sqrt() - 1.0)
+        };
+        ends + 1.5 * u
+    }
+
+    /// Greatest |1 − y·√x|, and |1 − m·y/√x|, with u = 2^−bits.
+    ///
+    /// It begins with [`ReciprocalRoot::table_error`].
+    /// A Newton step leaves (3e² + e³)/2; `square` is rounded by u/2, times y·√m·m/2; `correction` by u/2, times y·√m; `result` by
+    /// u/2, times √m ≤ 2. The mantissa's cut counts half: x is at most 2u larger than m.
+    pub fn relative_error(&self) -> f64 {
+        let u = f64::from(self.bits).exp2().recip();
+        let left = (0..self.newton_steps).fold(self.table_error(), |e, _| (3.0 * e * e + e * e * e) / 2.0 + (1.0 + e) * 1.5 * u + u);
+        left + (1.0 + left) * u
+    }
+}
+
+/// A positive number as a mantissa in [1, 4) and half the power of two that it is times.
+fn normalised(x: f64) -> (f64, i32) {
+    let half_exponent = floor_log2(x).div_euclid(2);
+    (x * power_of_two(-2 * half_exponent), half_exponent)
+}

@@ -1,0 +1,155 @@
+//! Table: a function of one argument, read from a ROM of 2^k steps, nearest or with straight lines between.
+//!
+//! ```text
+//! argument = [ address | fraction ]        nearest:  word = ROM[address]                         (value at the step's middle)
+//!                                          linear:   word = ROM[address] + Δ[address] · fraction (values at the step's ends)
+//! ```
+//! Losses: the ROM's words are rounded to nearest when it is made; with straight lines the sum is fitted into the same format.
+//!
+//! Laws: `a_table_is_within_its_bound`, `the_exponential_table_is_right_to_the_last_place`.
+
+use crate::elaboration::latency::{PRODUCT, SUM, TABLE};
+use crate::elaboration::{Elaboration, Operator};
+use crate::machine::{Interpolation, TableShape};
+use crate::num::{Exact, Fit, Format, Lanes, Word};
+
+/// An elaborated table.
+#[derive(Clone, Debug)]
+pub struct Table {
+    fit: Fit,
+    interpolation: Interpolation,
+    fraction_bits: u32,
+    /// At each address the value, and the step to the next one, 0 where nearest.
+    words: Vec<[i64; 2]>,
+}
+
+impl Table {
+    /// A table of 2^`index_bits` steps over arguments of `argument_bits` bits, from its words.
+    ///
+    /// `words` are the values at the steps' middles (nearest), or at their 2^`index_bits` + 1 ends (linear).
+    /// `fit` is elaborated for the words' own fraction bits plus the argument's fraction bits ([`Table::fraction_bits`]).
+    pub fn new(fit: Fit, index_bits: u32, argument_bits: u32, interpolation: Interpolation, words: &[i64]) -> Self {
+        let steps = 1usize << index_bits;
+        let delta = |i: usize| match interpolation {
+            Interpolation::Nearest => 0,
+            Interpolation::Linear => words[i + 1] - words[i],
+        };
+        Table {
+            fit,
+            interpolation,
+            fraction_bits: Table::fraction_bits(index_bits, argument_bits),
+            words: (0..steps).map(|i| [words[i], delta(i)]).collect(),
+        }
+    }
+
+    /// Bits of an argument below the address.
+    pub fn fraction_bits(index_bits: u32, argument_bits: u32) -> u32 {
+        argument_bits.saturating_sub(index_bits)
+    }
+
+    /// The exact sum that [`Table::fit`] makes a word of.
+    #[inline(always)]
+    pub fn exact(&self, argument: i64) -> i64 {
+        let address = (argument >> self.fraction_bits) as usize;
+        let fraction = argument & ((1 << self.fraction_bits) - 1);
+        let [value, delta] = self.words[address];
+        (value << self.fraction_bits) + delta * fraction
+    }
+
+    /// [`Table::exact`] of eight arguments, none of them negative.
+    #[inline(always)]
+    pub fn exact_lanes<L: Lanes>(&self, argument: L) -> L {
+        let address = argument.right_unsigned(self.fraction_bits);
+        let fraction = argument - address.left(self.fraction_bits);
+        let [value, delta] = address.look_up_pairs(&self.words);
+        value.left(self.fraction_bits) + delta * fraction
+    }
+
+    /// Interpolation between two words.
+    pub fn interpolation(&self) -> Interpolation {
+        self.interpolation
+    }
+
+    /// Its ROM: the value at each address and the step to the next value, 0 where nearest.
+    pub fn lines(&self) -> impl Iterator<Item = (i64, i64)> {
+        self.words.iter().map(|&[value, delta]| (value, delta))
+    }
+
+    /// The fit of the result.
+    #[inline(always)]
+    pub fn fit(&self) -> &Fit {
+        &self.fit
+    }
+}
+
+/// Fraction bits of [`exp_minus`].
+pub const EXP_FRAC_BITS: u32 = 60;
+
+/// `e^(−numerator / 2^shift)` with [`EXP_FRAC_BITS`] fraction bits, for arguments up to 32, in integers so that every machine makes the same ROM.
+///
+/// The series of `e^(+x)` has no cancellation; its reciprocal is right to about 2⁻⁵⁵.
+pub fn exp_minus(numerator: u64, shift: u32) -> u64 {
+    let mut sum = 1u128 << EXP_FRAC_BITS;
+    let mut term = sum;
+    for n in 1u128.. {
+        term = ((term * u128::from(numerator)) >> shift) / n;
+        if term == 0 {
+            break;
+        }
+        sum += term;
+    }
+    let one_squared = 1u128 << (2 * EXP_FRAC_BITS);
+    (one_squared / sum) as u64
+}
+
+/// The words of `e^(−r/2)` over r in [0, 2^`range_bits`), for [`Table::new`]; `frac_bits` of each word.
+pub fn gaussian_words(index_bits: u32, range_bits: i32, interpolation: Interpolation, frac_bits: u32) -> Vec<i64> {
+    let (first, step, count) = match interpolation {
+        Interpolation::Nearest => (1, 2, 1u64 << index_bits),
+        Interpolation::Linear => (0, 2, (1u64 << index_bits) + 1),
+    };
+    // r/2 = half-steps · 2^(range_bits − index_bits − 2).
+    let shift = index_bits as i32 + 2 - range_bits;
+    (0..count)
+        .map(|i| {
+            let half_steps = first + i * step;
+            let word = if shift >= 0 { exp_minus(half_steps, shift as u32) } else { exp_minus(half_steps << -shift, 0) };
+            let cut = EXP_FRAC_BITS - frac_bits;
+            ((word + ((1 << cut) >> 1)) >> cut) as i64
+        })
+        .collect()
+}
+
+/// A table's shape, made possible if it is not, so that elaboration can go on.
+pub fn shape(e: &mut Elaboration, unit: &'static str, name: &str, shape: TableShape, argument_bits: i32) -> TableShape {
+    let most = argument_bits.clamp(1, 12) as u32;
+    TableShape { index_bits: e.within(unit, &format!("{name}.index_bits"), shape.index_bits, 1, most), ..shape }
+}
+
+/// The multiplier between a table's words, where there is one: a step, which stands beside each word, times a fraction.
+pub fn interpolator(e: &mut Elaboration, unit: &'static str, shape: TableShape, word: Word, fraction_bits: u32) {
+    if shape.interpolation == Interpolation::Linear && fraction_bits > 0 {
+        let line = e.times(unit, word, Format::unsigned(0, fraction_bits as i32));
+        e.part(unit, Operator::Rom([1 << shape.index_bits, word.format.width() + 1]));
+        e.sum(unit, [line, word.into()]);
+    }
+}
+
+/// Cycles: look up, and a product and a sum where there are straight lines between the words.
+pub fn latency(shape: TableShape) -> u32 {
+    match shape.interpolation {
+        Interpolation::Nearest => TABLE,
+        Interpolation::Linear => TABLE + PRODUCT + SUM,
+    }
+}
+
+/// Shape of a table word plus a step times a fraction.
+pub fn interpolated(word: Word, fraction_bits: u32) -> Exact {
+    let word = Exact::from(word);
+    Exact { int_bits: word.int_bits, frac_bits: word.frac_bits + fraction_bits as i32 }
+}
+
+pub mod real;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,380 @@
+//! Machine: every format, table and rule of a splatting machine on one page, and the named machines.
+//!
+//! A description says nothing of what is built from it: it knows no unit. Units read their formats from here and from nowhere else.
+
+use crate::num::{Format, Word};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+mod named;
+pub mod timing;
+
+/// A whole machine.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Machine {
+    /// What to call it in reports.
+    pub name: String,
+    /// The splat record in memory.
+    pub splat: Splat,
+    /// World point → camera → pixel.
+    pub project: Project,
+    /// Normal and radius → conic, box, depth slopes.
+    pub ellipse: Ellipse,
+    /// Depth order; left out, splats stay in input order.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sort: Option<Sort>,
+    /// Forward differencing: ellipse → fragments.
+    pub raster: Raster,
+    /// Radial index → weight.
+    pub gauss: Gauss,
+    /// At most `layers` fragments a pixel.
+    pub fragment: Fragment,
+    /// Normalise and light.
+    pub shade: Shade,
+    /// Blend into the frame.
+    pub resolve: Resolve,
+    /// The microarchitecture: where time goes. It changes no picture.
+    pub timing: timing::Timing,
+}
+
+/// A reciprocal or root: table, then Newton steps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FunctionUnit {
+    /// The table has 2^this words, 1 to 12.
+    pub table_bits: u32,
+    /// Newton steps after the table, 0 to 3; each about doubles the right bits.
+    pub newton_steps: u32,
+    /// Fraction bits of mantissas and result, 4 to 30.
+    pub bits: u32,
+}
+
+/// Between a table's words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Interpolation {
+    /// The word of the step that the argument lies in.
+    Nearest,
+    /// A straight line between the words at the step's ends.
+    Linear,
+}
+
+/// A function table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TableShape {
+    /// The table has 2^this steps, 1 to 12.
+    pub index_bits: u32,
+    /// Between its words.
+    pub interpolation: Interpolation,
+}
+
+/// The splat record: words as they lie in memory, at most 32 bits each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Splat {
+    /// Centre, machine units: the scene is scaled by a power of two and moved to fit.
+    pub position: Word,
+    /// Unit normal, world axes.
+    pub normal: Word,
+    /// σ, machine units.
+    pub radius: Word,
+    /// Linear light.
+    pub rgb: Word,
+    /// α.
+    pub opacity: Word,
+}
+
+/// Formats of the unit `project`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Project {
+    /// The eye, machine units.
+    pub eye: Word,
+    /// Position less eye, by a power of two that each splat picks for itself so that the largest part lies in [½, 1).
+    pub relative: Word,
+    /// Elements of the viewing rotation.
+    pub rotation: Word,
+    /// Camera coordinates t, by the same power of two.
+    pub camera: Word,
+    /// t_z, machine units.
+    pub depth: Word,
+    /// 1/t_z.
+    pub reciprocal: FunctionUnit,
+    /// a = t_x/t_z and b = t_y/t_z, and the guard band that they must lie in.
+    pub slope: Word,
+    /// s, pixels.
+    pub focal: Word,
+    /// Position on the screen from its middle, pixels.
+    pub pixel: Word,
+}
+
+/// Formats of the unit `ellipse`. Sizes are relative to a power of two that each splat picks for itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Ellipse {
+    /// Normal in camera space.
+    pub normal: Word,
+    /// g, the normal's share along the screen.
+    pub tilt: Word,
+    /// c_n = n·(a, b, 1).
+    pub facing: Word,
+    /// s·σ, normalised to [1, 2).
+    pub scaled_radius: Word,
+    /// k' = k/2^e, the radius on the screen.
+    pub size: Word,
+    /// k'².
+    pub size_squared: Word,
+    /// [1+a², ab; ab, 1+b²] − ggᵀ.
+    pub shape: Word,
+    /// v/4^e.
+    pub low_pass: Word,
+    /// V/4^e on the diagonal.
+    pub variance: Word,
+    /// V01/4^e.
+    pub variance_cross: Word,
+    /// k'²·c_n: signed area of the unfiltered footprint.
+    pub area: Word,
+    /// det V/16^e.
+    pub determinant: Word,
+    /// 1/√det.
+    pub root: FunctionUnit,
+    /// 1/det, mantissa.
+    pub inverse: Word,
+    /// Q00 and Q11, pixel⁻².
+    pub conic: Word,
+    /// Q01, pixel⁻².
+    pub conic_cross: Word,
+    /// √(det V_r/det V).
+    pub visibility: Word,
+    /// The constant 1/2π.
+    pub inverse_two_pi: Word,
+    /// A.
+    pub amplitude: Word,
+    /// √(cutoff·V).
+    pub extent_root: FunctionUnit,
+    /// Half-extents of the box, pixels.
+    pub extent: Word,
+    /// 1/|c_n|.
+    pub slope_reciprocal: FunctionUnit,
+    /// 1/s, mantissa in [½, 1].
+    pub inverse_focal: Word,
+    /// t_z/s and t_z/(s·c_n), mantissas.
+    pub depth_step: Word,
+    /// z_x and z_y, machine units a pixel; clamped, for a grazing plane's slope has no limit.
+    pub depth_slope: Word,
+    /// √cutoff.
+    pub root_cutoff: Word,
+    /// σ·√cutoff, machine units: the depth clamp's half-width.
+    pub depth_range: Word,
+    /// What ellipsoids need besides; left out, the machine draws discs alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ellipsoid: Option<Ellipsoid>,
+}
+
+/// Formats of the unit `ellipse` for ellipsoids.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Ellipsoid {
+    /// Orientation in the splat record: elements of a unit quaternion.
+    pub quaternion: Word,
+    /// Standard deviations in the splat record, relative to σ, the largest; products of two of them too.
+    pub scale: Word,
+    /// sᵢ·gᵢ: what an axis leaves on the screen.
+    pub stretch: Word,
+    /// |(a, b, 1)|: how much longer than t_z the way to the splat is.
+    pub ray: Word,
+    /// √(1 + a² + b²).
+    pub ray_root: FunctionUnit,
+}
+
+/// How rows begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rows {
+    /// Each row's first pixel is evaluated afresh.
+    Seeded,
+    /// Only the box's first pixel is; rows are differenced as pixels are.
+    Differenced,
+}
+
+/// Formats of the unit `raster`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Raster {
+    /// How rows begin.
+    pub rows: Rows,
+    /// The cutoff.
+    pub cutoff: Word,
+    /// First pixel less centre, pixels.
+    pub offset: Word,
+    /// Q00·dx + 2·Q01·dy and Q11·dy.
+    pub gradient: Word,
+    /// The differencing register of r; its adder wraps.
+    pub radial: Word,
+    /// First differences.
+    pub first: Word,
+    /// Second differences.
+    pub second: Word,
+    /// The differencing register of z, machine units; its adder wraps.
+    pub depth: Word,
+}
+
+/// Formats of the unit `gauss`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Gauss {
+    /// r as the table sees it; the table spans all that this word holds.
+    pub radial_index: Word,
+    /// e^(−r/2).
+    pub table: TableShape,
+    /// The table's words and result.
+    pub falloff: Word,
+    /// w = A·e^(−r/2).
+    pub weight: Word,
+}
+
+/// Which pair of fragments is merged when a pixel has no slot left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Merge {
+    /// The two with the smallest difference in depth (Surface Splatting §6).
+    NearestPair,
+    /// The two deepest.
+    FarthestPair,
+    /// None: the nearer fragment replaces the other (a z-buffer, one layer).
+    Replace,
+}
+
+/// Which depth stands for a fragment of many contributions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FragmentDepth {
+    /// That of the first.
+    First,
+    /// That of the nearest.
+    Nearest,
+}
+
+/// Rules and formats of the unit `fragment`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Fragment {
+    /// Fragments a pixel can hold, 1 to 8.
+    pub layers: u32,
+    /// What to do when they are full.
+    pub merge: Merge,
+    /// Before merging: drop the deepest if something lies behind an opaque fragment.
+    pub evict_hidden: bool,
+    /// Which depth a fragment has.
+    pub fragment_depth: FragmentDepth,
+    /// The limit from which a fragment counts as opaque, in thousandths of full opacity.
+    pub opaque_permille: u32,
+    /// The opacity limit as a register.
+    pub opaque: Word,
+    /// z of a contribution and of a fragment, machine units; also ε.
+    pub depth: Word,
+    /// Camera-space normal of a contribution.
+    pub normal: Word,
+    /// Σw.
+    pub weight_sum: Word,
+    /// Σw·rgb.
+    pub colour_sum: Word,
+    /// Σw·α.
+    pub opacity_sum: Word,
+    /// Σw·n.
+    pub normal_sum: Word,
+    /// What grouping by sheets needs besides; left out, the machine groups by depth alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheets: Option<Sheets>,
+}
+
+/// Formats of the unit `fragment` for sheets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sheets {
+    /// x = Σw as the table sees it; the table spans all that this word holds.
+    pub depth_index: Word,
+    /// α/x.
+    pub table: TableShape,
+    /// The table's words and result.
+    pub ratio: Word,
+}
+
+/// The sort by depth between setup and raster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Sort {
+    /// Depth as the sort sees it, machine units: splats with equal keys stay in input order.
+    pub key: Word,
+    /// Bits of the key that one pass of the radix sort looks at, 1 to 16.
+    pub digit_bits: u32,
+}
+
+/// Formats of the unit `shade`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Shade {
+    /// 1/W.
+    pub reciprocal: FunctionUnit,
+    /// 1/|n|.
+    pub root: FunctionUnit,
+    /// Σw·rgb and Σw·α by the power of two that normalises W.
+    pub share: Word,
+    /// Σw·n by the same power of two.
+    pub normal_share: Word,
+    /// Σw·rgb/W.
+    pub rgb: Word,
+    /// Σw·α/W.
+    pub opacity: Word,
+    /// The unit normal.
+    pub normal: Word,
+    /// Directions L and H of a light.
+    pub light: Word,
+    /// N·L and N·H.
+    pub cosine: Word,
+    /// x^shininess.
+    pub highlight_table: TableShape,
+    /// The highlight table's words and result.
+    pub highlight: Word,
+    /// Material × light constants: ambient, diffuse, specular.
+    pub reflectance: Word,
+    /// ambient + Σ diffuse·max(0, N·L)·light.
+    pub irradiance: Word,
+    /// Colour that leaves the surface, clamped to 1.
+    pub colour: Word,
+    /// 1/τ, mantissa in [½, 1].
+    pub inverse_threshold: Word,
+    /// min(1, W/τ).
+    pub coverage: Word,
+    /// α', and colour·α'.
+    pub premultiplied: Word,
+}
+
+/// Formats of the unit `resolve`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Resolve {
+    /// What is left of the light from behind.
+    pub transmittance: Word,
+    /// A channel of the frame: linear light, premultiplied, over the background; the background too.
+    pub frame: Word,
+}
+
+impl FunctionUnit {
+    /// Format of mantissas and results: `U1F{bits}`.
+    pub fn format(self) -> Format {
+        Format::unsigned(1, self.bits.clamp(4, 30) as i32)
+    }
+}
+
+impl Machine {
+    /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded flag.
+    pub fn fragment_bits(&self) -> i32 {
+        let f = &self.fragment;
+        let sums = [f.weight_sum, f.opacity_sum].map(|w| w.format.width()).iter().sum::<i32>();
+        let vectors = 3 * (f.colour_sum.format.width() + f.normal_sum.format.width());
+        sums + vectors + f.depth.format.width() + 8 + 1
+    }
+}

@@ -1,0 +1,300 @@
+//! Num: numbers as hardware holds them, a word of bits and a place for its binary point.
+//!
+//! A format is two numbers, the rest is derived. Sums, differences and products are exact and grow; bits are lost
+//! in one act only, [`Fit`], at a named signal. Searching for `fit` lists every place where the machine loses bits.
+//!
+//! ```text
+//! I10F6   iiiiiiiiii.ffffff    signed, the sign is one of the ten        −512 … 512 − 2⁻⁶
+//! U3F13          iii.fffffffffffff                                          0 … 8 − 2⁻¹³
+//! U-2F14            .00ffffffffffff    fourteen places, the first two never there: 0 … ¼ − 2⁻¹⁴
+//! ```
+//! The notation is that of the crate `fixed`, which serves as an oracle in the tests and nowhere else.
+
+pub mod fit;
+pub mod lanes;
+pub mod real;
+pub mod register;
+pub mod words;
+
+pub use fit::{Fit, Loss, Seen};
+pub use lanes::{LANES, Lanes};
+pub(crate) use lanes::{three, two};
+pub use register::Register;
+pub use words::{Exacts, Words};
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+/// Widest word that the model can hold, bits.
+pub const MAX_WIDTH_BITS: i32 = 48;
+/// Most fraction bits of a format.
+pub const MAX_FRACTION_BITS: i32 = 62;
+
+/// A fixed-point format: `value = word · 2^−frac_bits`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Format {
+    /// Two's complement if set; the sign bit counts as one of `int_bits`.
+    pub signed: bool,
+    /// Bits before the binary point; negative where the first places after it are never there.
+    pub int_bits: i32,
+    /// Bits after the binary point, 0 to [`MAX_FRACTION_BITS`].
+    pub frac_bits: i32,
+}
+
+impl Format {
+    /// A signed format `I{int}F{frac}`.
+    pub const fn signed(int_bits: i32, frac_bits: i32) -> Self {
+        Format { signed: true, int_bits, frac_bits }
+    }
+
+    /// An unsigned format `U{int}F{frac}`.
+    pub const fn unsigned(int_bits: i32, frac_bits: i32) -> Self {
+        Format { signed: false, int_bits, frac_bits }
+    }
+
+    /// Bits in the word.
+    pub const fn width(self) -> i32 {
+        self.int_bits + self.frac_bits
+    }
+
+    /// Smallest word.
+    pub const fn min(self) -> i64 {
+        if self.signed { -(1 << (self.width() - 1)) } else { 0 }
+    }
+
+    /// Greatest word.
+    pub const fn max(self) -> i64 {
+        if self.signed { (1 << (self.width() - 1)) - 1 } else { (1 << self.width()) - 1 }
+    }
+
+    /// Bits of the greatest magnitude: what the word adds to a product's width.
+    pub const fn magnitude_bits(self) -> i32 {
+        if self.signed { self.width() - 1 } else { self.width() }
+    }
+
+    /// The format with these fraction bits whose integer bits are nearest and that a word of `most` bits can have: what a misfit suggests.
+    pub fn within(self, most: i32) -> Format {
+        let frac_bits = self.frac_bits.clamp(0, MAX_FRACTION_BITS);
+        Format { int_bits: self.int_bits.clamp(1 - frac_bits, most - frac_bits), frac_bits, ..self }
+    }
+
+    /// The word that stands for 1, if the format holds it.
+    pub const fn one(self) -> i64 {
+        1 << self.frac_bits
+    }
+
+    /// Value that a word stands for, for human eyes and for the bench; no unit calls this.
+    pub fn value(self, word: i64) -> f64 {
+        word as f64 * (-f64::from(self.frac_bits)).exp2()
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}{}F{}", if self.signed { 'I' } else { 'U' }, self.int_bits, self.frac_bits)
+    }
+}
+
+impl FromStr for Format {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let shape = || format!("`{text}` is not a format: write U or I, integer bits, F, fraction bits, as in U3F13 or I10F6");
+        let signed = match text.chars().next() {
+            Some('I') => true,
+            Some('U') => false,
+            _ => return Err(shape()),
+        };
+        let (int_bits, frac_bits) = text[1..].split_once('F').ok_or_else(shape)?;
+        let number = |digits: &str| match digits.parse::<i16>() {
+            Ok(number) if !digits.starts_with('+') => Ok(i32::from(number)),
+            _ => Err(shape()),
+        };
+        let format = Format { signed, int_bits: number(int_bits)?, frac_bits: number(frac_bits)? };
+        format.check(text)?;
+        Ok(format)
+    }
+}
+
+impl Format {
+    fn check(self, text: &str) -> Result<(), String> {
+        if !(0..=MAX_FRACTION_BITS).contains(&self.frac_bits) {
+            return Err(format!("`{text}` has {} fraction bits: 0 to {MAX_FRACTION_BITS} can be modelled", self.frac_bits));
+        }
+        if !(1..=MAX_WIDTH_BITS).contains(&self.width()) {
+            return Err(format!("`{text}` is {} bits wide: 1 to {MAX_WIDTH_BITS} can be modelled", self.width()));
+        }
+        Ok(())
+    }
+}
+
+/// The shape of an exact result: how far it reaches above and below the binary point. It grows, it never loses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Exact {
+    /// Bits that the magnitude needs before the binary point (may be negative).
+    pub int_bits: i32,
+    /// Bits after the binary point.
+    pub frac_bits: i32,
+}
+
+impl Exact {
+    /// The shape of a product.
+    pub fn times(self, other: impl Into<Exact>) -> Exact {
+        let other = other.into();
+        Exact { int_bits: self.int_bits + other.int_bits, frac_bits: self.frac_bits + other.frac_bits }
+    }
+
+    /// The shape of a sum or difference.
+    pub fn plus(self, other: impl Into<Exact>) -> Exact {
+        let other = other.into();
+        Exact { int_bits: self.int_bits.max(other.int_bits) + 1, frac_bits: self.frac_bits.max(other.frac_bits) }
+    }
+
+    /// The shape of twice the value, in the same places.
+    pub fn doubled(self) -> Exact {
+        Exact { int_bits: self.int_bits + 1, ..self }
+    }
+
+    /// The shape of the same value times 2^`places`, by wiring alone.
+    pub fn scaled(self, places: i32) -> Exact {
+        Exact { int_bits: self.int_bits + places, frac_bits: self.frac_bits - places }
+    }
+
+    /// Bits of the magnitude.
+    pub fn bits(self) -> i32 {
+        self.int_bits + self.frac_bits
+    }
+}
+
+impl From<Format> for Exact {
+    fn from(format: Format) -> Exact {
+        Exact { int_bits: format.magnitude_bits() - format.frac_bits, frac_bits: format.frac_bits }
+    }
+}
+
+impl From<Word> for Exact {
+    fn from(word: Word) -> Exact {
+        word.format.into()
+    }
+}
+
+/// Left shifts that bring terms with these fraction bits to a common binary point.
+pub fn align<const N: usize>(frac_bits: [i32; N]) -> [u32; N] {
+    let finest = frac_bits.into_iter().max().unwrap_or(0);
+    frac_bits.map(|bits| (finest - bits).clamp(0, 62) as u32)
+}
+
+/// Rounding: what becomes of the bits below a format's last place.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Rounding {
+    /// Dropped: towards minus infinity.
+    Truncate,
+    /// To the nearest; ties go up.
+    #[default]
+    Nearest,
+    /// To the nearest; ties go to the even word.
+    NearestEven,
+}
+
+/// Overflow: what becomes of a value outside a format's range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Overflow {
+    /// The nearest word in range.
+    #[default]
+    Saturate,
+    /// The low bits, as an adder without a guard leaves them.
+    Wrap,
+}
+
+/// A signal's word: its format and what is done with what does not fit.
+///
+/// In JSON either `"U3F13"` or `{"format": "U3F13", "round": "truncate", "overflow": "wrap"}`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Word {
+    /// Where the bits are.
+    pub format: Format,
+    /// Below the last place.
+    pub round: Rounding,
+    /// Beyond the range.
+    pub overflow: Overflow,
+}
+
+impl Word {
+    /// A word with the default rounding and overflow: nearest, saturate.
+    pub const fn new(format: Format) -> Self {
+        Word { format, round: Rounding::Nearest, overflow: Overflow::Saturate }
+    }
+
+    /// The same word, rounded otherwise.
+    pub const fn rounded(self, round: Rounding) -> Self {
+        Word { round, ..self }
+    }
+
+    /// The same word, overflowing otherwise.
+    pub const fn overflowing(self, overflow: Overflow) -> Self {
+        Word { overflow, ..self }
+    }
+}
+
+impl fmt::Display for Word {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.format.fmt(f)
+    }
+}
+
+/// The two ways in which JSON may write a [`Word`].
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+enum WordText {
+    /// A format with the default rounding (nearest) and overflow (saturate), such as `U3F13`, `I10F6`, `U-2F14`.
+    Short(#[schemars(regex(pattern = r"^[UI]-?\d+F\d+$"))] String),
+    /// A format with its rounding and overflow.
+    Long {
+        #[schemars(regex(pattern = r"^[UI]-?\d+F\d+$"))]
+        format: String,
+        #[serde(default)]
+        round: Rounding,
+        #[serde(default)]
+        overflow: Overflow,
+    },
+}
+
+impl Serialize for Word {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let format = self.format.to_string();
+        let text = if *self == Word::new(self.format) {
+            WordText::Short(format)
+        } else {
+            WordText::Long { format, round: self.round, overflow: self.overflow }
+        };
+        text.serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Word {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let (format, round, overflow) = match WordText::deserialize(deserializer)? {
+            WordText::Short(format) => (format, Rounding::default(), Overflow::default()),
+            WordText::Long { format, round, overflow } => (format, round, overflow),
+        };
+        let format = format.parse().map_err(serde::de::Error::custom)?;
+        Ok(Word { format, round, overflow })
+    }
+}
+
+impl JsonSchema for Word {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Word".into()
+    }
+
+    fn json_schema(generator: &mut schemars::SchemaGenerator) -> schemars::Schema {
+        WordText::json_schema(generator)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,141 @@
+//! Elaborate: makes a machine that can draw of a description, or every misfit at once, in sentences.
+//!
+//! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
+
+use crate::elaboration::microarchitecture::{Latencies, Microarchitecture};
+use crate::elaboration::{Elaboration, Part, Signal};
+use crate::functions::{Reciprocal, ReciprocalRoot, Table};
+use crate::machine::{Machine, Splat};
+use crate::num::Fit;
+use crate::records::unit;
+use crate::units::{ellipse, fragment, gauss, project, raster, resolve, shade};
+
+/// A machine that has been checked and can draw.
+#[derive(Clone, Debug)]
+pub struct Elaborated {
+    /// The description.
+    pub machine: Machine,
+    /// Every signal, in the order of the diagram.
+    pub signals: Vec<Signal>,
+    /// Parts that its units are built of.
+    pub parts: Vec<Part>,
+    pub(crate) project: project::Project,
+    pub(crate) ellipse: ellipse::Ellipse,
+    /// Depth to key.
+    pub(crate) sort: Option<Fit>,
+    /// The light of a splat that is lit before it is drawn, as its record has colours.
+    pub(crate) emission: Fit,
+    pub(crate) raster: raster::Raster,
+    pub(crate) gauss: gauss::Gauss,
+    /// At most l fragments a pixel.
+    pub fragment: fragment::Fragment,
+    /// Normalise and light.
+    pub shade: shade::Shade,
+    /// Blend into the frame.
+    pub resolve: resolve::Resolve,
+    /// The microarchitecture.
+    pub timing: Microarchitecture,
+}
+
+impl Elaborated {
+    /// Every reciprocal, by the name of its unit and its own.
+    pub fn reciprocals(&self) -> [(&'static str, &Reciprocal); 3] {
+        [
+            ("project.reciprocal", self.project.reciprocal()),
+            ("ellipse.slope_reciprocal", self.ellipse.slope_reciprocal()),
+            ("shade.reciprocal", self.shade.reciprocal()),
+        ]
+    }
+
+    /// Every reciprocal root, by the name of its unit and its own.
+    pub fn roots(&self) -> [(&'static str, &ReciprocalRoot); 3] {
+        [("ellipse.root", self.ellipse.root()), ("ellipse.extent_root", self.ellipse.extent_root()), ("shade.root", self.shade.root())]
+    }
+
+    /// |(a, b, 1)| of `ellipse`, `ellipse.ray_root`, if it sets ellipsoids up.
+    pub fn ray_root(&self) -> Option<&ReciprocalRoot> {
+        self.ellipse.ray_root()
+    }
+
+    /// The constant 1/2π as `ellipse` holds it (`ellipse.inverse_two_pi`).
+    pub fn inverse_two_pi(&self) -> i64 {
+        self.ellipse.inverse_two_pi()
+    }
+
+    /// The table of e^(−r/2), `gauss.table`.
+    pub fn gaussian(&self) -> &Table {
+        self.gauss.table()
+    }
+}
+
+impl Machine {
+    /// Checks the description and works out everything that does not change while it draws; or every misfit, a sentence each.
+    pub fn elaborate(&self) -> Result<Elaborated, Vec<String>> {
+        let e = &mut Elaboration::default();
+        check_splat(&self.splat, e);
+        let elaborated = Elaborated {
+            project: project::Project::new(e, self),
+            ellipse: ellipse::Ellipse::new(e, self),
+            sort: self.elaborate_sort(e),
+            raster: raster::Raster::new(e, self),
+            gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),
+            fragment: fragment::Fragment::new(e, self, raster::Raster::depth_exact(self)),
+            shade: shade::Shade::new(e, self),
+            resolve: resolve::Resolve::new(e, self),
+            emission: self.elaborate_emission(e),
+            timing: self.elaborate_timing(e, &self.latencies()),
+            machine: self.clone(),
+            signals: std::mem::take(&mut e.signals),
+            parts: std::mem::take(&mut e.parts),
+        };
+        if e.misfits.is_empty() { Ok(elaborated) } else { Err(std::mem::take(&mut e.misfits)) }
+    }
+
+    fn elaborate_sort(&self, e: &mut Elaboration) -> Option<Fit> {
+        let sort = self.sort.as_ref()?;
+        e.port(unit::SORT, "key", sort.key);
+        e.signedness(unit::SORT, "key", sort.key, false);
+        e.within(unit::SORT, "digit_bits", sort.digit_bits, 1, 16);
+        Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()))
+    }
+
+    /// Only ellipsoids are lit before they are drawn.
+    fn elaborate_emission(&self, e: &mut Elaboration) -> Fit {
+        let (word, from) = (self.splat.rgb, self.shade.premultiplied.into());
+        if self.ellipse.ellipsoid.is_some() {
+            e.copies(3, |e| e.fit(unit::ELLIPSE, "emission", word, from))
+        } else {
+            Fit::new(0, word, from)
+        }
+    }
+
+    /// Latency of each unit by its formats.
+    fn latencies(&self) -> Latencies {
+        Latencies {
+            project: project::latency(self),
+            ellipse: ellipse::latency(self),
+            raster: raster::latency(),
+            gauss: gauss::latency(self),
+            fragment: fragment::latency(),
+            shade: shade::latency(self),
+            resolve: resolve::latency(self),
+        }
+    }
+}
+
+/// The splat record is no unit's: its words are checked here.
+fn check_splat(splat: &Splat, e: &mut Elaboration) {
+    for (name, word, signed) in [
+        ("position", splat.position, true),
+        ("normal", splat.normal, true),
+        ("radius", splat.radius, false),
+        ("rgb", splat.rgb, false),
+        ("opacity", splat.opacity, false),
+    ] {
+        e.port("splat", name, word);
+        e.signedness("splat", name, word, signed);
+    }
+    e.holds_one("splat", "rgb", splat.rgb);
+    e.holds_one("splat", "opacity", splat.opacity);
+    e.holds_one("splat", "normal", splat.normal);
+}

@@ -1,0 +1,367 @@
+//! Fill: the second half of the pipeline, tile by tile: raster, gauss, fragment, shade and resolve.
+
+use super::shading::{lit_layer, shade_for_merge};
+use super::{Drawing, Elaborated, Setup, SetupRecord};
+use crate::frame::{Each, Frame};
+use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
+use crate::kernels::{Accumulator, Path, Tile};
+use crate::num::{LANES, Lanes};
+use crate::probe::{Probe, Ranges, Tap};
+use crate::records::{Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
+use crate::units::fragment::sheets::{SheetInput, SheetRegisters};
+use crate::units::fragment::{self, FragmentRegisters};
+use crate::units::{raster, shade};
+use crate::work::Bins;
+use rayon::prelude::*;
+
+/// The second half: raster, gauss, fragment, shade and resolve.
+pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
+    let (true, Some(host)) = (P::QUICK, Vectorised::there()) else {
+        return fill_as::<false, i64, P>(Plainly, machine, frame, setup, probe);
+    };
+    // Paths of their own for what is common: each is compiled once more for every probe.
+    let simple = machine.gauss.is_simple() && machine.fragment.is_simple();
+    match (simple, machine.fragment.is_narrow()) {
+        (true, true) => fill_as::<true, i32, P>(host, machine, frame, setup, probe),
+        (true, false) => fill_as::<true, i64, P>(host, machine, frame, setup, probe),
+        (false, _) => fill_as::<false, i64, P>(host, machine, frame, setup, probe),
+    }
+}
+
+fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
+    host: impl Host,
+    machine: &Elaborated,
+    frame: &Frame,
+    setup: &Setup,
+    probe: &mut P,
+) -> Drawing {
+    let highlights = machine.shade.highlights(&frame.lighting);
+    let lights = shade::LightRegisters::of(frame, &highlights);
+    let registers = FragmentRegisters { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
+    let sheets = frame.sheets.as_ref().map(|sheets| machine.fragment.sheets(sheets));
+    let bins = bins(frame, setup);
+    let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
+    // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
+    let start = || Run { tile: Box::<Tile<L>>::default(), probe: probe.fork(), done: Vec::new() };
+    let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
+        let shared = Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref() };
+        let part =
+            Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
+        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile: &mut run.tile, probe: &mut run.probe });
+        if let Some(ranges) = run.probe.resample(nth, touched.len()) {
+            resample_tile(shared, part, ranges);
+        }
+        if P::DECISIONS || P::WORK {
+            let [x, y] = resolved.corner.map(u32::from);
+            run.probe.tile(x, y);
+        }
+        run.done.push(resolved);
+        run
+    };
+    let finish = |run: Run<L, P>| (run.done, run.probe);
+    let runs: Vec<(Vec<Resolved>, P)> = touched.par_iter().enumerate().fold(start, draw_tile).map(finish).collect();
+    let background = machine.resolve.one(&[], frame.background, &mut Tap::new(probe)).map(|word| word as u32);
+    if let Some(ranges) = probe.resample(0, 1) {
+        machine.resolve.one(&[], frame.background, &mut Tap::new(ranges));
+    }
+    let pixels = frame.width as usize * frame.height as usize;
+    let mut drawing = Drawing {
+        width: frame.width,
+        height: frame.height,
+        frame: vec![background; pixels],
+        covered: vec![false; pixels],
+        culled: setup.culled,
+        outcomes: Outcomes::default(),
+    };
+    for (tiles, fork) in runs {
+        tiles.iter().for_each(|tile| tile.write(&mut drawing));
+        probe.absorb(fork);
+    }
+    drawing
+}
+
+/// Some tiles, one after the other.
+struct Run<L, P> {
+    tile: Box<Tile<L>>,
+    probe: P,
+    done: Vec<Resolved>,
+}
+
+/// Which splats touch which tile. A call of its own, so that its instructions can be counted.
+#[inline(never)]
+fn bins(frame: &Frame, setup: &Setup) -> Bins {
+    let boxes = setup.entries().map(|(entry, splat)| (entry, [splat.raster.columns, splat.raster.rows]));
+    Bins::new([frame.width, frame.height], TILE_PX, boxes)
+}
+
+/// A tile's part of the frame.
+struct Resolved {
+    corner: [u16; 2],
+    frame: [[u32; 4]; TILE_AREA],
+    covered: [bool; TILE_AREA],
+    outcomes: Outcomes,
+}
+
+impl Resolved {
+    fn write(&self, drawing: &mut Drawing) {
+        drawing.outcomes.absorb(&self.outcomes);
+        let [left, top] = self.corner.map(usize::from);
+        let width = drawing.width as usize;
+        let columns = TILE_PX.min(width - left);
+        for row in 0..TILE_PX.min(drawing.height as usize - top) {
+            let (to, from) = ((top + row) * width + left, row * TILE_PX);
+            drawing.frame[to..to + columns].copy_from_slice(&self.frame[from..from + columns]);
+            drawing.covered[to..to + columns].copy_from_slice(&self.covered[from..from + columns]);
+        }
+    }
+}
+
+/// What all tiles need.
+#[derive(Clone, Copy)]
+struct Shared<'a> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    lights: &'a shade::LightRegisters<'a>,
+    setup: &'a Setup,
+    registers: FragmentRegisters,
+    sheets: Option<&'a SheetRegisters<'a>>,
+}
+
+/// A tile, and the entries that touch it.
+#[derive(Clone, Copy)]
+struct Part<'a> {
+    splats: &'a [u32],
+    corner: [u16; 2],
+}
+
+impl Part<'_> {
+    /// Column and row in the picture of one of the tile's pixels.
+    fn pixel(&self, pixel: u8) -> [u32; 2] {
+        let pixel = u32::from(pixel);
+        [u32::from(self.corner[0]) + pixel % TILE_PX as u32, u32::from(self.corner[1]) + pixel / TILE_PX as u32]
+    }
+}
+
+struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
+    host: H,
+    shared: Shared<'a>,
+    part: Part<'a>,
+    tile: &'a mut Tile<L>,
+    probe: &'a mut P,
+}
+
+/// Draws a tile once more, for another to observe.
+#[inline(never)]
+fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
+    plainly(FillTile::<false, Plainly, i64, Ranges> { host: Plainly, shared, part, tile: &mut Box::default(), probe });
+}
+
+impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for FillTile<'_, SIMPLE_FITS, H, L, P> {
+    type Output = Resolved;
+
+    #[inline(always)]
+    fn run<AnyLanes: Lanes>(mut self) -> Resolved {
+        self.tile.clear();
+        let mut outcomes = Outcomes::default();
+        let mut span = raster::Span::default();
+        for splats in self.part.splats.chunks(Self::AT_A_TIME) {
+            self.splats::<AnyLanes>(splats, &mut span, &mut outcomes);
+        }
+        self.resolve(outcomes)
+    }
+}
+
+impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SIMPLE_FITS, H, L, P> {
+    /// Splats, and fragments, that are worked on side by side.
+    const AT_A_TIME: usize = if P::TRANSFERS { 1 } else { LANES };
+
+    /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
+    #[inline(always)]
+    fn splats<V: Lanes>(&mut self, splats: &[u32], span: &mut raster::Span, outcomes: &mut Outcomes) {
+        let Shared { machine, frame, setup, .. } = self.shared;
+        let size_px = [frame.width, frame.height];
+        let cutoff = machine.raster.cutoff(frame.view.cutoff);
+        // Beyond the last splat, the last again: a lane that nobody looks at.
+        let record: [&SetupRecord; LANES] = std::array::from_fn(|lane| setup.splat(splats[lane.min(splats.len() - 1)]));
+        let inputs = record.map(|splat| &splat.raster);
+        let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
+        let walks = machine.raster.enter::<V, P>(size_px, self.part.corner, &inputs, tap);
+        for lane in 0..splats.len().min(LANES) {
+            let tap = &mut Tap::new(&mut *self.probe);
+            machine.raster.span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap);
+            if P::WORK {
+                let (rows, left) = walks.part(lane);
+                tap.probe.span(rows, left, span.all());
+            }
+            if P::TRANSFERS {
+                tap.probe.walked(record[lane].splat);
+            }
+            let mut first = 0;
+            while first < span.fragments() {
+                self.contribute::<V>(record[lane], (&walks, lane), span, first, outcomes);
+                first += Self::AT_A_TIME;
+            }
+        }
+    }
+
+    /// Gauss and fragment: up to eight of a span's fragments.
+    #[inline(always)]
+    fn contribute<V: Lanes>(
+        &mut self,
+        record: &SetupRecord,
+        (walks, lane): (&raster::Walks, usize),
+        span: &raster::Span,
+        first: usize,
+        outcomes: &mut Outcomes,
+    ) {
+        let Shared { machine, lights, registers, sheets, .. } = self.shared;
+        let tile = &mut *self.tile;
+        let count = (span.fragments() - first).min(Self::AT_A_TIME);
+        let tap = &mut Tap::new(&mut *self.probe).first(count);
+        let places = span.places(first);
+        let [radial, depth] = machine.raster.fragments::<V>(walks, lane, span, places);
+        let [radial_index, weight] = machine.gauss.lanes::<SIMPLE_FITS, V, P>(radial, i64::from(record.amplitude), tap);
+        let pixels = walks.pixels(lane, places);
+        if P::TRANSFERS {
+            let [x, y] = self.part.pixel(pixels[0]);
+            let splat = record.splat;
+            let [radial, depth, weight] = [radial, depth, weight].map(|lanes| lanes.to_array()[0]);
+            tap.probe.weighed(x, y, &Weighed { splat, radial, depth, weight });
+        }
+        // A weight that rounds to 0 makes no fragment: its depth is nobody's.
+        if P::WORDS {
+            tap.live &= weight.above(V::splat(0)).signs();
+        }
+        let least = sheets.map_or(1, |registers| registers.sheets.least_weight.max(1));
+        let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
+        let depth = machine.fragment.depth::<SIMPLE_FITS, V, P>(depth, tap).to_array();
+        let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
+        for lane in 0..count {
+            if weight[lane] < least {
+                if P::WORK {
+                    tap.probe.became(None);
+                }
+                continue;
+            }
+            let pixel = pixels[lane];
+            let decision = match sheets {
+                None => {
+                    let input = fragment::Input {
+                        weight: weight[lane],
+                        depth: depth[lane],
+                        attributes: &record.attributes,
+                        material: &record.material,
+                    };
+                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, &input, &registers, &shade, tap)
+                }
+                // A call of its own, so that surfaces pay nothing for it.
+                Some(registers) => {
+                    self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight: weight[lane], record, registers, tap })
+                }
+            };
+            // Most are accumulated: those are what is left of the contributions in the end.
+            if !matches!(decision, Decision::Accumulated(_)) {
+                outcomes.count(decision);
+            }
+            if P::WORK {
+                // A Gaussian that is blended at once takes no longer than one that is added.
+                let at_once = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat) && decision == Decision::Merged(0, 1);
+                tap.probe.became(Some(if at_once { Decision::Replaced } else { decision }));
+            }
+            if P::DECISIONS {
+                let [x, y] = self.part.pixel(pixel);
+                let contribution =
+                    Contribution { splat: record.splat, radial_index: radial_index[lane], weight: weight[lane], depth: depth[lane] };
+                tap.probe.contribution(x, y, &contribution, decision);
+            }
+        }
+    }
+
+    /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can be counted.
+    #[inline(never)]
+    fn resolve(self, mut outcomes: Outcomes) -> Resolved {
+        let (Shared { machine, frame, lights, sheets, .. }, corner) = (self.shared, self.part.corner);
+        let mut resolved = Resolved { corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
+        let tap = &mut Tap::new(&mut *self.probe);
+        let mut layers = [Layer::default(); MAX_LAYERS];
+        let mut all = 0;
+        for pixel in 0..TILE_AREA {
+            let at = pixel as u8;
+            let live = self.tile.live(at);
+            let [x, y] = self.part.pixel(at);
+            if x >= frame.width || y >= frame.height {
+                if P::WORK {
+                    tap.probe.held(0, 0);
+                }
+                continue;
+            }
+            let live = match sheets {
+                None => {
+                    for (slot, layer) in layers[..live].iter_mut().enumerate() {
+                        *layer = lit_layer(machine, lights, slot, &self.tile.slot(at, slot), tap);
+                    }
+                    live
+                }
+                Some(registers) => {
+                    let composite = machine.fragment.composite(self.tile, at, registers, tap);
+                    layers[0] = composite.map_or(Layer::default(), |Premultiplied { colour, opacity }| Layer {
+                        merged: true,
+                        colour,
+                        opacity,
+                        ..Layer::default()
+                    });
+                    usize::from(composite.is_some())
+                }
+            };
+            if P::WORK {
+                tap.probe.held(live as u8, layers[..live].iter().filter(|layer| !layer.merged).count() as u8);
+            }
+            if P::TRANSFERS {
+                // Of sheets the open one too, which is no layer yet.
+                let open = sheets.is_some_and(|registers| registers.sheets.each == Each::Slice);
+                let held = if open { self.tile.live(at) } else { live };
+                let slots: Vec<Slot> = (0..held).map(|slot| self.tile.slot(at, slot)).collect();
+                tap.probe.holds(x, y, &slots, &layers[..live]);
+            }
+            layers[..live].sort_by_key(|layer| layer.depth);
+            let word = machine.resolve.one(&layers[..live], frame.background, tap);
+            if P::DECISIONS {
+                tap.probe.resolved(x, y, &layers[..live], word);
+            }
+            resolved.frame[pixel] = word.map(|channel| channel as u32);
+            resolved.covered[pixel] = live > 0;
+            let contributions = u64::from(self.tile.contributions(at));
+            all += contributions;
+            outcomes.most_in_a_pixel = outcomes.most_in_a_pixel.max(contributions);
+        }
+        outcomes.accumulated = all - outcomes.total();
+        Resolved { outcomes, ..resolved }
+    }
+}
+
+/// One contribution to a sheet.
+struct ToSheet<'a, 'p, const SIMPLE_FITS: bool, L, P> {
+    machine: &'a Elaborated,
+    tile: &'a mut Tile<L>,
+    pixel: u8,
+    weight: i64,
+    record: &'a SetupRecord,
+    registers: &'a SheetRegisters<'a>,
+    tap: &'a mut Tap<'p, P>,
+}
+
+impl<const SIMPLE_FITS: bool, L: Accumulator, P: Probe> Kernel for ToSheet<'_, '_, SIMPLE_FITS, L, P> {
+    type Output = Decision;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> Decision {
+        let ToSheet { machine, tile, pixel, weight, record, registers, tap } = self;
+        let splat = record.splat;
+        let sheet = match registers.sheets.each {
+            Each::Splat => splat,
+            Each::Slice => registers.sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
+        };
+        let input = SheetInput { sheet, weight, attributes: &record.attributes };
+        machine.fragment.contribute_to_sheet::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, &input, registers, tap)
+    }
+}

@@ -1,0 +1,150 @@
+//! Pipeline: wires the units, the only folder that knows their order.
+//!
+//! ```text
+//! splats ─► project ─► ellipse ─► raster ─► gauss ─► fragment ─► resolve ─► frame
+//!           └──── "setup" ────┘                        └► shade ◄┘
+//! ```
+//! The simulator draws tile by tile, whatever order the modelled machine has: a pixel's result depends on nothing but the
+//! order of its own contributions, which is the order of the splats. Tiles and blocks of splats are shared out to threads.
+//!
+//! Law: `threads_and_watchers_change_no_bit`.
+
+mod elaborate;
+mod fill;
+pub mod ports;
+pub mod real;
+mod set_up;
+mod shading;
+pub mod unit_replay;
+
+pub use elaborate::Elaborated;
+pub use fill::fill;
+pub use set_up::{Setup, SetupRecord, set_up};
+
+use crate::frame::Frame;
+use crate::kernels::host::{Kernel, plainly, vectorised};
+use crate::probe::{DynProbe, Meters, NoProbe, Observer, Probe, Ranges};
+use crate::records::Outcomes;
+use crate::work::{Recorder, Work};
+
+/// Splats that were not drawn, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Culled {
+    /// At or before the near plane.
+    pub near: u64,
+    /// Outside the guard band, or the box misses the picture.
+    pub outside: u64,
+    /// Nothing to see.
+    pub faint: u64,
+    /// Faces away.
+    pub backface: u64,
+}
+
+impl Culled {
+    fn absorb(&mut self, other: &Culled) {
+        self.near += other.near;
+        self.outside += other.outside;
+        self.faint += other.faint;
+        self.backface += other.backface;
+    }
+}
+
+/// A finished frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Drawing {
+    /// Pixels a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// RGBA words (`resolve.frame`), row-major, row 0 on top.
+    pub frame: Vec<[u32; 4]>,
+    /// Whether the pixel has a fragment.
+    pub covered: Vec<bool>,
+    /// Splats that were not drawn.
+    pub culled: Culled,
+    /// Outcomes of the contributions.
+    pub outcomes: Outcomes,
+}
+
+/// Draws a frame.
+pub fn draw<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> Drawing {
+    let setup = set_up(machine, frame, probe);
+    fill(machine, frame, &setup, probe)
+}
+
+/// Draws a frame with no probe. Compiled here, once; what is generic is compiled again by each crate that calls it.
+pub fn draw_unobserved(machine: &Elaborated, frame: &Frame) -> Drawing {
+    fill_unobserved(machine, frame, &set_up_unobserved(machine, frame))
+}
+
+/// [`set_up`] with no probe.
+pub fn set_up_unobserved(machine: &Elaborated, frame: &Frame) -> Setup {
+    set_up(machine, frame, &mut NoProbe)
+}
+
+/// [`fill`] with no probe.
+pub fn fill_unobserved(machine: &Elaborated, frame: &Frame, setup: &Setup) -> Drawing {
+    fill(machine, frame, setup, &mut NoProbe)
+}
+
+/// [`set_up`], metered.
+pub fn set_up_metered(machine: &Elaborated, frame: &Frame, meters: &mut Meters) -> Setup {
+    set_up(machine, frame, meters)
+}
+
+/// [`fill`], metered.
+pub fn fill_metered(machine: &Elaborated, frame: &Frame, setup: &Setup, meters: &mut Meters) -> Drawing {
+    fill(machine, frame, setup, meters)
+}
+
+/// Draws a frame and records the work.
+pub fn draw_recorded(machine: &Elaborated, frame: &Frame) -> (Drawing, Work) {
+    let mut recorder = Recorder::default();
+    let setup = set_up_recorded(machine, frame, &mut recorder);
+    let drawing = fill_recorded(machine, frame, &setup, &mut recorder);
+    (drawing, recorder.work(frame.width, frame.height))
+}
+
+/// [`set_up`], recorded.
+pub fn set_up_recorded(machine: &Elaborated, frame: &Frame, recorder: &mut Recorder) -> Setup {
+    set_up(machine, frame, recorder)
+}
+
+/// [`fill`], recorded.
+pub fn fill_recorded(machine: &Elaborated, frame: &Frame, setup: &Setup, recorder: &mut Recorder) -> Drawing {
+    fill(machine, frame, setup, recorder)
+}
+
+/// Draws a frame and tells an observer every decision, tile by tile.
+pub fn draw_with_decisions<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn Observer<'w>) -> Drawing {
+    draw(machine, frame, &mut DynProbe::<false>::new(observer))
+}
+
+/// Draws a frame and tells an observer everything, transfer by transfer.
+pub fn draw_observed<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn Observer<'w>) -> Drawing {
+    let setup = set_up_observed(machine, frame, observer);
+    fill_observed(machine, frame, &setup, observer)
+}
+
+/// [`set_up`], telling a observer everything.
+pub fn set_up_observed<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn Observer<'w>) -> Setup {
+    set_up(machine, frame, &mut DynProbe::<true>::new(observer))
+}
+
+/// [`fill`], telling a observer everything.
+pub fn fill_observed<'w>(machine: &Elaborated, frame: &Frame, setup: &Setup, observer: &mut dyn Observer<'w>) -> Drawing {
+    fill(machine, frame, setup, &mut DynProbe::<true>::new(observer))
+}
+
+/// Draws a frame and tells the range of every signal.
+pub fn draw_ranged(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges) {
+    let mut meters = Meters::new(&machine.signals);
+    let setup = set_up_metered(machine, frame, &mut meters);
+    let drawing = fill_metered(machine, frame, &setup, &mut meters);
+    (drawing, meters.ranges())
+}
+
+/// Does a probe's work: the branch that is not taken is not compiled either.
+fn run<P: Probe, K: Kernel>(kernel: K) -> K::Output {
+    if P::QUICK { vectorised(kernel) } else { plainly(kernel) }
+}

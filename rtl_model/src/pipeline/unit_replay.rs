@@ -1,0 +1,287 @@
+//! Unit replay: drives one unit by itself, records in and records out, as its twin in hardware sees it.
+//!
+//! Words and order of a record are those of [`ports`](crate::pipeline::ports). The pipeline is not here: what one unit makes reaches no other.
+//!
+//! Laws: `a_trace_replays_through_the_units` (tests/trace.rs of the bench).
+
+use super::Elaborated;
+use super::set_up::{ellipse_words, projected_words};
+use super::shading::{emitted, emitting};
+use crate::frame::{self, Each, Frame, View};
+use crate::functions::reciprocal::Scientific;
+use crate::kernels::{Path, Tile};
+use crate::num::lanes::Plain;
+use crate::num::words::PlainWords;
+use crate::num::{LANES, Lanes, Words};
+use crate::probe::{Observer, Probe, Tap};
+use crate::records::{
+    Contribution, Decision, DiscIn, EllipsoidIn, FragmentIn, GaussIn, Held, Layer, PROJECTED, Premultiplied, RasterIn, RasterOut, SET_UP,
+    SheetIn, Slot, TILE_AREA, TILE_PX,
+};
+use crate::units::ellipse::ellipsoid::Axes;
+use crate::units::fragment::sheets::{SheetInput, SheetRegisters};
+use crate::units::fragment::{self, FragmentRegisters};
+use crate::units::{ellipse, raster, shade};
+
+type DynProbe<'a, 'w> = crate::probe::DynProbe<'a, 'w, true>;
+type Plainly = Path<false, Plain, i64>;
+
+fn all(word: i64) -> PlainWords {
+    PlainWords::splat(word)
+}
+
+fn narrow(word: i64) -> i32 {
+    word as i32
+}
+
+/// `project`: a record of `project.in`.
+pub fn project(machine: &Elaborated, view: &View, position: [i64; 3], observer: &mut dyn Observer<'_>) -> [i64; PROJECTED] {
+    let probe = &mut DynProbe::new(observer);
+    let tap = &mut Tap::new(probe).first(1);
+    projected_words(&machine.project.lanes(view, position.map(all), tap))
+}
+
+/// `ellipse`: a record of `ellipse.in`, in a picture of this size.
+pub fn ellipse(
+    machine: &Elaborated,
+    view: &View,
+    size_px: [u32; 2],
+    input: [i64; DiscIn::WORDS],
+    observer: &mut dyn Observer<'_>,
+) -> [i64; SET_UP] {
+    let i = DiscIn::from_words(input).map(all);
+    let input = ellipse::Input {
+        normal: [i.normal_x, i.normal_y, i.normal_z],
+        radius: i.radius,
+        forward: i.forward,
+        exponent: i.exponent,
+        inverse_depth: Scientific { mantissa: i.inverse_depth, exponent: i.inverse_depth_exponent },
+        slope: [i.slope_x, i.slope_y],
+        pixel: [i.pixel_x, i.pixel_y],
+    };
+    let probe = &mut DynProbe::new(observer);
+    let tap = &mut Tap::new(probe).first(1);
+    ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
+}
+
+/// `ellipse` of ellipsoids: a record of `ellipse.in`, in a frame of them; none where the frame or the machine has none.
+pub fn ellipsoid(
+    machine: &Elaborated,
+    frame: &Frame,
+    input: [i64; EllipsoidIn::WORDS],
+    observer: &mut dyn Observer<'_>,
+) -> Option<[i64; SET_UP]> {
+    let i = EllipsoidIn::from_words(input).map(all);
+    let ellipsoids = frame.ellipsoids.as_ref()?;
+    let input = ellipse::Input {
+        normal: [i.normal_x, i.normal_y, i.normal_z],
+        radius: i.radius,
+        forward: i.forward,
+        exponent: i.exponent,
+        inverse_depth: Scientific { mantissa: i.inverse_depth, exponent: i.inverse_depth_exponent },
+        slope: [i.slope_x, i.slope_y],
+        pixel: [i.pixel_x, i.pixel_y],
+    };
+    let axes = if ellipsoids.own.is_empty() {
+        Axes::Frame
+    } else {
+        let quaternion = [i.quaternion_w, i.quaternion_x, i.quaternion_y, i.quaternion_z];
+        Axes::Own(quaternion, [i.scale_0, i.scale_1, i.scale_2])
+    };
+    let probe = &mut DynProbe::new(observer);
+    let tap = &mut Tap::new(probe).first(1);
+    let size_px = [frame.width, frame.height];
+    machine.ellipse.ellipsoids(&frame.view, &ellipsoids.kernel, size_px, &input, axes, i.opacity, tap).map(|output| ellipse_words(&output))
+}
+
+/// Request that a splat with this colour, normal and material sends to `shade` before it is drawn: `ellipse.request`.
+pub fn emission(machine: &Elaborated, rgb: [i64; 3], normal: [i64; 3], material: u32, observer: &mut dyn Observer<'_>) -> shade::Input {
+    emitting(machine, rgb.map(narrow), normal.map(narrow), material, &mut Tap::new(&mut DynProbe::new(observer)))
+}
+
+/// The colour that a splat has after that, of the light in `ellipse.answer`.
+pub fn emitted_colour(machine: &Elaborated, light: [i64; 3], observer: &mut dyn Observer<'_>) -> [i64; 3] {
+    emitted(machine, light, &mut Tap::new(&mut DynProbe::new(observer))).map(i64::from)
+}
+
+/// `sort`: depths in the order of `sort.in`; of each record of `sort.out` which of them it is, and its key. None where the machine has no
+/// sort.
+pub fn sort(machine: &Elaborated, depths: &[i64], observer: &mut dyn Observer<'_>) -> Option<Vec<(usize, i64)>> {
+    let key = machine.sort.as_ref()?;
+    let probe = &mut DynProbe::new(observer);
+    let tap = &mut Tap::new(probe);
+    let mut keyed: Vec<(usize, i64)> = depths.iter().enumerate().map(|(nth, depth)| (nth, tap.fit_one(key, *depth))).collect();
+    keyed.sort_by_key(|(_, key)| *key);
+    Some(keyed)
+}
+
+/// `raster`: a record of `raster.in` without its tag; column, row, radial index and depth of each fragment, row by row.
+pub fn raster(
+    machine: &Elaborated,
+    view: &View,
+    size_px: [u32; 2],
+    input: [i64; RasterIn::WORDS],
+    observer: &mut dyn Observer<'_>,
+) -> Vec<[i64; RasterOut::WORDS]> {
+    let record = RasterIn::from_words(input);
+    let RasterIn { first_column: left, last_column: right, first_row: top, last_row: bottom, .. } = record;
+    let side = |first: i64, last: i64| [first as u16, last as u16];
+    let i = record.map(narrow);
+    let input = raster::Input {
+        pixel: [i.pixel_x, i.pixel_y],
+        conic: [i.conic_xx, i.conic_xy, i.conic_yy],
+        depth: i.depth,
+        depth_slope: [i.depth_slope_x, i.depth_slope_y],
+        depth_range: i.depth_range,
+        columns: side(left, right),
+        rows: side(top, bottom),
+    };
+    let cutoff = machine.raster.cutoff(view.cutoff);
+    let tile = TILE_PX as i64;
+    let mut fragments = Vec::new();
+    for row in top / tile..=bottom / tile {
+        for column in left / tile..=right / tile {
+            let corner = [(column * tile) as u16, (row * tile) as u16];
+            let mut span = raster::Span::default();
+            let walks = machine.raster.enter::<Plain, DynProbe>(
+                size_px,
+                corner,
+                &[&input; LANES],
+                &mut Tap::new(&mut DynProbe::new(observer)).first(1),
+            );
+            machine.raster.span::<Plain, DynProbe>(
+                size_px,
+                &walks,
+                0,
+                &input,
+                cutoff,
+                &mut span,
+                &mut Tap::new(&mut DynProbe::new(observer)),
+            );
+            for first in 0..span.fragments() {
+                let places = span.places(first);
+                let [radial, depth] = machine.raster.fragments::<Plain>(&walks, 0, &span, places).map(|lanes| lanes.to_array()[0]);
+                let pixel = i64::from(walks.pixels(0, places)[0]);
+                let made = RasterOut { x: column * tile + pixel % tile, y: row * tile + pixel / tile, radial, depth };
+                fragments.push(made.into_words());
+            }
+        }
+    }
+    fragments.sort_unstable_by_key(|[x, y, ..]| [*y, *x]);
+    fragments
+}
+
+/// `gauss`: a record of `gauss.in`; its weight.
+pub fn gauss(machine: &Elaborated, input: [i64; GaussIn::WORDS], observer: &mut dyn Observer<'_>) -> i64 {
+    let GaussIn { radial, amplitude } = GaussIn::from_words(input);
+    let probe = &mut DynProbe::new(observer);
+    let tap = &mut Tap::new(probe).first(1);
+    let [_, weight] = machine.gauss.lanes::<false, Plain, DynProbe>(Plain::splat(radial), amplitude, tap);
+    weight.to_array()[0]
+}
+
+/// `shade`: one fragment, with the lights and materials of a frame.
+pub fn shade(machine: &Elaborated, frame: &Frame, input: &shade::Input, observer: &mut dyn Observer<'_>) -> shade::Output {
+    let highlights = machine.shade.highlights(&frame.lighting);
+    machine.shade.one(&shade::LightRegisters::of(frame, &highlights), input, &mut Tap::new(&mut DynProbe::new(observer)))
+}
+
+/// `resolve`: the layers of a pixel, front to back; its frame word.
+pub fn resolve(machine: &Elaborated, frame: &Frame, layers: &[Layer], observer: &mut dyn Observer<'_>) -> [i64; 4] {
+    machine.resolve.one(layers, frame.background, &mut Tap::new(&mut DynProbe::new(observer)))
+}
+
+/// `fragment`, with pixels of one tile.
+pub struct Fragments<'a> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    tile: Box<Tile<i64>>,
+}
+
+impl<'a> Fragments<'a> {
+    /// All pixels empty.
+    pub fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
+        Fragments { machine, frame, tile: Box::default() }
+    }
+
+    /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
+    pub fn take(
+        &mut self,
+        input: [i64; FragmentIn::WORDS],
+        mut answer: impl FnMut(&Slot) -> Premultiplied,
+        observer: &mut dyn Observer<'_>,
+    ) -> Decision {
+        let FragmentIn { x, y, weight, depth: exact_depth, red, green, blue, opacity, normal_x, normal_y, normal_z, material } =
+            FragmentIn::from_words(input);
+        let registers = FragmentRegisters { z_threshold: self.frame.z_threshold, coverage_threshold: self.frame.coverage_threshold };
+        let attributes = [1, red, green, blue, opacity, normal_x, normal_y, normal_z].map(narrow);
+        let unit = &self.machine.fragment;
+        let depth = unit
+            .depth::<false, Plain, DynProbe>(Plain::splat(exact_depth), &mut Tap::new(&mut DynProbe::new(observer)).first(1))
+            .to_array()[0];
+        let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
+        let answers = std::cell::RefCell::new(&mut answer);
+        let shade = |slot: &Slot, _: &mut Tap<DynProbe>| (answers.borrow_mut())(slot);
+        let probe = &mut DynProbe::new(observer);
+        let tap = &mut Tap::new(probe);
+        let material = material as u32;
+        let input = fragment::Input { weight, depth, attributes: &attributes, material: &material };
+        let decision = unit.contribute::<Plainly, DynProbe>(&mut self.tile, pixel, &input, &registers, shade, tap);
+        let contribution = Contribution { splat: 0, radial_index: 0, weight, depth };
+        tap.probe.contribution(x as u32, y as u32, &contribution, decision);
+        decision
+    }
+
+    /// Fragments that a pixel of the tile holds, slot by slot.
+    pub fn held(&self, pixel: usize) -> Vec<Slot> {
+        let at = (pixel % TILE_AREA) as u8;
+        (0..self.tile.live(at)).map(|slot| self.tile.slot(at, slot)).collect()
+    }
+
+    /// Light that a shaded fragment is read as.
+    pub fn lit(&self, slot: &Slot, observer: &mut dyn Observer<'_>) -> Premultiplied {
+        self.machine.fragment.shaded(slot, &mut Tap::new(&mut DynProbe::new(observer)))
+    }
+}
+
+/// `fragment` with sheets, with pixels of one tile.
+#[derive(Clone)]
+pub struct Sheets<'a> {
+    machine: &'a Elaborated,
+    registers: SheetRegisters<'a>,
+    tile: Box<Tile<i64>>,
+}
+
+impl<'a> Sheets<'a> {
+    /// All pixels empty.
+    pub fn new(machine: &'a Elaborated, sheets: &'a frame::Sheets) -> Self {
+        Sheets { machine, registers: machine.fragment.sheets(sheets), tile: Box::default() }
+    }
+
+    /// Takes a record of `fragment.in` whose pixel lies in the tile.
+    pub fn take(&mut self, input: [i64; SheetIn::WORDS], observer: &mut dyn Observer<'_>) -> Decision {
+        let SheetIn { x, y, weight, sheet, red, green, blue } = SheetIn::from_words(input);
+        let attributes = [1, red, green, blue, 0, 0, 0, 0].map(narrow);
+        let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
+        let probe = &mut DynProbe::new(observer);
+        let tap = &mut Tap::new(probe);
+        let unit = &self.machine.fragment;
+        let input = SheetInput { sheet: sheet as u32, weight, attributes: &attributes };
+        unit.contribute_to_sheet::<Plainly, DynProbe>(&mut self.tile, pixel, &input, &self.registers, tap)
+    }
+
+    /// Sheets that a pixel of the tile holds; none where nothing came.
+    pub fn held(&self, pixel: usize) -> Option<Held> {
+        let at = (pixel % TILE_AREA) as u8;
+        // Where each splat is a sheet none is ever open.
+        let open = self.registers.sheets.each == Each::Slice;
+        let slots: Vec<Slot> = (0..self.tile.live(at).min(1 + usize::from(open))).map(|slot| self.tile.slot(at, slot)).collect();
+        (!slots.is_empty()).then(|| Held::of(&slots))
+    }
+
+    /// Light that its sheets come to.
+    pub fn lit(&self, pixel: usize, observer: &mut dyn Observer<'_>) -> Option<Premultiplied> {
+        let at = (pixel % TILE_AREA) as u8;
+        self.machine.fragment.composite(&self.tile, at, &self.registers, &mut Tap::new(&mut DynProbe::new(observer)))
+    }
+}

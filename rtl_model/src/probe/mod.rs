@@ -1,0 +1,341 @@
+//! Probe: what may be watched while the machine draws. It does nothing by default and then costs nothing.
+//!
+//! Units hand every fitted word and every decision to a [`Tap`]; with [`NoProbe`] the compiler removes all of it.
+//! Parts of a frame are watched by forks of a probe; absorbing forks is associative, so threads cannot change a count.
+//!
+//! A probe observes words one by one, or ([`Probe::EIGHT`]) eight at a time without what was lost; then it may ask for an item of work, eight
+//! splats or a tile, once [more](Probe::resample), to observe all.
+
+mod meters;
+mod observer;
+mod ranges;
+mod recorder;
+
+pub use meters::Meters;
+pub use observer::{DynProbe, Observer};
+pub use ranges::{BINS, Range, Ranges};
+
+use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
+use crate::records::{Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed};
+
+/// A probe of the machine.
+pub trait Probe: Send + Sync + Sized {
+    /// Whether words are wanted: if not, the compiler drops the calls.
+    const WORDS: bool;
+    /// Whether words are wanted without their exact results, and eight at a time, where that can be done.
+    const EIGHT: bool = false;
+    /// Whether contributions and resolved pixels are wanted.
+    const DECISIONS: bool;
+    /// Whether its frames are worth vector instructions and paths of their own for common machines: quick to draw, slow to compile.
+    const QUICK: bool = false;
+
+    /// Whether work is wanted: what became of splats, rows, contributions and pixels.
+    const WORK: bool = false;
+    /// Whether transfers are wanted, record by record as in [`ports`](crate::pipeline::ports). The machine then takes one item at a time, and what
+    /// is observed of words between two transfers belongs to the second.
+    const TRANSFERS: bool = false;
+
+    /// A fresh probe of the same kind, for another part of the frame.
+    fn fork(&self) -> Self;
+    /// Takes over what a fork saw.
+    fn absorb(&mut self, fork: Self);
+    /// `exact` (with `more` fraction bits than elaborated) became `word` at `fit.signal`.
+    fn word(&mut self, _fit: &Fit, _exact: i64, _more: i64, _word: i64) {}
+    /// This became a word of a signal, and met no limit.
+    #[inline(always)]
+    fn one(&mut self, _signal: usize, _word: i64) {}
+    /// These became words of a signal, as far as they are `live` (a lane a bit).
+    #[inline(always)]
+    fn eight<W: Words>(&mut self, _signal: usize, _seen: Seen<W>, _live: u8) {}
+    /// [`Probe::eight`] for words of up to 48 bits, and which of them met a limit.
+    #[inline(always)]
+    fn wide(&mut self, _signal: usize, _words: [i64; LANES], _limited: u8, _live: u8) {}
+    /// These three became words of a signal, and met no limit.
+    #[inline(always)]
+    fn three(&mut self, _signal: usize, _words: [i64; 3]) {}
+    /// These became the eight sums of a fragment, in the order of their signals.
+    #[inline(always)]
+    fn sums<W: Words>(&mut self, _seen: Seen<W>) {}
+    /// A register outran its format and wrapped.
+    fn wrapped(&mut self, _signal: usize) {}
+    /// A register of a signal was to hold all from the first to the second on its way, which are no words of their own.
+    fn reached(&mut self, _signal: usize, _results: [i64; 2]) {}
+    /// All words of an item of work have been observed, of the first or another of so many of its kind in the frame: who, if any, is to
+    /// observe them all once more, one by one.
+    #[inline(always)]
+    fn resample(&mut self, _item: usize, _of: usize) -> Option<&mut Ranges> {
+        None
+    }
+    /// A splat contributed to pixel (x, y), and this became of it.
+    fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
+    /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
+    fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
+    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`](crate::work::CULLED), the first in the last
+    /// place.
+    fn culled(&mut self, _first: u32, _lanes: [u8; 5]) {}
+    /// A splat has a box: its first and last column and row.
+    #[inline(always)]
+    fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
+    /// All splats with a box have been observed; they are drawn in this order, each by its place among them.
+    fn sorted(&mut self, _order: Vec<u32>) {}
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
+    fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool) {}
+    /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade was observed before.
+    fn emitted(&mut self, _splat: u32, _rgb: [i32; 3]) {}
+    /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
+    #[inline(always)]
+    fn span(&mut self, _rows: usize, _left: usize, _places: &[u8]) {}
+    /// The next place had this outcome; none where its weight rounds to 0.
+    #[inline(always)]
+    fn became(&mut self, _decision: Option<Decision>) {}
+    /// A fragment is shaded so that it can merge.
+    fn shaded(&mut self) {}
+    /// The next pixel of a tile ends with so many fragments, of which so many are left to shade.
+    #[inline(always)]
+    fn held(&mut self, _fragments: u8, _shades: u8) {}
+    /// A splat left setup with these words: those of `project.out` and of `ellipse.out`, masked by nothing yet.
+    fn set_up(&mut self, _splat: u32, _project: [i64; PROJECTED], _ellipse: [i64; SET_UP]) {}
+    /// The raster has walked a splat's part of a tile.
+    fn walked(&mut self, _splat: u32) {}
+    /// A splat's fragment at pixel (x, y) left raster and gauss.
+    fn weighed(&mut self, _x: u32, _y: u32, _weighed: &Weighed) {}
+    /// A fragment enters shade, from merging or from resolving; what is observed from here on is shade's.
+    fn shade_in(&mut self) {}
+    /// It left shade.
+    fn shade_out(&mut self, _input: &ShadeInput, _output: &ShadeOutput) {}
+    /// Pixel (x, y) holds these fragments in the end, slot by slot; the light of each beside it. Of sheets: what has been blended, then the
+    /// open one; beside it the light of all together.
+    fn holds(&mut self, _x: u32, _y: u32, _slots: &[Slot], _layers: &[Layer]) {}
+    /// The tile whose first pixel is (x, y) is done: all of it has been observed.
+    fn tile(&mut self, _x: u32, _y: u32) {}
+}
+
+/// No probe: nothing is observed.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoProbe;
+
+impl Probe for NoProbe {
+    const QUICK: bool = true;
+    const WORDS: bool = false;
+    const DECISIONS: bool = false;
+    fn fork(&self) -> Self {
+        NoProbe
+    }
+    fn absorb(&mut self, _fork: Self) {}
+}
+
+/// A unit's connection to the probe: every fit passes through it.
+#[derive(Debug)]
+pub struct Tap<'a, P> {
+    /// The probe.
+    pub probe: &'a mut P,
+    /// Lanes that carry a live item, the first in the last place; the others are not shown to the probe.
+    pub live: u8,
+}
+
+impl<'a, P: Probe> Tap<'a, P> {
+    /// A tap for one item at a time.
+    #[inline(always)]
+    pub fn new(probe: &'a mut P) -> Self {
+        Tap { probe, live: u8::MAX }
+    }
+
+    /// Shows the probe only the first so many lanes.
+    #[inline(always)]
+    pub fn first(self, lanes: usize) -> Self {
+        Tap { live: ((1 << lanes.min(LANES)) - 1) as u8, ..self }
+    }
+
+    /// Shows the probe no more of the lanes where the condition holds.
+    #[inline(always)]
+    pub fn drop_where<W: Words>(&mut self, condition: W) {
+        if P::WORDS {
+            self.live &= !condition.signs();
+        }
+    }
+
+    /// Fits one result.
+    #[inline(always)]
+    pub fn fit_one(&mut self, fit: &Fit, exact: i64) -> i64 {
+        if P::EIGHT
+            && let Some(word) = fit.one_within(exact)
+        {
+            self.probe.one(fit.signal, word);
+            return word;
+        }
+        let word = fit.one(exact);
+        if P::WORDS {
+            self.probe.word(fit, exact, 0, word);
+        }
+        word
+    }
+
+    /// Fits three results.
+    #[inline(always)]
+    pub fn fit_three(&mut self, fit: &Fit, exact: [i64; 3]) -> [i64; 3] {
+        if P::EIGHT
+            && let Some(words) = fit.three_within(exact)
+        {
+            self.probe.three(fit.signal, words);
+            return words;
+        }
+        three!(i => self.fit_one(fit, exact[i]))
+    }
+
+    /// Fits three results that have `more` fraction bits than was elaborated.
+    #[inline(always)]
+    pub fn fit_three_shifted(&mut self, fit: &Fit, exact: [i64; 3], more: i64) -> [i64; 3] {
+        if P::EIGHT
+            && let Some(words) = fit.three_shifted_within(exact, more)
+        {
+            self.probe.three(fit.signal, words);
+            return words;
+        }
+        three!(i => self.fit_one_shifted(fit, exact[i], more))
+    }
+
+    /// Fits one result that has `more` fraction bits than was elaborated.
+    #[inline(always)]
+    pub fn fit_one_shifted(&mut self, fit: &Fit, exact: i64, more: i64) -> i64 {
+        if P::EIGHT
+            && let Some(word) = fit.one_shifted_within(exact, more)
+        {
+            self.probe.one(fit.signal, word);
+            return word;
+        }
+        let word = fit.one_shifted(exact, more);
+        if P::WORDS {
+            self.probe.word(fit, exact, more, word);
+        }
+        word
+    }
+
+    /// Fits eight results.
+    #[inline(always)]
+    pub fn fit<L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        if P::WORDS { self.observe_lanes::<false, L>(fit, exact) } else { fit.lanes(exact) }
+    }
+
+    /// Fits eight results into registers that wrap.
+    #[inline(always)]
+    pub fn fit_register<L: Lanes>(&mut self, fit: &Fit, register: Register, exact: L) -> L {
+        let result = fit.lanes_register(exact);
+        let held = register.hold(result);
+        if P::WORDS {
+            let word = register.read_lanes(held);
+            if P::EIGHT && fit.is_register() {
+                let limited = (result.above(word) | word.above(result)).signs();
+                if fit.word.format.width() < 32 {
+                    self.probe.eight(fit.signal, Seen { words: word.low(), limited }, self.live);
+                } else {
+                    self.probe.wide(fit.signal, word.to_array(), limited, self.live);
+                }
+            } else {
+                self.report(*fit, exact.to_array(), [0; LANES], word.to_array());
+            }
+        }
+        held
+    }
+
+    /// Fits eight results of which none is negative, into a word without a sign ([`Fit::lanes_unsigned`]).
+    #[inline(always)]
+    pub fn fit_unsigned<const SIMPLE_FITS: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        if P::WORDS { self.observe_lanes::<true, L>(fit, exact) } else { fit.lanes_unsigned::<SIMPLE_FITS, L>(exact) }
+    }
+
+    /// [`Tap::fit_unsigned`] where the word is known to reach all results.
+    #[inline(always)]
+    pub fn fit_within<const SIMPLE_FITS: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        if P::WORDS { self.observe_lanes::<true, L>(fit, exact) } else { fit.lanes_within::<SIMPLE_FITS, L>(exact) }
+    }
+
+    #[inline(always)]
+    fn observe_lanes<const UNSIGNED: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
+        if P::EIGHT
+            && let Some((words, limited)) = fit.lanes_seen::<UNSIGNED, L>(exact)
+        {
+            if fit.is_short() {
+                self.probe.eight(fit.signal, Seen { words: words.low(), limited }, self.live);
+            } else {
+                self.probe.wide(fit.signal, words.to_array(), limited, self.live);
+            }
+            return words;
+        }
+        L::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES]))
+    }
+
+    /// Fits eight results into words of at most 32 bits.
+    #[inline(always)]
+    pub fn fit_words<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
+        if P::WORDS { self.observe_words(fit, exact, if P::EIGHT { fit.words_seen(exact) } else { None }) } else { fit.words(exact) }
+    }
+
+    /// Fits eight results that a normaliser has shifted to the top of their 62 bits into words of at most 32 bits.
+    #[inline(always)]
+    pub fn fit_top<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
+        if P::WORDS { self.observe_words(fit, exact, if P::EIGHT { fit.top_seen(exact) } else { None }) } else { fit.top(exact) }
+    }
+
+    #[inline(always)]
+    fn observe_words<X: Exacts>(&mut self, fit: &Fit, exact: X, seen: Option<Seen<X::Words>>) -> X::Words {
+        let Some(seen) = seen else {
+            return X::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES])).low();
+        };
+        self.probe.eight(fit.signal, seen, self.live);
+        seen.words
+    }
+
+    /// Fits eight results into words that may have more than 32 bits.
+    #[inline(always)]
+    pub fn fit_wide<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X {
+        if P::EIGHT
+            && let Some((words, limited)) = fit.wide_seen(exact)
+        {
+            if fit.is_short() {
+                self.probe.eight(fit.signal, Seen { words: words.low(), limited }, self.live);
+            } else {
+                self.probe.wide(fit.signal, words.to_array(), limited, self.live);
+            }
+            return words;
+        }
+        if P::WORDS { X::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES])) } else { fit.wide(exact) }
+    }
+
+    /// Fits eight results, each with `more` fraction bits than was elaborated, into words of at most 32 bits.
+    #[inline(always)]
+    pub fn fit_shifted<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words) -> X::Words {
+        if P::EIGHT
+            && let Some(seen) = fit.shifted_seen(exact, more)
+        {
+            self.probe.eight(fit.signal, seen, self.live);
+            return seen.words;
+        }
+        if P::WORDS {
+            X::from_array(self.observe_one_by_one(*fit, exact.to_array(), more.exact().to_array())).low()
+        } else {
+            fit.words_shifted(exact, more)
+        }
+    }
+
+    /// Fits eight results one by one and reports what is live: the long way of all that is watched. Of a copy, as in `num::fit`.
+    #[cold]
+    #[inline(never)]
+    fn observe_one_by_one(&mut self, fit: Fit, exact: [i64; LANES], more: [i64; LANES]) -> [i64; LANES] {
+        let mut words = exact;
+        for (word, more) in words.iter_mut().zip(more) {
+            *word = fit.one_shifted(*word, more);
+        }
+        self.report(fit, exact, more, words);
+        words
+    }
+
+    #[inline(never)]
+    fn report(&mut self, fit: Fit, exact: [i64; LANES], more: [i64; LANES], words: [i64; LANES]) {
+        for lane in (0..LANES).filter(|lane| self.live & (1 << lane) != 0) {
+            self.probe.word(&fit, exact[lane], more[lane], words[lane]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

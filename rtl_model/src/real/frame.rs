@@ -1,0 +1,73 @@
+//! What the machine is given, over the reals: the exact number of each register and record, and the word in its place.
+
+use crate::frame::Amplitude;
+
+/// One splat, in machine units.
+#[derive(Clone, Copy, Debug)]
+pub struct Splat<R> {
+    /// Centre.
+    pub position: [R; 3],
+    /// Normal, world axes.
+    pub normal: [R; 3],
+    /// σ.
+    pub radius: R,
+    /// Colour.
+    pub rgb: [R; 3],
+    /// α.
+    pub opacity: R,
+}
+
+/// The viewing registers, in machine units and pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct View<R> {
+    /// Rows right, down, forward.
+    pub rotation: [[R; 3]; 3],
+    /// The eye.
+    pub eye: [R; 3],
+    /// Depth at or below which splats are culled.
+    pub near: R,
+    /// Greatest |a| and |b|.
+    pub guard: [R; 2],
+    /// s.
+    pub focal: R,
+    /// 1/s.
+    pub inverse_focal: R,
+    /// Variance of the low-pass filter.
+    pub low_pass: R,
+    /// Cutoff.
+    pub cutoff: R,
+    /// √cutoff.
+    pub root_cutoff: R,
+    /// 1/2π.
+    pub inverse_two_pi: R,
+}
+
+/// Axes that make an ellipsoid of a splat.
+#[derive(Clone, Copy, Debug)]
+pub struct Ellipsoid<R> {
+    /// Meaning of its amplitude.
+    pub amplitude: Amplitude,
+    /// Greatest |a| and |b| in the Jacobian.
+    pub jacobian: [R; 2],
+    /// Its axes.
+    pub orientation: Orientation<R>,
+}
+
+/// Principal axes, and standard deviations relative to σ.
+#[derive(Clone, Copy, Debug)]
+pub enum Orientation<R> {
+    /// The splat's own.
+    Own {
+        /// w, x, y, z.
+        quaternion: [R; 4],
+        /// Along each axis.
+        scales: [R; 3],
+    },
+    /// The frame's, in camera space.
+    Frame {
+        /// Unit vectors.
+        axes: [[R; 3]; 3],
+        /// Along each axis.
+        scales: [R; 3],
+    },
+}

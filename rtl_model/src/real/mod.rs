@@ -1,0 +1,434 @@
+//! Real: the machine's steps over real numbers, so that what each step loses can be bounded, or made on purpose.
+//!
+//! ```text
+//! exact scene ─► [ the same unit, over the reals ] ─► the exact result, and how far the machine's may lie from it
+//! ```
+//! A unit's `real.rs` walks its diagram once more, with a [`Real`] on every wire. [`Near`] carries a value and a bound: a
+//! sum's bounds add up, a product's are weighed by the other factor, and the one lossy act adds what its format loses. So a
+//! unit's error bound is a function of its formats, derived step by step from the very diagram that the machine follows, and
+//! it holds whatever is saturated on the way: a limit is an interval's end like any other.
+//!
+//! [`PartialPrecision`] makes only some of the losses, and makes them as the machine does: who is to blame for an error?
+//!
+//! Nothing here is hardware, and no unit's function depends on it. Files called `real.rs`, and what lies below this one, are the only
+//! ones of this crate with floats.
+//!
+//! Laws: `near_holds_every_outcome`, `a_fit_is_within_its_bound`, `a_share_is_within_its_bound`, `a_power_is_within_its_bound`.
+
+pub mod frame;
+mod partial_precision;
+
+pub use crate::num::real::{floor_log2, loss, power_of_two};
+pub use partial_precision::{PartialPrecision, Switches};
+
+use crate::frame::Scaled;
+use crate::functions::table::real::Power;
+use crate::functions::{Reciprocal, ReciprocalRoot, Table};
+use crate::num::{Fit, Overflow, Word};
+use std::cmp::Ordering;
+use std::f64::consts::SQRT_2;
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// Powers of two that a word may be relative to, least and greatest: `value = word · 2^(exponent − frac_bits)`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Scale {
+    /// Least exponent.
+    pub low: i32,
+    /// Greatest exponent.
+    pub high: i32,
+}
+
+impl Scale {
+    /// A word that is what it says.
+    pub const ONE: Scale = Scale { low: 0, high: 0 };
+
+    /// The scale of a product of two words.
+    pub fn times(self, other: Scale) -> Scale {
+        Scale { low: self.low + other.low, high: self.high + other.high }
+    }
+
+    /// The scale of a reciprocal.
+    pub fn inverse(self) -> Scale {
+        Scale { low: -self.high, high: -self.low }
+    }
+
+    /// The scale of an n-th power.
+    pub fn power(self, n: i32) -> Scale {
+        Scale { low: self.low * n, high: self.high * n }
+    }
+
+    /// The same times 2^`places`.
+    pub fn shifted(self, places: i32) -> Scale {
+        Scale { low: self.low + places, high: self.high + places }
+    }
+}
+
+/// A vector of length 1, on three wires.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Direction<R> {
+    /// Its parts, and what each has lost by itself.
+    pub parts: [R; 3],
+    /// Sine of the greatest angle by which the machine's vector was turned before that; 1 or more where it may point anywhere.
+    pub turn: f64,
+}
+
+impl<R: Real> Direction<R> {
+    /// Each part becomes a word.
+    pub fn fit(self, fit: &Fit) -> Self {
+        Direction { parts: self.parts.map(|part| part.fit(fit, Scale::ONE)), ..self }
+    }
+
+    /// The same backwards.
+    pub fn turned_back(self) -> Self {
+        Direction { parts: self.parts.map(R::neg), ..self }
+    }
+}
+
+/// A number on a wire, as exact arithmetic and the machine both understand it.
+pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> {
+    /// A constant that both hold exactly.
+    fn constant(value: f64) -> Self;
+    /// A number that both hold exactly, on a wire of the same machine as this one.
+    fn beside(self, value: f64) -> Self;
+    /// The sum with a constant that both hold exactly.
+    fn plus(self, constant: f64) -> Self;
+    /// The product with a constant that both hold exactly.
+    fn times(self, constant: f64) -> Self;
+    /// The machine's side becomes a word; the exact side stays.
+    fn fit(self, fit: &Fit, scale: Scale) -> Self;
+    /// The machine's side, a number with `frac_bits` fraction bits, becomes a word, by no shift: nothing falls off where that has as many.
+    fn refit(self, frac_bits: i32, fit: &Fit) -> Self;
+    /// A part of `whole`, which a power of two brings to [1, 2) on the machine's side, becomes a word that saturates, by the same power.
+    fn share(self, fit: &Fit, whole: Self) -> Self;
+    /// The same times `whole` and times 1/`whole` by a function unit.
+    fn restored(self, unit: &Reciprocal, whole: Self) -> Self;
+    /// The power of two at or below the machine's magnitude, as a normaliser finds it.
+    fn leading(self) -> Scale;
+    /// Magnitude.
+    fn abs(self) -> Self;
+    /// The greater, of machine and exact side each.
+    fn max(self, other: Self) -> Self;
+    /// The lesser, of machine and exact side each.
+    fn min(self, other: Self) -> Self;
+    /// The machine's side is at least this, a limit that the exact side does not have.
+    fn at_least(self, limit: f64) -> Self;
+    /// The machine's side is at most this, a limit that the exact side does not have.
+    fn at_most(self, limit: f64) -> Self;
+    /// The machine's side is at most a last place below 1, a limit that the exact side does not have.
+    fn below_one(self, fit: &Fit) -> Self;
+    /// The machine's side is at least a last place of the word that it is, a limit that the exact side does not have.
+    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self;
+    /// The machine's side is a last place more than the word that it is.
+    fn a_place_more(self, fit: &Fit) -> Self;
+    /// Branches to what follows where this is at least the limit, and where it is not; machine and exact side each decide for themselves.
+    fn branch<const N: usize>(self, limit: Self, at_least: impl FnOnce() -> [Self; N], below: impl FnOnce() -> [Self; N]) -> [Self; N];
+    /// 1/x of a positive number, by a function unit.
+    fn reciprocal(self, unit: &Reciprocal) -> Self;
+    /// 1/√x of a positive number, by a function unit.
+    fn inverse_root(self, unit: &ReciprocalRoot) -> Self;
+    /// √x of a number that is not negative, by a function unit.
+    fn root(self, unit: &ReciprocalRoot) -> Self;
+    /// The magnitude with the sign of another number, by machine and exact side each.
+    fn with_sign_of(self, other: Self) -> Self;
+    /// A monotone function over [0, `range`) that the machine reads from a table, to within `error` before that is fitted.
+    fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Self;
+    /// x^exponent of a number from 0 to 1, by a table.
+    fn power(self, table: &Power) -> Self;
+    /// |v|.
+    fn length(v: [Self; 3]) -> Self;
+    /// v/|v| of parts of `whole` ([`Real::share`]), by a function unit for 1/√x; of 0 nothing that means anything.
+    fn direction(v: [Self; 3], whole: Self, unit: &ReciprocalRoot) -> Direction<Self>;
+    /// Σ dᵢ·vᵢ.
+    fn dot(direction: &Direction<Self>, v: [Self; 3]) -> Self;
+}
+
+/// A number of the exact pipeline, and how far the machine's may lie from it.
+///
+/// The value may be rounded as f64 rounds: each step widens the bound by that too.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Near {
+    /// The exact number.
+    pub value: f64,
+    /// The machine's differs by at most this: never negative, never NaN, perhaps infinite.
+    pub error: f64,
+}
+
+/// What one operation in f64 may be wrong by, relative to its result; twice, for the bound's own arithmetic.
+const ROUNDING: f64 = f64::EPSILON;
+
+impl Near {
+    /// A number that the machine holds exactly.
+    pub const fn exact(value: f64) -> Self {
+        Near { value, error: 0.0 }
+    }
+
+    /// A number, and a word that the machine holds in its place.
+    pub fn held(value: f64, word: Word, held: i64) -> Self {
+        Near::within(value, word.format.value(held) - value)
+    }
+
+    /// A positive number, and a mantissa of that word and a power of two that the machine holds in its place.
+    pub fn held_scaled(value: f64, word: Word, held: Scaled) -> Self {
+        Near::within(value, word.format.value(held.mantissa) * power_of_two(-held.places as i32) - value)
+    }
+
+    /// A number from which the machine's differs by at most |`error`|.
+    pub fn within(value: f64, error: f64) -> Self {
+        Near { value, error: if error.is_nan() { f64::INFINITY } else { error.abs() * (1.0 + 2.0 * ROUNDING) + value.abs() * ROUNDING } }
+    }
+
+    /// The number of which the machine's side lies in [low, high].
+    fn between(value: f64, low: f64, high: f64) -> Self {
+        Near::within(value, (high - value).max(value - low).max(0.0))
+    }
+
+    /// The least that the machine's side can be.
+    pub fn low(self) -> f64 {
+        self.value - self.error
+    }
+
+    /// The greatest that the machine's side can be.
+    pub fn high(self) -> f64 {
+        self.value + self.error
+    }
+
+    /// The greatest magnitude of either side.
+    pub fn most(self) -> f64 {
+        self.value.abs() + self.error
+    }
+
+    /// The same bound around a number that another program computed.
+    pub fn around(self, value: f64) -> Self {
+        Near::within(value, self.error + (self.value - value).abs())
+    }
+
+    /// This number where the machine's may also be another.
+    fn or(self, other: Near) -> Self {
+        Near::between(self.value, self.low().min(other.low()), self.high().max(other.high()))
+    }
+
+    /// The machine's side becomes a word whose last place is worth `fine` to `coarse` and loses that many places, down and up.
+    ///
+    /// Then the limits. A word that wraps and may have left its range can be anything.
+    fn in_word(self, word: Word, [fine, coarse]: [f64; 2], [down, up]: [f64; 2]) -> Near {
+        let (low, high) = (self.low() - down * coarse, self.high() + up * coarse);
+        let (least, most) = (word.format.min() as f64, word.format.max() as f64);
+        if word.overflow == Overflow::Wrap {
+            let inside = least * fine <= low && high <= most * fine;
+            return if inside { Near::between(self.value, low, high) } else { Near { error: f64::INFINITY, ..self } };
+        }
+        Near::between(self.value, low.max(least * coarse).min(most * fine), high.min(most * coarse).max(least * fine))
+    }
+
+    /// The machine's side may be off by as much more.
+    pub(crate) fn off_by(self, error: f64) -> Near {
+        Near::within(self.value, self.error + error)
+    }
+
+    /// A monotone function that the machine has to within `error`.
+    fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Near {
+        let (a, b) = (exact(self.low()), exact(self.high()));
+        Near::between(exact(self.value), a.min(b) - error, a.max(b) + error)
+    }
+
+    /// Whether machine and exact side may lie on different sides of a limit.
+    pub fn may_cross(self, limit: Near) -> bool {
+        // An infinite bound may cross anything, also where the difference is no number.
+        (self.value - limit.value).abs().partial_cmp(&(self.error + limit.error)) != Some(Ordering::Greater)
+    }
+}
+
+impl Add for Near {
+    type Output = Near;
+    fn add(self, other: Near) -> Near {
+        Near::within(self.value + other.value, self.error + other.error)
+    }
+}
+
+impl Sub for Near {
+    type Output = Near;
+    fn sub(self, other: Near) -> Near {
+        self + -other
+    }
+}
+
+impl Neg for Near {
+    type Output = Near;
+    fn neg(self) -> Near {
+        Near { value: -self.value, ..self }
+    }
+}
+
+impl Mul for Near {
+    type Output = Near;
+    fn mul(self, other: Near) -> Near {
+        let error = self.value.abs() * other.error + self.error * (other.value.abs() + other.error);
+        Near::within(self.value * other.value, error)
+    }
+}
+
+impl Real for Near {
+    fn constant(value: f64) -> Near {
+        Near::exact(value)
+    }
+
+    fn beside(self, value: f64) -> Near {
+        Near::exact(value)
+    }
+
+    fn plus(self, constant: f64) -> Near {
+        self + Near::exact(constant)
+    }
+
+    fn times(self, constant: f64) -> Near {
+        self * Near::exact(constant)
+    }
+
+    fn fit(self, fit: &Fit, scale: Scale) -> Near {
+        let places = [scale.low, scale.high].map(|exponent| power_of_two(exponent - fit.word.format.frac_bits));
+        self.in_word(fit.word, places, loss(fit.word.round))
+    }
+
+    fn refit(self, frac_bits: i32, fit: &Fit) -> Near {
+        let format = fit.word.format;
+        let loss = if frac_bits <= format.frac_bits { [0.0; 2] } else { loss(fit.word.round) };
+        self.in_word(fit.word, [power_of_two(-format.frac_bits); 2], loss)
+    }
+
+    /// The word holds x·w, with w the whole in [1, 2): its last place counts 1/w. A part with no more places than the word has loses nothing.
+    fn share(self, fit: &Fit, whole: Near) -> Near {
+        let Scale { low, high } = whole.leading();
+        let [least, most] = if low == high { [whole.low(), whole.high()].map(|end| end * power_of_two(-low)) } else { [1.0, 2.0] };
+        let place = power_of_two(-fit.word.format.frac_bits);
+        let loss = if fit.places() + i64::from(high) <= 0 { [0.0; 2] } else { loss(fit.word.round) };
+        self.in_word(fit.word, [place / most, place / least], loss)
+    }
+
+    fn restored(self, unit: &Reciprocal, _whole: Near) -> Near {
+        self * Near { value: 1.0, error: unit.relative_error() }
+    }
+
+    fn leading(self) -> Scale {
+        let least = (self.value.abs() - self.error).max(0.0);
+        Scale { low: floor_log2(least), high: floor_log2(self.most()) }
+    }
+
+    fn abs(self) -> Near {
+        Near { value: self.value.abs(), ..self }
+    }
+
+    fn max(self, other: Near) -> Near {
+        Near::between(self.value.max(other.value), self.low().max(other.low()), self.high().max(other.high()))
+    }
+
+    fn min(self, other: Near) -> Near {
+        Near::between(self.value.min(other.value), self.low().min(other.low()), self.high().min(other.high()))
+    }
+
+    fn at_least(self, limit: f64) -> Near {
+        Near::between(self.value, self.low().max(limit), self.high().max(limit))
+    }
+
+    fn at_most(self, limit: f64) -> Near {
+        Near::between(self.value, self.low().min(limit), self.high().min(limit))
+    }
+
+    fn below_one(self, fit: &Fit) -> Near {
+        self.at_most(1.0 - power_of_two(-fit.word.format.frac_bits))
+    }
+
+    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Near {
+        self.at_least(power_of_two(scale.low - fit.word.format.frac_bits))
+    }
+
+    fn a_place_more(self, fit: &Fit) -> Near {
+        self.off_by(power_of_two(-fit.word.format.frac_bits))
+    }
+
+    fn branch<const N: usize>(self, limit: Near, at_least: impl FnOnce() -> [Near; N], below: impl FnOnce() -> [Near; N]) -> [Near; N] {
+        let (above, doubt) = (self.value - limit.value, self.error + limit.error);
+        if above >= doubt {
+            return at_least();
+        }
+        if above < -doubt {
+            return below();
+        }
+        let (taken, other) = if above >= 0.0 { (at_least(), below()) } else { (below(), at_least()) };
+        std::array::from_fn(|i| taken[i].or(other[i]))
+    }
+
+    fn reciprocal(self, unit: &Reciprocal) -> Near {
+        let error = unit.relative_error();
+        inverse(self, |x| 1.0 / x, error)
+    }
+
+    fn inverse_root(self, unit: &ReciprocalRoot) -> Near {
+        let error = unit.relative_error();
+        inverse(self, |x| 1.0 / x.sqrt(), error)
+    }
+
+    fn root(self, unit: &ReciprocalRoot) -> Near {
+        let error = unit.relative_error();
+        Near::between(self.value.sqrt(), (1.0 - error) * self.low().max(0.0).sqrt(), (1.0 + error) * self.high().sqrt())
+    }
+
+    fn with_sign_of(self, other: Near) -> Near {
+        let value = self.value.abs().copysign(other.value);
+        if other.low() < 0.0 && other.high() >= 0.0 {
+            return Near::between(value, -self.most(), self.most());
+        }
+        Near { value, error: self.error }
+    }
+
+    fn table(self, _table: &Table, _range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Near {
+        self.function(exact, error)
+    }
+
+    fn power(self, table: &Power) -> Near {
+        self.function(|x| table.exact(x), table.error(self.low(), self.high()))
+    }
+
+    /// Vectors that differ by d differ in length by at most |d|.
+    fn length(v: [Near; 3]) -> Near {
+        Near::within(norm(v.map(|part| part.value)), norm(v.map(|part| part.error)))
+    }
+
+    /// A vector that is moved by d turns by at most the angle of sine |d|/|v|.
+    fn direction(v: [Near; 3], _whole: Near, unit: &ReciprocalRoot) -> Direction<Near> {
+        let length = Near::length(v);
+        let part = |part: Near| if length.value > 0.0 { part.value / length.value } else { 0.0 };
+        let error = unit.relative_error() + 4.0 * ROUNDING;
+        Direction { parts: v.map(|v| Near::within(part(v), error)), turn: length.error / length.value }
+    }
+
+    /// A direction at angle φ to v, turned by θ, has the cosine cos φ·cos θ ± sin φ·sin θ with it, and has moved by at most √2·sin θ.
+    fn dot(direction: &Direction<Near>, v: [Near; 3]) -> Near {
+        let [x, y, z] = [0, 1, 2].map(|i| direction.parts[i] * v[i]);
+        let (sum, sine) = (x + y + z, direction.turn);
+        let (along, length) = (sum.value.abs(), norm(v.map(|part| part.value)));
+        let across = (length * length - along * along).max(0.0).sqrt();
+        let (turned, moved) = if sine < 1.0 {
+            (along * sine * sine / (1.0 + (1.0 - sine * sine).sqrt()) + across * sine, sine * SQRT_2)
+        } else {
+            (along + length, 2.0)
+        };
+        Near::within(sum.value, sum.error + turned + moved * norm(v.map(|part| part.error)))
+    }
+}
+
+/// √(x² + y² + z²).
+fn norm([x, y, z]: [f64; 3]) -> f64 {
+    (x * x + y * y + z * z).sqrt()
+}
+
+/// A falling function of a positive number, to within a relative error. Nothing is known where the machine's may be 0.
+fn inverse(x: Near, exact: impl Fn(f64) -> f64, error: f64) -> Near {
+    let value = exact(x.value);
+    if x.low() <= 0.0 {
+        return Near { value, error: f64::INFINITY };
+    }
+    Near::between(value, (1.0 - error) * exact(x.high()), (1.0 + error) * exact(x.low()))
+}
+
+#[cfg(test)]
+pub(crate) mod tests;

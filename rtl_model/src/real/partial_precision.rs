@@ -1,0 +1,265 @@
+//! Partial precision: a machine of which some signals are words, and f64 takes the place of the rest.
+//!
+//! ```text
+//! units over the reals ─►[ fit: is this signal on? ]─┬─ yes ─► the machine's word
+//!                                                    └─ no ──► the number as it is
+//! ```
+//! All off it is the exact pipeline, all on the machine, but for what f64 loses of products of more than 53 bits. Between the two it
+//! says who is to blame for an error: a unit alone in words, or all words but its own.
+//!
+//! Laws: `all_on_a_fit_is_the_machines`, `all_on_a_function_is_the_units`, `all_off_nothing_is_lost`; of the whole, tests/attribution.rs.
+
+use super::{Direction, Real, Scale, floor_log2, norm, power_of_two};
+use crate::functions::table::real::Power;
+use crate::functions::{Reciprocal, ReciprocalRoot, Table};
+use crate::num::{Fit, Overflow, Rounding, Word};
+use std::ops::{Add, Mul, Neg, Sub};
+
+/// Which signals are words, by their number in the elaborated machine's list.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Switches(pub Vec<bool>);
+
+/// A number of such a machine.
+#[derive(Clone, Copy, Debug)]
+pub struct PartialPrecision<'a> {
+    /// Its value.
+    pub value: f64,
+    /// None for a constant.
+    switches: Option<&'a Switches>,
+}
+
+/// ⌊x⌋, quickly where it is an integer of the host's.
+fn floor(x: f64) -> f64 {
+    if x.abs() >= (1u64 << 52) as f64 || x.is_nan() {
+        return x;
+    }
+    let cut = x as i64 as f64;
+    if cut > x { cut - 1.0 } else { cut }
+}
+
+/// A number in last places as a word.
+fn in_word(word: Word, places: f64) -> f64 {
+    let rounded = match word.round {
+        Rounding::Truncate => floor(places),
+        Rounding::Nearest => floor(places + 0.5),
+        Rounding::NearestEven => places.round_ties_even(),
+    };
+    let (least, most) = (word.format.min() as f64, word.format.max() as f64);
+    match word.overflow {
+        Overflow::Saturate => rounded.clamp(least, most),
+        Overflow::Wrap => {
+            // What lies far outside would lose its last places if anything were added to it.
+            let values = most - least + 1.0;
+            let wrapped = rounded.rem_euclid(values);
+            if wrapped > most { wrapped - values } else { wrapped }
+        }
+    }
+}
+
+impl<'a> PartialPrecision<'a> {
+    /// A number of a machine with these switches.
+    pub fn new(value: f64, switches: &'a Switches) -> Self {
+        PartialPrecision { value, switches: Some(switches) }
+    }
+
+    /// Whether a fit's signal is on.
+    pub fn is_on(self, fit: &Fit) -> bool {
+        self.switches.is_some_and(|switches| switches.0[fit.signal])
+    }
+
+    /// Whether a function unit with this result is on, and can take the number: what is culled for lying behind the eye comes this far.
+    fn is_taken(self, result: &Fit) -> bool {
+        self.is_on(result) && self.value.is_normal() && self.value > 0.0
+    }
+
+    /// The number modulo the reach of a register, where that is on.
+    pub fn wrapped(self, fit: &Fit) -> Self {
+        if !self.is_on(fit) {
+            return self;
+        }
+        let format = fit.word.format;
+        let (least, reach) = (format.value(format.min()), power_of_two(format.width() - format.frac_bits));
+        if (least..least + reach).contains(&self.value) {
+            return self;
+        }
+        // Below its last place a register keeps what a word that is off puts there.
+        self.with(least + (self.value - least).rem_euclid(reach))
+    }
+
+    fn with(self, value: f64) -> Self {
+        PartialPrecision { value, ..self }
+    }
+
+    fn and(self, other: PartialPrecision<'a>, value: f64) -> Self {
+        PartialPrecision { value, switches: self.switches.or(other.switches) }
+    }
+}
+
+impl<'a> Add for PartialPrecision<'a> {
+    type Output = PartialPrecision<'a>;
+    fn add(self, other: PartialPrecision<'a>) -> PartialPrecision<'a> {
+        self.and(other, self.value + other.value)
+    }
+}
+
+impl<'a> Sub for PartialPrecision<'a> {
+    type Output = PartialPrecision<'a>;
+    fn sub(self, other: PartialPrecision<'a>) -> PartialPrecision<'a> {
+        self.and(other, self.value - other.value)
+    }
+}
+
+impl<'a> Mul for PartialPrecision<'a> {
+    type Output = PartialPrecision<'a>;
+    fn mul(self, other: PartialPrecision<'a>) -> PartialPrecision<'a> {
+        self.and(other, self.value * other.value)
+    }
+}
+
+impl<'a> Neg for PartialPrecision<'a> {
+    type Output = PartialPrecision<'a>;
+    fn neg(self) -> PartialPrecision<'a> {
+        self.with(-self.value)
+    }
+}
+
+/// A product without the last bits that f64 may have got wrong in a quotient that is multiplied again: those that would break a tie.
+fn without_noise(product: f64) -> f64 {
+    if product == 0.0 {
+        return 0.0;
+    }
+    let places = 46 - floor_log2(product.abs());
+    (product * power_of_two(places)).round() * power_of_two(-places)
+}
+
+impl Real for PartialPrecision<'_> {
+    fn constant(value: f64) -> Self {
+        PartialPrecision { value, switches: None }
+    }
+
+    fn beside(self, value: f64) -> Self {
+        self.with(value)
+    }
+
+    fn plus(self, constant: f64) -> Self {
+        self.with(self.value + constant)
+    }
+
+    fn times(self, constant: f64) -> Self {
+        self.with(self.value * constant)
+    }
+
+    fn fit(self, fit: &Fit, scale: Scale) -> Self {
+        if !self.is_on(fit) {
+            return self;
+        }
+        let places = fit.word.format.frac_bits - scale.low;
+        self.with(in_word(fit.word, self.value * power_of_two(places)) * power_of_two(-places))
+    }
+
+    fn refit(self, _frac_bits: i32, fit: &Fit) -> Self {
+        self.fit(fit, Scale::ONE)
+    }
+
+    fn share(self, fit: &Fit, whole: Self) -> Self {
+        if !whole.is_on(fit) {
+            return whole.with(self.value);
+        }
+        let mantissa = whole.value * power_of_two(-floor_log2(whole.value));
+        let place = power_of_two(-fit.word.format.frac_bits);
+        let places = without_noise(self.value * mantissa) / place;
+        whole.with(in_word(fit.word, places) * place / mantissa)
+    }
+
+    fn restored(self, unit: &Reciprocal, whole: Self) -> Self {
+        let restored = self * whole * whole.reciprocal(unit);
+        if whole.is_on(unit.result()) { restored.with(without_noise(restored.value)) } else { restored }
+    }
+
+    fn leading(self) -> Scale {
+        let exponent = floor_log2(self.value.abs());
+        Scale { low: exponent, high: exponent }
+    }
+
+    fn abs(self) -> Self {
+        self.with(self.value.abs())
+    }
+
+    fn max(self, other: Self) -> Self {
+        self.and(other, self.value.max(other.value))
+    }
+
+    fn min(self, other: Self) -> Self {
+        self.and(other, self.value.min(other.value))
+    }
+
+    fn at_least(self, limit: f64) -> Self {
+        self.with(self.value.max(limit))
+    }
+
+    fn at_most(self, limit: f64) -> Self {
+        self.with(self.value.min(limit))
+    }
+
+    fn below_one(self, fit: &Fit) -> Self {
+        if self.is_on(fit) { self.at_most(1.0 - power_of_two(-fit.word.format.frac_bits)) } else { self }
+    }
+
+    fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self {
+        if self.is_on(fit) { self.at_least(power_of_two(scale.low - fit.word.format.frac_bits)) } else { self }
+    }
+
+    fn a_place_more(self, fit: &Fit) -> Self {
+        if self.is_on(fit) { self.plus(power_of_two(-fit.word.format.frac_bits)) } else { self }
+    }
+
+    fn branch<const N: usize>(self, limit: Self, at_least: impl FnOnce() -> [Self; N], below: impl FnOnce() -> [Self; N]) -> [Self; N] {
+        if self.value >= limit.value { at_least() } else { below() }
+    }
+
+    fn reciprocal(self, unit: &Reciprocal) -> Self {
+        self.with(if self.is_taken(unit.result()) { unit.of(self.value) } else { 1.0 / self.value })
+    }
+
+    fn inverse_root(self, unit: &ReciprocalRoot) -> Self {
+        self.with(if self.is_taken(unit.result()) { unit.of(self.value) } else { 1.0 / self.value.sqrt() })
+    }
+
+    fn root(self, unit: &ReciprocalRoot) -> Self {
+        self.with(if self.is_taken(unit.result()) { unit.root_of(self.value) } else { self.value.sqrt() })
+    }
+
+    fn with_sign_of(self, other: Self) -> Self {
+        self.and(other, self.value.abs().copysign(other.value))
+    }
+
+    fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, _error: f64) -> Self {
+        self.with(if self.is_on(table.fit()) { table.at(self.value / range) } else { exact(self.value) })
+    }
+
+    fn power(self, table: &Power) -> Self {
+        let words = table.table();
+        self.with(if self.is_on(words.fit()) { words.at(self.value) } else { table.exact(self.value) }).fit(words.fit(), Scale::ONE)
+    }
+
+    fn length(v: [Self; 3]) -> Self {
+        v[0].with(norm(v.map(|part| part.value)))
+    }
+
+    /// The unit sees the words that hold the parts, so many times as large as its normaliser makes `whole`.
+    fn direction(v: [Self; 3], whole: Self, unit: &ReciprocalRoot) -> Direction<Self> {
+        let mantissa = whole.value * power_of_two(-floor_log2(whole.value));
+        let held = v.map(|part| part.with(without_noise(part.value * mantissa)));
+        let [x, y, z] = held;
+        let inverse = (x * x + y * y + z * z).inverse_root(unit);
+        Direction { parts: held.map(|part| part * inverse), turn: 0.0 }
+    }
+
+    fn dot(direction: &Direction<Self>, v: [Self; 3]) -> Self {
+        let [x, y, z] = [0, 1, 2].map(|i| direction.parts[i] * v[i]);
+        x + y + z
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,338 @@
+//! Stamps: a footprint, cut into what the rasteriser's lanes test in a cycle.
+//!
+//! ```text
+//!  box ┌──┬──┬──┐    lanes 4×1: three stamps a row
+//!      │··│##│#·│    a stamp that keeps no pixel takes its cycle, and nothing comes of it
+//!      └──┴──┴──┘
+//! ```
+//! Stamps lie side by side from the first pixel of the box, or of its part in a tile, row by row. What a stamp keeps lies in strips: 16
+//! pixels of a row, as wide as a recorded tile.
+//!
+//! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
+
+use crate::work::{Event, Footprint, Reader, TILE_PX, Work};
+use std::ops::Range;
+
+/// What a stamp keeps in a strip.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Piece {
+    /// Which stamp of the footprint.
+    pub stamp: u32,
+    /// The strip's place in the picture, row by row.
+    pub strip: u32,
+    /// Its first pixel: column and row.
+    pub corner: [u16; 2],
+    /// Its pixels that have a weight, the first in the last place.
+    pub pixels: u16,
+    /// Contributions that make two fragments merge.
+    pub merges: u8,
+    /// Fragments shaded for that.
+    pub shades: u8,
+}
+
+/// What a splat did in a recorded tile: columns of each row, the first in the last place, and behind its rows those of the next splats.
+#[derive(Clone, Copy, Debug)]
+struct Part<'a> {
+    kept: &'a [u16],
+    /// Whether more happened to it.
+    has_events: bool,
+}
+
+/// What became of columns that were kept.
+#[derive(Clone, Debug, Default)]
+struct Happened {
+    faint: [u16; TILE_PX],
+    merged: [u16; TILE_PX],
+    /// Merges for which one fragment was shaded, and those for which two were.
+    shaded: [[u16; TILE_PX]; 2],
+}
+
+/// Goes through footprints: all recorded tiles, and where each is.
+pub struct Stamps<'a> {
+    /// Columns and rows of a stamp.
+    lanes: [u32; 2],
+    width: Width,
+    /// Recorded tiles of a row of the picture.
+    columns: usize,
+    /// By place in the picture: the recorded tile, if it has one.
+    tiles: Vec<u32>,
+    readers: Vec<Reader<'a>>,
+    /// The recorded tiles side by side that a box lies in.
+    parts: Vec<Part<'a>>,
+    /// Of each of them in which more happened than that contributions were added, what else.
+    happened: Vec<Happened>,
+    /// What a footprint's stamps keep, stamp by stamp, in each row by row.
+    pieces: Vec<Piece>,
+}
+
+impl<'a> Stamps<'a> {
+    pub fn new(work: &'a Work, lanes: [u32; 2]) -> Self {
+        let [columns, rows] = [work.width, work.height].map(|size| (size as usize).div_ceil(TILE_PX));
+        let mut tiles = vec![u32::MAX; columns * rows];
+        for (index, tile) in work.tiles.iter().enumerate() {
+            let [column, row] = tile.corner.map(|at| usize::from(at) / TILE_PX);
+            tiles[row * columns + column] = index as u32;
+        }
+        Stamps {
+            lanes,
+            width: Width::new(lanes[0]),
+            columns,
+            tiles,
+            readers: work.tiles.iter().map(|tile| tile.reader()).collect(),
+            parts: Vec::new(),
+            happened: Vec::new(),
+            pieces: Vec::new(),
+        }
+    }
+
+    /// Goes through the part of the next footprint that lies in these pixels of the picture, which are whole recorded tiles. Says how many
+    /// stamps there are.
+    #[inline(always)]
+    pub fn footprint(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32) -> u32 {
+        let within = |[first, last]: [u16; 2], corner: u16| {
+            let end = u32::from(corner) + side - 1;
+            [first.max(corner), u32::from(last).min(end) as u16]
+        };
+        let columns = within(footprint.columns, corner[0]);
+        let rows = within(footprint.rows, corner[1]);
+        let [first, last] = columns.map(u32::from);
+        let across = self.width.divides(last - first + self.width.pixels);
+        let down = u32::from(rows[1] - rows[0]) + 1;
+        let tile = |at: u16| usize::from(at) / TILE_PX;
+        let tile_columns = tile(columns[0])..tile(columns[1]) + 1;
+        let left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
+        let lies_in_tiles = tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
+        self.pieces.clear();
+        let mut first_stamp = 0;
+        for tile_row in tile(rows[0])..=tile(rows[1]) {
+            let top = (tile_row * TILE_PX) as u16;
+            let part = clip(rows, top);
+            let first_y = top + part.start as u16;
+            self.read(tile_row * self.columns, tile_columns.clone(), part.len());
+            if lies_in_tiles {
+                self.collect_from_tile(part.len(), [left, first_y], columns[0] - left, [first_stamp, across]);
+                first_stamp += across * part.len() as u32;
+            } else {
+                self.collect(part.len(), [left, first_y], [columns[0], rows[0]], across);
+            }
+        }
+        if self.lanes[1] > 1 {
+            self.pieces.sort_by_key(|piece| piece.stamp);
+        }
+        across * down.div_ceil(self.lanes[1])
+    }
+
+    /// What each stamp of it keeps, if it keeps a pixel.
+    #[inline(always)]
+    pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
+        self.pieces.chunk_by(|one, next| one.stamp == next.stamp)
+    }
+
+    /// Collects the pieces of so many rows from this pixel on, of a footprint in one recorded tile whose stamps end where strips do: four rows
+    /// at a time, and only those that keep a pixel.
+    #[inline(always)]
+    fn collect_from_tile(&mut self, rows: usize, [left, first_y]: [u16; 2], first: u16, [first_stamp, across]: [u32; 2]) {
+        let Part { kept: mut all, has_events } = self.parts[0];
+        let first_strip = self.strip(left, first_y);
+        let mut row = 0;
+        while row < rows {
+            let rows_here = u64::MAX / (1 << (64 - 16 * (rows - row).min(4)));
+            let kept = (four(all) & rows_here) / (1 << first);
+            let mut stamps = self.width.stamps(kept);
+            while stamps != 0 {
+                let at = stamps.trailing_zeros();
+                stamps &= stamps - 1;
+                let (row, column) = (row as u32 + at / 16, at % 16);
+                let piece = Piece {
+                    stamp: first_stamp + row * across + self.width.divides(column),
+                    strip: first_strip + row * self.columns as u32,
+                    corner: [left, first_y + row as u16],
+                    pixels: ((kept / (1 << at)) as u16 & self.width.pixels_of_one) << (column + u32::from(first)),
+                    merges: 0,
+                    shades: 0,
+                };
+                self.pieces.push(if has_events { self.happened[0].of_piece(row as usize, piece) } else { piece });
+            }
+            all = all.get(4..).unwrap_or_default();
+            row += 4;
+        }
+    }
+
+    /// The strip that a pixel lies in.
+    #[inline(always)]
+    fn strip(&self, x: u16, y: u16) -> u32 {
+        u32::from(y) * self.columns as u32 + u32::from(x) / TILE_PX as u32
+    }
+
+    /// Reads what a splat did in these recorded tiles, in so many rows.
+    #[inline(always)]
+    fn read(&mut self, first: usize, columns: Range<usize>, rows: usize) {
+        self.parts.clear();
+        for (nth, column) in columns.enumerate() {
+            let index = self.tiles[first + column] as usize;
+            let kept = self.readers[index].rows();
+            let (_, events) = self.readers[index].splat(rows);
+            self.parts.push(Part { kept, has_events: !events.is_empty() });
+            if nth == self.happened.len() {
+                self.happened.push(Happened::default());
+            }
+            if !events.is_empty() {
+                self.happened[nth].read(events, rows);
+            }
+        }
+    }
+
+    /// Collects the pieces of so many rows from this pixel on, of a box that begins in that one.
+    fn collect(&mut self, rows: usize, [left, first_y]: [u16; 2], first: [u16; 2], across: u32) {
+        for row in 0..rows {
+            let y = first_y + row as u16;
+            let first_stamp = u32::from(y - first[1]) / self.lanes[1] * across;
+            let mut left = left;
+            for (part, happened) in self.parts.iter().zip(&self.happened) {
+                for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
+                    let strip = self.strip(left, y);
+                    let piece = Piece { stamp: first_stamp + nth, strip, corner: [left, y], pixels, merges: 0, shades: 0 };
+                    self.pieces.push(if part.has_events { happened.of_piece(row, piece) } else { piece });
+                }
+                left += TILE_PX as u16;
+            }
+        }
+    }
+}
+
+/// Pixels of a stamp's row, to divide by.
+#[derive(Clone, Copy, Debug)]
+struct Width {
+    pixels: u32,
+    /// 2^32 over them, rounded up: exact for numbers below 2^26, far more than there are columns, and up to 64 pixels.
+    inverse: u64,
+    /// As many of a strip's pixels, the first.
+    pixels_of_one: u16,
+    /// The first pixel of each stamp of four strips, side by side, where stamps divide strips.
+    first_of_each: u64,
+}
+
+impl Width {
+    fn new(pixels: u32) -> Self {
+        let firsts = (0..16).step_by(pixels as usize).map(|at| 0x0001_0001_0001_0001 << at);
+        let first_of_each = firsts.fold(0, |all, first| all | first);
+        Width { pixels, inverse: (1_u64 << 32).div_ceil(pixels.into()), pixels_of_one: below(pixels), first_of_each }
+    }
+
+    #[inline(always)]
+    fn divides(self, column: u32) -> u32 {
+        (u64::from(column) * self.inverse / (1 << 32)) as u32
+    }
+
+    /// Whether a stamp that begins with a strip ends with it, or another does.
+    fn divides_strips(self) -> bool {
+        (TILE_PX as u32).is_multiple_of(self.pixels)
+    }
+
+    /// Of four strips, the first in the last places: the first pixel of each stamp that keeps one.
+    #[inline(always)]
+    fn stamps(self, kept: u64) -> u64 {
+        let (mut any, mut pixels) = (kept, 1);
+        while pixels < self.pixels {
+            any |= any / (1 << pixels);
+            pixels *= 2;
+        }
+        any & self.first_of_each
+    }
+}
+
+/// Pixels of a strip, which begins in this column, cut into stamps, the first of which begins in that one.
+#[inline(always)]
+fn cut(mut pixels: u16, left: u16, first: u16, width: Width) -> impl Iterator<Item = (u32, u16)> {
+    let [left, first] = [left, first].map(u32::from);
+    std::iter::from_fn(move || {
+        if pixels == 0 {
+            return None;
+        }
+        let nth = width.divides(left + pixels.trailing_zeros() - first);
+        let here = pixels & below(first + (nth + 1) * width.pixels - left);
+        pixels -= here;
+        Some((nth, here))
+    })
+}
+
+/// The first four of these rows, or as many as there are, side by side, the first in the last places.
+#[inline(always)]
+fn four(rows: &[u16]) -> u64 {
+    if let [a, b, c, d, ..] = rows {
+        return [*a, *b, *c, *d].iter().rev().fold(0, |all, row| all * (1 << 16) + u64::from(*row));
+    }
+    rows.iter().rev().fold(0, |all, row| all * (1 << 16) + u64::from(*row))
+}
+
+impl Happened {
+    /// Reads what became of a splat that has so many rows.
+    fn read(&mut self, events: &[(u8, Event)], rows: usize) {
+        let [one, two] = &mut self.shaded;
+        [&mut self.faint, &mut self.merged, one, two].into_iter().for_each(|columns| columns[..rows].fill(0));
+        for (place, event) in events {
+            let (row, pixel) = (usize::from(*place) / TILE_PX, 1 << (usize::from(*place) % TILE_PX));
+            match event {
+                Event::Faint => self.faint[row] |= pixel,
+                Event::Merged(shades) => {
+                    self.merged[row] |= pixel;
+                    if let Some(nth) = usize::from(*shades).checked_sub(1) {
+                        self.shaded[nth][row] |= pixel;
+                    }
+                }
+                Event::Accumulated | Event::Inserted | Event::Evicted | Event::Replaced => {}
+            }
+        }
+    }
+
+    /// What else happened to a piece in this row.
+    #[inline(always)]
+    fn of_piece(&self, row: usize, piece: Piece) -> Piece {
+        let pixels = piece.pixels & !self.faint[row];
+        let merged = piece.pixels & self.merged[row];
+        if merged == 0 {
+            return Piece { pixels, ..piece };
+        }
+        let [one, two] = self.shaded.map(|rows| (merged & rows[row]).count_ones() as u8);
+        Piece { pixels, merges: merged.count_ones() as u8, shades: one + 2 * two, ..piece }
+    }
+}
+
+/// The columns of a strip before this one.
+#[inline(always)]
+pub fn below(column: u32) -> u16 {
+    !(u32::MAX << column.min(TILE_PX as u32)) as u16
+}
+
+/// The part of an interval of pixels that lies in a recorded tile, counted from the tile's first.
+#[inline(always)]
+fn clip([first, last]: [u16; 2], corner: u16) -> Range<usize> {
+    let [from, to] = [usize::from(first), usize::from(last) + 1].map(|pixel| pixel.saturating_sub(usize::from(corner)));
+    from..to.min(TILE_PX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Width;
+
+    #[test]
+    fn widths_divide_all_columns() {
+        for pixels in 1..=64 {
+            let width = Width::new(pixels);
+            assert!((0..1 << 17).all(|column| width.divides(column) == column / pixels), "{pixels}");
+        }
+    }
+
+    #[test]
+    fn stamps_of_four_strips_are_those_that_keep_a_pixel() {
+        for width in [1, 2, 4, 8, 16].map(Width::new) {
+            assert!(width.divides_strips());
+            let stamp = |pixel: u32| pixel / width.pixels * width.pixels;
+            for (one, other) in (0..64).flat_map(|one| (0..64).map(move |other| (one, other))) {
+                let kept = 1_u64 << one | 1 << other;
+                assert_eq!(width.stamps(kept), 1 << stamp(one) | 1 << stamp(other), "{} {kept:x}", width.pixels);
+            }
+        }
+        assert!(![3, 5, 12, 32, 64].map(Width::new).into_iter().any(Width::divides_strips));
+    }
+}
