@@ -43,8 +43,8 @@ fn record(name: &str, count: Option<usize>, size: Option<(usize, usize)>) -> Wor
     std::fs::write(&path, scene.to_string()).unwrap();
     let scene = splatsim::scene::Scene::load(path.to_str().unwrap(), &Overrides { size }).unwrap();
     let machine = Machine::named("reference").unwrap();
-    splatsim::hardware::fixed::draw_recorded(&splatsim::hardware::fixed::elaborate(&machine).unwrap(), &quantise(&scene, &machine).unwrap())
-        .1
+    splatsim::hardware::fixed::draw_measured(&splatsim::hardware::fixed::elaborate(&machine).unwrap(), &quantise(&scene, &machine).unwrap())
+        .2
 }
 
 /// Prints a line of the table; says by what share of the ticks the replay is off.

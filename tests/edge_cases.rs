@@ -17,7 +17,7 @@ fn drawn(scene: &Scene, machine: &Machine) -> Result<usize, String> {
     let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
     let quantised = quantise::quantise(scene, machine).map_err(|error| error.to_string())?;
     // Watched: then every word is looked at.
-    let (drawing, _) = fixed::draw_ranged(&elaborated, &quantised);
+    let (drawing, ..) = fixed::draw_measured(&elaborated, &quantised);
     let picture = fixed::picture(&elaborated, &drawing);
     assert_eq!((picture.width, picture.height), (scene.image.width, scene.image.height));
     assert_eq!(picture.rgba.len(), picture.width * picture.height);

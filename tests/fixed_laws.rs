@@ -250,7 +250,7 @@ fn watching_changes_nothing() {
     let scene = confetti(3000, 4);
     for machine in machines() {
         let frame = words(&scene, &machine);
-        let ((watched, ranges), unwatched) = (pipeline::draw_ranged(&machine, &frame), pipeline::draw_unobserved(&machine, &frame));
+        let ((watched, ranges, _), unwatched) = (pipeline::draw_measured(&machine, &frame), pipeline::draw_unobserved(&machine, &frame));
         assert_eq!(watched, unwatched);
         assert!(ranges.0.iter().all(|range| range.words == 0 || range.is_seen()));
         assert!(ranges.0.iter().map(|range| range.words).sum::<u64>() > watched.outcomes.total() / 10);

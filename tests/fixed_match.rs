@@ -51,7 +51,7 @@ fn machines_meet_their_targets(name_or_path: &str) {
         let machine = Machine::named(target.machine).unwrap();
         let elaborated = fixed::elaborate(&machine).unwrap();
         let quantised = quantise::quantise(&scene, &machine).unwrap();
-        let (drawing, ranges) = fixed::draw_ranged(&elaborated, &quantised);
+        let (drawing, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
         let golden = golden::render(&scene, &fixed::rules(&machine));
         assert!(golden.fragments > 100_000, "{name_or_path}: {} fragments prove little", golden.fragments);
         let measured = metrics(&fixed::picture(&elaborated, &drawing), &golden.picture);

@@ -38,7 +38,7 @@ fn a_machine_of_narrowest_formats_draws_the_same_picture() {
     for name in Machine::NAMES {
         let first = Machine::named(name).unwrap();
         let elaborated = first.elaborate().unwrap();
-        let (drawing, ranges) = fixed::draw_ranged(&elaborated, &quantise(&scene, &first).unwrap());
+        let (drawing, ranges, _) = fixed::draw_measured(&elaborated, &quantise(&scene, &first).unwrap());
         // What the table's argument spans is its meaning; how far it is used is not.
         let freed = |(signal, range): &(&Signal, &Range)| {
             let overflows = range.saturated_low + range.saturated_high + range.wrapped;
@@ -56,7 +56,7 @@ fn a_machine_of_narrowest_formats_draws_the_same_picture() {
             }
             let short = Format { int_bits: fits.int_bits - 1, ..format };
             if let Some(too_narrow) = with(&scene, &first, signal, short) {
-                let (_, ranges) = fixed::draw_ranged(&too_narrow.elaborate().unwrap(), &quantise(&scene, &too_narrow).unwrap());
+                let (_, ranges, _) = fixed::draw_measured(&too_narrow.elaborate().unwrap(), &quantise(&scene, &too_narrow).unwrap());
                 let index = elaborated.signals.iter().position(|other| other == *signal).unwrap();
                 let range = &ranges.0[index];
                 assert!(range.saturated_low + range.saturated_high + range.wrapped > 0, "{}.{} of {name}", signal.unit, signal.name);
@@ -66,7 +66,7 @@ fn a_machine_of_narrowest_formats_draws_the_same_picture() {
         println!("{name}: {taken} bits taken away, {bitten} words tried with one less");
         assert!(taken > 10 && bitten > 10, "{name}: {taken} bits, {bitten} words");
         let elaborated = machine.elaborate().unwrap();
-        let (narrow, after) = fixed::draw_ranged(&elaborated, &quantise(&scene, &machine).unwrap());
+        let (narrow, after, _) = fixed::draw_measured(&elaborated, &quantise(&scene, &machine).unwrap());
         assert_eq!(narrow.frame, drawing.frame, "{name}");
         for ((range, before), signal) in after.0.iter().zip(&ranges.0).zip(&elaborated.signals) {
             let overflows = |range: &Range| [range.saturated_low, range.saturated_high, range.wrapped];

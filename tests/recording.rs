@@ -17,7 +17,7 @@ fn recorded(scene: &str, size: (usize, usize)) -> Recording {
     let scene = Scene::load(scene, &Overrides { size: Some(size) }).unwrap();
     let machine = Machine::named(machines::usual(&scene)).unwrap();
     let quantised = quantise::quantise(&scene, &machine).unwrap();
-    let (_, work) = fixed::draw_recorded(&fixed::elaborate(&machine).unwrap(), &quantised);
+    let (_, _, work) = fixed::draw_measured(&fixed::elaborate(&machine).unwrap(), &quantised);
     Recording { scene: scene.name, machine, work }
 }
 

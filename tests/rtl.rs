@@ -466,7 +466,7 @@ fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 
     let elaborated = fixed::elaborate(&Machine { sort: None, ..machine }).unwrap();
     let frame = quantise(&scene_of(scene), wired).unwrap().frame;
     let drawn = pipeline::draw_unobserved(&fixed::elaborate(wired).unwrap(), &frame).frame;
-    let (drawing, work) = pipeline::draw_recorded(&elaborated, &ordered(frame, &as_drawn(trace)));
+    let (drawing, _, work) = pipeline::draw_measured(&elaborated, &ordered(frame, &as_drawn(trace)));
     assert_eq!(drawing.frame, drawn, "in the order of the sort it is another frame");
     let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
     assert_eq!(cycles.memory.bytes[timing::Client::FrameRead as usize], [0, 0], "a line came back from memory");
@@ -762,7 +762,7 @@ fn resolve_takes_every_layer_in_a_cycle_as_the_timing_model_has_it() {
     let trace = traced(&text, machine, &Window::default());
     let taken = accepts_in_time(&trace, unit("resolve"), 16, &[]).taken;
     let elaborated = fixed::elaborate(machine).unwrap();
-    let (_, work) = fixed::draw_recorded(&elaborated, &quantise(&scene_of(&text), machine).unwrap());
+    let (_, _, work) = fixed::draw_measured(&elaborated, &quantise(&scene_of(&text), machine).unwrap());
     let merged = work.held().into_iter().filter(|[fragments, left]| left < fragments).count();
     let modelled =
         timing::replay(&elaborated.timing, &work, Detail::Accounts).units.iter().find(|unit| unit.name == "resolve").unwrap().account.busy;

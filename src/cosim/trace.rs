@@ -126,7 +126,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         let transfers = Transfers::new(&elaborated, &shown, &splats, watcher, start, rectangle);
         let sources = transfers.sources();
         if let Some(cycles) = window.waves {
-            let (_, work) = pipeline::draw_recorded(&elaborated, &shown);
+            let (_, _, work) = pipeline::draw_measured(&elaborated, &shown);
             let replayed = timing::replay(&elaborated.timing, &work, Detail::Log);
             Waves::new(&elaborated, kind, &replayed.units, &sources, cycles).write(folder.folder)?;
         }

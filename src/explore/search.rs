@@ -434,7 +434,7 @@ impl<'a> Search<'a> {
         let all = self.views.iter().map(|view| Cow::Borrowed(&view.scene)).chain(around.map(Cow::Owned));
         for scene in all {
             let Ok(quantised) = quantise(&scene, &self.base) else { continue };
-            let (_, ranges) = fixed::draw_ranged(&elaborated, &quantised);
+            let (_, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
             for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
                 if let Some(narrowest) = range.narrowest(signal.word.format) {
                     let bits = needed.entry(format!("{}.{}", signal.unit, signal.name)).or_insert(i32::MIN);

@@ -23,21 +23,9 @@ pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
     pipeline::draw_unobserved(machine, &quantised.frame)
 }
 
-/// Draws and watches the range of every signal.
-pub fn draw_ranged(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges) {
-    pipeline::draw_ranged(machine, &quantised.frame)
-}
-
-/// Draws once, watches the range of every signal and records the work.
-pub fn draw_observed(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges, Work) {
-    let (drawing, ranges) = draw_ranged(machine, quantised);
-    let (_, work) = draw_recorded(machine, quantised);
-    (drawing, ranges, work)
-}
-
-/// Draws and records the work.
-pub fn draw_recorded(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Work) {
-    pipeline::draw_recorded(machine, &quantised.frame)
+/// Draws once, measures the range of every signal and records the work.
+pub fn draw_measured(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges, Work) {
+    pipeline::draw_measured(machine, &quantised.frame)
 }
 
 /// The machine's frame as a picture.

@@ -83,7 +83,7 @@ impl<'a> Evaluation<'a> {
 
     /// Draws the frame once, and keeps the range of every signal and the work.
     pub fn observe(&self) -> Observed {
-        let (drawing, ranges, work) = fixed::draw_observed(&self.machine, &self.quantised);
+        let (drawing, ranges, work) = fixed::draw_measured(&self.machine, &self.quantised);
         let signals = self.machine.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect();
         Observed { picture: self.picture(&drawing), drawing, signals, work }
     }

@@ -99,7 +99,7 @@ fn off(expected: u64, had: u64) -> f64 {
 
 fn figures(scene: &Scene, machine: &Machine) -> Result<Figures> {
     let evaluation = Evaluation::new(scene, machine)?;
-    let (drawing, work) = fixed::draw_recorded(&evaluation.machine, &evaluation.quantised);
+    let (drawing, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
     let cycles = timing::replay(&evaluation.machine.timing, &work, Detail::Accounts);
     let golden = evaluation.golden().picture;
     Ok(Figures {

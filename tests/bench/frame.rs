@@ -76,7 +76,7 @@ fn whole_frame(bencher: Bencher, case: &Case) {
 #[divan::bench(args = cases())]
 fn whole_frame_watched(bencher: Bencher, case: &Case) {
     let fragments = bencher.counter(ItemsCount::new(case.fragments));
-    fragments.bench(|| fixed::draw_ranged(&case.machine, &case.quantised));
+    fragments.bench(|| fixed::draw_measured(&case.machine, &case.quantised));
 }
 
 /// The same picture in f64.

@@ -1,12 +1,12 @@
-//! Draws a scene once on a machine, one thread, nobody watching, or ranges or work recorded: for counting instructions.
+//! Draws a scene once on a machine, one thread, with no probe, or with ranges measured and work recorded: for counting instructions.
 //!
 //! ```sh
 //! cargo build --release --example instructions
 //! count() {
 //!   valgrind --tool=callgrind --callgrind-out-file=/tmp/$1.out --collect-atstart=no "${@:2}" \
-//!     target/release/examples/instructions ../shared/data/scenes/dragon.json reference $watcher
+//!     target/release/examples/instructions ../shared/data/scenes/dragon.json reference $probe
 //! }
-//! watcher=   # nobody, or: ranges, work
+//! probe=   # or: measured
 //! count setup --toggle-collect="instructions::setup*"
 //! count fill --toggle-collect="instructions::fill*"
 //! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*fill::bins*" --toggle-collect="*::shade_for_merge*" \
@@ -20,34 +20,24 @@
 use rtl_model::machine::Machine;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::{self, Drawing, Setup};
-use rtl_model::probe::Meters;
-use rtl_model::work::Recorder;
+use rtl_model::probe::Composite;
 use splatsim::error::{Error, Result};
 use splatsim::hardware::quantise::{Quantised, quantise};
 use splatsim::scene::{Overrides, Scene};
 
-/// Who watches.
-enum Watcher {
-    Nobody,
-    Ranges(Box<Meters>),
-    Work(Box<Recorder>),
-}
-
 #[inline(never)]
-fn setup(machine: &Elaborated, quantised: &Quantised, watcher: &mut Watcher) -> Setup {
-    match watcher {
-        Watcher::Nobody => pipeline::set_up_unobserved(machine, &quantised.frame),
-        Watcher::Ranges(meters) => pipeline::set_up_metered(machine, &quantised.frame, meters),
-        Watcher::Work(recorder) => pipeline::set_up_recorded(machine, &quantised.frame, recorder),
+fn setup(machine: &Elaborated, quantised: &Quantised, probe: &mut Option<Composite>) -> Setup {
+    match probe {
+        None => pipeline::set_up_unobserved(machine, &quantised.frame),
+        Some(probe) => pipeline::set_up_measured(machine, &quantised.frame, probe),
     }
 }
 
 #[inline(never)]
-fn fill(machine: &Elaborated, quantised: &Quantised, setup: &Setup, watcher: &mut Watcher) -> Drawing {
-    match watcher {
-        Watcher::Nobody => pipeline::fill_unobserved(machine, &quantised.frame, setup),
-        Watcher::Ranges(meters) => pipeline::fill_metered(machine, &quantised.frame, setup, meters),
-        Watcher::Work(recorder) => pipeline::fill_recorded(machine, &quantised.frame, setup, recorder),
+fn fill(machine: &Elaborated, quantised: &Quantised, setup: &Setup, probe: &mut Option<Composite>) -> Drawing {
+    match probe {
+        None => pipeline::fill_unobserved(machine, &quantised.frame, setup),
+        Some(probe) => pipeline::fill_measured(machine, &quantised.frame, setup, probe),
     }
 }
 
@@ -61,14 +51,10 @@ fn main() -> Result<()> {
     let elaborated = splatsim::hardware::fixed::elaborate(&machine)?;
     let quantised = quantise(&scene, &machine)?;
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
-    let mut watcher = match arguments.next().as_deref() {
-        Some("ranges") => Watcher::Ranges(Box::new(Meters::new(&elaborated.signals))),
-        Some("work") => Watcher::Work(Box::default()),
-        _ => Watcher::Nobody,
-    };
+    let mut probe = (arguments.next().as_deref() == Some("measured")).then(|| Composite::new(&elaborated.signals));
     let drawing = one_thread.install(|| {
-        let setup = setup(&elaborated, &quantised, &mut watcher);
-        fill(&elaborated, &quantised, &setup, &mut watcher)
+        let setup = setup(&elaborated, &quantised, &mut probe);
+        fill(&elaborated, &quantised, &setup, &mut probe)
     });
     println!("{} on {name}: {} splats, {} fragments", scene.name, scene.splats.len(), drawing.outcomes.total());
     Ok(())

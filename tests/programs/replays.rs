@@ -20,8 +20,8 @@ fn main() -> Result<()> {
     let scene = std::env::args().nth(1).unwrap_or_else(|| "glass-spheres".into());
     let scene = Scene::load(&scene, &Overrides::default())?;
     let machine = Machine::named("reference").ok_or_else(|| Error::job("no machine called reference"))?;
-    let (_, work) =
-        splatsim::hardware::fixed::draw_recorded(&splatsim::hardware::fixed::elaborate(&machine)?, &quantise(&scene, &machine)?);
+    let (_, _, work) =
+        splatsim::hardware::fixed::draw_measured(&splatsim::hardware::fixed::elaborate(&machine)?, &quantise(&scene, &machine)?);
     println!("{}: {} rows in {} MB", scene.name, work.rows(), work.bytes() / 1_000_000);
     for organisation in [Organisation::Immediate, Organisation::Binned] {
         for (ideal, memory) in [(false, "as described"), (true, "ideal")] {

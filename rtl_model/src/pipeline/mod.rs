@@ -23,9 +23,9 @@ pub use set_up::{Setup, SetupRecord, set_up};
 
 use crate::frame::Frame;
 use crate::kernels::host::{Kernel, plainly, vectorised};
-use crate::probe::{DynProbe, Meters, NoProbe, Observer, Probe, Ranges};
+use crate::probe::{Composite, DynProbe, NoProbe, Observer, Probe, Ranges};
 use crate::records::Outcomes;
-use crate::work::{Recorder, Work};
+use crate::work::Work;
 
 /// Splats that were not drawn, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -87,32 +87,23 @@ pub fn fill_unobserved(machine: &Elaborated, frame: &Frame, setup: &Setup) -> Dr
     fill(machine, frame, setup, &mut NoProbe)
 }
 
-/// [`set_up`], metered.
-pub fn set_up_metered(machine: &Elaborated, frame: &Frame, meters: &mut Meters) -> Setup {
-    set_up(machine, frame, meters)
+/// Draws a frame once, measures the range of every signal and records the work.
+pub fn draw_measured(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges, Work) {
+    let mut probe = Composite::new(&machine.signals);
+    let setup = set_up_measured(machine, frame, &mut probe);
+    let drawing = fill_measured(machine, frame, &setup, &mut probe);
+    let (ranges, work) = probe.finish(frame.width, frame.height);
+    (drawing, ranges, work)
 }
 
-/// [`fill`], metered.
-pub fn fill_metered(machine: &Elaborated, frame: &Frame, setup: &Setup, meters: &mut Meters) -> Drawing {
-    fill(machine, frame, setup, meters)
+/// [`set_up`], measured and recorded.
+pub fn set_up_measured(machine: &Elaborated, frame: &Frame, probe: &mut Composite) -> Setup {
+    set_up(machine, frame, probe)
 }
 
-/// Draws a frame and records the work.
-pub fn draw_recorded(machine: &Elaborated, frame: &Frame) -> (Drawing, Work) {
-    let mut recorder = Recorder::default();
-    let setup = set_up_recorded(machine, frame, &mut recorder);
-    let drawing = fill_recorded(machine, frame, &setup, &mut recorder);
-    (drawing, recorder.work(frame.width, frame.height))
-}
-
-/// [`set_up`], recorded.
-pub fn set_up_recorded(machine: &Elaborated, frame: &Frame, recorder: &mut Recorder) -> Setup {
-    set_up(machine, frame, recorder)
-}
-
-/// [`fill`], recorded.
-pub fn fill_recorded(machine: &Elaborated, frame: &Frame, setup: &Setup, recorder: &mut Recorder) -> Drawing {
-    fill(machine, frame, setup, recorder)
+/// [`fill`], measured and recorded.
+pub fn fill_measured(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut Composite) -> Drawing {
+    fill(machine, frame, setup, probe)
 }
 
 /// Draws a frame and tells an observer every decision, tile by tile.
@@ -134,14 +125,6 @@ pub fn set_up_observed<'w>(machine: &Elaborated, frame: &Frame, observer: &mut d
 /// [`fill`], telling a observer everything.
 pub fn fill_observed<'w>(machine: &Elaborated, frame: &Frame, setup: &Setup, observer: &mut dyn Observer<'w>) -> Drawing {
     fill(machine, frame, setup, &mut DynProbe::<true>::new(observer))
-}
-
-/// Draws a frame and tells the range of every signal.
-pub fn draw_ranged(machine: &Elaborated, frame: &Frame) -> (Drawing, Ranges) {
-    let mut meters = Meters::new(&machine.signals);
-    let setup = set_up_metered(machine, frame, &mut meters);
-    let drawing = fill_metered(machine, frame, &setup, &mut meters);
-    (drawing, meters.ranges())
 }
 
 /// Does a probe's work: the branch that is not taken is not compiled either.

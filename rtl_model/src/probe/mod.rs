@@ -6,11 +6,13 @@
 //! A probe observes words one by one, or ([`Probe::EIGHT`]) eight at a time without what was lost; then it may ask for an item of work, eight
 //! splats or a tile, once [more](Probe::resample), to observe all.
 
+mod composite;
 mod meters;
 mod observer;
 mod ranges;
 mod recorder;
 
+pub use composite::Composite;
 pub use meters::Meters;
 pub use observer::{DynProbe, Observer};
 pub use ranges::{BINS, Range, Ranges};

@@ -4,7 +4,7 @@ use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use proptest::prelude::*;
 use rtl_model::machine::Rows;
-use rtl_model::pipeline::{draw, draw_ranged, draw_unobserved};
+use rtl_model::pipeline::{draw, draw_measured, draw_unobserved};
 use rtl_model::probe::{Range, Ranges};
 use rtl_model::{Drawing, Elaborated, Frame, Machine};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,7 +19,7 @@ fn counted(machine: &Elaborated, frame: &Frame) -> Ranges {
 /// Draws watched, eight words at a time and one by one, and not; what was seen must lie in the signals' formats.
 fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
     let drawing = draw_unobserved(machine, frame);
-    let (watched, ranges) = draw_ranged(machine, frame);
+    let (watched, ranges, _) = draw_measured(machine, frame);
     assert_eq!(watched, drawing, "watched and unwatched differ");
     assert_eq!(ranges, counted(machine, frame));
     for (range, signal) in ranges.0.iter().zip(&machine.signals).filter(|(range, _)| range.words > 0) {
@@ -69,7 +69,7 @@ fn meters_read_what_ranges_count() {
             let elaborated = machine.elaborate().unwrap();
             for (seed, wildness) in (0..20).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness))) {
                 let frame = frame(&machine, seed, wildness);
-                let (read, counted) = (draw_ranged(&elaborated, &frame).1, counted(&elaborated, &frame));
+                let (read, counted) = (draw_measured(&elaborated, &frame).1, counted(&elaborated, &frame));
                 for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
                     assert_eq!(read, counted, "{}.{} of {name}", signal.unit, signal.name);
                     assert_eq!(read.bins.iter().sum::<u64>(), read.words, "{}.{} of {name}", signal.unit, signal.name);
@@ -89,7 +89,7 @@ fn meters_read_what_ranges_count_of_ellipsoids() {
         for (seed, wildness) in (0..40).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness))) {
             let frame = ellipsoids(&machine, seed, wildness);
             draws(&elaborated, &frame);
-            let (read, counted) = (draw_ranged(&elaborated, &frame).1, counted(&elaborated, &frame));
+            let (read, counted) = (draw_measured(&elaborated, &frame).1, counted(&elaborated, &frame));
             for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
                 assert_eq!(read, counted, "{}.{} of {name}, {seed} {wildness}", signal.unit, signal.name);
                 saturated += counted.saturated_low + counted.saturated_high;
@@ -114,7 +114,7 @@ fn meters_measure_all_and_count_a_sample() {
     for name in Machine::NAMES {
         let machine = Machine::named(name).unwrap();
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
-        let (read, counted) = (draw_ranged(&elaborated, &frame).1, counted(&elaborated, &frame));
+        let (read, counted) = (draw_measured(&elaborated, &frame).1, counted(&elaborated, &frame));
         let mut most_left_out = 0.0f64;
         for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
             let name = format!("{}.{} of {name}", signal.unit, signal.name);
@@ -140,7 +140,7 @@ fn threads_and_watchers_change_no_bit() {
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
         let watched = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            let (drawing, ranges) = pool.install(|| draw_ranged(&elaborated, &frame));
+            let (drawing, ranges, _) = pool.install(|| draw_measured(&elaborated, &frame));
             assert_eq!(pool.install(|| draw_unobserved(&elaborated, &frame)), drawing);
             (drawing, ranges)
         };

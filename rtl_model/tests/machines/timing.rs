@@ -4,7 +4,7 @@ use crate::frames::frame;
 use proptest::prelude::*;
 use rtl_model::Machine;
 use rtl_model::machine::timing::Organisation;
-use rtl_model::pipeline::draw_recorded;
+use rtl_model::pipeline::draw_measured;
 use rtl_model::timing::{Cycles, Detail, replay};
 use rtl_model::work::Work;
 use serde_json::{Value, json};
@@ -18,7 +18,7 @@ fn work() -> Work {
     let mut frame = frame(&machine, 5, 10_000);
     (frame.width, frame.height) = (75, 40);
     frame.splats = (0..30).flat_map(|seed| crate::frames::frame(&machine, seed, 500).splats).collect();
-    draw_recorded(&machine.elaborate().unwrap(), &frame).1
+    draw_measured(&machine.elaborate().unwrap(), &frame).2
 }
 
 /// A machine with one field of its timing changed.

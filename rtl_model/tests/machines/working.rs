@@ -2,7 +2,7 @@
 
 use crate::frames::{frame, in_tile};
 use rtl_model::machine::Merge;
-use rtl_model::pipeline::{draw_recorded, draw_unobserved, draw_with_decisions};
+use rtl_model::pipeline::{draw_measured, draw_unobserved, draw_with_decisions};
 use rtl_model::probe::Observer;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::units::resolve::Layer;
@@ -101,7 +101,7 @@ fn crowds() -> Vec<(Elaborated, Frame)> {
 fn what_is_recorded_is_what_was_drawn() {
     let mut seen = BTreeMap::new();
     for (machine, frame) in crowds() {
-        let (drawing, work) = draw_recorded(&machine, &frame);
+        let (drawing, _, work) = draw_measured(&machine, &frame);
         assert_eq!(drawing, draw_unobserved(&machine, &frame));
         let mut witness = Witness::default();
         draw_with_decisions(&machine, &frame, &mut witness);
@@ -146,9 +146,9 @@ fn a_record_is_the_same_for_any_number_of_threads() {
     let (machine, mut frame) = crowds().swap_remove(0);
     frame.splats = frame.splats.iter().cycle().take(20_000).copied().collect();
     let with =
-        |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| draw_recorded(&machine, &frame));
+        |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| draw_measured(&machine, &frame));
     let one = with(1);
-    assert!(one.1.footprints.len() > 9000);
+    assert!(one.2.footprints.len() > 9000);
     assert_eq!(with(2), one);
     assert_eq!(with(3), one);
 }

@@ -8,7 +8,7 @@ use crate::{binned, immediate, machines, scene};
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::{Organisation, Timing};
-use rtl_model::pipeline::draw_recorded;
+use rtl_model::pipeline::draw_measured;
 use rtl_model::timing::{Cycles, Detail, UnitCycles, replay};
 use rtl_model::work::Work;
 use std::collections::BTreeMap;
@@ -172,7 +172,7 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
                 frame.splats = (0..20).flat_map(|other| crate::frames::frame(&machine, seed + other, 500).splats).collect();
             }
             let machine = machine.elaborate().unwrap();
-            let (_, work) = draw_recorded(&machine, &frame);
+            let (_, _, work) = draw_measured(&machine, &frame);
             match compare(&machine.timing, &Scene::read(&work), &work) {
                 Ok(ticked) => seen.see(&ticked),
                 Err(difference) => panic!("{difference}\nframe {seed} of {name}\n{:#?}", machine.timing.timing),

@@ -1,0 +1,130 @@
+//! Composite: [`Meters`] and a [`Recorder`] on one frame, so that ranges and work take one drawing.
+
+use super::{Meters, Probe, Ranges};
+use crate::num::{Fit, LANES, Seen, Words};
+use crate::records::{Decision, Signal};
+use crate::work::{Recorder, Work};
+
+/// Measures the range of every signal and records the work.
+#[derive(Clone, Debug)]
+pub struct Composite {
+    meters: Meters,
+    recorder: Recorder,
+}
+
+impl Composite {
+    /// For a machine with these signals.
+    pub fn new(signals: &[Signal]) -> Self {
+        Composite { meters: Meters::new(signals), recorder: Recorder::default() }
+    }
+
+    /// The ranges measured, and the work of a frame of this size.
+    pub fn finish(self, width: u32, height: u32) -> (Ranges, Work) {
+        (self.meters.ranges(), self.recorder.work(width, height))
+    }
+}
+
+impl Probe for Composite {
+    const WORDS: bool = true;
+    const EIGHT: bool = true;
+    const QUICK: bool = true;
+    const DECISIONS: bool = false;
+    const WORK: bool = true;
+
+    fn fork(&self) -> Self {
+        Composite { meters: self.meters.fork(), recorder: self.recorder.fork() }
+    }
+
+    fn absorb(&mut self, fork: Self) {
+        self.meters.absorb(fork.meters);
+        Probe::absorb(&mut self.recorder, fork.recorder);
+    }
+
+    // Words are the meters'.
+
+    #[inline(always)]
+    fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
+        self.meters.word(fit, exact, more, word);
+    }
+
+    #[inline(always)]
+    fn one(&mut self, signal: usize, word: i64) {
+        self.meters.one(signal, word);
+    }
+
+    #[inline(always)]
+    fn eight<W: Words>(&mut self, signal: usize, seen: Seen<W>, live: u8) {
+        self.meters.eight(signal, seen, live);
+    }
+
+    #[inline(always)]
+    fn wide(&mut self, signal: usize, words: [i64; LANES], limited: u8, live: u8) {
+        self.meters.wide(signal, words, limited, live);
+    }
+
+    #[inline(always)]
+    fn three(&mut self, signal: usize, words: [i64; 3]) {
+        self.meters.three(signal, words);
+    }
+
+    #[inline(always)]
+    fn sums<W: Words>(&mut self, seen: Seen<W>) {
+        self.meters.sums(seen);
+    }
+
+    fn wrapped(&mut self, signal: usize) {
+        self.meters.wrapped(signal);
+    }
+
+    #[inline(always)]
+    fn reached(&mut self, signal: usize, results: [i64; 2]) {
+        self.meters.reached(signal, results);
+    }
+
+    #[inline(always)]
+    fn resample(&mut self, item: usize, of: usize) -> Option<&mut Ranges> {
+        self.meters.resample(item, of)
+    }
+
+    // Work is the recorder's.
+
+    fn culled(&mut self, first: u32, lanes: [u8; 5]) {
+        Probe::culled(&mut self.recorder, first, lanes);
+    }
+
+    #[inline(always)]
+    fn drawn(&mut self, splat: u32, sides: [[u16; 2]; 2]) {
+        Probe::drawn(&mut self.recorder, splat, sides);
+    }
+
+    fn sorted(&mut self, order: Vec<u32>) {
+        Probe::sorted(&mut self.recorder, order);
+    }
+
+    fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool) {
+        Probe::ellipsoids(&mut self.recorder, preshaded, shared_axes);
+    }
+
+    #[inline(always)]
+    fn span(&mut self, rows: usize, left: usize, places: &[u8]) {
+        Probe::span(&mut self.recorder, rows, left, places);
+    }
+
+    #[inline(always)]
+    fn became(&mut self, decision: Option<Decision>) {
+        Probe::became(&mut self.recorder, decision);
+    }
+
+    fn shaded(&mut self) {
+        Probe::shaded(&mut self.recorder);
+    }
+
+    #[inline(always)]
+    fn held(&mut self, fragments: u8, shades: u8) {
+        Probe::held(&mut self.recorder, fragments, shades);
+    }
+
+    fn tile(&mut self, x: u32, y: u32) {
+        Probe::tile(&mut self.recorder, x, y);
+    }
+}
