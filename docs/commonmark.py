@@ -37,13 +37,14 @@ def lists(markdown):
         if line.lstrip().startswith("```"):
             fenced = not fenced
         marker = None if fenced else MARKER.match(line)
+        within = bool(levels)
         depth = len(line) - len(line.lstrip())
         if line.strip() and not (fenced and not levels):
             # Levels whose text begins further to the right are over, but for lazy lines of a paragraph.
             while levels and depth < levels[-1] and (marker or not out[-1].strip()):
                 levels.pop()
         if marker:
-            if not levels and out and out[-1].strip() and not MARKER.match(out[-1]):
+            if not within and out and out[-1].strip():
                 out.append("")
             out.append("    " * len(levels) + line.lstrip())
             levels.append(marker.end())
