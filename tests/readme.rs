@@ -252,6 +252,43 @@ fn no_link_is_dead() {
     assert_eq!(dead_links(&pages(), |path| root().join(path).exists()), []);
 }
 
+/// The pages that a source cites, and the section where it names one.
+fn cited(text: &str) -> Vec<(String, Option<String>)> {
+    let of = |rest: &str| {
+        let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || "-/.".contains(*c)).collect();
+        let section = rest[name.len()..].strip_prefix(" §").map(|rest| rest.chars().take_while(char::is_ascii_digit).collect());
+        (name.trim_end_matches('.').to_owned(), section)
+    };
+    text.split("docs/book/").skip(1).map(of).filter(|(name, _)| name.ends_with(".md")).collect()
+}
+
+/// Why a citation leads nowhere.
+fn misses((name, section): &(String, Option<String>)) -> Option<String> {
+    let Ok(text) = std::fs::read_to_string(root().join("docs/book").join(name)) else { return Some(format!("{name} is absent")) };
+    let section = section.as_ref()?;
+    (!text.contains(&format!("\n## {section}. "))).then(|| format!("{name} has no section {section}"))
+}
+
+#[test]
+fn what_the_code_cites_exists() {
+    let mut sources = Vec::new();
+    ["src", "rtl_model", "tests"].iter().for_each(|folder| book::walk(Path::new(folder), "rs", &mut sources));
+    assert!(sources.len() > 100, "{sources:?}");
+    // This file cites what is absent, to see that it is found out.
+    for path in sources.iter().filter(|path| !path.ends_with(Path::new(file!()).file_name().unwrap())) {
+        let wrong: Vec<String> = cited(&std::fs::read_to_string(root().join(path)).unwrap()).iter().filter_map(misses).collect();
+        assert!(wrong.is_empty(), "{}: {wrong:?}", path.display());
+    }
+}
+
+#[test]
+fn citations_that_lead_nowhere_are_found() {
+    let found = cited("as docs/book/algorithm.md §6 has it (docs/book/algorithm.md §66, docs/book/none.md). In docs/book too.");
+    let wrong: Vec<String> = found.iter().filter_map(misses).collect();
+    assert_eq!(wrong, ["algorithm.md has no section 66", "none.md is absent"]);
+    assert_eq!(found.len(), 3);
+}
+
 #[test]
 fn every_page_is_in_the_contents() {
     let contents = std::fs::read_to_string(root().join("docs/mkdocs.yml")).unwrap();
@@ -260,6 +297,18 @@ fn every_page_is_in_the_contents() {
             assert!(contents.contains(&format!(": {}\n", name.to_str().unwrap())), "docs/mkdocs.yml lacks {}", name.display());
         }
     }
+}
+
+#[test]
+fn the_glossary_has_every_term_once() {
+    let text = page("docs/book/glossary.md").text;
+    let rows = text.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| term "));
+    let cells = rows.map(|line| line.split('|').nth(1).unwrap().trim().split(", ").collect::<Vec<_>>());
+    let terms: Vec<&str> = cells.flatten().collect();
+    let distinct: BTreeSet<&str> = terms.iter().copied().collect();
+    assert_eq!(terms.len(), distinct.len(), "{terms:?}");
+    let ours = ["splat", "contribution", "fragment", "stamp", "slot", "lockstep", "flip", "declared clamp", "setup record", "partial precision"];
+    assert!(ours.iter().all(|term| distinct.contains(term)), "{distinct:?}");
 }
 
 #[test]

@@ -21,18 +21,21 @@ pub fn page(path: &str) -> Page {
 /// README first, then what lies beside it, then the book.
 pub fn pages() -> Vec<Page> {
     let mut paths = Vec::new();
-    walk(Path::new("docs/book"), &mut paths);
+    walk(Path::new("docs/book"), "md", &mut paths);
     paths.sort();
     let beside = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(PathBuf::from);
     beside.into_iter().chain(paths).map(|path| page(path.to_str().unwrap())).collect()
 }
 
-fn walk(folder: &Path, paths: &mut Vec<PathBuf>) {
+/// The files with an extension, in a folder and those in it, but not what a build left.
+pub fn walk(folder: &Path, extension: &str, paths: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(root().join(folder)).unwrap() {
         let path = folder.join(entry.unwrap().file_name());
         if root().join(&path).is_dir() {
-            walk(&path, paths);
-        } else if path.extension().is_some_and(|end| end == "md") {
+            if !path.ends_with("target") {
+                walk(&path, extension, paths);
+            }
+        } else if path.extension().is_some_and(|end| end == extension) {
             paths.push(path);
         }
     }
@@ -95,7 +98,8 @@ pub struct Sample {
 pub fn samples(page: &Page) -> Vec<Sample> {
     let of = |rest: &str| {
         let (arguments, rest) = rest.split_once(" -->\n").expect("a mark ends its line");
-        let lines = blocks(rest, "text").into_iter().next().filter(|_| rest.starts_with("```text\n")).expect("a mark stands above its sample");
+        let lines =
+            blocks(rest, "text").into_iter().next().filter(|_| rest.starts_with("```text\n")).expect("a mark stands above its sample");
         Sample { path: page.path.clone(), arguments: arguments.to_owned(), lines }
     };
     // What pages say of marks stands in quotes.

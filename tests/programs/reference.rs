@@ -23,6 +23,7 @@ pub fn pages() -> Vec<Page> {
         page("scene.md", "Scene", SCENE, &splatsim::scene::schema()),
         page("plan.md", "Sweep plan", PLAN, &splatsim::sweep::plan::schema()),
         page("prices.md", "Prices", PRICES, &prices),
+        // The report comes here, once its types derive `JsonSchema`; until then `report.md` is written by hand.
     ]
 }
 
@@ -168,7 +169,10 @@ fn range(schema: &Value) -> String {
         let is_type = limit.as_f64().is_some_and(|limit| [u32::MAX.into(), i32::MAX.into(), i32::MIN.into(), 1e30, -1e30].contains(&limit));
         (!is_type).then(|| format!(", {sign} {limit}"))
     };
-    [("exclusiveMinimum", ">"), ("minimum", "≥"), ("exclusiveMaximum", "<"), ("maximum", "≤")].iter().filter_map(|(key, sign)| told(key, sign)).collect()
+    [("exclusiveMinimum", ">"), ("minimum", "≥"), ("exclusiveMaximum", "<"), ("maximum", "≤")]
+        .iter()
+        .filter_map(|(key, sign)| told(key, sign))
+        .collect()
 }
 
 fn one_line(text: &str) -> String {
