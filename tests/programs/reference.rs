@@ -43,8 +43,8 @@ fn main() -> std::io::Result<()> {
 
 fn page(file: &'static str, title: &str, intro: &str, schema: &Value) -> Page {
     let mut text = format!("# {title}\n\n{intro}\n\n<!-- made by: cargo run --release --example reference -->\n");
-    text += &section(&format!("The {}", title.to_lowercase()), schema);
-    named_below(schema, schema).into_iter().for_each(|name| text += &section(name, &schema["$defs"][name]));
+    text += &section(schema, &format!("The {}", title.to_lowercase()), schema);
+    named_below(schema, schema).into_iter().for_each(|name| text += &section(schema, name, &schema["$defs"][name]));
     Page { file, text }
 }
 
@@ -77,19 +77,19 @@ fn name_of(path: &str) -> &str {
 }
 
 /// A heading, what the schema describes, and the table of its fields or of what may stand in its place.
-fn section(name: &str, schema: &Value) -> String {
+fn section(root: &Value, name: &str, schema: &Value) -> String {
     let mut text = format!("\n## {name}\n");
     if let Some(described) = schema["description"].as_str() {
         text += &format!("\n{}\n", one_line(described));
     }
     match (schema["properties"].as_object(), options(schema)) {
-        (Some(fields), _) => text + &fields_table(schema, fields),
-        (None, Some(options)) => text + &options_table(options),
+        (Some(fields), _) => text + &fields_table(root, schema, fields),
+        (None, Some(options)) => text + &options_table(root, options),
         (None, None) => text + &format!("\nIt is {}.\n", kind(schema)),
     }
 }
 
-fn fields_table(schema: &Value, fields: &Map<String, Value>) -> String {
+fn fields_table(root: &Value, schema: &Value, fields: &Map<String, Value>) -> String {
     let required = |name: &String| schema["required"].as_array().is_some_and(|all| all.iter().any(|one| one == name));
     let row = |(name, field): (&String, &Value)| {
         let default = match field.get("default") {
@@ -97,24 +97,26 @@ fn fields_table(schema: &Value, fields: &Map<String, Value>) -> String {
             _ if required(name) => "required".into(),
             _ => String::new(),
         };
-        format!("| `{name}` | {} | {default} | {} |\n", cell(&kind(field)), cell(meaning(field)))
+        format!("| `{name}` | {} | {default} | {} |\n", cell(&kind(field)), cell(meaning(root, field)))
     };
     format!("\n| field | value | default | meaning |\n|---|---|---|---|\n{}", fields.iter().map(row).collect::<String>())
 }
 
-fn options_table(options: &[Value]) -> String {
-    let row = |option: &Value| format!("| {} | {} |\n", cell(&kind(option)), cell(meaning(option)));
+fn options_table(root: &Value, options: &[Value]) -> String {
+    let row = |option: &Value| format!("| {} | {} |\n", cell(&kind(option)), cell(meaning(root, option)));
     let of_fields = options.iter().filter(|option| option.get("properties").is_some());
     let table = format!("\n| one of | meaning |\n|---|---|\n{}", options.iter().map(row).collect::<String>());
-    of_fields.fold(table, |text, option| text + &fields_table(option, option["properties"].as_object().unwrap_or(&Map::new())))
+    of_fields.fold(table, |text, option| text + &fields_table(root, option, option["properties"].as_object().unwrap_or(&Map::new())))
 }
 
 fn options(schema: &Value) -> Option<&Vec<Value>> {
     schema.get("oneOf").or(schema.get("anyOf")).and_then(Value::as_array)
 }
 
-fn meaning(schema: &Value) -> &str {
-    schema["description"].as_str().unwrap_or_default()
+/// What is said of a schema itself, else of the one that it names.
+fn meaning<'s>(root: &'s Value, schema: &'s Value) -> &'s str {
+    let named = || schema["$ref"].as_str().map(|path| &root["$defs"][name_of(path)]).and_then(|named| named["description"].as_str());
+    schema["description"].as_str().or_else(named).unwrap_or_default()
 }
 
 /// What a value is, in words: its kind, its limits, or a link to where it is described.
@@ -175,8 +177,9 @@ fn range(schema: &Value) -> String {
         .collect()
 }
 
+/// A description without line breaks, and without the brackets that link it within rustdoc.
 fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
+    text.split_whitespace().collect::<Vec<_>>().join(" ").replace("[`", "`").replace("`]", "`")
 }
 
 /// A text that may stand in a table.
