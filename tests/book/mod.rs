@@ -131,20 +131,19 @@ pub fn quoted(text: &str) -> Vec<&str> {
     text.split('`').skip(1).step_by(2).collect()
 }
 
-/// The names by which GitHub, and the book as it is built, know a page's headings.
+/// The names by which GitHub, and the book as it is built, know a page's headings; not those of two headings, which links cannot tell apart.
 pub fn anchors(text: &str) -> BTreeSet<String> {
     let mut fence = false;
-    let mut anchors = BTreeSet::new();
+    let mut times = BTreeMap::new();
     for line in text.lines() {
         fence ^= line.trim_start().starts_with("```");
         let heading = line.trim_start_matches('#');
         if !fence && heading.len() < line.len() && heading.starts_with(' ') {
             let kept = heading.trim().to_lowercase().chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c)).collect::<String>();
-            let new = anchors.insert(kept.replace(' ', "-"));
-            assert!(new, "two headings are called {heading}: links cannot tell them apart");
+            *times.entry(kept.replace(' ', "-")).or_insert(0) += 1;
         }
     }
-    anchors
+    times.into_iter().filter(|(_, times)| *times == 1).map(|(name, _)| name).collect()
 }
 
 /// Links that lead nowhere: from which page, and where to.
