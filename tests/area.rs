@@ -1,4 +1,4 @@
-//! Does the cost model say what synthesis makes of the units? README has the fit; its LUTs are Yosys', all else is computed anew.
+//! Does the cost model say what synthesis makes of the units? The book, Cost, has the fit; its LUTs are Yosys', all else is computed anew.
 
 mod cosimulation;
 
@@ -31,15 +31,15 @@ fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
     (rows, [5, last.len() - 3, last.len() - 1].map(|at| number(last[at])))
 }
 
-/// What README has of it.
+/// What the book has of it.
 fn fit() -> (Vec<Row>, [f64; 3]) {
-    let text = include_str!("../README.md");
-    let block = text.split("<!-- area -->\n```text\n").nth(1).expect("README lacks the fit");
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/cost.md"));
+    let block = text.split("<!-- area -->\n```text\n").nth(1).expect("the book lacks the fit");
     read(block.split("\n```").next().unwrap())
 }
 
 #[test]
-fn the_fit_is_what_readme_says() {
+fn the_fit_is_what_the_book_says() {
     let (rows, told) = fit();
     assert_eq!(rows.len(), 21);
     for row in &rows {

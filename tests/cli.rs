@@ -1,4 +1,5 @@
-//! Does the binary do what INTERFACE promises: its files, its report, its words, its exit status, and a quick end to bad input?
+//! Does the binary do what docs/book/getting-started.md promises: its files, its report, its words, its exit status, and a quick end to bad
+//! input?
 
 mod shared_input;
 
@@ -147,7 +148,7 @@ fn a_run_replaces_the_files_of_the_last_one_and_makes_its_folder() {
     assert_eq!(names_in(&deep), WRITTEN);
 }
 
-/// The fields that INTERFACE fixes, by path, and what kind of value each has.
+/// The fields that docs/book/reference/report.md promises, by path, and what kind of value each has.
 fn promised_fields() -> Vec<(String, &'static str)> {
     let mut fields: Vec<(String, &str)> = Vec::new();
     let mut all = |prefix: &str, names: &[&str], kind: &'static str| fields.extend(names.iter().map(|n| (format!("{prefix}/{n}"), kind)));

@@ -1,4 +1,4 @@
-//! Does the machine keep the laws of splatting (ALGORITHM §3 to §7) within its last places?
+//! Does the machine keep the laws of splatting (docs/book/algorithm.md §3 to §7) within its last places?
 
 mod handmade;
 
@@ -95,7 +95,7 @@ fn machine_sets_up(machine: &Elaborated, frame: &Frame) -> Option<Ellipse> {
     })
 }
 
-/// ALGORITHM §3 on what the words of a frame's only splat stand for.
+/// docs/book/algorithm.md §3 on what the words of a frame's only splat stand for.
 fn formulas_set_up(machine: &Machine, frame: &Frame) -> Ellipse {
     let (own, view) = (&frame.splats[0], &frame.view);
     let vector = |word: Word, bits: [i32; 3]| DVec3::from_array(bits.map(|bits| value(word, i64::from(bits))));

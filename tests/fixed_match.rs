@@ -23,7 +23,7 @@ const TARGETS: [Target; 2] = [
     Target { machine: "lean", psnr_db: 45.0, pixels_over: 1.0, holds_all: false },
 ];
 
-/// Signals that may saturate: a grazing plane's slope has no limit, and the depth clamp rules there (ALGORITHM §3).
+/// Signals that may saturate: a grazing plane's slope has no limit, and the depth clamp rules there (docs/book/algorithm.md §3).
 const CLAMPS: [&str; 1] = ["ellipse.depth_slope"];
 
 /// Every target that a machine misses on a scene, a sentence each.

@@ -1,4 +1,4 @@
-//! Does the f64 renderer keep the laws of splatting (ALGORITHM §3 to §8)? Small scenes, made by hand.
+//! Does the f64 renderer keep the laws of splatting (docs/book/algorithm.md §3 to §8)? Small scenes, made by hand.
 
 mod handmade;
 

@@ -1,4 +1,4 @@
-//! Does `golden` do what an independent program measured on the check scene (ALGORITHM §6, §10)?
+//! Does `golden` do what an independent program measured on the check scene (docs/book/algorithm.md §6, §10)?
 
 use std::f64::consts::PI;
 
@@ -10,7 +10,7 @@ use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat, Surf
 const UNLIT: u32 = 0;
 const GLOSSY: u32 = 1;
 
-/// `glass-spheres`, built from ALGORITHM §10 alone: a second construction beside the built-in one.
+/// `glass-spheres`, built from docs/book/algorithm.md §10 alone: a second construction beside the built-in one.
 fn glass_spheres() -> Scene {
     let mut splats = floor(400);
     splats.extend(sphere(60_000, [0.0, 0.0, 0.0], 1.0, [0.9, 0.2, 0.1], 0.5));
@@ -117,7 +117,7 @@ fn rules(layers: usize, merge: Merge, evict_hidden: bool) -> Rules {
     Rules { layers, merge, evict_hidden, opaque: 0.999, fragment_depth: FragmentDepth::First }
 }
 
-/// One row of ALGORITHM §6's table: dB and thousands of merges for the three rules.
+/// One row of docs/book/algorithm.md §6's table: dB and thousands of merges for the three rules.
 type Row = (usize, [(f64, u64); 3]);
 
 const RULES: [(Merge, bool); 3] = [(Merge::NearestPair, false), (Merge::FarthestPair, false), (Merge::FarthestPair, true)];

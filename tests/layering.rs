@@ -1,4 +1,4 @@
-//! Does every file stay on its side of the walls (ARCHITECTURE, invariants)? Rules over the source text, without comments,
+//! Does every file stay on its side of the walls (docs/book/invariants.md)? Rules over the source text, without comments,
 //! without what strings say, and without unit tests.
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -77,7 +77,7 @@ fn quantised(scene: &Scene, machine: &Machine) -> Quantised {
     quantise(scene, machine).unwrap()
 }
 
-/// What must fit and how large it is in world units, by ALGORITHM §1 and §3.
+/// What must fit and how large it is in world units, by docs/book/algorithm.md §1 and §3.
 fn needs(scene: &Scene, machine: &Machine, offset: DVec3) -> Vec<(Word, f64)> {
     let forward = (scene.camera.target - scene.camera.eye).normalize();
     let reach = scene.kernel.cutoff.sqrt();

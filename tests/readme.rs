@@ -1,54 +1,25 @@
-//! Is what README says so? Its commands are run, its tables and its sample summary compared with what the code says today.
+//! Is what README and the book say so? Their commands are run, their tables and samples compared with what the code says today.
 //!
-//! Where a figure has changed for a good reason, the failure prints the line that README should have.
+//! Where a figure has changed for a good reason, the failure prints the lines that the page should have. A command runs once, however
+//! many pages have it.
 
+mod book;
+#[path = "programs/reference.rs"]
+#[allow(dead_code, reason = "its `main` writes what is compared here")]
+mod reference;
 mod shared_input;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
+use book::{Page, Sample, blocks, dead_links, fenced, page, page_with, pages, quoted, root, samples, table};
 use rtl_model::Machine;
 use splatsim::accuracy::metrics;
 use splatsim::golden::{FragmentDepth, Merge, Rules, ideal, render};
 use splatsim::hardware::{fixed, quantise};
 use splatsim::run::report::MachineReport;
 use splatsim::scene::{Overrides, Scene};
-
-fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn readme() -> String {
-    std::fs::read_to_string(root().join("README.md")).unwrap()
-}
-
-/// The lines of every fenced block of a language.
-fn fenced(text: &str, language: &str) -> Vec<String> {
-    let mut lines = Vec::new();
-    let mut inside = None;
-    for line in text.lines() {
-        match (line.strip_prefix("```"), inside) {
-            (Some(_), Some(_)) => inside = None,
-            (Some(opened), None) => inside = Some(opened == language),
-            (None, Some(true)) => lines.push(line.to_owned()),
-            _ => {}
-        }
-    }
-    lines
-}
-
-/// What follows a heading or a mark, up to the next heading.
-fn after<'t>(text: &'t str, mark: &str) -> &'t str {
-    let start = text.find(mark).unwrap_or_else(|| panic!("README lacks {mark}")) + mark.len();
-    let length = text[start..].find("\n#").unwrap_or(text.len() - start);
-    &text[start..start + length]
-}
-
-/// The cells of the rows of the first table after a mark, without its head.
-fn table(text: &str, mark: &str) -> Vec<Vec<String>> {
-    let lines = after(text, mark).lines().skip_while(|line| !line.starts_with('|')).take_while(|line| line.starts_with('|'));
-    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().trim_matches('`').to_owned()).collect();
-    lines.skip(2).map(cells).collect()
-}
 
 /// Where a scene of a table is: built in, beside the programs, or in the input data; none where that is absent.
 fn find(name: &str) -> Option<PathBuf> {
@@ -68,107 +39,140 @@ fn one_place(db: Option<f64>) -> String {
     db.map_or("equal".into(), |db| format!("{db:.1}"))
 }
 
-/// Runs the arguments of a README command in a folder of its own; what it prints.
-fn splatsim(arguments: &str) -> String {
-    splatsim_in(tempfile::tempdir().unwrap().path(), arguments)
+// ---- Commands and samples ----
+
+const PROGRAM: &str = "cargo run --release -- ";
+const EXAMPLE: &str = "cargo run --release --example ";
+
+/// Takes minutes: `the_sample_attribution_is_what_its_command_prints` runs it.
+const LONG: &str = "run --attribute --out out";
+
+/// Commands of other programs, which CI runs, or which set up what CI runs.
+const OTHERS: [&str; 6] = [
+    "cargo test --workspace",
+    "cargo fmt --all --check",
+    "cargo clippy --workspace --all-targets -- -D warnings",
+    ".ci/run",
+    "pip install -r docs/requirements.txt",
+    "mkdocs build --strict --config-file docs/mkdocs.yml",
+];
+
+/// What a command of the program prints, or why it fails.
+type Printed = Result<String, String>;
+
+/// The commands of the program in all pages, without what they begin with, each once, in the order in which a page's reader meets them.
+fn commands() -> Vec<String> {
+    let mut seen = BTreeSet::new();
+    let all = pages().into_iter().flat_map(|page| fenced(&page.text, "sh"));
+    let of_program = all.filter_map(|line| line.strip_prefix(PROGRAM).map(str::to_owned));
+    of_program.filter(|arguments| seen.insert(arguments.clone())).collect()
 }
 
-fn splatsim_in(folder: &Path, arguments: &str) -> String {
+/// What all of them but the long one print, each run once. Some read what others wrote.
+static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    let short = commands().into_iter().filter(|arguments| arguments != LONG);
+    short.map(|arguments| (arguments.clone(), splatsim(folder.path(), &arguments))).collect()
+});
+
+fn splatsim(folder: &Path, arguments: &str) -> Printed {
     let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_splatsim"));
     let output = command.args(arguments.split(' ')).current_dir(folder).output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-#[test]
-fn the_first_two_commands_are_the_main_job_and_the_tests() {
-    assert_eq!(fenced(&readme(), "sh")[..2], ["cargo run --release -- run --out out", "cargo test --workspace"]);
-    let script = std::fs::read_to_string(root().join(".ci/run")).unwrap();
-    assert!(fenced(&readme(), "sh")[..2].iter().all(|line| script.contains(line.as_str())));
-}
-
-#[test]
-fn every_command_exists_and_those_of_the_program_run() {
-    let commands = fenced(&readme(), "sh");
-    assert!(commands.len() >= 10, "{commands:?}");
-    // Some read what others wrote.
-    let folder = tempfile::tempdir().unwrap();
-    assert!(commands.iter().any(|line| line.contains("-- search ")), "the sample search is compared with what it prints");
-    for line in commands {
-        // Takes minutes: `the_sample_attribution_is_what_its_command_prints` runs it.
-        if line == ATTRIBUTION {
-            continue;
-        }
-        if let Some(arguments) = line.strip_prefix("cargo run --release -- ") {
-            let printed = splatsim_in(folder.path(), arguments);
-            if arguments.starts_with("search ") {
-                let text = readme();
-                let sample = fenced(after(&text, "<!-- search -->"), "text").join("\n");
-                assert!(sample.lines().count() > 15 && printed.contains(&sample), "README should have:\n{printed}");
-            }
-        } else if let Some(example) = line.strip_prefix("cargo run --release --example ") {
-            let name = example.split(' ').next().unwrap();
-            assert!(root().join(format!("tests/programs/{name}.rs")).exists(), "{line}");
-        } else {
-            assert_eq!(line, "cargo test --workspace");
-        }
+    match output.status.code() {
+        Some(0) => Ok(String::from_utf8(output.stdout).unwrap()),
+        code => Err(format!("{code:?}: {}", String::from_utf8_lossy(&output.stderr))),
     }
 }
 
 #[test]
-fn the_sample_summary_is_what_the_first_command_prints() {
-    let text = readme();
-    let is_host = |line: &&str| line.starts_with("host:") || line.starts_with("      fixed makes");
-    let sample = fenced(after(&text, "<!-- summary -->"), "text");
-    let sample: Vec<&str> = sample.iter().map(String::as_str).filter(|line| !is_host(line)).collect();
-    let printed = splatsim("run --out out");
-    let now: Vec<&str> = printed.lines().filter(|line| !is_host(line)).collect();
-    assert!(sample == now, "README should have:\n{printed}");
+fn the_first_two_commands_are_the_main_job_and_the_tests() {
+    let commands = fenced(&page("README.md").text, "sh");
+    assert_eq!(commands, ["cargo run --release -- run --out out", "cargo test --workspace"]);
+    let script = std::fs::read_to_string(root().join(".ci/run")).unwrap();
+    assert!(commands.iter().all(|line| script.contains(line.as_str())));
 }
 
 #[test]
-fn the_sample_timings_are_what_their_command_prints() {
-    let text = readme();
-    let command = fenced(&text, "sh").into_iter().find(|line| line.contains("--timing")).unwrap();
-    let sample = fenced(after(&text, "<!-- timings -->"), "text").join("\n");
-    let printed = splatsim(command.trim_start_matches("cargo run --release -- "));
-    assert!(sample.lines().count() > 4 && printed.contains(&sample), "README should have:\n{printed}");
+fn every_command_exists_and_those_of_the_program_run() {
+    assert!(commands().len() >= 30, "{:?}", commands());
+    let failed: Vec<_> = PRINTED.iter().filter(|(_, printed)| printed.is_err()).collect();
+    assert!(failed.is_empty(), "{failed:#?}");
+    for line in pages().into_iter().flat_map(|page| fenced(&page.text, "sh")).filter(|line| !line.starts_with(PROGRAM)) {
+        if let Some(example) = line.strip_prefix(EXAMPLE) {
+            let name = example.split(' ').next().unwrap();
+            assert!(root().join(format!("tests/programs/{name}.rs")).exists(), "{line}");
+        } else {
+            assert!(OTHERS.contains(&line.as_str()), "nobody runs {line}");
+        }
+    }
+}
+
+/// Lines of a sample or of what is printed, without those that tell of the computer.
+fn lines<'l>(text: impl IntoIterator<Item = &'l str>) -> Vec<&'l str> {
+    text.into_iter().filter(|line| !line.starts_with("host:") && !line.starts_with("      fixed makes")).collect()
+}
+
+/// Whether a sample stands in what is printed; of commands that print nothing else, whether it is all of it.
+fn is_printed(sample: &Sample, printed: &str) -> bool {
+    let told = lines(sample.lines.iter().map(String::as_str));
+    let now = lines(printed.trim_end().lines());
+    let is_all = ["run --out out", "machine cost reference"].contains(&sample.arguments.as_str());
+    told.len() > 4 && if is_all { told == now } else { now.windows(told.len()).any(|some| some == told) }
+}
+
+fn all_samples() -> Vec<Sample> {
+    pages().iter().flat_map(samples).collect()
 }
 
 #[test]
-fn the_sample_costs_are_what_their_command_prints() {
-    let text = readme();
-    let command = fenced(&text, "sh").into_iter().find(|line| line.contains("machine cost")).unwrap();
-    let sample = fenced(after(&text, "<!-- cost -->"), "text").join("\n");
-    let printed = splatsim(command.trim_start_matches("cargo run --release -- "));
-    assert_eq!(sample, printed.trim_end(), "README should have:\n{printed}");
+fn every_sample_is_what_its_command_prints() {
+    for sample in all_samples().iter().filter(|sample| sample.arguments != LONG) {
+        let printed = PRINTED.get(&sample.arguments).unwrap_or_else(|| panic!("no page has the command {}", sample.arguments));
+        let printed = printed.as_ref().unwrap_or_else(|why| panic!("{}: {why}", sample.arguments));
+        assert!(is_printed(sample, printed), "{} should have:\n{printed}", sample.path.display());
+    }
+}
+
+#[test]
+fn what_was_compared_once_is_compared_still() {
+    let arguments: BTreeSet<String> = all_samples().into_iter().map(|sample| sample.arguments).collect();
+    let has = |start: &str| arguments.iter().any(|arguments| arguments.starts_with(start));
+    let all = ["run --out out", LONG, "run --timing timing.memory.bytes_per_cycle=", "machine cost reference", "search torus-knot "];
+    assert!(all.into_iter().all(has), "{arguments:?}");
+}
+
+#[test]
+#[ignore = "takes minutes"]
+fn the_sample_attribution_is_what_its_command_prints() {
+    assert!(commands().iter().any(|arguments| arguments == LONG));
+    let sample = all_samples().into_iter().find(|sample| sample.arguments == LONG).unwrap();
+    let printed = splatsim(tempfile::tempdir().unwrap().path(), LONG).unwrap();
+    assert!(sample.lines.len() > 20 && is_printed(&sample, &printed), "{} should have:\n{printed}", sample.path.display());
 }
 
 #[test]
 fn the_sample_plan_can_be_carried_out() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("plan.json"), fenced(after(&readme(), "## Sweeps"), "json").join("\n")).unwrap();
-    let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_splatsim"));
-    let output = command.args(["sweep", "plan.json", "--most", "1"]).current_dir(folder.path()).output().unwrap();
-    let told = String::from_utf8(output.stderr).unwrap();
+    std::fs::write(folder.path().join("plan.json"), fenced(&page("docs/book/sweeps.md").text, "json").join("\n")).unwrap();
+    let told = splatsim(folder.path(), "sweep plan.json --most 1").unwrap_err();
     assert!(told.contains("the plan has 64 points, more than 1"), "{told}");
 }
 
-const ATTRIBUTION: &str = "cargo run --release -- run --attribute --out out";
-
 #[test]
-#[ignore = "takes minutes"]
-fn the_sample_attribution_is_what_its_command_prints() {
-    let text = readme();
-    assert!(fenced(&text, "sh").iter().any(|line| line == ATTRIBUTION));
-    let sample = fenced(after(&text, "<!-- attribution -->"), "text").join("\n");
-    let printed = splatsim(ATTRIBUTION.trim_start_matches("cargo run --release -- "));
-    assert!(sample.lines().count() > 20 && printed.contains(&sample), "README should have:\n{printed}");
+fn every_sample_of_json_is_json() {
+    for page in pages() {
+        for block in blocks(&page.text, "json") {
+            let parsed = serde_json::from_str::<serde_json::Value>(&block.join("\n"));
+            assert!(parsed.is_ok(), "{}: {parsed:?}", page.path.display());
+        }
+    }
 }
+
+// ---- Tables ----
 
 #[test]
 fn the_table_of_machines_says_what_they_are() {
-    let rows = table(&readme(), "### Named machines");
+    let rows = table(&page_with("## Named machines").text, "## Named machines");
     let now = Machine::names().map(|name| {
         let report = MachineReport::new(&fixed::elaborate(&Machine::named(name).unwrap()).unwrap());
         [name.to_owned(), format!("{} bits", report.widest_operand_bits), format!("{} bits", report.fragment_bits)]
@@ -180,7 +184,7 @@ fn the_table_of_machines_says_what_they_are() {
 #[test]
 fn the_table_of_accuracies_says_what_the_machines_reach() {
     let mut wrong = Vec::new();
-    for row in table(&readme(), "<!-- accuracy -->") {
+    for row in table(&page_with("<!-- accuracy -->").text, "<!-- accuracy -->") {
         let Some(path) = find(&row[0]) else { continue };
         let scene = load(&path);
         let mut now = vec![row[0].clone()];
@@ -195,13 +199,13 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
             wrong.push(format!("| {} |", now.join(" | ")));
         }
     }
-    assert!(wrong.is_empty(), "README should have:\n{}", wrong.join("\n"));
+    assert!(wrong.is_empty(), "the book should have:\n{}", wrong.join("\n"));
 }
 
 /// The rows of three layers; `tests/golden_match.rs` has more.
 #[test]
 fn the_table_of_merge_rules_says_what_they_do() {
-    let rows = table(&readme(), "<!-- merge rules -->");
+    let rows = table(&page_with("<!-- merge rules -->").text, "<!-- merge rules -->");
     assert_eq!(rows.len(), 12);
     for row in rows.into_iter().filter(|row| row[1] == "3") {
         let Some(path) = find(&row[0]) else { continue };
@@ -217,23 +221,128 @@ fn the_table_of_merge_rules_says_what_they_do() {
     }
 }
 
+// ---- The reference ----
+
+#[test]
+fn the_reference_says_what_the_schemas_say() {
+    for made in reference::pages() {
+        let committed = page(&format!("docs/book/reference/{}", made.file));
+        assert!(committed.text == made.text, "{} is another: cargo run --release --example reference", made.file);
+    }
+}
+
+// ---- Files and links ----
+
+/// Names that pages have before the repository does: none is left once the layers and CI are in place.
+const AWAITED: [&str; 4] = [".ci/full", "src/accuracy/lockstep/", "src/cosim/trace/", "src/explore/sweep/"];
+
 #[test]
 fn every_file_that_is_named_exists() {
-    let text = readme();
-    let linked = text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap());
-    let quoted = text.split('`').skip(1).step_by(2).filter(|name| name.contains('/') || name.starts_with("LICENSE"));
-    let own = ["tests/", "src/", "rtl_model/", "traces/", ".ci/", "LICENSE"];
-    let mut seen = 0;
-    for name in linked.chain(quoted).filter(|name| own.iter().any(|start| name.starts_with(start))) {
-        assert!(root().join(name).exists(), "{name}");
-        seen += 1;
-    }
-    assert!(seen >= 10, "{seen}");
+    let own = ["tests/", "src/", "rtl_model/", "traces/", "docs/", ".ci/", "LICENSE"];
+    let pages = pages();
+    let names = pages.iter().flat_map(|page| quoted(&page.text)).filter(|name| own.iter().any(|start| name.starts_with(start)));
+    let plain = names.filter(|name| !name.contains("NAME") && !AWAITED.contains(name));
+    let (there, absent): (BTreeSet<_>, BTreeSet<_>) = plain.partition(|name| root().join(name).exists());
+    assert!(absent.is_empty(), "{absent:?}");
+    assert!(there.len() >= 30, "{there:?}");
 }
+
+#[test]
+fn no_link_is_dead() {
+    let dead = dead_links(&pages(), |path| root().join(path).exists());
+    assert!(dead.is_empty(), "{dead:#?}");
+}
+
+/// The pages that a source cites, and the section where it names one.
+fn cited(text: &str) -> Vec<(String, Option<String>)> {
+    let of = |rest: &str| {
+        let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || "-/.".contains(*c)).collect();
+        let section = rest[name.len()..].strip_prefix(" §").map(|rest| rest.chars().take_while(char::is_ascii_digit).collect::<String>());
+        (name.trim_end_matches('.').to_owned(), section)
+    };
+    text.split("docs/book/").skip(1).map(of).filter(|(name, _)| name.ends_with(".md")).collect()
+}
+
+/// Why a citation leads nowhere.
+fn misses((name, section): &(String, Option<String>)) -> Option<String> {
+    let Ok(text) = std::fs::read_to_string(root().join("docs/book").join(name)) else { return Some(format!("{name} is absent")) };
+    let section = section.as_ref()?;
+    (!text.contains(&format!("\n## {section}. "))).then(|| format!("{name} has no section {section}"))
+}
+
+#[test]
+fn what_the_code_cites_exists() {
+    let mut sources = Vec::new();
+    ["src", "rtl_model", "tests"].iter().for_each(|folder| book::walk(Path::new(folder), "rs", &mut sources));
+    assert!(sources.len() > 100, "{sources:?}");
+    // This file cites what is absent, to see that it is found out.
+    for path in sources.iter().filter(|path| !path.ends_with(Path::new(file!()).file_name().unwrap())) {
+        let wrong: Vec<String> = cited(&std::fs::read_to_string(root().join(path)).unwrap()).iter().filter_map(misses).collect();
+        assert!(wrong.is_empty(), "{}: {wrong:?}", path.display());
+    }
+}
+
+#[test]
+fn citations_that_lead_nowhere_are_found() {
+    let found = cited("as docs/book/algorithm.md §6 has it (docs/book/algorithm.md §66, docs/book/none.md). In docs/book too.");
+    let wrong: Vec<String> = found.iter().filter_map(misses).collect();
+    assert_eq!(wrong, ["algorithm.md has no section 66", "none.md is absent"]);
+    assert_eq!(found.len(), 3);
+}
+
+#[test]
+fn every_page_is_in_the_contents() {
+    let contents = std::fs::read_to_string(root().join("docs/mkdocs.yml")).unwrap();
+    for page in pages() {
+        if let Ok(name) = page.path.strip_prefix("docs/book") {
+            assert!(contents.contains(&format!(": {}\n", name.to_str().unwrap())), "docs/mkdocs.yml lacks {}", name.display());
+        }
+    }
+}
+
+#[test]
+fn the_glossary_has_every_term_once() {
+    let text = page("docs/book/glossary.md").text;
+    let rows = text.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| term "));
+    let cells = rows.map(|line| line.split('|').nth(1).unwrap().trim().split(", ").collect::<Vec<_>>());
+    let terms: Vec<&str> = cells.flatten().collect();
+    let distinct: BTreeSet<&str> = terms.iter().copied().collect();
+    assert_eq!(terms.len(), distinct.len(), "{terms:?}");
+    let ours =
+        ["splat", "contribution", "fragment", "stamp", "slot", "lockstep", "flip", "declared clamp", "setup record", "partial precision"];
+    assert!(ours.iter().all(|term| distinct.contains(term)), "{distinct:?}");
+}
+
+#[test]
+fn readme_is_short() {
+    let length = page("README.md").text.len();
+    assert!(length <= 12_000, "{length} bytes");
+}
+
+// ---- Of the reader itself ----
 
 #[test]
 fn blocks_and_tables_are_found() {
     let text = "# A\n```sh\nfirst\n```\n```text\nno\n```\n<!-- x -->\n| h | i |\n|---|---|\n| `a` | 1 |\n| b | 2 |\n\n| c | 3 |\n# B\n| d | 4 |\n```sh\nsecond\n```\n";
     assert_eq!(fenced(text, "sh"), ["first", "second"]);
     assert_eq!(table(text, "<!-- x -->"), [["a", "1"], ["b", "2"]]);
+}
+
+#[test]
+fn samples_that_are_not_printed_are_found_out() {
+    let text = "\n<!-- prints: machine list -->\n```text\n1\n2\n3\n4\n5\n```\n";
+    let sample = &samples(&Page { path: "a.md".into(), text: text.into() })[0];
+    assert_eq!(sample.arguments, "machine list");
+    assert!(is_printed(sample, "0\n1\n2\n3\n4\nhost: 9 s\n5\n6\n"));
+    assert!(!is_printed(sample, "0\n1\n2\n3\n4\n4\n5\n6\n"));
+}
+
+#[test]
+fn dead_links_are_found() {
+    let first = "# A word\n[b](b.md#two--three) [a](#a-word) `[x](y)`\n[c](../c.png) [d](d.md) [e](b.md#four) [f](#b)\n";
+    let made = |path: &str, text: &str| Page { path: path.into(), text: text.into() };
+    let pages = [made("docs/a.md", first), made("docs/b.md", "## Two & three\n```sh\n# four\n```\n")];
+    let exists = |path: &Path| ["docs/a.md", "docs/b.md", "c.png"].map(Path::new).contains(&path);
+    let dead: Vec<String> = dead_links(&pages, exists).into_iter().map(|(_, link)| link).collect();
+    assert_eq!(dead, ["d.md", "b.md#four", "#b"]);
 }

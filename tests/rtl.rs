@@ -541,7 +541,7 @@ fn constant(trace: &Traced, name: &str) -> u64 {
     package.split(&start).nth(1).and_then(|rest| rest.split(';').next()).unwrap().parse().unwrap()
 }
 
-/// The timing model's recurrence (README, "Cycles"): an item is taken at the latest of: it is here, the unit is free, there is room behind.
+/// The timing model's recurrence (the book, Timing): an item is taken at the latest of: it is here, the unit is free, there is room behind.
 struct Stage {
     latency: u64,
     interval: u64,
@@ -668,11 +668,11 @@ fn blend(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
     told
 }
 
-/// By how much accept times may be off those of the timing model, as a share of them: README has the table.
+/// By how much accept times may be off those of the timing model, as a share of them: the book, Traces and RTL, has the table.
 fn tolerance(unit: &str) -> f64 {
-    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
-    let row = readme.split("<!-- accept times -->").nth(1).and_then(|table| table.lines().find(|line| line.contains(&format!("`{unit}`"))));
-    let row = row.unwrap_or_else(|| panic!("README's table of accept times lacks {unit}"));
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/traces.md")).unwrap();
+    let row = page.split("<!-- accept times -->").nth(1).and_then(|table| table.lines().find(|line| line.contains(&format!("`{unit}`"))));
+    let row = row.unwrap_or_else(|| panic!("the table of accept times lacks {unit}"));
     match row.split('|').nth(3).unwrap().trim() {
         "exact" => 0.0,
         share => share.strip_suffix(" %").unwrap().parse::<f64>().unwrap() / 100.0,

@@ -550,20 +550,20 @@ fn every_case_is_in_the_gallery() {
     }
 }
 
-/// The rows of README's tables of failures: case, method, two machines.
-fn told_in_readme() -> Vec<[String; 4]> {
+/// The rows of the tables of failures in the book: case, method, two machines.
+fn told_in_the_book() -> Vec<[String; 4]> {
     ["<!-- stress -->", "<!-- stress of ellipsoids -->"].into_iter().flat_map(told_behind).collect()
 }
 
 fn told_behind(mark: &str) -> Vec<[String; 4]> {
-    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/README.md")).unwrap();
-    let table = text.split(mark).nth(1).expect("README has the table").trim_start();
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/stress.md")).unwrap();
+    let table = text.split(mark).nth(1).expect("the book has the table").trim_start();
     let rows = table.lines().take_while(|line| line.starts_with('|')).skip(2);
     let cells = |line: &str| std::array::from_fn(|i| line.split('|').nth(i + 1).unwrap_or_default().trim().to_owned());
     rows.map(cells).collect()
 }
 
-/// What README should say of a case: where the method fails, and where two machines do and how.
+/// What the book should say of a case: where the method fails, and where two machines do and how.
 fn failures(case: &str) -> [String; 3] {
     let value = |value: Option<f64>| value.map_or("–".into(), |value| if value < 1e4 { value.to_string() } else { format!("{value:e}") });
     let case = self::case(case);
@@ -583,12 +583,12 @@ fn failures(case: &str) -> [String; 3] {
 }
 
 #[test]
-fn readme_says_where_everything_fails() {
-    let told = told_in_readme();
+fn the_book_says_where_everything_fails() {
+    let told = told_in_the_book();
     let name = |row: &[String; 4]| row[0].split(',').next().unwrap_or_default().to_owned();
     let wrong = told.iter().filter(|row| row[1..] != failures(&name(row)));
     let wrong: Vec<String> = wrong.map(|row| format!("| {} | {} |", row[0], failures(&name(row)).join(" | "))).collect();
-    assert!(wrong.is_empty(), "README should have:\n{}", wrong.join("\n"));
+    assert!(wrong.is_empty(), "the book should have:\n{}", wrong.join("\n"));
     // Every case in which the method or the best machine fails has a row.
     let silent = CASES.iter().filter(|case| failures(case.name)[..2] != ["–", "–"] && told.iter().all(|row| name(row) != case.name));
     assert_eq!(silent.map(|case| case.name).collect::<Vec<_>>(), [""; 0]);

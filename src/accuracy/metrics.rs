@@ -1,4 +1,4 @@
-//! Metrics: how far two pictures of one scene lie apart (INTERFACE: "accuracy").
+//! Metrics: how far two pictures of one scene lie apart (docs/book/accuracy.md).
 
 mod ssim;
 

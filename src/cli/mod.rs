@@ -1,4 +1,4 @@
-//! Cli: flags as typed → a checked run (INTERFACE: "Commands").
+//! Cli: flags as typed → a checked run (docs/book/getting-started.md).
 
 use crate::accuracy::{proofs, ranges};
 use crate::cosim::{diff, trace};

@@ -228,13 +228,19 @@ fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
     found.filter(|parent| !kind.sheets || *parent != "fragment.request")
 }
 
-/// What files, records and units are, in words; of ellipsoids what is different besides.
+/// A chapter of the book, wherever the file is that names it.
+macro_rules! chapter {
+    ($name:literal) => {
+        include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/", $name))
+    };
+}
+
+/// What files, records and units are, in words: chapters of the book; of ellipsoids one more, with what is different there.
 fn explained(kind: Kind) -> String {
-    let units = include_str!("trace/units.md");
-    if !kind.ellipsoids && !kind.sheets {
-        return units.to_owned();
-    }
-    units.replace("# This machine\n", &format!("{}\n# This machine\n", include_str!("trace/ellipsoids.md")))
+    let (_, files) = chapter!("trace-files.md").split_once("<!-- a trace's README begins below this line -->\n\n").unwrap_or_default();
+    let ellipsoids = (kind.ellipsoids || kind.sheets).then_some(chapter!("ellipsoids.md"));
+    let chapters = [Some(files), Some(chapter!("numbers.md")), Some(chapter!("units.md")), ellipsoids, Some("# This machine\n")];
+    chapters.into_iter().flatten().collect::<Vec<_>>().join("\n")
 }
 
 /// Whether a scene's text needs no other file.

@@ -1,4 +1,5 @@
-//! Footprint: turns a splat into the ellipse that it covers on screen (ALGORITHM §3), and the ellipse into contributions (§4, §5).
+//! Footprint: turns a splat into the ellipse that it covers on screen (docs/book/algorithm.md §3), and the ellipse into contributions
+//! (§4, §5).
 
 use std::f64::consts::TAU;
 use std::ops::Range;

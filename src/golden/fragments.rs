@@ -1,4 +1,4 @@
-//! Fragments: keeps at most `l` layers of one pixel, as the machine does (ALGORITHM §6).
+//! Fragments: keeps at most `l` layers of one pixel, as the machine does (docs/book/algorithm.md §6).
 //! ```text
 //! contribution ─► near one? ─► accumulate
 //!                 room? ─────► insert

@@ -1,4 +1,4 @@
-//! Golden: draws in f64 what the machine should draw, and what no machine could draw better (ALGORITHM §8).
+//! Golden: draws in f64 what the machine should draw, and what no machine could draw better (docs/book/algorithm.md §8).
 //! ```text
 //! splats ─► [footprint] ─► [tiles] ─► contributions ─┬─► [fragments]: at most l layers a pixel ─┬─► [shade] ─► picture
 //!                                                    └─► [ideal]: every surface there is ───────┘
@@ -31,7 +31,7 @@ use shade::Shader;
 pub use fragments::Decision;
 pub use story::{Arrival, Layer, Story, story};
 
-/// How the fragment unit decides (ALGORITHM §6).
+/// How the fragment unit decides (docs/book/algorithm.md §6).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
     /// `l`, 1 to 8: fragments that one pixel can hold.

@@ -12,8 +12,7 @@ pub mod preview;
 pub mod report;
 
 use crate::accuracy::attribution::attribute;
-use crate::accuracy::ranges;
-use crate::accuracy::{ErrorPicture, Lockstep, error_picture, metrics};
+use crate::accuracy::{ErrorPicture, Lockstep, error_picture, metrics, ranges};
 use crate::error::Result;
 use crate::golden::{self, Rendering};
 use crate::hardware::fixed;

@@ -1,4 +1,4 @@
-//! Report: what a run found, as `report.json` (INTERFACE: "run") and as a summary for a terminal of 80 columns.
+//! Report: what a run found, as `report.json` (docs/book/reference/report.md) and as a summary for a terminal of 80 columns.
 
 use crate::accuracy::attribution::Attribution;
 use crate::accuracy::ranges::SignalReport;

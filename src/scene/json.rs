@@ -1,4 +1,4 @@
-//! JSON: reads a scene file (INTERFACE: "Scene") and fills in what it leaves out.
+//! JSON: reads a scene file (docs/book/scenes.md) and fills in what it leaves out.
 //!
 //! The types below are the file format: the JSON Schema is derived from them, and a file is held against that schema
 //! before it is read into them. What a schema cannot say (directions that are zero, indices out of range) comes after.
@@ -22,7 +22,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// ε, left out, is this many times the median radius: served well on three scans (ALGORITHM §2).
+/// ε, left out, is this many times the median radius: served well on three scans (docs/book/algorithm.md §2).
 const Z_THRESHOLD_OF_RADIUS: f64 = 4.0;
 /// The near plane, left out, lies at this share of the way from the eye to its target.
 const NEAR_OF_DISTANCE: f64 = 1e-3;

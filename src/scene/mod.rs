@@ -1,6 +1,6 @@
 //! Scene: everything that is to be drawn and how it is looked at, complete and checked, in f64 and world units.
 //!
-//! A value of [`Scene`] has no holes left: readers fill in what a file leaves out (INTERFACE: "Scene").
+//! A value of [`Scene`] has no holes left: readers fill in what a file leaves out (docs/book/scenes.md).
 
 mod builtin;
 mod camera;
@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
 use std::path::Path;
 
-/// One splat: a Gaussian disc (ALGORITHM §2), or an ellipsoid ([`Scene::ellipsoids`]).
+/// One splat: a Gaussian disc (docs/book/algorithm.md §2), or an ellipsoid ([`Scene::ellipsoids`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splat {
     /// Centre, world units.
@@ -39,7 +39,7 @@ pub struct Splat {
     pub material: u32,
 }
 
-/// Where the eye is and what it sees (ALGORITHM §1).
+/// Where the eye is and what it sees (docs/book/algorithm.md §1).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
     /// World position of the eye.
@@ -101,7 +101,7 @@ pub struct Orientation {
     pub scales: DVec3,
 }
 
-/// What makes ellipsoids of a scene's splats (EWA §6.2, ALGORITHM §9).
+/// What makes ellipsoids of a scene's splats (EWA §6.2, docs/book/algorithm.md §9).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ellipsoids {
     /// One for each splat, or a single one that all have.
@@ -190,7 +190,7 @@ pub struct Light {
     pub rgb: [f64; 3],
 }
 
-/// How a surface answers light (ALGORITHM §7).
+/// How a surface answers light (docs/book/algorithm.md §7).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Material {
     /// The colour as it is.
@@ -249,7 +249,7 @@ pub struct View {
     pub rotation: DMat3,
     /// World position of the eye.
     pub eye: DVec3,
-    /// `s`: pixels per unit of `t_x/t_z` (ALGORITHM §1).
+    /// `s`: pixels per unit of `t_x/t_z` (docs/book/algorithm.md §1).
     pub focal_px: f64,
     /// Half the picture's width and height, pixels.
     pub half_px: [f64; 2],
@@ -298,7 +298,7 @@ impl Scene {
         std::fs::read_to_string(path).ok()
     }
 
-    /// The viewing transform (ALGORITHM §1): `t = rotation · (p − eye)`.
+    /// The viewing transform (docs/book/algorithm.md §1): `t = rotation · (p − eye)`.
     pub fn view(&self) -> View {
         let forward = (self.camera.target - self.camera.eye).normalize();
         let right = forward.cross(self.camera.up).normalize();

@@ -1,4 +1,4 @@
-//! Prints how far each merge rule's picture lies from `ideal`, and what it merges: ALGORITHM §6's table, as Markdown.
+//! Prints how far each merge rule's picture lies from `ideal`, and what it merges: docs/book/algorithm.md §6's table, as Markdown.
 //!
 //! ```sh
 //! cargo run --release --example merge_rules -- [SCENE]...

@@ -1,4 +1,5 @@
-//! Ellipse: turns a normal and a radius into a conic, an amplitude, a box and a depth plane (ALGORITHM §3, second half of "setup").
+//! Ellipse: turns a normal and a radius into a conic, an amplitude, a box and a depth plane (docs/book/algorithm.md §3, second half of
+//! "setup").
 //!
 //! ```text
 //! radius ─►(× s)─►(× 1/t_z)─► size k' = k/2^e ──► k'² ─┬────────────────────────►(×)─► variance V' ─┬─► extent ─► box
@@ -8,7 +9,8 @@
 //! ```
 //! Each splat picks a power of two 2^e near its own radius in pixels and works relative to it, so that footprints of a
 //! tenth of a pixel and of a thousand pixels keep the same relative precision in the same words.
-//! det V' = area² + v'·tr V' − v'²: the three terms of ALGORITHM §3 with v'·tr V_r' + v'² gathered, none of which can go negative.
+//! det V' = area² + v'·tr V' − v'²: the three terms of docs/book/algorithm.md §3 with v'·tr V_r' + v'² gathered, none of which can go
+//! negative.
 //!
 //! Losses: every word is rounded to nearest, but `scaled_radius`, which a normaliser cuts; `extent` gets one more place than it
 //! needs, so the box never loses a pixel to rounding; `depth_slope` is clamped, for a grazing plane's slope has no limit and

@@ -1,4 +1,5 @@
-//! Fragment: keeps at most `layers` fragments a pixel: accumulates, inserts, merges, evicts (Surface Splatting §6, ALGORITHM §6).
+//! Fragment: keeps at most `layers` fragments a pixel: accumulates, inserts, merges, evicts (Surface Splatting §6,
+//! docs/book/algorithm.md §6).
 //!
 //! ```text
 //! weight, depth, attributes ─►[ match: unshaded, |z − z_f| < ε, nearest ]─┬─ found ─► accumulate: sums += weight · attributes

@@ -1,4 +1,5 @@
-//! Raster: walks a splat's box and makes a fragment wherever the radial index is below the cutoff (forward differencing, ALGORITHM §4).
+//! Raster: walks a splat's box and makes a fragment wherever the radial index is below the cutoff (forward differencing,
+//! docs/book/algorithm.md §4).
 //!
 //! ```text
 //! conic ─►[ seed ]─► radial ─►(+)─►(+)─► …   r at each pixel centre; first += second, radial += first: two adds a pixel

@@ -1,4 +1,5 @@
-//! Resolve: shades what a pixel still holds, blends it front to back over the background and writes the frame word (ALGORITHM §7).
+//! Resolve: shades what a pixel still holds, blends it front to back over the background and writes the frame word
+//! (docs/book/algorithm.md §7).
 //!
 //! ```text
 //! layers in depth order ─►(× transmittance)─►(Σ)─►(+ background)─► frame

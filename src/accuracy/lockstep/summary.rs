@@ -9,7 +9,7 @@ use serde::Serialize;
 /// A bound below which it says something: a few steps of an 8-bit display.
 const TELLING: f64 = 4.0 / 255.0;
 
-/// The machine against `golden` led by its own decisions (INTERFACE: "lockstep").
+/// The machine against `golden` led by its own decisions (docs/book/accuracy.md).
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Summary {
     /// Peak 1, all pixels and channels; none where the pictures are equal.

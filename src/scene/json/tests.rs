@@ -1,7 +1,7 @@
 use super::*;
 use proptest::prelude::*;
 
-/// The example of INTERFACE, on splats that need no file.
+/// The example of docs/book/scenes.md, on splats that need no file.
 fn example() -> Value {
     json!({
         "splats": [

@@ -1,4 +1,4 @@
-//! Fragment: against a small model written from ALGORITHM §6, and against itself in all its fast forms.
+//! Fragment: against a small model written from docs/book/algorithm.md §6, and against itself in all its fast forms.
 
 use super::*;
 use crate::kernels::Path;
@@ -48,7 +48,7 @@ fn put(word: Word, value: i128, places: i32) -> i64 {
     }
 }
 
-/// One pixel, as ALGORITHM §6 tells it.
+/// One pixel, as docs/book/algorithm.md §6 tells it.
 struct Model<'a> {
     rules: &'a Rules,
     slots: Vec<Slot>,

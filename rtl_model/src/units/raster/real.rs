@@ -1,7 +1,7 @@
 //! Raster over the reals: how far r and z may lie from the exact ones at a pixel.
 //!
 //! The adds are exact, so r at (i, j) columns and rows from the seed is dᵀQd of the machine's own Q and d, and what its seed and
-//! its differences lost when they were rounded (ALGORITHM §4):
+//! its differences lost when they were rounded (docs/book/algorithm.md §4):
 //! ```text
 //! |Δr| ≤ |d|ᵀ ΔQ |d| + 2·|Q d|·Δd + Δdᵀ |Q| Δd                                      other words than the exact ones
 //!      + e₀ + (i + j)·e₁ + (C(i,2) + C(j,2) + i·j)·e₂                               rounded seed and differences
@@ -182,7 +182,7 @@ impl Raster {
 /// Greatest distance of `raster.radial` from r = Q00·x² + 2·Q01·xy + Q11·y² after `columns` and `rows` steps from where it was seeded,
 /// r; the conic's and the offset's words as they are, |x| and |y| at the seed at most `reach_px`.
 ///
-/// Adds are exact, so what is left is what the words lost that are added (ALGORITHM §4), each of them as often as it is added:
+/// Adds are exact, so what is left is what the words lost that are added (docs/book/algorithm.md §4), each of them as often as it is added:
 /// - `radial`, once, and the gradients at the seed, weighed by x and y;
 /// - `first`, once a step;
 /// - `second`, once for each pair of steps: n(n−1)/2 along a row or a column, and, by column and row, their product.

@@ -150,7 +150,7 @@ fn exact_radial(machine: &Machine, input: &Input, x: u16, y: u16) -> i128 {
     r << (FINE - 2 * places - machine.ellipse.conic.format.frac_bits)
 }
 
-/// Errors of the seed, of the first differences by column and row, of the second ones, in pixels and r (ALGORITHM §4).
+/// Errors of the seed, of the first differences by column and row, of the second ones, in pixels and r (docs/book/algorithm.md §4).
 ///
 /// Each is half a last place of its own word; the offset's half place counts as often as r or its difference changes with it.
 struct Errors {
@@ -313,7 +313,8 @@ proptest! {
         prop_assert!(all.into_iter().eq(rows.flat_map(|y| columns.clone().map(move |x| (y, x)))));
     }
 
-    /// The plane of ALGORITHM §3, in the depth register's last places: half a place for the seed, the offset's half place times the slope.
+    /// The plane of docs/book/algorithm.md §3, in the depth register's last places: half a place for the seed, the offset's half place
+    /// times the slope.
     #[test]
     fn depth_is_the_tangent_plane_between_its_clamps(name in names(), shape in shapes()) {
         let machine = machine(name, Rows::Seeded);
