@@ -1,8 +1,6 @@
 //! Does the cost model say what synthesis makes of the units? The book, Cost, has the fit; its LUTs are Yosys', all else is computed anew.
 
-mod cosimulation;
-
-use cosimulation::{have, run};
+use crate::cosimulation::{have, run};
 use splatsim::hardware::{fixed, machines};
 use splatsim::performance::cost::{Cost, DEFAULT};
 use std::process::Command;

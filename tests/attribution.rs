@@ -1,10 +1,6 @@
 //! Attribution: a machine of which some words are words, between `golden` and the machine itself.
 
-#[path = "../rtl_model/tests/machines/mutation.rs"]
-#[expect(dead_code, reason = "the machine's own tests use the rest")]
-mod mutation;
-
-use mutation::{differences, mutated, mutations, named};
+use crate::mutation::{differences, mutated, mutations, named};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;

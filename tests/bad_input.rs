@@ -1,7 +1,6 @@
 //! Whatever the input, the answer is a scene or one sentence, soon, and without memory that the input does not deserve.
 
-mod shared_input;
-
+use crate::shared_input;
 use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
 

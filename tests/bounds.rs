@@ -1,11 +1,7 @@
 //! Does the error bound hold? The machine with `golden` in lockstep, on built-in scenes, real scans and machines that nobody would build.
 
-#[path = "../rtl_model/tests/machines/mutation.rs"]
-#[expect(dead_code, reason = "the machine's own tests use the rest")]
-mod mutation;
-mod shared_input;
-
-use mutation::{differences, mutated, mutations, named};
+use crate::mutation::{differences, mutated, mutations, named};
+use crate::shared_input;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;

@@ -2,11 +2,11 @@
 //!
 //! `cargo test --test channel -- --nocapture` prints a table.
 
-use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
 use rtl_model::timing::{Detail, replay};
 use rtl_model::work::Work;
+use scene::Scene;
 use splatsim::hardware::quantise::quantise;
 use splatsim::scene::Overrides;
 use std::path::Path;

@@ -1,8 +1,7 @@
 //! Does the binary do what docs/book/getting-started.md promises: its files, its report, its words, its exit status, and a quick end to bad
 //! input?
 
-mod shared_input;
-
+use crate::shared_input;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::time::Duration;

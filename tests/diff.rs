@@ -1,14 +1,12 @@
 //! Does the checker catch what a device may get wrong, and name it?
 
-mod traced;
-
+use crate::traced::{Traced, cloud, machine, traced};
 use proptest::prelude::*;
 use serde_json::Value;
 use splatsim::cosim::diff::{Outcome, diff};
 use splatsim::cosim::trace::Window;
 use splatsim::error::Error;
 use std::sync::OnceLock;
-use traced::{Traced, cloud, machine, traced};
 
 fn trace() -> &'static Traced {
     static TRACE: OnceLock<Traced> = OnceLock::new();

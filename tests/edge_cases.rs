@@ -1,12 +1,10 @@
 //! Does every odd scene on every machine end in a picture or in one sentence? Scenes that a file could ask for, and machines
 //! that a file could describe.
 
-mod handmade;
-
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use crate::handmade::{Dice, confetti, scene, splat};
 use glam::DVec3;
-use handmade::{Dice, confetti, scene, splat};
 use rtl_model::Machine;
 use rtl_model::machine::{FragmentDepth, Merge, Rows};
 use splatsim::hardware::{fixed, quantise};

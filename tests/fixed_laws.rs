@@ -1,12 +1,10 @@
 //! Does the machine keep the laws of splatting (docs/book/algorithm.md §3 to §7) within its last places?
 
-mod handmade;
-
 use std::any::Any;
 use std::f64::consts::TAU;
 
+use crate::handmade::{Dice, confetti, scene, splat};
 use glam::{DMat2, DMat3, DVec2, DVec3};
-use handmade::{Dice, confetti, scene, splat};
 use rtl_model::machine::Machine;
 use rtl_model::num::{Fit, Word};
 use rtl_model::pipeline;

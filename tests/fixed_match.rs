@@ -1,7 +1,6 @@
 //! Does `fixed` draw what `golden` draws? The named machines on the built-in scenes and on real scans, 512×512.
 
-mod shared_input;
-
+use crate::shared_input;
 use rtl_model::Machine;
 use splatsim::accuracy::{Metrics, metrics};
 use splatsim::golden;

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use splatsim::golden::{Rules, render};
 use splatsim::scene::{Overrides, Scene};
 
-mod shared_input;
+use crate::shared_input;
 
 /// Channels agree to this; only where a threshold (1/255, 1e-4, r = 9) is met within rounding may they differ more. Measured: 1e-13.
 const TOLERANCE: f64 = 1e-9;

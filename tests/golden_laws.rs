@@ -1,11 +1,9 @@
 //! Does the f64 renderer keep the laws of splatting (docs/book/algorithm.md §3 to §8)? Small scenes, made by hand.
 
-mod handmade;
-
 use std::f64::consts::{PI, TAU};
 
+use crate::handmade::{Dice, confetti, scene, splat};
 use glam::{DMat3, DVec3};
-use handmade::{Dice, confetti, scene, splat};
 use splatsim::golden::{Decision, FragmentDepth, Merge, Rendering, Rules, ideal, render, story};
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat};
 

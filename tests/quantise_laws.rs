@@ -1,8 +1,7 @@
 //! Are the machine's words what the scene says, to half a last place, at the largest scale that holds everything?
 //! The oracle is integer arithmetic on the binary digits of the scene's numbers.
 
-mod handmade;
-
+use crate::handmade;
 use glam::DVec3;
 use proptest::prelude::*;
 use rtl_model::Machine;

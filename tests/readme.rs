@@ -3,12 +3,7 @@
 //! Where a figure has changed for a good reason, the failure prints the lines that the page should have. A command runs once, however
 //! many pages have it.
 
-mod book;
-#[path = "programs/reference.rs"]
-#[allow(dead_code, reason = "its `main` writes what is compared here")]
-mod reference;
-mod shared_input;
-
+use crate::{book, reference, shared_input};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;

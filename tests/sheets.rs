@@ -1,12 +1,8 @@
 //! Volumes and Gaussians on the machine: does the bound hold, are flips explained, is the picture good, and does all that a scene may say
 //! of them matter?
 
-#[path = "../rtl_model/tests/machines/mutation.rs"]
-#[expect(dead_code, reason = "the machine's own tests use the rest")]
-mod mutation;
-mod shared_input;
-
-use mutation::{differences, mutated, mutations};
+use crate::mutation::{differences, mutated, mutations};
+use crate::shared_input;
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use rtl_model::{Drawing, Machine};

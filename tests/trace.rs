@@ -1,9 +1,7 @@
 //! Do traces hold what crossed the wires, and can a unit be driven by its inputs alone?
 
-mod cosimulation;
-mod traced;
-
-use cosimulation::{have, run};
+use crate::cosimulation::{have, run};
+use crate::traced::{Traced, bouquet, cloud, files, isosurface, machine, shells, traced};
 use proptest::prelude::*;
 use rtl_model::pipeline::unit_replay;
 use rtl_model::probe::NoProbe;
@@ -18,7 +16,6 @@ use splatsim::scene::{Overrides, Scene};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
-use traced::{Traced, bouquet, cloud, files, isosurface, machine, shells, traced};
 
 const SPLAT: usize = 0;
 const PARENT: usize = 4;

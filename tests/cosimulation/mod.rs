@@ -2,8 +2,12 @@
 
 #![allow(dead_code, reason = "each test file uses its own part")]
 
+use sha2::{Digest, Sha256};
+use std::collections::HashMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 use tempfile::TempDir;
 
 /// A simulator of SystemVerilog.
@@ -106,6 +110,90 @@ pub struct Given {
     pub held: PathBuf,
 }
 
+/// The program that these files and those of `sources` make. It is kept by the digest of them all, so that a unit is compiled once for a
+/// machine, whatever tests ask for it and in whatever run; of other sources, which mutants have, it lies in `folder` and is kept no longer.
+fn compiled(simulator: Simulator, sources: &Path, defines: &[String], files: &[PathBuf], folder: &Path) -> PathBuf {
+    if sources != self::sources() {
+        return compile(simulator, sources, defines, files, folder);
+    }
+    type Programs = Mutex<HashMap<PathBuf, Arc<OnceLock<()>>>>;
+    static PROGRAMS: LazyLock<Programs> = LazyLock::new(Programs::default);
+    let program = shelf().join(digest(simulator, sources, defines, files));
+    let once = PROGRAMS.lock().unwrap().entry(program.clone()).or_default().clone();
+    once.get_or_init(|| {
+        if !program.exists() {
+            // Another process may do the same: each puts a whole program in its place.
+            let folder = tempfile::tempdir_in(shelf()).unwrap();
+            std::fs::rename(compile(simulator, sources, defines, files, folder.path()), &program).unwrap();
+        }
+    });
+    program
+}
+
+/// Where programs are kept.
+fn shelf() -> PathBuf {
+    let shelf = Path::new(env!("CARGO_TARGET_TMPDIR")).join("devices");
+    std::fs::create_dir_all(&shelf).unwrap();
+    shelf
+}
+
+/// A name for all that a program is made of: the simulator, the twins and the bench, the machine's package, what is defined.
+fn digest(simulator: Simulator, sources: &Path, defines: &[String], files: &[PathBuf]) -> String {
+    static VERSIONS: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| [["iverilog", "-V"], ["verilator", "--version"]].map(version));
+    let mut all: Vec<PathBuf> = [sources, &sources.join("bench")].into_iter().flat_map(files_in).chain(files.iter().cloned()).collect();
+    // By name: a trace's folder has another one each time.
+    all.sort_by_key(|file| file.file_name().map(OsStr::to_owned));
+    all.dedup();
+    let mut digest = Sha256::new();
+    digest.update(&VERSIONS[usize::from(simulator == Simulator::Verilator)]);
+    digest.update(VERILATOR.concat());
+    digest.update(defines.join("\n"));
+    for file in all {
+        let text = std::fs::read(&file).unwrap();
+        digest.update(format!("\n{} {}\n", file.file_name().unwrap().display(), text.len()));
+        digest.update(text);
+    }
+    format!("{simulator:?}-{:x}", digest.finalize())
+}
+
+fn version([program, option]: [&str; 2]) -> Vec<u8> {
+    Command::new(program).arg(option).output().map(|output| output.stdout).unwrap_or_default()
+}
+
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect()
+}
+
+/// What Verilator is told of every unit. The compiler's first level would take as long.
+const VERILATOR: [&str; 10] =
+    ["--binary", "--timing", "-O3", "-j", "2", "-Wno-fatal", "--top-module", "bench", "-MAKEFLAGS", "OPT_FAST=-O2"];
+
+fn compile(simulator: Simulator, sources: &Path, defines: &[String], files: &[PathBuf], folder: &Path) -> PathBuf {
+    let program = folder.join("device");
+    match simulator {
+        Simulator::Icarus => {
+            run(Command::new("iverilog")
+                .args(["-g2012", "-s", "bench", "-o"])
+                .arg(&program)
+                .args(defines)
+                .arg("-y")
+                .arg(sources)
+                .args(["-Y", ".sv"])
+                .args(files));
+            program
+        }
+        Simulator::Verilator => {
+            let mut verilator = Command::new("verilator");
+            // Verilator's own library is most of what there is to compile for a unit, and the same for each.
+            if Command::new("ccache").arg("--version").output().is_ok() {
+                verilator.env("OBJCACHE", "ccache");
+            }
+            run(verilator.args(VERILATOR).arg("--Mdir").arg(&program).args(defines).arg("-y").arg(sources).args(files));
+            program.join("Vbench")
+        }
+    }
+}
+
 impl Device {
     /// Compiles a unit, its files taken from `sources`, with the package of a trace's folder, for a picture of so many pixels a side.
     pub fn new(simulator: Simulator, sources: &Path, trace: &Path, unit: Unit, side: u32) -> Device {
@@ -127,30 +215,8 @@ impl Device {
             files.extend([bench, "bench_start"].map(|name| sources.join("bench").join(name).with_extension("sv")));
         }
         let program = match simulator {
-            Simulator::Icarus => {
-                let program = kept.path().join("device");
-                run(Command::new("iverilog")
-                    .args(["-g2012", "-s", "bench", "-o"])
-                    .arg(&program)
-                    .args(&defines)
-                    .arg("-y")
-                    .arg(sources)
-                    .args(["-Y", ".sv"])
-                    .args(&files));
-                vec!["vvp".into(), program]
-            }
-            Simulator::Verilator => {
-                let folder = kept.path().join("device");
-                run(Command::new("verilator")
-                    .args(["--binary", "--timing", "-O3", "-j", "2", "-Wno-fatal", "--top-module", "bench"])
-                    .args(["-MAKEFLAGS", "OPT_FAST=-O2", "--Mdir"])
-                    .arg(&folder)
-                    .args(&defines)
-                    .arg("-y")
-                    .arg(sources)
-                    .args(&files));
-                vec![folder.join("Vbench")]
-            }
+            Simulator::Icarus => vec!["vvp".into(), compiled(simulator, sources, &defines, &files, kept.path())],
+            Simulator::Verilator => vec![compiled(simulator, sources, &defines, &files, kept.path())],
         };
         // Of all units wired together nothing is seen while the splats under way are drawn, each of which may be as large as the picture.
         let patience = if unit.stream == "pipeline" { 20_000 + 128 * side * side } else { 20_000 };

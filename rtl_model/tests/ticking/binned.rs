@@ -7,9 +7,9 @@
 //! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun go when the last word is written. `list`
 //! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its stamps is written.
 
-use crate::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
-use crate::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
-use crate::scene::Scene;
+use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
+use super::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
+use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::timing::{Client, Direction};
 use std::collections::VecDeque;

@@ -3,9 +3,9 @@
 //! Nothing that happens in a cycle is seen in the same cycle by another unit (but shading by its unit, which goes last), so their order
 //! within a cycle does not matter.
 
-use crate::memory::{Done, LINES, Memory, Requests, WORDS};
-use crate::parts::{Act, Fill, Link, Merge, SetUp, Stamp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
-use crate::scene::Scene;
+use super::memory::{Done, LINES, Memory, Requests, WORDS};
+use super::parts::{Act, Fill, Link, Merge, SetUp, Stamp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
+use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{Client, Direction};
 use std::collections::{BTreeSet, VecDeque};

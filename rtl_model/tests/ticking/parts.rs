@@ -1,7 +1,7 @@
 //! What is a ticking machine made of? Units, FIFOs with credits, stamps; and the units that both organisations have.
 
-use crate::memory::{Memory, Requests, SPLATS, Traffic};
-use crate::scene::Scene;
+use super::memory::{Memory, Requests, SPLATS, Traffic};
+use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
 use rtl_model::timing::{Account, Client, Direction};
 use rtl_model::work::{Event, Fate};

@@ -1,6 +1,6 @@
 //! What is drawn? A plain list of splats and their pixels, drawn at random or read from a recorded frame.
 
-use crate::frames::{Dice, in_tile};
+use super::frames::{Dice, in_tile};
 use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work};
 
 /// A splat, and what became of every pixel of its box, row by row; of those that it does not cover, nothing.

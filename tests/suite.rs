@@ -1,0 +1,53 @@
+//! Every question that this folder asks of the bench, in one binary: both cores are busy until the last answer, and one program is linked.
+//!
+//! A file `tests/QUESTION.rs` is a module here, so `cargo test --test suite QUESTION::` asks one alone. Co-simulation is `tests/rtl.rs`.
+
+mod area;
+mod attribution;
+mod bad_input;
+mod book;
+mod bounds;
+mod channel;
+mod chart;
+mod cli;
+mod cosimulation;
+mod diff;
+mod edge_cases;
+mod fixed_laws;
+mod fixed_match;
+mod gaussian_match;
+mod golden_laws;
+mod golden_match;
+mod handmade;
+mod layering;
+#[path = "../rtl_model/tests/machines/mutation.rs"]
+#[expect(dead_code, reason = "the machine's own tests use the rest")]
+mod mutation;
+mod pinned;
+mod proofs;
+mod quantise_laws;
+mod ranges;
+mod readme;
+mod recording;
+#[path = "programs/reference.rs"]
+#[allow(dead_code, reason = "its `main` writes what is compared here")]
+mod reference;
+mod search;
+mod shared_input;
+mod sheets;
+mod stress;
+mod sweep;
+mod trace;
+mod traced;
+mod volume_match;
+
+#[test]
+fn no_question_is_forgotten() {
+    let roots = concat!(include_str!("suite.rs"), include_str!("rtl.rs"));
+    let folder = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/tests")).unwrap();
+    let names = folder.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|extension| extension == "rs"));
+    let names: Vec<String> = names.map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned()).collect();
+    assert!(names.len() > 20, "{names:?}");
+    let forgotten = |name: &&String| !["suite", "rtl"].contains(&name.as_str()) && !roots.contains(&format!("\nmod {name};\n"));
+    assert_eq!(names.iter().filter(forgotten).collect::<Vec<_>>(), [""; 0], "no binary has them");
+}
