@@ -16,10 +16,11 @@ use crate::output::text::{aligned, plain_table};
 use crate::scene::Scene;
 use comfy_table::Table;
 use rtl_model::pipeline::Elaborated;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// How much of the error each part of a machine makes. All distances are from `golden`.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Attribution {
     /// Every word a word: the machine itself.
     pub all: Distance,
@@ -30,7 +31,7 @@ pub struct Attribution {
 }
 
 /// What one part of a machine does.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Share {
     /// Unit, or `unit.word`.
     pub name: String,

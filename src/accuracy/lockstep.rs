@@ -36,6 +36,7 @@ use rtl_model::real::frame as real;
 use rtl_model::real::{Near, Real};
 use rtl_model::units::fragment::{Contribution, Decision, TILE_AREA, TILE_PX};
 use rtl_model::units::resolve::Layer;
+use schemars::JsonSchema;
 use serde::Serialize;
 use sheets::{SheetPixel, SheetRules};
 use std::any::Any;
@@ -44,7 +45,7 @@ use std::collections::BTreeMap;
 pub use summary::{BoundSummary, Summary};
 
 /// Decisions that `golden` would have taken otherwise, by kind.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Flips {
     /// A splat drawn by one and culled by the other: contributions that only one has.
     pub cull: u64,

@@ -3,12 +3,13 @@
 mod ssim;
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::output::picture::Picture;
 
 /// Distance of two pictures: over the colour channels, linear and premultiplied, clamped to [0, 1].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Metrics {
     /// Peak 1, all pixels and channels; none where the pictures are equal.
     pub psnr_db: Option<f64>,
@@ -49,7 +50,7 @@ fn clamped(picture: &Picture, index: usize) -> [f64; 3] {
 }
 
 /// Distance of two pictures by their pixels alone, which is quick.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Distance {
     /// As [`Metrics::psnr_db`].
     pub psnr_db: Option<f64>,

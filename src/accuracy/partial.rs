@@ -12,10 +12,10 @@
 mod sheets;
 
 use crate::golden::footprint::pixels;
-use crate::golden::fragments::{Fragment, merged_pair, nearest_within};
+use crate::golden::fragments::{Fragment, Pair, nearest_within};
 use crate::golden::shade::Shader;
 use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
-use crate::golden::{FragmentDepth, Merge, Outcomes, Rules};
+use crate::golden::{FragmentDepth, Outcomes, Rules};
 use crate::hardware::fixed;
 use crate::hardware::quantise::Quantised;
 use crate::hardware::registers::{Chosen, INPUTS, Registers, SheetWords};
@@ -301,10 +301,10 @@ impl<'a> Painter for Pixels<'a> {
             fragments.push(new);
             return;
         }
-        match rules.merge {
-            Merge::Replace if new.z < fragments[0].z => fragments[0] = new,
-            Merge::Replace => {}
-            Merge::NearestPair | Merge::FarthestPair => frame.overflow(fragments, new),
+        match rules.merge.pair() {
+            Some(pair) => frame.overflow(fragments, new, pair),
+            None if new.z < fragments[0].z => fragments[0] = new,
+            None => {}
         }
     }
 
@@ -335,7 +335,7 @@ impl<'a> FrameWords<'a> {
     }
 
     /// One fragment too many: drops one that nobody sees, or makes one of two.
-    fn overflow(&self, fragments: &mut Vec<Fragment>, new: Fragment) {
+    fn overflow(&self, fragments: &mut Vec<Fragment>, new: Fragment, pair: Pair) {
         let rules = &self.stage.rules;
         fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
         let place = fragments.partition_point(|fragment| fragment.z <= new.z);
@@ -346,7 +346,7 @@ impl<'a> FrameWords<'a> {
             fragments.truncate(deepest);
             return;
         }
-        let Some(front) = merged_pair(rules.merge, fragments) else { return };
+        let front = pair(fragments);
         let [over, under] = [front, front + 1].map(|slot| self.stored(&fragments[slot]));
         let [r, g, b, alpha] = self.stage.machine.real_merge(over, under).map(number);
         fragments[front] = Fragment { rgb: DVec3::new(r, g, b), alpha, shaded: true, ..fragments[front] };

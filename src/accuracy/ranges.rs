@@ -16,6 +16,7 @@ use crate::output::chart::{Extent, Extents};
 use crate::output::text::share;
 use rtl_model::elaboration::Signal;
 use rtl_model::probe::Range;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -26,7 +27,7 @@ const DECLARED_CLAMPS: [(&str, &str, &str); 2] = [
 ];
 
 /// One signal's range.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SignalReport {
     /// The unit it belongs to.
     pub unit: &'static str,
@@ -64,7 +65,7 @@ pub struct SignalReport {
 }
 
 /// Words by magnitude.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Histogram {
     /// Words that are 0.
     pub zeros: u64,

@@ -35,6 +35,7 @@ use knobs::Knob;
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
+use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::borrow::Cow;
@@ -44,7 +45,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// What a machine must reach, on every scene and view: fixed against golden.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Target {
     /// At least so many decibels, over all pixels.
     pub psnr_db: Option<f64>,
@@ -123,7 +124,7 @@ impl View {
 }
 
 /// How far a machine is off.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Found {
     /// Least; none where pictures are equal.
     pub psnr_db: Option<f64>,
@@ -162,7 +163,7 @@ impl Target {
 }
 
 /// A step of the way.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Step {
     /// What was done.
     pub method: String,
@@ -175,7 +176,7 @@ pub struct Step {
 }
 
 /// What was found.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, JsonSchema)]
 pub struct Outcome {
     /// The scenes.
     pub scenes: Vec<String>,
@@ -199,7 +200,7 @@ pub struct Outcome {
 }
 
 /// A view that was not searched on.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Unseen {
     /// Scene and number.
     pub name: String,
@@ -210,7 +211,7 @@ pub struct Unseen {
 }
 
 /// A step that cannot be taken.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Tight {
     /// Where.
     pub path: String,

@@ -26,6 +26,7 @@ use crate::output::text::{aligned, plain_table};
 use crate::scene::{Scene, validate};
 use rayon::prelude::*;
 use rtl_model::Machine;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +36,7 @@ pub const FAILS: f64 = 8.0 / 255.0;
 pub const SHARE_FAILS: f64 = 0.01;
 
 /// What the catalogue found.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Catalogue {
     /// Version of this program.
     pub version: &'static str,
@@ -46,7 +47,7 @@ pub struct Catalogue {
 }
 
 /// One case.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct CaseReport {
     /// Its name.
     pub name: &'static str,
@@ -61,7 +62,7 @@ pub struct CaseReport {
 }
 
 /// One case on one machine.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct MachineReport {
     /// Its name.
     pub machine: String,
@@ -78,7 +79,7 @@ pub struct MachineReport {
 }
 
 /// One value.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Point {
     /// The parameter.
     pub value: f64,
@@ -88,7 +89,7 @@ pub struct Point {
 }
 
 /// How arithmetic fails.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Failure {
     /// fixed − led exceeds 8/255.

@@ -13,7 +13,7 @@ use glam::DVec3;
 use super::footprint::{Contribution, Footprint};
 use super::shade::{Shader, over};
 use super::tiles::{Cover, PIXELS_IN_A_TILE, Painter};
-use super::{FragmentDepth, Merge, Outcomes, Rules};
+use super::{FragmentDepth, Outcomes, Rules};
 
 /// One layer of one pixel. Unshaded it holds weighted sums; shaded, a premultiplied colour and its alpha.
 #[derive(Clone, Copy, Debug, Default)]
@@ -142,9 +142,9 @@ impl<'a> Golden<'a> {
             *used += 1;
             return Decision::Inserted { slot: *used - 1 };
         }
-        match self.rules.merge {
-            Merge::Replace => replace(&mut slots[0], new),
-            Merge::NearestPair | Merge::FarthestPair => overflow(self.rules, self.shader, slots, new),
+        match self.rules.merge.pair() {
+            None => replace(&mut slots[0], new),
+            Some(pair) => overflow(self.rules, pair, self.shader, slots, new),
         }
     }
 }
@@ -213,7 +213,7 @@ fn replace(held: &mut Fragment, new: Fragment) -> Decision {
 }
 
 /// One fragment too many: drops one that nobody sees, or makes one of two. Leaves the slots in z order; the last is spare.
-fn overflow(rules: &Rules, shader: &Shader, slots: &mut [Fragment], new: Fragment) -> Decision {
+fn overflow(rules: &Rules, pair: Pair, shader: &Shader, slots: &mut [Fragment], new: Fragment) -> Decision {
     let deepest = slots.len() - 1;
     slots[deepest] = new;
     slots[..deepest].sort_by(|a, b| a.z.total_cmp(&b.z));
@@ -223,19 +223,39 @@ fn overflow(rules: &Rules, shader: &Shader, slots: &mut [Fragment], new: Fragmen
     if rules.evict_hidden && slots[..deepest].iter().any(hides) {
         return Decision::Evicted { slot: (place < deepest).then_some(place) };
     }
-    let Some(slot) = merged_pair(rules.merge, slots) else { return Decision::Dropped };
+    let slot = pair(slots);
     slots[slot] = Fragment::merge(&slots[slot], &slots[slot + 1], shader);
     slots[slot + 1..].rotate_left(1);
     Decision::Merged { slot, place }
 }
 
-/// The front of the adjacent pair that a rule merges, of fragments in z order; none where it merges none.
-pub(crate) fn merged_pair(rule: Merge, fragments: &[Fragment]) -> Option<usize> {
-    match rule {
-        Merge::NearestPair => Some(nearest_pair(fragments)),
-        Merge::FarthestPair => Some(fragments.len().saturating_sub(2)),
-        Merge::Replace => None,
+/// Which two fragments become one when a pixel overflows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Merge {
+    /// The adjacent pair with the smallest difference in z (SS §6).
+    NearestPair,
+    /// The two deepest.
+    FarthestPair,
+    /// None: the plain z-buffer of one layer, whatever [`Rules::layers`] says (SS §4).
+    Replace,
+}
+
+/// Chooses the front of the adjacent pair to merge, of fragments in z order.
+pub(crate) type Pair = fn(&[Fragment]) -> usize;
+
+impl Merge {
+    /// Which pair it merges; none of a z-buffer.
+    pub(crate) fn pair(self) -> Option<Pair> {
+        match self {
+            Merge::NearestPair => Some(nearest_pair),
+            Merge::FarthestPair => Some(farthest_pair),
+            Merge::Replace => None,
+        }
     }
+}
+
+fn farthest_pair(fragments: &[Fragment]) -> usize {
+    fragments.len().saturating_sub(2)
 }
 
 /// The front of the adjacent pair that differs least in z; of equals the one nearer to the eye.

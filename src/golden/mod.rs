@@ -19,6 +19,7 @@ mod story;
 pub(crate) mod tiles;
 
 use rayon::prelude::*;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::output::picture::Picture;
@@ -28,7 +29,7 @@ use fragments::Golden;
 use ideal::Ideal;
 use shade::Shader;
 
-pub use fragments::Decision;
+pub use fragments::{Decision, Merge};
 pub use story::{Arrival, Layer, Story, story};
 
 /// How the fragment unit decides (docs/book/algorithm.md §6).
@@ -51,17 +52,6 @@ impl Default for Rules {
     fn default() -> Self {
         Rules { layers: 3, merge: Merge::FarthestPair, evict_hidden: true, opaque: 0.999, fragment_depth: FragmentDepth::First }
     }
-}
-
-/// Which two fragments become one when a pixel overflows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Merge {
-    /// The adjacent pair with the smallest difference in z (SS §6).
-    NearestPair,
-    /// The two deepest.
-    FarthestPair,
-    /// None: the plain z-buffer of one layer, whatever [`Rules::layers`] says (SS §4).
-    Replace,
 }
 
 /// The depth that a fragment answers to.
@@ -99,7 +89,7 @@ pub struct Rendering {
 }
 
 /// Splats that left no footprint; each is counted once, by the first reason that holds in this order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Culled {
     /// At or before the near plane.
     pub near: u64,
@@ -112,7 +102,7 @@ pub struct Culled {
 }
 
 /// What became of the contributions. Each has one outcome: the first six sum to [`Rendering::fragments`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Outcomes {
     /// Added to a fragment (in `ideal`: to a surface).
     pub accumulated: u64,

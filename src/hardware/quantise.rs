@@ -13,10 +13,11 @@ use rayon::prelude::*;
 use rtl_model::frame::{self, Frame, Scaled};
 use rtl_model::machine::{Interpolation, Machine};
 use rtl_model::num::{Format, Rounding, Word};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// How world units became machine units: `machine = (world − offset) · 2^exponent`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Scale {
     /// Power of two.
     pub exponent: i32,

@@ -110,7 +110,7 @@ impl Prices {
 }
 
 /// Bits of every kind.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Bits {
     /// Products of the widths of all multipliers.
     pub multiplier: u64,
@@ -154,7 +154,7 @@ impl Bits {
 }
 
 /// A unit's part of the area.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct UnitCost {
     /// Its name.
     pub name: &'static str,
@@ -166,7 +166,7 @@ pub struct UnitCost {
 }
 
 /// What a machine takes.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Cost {
     /// LUT equivalents: units, FIFOs, memory on the chip.
     pub area: f64,
@@ -265,7 +265,7 @@ fn built(machine: &Elaborated, unit: &str) -> Bits {
 }
 
 /// A machine's area, and a frame's energy on it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct CostReport {
     /// Area.
     #[serde(flatten)]
@@ -293,7 +293,7 @@ impl CostReport {
 }
 
 /// What a frame takes.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Energy {
     /// Joules: all that follow.
     pub total: f64,

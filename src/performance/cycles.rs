@@ -11,11 +11,12 @@ use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::Memory;
 use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Request, Wait};
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
 /// A frame's time.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct CyclesReport {
     /// Cycles from the first request to the last word written.
     pub total: u64,
@@ -36,7 +37,7 @@ pub struct CyclesReport {
 }
 
 /// A unit's time.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct UnitReport {
     /// Its name; of several side by side, with a number.
     pub name: String,
@@ -62,7 +63,7 @@ pub struct UnitReport {
 }
 
 /// Cycles with an item, window by window.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct OverTime {
     /// Cycles of a window.
     pub window: u64,
@@ -71,14 +72,14 @@ pub struct OverTime {
 }
 
 /// Who blocked a unit.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Blocker {
     by: &'static str,
     cycles: u64,
 }
 
 /// Traffic.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct MemoryReport {
     /// Cycles in which bytes moved.
     pub busy: u64,
@@ -97,7 +98,7 @@ pub struct MemoryReport {
 }
 
 /// A client's traffic.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ClientReport {
     /// What it is for.
     pub name: &'static str,

@@ -16,6 +16,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::str::FromStr;
 
@@ -80,7 +81,7 @@ impl Variants {
 }
 
 /// What each value makes of a frame.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Timings {
     /// The field.
     pub path: String,
@@ -89,7 +90,7 @@ pub struct Timings {
 }
 
 /// A frame's time with one value.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Row {
     /// The value.
     pub value: String,

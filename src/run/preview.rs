@@ -21,6 +21,7 @@ use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::num::Rounding;
 use rtl_model::timing::{self, Detail};
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Of columns and rows, one in so many is drawn.
@@ -31,7 +32,7 @@ const LEAST_SIDE_PX: usize = 128;
 const LEAST_OFF: f64 = 0.05;
 
 /// Figures of a picture of one size.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Figures {
     /// Pixels a row.
     pub width: usize,
@@ -50,7 +51,7 @@ pub struct Figures {
 }
 
 /// What was left out, and what the rest says.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Preview {
     /// Pixels of the whole.
     pub of: [usize; 2],

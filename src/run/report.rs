@@ -15,6 +15,7 @@ use rtl_model::machine::Machine;
 use rtl_model::pipeline::Culled;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::units::fragment::Outcomes;
+use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
@@ -22,7 +23,7 @@ use std::fmt::Write;
 const MOST_DB: f64 = 200.0;
 
 /// Everything that a run found. All but `host` is the same for the same input on every machine, at any thread count.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Report {
     /// Version of this program.
     pub version: &'static str,
@@ -58,7 +59,7 @@ pub struct Report {
 }
 
 /// The scene's part.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SceneReport {
     /// File or built-in name.
     pub name: String,
@@ -79,7 +80,7 @@ pub struct SceneReport {
 }
 
 /// Splats that were not drawn.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct CulledReport {
     near: u64,
     outside: u64,
@@ -95,7 +96,7 @@ impl From<Culled> for CulledReport {
 }
 
 /// The machine's part.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct MachineReport {
     /// The whole description.
     pub description: Machine,
@@ -108,7 +109,7 @@ pub struct MachineReport {
 }
 
 /// Distances of the three pictures.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Accuracy {
     /// The arithmetic's error.
     pub fixed_vs_golden: Metrics,
@@ -119,7 +120,7 @@ pub struct Accuracy {
 }
 
 /// Outcomes of contributions.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Fragments {
     accumulated: u64,
     inserted: u64,
@@ -145,7 +146,7 @@ impl From<Outcomes> for Fragments {
 }
 
 /// What the golden renderer found.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Golden {
     /// Contributions.
     pub fragments: u64,
@@ -156,7 +157,7 @@ pub struct Golden {
 }
 
 /// Wall-clock figures of this computer; nothing else in a report depends on it.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Host {
     /// Threads that were used.
     pub threads: usize,

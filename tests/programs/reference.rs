@@ -17,16 +17,26 @@ pub struct Page {
 /// All pages that are made from schemas.
 #[must_use]
 pub fn pages() -> Vec<Page> {
-    let prices = schemars::schema_for!(splatsim::performance::cost::Prices).to_value();
     vec![
         page("machine.md", "Machine", MACHINE, &splatsim::hardware::machines::schema()),
         page("scene.md", "Scene", SCENE, &splatsim::scene::schema()),
         page("plan.md", "Sweep plan", PLAN, &splatsim::explore::sweep::plan::schema()),
-        page("prices.md", "Prices", PRICES, &prices),
-        // The report comes here, once its types derive `JsonSchema`; until then `report.md` is written by hand.
+        page("prices.md", "Prices", PRICES, &schemars::schema_for!(splatsim::performance::cost::Prices).to_value()),
+        page("report.md", "Report", REPORT, &of::<splatsim::run::report::Report>()),
+        page("stress.md", "Stress catalogue", STRESS, &of::<splatsim::explore::stress::Catalogue>()),
+        page("search.md", "Search", SEARCH, &of::<splatsim::explore::search::Outcome>()),
     ]
 }
 
+/// The schema of what the program writes.
+fn of<T: schemars::JsonSchema>() -> Value {
+    schemars::SchemaGenerator::new(schemars::generate::SchemaSettings::default().for_serialize()).into_root_schema_for::<T>().to_value()
+}
+
+const REPORT: &str = "What `report.json` says, which `run --out DIR` writes. All but `host` is the same for the same input on every computer, at any \
+    number of threads. A field that is left out was not asked for.";
+const STRESS: &str = "What `stress.json` says, which `stress --out DIR` writes.";
+const SEARCH: &str = "What `search.json` says, which `search` writes beside the machine that it found.";
 const MACHINE: &str = "What a machine file may say: `--machine FILE`; `machine schema` prints this as a JSON Schema, `machine show NAME` a whole file. \
     A file with a field `base`, the name of a machine, need only say what differs from it. The command line changes one field with `--set PATH=VALUE`, as \
     `--set gauss.weight=U-2F10`.";

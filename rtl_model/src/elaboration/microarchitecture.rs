@@ -9,10 +9,11 @@ use super::{Elaboration, Part, unit};
 use crate::machine::Machine;
 use crate::machine::timing::{Cache, Memory, Organisation, Setup, Tile, Timing};
 use crate::num::Word;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// Cycles of a unit, nothing left out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Pace {
     /// How many work side by side.
     pub units: u32,
@@ -32,7 +33,7 @@ impl Pace {
 }
 
 /// An elaborated microarchitecture: every derived value beside what it was derived from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Microarchitecture {
     /// The description.
     #[serde(skip)]
@@ -78,7 +79,7 @@ pub struct Microarchitecture {
 }
 
 /// Words kept on the chip, besides the registers of the units: bits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Storage {
     /// All FIFOs, in the order of the diagram.
     pub fifos: [Fifo; 7],
@@ -89,7 +90,7 @@ pub struct Storage {
 }
 
 /// A radix sort.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SortShape {
     /// How often every entry is read and written.
     pub passes: u32,
@@ -119,7 +120,7 @@ pub struct Latencies {
 }
 
 /// A FIFO.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Fifo {
     /// The unit that takes from it.
     pub to: &'static str,

@@ -235,7 +235,7 @@ pub struct Gauss {
     pub weight: Word,
 }
 
-/// Which pair of fragments is merged when a pixel has no slot left.
+/// Which pair of fragments is merged when a pixel has no slot left. Traces number them in this order, from 0 on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Merge {

@@ -11,7 +11,7 @@
 //! so that a surface of one colour keeps it however its weights are off.
 
 use super::Flips;
-use crate::golden::fragments::{Fragment, merged_pair, nearest_within};
+use crate::golden::fragments::{Fragment, nearest_within};
 use crate::golden::shade::Shader;
 use crate::golden::{FragmentDepth, Rules};
 use rtl_model::machine::Machine;
@@ -233,7 +233,7 @@ impl Pixel {
         }
         if let Decision::Merged(front, _) = decision {
             let front = usize::from(front);
-            let wanted = merged_pair(common.rules.merge, &self.fragments).unwrap_or(front);
+            let wanted = common.rules.merge.pair().map_or(front, |pair| pair(&self.fragments));
             if wanted != front {
                 let gap = |i: usize| self.bounds[i + 1].depth - self.bounds[i].depth;
                 flips.pair(order_unsure || gap(front).may_cross(gap(wanted)));

@@ -4,13 +4,14 @@ use super::{Flips, KINDS, Lockstep};
 use crate::accuracy::metrics;
 use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::picture::Picture;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// A bound below which it says something: a few steps of an 8-bit display.
 const TELLING: f64 = 4.0 / 255.0;
 
 /// The machine against `golden` led by its own decisions (docs/book/accuracy.md).
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Summary {
     /// Peak 1, all pixels and channels; none where the pictures are equal.
     pub psnr_db: Option<f64>,
@@ -27,7 +28,7 @@ pub struct Summary {
 }
 
 /// How much the bounds say, over the covered pixels.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct BoundSummary {
     /// Half of the pixels have at most this bound; none where nothing is covered.
     pub median: Option<f64>,

@@ -1,7 +1,7 @@
 //! Headers: a machine's formats and records as SystemVerilog, C and Markdown, so that nobody slices bits by hand.
 
 use rtl_model::frame::Frame;
-use rtl_model::machine::{Interpolation, Merge, Rows};
+use rtl_model::machine::{Interpolation, Rows};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Field, Kind, Order, Stream};
@@ -53,17 +53,12 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         all.push((format!("{name}_BITS"), table.index_bits.into()));
         all.push((format!("{name}_LINEAR"), (table.interpolation == Interpolation::Linear).into()));
     }
-    let merge = match f.merge {
-        Merge::NearestPair => 0,
-        Merge::FarthestPair => 1,
-        Merge::Replace => 2,
-    };
     let rules = [
         ("RASTER_DIFFERENCED", i64::from(m.raster.rows == Rows::Differenced)),
         ("RASTER_EXACT_DEPTH_F", ports::exact_depth(m).frac_bits.into()),
         ("ELLIPSE_INVERSE_TWO_PI_WORD", machine.inverse_two_pi()),
         ("FRAGMENT_LAYERS", f.layers.into()),
-        ("FRAGMENT_MERGE", merge),
+        ("FRAGMENT_MERGE", f.merge as i64),
         ("FRAGMENT_EVICT_HIDDEN", f.evict_hidden.into()),
         ("FRAGMENT_NEAREST_DEPTH", (f.fragment_depth == rtl_model::machine::FragmentDepth::Nearest).into()),
         ("FRAGMENT_OPAQUE_LIMIT", f.opaque.format.one() * i64::from(f.opaque_permille) / 1000),

@@ -8,6 +8,7 @@ use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::CulledReport;
 use crate::scene::Scene;
 use rtl_model::Machine;
+use schemars::JsonSchema;
 use serde::Serialize;
 
 /// The three pictures at a point.
@@ -22,7 +23,7 @@ pub struct Pictures {
 }
 
 /// One value on one machine: drawn and compared, or refused in a sentence.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
     /// The machine cannot hold the scene, and says why.
@@ -32,7 +33,7 @@ pub enum Outcome {
 }
 
 /// What was found where the machine drew.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Found {
     /// Pixels that a splat touches, in `fixed` or in `golden`.
     pub covered_pixels: u64,
@@ -55,7 +56,7 @@ pub struct Found {
 }
 
 /// Lockstep in a few numbers.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Bounded {
     /// Greatest |fixed − led|.
     pub max_error: f64,
@@ -70,7 +71,7 @@ pub struct Bounded {
 }
 
 /// Pixels where fixed and `golden` differ by more than 8/255, each counted by the first thing that tells so.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Beyond {
     /// All of them.
     pub pixels: u64,
