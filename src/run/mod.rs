@@ -102,6 +102,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             splats: scene.splats.len() as u64,
             culled: drawing.culled.into(),
             fragments,
+            camera: scene.camera,
             scale: quantised.scale,
             notes: scene.notes.iter().chain(&quantised.notes).cloned().collect(),
         },

@@ -2,6 +2,7 @@
 
 use super::{Camera, Splat, neighbours::lone_radius};
 use glam::{DQuat, DVec3};
+use serde::ser::{Serialize, SerializeStruct, Serializer};
 
 /// Where the eye is, seen from the splats: in front, a little to the right and above (y is up).
 const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
@@ -47,6 +48,20 @@ impl Ball {
         let tan = tan_y.min(tan_y * aspect);
         // 1/sin of the narrower half angle: the ball touches the edge of the picture.
         FROM.normalize() * (MARGIN * self.radius * (1.0 + 1.0 / (tan * tan)).sqrt())
+    }
+}
+
+/// As a scene file has it.
+impl Serialize for Camera {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Camera { eye, target, up, fov_y_degrees, near } = self;
+        let mut fields = serializer.serialize_struct("Camera", 5)?;
+        fields.serialize_field("eye", &eye.to_array())?;
+        fields.serialize_field("target", &target.to_array())?;
+        fields.serialize_field("up", &up.to_array())?;
+        fields.serialize_field("fov_y_degrees", fov_y_degrees)?;
+        fields.serialize_field("near", near)?;
+        fields.end()
     }
 }
 

@@ -6,20 +6,24 @@ mod builtin;
 mod camera;
 pub mod digest;
 mod fields;
+mod formats;
 mod gaussians;
 mod json;
+mod memory;
 mod neighbours;
 mod ply;
 mod volume;
 mod voxels;
 
+pub(crate) mod strict_json;
 pub(crate) mod validate;
 
 pub use builtin::{Builtin, names};
-pub use json::schema;
+pub use json::{MOST_PIXELS, schema};
 
 use crate::error::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
+use std::ffi::OsStr;
 use std::path::Path;
 
 /// One splat: a Gaussian disc (ALGORITHM §2), or an ellipsoid ([`Scene::ellipsoids`]).
@@ -256,46 +260,41 @@ pub struct View {
 }
 
 impl Scene {
-    /// Reads a scene: the path of a `.json` scene file or of a `.ply` cloud, or, where there is no such file, the name of
-    /// a built-in scene.
+    /// Reads a scene: the path of a `.json` scene file or of a file of splats, or, where there is no such file, the name of a built-in
+    /// scene.
     ///
     /// # Errors
     /// [`Error::Input`], one sentence: which file, which field or row, what is wrong with it, what would be right.
-    pub fn load(name_or_path: &str, overrides: &Overrides) -> Result<Scene> {
-        let path = Path::new(name_or_path);
-        if let (Some(text), false) = (builtin::scene(name_or_path), path.exists()) {
-            return json::read(text, name_or_path, Path::new(""), overrides);
+    pub fn load(name_or_path: impl AsRef<OsStr>, overrides: &Overrides) -> Result<Scene> {
+        let path = Path::new(name_or_path.as_ref());
+        let name = &*path.to_string_lossy();
+        if let (Some(text), false) = (builtin::scene(name), path.exists()) {
+            return json::read(text, name, Path::new(""), overrides);
         }
-        let told = |sentence: String| Error::input(format!("{name_or_path}: {sentence}"));
+        let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
         if !path.exists() {
-            let names = builtin::names().collect::<Vec<_>>().join(", ");
-            return Err(told(format!("no such file, and no built-in scene either; built in are {names}")));
+            return Err(input_error(no_such_file(name)));
         }
-        if volume::is_volume(path) {
-            return json::of_cloud(path, name_or_path, overrides);
+        if is_json(path) {
+            let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+            return json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides);
         }
-        match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
-            Some("ply" | "splat" | "spz") => json::of_cloud(path, name_or_path, overrides),
-            Some("json") => {
-                let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
-                json::read(&text, name_or_path, path.parent().unwrap_or(Path::new("")), overrides)
-            }
-            _ => Err(told(
-                "is of no known kind; a scene is a .json file, points (.ply), Gaussians (.ply, .splat, .spz), a volume (.nrrd, .nhdr, .mhd, \
-                 .mha, .nii, .nii.gz, .vti) or a built-in name"
-                    .into(),
-            )),
+        if formats::reader(path).is_some() {
+            return json::of_file(path, name, overrides);
         }
+        let [points, gaussians, volumes] = formats::names();
+        Err(input_error(format!(
+            "is of no known kind; a scene is a .json file, points ({points}), Gaussians ({gaussians}), a volume ({volumes}) or a built-in name"
+        )))
     }
 
-    /// The text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
-    pub fn text(name_or_path: &str) -> Option<String> {
-        let path = Path::new(name_or_path);
+    /// Text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
+    pub fn text(name_or_path: impl AsRef<OsStr>) -> Option<String> {
+        let path = Path::new(name_or_path.as_ref());
         if !path.exists() {
-            return builtin::scene(name_or_path).map(str::to_owned);
+            return builtin::scene(path.to_str()?).map(str::to_owned);
         }
-        path.extension().filter(|extension| extension.eq_ignore_ascii_case("json"))?;
-        std::fs::read_to_string(path).ok()
+        is_json(path).then(|| std::fs::read_to_string(path).ok())?
     }
 
     /// The viewing transform (ALGORITHM §1): `t = rotation · (p − eye)`.
@@ -311,6 +310,17 @@ impl Scene {
             half_px,
         }
     }
+}
+
+fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+/// Half a sentence about a name that is neither a file nor a built-in scene.
+fn no_such_file(name: &str) -> String {
+    let names: Vec<&str> = builtin::names().collect();
+    let nearest = validate::nearest(name, &names);
+    format!("no such file, and no built-in scene either; built in are {} (nearest: `{nearest}`)", names.join(", "))
 }
 
 /// The vector's direction, however long it is; none where it is zero or not finite.

@@ -112,7 +112,7 @@ pub struct Cache {
     pub line_px: [u32; 2],
     /// Lines, a power of two.
     pub lines: u32,
-    /// Lines of a set, a power of two.
+    /// Lines of a set, a power of two up to 64.
     pub ways: u32,
     /// Lines that can be on their way from memory at a time.
     pub misses: u32,
@@ -548,6 +548,8 @@ impl Timing {
             });
         }
         let Cache { lines, ways, .. } = self.cache;
+        // Each look-up compares them all at once.
+        e.require(ways <= 64, || format!("timing.cache.ways is {ways}: at most 64 are compared in a cycle"));
         e.require(ways <= lines, || format!("timing.cache has {lines} lines in sets of {ways}: no set is full"));
         let Memory { burst_bytes, row_bytes, hit_latency, miss_latency, .. } = self.memory;
         e.require(burst_bytes <= row_bytes, || format!("timing.memory reads {burst_bytes} bytes at a time from rows of {row_bytes}"));
