@@ -1,4 +1,4 @@
-//! What can go wrong, and the exit status that says so.
+//! Error: names what went wrong in one sentence, and the exit status that says whose fault it was.
 
 /// One sentence for the user, and whose fault it was.
 #[derive(Debug, thiserror::Error)]

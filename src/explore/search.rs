@@ -28,8 +28,8 @@ use crate::output::progress::Progress;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
 use crate::run::timed;
-use crate::scene::{Camera, Scene};
 use crate::scene::digest::{digest, digest_of};
+use crate::scene::{Camera, Scene};
 use descent::Problem;
 use knobs::Knob;
 use rtl_model::Machine;
@@ -408,8 +408,7 @@ impl<'a> Search<'a> {
                 Found { psnr_db: row[6].as_f64(), max_error: row[7].as_f64().unwrap_or(0.0), saturated }
             });
         }
-        let (found, seconds) =
-            timed(|| found_on(&self.views, |view| drawn(&elaborated, &machine, view, self.asked.target.no_saturation)));
+        let (found, seconds) = timed(|| found_on(&self.views, |view| drawn(&elaborated, &machine, view, self.asked.target.no_saturation)));
         let misfit = found.as_ref().err().map(Error::to_string);
         let found = found.unwrap_or(HOPELESS);
         let area = Cost::new(&elaborated, &self.asked.prices).area;

@@ -134,7 +134,8 @@ fn nested(path: &str, leaf: Value) -> Value {
 }
 
 fn set(value: &mut Value, setting: &str, flag: &str) -> Result<Machine> {
-    let (path, leaf) = parse_setting(setting).ok_or_else(|| Error::input(format!("{flag}: write PATH=VALUE, as in gauss.weight=U-2F16")))?;
+    let (path, leaf) =
+        parse_setting(setting).ok_or_else(|| Error::input(format!("{flag}: write PATH=VALUE, as in gauss.weight=U-2F16")))?;
     check_depth(path, flag)?;
     lay(value, path, leaf);
     checked(value, flag)
@@ -164,8 +165,7 @@ fn read(path: &Path) -> Result<Value> {
         return Err(input_error("a machine is a JSON object".into()));
     };
     let Some(base) = fields.remove("base") else { return Ok(Value::Object(fields)) };
-    let base =
-        base.as_str().and_then(Machine::named).ok_or_else(|| input_error(format!("base must be one of {names}, but is {base}")))?;
+    let base = base.as_str().and_then(Machine::named).ok_or_else(|| input_error(format!("base must be one of {names}, but is {base}")))?;
     let mut value = self::value(&base);
     fields.entry("name").or_insert_with(|| one_line(&path.file_stem().unwrap_or_default().to_string_lossy()).into());
     merge(&mut value, Value::Object(fields));
@@ -177,8 +177,7 @@ fn checked(value: &Value, whose: &str) -> Result<Machine> {
     static SCHEMA: LazyLock<Value> = LazyLock::new(schema);
     let input_error = |sentence: String| Error::input(format!("{whose}: {sentence}"));
     validate::check(value, &SCHEMA).map_err(|misfit| input_error(misfit.to_string()))?;
-    let machine: Machine =
-        serde_path_to_error::deserialize(value).map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
+    let machine: Machine = serde_path_to_error::deserialize(value).map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
     // It goes into comments of generated files, which end with their line.
     if machine.name.contains(is_unprintable) {
         return Err(input_error(format!("name is `{}`; it must have no line breaks or other control characters", clipped(&machine.name))));

@@ -35,11 +35,11 @@ impl Scale {
 /// A scene in words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quantised {
-    /// What the machine is given.
+    /// Input of the machine.
     pub frame: Frame,
     /// How it came about.
     pub scale: Scale,
-    /// What could not be represented as asked, one sentence each.
+    /// Notes of what could not be represented as asked, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -171,8 +171,8 @@ impl Misfit {
 }
 
 impl Registers<'_> {
-    fn refuse(&mut self, sentence: impl Into<String>) {
-        self.misfits.push(Misfit { register: String::new(), farthest: 0.0, sentence: sentence.into(), others: 0 });
+    fn refuse(&mut self, sentence: String) {
+        self.misfits.push(Misfit { register: String::new(), farthest: 0.0, sentence, others: 0 });
     }
 
     /// Names a register once, however many values it cannot hold.

@@ -30,7 +30,7 @@ impl Folder {
         }
     }
 
-    /// The same for a folder into which several processes may write, each its own files.
+    /// Makes sure of it for a folder into which several processes may write, each its own files.
     ///
     /// # Errors
     /// [`Error::Input`] where nobody can write there.

@@ -32,7 +32,7 @@ struct State {
     message: Mutex<String>,
 }
 
-/// What is known of a job's end.
+/// Knowledge of a job's end.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     /// So many steps, of a name.
@@ -43,7 +43,7 @@ enum Kind {
     Open,
 }
 
-/// Thread that shows the state until it is told to end.
+/// Thread that shows the state until the job ends.
 #[derive(Debug)]
 struct Ticker {
     end: Sender<()>,
@@ -61,7 +61,7 @@ impl Progress {
         Progress::new(shown, Kind::Seconds(expected))
     }
 
-    /// Shows what it is told.
+    /// Shows messages, where no end is known.
     pub fn of_messages(shown: bool) -> Self {
         Progress::new(shown, Kind::Open)
     }
@@ -72,7 +72,14 @@ impl Progress {
             let (every, show): (_, Box<dyn FnMut(&State, bool) + Send>) = if std::io::stderr().is_terminal() {
                 (TICK_EVERY, bar(kind))
             } else {
-                (LINE_EVERY, Box::new(|state, is_over| if !is_over { eprintln!("{}", state.line()) }))
+                (
+                    LINE_EVERY,
+                    Box::new(|state, is_over| {
+                        if !is_over {
+                            eprintln!("{}", state.line())
+                        }
+                    }),
+                )
             };
             Ticker::start(state.clone(), every, show)
         });
@@ -191,7 +198,11 @@ mod tests {
         let lines = |every: u64, lasts: u64| {
             let shown = Arc::new(Mutex::new(Vec::new()));
             let sink = shown.clone();
-            let show = Box::new(move |state: &State, is_over| if !is_over { sink.lock().unwrap().push(state.line()) });
+            let show = Box::new(move |state: &State, is_over| {
+                if !is_over {
+                    sink.lock().unwrap().push(state.line())
+                }
+            });
             let ticker = Ticker::start(Arc::new(state(Kind::Open, 0)), Duration::from_millis(every), show);
             thread::sleep(Duration::from_millis(lasts));
             drop(Progress { state: Arc::new(state(Kind::Open, 0)), ticker: Some(ticker) });

@@ -24,7 +24,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What a file of this kind begins with.
+/// Beginning of a file of this kind.
 const MAGIC: &[u8] = b"splatsim-work-1\n";
 
 /// A frame's work, and whose it is.
@@ -32,9 +32,9 @@ const MAGIC: &[u8] = b"splatsim-work-1\n";
 pub struct Recording {
     /// The scene's name.
     pub scene: String,
-    /// What drew it.
+    /// Machine that drew it.
     pub machine: Machine,
-    /// What happened.
+    /// Events of the frame.
     pub work: Work,
 }
 
@@ -47,14 +47,14 @@ struct Parts {
     work: Work,
 }
 
-/// What a replay came to.
+/// Outcome of a replay.
 #[derive(Clone, Debug)]
 pub struct Replayed {
     /// The frame's time.
     pub cycles: CyclesReport,
     /// With other values of a field.
     pub timings: Option<Timings>,
-    /// What went to memory, if that was asked for.
+    /// Requests to memory, if that was asked for.
     pub requests: Option<Requests>,
 }
 
@@ -144,9 +144,9 @@ impl Replayed {
     /// For a terminal, at most 80 columns wide.
     pub fn summary(&self, recording: &Recording) -> String {
         let Recording { scene, machine, work } = recording;
-        let told = wrapped(&format!("{scene} on {}: {} splats, {}×{}", machine.name, work.fates.len(), work.width, work.height));
+        let head = wrapped(&format!("{scene} on {}: {} splats, {}×{}", machine.name, work.fates.len(), work.width, work.height));
         let timings = self.timings.as_ref().map_or_else(String::new, |timings| format!("\n\n{}", timings.table()));
-        format!("{told}\n\n{}{timings}", self.cycles.summary())
+        format!("{head}\n\n{}{timings}", self.cycles.summary())
     }
 
     /// Writes tables and charts into a folder; returns what was written.

@@ -79,7 +79,7 @@ impl Variants {
     }
 }
 
-/// What each value makes of a frame.
+/// Frame times by value.
 #[derive(Clone, Debug, Serialize)]
 pub struct Timings {
     /// The field.
@@ -93,7 +93,7 @@ pub struct Timings {
 pub struct Row {
     /// The value.
     pub value: String,
-    /// What it makes of the frame.
+    /// Time of the frame with it.
     pub cycles: CyclesReport,
 }
 

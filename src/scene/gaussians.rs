@@ -38,14 +38,14 @@ pub struct Gaussian {
     pub opacity: f64,
 }
 
-/// What a file holds.
+/// Gaussians of a file.
 #[derive(Clone, Debug, Default)]
 pub struct Gaussians {
     /// In the file's order; never empty.
     pub all: Vec<Gaussian>,
     /// Degree of the spherical harmonics, 0 to 3.
     pub degree: usize,
-    /// What was left out or looks odd, one sentence each.
+    /// Notes of what was left out or looks odd, one sentence each.
     pub notes: Vec<String>,
     /// Of all Gaussians, one after another: `(degree + 1)²` coefficients each, as f32, which no format exceeds.
     harmonics: Vec<[f32; 3]>,

@@ -455,6 +455,7 @@ pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides) -> Result<
 fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) -> Result<Scene> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let image = image(&fields.image, name, overrides)?;
+    fields.splats.check_memory().map_err(input_error)?;
     let mut gathered = Gathered::new(name, folder, &fields);
     gathered.add(&fields.splats, "splats")?;
     if gathered.splats.is_empty() {
@@ -622,7 +623,6 @@ impl<'a> Gathered<'a> {
             }
             Source::Gaussians(GaussianSource { gaussians: BuiltinGaussians::Bouquet, count }) => {
                 self.is_alone(path, "a set of Gaussians")?;
-                self.check_memory(*count as u64, "Gaussians", memory::GAUSSIAN_BYTES, path)?;
                 self.take_gaussians(gaussians::bouquet(*count), [1.0; 2]);
                 Ok(())
             }
@@ -672,7 +672,8 @@ impl<'a> Gathered<'a> {
         })?;
         let transfer = match &source.transfer {
             Some(points) => {
-                ascending(points.iter().map(|p| p.value), &format!("{path}.transfer"), "value").map_err(|sentence| self.input_error(sentence))?;
+                ascending(points.iter().map(|p| p.value), &format!("{path}.transfer"), "value")
+                    .map_err(|sentence| self.input_error(sentence))?;
                 points.iter().map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, opacity }).collect()
             }
             None => Classification::usual(&volume),
@@ -688,7 +689,8 @@ impl<'a> Gathered<'a> {
                 Medium::Isosurface(orientations)
             }
             None => {
-                self.check_memory(classification.seen(&volume), "voxels", memory::DISC_BYTES, path)?;
+                memory::check(classification.seen(&volume), "voxels", memory::DISC_BYTES)
+                    .map_err(|sentence| self.input_error(format!("{path}: {sentence}")))?;
                 let (splats, voxels) = classification.voxels(&volume);
                 self.splats = splats;
                 Medium::Volume(voxels)
@@ -763,11 +765,6 @@ impl<'a> Gathered<'a> {
         Ok(())
     }
 
-    /// Says what splats would take, where that is more than there is.
-    fn check_memory(&self, count: u64, what: &str, bytes_each: u64, path: &str) -> Result<()> {
-        memory::check(self.splats.len() as u64 + count, what, bytes_each).map_err(|sentence| self.input_error(format!("{path}: {sentence}")))
-    }
-
     fn add_builtin(&mut self, source: &BuiltinSource, path: &str) -> Result<()> {
         let mut first = 0;
         if self.materials_are_given {
@@ -776,7 +773,6 @@ impl<'a> Gathered<'a> {
             first = self.materials.len() as u32;
             self.materials.extend(source.builtin.materials());
         }
-        self.check_memory(source.count.unwrap_or(0) as u64, "splats", memory::DISC_BYTES, path)?;
         let mut splats = source.builtin.splats(source.count);
         if source.order == Order::Random {
             builtin::shuffle(&mut splats, source.seed);
@@ -847,6 +843,26 @@ impl VolumeSource {
 }
 
 impl Source {
+    /// Says what the splats that are asked for by number would take, before any are made.
+    fn check_memory(&self) -> std::result::Result<(), String> {
+        let (what, bytes_each) = match self {
+            Source::Gaussians(_) => ("Gaussians", memory::GAUSSIAN_BYTES),
+            _ => ("splats", memory::DISC_BYTES),
+        };
+        memory::check(self.promised(), what, bytes_each).map_err(|sentence| format!("splats: {sentence}"))
+    }
+
+    /// How many splats are asked for by number.
+    fn promised(&self) -> u64 {
+        match self {
+            Source::Builtin(source) => source.count.unwrap_or(0) as u64,
+            Source::Gaussians(source) => source.count as u64,
+            Source::Several(sources) => sources.iter().map(Source::promised).sum(),
+            // A file vouches for its own by its length.
+            Source::File(_) | Source::Splat(_) | Source::Volume(_) => 0,
+        }
+    }
+
     fn is_only_builtin(&self) -> bool {
         match self {
             Source::Builtin(_) => true,

@@ -6,7 +6,7 @@ use std::fs;
 /// Bytes that a disc, or a voxel, takes in a `run` at its height: pictures, words, records and golden's own (200,000 to 800,000 discs of
 /// `terrain` on 16×16 pixels, release build).
 pub(super) const DISC_BYTES: u64 = 1_130;
-/// The same of a Gaussian, with an orientation and harmonics of degree 0 (`bouquet`).
+/// Bytes of a Gaussian, with an orientation and harmonics of degree 0 (`bouquet`).
 pub(super) const GAUSSIAN_BYTES: u64 = 1_660;
 
 /// Refuses more than is free, in the second half of a sentence.

@@ -85,7 +85,7 @@ pub struct Kernel {
     pub jacobian: f64,
 }
 
-/// What an ellipsoid's amplitude is.
+/// Meaning of an ellipsoid's amplitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Amplitude {
     /// That of the disc which its first two axes span (SS §5): for kernels flattened along the third, which is the normal.
@@ -105,12 +105,12 @@ pub struct Orientation {
     pub scales: DVec3,
 }
 
-/// What makes ellipsoids of a scene's splats (EWA §6.2, ALGORITHM §9).
+/// Axes and rules that make ellipsoids of a scene's splats (EWA §6.2, ALGORITHM §9).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ellipsoids {
     /// One for each splat, or a single one that all have.
     pub orientations: Vec<Orientation>,
-    /// What amplitudes are.
+    /// Meaning of amplitudes.
     pub amplitude: Amplitude,
     /// Splats are lit one by one before they are drawn (EWA §6.1), instead of fragments after.
     pub preshaded: bool,
@@ -125,7 +125,7 @@ impl Ellipsoids {
     }
 }
 
-/// What opacity an optical depth x has.
+/// Opacity of an optical depth x.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Opacity {
     /// x, as far as 1: e^(−x) ≈ 1 − x (EWA (6)).
@@ -162,11 +162,11 @@ pub struct Sheets {
     pub of: Sheet,
     /// The deepest sheet comes first.
     pub back_to_front: bool,
-    /// What opacity a sheet has.
+    /// Opacity of a sheet.
     pub opacity: Opacity,
     /// A pixel that lets through less than this takes nothing more, in [0, 1); 0 never.
     pub stop: f64,
-    /// What makes a pixel stop is blended still.
+    /// Blends the sheet still that makes a pixel stop.
     pub keeps_last: bool,
     /// Lesser weights make no fragment, in [0, 1].
     pub least_weight: f64,
@@ -215,7 +215,7 @@ pub enum Material {
 /// Everything a renderer needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// What to call it in reports: file name or built-in name.
+    /// Name in reports: file name or built-in name.
     pub name: String,
     /// In input order, which is the order the machine sees.
     pub splats: Vec<Splat>,
@@ -225,7 +225,7 @@ pub struct Scene {
     pub image: Image,
     /// The footprint.
     pub kernel: Kernel,
-    /// What makes ellipsoids of the splats; none where they are discs.
+    /// Axes and rules of ellipsoids; none where they are discs.
     pub ellipsoids: Option<Ellipsoids>,
     /// Grouping by sheets; none where it is by depth.
     pub sheets: Option<Sheets>,
@@ -235,11 +235,11 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Never empty; every splat's index is in range.
     pub materials: Vec<Material>,
-    /// What a reader left out or found odd, one sentence each, for the summary.
+    /// Notes of what a reader left out or found odd, one sentence each, for the summary.
     pub notes: Vec<String>,
 }
 
-/// What the command line says over a scene's own file.
+/// Values of the command line that go before a scene's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overrides {
     /// Width and height of the picture, pixels.

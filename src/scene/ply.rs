@@ -16,11 +16,11 @@ use crate::output::colour::srgb_decode;
 pub(super) use crate::output::text::clipped as clip;
 use glam::DVec3;
 
-/// What a file holds. A normal of zero and a radius of zero say "not in the file".
+/// Points of a file. A normal of zero and a radius of zero say "not in the file".
 #[derive(Debug)]
 pub(super) struct Cloud {
     pub splats: Vec<Splat>,
-    /// What was left out or looks odd, one sentence each.
+    /// Notes of what was left out or looks odd, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -93,7 +93,7 @@ struct Property {
     kind: Kind,
 }
 
-/// What the header says of one table of the file.
+/// One table of the file, as the header has it.
 pub(super) struct Element {
     pub name: String,
     pub count: usize,
@@ -311,7 +311,7 @@ impl Header {
 
 // ---- rows ----
 
-/// What follows the header: the rows of each element, in the header's order.
+/// Rows behind the header: those of each element, in the header's order.
 pub(super) struct Body<'a> {
     lines: Lines<'a>,
     encoding: Encoding,

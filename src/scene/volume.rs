@@ -12,9 +12,9 @@ pub(super) mod nrrd;
 mod tests;
 pub(super) mod vti;
 
+use super::formats::{self, Reader};
 pub use decode::{ByteOrder, SampleType};
 use decode::{Layout, Parsed, check_grid, clip, diagonal, in_data_file, positive, read_beside, read_file};
-use super::formats::{self, Reader};
 use std::path::Path;
 
 /// A scalar field on a regular or rectilinear grid.
@@ -30,7 +30,7 @@ pub struct Volume {
     pub values: Vec<f32>,
 }
 
-/// What a file of plain samples holds.
+/// Description of a file of plain samples.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawDescription {

@@ -189,8 +189,7 @@ impl Points {
             None if !path.exists() => {
                 let names = READY.map(|(name, _)| name);
                 let nearest = validate::nearest(name, &names);
-                let sentence =
-                    format!("no such file, and no ready plan either; ready are {} (nearest: `{nearest}`)", names.join(", "));
+                let sentence = format!("no such file, and no ready plan either; ready are {} (nearest: `{nearest}`)", names.join(", "));
                 return Err(input_error(sentence));
             }
             None => std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?,
