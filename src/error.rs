@@ -1,4 +1,4 @@
-//! What can go wrong, and the exit status that says so.
+//! Error: names what went wrong in one sentence, and the exit status that says whose fault it was.
 
 /// One sentence for the user, and whose fault it was.
 #[derive(Debug, thiserror::Error)]
@@ -12,14 +12,14 @@ pub enum Error {
 }
 
 impl Error {
-    /// A fault of the input, told in one sentence: which file, which field or line, what is wrong, what would be right.
+    /// Blames the input, in one sentence: which file, which field or line, what is wrong, what would be right.
     pub fn input(sentence: impl Into<String>) -> Self {
-        Error::Input(sentence.into())
+        Error::Input(one_line(sentence.into()))
     }
 
-    /// A failure of the job, told in one sentence.
+    /// Blames the job, in one sentence.
     pub fn job(sentence: impl Into<String>) -> Self {
-        Error::Job(sentence.into())
+        Error::Job(one_line(sentence.into()))
     }
 
     /// Exit status of the process: 1 or 2.
@@ -31,5 +31,11 @@ impl Error {
     }
 }
 
-/// What a step of the bench returns.
+/// The sentence on one line, whatever names and paths it quotes.
+fn one_line(sentence: String) -> String {
+    let escaped = |letter: char| if letter.is_control() { letter.escape_default().to_string() } else { letter.to_string() };
+    if sentence.contains(char::is_control) { sentence.chars().map(escaped).collect() } else { sentence }
+}
+
+/// Result of a step of the bench.
 pub type Result<T> = std::result::Result<T, Error>;

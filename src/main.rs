@@ -1,4 +1,4 @@
-//! The command line: see `cli.rs`.
+//! The command line: see `cli/mod.rs`.
 
 use splatsim::cli;
 use std::process::ExitCode;
@@ -7,7 +7,7 @@ fn main() -> ExitCode {
     match cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("splatsim: {error}");
+            cli::complain(&error);
             ExitCode::from(error.exit_status())
         }
     }

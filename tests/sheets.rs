@@ -8,9 +8,11 @@ use proptest::test_runner::TestRunner;
 use rtl_model::{Drawing, Machine};
 use serde_json::{Value, json};
 use splatsim::accuracy::{Lockstep, lockstep, metrics};
-use splatsim::golden::{self, Rendering};
+use splatsim::golden;
+use splatsim::golden::Rendering;
 use splatsim::hardware::{fixed, machines, quantise};
-use splatsim::scene::{self, Amplitude, Overrides, Scene, Splat};
+use splatsim::scene;
+use splatsim::scene::{Amplitude, Overrides, Scene, Splat};
 
 const SIZE: (usize, usize) = (160, 128);
 

@@ -32,6 +32,7 @@ mod recording;
 #[path = "programs/reference.rs"]
 #[allow(dead_code, reason = "its `main` writes what is compared here")]
 mod reference;
+mod regressions_inputs;
 mod search;
 mod shared_input;
 mod sheets;

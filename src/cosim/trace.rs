@@ -31,7 +31,8 @@ pub use watcher::flag;
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
-use crate::output::files::{open_folder, write_beside};
+use crate::output::files;
+use crate::output::files::write_beside;
 use crate::output::text::{aligned, hex, plain_table, thousands};
 use crate::scene::Scene;
 use crate::scene::digest::digest_of;
@@ -105,7 +106,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
     let frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
     let rectangle = window.check(&frame)?;
-    open_folder(folder)?;
+    let _open = files::Folder::open(folder)?;
     let folder = Folder { folder, machine: &elaborated, frame: &frame };
     let mut contents = if let Some(cases) = window.stimulus {
         let stimulus::Stimulus { made, tags, coverage } =

@@ -21,16 +21,16 @@ use crate::explore::sweep::write_plan;
 use crate::golden;
 use crate::hardware::quantise::quantise;
 use crate::hardware::{fixed, machines};
-use crate::output::files::{open_folder, write_beside};
+use crate::output::files::{Folder, write_beside};
 use crate::output::picture::Picture;
+use crate::output::progress::Progress;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
 use crate::run::evaluation::Evaluation;
 use crate::run::timed;
-use crate::scene::Scene;
 use crate::scene::digest::{digest, digest_of};
+use crate::scene::{Camera, Scene};
 use descent::Problem;
-use indicatif::{ProgressBar, ProgressStyle};
 use knobs::Knob;
 use rtl_model::Machine;
 use rtl_model::num::Format;
@@ -42,7 +42,6 @@ use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// What a machine must reach, on every scene and view: fixed against golden.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
@@ -152,7 +151,28 @@ impl Found {
     }
 }
 
+/// How far a machine is off on all of some views.
+fn found_on(views: &[View], drawn: impl Fn(&View) -> Result<Found>) -> Result<Found> {
+    let mut all: Option<Found> = None;
+    for view in views {
+        let found = drawn(view)?;
+        all = Some(all.map_or(found, |all| all.and(found)));
+    }
+    Ok(all.unwrap_or_default())
+}
+
 impl Target {
+    /// Says where a machine misses the target as it is.
+    fn check_reach(&self, found: &Found, views: &[View], machine: &str) -> std::result::Result<(), String> {
+        if self.load(found) <= 1.0 {
+            return Ok(());
+        }
+        let names = views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
+        let lost = found.saturated.filter(|count| *count > 0).map_or(String::new(), |count| format!(", {count} words out of range"));
+        let reached = format!("{machine} reaches {} dB, at most {:.4} off{lost}", found.psnr(), found.max_error);
+        Err(format!("the target is out of reach: on {names} {reached}"))
+    }
+
     /// Part of what is allowed, squared: at most 1 is well.
     fn load(&self, found: &Found) -> f64 {
         let by_psnr = self.psnr_db.zip(found.psnr_db).map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
@@ -190,6 +210,8 @@ pub struct Outcome {
     pub views: Vec<Unseen>,
     /// Views that failed, and were looked at from then on.
     pub learnt: Vec<String>,
+    /// Cameras that were searched on: the scenes' own, then those of `learnt`.
+    pub cameras: Vec<Searched>,
     /// What a step less would do, the worst first: knob, value now, decibels then; none where it could not be built.
     pub tight: Vec<Tight>,
     /// The machine.
@@ -204,10 +226,21 @@ pub struct Outcome {
 pub struct Unseen {
     /// Scene and number.
     pub name: String,
-    /// Where its eye is; all else of the camera is the scene's own.
+    /// Where its eye is.
     pub eye: [f64; 3],
+    /// The whole camera, as a scene file has it.
+    pub camera: Camera,
     #[serde(flatten)]
     found: Found,
+}
+
+/// A view that was searched on.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Searched {
+    /// Scene, or scene and number.
+    pub name: String,
+    /// The whole camera, as a scene file has it.
+    pub camera: Camera,
 }
 
 /// A step that cannot be taken.
@@ -231,15 +264,19 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) ->
     if let Some(name) = asked.only.iter().find(|name| !knobs.iter().any(|knob| machines::is_below(&knob.path, name))) {
         return Err(Error::input(format!("--only {name}: machine {} has no such unit, word or size", machine.name)));
     }
-    fixed::elaborate(machine)?;
+    let elaborated = fixed::elaborate(machine)?;
     for scene in scenes {
         quantise(scene, machine)?;
     }
-    open_folder(folder)?;
-    let journal = Journal::open(folder, "", named(&COLUMNS))?;
+    let views: Vec<View> = scenes.iter().map(|scene| View::new(scene, scene.name.clone(), machine)).collect();
+    // Before anything is written.
+    let found = found_on(&views, |view| drawn(&elaborated, view, asked.target.no_saturation))?;
+    asked.target.check_reach(&found, &views, &machine.name).map_err(Error::input)?;
+    let _open = Folder::open(folder)?;
+    let mut journal = Journal::open(folder, "", named(&COLUMNS))?;
+    journal.keep();
     let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
     write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": asked.target, "scenes": names, "machine": machine}))?;
-    let views = scenes.iter().map(|scene| View::new(scene, scene.name.clone(), machine)).collect();
     let mut search = Search::new(machine, knobs, scenes, views, journal, asked);
     let none = vec![0; search.knobs.len()];
     search.check_reach()?;
@@ -291,17 +328,13 @@ struct Search<'a> {
     asked_for: HashSet<String>,
     /// The error allowed, squared, is so many times less than the target's.
     stricter: f64,
-    bar: ProgressBar,
+    progress: Progress,
 }
 
 impl<'a> Search<'a> {
     fn new(machine: &Machine, knobs: Vec<Knob>, scenes: &'a [Scene], views: Vec<View>, journal: Journal, asked: &'a Asked) -> Self {
         let known = journal.rows().filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?))).collect();
-        let bar = if asked.progress { ProgressBar::new_spinner() } else { ProgressBar::hidden() };
-        if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed} {msg}") {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(Duration::from_millis(200));
+        let progress = Progress::of_messages(asked.progress);
         let (base, cut, fields) = (machine.clone(), machine.clone(), machines::value(machine));
         Search {
             scenes,
@@ -317,7 +350,7 @@ impl<'a> Search<'a> {
             method: "",
             asked_for: HashSet::new(),
             stricter: 1.0,
-            bar,
+            progress,
         }
     }
 
@@ -333,12 +366,8 @@ impl<'a> Search<'a> {
         self.take_fields();
         let found = self.found(&vec![0; self.knobs.len()])?;
         let load = self.asked.target.load(&found);
-        if load > 1.0 {
-            let names = self.views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
-            let lost = found.saturated.filter(|count| *count > 0).map_or(String::new(), |count| format!(", {count} words out of range"));
-            let told = format!("{} reaches {} dB, at most {:.4} off{lost}", self.base.name, found.psnr(), found.max_error);
-            return Err(Error::input(format!("the target is out of reach: on {names} {told}")));
-        }
+        // On the scenes themselves it was tried before; what a view shows later is the job's fault, not the input's.
+        self.asked.target.check_reach(&found, &self.views, &self.base.name).map_err(Error::job)?;
         self.stricter = self.stricter.min(1.0 / load.max(f64::MIN_POSITIVE));
         Ok(())
     }
@@ -381,14 +410,7 @@ impl<'a> Search<'a> {
                 Found { psnr_db: row[6].as_f64(), max_error: row[7].as_f64().unwrap_or(0.0), saturated }
             });
         }
-        let (found, seconds) = timed(|| -> Result<Found> {
-            let mut all: Option<Found> = None;
-            for view in &self.views {
-                let found = drawn(&elaborated, view, self.asked.target.no_saturation)?;
-                all = Some(all.map_or(found, |all| all.and(found)));
-            }
-            Ok(all.unwrap_or_default())
-        });
+        let (found, seconds) = timed(|| found_on(&self.views, |view| drawn(&elaborated, view, self.asked.target.no_saturation)));
         let misfit = found.as_ref().err().map(Error::to_string);
         let found = found.unwrap_or(HOPELESS);
         let area = Cost::new(&elaborated, &self.asked.prices).area;
@@ -417,7 +439,7 @@ impl<'a> Search<'a> {
             thousands(area as u64),
             found.psnr()
         );
-        self.bar.set_message(told);
+        self.progress.say(told);
         Ok(found)
     }
 
@@ -536,8 +558,8 @@ impl<'a> Search<'a> {
                 let view = View::unseen(scene, nth, &machine);
                 let found = drawn(&elaborated, &view, self.asked.target.no_saturation).unwrap_or(HOPELESS);
                 let load = self.asked.target.load(&found);
-                self.bar.set_message(format!("{}: {} dB", view.name, found.psnr()));
-                held.push(Unseen { name: view.name.clone(), eye: view.scene.camera.eye.to_array(), found });
+                self.progress.say(format!("{}: {} dB", view.name, found.psnr()));
+                held.push(Unseen { name: view.name.clone(), eye: view.scene.camera.eye.to_array(), camera: view.scene.camera, found });
                 if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
                     worst = Some((load, (view, found)));
                 }
@@ -571,11 +593,12 @@ impl<'a> Search<'a> {
         let name = format!("{}-{aim}", scenes.iter().map(stem).collect::<Vec<_>>().join("-"));
         let machine = Machine { name, ..self.machine(steps).unwrap_or_else(|| self.base.clone()) };
         let (target, base) = (self.asked.target, self.base.name.clone());
-        Ok(Outcome { scenes, target, base, path, views, learnt, tight, machine, files: Vec::new() })
+        let cameras = self.views.iter().map(|view| Searched { name: view.name.clone(), camera: view.scene.camera }).collect();
+        Ok(Outcome { scenes, target, base, path, views, learnt, cameras, tight, machine, files: Vec::new() })
     }
 
     fn write(self, outcome: Outcome, folder: &Path) -> Result<Outcome> {
-        self.bar.finish_and_clear();
+        drop(self.progress);
         let mut files = self.journal.write(folder, "search")?;
         for (name, value) in [("machine.json", json!(outcome.machine)), ("search.json", json!(outcome))] {
             let path = folder.join(name);

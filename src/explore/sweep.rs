@@ -20,10 +20,12 @@ pub mod table;
 
 use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
-use crate::golden::{self, Rules};
+use crate::golden;
+use crate::golden::Rules;
 use crate::hardware::{fixed, machines};
-use crate::output::files::{open_folder, write_beside};
+use crate::output::files::{Folder, write_beside};
 use crate::output::picture::Picture;
+use crate::output::progress::Progress;
 use crate::output::text::{thousands, wrapped};
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::CyclesReport;
@@ -33,7 +35,6 @@ use crate::run::timed;
 use crate::scene::Scene;
 use crate::scene::digest::{digest, digest_of};
 use columns::{Errors, Findings, Frame, Replay};
-use indicatif::{ProgressBar, ProgressStyle};
 use plan::{Change, Points};
 use rayon::prelude::*;
 use rtl_model::Machine;
@@ -109,7 +110,8 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
             format!("the plan has {} points, more than {}: --most {count} draws them all", thousands(count), thousands(asked.most));
         return Err(Error::input(sentence));
     }
-    open_folder(folder)?;
+    let mut scenes = Scenes::check(points)?;
+    let _open = Folder::shared(folder)?;
     let fields = points.fields();
     let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": asked.prices});
     let part = asked.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
@@ -121,15 +123,22 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
     {
         return Err(Error::input(format!("{} has point {last}, and the plan {count} points: it is of another plan", folder.display())));
     }
-    write_plan(folder, &told)?;
-    let bar = if asked.progress { ProgressBar::new(mine) } else { ProgressBar::hidden() };
-    if let Ok(style) = ProgressStyle::with_template("{wide_bar} {pos}/{len} points, {eta} left") {
-        bar.set_style(style);
+    let known: Vec<u64> = journal.rows().filter_map(|row| row[0].as_u64()).filter(|number| is_mine(*number)).collect();
+    for number in &known {
+        let (scene, changes) = points.point(*number);
+        let point = Point::new(points, asked, &scenes.digests[scene], *number, changes)?;
+        if journal.get(*number).and_then(|row| row[1].as_str()) != Some(&point.key) {
+            let told = format!("{}: point {number} was drawn from something else than now", folder.display());
+            return Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")));
+        }
     }
+    journal.keep();
+    write_plan(folder, &told)?;
+    let progress = Progress::of_steps(asked.progress, mine - known.len() as u64, "points");
     let mut drawn = 0;
     for nth in 0..points.plan.scenes.len() {
         let on_scene: Vec<(u64, Vec<Change>)> = (0..count)
-            .filter(|number| is_mine(*number))
+            .filter(|number| is_mine(*number) && journal.get(*number).is_none())
             .filter_map(|number| {
                 let (scene, changes) = points.point(number);
                 (scene == nth).then_some((number, changes))
@@ -138,19 +147,11 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
         if on_scene.is_empty() {
             continue;
         }
-        let mut stage = Stage::new(points, nth, asked)?;
+        let mut stage = Stage::new(points, scenes.take(nth)?, asked);
         let mut groups: Vec<Vec<Point>> = Vec::new();
         let mut places = BTreeMap::new();
         for (number, changes) in on_scene {
-            let point = stage.point(number, changes)?;
-            if let Some(row) = journal.get(number) {
-                if row[1].as_str() != Some(&point.key) {
-                    let told = format!("{}: point {number} was drawn from something else than now", folder.display());
-                    return Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")));
-                }
-                bar.inc(1);
-                continue;
-            }
+            let point = Point::new(points, asked, &stage.digest, number, changes)?;
             let formats = Machine { timing: points.base.timing, ..point.machine.clone() };
             let formats = json!([formats, plan::exact_of(&point.changes)]).to_string();
             let place = *places.entry(formats).or_insert(groups.len());
@@ -163,13 +164,59 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
             for (number, row) in stage.rows(&group, &fields) {
                 journal.push(number, row)?;
                 drawn += 1;
-                bar.inc(1);
+                progress.step();
             }
         }
     }
-    bar.finish_and_clear();
+    drop(progress);
     let files = journal.write(folder, "sweep")?;
     Ok(Outcome { counts: [count, mine, drawn], files, table: journal.table() })
+}
+
+/// Scenes of a plan, each of which can be loaded.
+struct Scenes<'a> {
+    points: &'a Points,
+    digests: Vec<String>,
+    /// The last one that was loaded, and which it is: most plans have one, which is loaded once.
+    last: Option<(usize, Scene)>,
+}
+
+impl<'a> Scenes<'a> {
+    /// Loads every scene, before anything is written; they need not fit into memory together.
+    fn check(points: &'a Points) -> Result<Self> {
+        let mut scenes = Scenes { points, digests: Vec::new(), last: None };
+        for nth in 0..points.plan.scenes.len() {
+            scenes.last = None;
+            let scene = points.scene(nth)?;
+            scenes.digests.push(digest_of(&scene));
+            scenes.last = Some((nth, scene));
+        }
+        Ok(scenes)
+    }
+
+    fn take(&mut self, nth: usize) -> Result<(Scene, String)> {
+        let scene = match self.last.take() {
+            Some((last, scene)) if last == nth => scene,
+            _ => self.points.scene(nth)?,
+        };
+        Ok((scene, self.digests[nth].clone()))
+    }
+}
+
+impl Point {
+    fn new(points: &Points, asked: &Asked, scene: &str, number: u64, changes: Vec<Change>) -> Result<Self> {
+        let machine = plan::machine_of(&points.base, &changes, &format!("point {number}"))?;
+        let prices = json!(asked.prices);
+        let all = json!([
+            env!("CARGO_PKG_VERSION"),
+            scene,
+            Machine { name: String::new(), ..machine.clone() },
+            prices,
+            points.plan.lockstep,
+            plan::exact_of(&changes),
+        ]);
+        Ok(Point { number, changes, machine, key: digest(all.to_string().as_bytes()) })
+    }
 }
 
 /// Says in a folder what its rows are of: of what machine, with `machine`.
@@ -205,25 +252,9 @@ struct Golden {
 const GOLDENS: usize = 16;
 
 impl<'a> Stage<'a> {
-    fn new(points: &'a Points, nth: usize, asked: &'a Asked) -> Result<Self> {
-        let scene = points.scene(nth)?;
-        let digest = digest_of(&scene);
+    fn new(points: &'a Points, (scene, digest): (Scene, String), asked: &'a Asked) -> Self {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
-        Ok(Stage { points, asked, scene: Arc::new(scene), digest, ideal, ideal_seconds, goldens: Vec::new() })
-    }
-
-    fn point(&self, number: u64, changes: Vec<Change>) -> Result<Point> {
-        let machine = plan::machine_of(&self.points.base, &changes, &format!("point {number}"))?;
-        let prices = json!(self.asked.prices);
-        let all = json!([
-            env!("CARGO_PKG_VERSION"),
-            self.digest,
-            Machine { name: String::new(), ..machine.clone() },
-            prices,
-            self.points.plan.lockstep,
-            plan::exact_of(&changes),
-        ]);
-        Ok(Point { number, changes, machine, key: digest(all.to_string().as_bytes()) })
+        Stage { points, asked, scene: Arc::new(scene), digest, ideal, ideal_seconds, goldens: Vec::new() }
     }
 
     fn golden(&mut self, rules: &Rules) -> &Golden {

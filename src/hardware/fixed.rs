@@ -4,6 +4,7 @@ use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::quantise::Quantised;
 use crate::output::picture::Picture;
+use crate::output::text::listed;
 use rtl_model::machine::{self, Machine};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::Ranges;
@@ -15,7 +16,7 @@ use rtl_model::{Drawing, pipeline};
 /// # Errors
 /// [`Error::Input`] naming every misfit.
 pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
-    machine.elaborate().map_err(|misfits| Error::input(format!("machine {} cannot be built: {}", machine.name, misfits.join("; "))))
+    machine.elaborate().map_err(|misfits| Error::input(format!("machine {} cannot be built: {}", machine.name, listed(&misfits))))
 }
 
 /// Draws, with nobody watching.

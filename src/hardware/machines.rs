@@ -1,27 +1,40 @@
 //! Machines: finds a machine by name or file, changes it as asked, and publishes the schema that it is held against.
 
 use crate::error::{Error, Result};
-use crate::scene::{Scene, validate};
+use crate::output::text::{clipped, is_unprintable, one_line};
+use crate::scene::{Scene, strict_json, validate};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use serde_json::{Map, Value};
+use std::ffi::OsStr;
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// The machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE` changes applied in order.
+/// Steps of the longest path that a description could have a use for, a few times over; values much deeper would exhaust the stack.
+const MOST_STEPS: usize = 16;
+
+/// Loads the machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE` changes applied in order.
 ///
 /// # Errors
 /// [`Error::Input`], one sentence naming the file or the setting, the field, what is wrong and what would be right.
-pub fn load(spec: &str, settings: &[String]) -> Result<Machine> {
-    let mut value = match Machine::named(spec) {
-        Some(machine) if !Path::new(spec).exists() => value(&machine),
-        _ => read(spec)?,
+pub fn load(spec: impl AsRef<OsStr>, settings: &[String]) -> Result<Machine> {
+    let path = Path::new(spec.as_ref());
+    let name = &*path.to_string_lossy();
+    let mut value = match Machine::named(name) {
+        Some(machine) if !path.exists() => value(&machine),
+        _ => read(path)?,
     };
-    checked(&value, spec)?;
+    let machine = checked(&value, name)?;
     for setting in settings {
-        set(&mut value, setting, &format!("--set {setting}"))?;
+        set(&mut value, setting, &flag("--set", setting))?;
     }
-    checked(&value, spec)
+    if settings.is_empty() { Ok(machine) } else { checked(&value, name) }
+}
+
+/// A flag and what follows it, for the beginning of an error.
+pub fn flag(flag: &str, setting: &str) -> String {
+    const LONGEST: usize = 200;
+    format!("{flag} {}", if setting.len() <= LONGEST { setting.into() } else { clipped(setting) })
 }
 
 /// The name of the machine that draws a scene where none is asked for.
@@ -33,32 +46,33 @@ pub fn usual(scene: &Scene) -> &'static str {
     }
 }
 
-/// A machine with one field changed, as by `told`.
+/// A machine with one field changed by `flag`.
 ///
 /// # Errors
 /// As [`load`].
-pub fn changed(machine: &Machine, setting: &str, told: &str) -> Result<Machine> {
-    set(&mut value(machine), setting, told)
+pub fn changed(machine: &Machine, setting: &str, flag: &str) -> Result<Machine> {
+    set(&mut value(machine), setting, flag)
 }
 
 /// A machine with fields changed, each as PATH and a JSON value.
 ///
 /// # Errors
-/// [`Error::Input`], beginning with `told`, where it has no such field or the field no such value.
-pub fn with(machine: &Machine, changes: &[(String, Value)], told: &str) -> Result<Machine> {
+/// [`Error::Input`], beginning with `whose`, where it has no such field or the field no such value.
+pub fn with(machine: &Machine, changes: &[(String, Value)], whose: &str) -> Result<Machine> {
     let mut value = value(machine);
     for (path, leaf) in changes {
+        check_depth(path, whose)?;
         lay(&mut value, path, leaf.clone());
     }
-    checked(&value, told)
+    checked(&value, whose)
 }
 
 /// A machine that is part of a file.
 ///
 /// # Errors
-/// [`Error::Input`], beginning with `told`, where it is none.
-pub fn from_value(value: &Value, told: &str) -> Result<Machine> {
-    checked(value, told)
+/// [`Error::Input`], beginning with `whose`, where it is none.
+pub fn from_value(value: &Value, whose: &str) -> Result<Machine> {
+    checked(value, whose)
 }
 
 /// Every word of a machine that can be set, as PATH and format.
@@ -80,9 +94,34 @@ fn gather(value: &Value, path: &str, words: &mut Vec<(String, Format)>) {
     }
 }
 
-/// Lays one change over a machine's fields, unchecked.
+/// Lays one change over a machine's fields, unchecked; the path is one of a machine.
 pub fn lay(fields: &mut Value, path: &str, leaf: Value) {
-    merge(fields, nested(path, leaf));
+    merge(fields, nested(path, whole(leaf)));
+}
+
+/// Refuses a path that no machine can have, before a value as deep is made of it.
+fn check_depth(path: &str, whose: &str) -> Result<()> {
+    let steps = path.split('.').count();
+    if steps <= MOST_STEPS {
+        return Ok(());
+    }
+    let sentence = format!("{whose}: the path {} has {steps} steps; no field of a machine lies deeper than {MOST_STEPS}", clipped(path));
+    Err(Error::input(sentence))
+}
+
+/// The value with whole numbers where it has some with a point or an exponent, as 1e9.
+fn whole(value: Value) -> Value {
+    // Up to here, every whole number is one of f64.
+    const LARGEST: f64 = 9_007_199_254_740_992.0;
+    match value {
+        Value::Number(number) => {
+            let real = number.as_f64().filter(|real| number.is_f64() && real.fract() == 0.0 && real.abs() <= LARGEST);
+            real.map_or(Value::Number(number), |real| Value::from(real as i64))
+        }
+        Value::Array(items) => items.into_iter().map(whole).collect(),
+        Value::Object(fields) => Value::Object(fields.into_iter().map(|(name, field)| (name, whole(field))).collect()),
+        other => other,
+    }
 }
 
 /// Whether a path is another one, or leads there and further: `gauss.weight` is below `gauss`.
@@ -94,10 +133,12 @@ fn nested(path: &str, leaf: Value) -> Value {
     path.rsplit('.').fold(leaf, |inner, step| Value::Object(Map::from_iter([(step.to_owned(), inner)])))
 }
 
-fn set(value: &mut Value, setting: &str, told: &str) -> Result<Machine> {
-    let change = parse_setting(setting).ok_or_else(|| Error::input(format!("{told}: write PATH=VALUE, as in gauss.weight=U-2F16")))?;
-    merge(value, change);
-    checked(value, told)
+fn set(value: &mut Value, setting: &str, flag: &str) -> Result<Machine> {
+    let (path, leaf) =
+        parse_setting(setting).ok_or_else(|| Error::input(format!("{flag}: write PATH=VALUE, as in gauss.weight=U-2F16")))?;
+    check_depth(path, flag)?;
+    lay(value, path, leaf);
+    checked(value, flag)
 }
 
 /// The JSON Schema of a machine file.
@@ -110,35 +151,45 @@ pub fn value(machine: &Machine) -> Value {
     serde_json::to_value(machine).unwrap_or_default()
 }
 
-fn read(spec: &str) -> Result<Value> {
-    let told = |sentence: String| Error::input(format!("{spec}: {sentence}"));
-    let names = Machine::names().collect::<Vec<_>>().join(", ");
-    if !Path::new(spec).exists() {
-        return Err(told(format!("no such file, and no named machine either; named are {names}")));
+fn read(path: &Path) -> Result<Value> {
+    let name = &*path.to_string_lossy();
+    let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
+    let named: Vec<&str> = Machine::names().collect();
+    let names = named.join(", ");
+    if !path.exists() {
+        let nearest = validate::nearest(name, &named);
+        return Err(input_error(format!("no such file, and no named machine either; named are {names} (nearest: `{nearest}`)")));
     }
-    let text = std::fs::read_to_string(spec).map_err(|e| told(format!("cannot be read: {e}")))?;
-    let value: Value = serde_json::from_str(&text).map_err(|e| told(format!("not JSON: {e}")))?;
-    let Value::Object(mut fields) = value else { return Err(told("a machine is a JSON object".into())) };
+    let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+    let Value::Object(mut fields) = whole(strict_json::parse(&text).map_err(input_error)?) else {
+        return Err(input_error("a machine is a JSON object".into()));
+    };
     let Some(base) = fields.remove("base") else { return Ok(Value::Object(fields)) };
-    let base = base.as_str().and_then(Machine::named).ok_or_else(|| told(format!("base must be one of {names}, but is {base}")))?;
+    let base = base.as_str().and_then(Machine::named).ok_or_else(|| input_error(format!("base must be one of {names}, but is {base}")))?;
     let mut value = self::value(&base);
-    fields.entry("name").or_insert_with(|| Path::new(spec).file_stem().unwrap_or_default().to_string_lossy().into());
+    fields.entry("name").or_insert_with(|| one_line(&path.file_stem().unwrap_or_default().to_string_lossy()).into());
     merge(&mut value, Value::Object(fields));
     Ok(value)
 }
 
-fn checked(value: &Value, told: &str) -> Result<Machine> {
+fn checked(value: &Value, whose: &str) -> Result<Machine> {
     // A sweep asks a thousand times.
     static SCHEMA: LazyLock<Value> = LazyLock::new(schema);
-    validate::check(value, &SCHEMA).map_err(|misfit| Error::input(format!("{told}: {misfit}")))?;
-    serde_path_to_error::deserialize(value).map_err(|e| Error::input(format!("{told}: {}: {}", e.path(), e.inner())))
+    let input_error = |sentence: String| Error::input(format!("{whose}: {sentence}"));
+    validate::check(value, &SCHEMA).map_err(|misfit| input_error(misfit.to_string()))?;
+    let machine: Machine = serde_path_to_error::deserialize(value).map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
+    // It goes into comments of generated files, which end with their line.
+    if machine.name.contains(is_unprintable) {
+        return Err(input_error(format!("name is `{}`; it must have no line breaks or other control characters", clipped(&machine.name))));
+    }
+    Ok(machine)
 }
 
-/// `a.b=c` as `{"a": {"b": c}}`; what is not JSON is text.
-fn parse_setting(setting: &str) -> Option<Value> {
+/// Path and value of `a.b=c`; what is not JSON is text.
+fn parse_setting(setting: &str) -> Option<(&str, Value)> {
     let (path, text) = setting.split_once('=')?;
-    let leaf = serde_json::from_str(text).unwrap_or_else(|_| Value::from(text));
-    (!path.is_empty()).then(|| nested(path, leaf))
+    let leaf = strict_json::parse(text).unwrap_or_else(|_| Value::from(text));
+    (!path.is_empty()).then_some((path, leaf))
 }
 
 /// Lays `change` over `value`, object by object. A word in short form opens up where a part of it is changed; one in long form keeps its

@@ -7,6 +7,7 @@
 //! they are reported. `golden` and `ideal` never see what comes out of here.
 
 use crate::error::{Error, Result};
+use crate::output::text::listed;
 use crate::scene::{Amplitude, Light, Material, Opacity, Orientation, Scene, Sheet, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -35,11 +36,11 @@ impl Scale {
 /// A scene in words.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Quantised {
-    /// What the machine is given.
+    /// Input of the machine.
     pub frame: Frame,
     /// How it came about.
     pub scale: Scale,
-    /// What could not be represented as asked, one sentence each.
+    /// Notes of what could not be represented as asked, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -67,7 +68,8 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
     if registers.misfits.is_empty() {
         return Ok(Quantised { frame, scale, notes: registers.notes });
     }
-    Err(Error::input(format!("machine {} cannot draw {}: {}", machine.name, scene.name, registers.misfits.join("; "))))
+    let misfits: Vec<String> = registers.misfits.into_iter().map(Misfit::sentence).collect();
+    Err(Error::input(format!("machine {} cannot draw {}: {}", machine.name, scene.name, listed(&misfits))))
 }
 
 /// The greatest power of two at which everything fits, around the middle of the splats.
@@ -149,11 +151,44 @@ fn splats(scene: &Scene, machine: &Machine, scale: &Scale) -> Vec<frame::Splat> 
 /// Loads registers and gathers what does not fit.
 struct Registers<'a> {
     machine: &'a Machine,
-    misfits: Vec<String>,
+    misfits: Vec<Misfit>,
     notes: Vec<String>,
 }
 
+/// Why a scene cannot be drawn: a register that cannot hold what lies farthest off of some values, or a rule of no register.
+struct Misfit {
+    /// Empty where it is none.
+    register: String,
+    farthest: f64,
+    sentence: String,
+    /// Values beside that one which it cannot hold either.
+    others: usize,
+}
+
+impl Misfit {
+    fn sentence(self) -> String {
+        if self.others == 0 { self.sentence } else { format!("{} ({} more values do not fit either)", self.sentence, self.others) }
+    }
+}
+
 impl Registers<'_> {
+    fn refuse(&mut self, sentence: String) {
+        self.misfits.push(Misfit { register: String::new(), farthest: 0.0, sentence, others: 0 });
+    }
+
+    /// Names a register once, however many values it cannot hold.
+    fn overflow(&mut self, register: &str, value: f64, sentence: String) {
+        match self.misfits.iter_mut().find(|misfit| misfit.register == register) {
+            None => self.misfits.push(Misfit { register: register.to_owned(), farthest: value.abs(), sentence, others: 0 }),
+            Some(misfit) => {
+                misfit.others += 1;
+                if value.abs() > misfit.farthest {
+                    (misfit.farthest, misfit.sentence) = (value.abs(), sentence);
+                }
+            }
+        }
+    }
+
     /// A constant that must fit.
     fn hold(&mut self, name: &str, word: Word, value: f64) -> i64 {
         let format = word.format;
@@ -162,7 +197,8 @@ impl Registers<'_> {
         if value > most + half || value < least - half {
             let int_bits = libm::floor(libm::log2(value.abs())) as i32 + if format.signed { 2 } else { 1 };
             let fits = Format { int_bits, frac_bits: (format.width() - int_bits).max(0), ..format };
-            self.misfits.push(format!("{name} {word} holds {least} to {most}, but the scene needs {value}: {fits} would hold it"));
+            let sentence = format!("{name} {word} holds {least} to {most}, but the scene needs {value}: {fits} would hold it");
+            self.overflow(name, value, sentence);
         }
         quantised(word, value)
     }
@@ -191,7 +227,7 @@ impl Registers<'_> {
         let reach = self.machine.gauss.radial_index;
         let most = f64::from(reach.format.int_bits).exp2();
         if cutoff > most {
-            self.misfits.push(format!("gauss.radial_index {reach} spans radial indices below {most}, but the scene's cutoff is {cutoff}"));
+            self.refuse(format!("gauss.radial_index {reach} spans radial indices below {most}, but the scene's cutoff is {cutoff}"));
         }
         self.hold("raster.cutoff", word, cutoff).max(1)
     }
@@ -200,13 +236,13 @@ impl Registers<'_> {
         let ellipsoids = scene.ellipsoids.as_ref()?;
         let machine = self.machine;
         let Some(words) = &machine.ellipse.ellipsoid else {
-            self.misfits.push(
+            self.refuse(
                 "it draws discs alone, and these splats are ellipsoids: `--machine volume` or `--machine gaussian` draws them".into(),
             );
             return None;
         };
         if ellipsoids.sorted && machine.sort.is_none() {
-            self.misfits.push("it has no `sort`, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
+            self.refuse("it has no `sort`, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
         }
         let scales = |scales: DVec3| scales.to_array().map(|scale| quantised(words.scale, scale));
         let same = ellipsoids.orientations.len() == 1;
@@ -240,7 +276,7 @@ impl Registers<'_> {
         let sheets = scene.sheets.as_ref()?;
         let machine = self.machine;
         let Some(words) = &machine.fragment.sheets else {
-            self.misfits.push(
+            self.refuse(
                 "it groups by depth alone, and these splats are grouped by sheets: `--machine volume` or `--machine gaussian` does".into(),
             );
             return None;

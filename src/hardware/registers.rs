@@ -8,7 +8,8 @@
 
 use crate::golden::shade::Shader;
 use crate::hardware::quantise::{Quantised, quantised as constant};
-use crate::scene::{self, Opacity, Scene, Sheets, View};
+use crate::scene;
+use crate::scene::{Opacity, Scene, Sheets, View};
 use glam::{DMat3, DQuat, DVec3};
 use rtl_model::frame::{self, Scaled};
 use rtl_model::num::Word;

@@ -4,4 +4,5 @@ pub mod chart;
 pub mod colour;
 pub mod files;
 pub mod picture;
+pub mod progress;
 pub mod text;

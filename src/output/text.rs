@@ -18,6 +18,15 @@ pub fn thousands(number: u64) -> String {
     out
 }
 
+/// Seconds in words, as people round them.
+pub fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => format!("{s:.1} s"),
+        s if s < 100.0 => format!("{s:.0} s"),
+        s => format!("{:.0} minutes", s / 60.0),
+    }
+}
+
 /// A part of a whole; neither all nor nothing is said of what is not.
 pub fn share(part: u64, whole: u64) -> String {
     match part {
@@ -65,6 +74,36 @@ pub fn aligned(mut table: Table) -> Table {
     table
 }
 
+/// The beginning of a word that may be megabytes of anything, on one line: what a terminal and its user can stand.
+pub fn clipped(word: &str) -> String {
+    const MOST: usize = 40;
+    let mut clipped: String = word.chars().take(MOST).flat_map(char::escape_debug).collect();
+    if word.chars().nth(MOST).is_some() {
+        clipped.push('…');
+    }
+    clipped
+}
+
+/// Sentences that a long list of faults names; the others are counted.
+const MOST_LISTED: usize = 8;
+
+/// Half sentences, one after another; of a long list the first ones and how many more there are.
+pub fn listed(sentences: &[String]) -> String {
+    let (first, rest) = sentences.split_at(sentences.len().min(MOST_LISTED));
+    let rest = if rest.is_empty() { String::new() } else { format!("; and {} more", rest.len()) };
+    first.join("; ") + &rest
+}
+
+/// Whether a letter would end a line or do something to a terminal instead of being read.
+pub fn is_unprintable(letter: char) -> bool {
+    letter.is_control() || matches!(letter, '\u{2028}' | '\u{2029}')
+}
+
+/// A name as one line of text: what cannot be printed becomes `_`.
+pub fn one_line(name: &str) -> String {
+    name.replace(is_unprintable, "_")
+}
+
 /// Bytes as hexadecimal digits.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
@@ -85,6 +124,20 @@ mod tests {
         assert!(long.lines().skip(1).all(|line| line.starts_with("    word")));
         let path = "/".repeat(100);
         assert_eq!(wrapped(&format!("note: {path} is long")), format!("note:\n    {path}\n    is long"));
+    }
+
+    #[test]
+    fn a_long_list_is_cut_and_counted() {
+        let all: Vec<String> = (1..=68).map(|number| number.to_string()).collect();
+        assert_eq!(listed(&all[..2]), "1; 2");
+        assert_eq!(listed(&all[..8]), "1; 2; 3; 4; 5; 6; 7; 8");
+        assert_eq!(listed(&all), "1; 2; 3; 4; 5; 6; 7; 8; and 60 more");
+    }
+
+    #[test]
+    fn a_name_is_one_line() {
+        assert_eq!(one_line("a\nb\u{2028}c\u{1b}[1m é"), "a_b_c_[1m é");
+        assert_eq!(clipped(&format!("{}\n", "x".repeat(40))), format!("{}…", "x".repeat(40)));
     }
 
     #[test]

@@ -21,7 +21,7 @@
 
 use crate::error::{Error, Result};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
-use crate::scene::validate;
+use crate::scene::{strict_json, validate};
 use rtl_model::elaboration::{Operator, Part};
 use rtl_model::machine::timing::Setup;
 use rtl_model::pipeline::Elaborated;
@@ -101,11 +101,11 @@ impl Prices {
     /// # Errors
     /// [`Error::Input`] where it cannot be read, or says something else.
     pub fn load(path: &Path) -> Result<Self> {
-        let told = |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
-        let value = serde_json::from_str(&text).map_err(|e| told(format!("not JSON: {e}")))?;
-        validate::check(&value, &schemars::schema_for!(Prices).to_value()).map_err(|misfit| told(misfit.to_string()))?;
-        serde_json::from_value(value).map_err(|e| told(e.to_string()))
+        let input_error = |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
+        let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        let value = strict_json::parse(&text).map_err(input_error)?;
+        validate::check(&value, &schemars::schema_for!(Prices).to_value()).map_err(|misfit| input_error(misfit.to_string()))?;
+        serde_json::from_value(value).map_err(|e| input_error(e.to_string()))
     }
 }
 

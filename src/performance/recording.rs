@@ -10,11 +10,13 @@
 
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
-use crate::output::chart::{self, Chart};
+use crate::output::chart;
+use crate::output::chart::Chart;
 use crate::output::files::write_beside;
 use crate::output::text::wrapped;
 use crate::performance::cycles::{CyclesReport, Requests};
 use crate::performance::timings::{Axes, Timings, Variants};
+use crate::scene::MOST_PIXELS;
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
@@ -23,7 +25,7 @@ use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// What a file of this kind begins with.
+/// Beginning of a file of this kind.
 const MAGIC: &[u8] = b"splatsim-work-1\n";
 
 /// A frame's work, and whose it is.
@@ -31,9 +33,9 @@ const MAGIC: &[u8] = b"splatsim-work-1\n";
 pub struct Recording {
     /// The scene's name.
     pub scene: String,
-    /// What drew it.
+    /// Machine that drew it.
     pub machine: Machine,
-    /// What happened.
+    /// Events of the frame.
     pub work: Work,
 }
 
@@ -46,14 +48,14 @@ struct Parts {
     work: Work,
 }
 
-/// What a replay came to.
+/// Outcome of a replay.
 #[derive(Clone, Debug)]
 pub struct Replayed {
     /// The frame's time.
     pub cycles: CyclesReport,
     /// With other values of a field.
     pub timings: Option<Timings>,
-    /// What went to memory, if that was asked for.
+    /// Requests to memory, if that was asked for.
     pub requests: Option<Requests>,
 }
 
@@ -63,11 +65,11 @@ impl Recording {
     /// # Errors
     /// [`Error::Input`] where there is no such folder, or a folder of that name.
     pub fn may_be_written(path: &Path) -> Result<()> {
-        let told = |what: &str| Err(Error::input(format!("--record {}: cannot be written: {what}", path.display())));
+        let input_error = |what: &str| Err(Error::input(format!("--record {}: cannot be written: {what}", path.display())));
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
         match folder {
-            Some(folder) if !folder.is_dir() => told(&format!("there is no folder {}", folder.display())),
-            _ if path.is_dir() => told("it is a folder, and a file is needed"),
+            Some(folder) if !folder.is_dir() => input_error(&format!("there is no folder {}", folder.display())),
+            _ if path.is_dir() => input_error("it is a folder, and a file is needed"),
             _ => Ok(()),
         }
     }
@@ -90,10 +92,10 @@ impl Recording {
     /// # Errors
     /// [`Error::Input`], one sentence, where the file is none of these or is damaged.
     pub fn read(path: &Path) -> Result<Self> {
-        let told = |what: &str| Error::input(format!("{}: {what}", path.display()));
-        let bytes = fs::read(path).map_err(|error| told(&format!("cannot be read: {error}")))?;
-        let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| told("is no record of a frame's work, as `run --record` writes them"))?;
-        let damaged = |what: &str| told(&format!("is damaged: {what}"));
+        let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
+        let bytes = fs::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
+        let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| input_error("is no record of a frame's work, as `run --record` writes them"))?;
+        let damaged = |what: &str| input_error(&format!("is damaged: {what}"));
         let (parts, left): (Parts, &[u8]) =
             postcard::take_from_bytes(rest).map_err(|_| damaged("it ends too soon, or holds no such values"))?;
         if !left.is_empty() {
@@ -101,6 +103,10 @@ impl Recording {
         }
         let machine = serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is no JSON"))?;
         let machine = machines::from_value(&machine, &format!("{}: its machine", path.display()))?;
+        let [width, height] = [parts.work.width, parts.work.height].map(|side| side as usize);
+        if width.saturating_mul(height) > MOST_PIXELS {
+            return Err(input_error(&format!("its picture has {width}×{height} pixels; at most {MOST_PIXELS} are drawn and replayed")));
+        }
         parts.work.check().map_err(|what| damaged(&what))?;
         Ok(Recording { scene: parts.scene, machine, work: parts.work })
     }
@@ -110,13 +116,13 @@ impl Recording {
     /// # Errors
     /// [`Error::Input`] where there is no such field, or it is not one of `timing`.
     pub fn set(&mut self, setting: &str) -> Result<()> {
-        let told = format!("--set {setting}");
+        let flag = machines::flag("--set", setting);
         if !setting.trim_start().starts_with("timing.") {
             return Err(Error::input(format!(
-                "{told}: what happened in a frame stands in the record; only fields below `timing` can change"
+                "{flag}: what happened in a frame stands in the record; only fields below `timing` can change"
             )));
         }
-        self.machine = machines::changed(&self.machine, setting, &told)?;
+        self.machine = machines::changed(&self.machine, setting, &flag)?;
         Ok(())
     }
 
@@ -139,9 +145,9 @@ impl Replayed {
     /// For a terminal, at most 80 columns wide.
     pub fn summary(&self, recording: &Recording) -> String {
         let Recording { scene, machine, work } = recording;
-        let told = wrapped(&format!("{scene} on {}: {} splats, {}×{}", machine.name, work.fates.len(), work.width, work.height));
+        let head = wrapped(&format!("{scene} on {}: {} splats, {}×{}", machine.name, work.fates.len(), work.width, work.height));
         let timings = self.timings.as_ref().map_or_else(String::new, |timings| format!("\n\n{}", timings.table()));
-        format!("{told}\n\n{}{timings}", self.cycles.summary())
+        format!("{head}\n\n{}{timings}", self.cycles.summary())
     }
 
     /// Writes tables and charts into a folder; returns what was written.

@@ -35,8 +35,8 @@ impl FromStr for Axes {
 
     /// `timing.raster.fifo=1,2,4`: commas inside of brackets part nothing.
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let told = "write PATH=VALUE,VALUE,… of a field below timing, as in timing.raster.fifo=1,2,4";
-        let (path, values) = text.split_once('=').filter(|(path, _)| path.starts_with("timing.")).ok_or(told)?;
+        let sentence = "write PATH=VALUE,VALUE,… of a field below timing, as in timing.raster.fifo=1,2,4";
+        let (path, values) = text.split_once('=').filter(|(path, _)| path.starts_with("timing.")).ok_or(sentence)?;
         let mut all = vec![String::new()];
         let mut depth = 0;
         for letter in values.chars() {
@@ -47,7 +47,7 @@ impl FromStr for Axes {
             }
         }
         if all.iter().any(|value| value.trim().is_empty()) {
-            return Err(told.into());
+            return Err(sentence.into());
         }
         if all.len() > MOST {
             return Err(format!("{} values are more than {MOST}", all.len()));
@@ -71,16 +71,16 @@ impl Variants {
     pub fn new(machine: &Machine, axes: &Axes) -> Result<Self> {
         let one = |value: &String| {
             let setting = format!("{}={value}", axes.path);
-            let told = format!("--timing {setting}");
-            let other = machines::changed(machine, &setting, &told)?;
-            let elaborated = fixed::elaborate(&other).map_err(|error| Error::input(format!("{told}: {error}")))?;
+            let flag = machines::flag("--timing", &setting);
+            let other = machines::changed(machine, &setting, &flag)?;
+            let elaborated = fixed::elaborate(&other).map_err(|error| Error::input(format!("{flag}: {error}")))?;
             Ok(elaborated.timing)
         };
         Ok(Variants { axes: axes.clone(), machines: axes.values.iter().map(one).collect::<Result<_>>()? })
     }
 }
 
-/// What each value makes of a frame.
+/// Frame times by value.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Timings {
     /// The field.
@@ -94,7 +94,7 @@ pub struct Timings {
 pub struct Row {
     /// The value.
     pub value: String,
-    /// What it makes of the frame.
+    /// Time of the frame with it.
     pub cycles: CyclesReport,
 }
 

@@ -10,7 +10,8 @@
 use crate::accuracy::ranges::{Overflows, SignalReport};
 use crate::accuracy::{Lockstep, lockstep};
 use crate::error::Result;
-use crate::golden::{self, Rendering, Rules};
+use crate::golden;
+use crate::golden::{Rendering, Rules};
 use crate::hardware::fixed;
 use crate::hardware::quantise::{Quantised, quantise};
 use crate::output::picture::Picture;

@@ -1,7 +1,8 @@
 //! Explain: one pixel's whole story, the machine beside `golden`: every contribution, decision and layer.
 
 use crate::error::{Error, Result};
-use crate::golden::{self, Arrival, Story};
+use crate::golden;
+use crate::golden::{Arrival, Story};
 use crate::hardware::fixed;
 use crate::hardware::quantise::{Scale, quantise};
 use crate::output::text::{aligned, plain_table};

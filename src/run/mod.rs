@@ -14,7 +14,8 @@ pub mod report;
 use crate::accuracy::attribution::attribute;
 use crate::accuracy::{ErrorPicture, Lockstep, error_picture, metrics, ranges};
 use crate::error::Result;
-use crate::golden::{self, Rendering};
+use crate::golden;
+use crate::golden::Rendering;
 use crate::hardware::fixed;
 use crate::output::chart;
 use crate::output::files::write_beside;
@@ -103,6 +104,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             splats: scene.splats.len() as u64,
             culled: drawing.culled.into(),
             fragments,
+            camera: scene.camera,
             scale: evaluation.quantised.scale,
             notes: scene.notes.iter().chain(&evaluation.quantised.notes).cloned().collect(),
         },

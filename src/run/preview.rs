@@ -14,7 +14,7 @@ use crate::accuracy::distance;
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
-use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::output::text::{aligned, duration, plain_table, thousands, wrapped};
 use crate::run::evaluation::Evaluation;
 use crate::run::timed;
 use crate::scene::Scene;
@@ -175,11 +175,11 @@ const LONG: f64 = 10.0;
 /// Splats and pixels from which on a job may be long.
 const MANY: usize = 2_000_000;
 
-/// What to say before a long job; nothing where it is short.
+/// Sentence to say before a long job, and the seconds that it may take; nothing where it is short.
 ///
 /// # Errors
 /// As [`crate::run::run`].
-pub fn announcement(scene: &Scene, machine: &Machine) -> Result<Option<String>> {
+pub fn announcement(scene: &Scene, machine: &Machine) -> Result<Option<(String, f64)>> {
     let pixels = scene.image.width * scene.image.height;
     if scene.splats.len().max(pixels) < MANY || scene.image.width.min(scene.image.height) < LEAST_SIDE_PX {
         return Ok(None);
@@ -189,7 +189,7 @@ pub fn announcement(scene: &Scene, machine: &Machine) -> Result<Option<String>> 
     let expected = RUN_OVER_FIGURES * seconds * longer(scene.splats.len(), small?.contributions as f64, contributions as f64);
     let told = || {
         let (splats, contributions) = (thousands(scene.splats.len() as u64), thousands(rounded(contributions)));
-        format!("{splats} splats, about {contributions} contributions: about {} (--preview is quicker)", duration(expected))
+        (format!("{splats} splats, about {contributions} contributions: about {} (--preview is quicker)", duration(expected)), expected)
     };
     Ok((expected > LONG).then(told))
 }
@@ -210,14 +210,6 @@ fn longer(splats: usize, before: f64, now: f64) -> f64 {
 fn rounded(count: u64) -> u64 {
     let place = 10u64.pow(count.max(1).ilog10().saturating_sub(2));
     (count + place / 2) / place * place
-}
-
-fn duration(seconds: f64) -> String {
-    match seconds {
-        s if s < 1.0 => format!("{s:.1} s"),
-        s if s < 100.0 => format!("{s:.0} s"),
-        s => format!("{:.0} minutes", s / 60.0),
-    }
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use crate::performance::cost::CostReport;
 use crate::performance::cycles::CyclesReport;
 use crate::performance::timings::Timings;
 use crate::run::preview::{Figures, Preview};
+use crate::scene::Camera;
 use comfy_table::Table;
 use rtl_model::elaboration::{Operator, Part};
 use rtl_model::machine::Machine;
@@ -73,6 +74,8 @@ pub struct SceneReport {
     pub culled: CulledReport,
     /// Contributions that the machine made.
     pub fragments: u64,
+    /// The whole camera, as a scene file has it.
+    pub camera: Camera,
     /// How world units became machine units.
     pub scale: Scale,
     /// What readers and quantiser found odd.

@@ -2,6 +2,7 @@
 
 use super::{Camera, Splat, neighbours::lone_radius};
 use glam::{DQuat, DVec3};
+use serde::{Serialize, Serializer};
 
 /// Where the eye is, seen from the splats: in front, a little to the right and above (y is up).
 const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
@@ -48,6 +49,11 @@ impl Ball {
         // 1/sin of the narrower half angle: the ball touches the edge of the picture.
         FROM.normalize() * (MARGIN * self.radius * (1.0 + 1.0 / (tan * tan)).sqrt())
     }
+}
+
+/// A vector as a scene file has it.
+pub(super) fn as_array<S: Serializer>(vector: &DVec3, serializer: S) -> Result<S::Ok, S::Error> {
+    vector.to_array().serialize(serializer)
 }
 
 /// Turn from one camera to the next, degrees: the golden angle, by which no two come close.

@@ -14,17 +14,14 @@ mod bouquet;
 mod float_ply;
 mod harmonics;
 mod packed_ply;
-mod splat;
-mod spz;
+pub(super) mod splat;
+pub(super) mod spz;
 
 pub use bouquet::bouquet;
 pub use harmonics::colour;
 
 use super::ply;
 use glam::{DQuat, DVec3, DVec4};
-use std::fs::File;
-use std::io::Read;
-use std::path::Path;
 
 type Parsed<T> = Result<T, String>;
 
@@ -41,14 +38,14 @@ pub struct Gaussian {
     pub opacity: f64,
 }
 
-/// What a file holds.
+/// Gaussians of a file.
 #[derive(Clone, Debug, Default)]
 pub struct Gaussians {
     /// In the file's order; never empty.
     pub all: Vec<Gaussian>,
     /// Degree of the spherical harmonics, 0 to 3.
     pub degree: usize,
-    /// What was left out or looks odd, one sentence each.
+    /// Notes of what was left out or looks odd, one sentence each.
     pub notes: Vec<String>,
     /// Of all Gaussians, one after another: `(degree + 1)²` coefficients each, as f32, which no format exceeds.
     harmonics: Vec<[f32; 3]>,
@@ -56,9 +53,6 @@ pub struct Gaussians {
 
 /// Thinner Gaussians become as thick as this; squares and products of scales then fit f64.
 pub const SMALLEST_SCALE: f64 = 1e-30;
-
-/// What of a file is looked at to tell whether it is a file of Gaussians; headers have a few kilobytes.
-const LONGEST_HEADER_BYTES: u64 = 1 << 20;
 
 impl Gaussians {
     /// Coefficients of red, green and blue of one of [`Gaussians::all`], for [`colour`]: 1, 4, 9 or 16 by degree.
@@ -71,39 +65,13 @@ impl Gaussians {
     }
 }
 
-/// Whether the file's extension, and for a `.ply` its header, is one of trained Gaussians; [`read`] reads those.
-pub fn is_gaussians(path: &Path) -> bool {
-    match extension(path).as_str() {
-        "splat" | "spz" => true,
-        "ply" => {
-            let mut start = Vec::new();
-            let read = File::open(path).and_then(|file| file.take(LONGEST_HEADER_BYTES).read_to_end(&mut start));
-            read.is_ok()
-                && ply::read_header(&start).is_ok_and(|(header, _)| packed_ply::is_packed(&header) || float_ply::is_trained(&header))
-        }
-        _ => false,
-    }
+/// Whether the bytes are a PLY file whose header is one of trained Gaussians; [`parse_ply`] reads those.
+pub(super) fn is_trained_ply(bytes: &[u8]) -> bool {
+    ply::read_header(bytes).is_ok_and(|(header, _)| packed_ply::is_packed(&header) || float_ply::is_trained(&header))
 }
 
-/// Reads a file of trained Gaussians; its extension says which format it has.
-///
-/// # Errors
-/// The second half of a sentence that begins with the file's name: what is wrong, what would be right.
-pub fn read(path: &Path) -> Result<Gaussians, String> {
-    let parse = match extension(path).as_str() {
-        "ply" => parse_ply,
-        "splat" => splat::parse,
-        "spz" => spz::parse,
-        _ => return Err("is of no known kind; a file of trained Gaussians is a .ply, .splat or .spz file".into()),
-    };
-    parse(&std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?)
-}
-
-fn extension(path: &Path) -> String {
-    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase()
-}
-
-fn parse_ply(bytes: &[u8]) -> Parsed<Gaussians> {
+/// Reads a PLY file of trained Gaussians.
+pub(super) fn parse_ply(bytes: &[u8]) -> Parsed<Gaussians> {
     let (header, body) = ply::read_header(bytes)?;
     if packed_ply::is_packed(&header) { packed_ply::parse(&header, body) } else { float_ply::parse(&header, body) }
 }

@@ -12,14 +12,17 @@ use super::{
 use super::{
     builtin::{self, Builtin, Order},
     camera::Ball,
-    fields, gaussians, neighbours, ply, unit, volume,
+    fields,
+    formats::{self, Reader},
+    gaussians, memory, neighbours, ply, unit, volume,
 };
 use crate::error::{Error, Result};
-use crate::scene::validate;
+use crate::output::text::one_line;
+use crate::scene::{strict_json, validate};
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use serde_json::{Value, json};
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 /// ε, left out, is this many times the median radius: served well on three scans (docs/book/algorithm.md §2).
@@ -28,7 +31,8 @@ const Z_THRESHOLD_OF_RADIUS: f64 = 4.0;
 const NEAR_OF_DISTANCE: f64 = 1e-3;
 /// Most pixels of a picture along a side, and in all: what a desktop computer still holds a few times over.
 const LONGEST_SIDE: usize = 16384;
-const MOST_PIXELS: usize = 1 << 25;
+/// Pixels of the largest picture.
+pub const MOST_PIXELS: usize = 1 << 25;
 /// Nearer than this the eye and its target are one point: squares of such distances vanish in f64.
 const NEAREST_TARGET: f64 = 1e-100;
 /// Sine of the least angle between the view and up; below it rounding would turn the picture.
@@ -81,7 +85,7 @@ enum Source {
 #[serde(deny_unknown_fields)]
 struct FileSource {
     /// Path of the file, relative to the scene file.
-    file: String,
+    file: PathBuf,
     /// Index into `materials`.
     #[serde(default)]
     #[schemars(range(max = u32::MAX))]
@@ -145,7 +149,7 @@ enum BuiltinGaussians {
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum VolumeFile {
-    Path(String),
+    Path(PathBuf),
     Builtin(BuiltinField),
     Raw(RawDescription),
 }
@@ -426,52 +430,59 @@ pub fn schema() -> Value {
 
 /// Reads a scene file's text. Files that it names lie relative to `folder`; `name` begins every error.
 pub(super) fn read(text: &str, name: &str, folder: &Path, overrides: &Overrides) -> Result<Scene> {
-    let value: Value = serde_json::from_str(text).map_err(|e| Error::input(format!("{name}: not JSON: {e}")))?;
-    read_value(value, name, folder, overrides)
-}
-
-/// The scene of a PLY alone: all else left out.
-pub(super) fn of_cloud(path: &Path, name: &str, overrides: &Overrides) -> Result<Scene> {
-    let file = path.file_name().unwrap_or_default().to_string_lossy();
-    read_value(json!({"splats": {"file": file}}), name, path.parent().unwrap_or(Path::new("")), overrides)
-}
-
-fn read_value(value: Value, name: &str, folder: &Path, overrides: &Overrides) -> Result<Scene> {
-    let told = |sentence: String| Error::input(format!("{name}: {sentence}"));
-    validate::check(&value, &schema()).map_err(|misfit| told(misfit.to_string()))?;
-    let fields: SceneFields = serde_json::from_value(value).map_err(|e| told(e.to_string()))?;
+    let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
+    let value = strict_json::parse(text).map_err(input_error)?;
+    validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
+    let fields: SceneFields = serde_json::from_value(value).map_err(|e| input_error(e.to_string()))?;
     build(fields, name, folder, overrides)
 }
 
+/// Makes the scene of a file of splats alone, all else left out; `name` begins every error.
+pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides) -> Result<Scene> {
+    let fields = SceneFields {
+        splats: Source::File(FileSource { file: file.to_owned(), material: 0, radius_scale: 1.0, opacity: 1.0 }),
+        camera: CameraFields::default(),
+        image: ImageFields::default(),
+        kernel: KernelFields::default(),
+        surface: SurfaceFields::default(),
+        sheets: SheetFields::default(),
+        lights: None,
+        materials: None,
+    };
+    build(fields, name, Path::new(""), overrides)
+}
+
 fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) -> Result<Scene> {
-    let told = |sentence: String| Error::input(format!("{name}: {sentence}"));
+    let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let image = image(&fields.image, name, overrides)?;
+    fields.splats.check_memory().map_err(input_error)?;
     let mut gathered = Gathered::new(name, folder, &fields);
     gathered.add(&fields.splats, "splats")?;
     if gathered.splats.is_empty() {
-        return Err(told(gathered.nothing().into()));
+        return Err(input_error(gathered.nothing().into()));
     }
     let kind = gathered.kind();
     // Training programs have y down, as their cameras do.
     let up = if kind == Kind::Gaussians { DVec3::NEG_Y } else { DVec3::Y };
-    let camera = camera(&fields.camera, up, &image, &gathered.splats).map_err(told)?;
+    let camera = camera(&fields.camera, up, &image, &gathered.splats).map_err(input_error)?;
     gathered.complete(camera.eye);
-    let lights = lights(fields.lights, &camera).map_err(told)?;
+    let lights = lights(fields.lights, &camera).map_err(input_error)?;
     let surface = surface(&fields.surface, &gathered.splats);
     if matches!(gathered.medium, Some(Medium::Volume(_))) && surface.coverage_threshold > 1.0 {
-        return Err(told(format!(
+        return Err(input_error(format!(
             "surface.coverage_threshold is {}; a volume's splats are lit with weight 1, so at most 1 is right",
             surface.coverage_threshold
         )));
     }
     if fields.kernel.low_pass_by == LowPass::Scaling && kind != Kind::Volume {
-        return Err(told("kernel.low_pass_by is \"scaling\", and only the kernels of a volume are scaled".into()));
+        return Err(input_error("kernel.low_pass_by is \"scaling\", and only the kernels of a volume are scaled".into()));
     }
     if surface.cull_backfaces && matches!(gathered.medium, Some(Medium::Volume(_) | Medium::Gaussians(_))) {
-        return Err(told("surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into()));
+        return Err(input_error("surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into()));
     }
     let Gathered { splats, materials, notes, medium, .. } = gathered;
-    let name = Path::new(name).file_name().unwrap_or_default().to_string_lossy().into_owned();
+    // What is written of a scene may be a comment of one line.
+    let name = one_line(&Path::new(name).file_name().unwrap_or_default().to_string_lossy());
     let kernel = kernel(&fields.kernel, kind);
     let mut scene = Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, notes };
     medium.into_iter().for_each(|medium| medium.complete(&fields.sheets, &mut scene));
@@ -642,7 +653,7 @@ impl<'a> Gathered<'a> {
         if path == "splats" {
             return Ok(());
         }
-        Err(self.told(format!("{path} is {what}, which can only be a scene's one source: `splats` itself")))
+        Err(self.input_error(format!("{path} is {what}, which can only be a scene's one source: `splats` itself")))
     }
 
     fn add_volume(&mut self, source: &VolumeSource, path: &str) -> Result<()> {
@@ -656,18 +667,19 @@ impl<'a> Gathered<'a> {
             VolumeFile::Builtin(BuiltinField { builtin, samples }) => (PathBuf::from("built-in field"), Ok(builtin.volume(*samples))),
         };
         let volume = read.map_err(|sentence| match &source.volume {
-            VolumeFile::Raw(_) => self.told(format!("{path}.volume: {sentence}")),
+            VolumeFile::Raw(_) => self.input_error(format!("{path}.volume: {sentence}")),
             _ => Error::input(format!("{}: {sentence}", file.display())),
         })?;
         let transfer = match &source.transfer {
             Some(points) => {
-                ascending(points.iter().map(|p| p.value), &format!("{path}.transfer"), "value").map_err(|sentence| self.told(sentence))?;
+                ascending(points.iter().map(|p| p.value), &format!("{path}.transfer"), "value")
+                    .map_err(|sentence| self.input_error(sentence))?;
                 points.iter().map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, opacity }).collect()
             }
             None => Classification::usual(&volume),
         };
         let magnitudes = source.gradient.iter().map(|point| point.magnitude);
-        ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.told(sentence))?;
+        ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.input_error(sentence))?;
         let gradient = source.gradient.iter().map(|point| [point.magnitude, point.factor]).collect();
         let classification = Classification { transfer, gradient, radius: source.radius, material };
         self.medium = Some(match source.isovalue {
@@ -677,6 +689,8 @@ impl<'a> Gathered<'a> {
                 Medium::Isosurface(orientations)
             }
             None => {
+                memory::check(classification.seen(&volume), "voxels", memory::DISC_BYTES)
+                    .map_err(|sentence| self.input_error(format!("{path}: {sentence}")))?;
                 let (splats, voxels) = classification.voxels(&volume);
                 self.splats = splats;
                 Medium::Volume(voxels)
@@ -687,12 +701,14 @@ impl<'a> Gathered<'a> {
         Ok(())
     }
 
-    fn add_gaussians(&mut self, file: &Path, source: &FileSource, path: &str) -> Result<()> {
-        self.is_alone(path, "a file of Gaussians")?;
-        let mut read = gaussians::read(file).map_err(|sentence| Error::input(format!("{}: {sentence}", file.display())))?;
-        self.notes.extend(std::mem::take(&mut read.notes).iter().map(|note| format!("{}: {note}", file.display())));
-        self.take_gaussians(read, [source.radius_scale, source.opacity]);
-        Ok(())
+    fn add_gaussians(&mut self, gaussians: Gaussians, file: &Path, source: &FileSource) {
+        let mut gaussians = gaussians;
+        self.add_notes(&std::mem::take(&mut gaussians.notes), file);
+        self.take_gaussians(gaussians, [source.radius_scale, source.opacity]);
+    }
+
+    fn add_notes(&mut self, notes: &[String], file: &Path) {
+        self.notes.extend(notes.iter().map(|note| format!("{}: {note}", file.display())));
     }
 
     /// Gaussians whose radii and opacities are that much greater.
@@ -724,19 +740,27 @@ impl<'a> Gathered<'a> {
     fn add_file(&mut self, source: &FileSource, path: &str) -> Result<()> {
         let material = self.known_material(source.material, path)?;
         let file = self.folder.join(&source.file);
-        if gaussians::is_gaussians(&file) {
-            return self.add_gaussians(&file, source, path);
-        }
-        if volume::is_volume(&file) {
+        let input_error = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
+        // A file of no known kind may be points all the same.
+        let reader = formats::reader(&file).unwrap_or(Reader::Ply);
+        if let Reader::Volume(_) = reader {
             self.is_alone(path, "a volume")?;
             return self.add_volume(&VolumeSource::of(source), path);
         }
-        let told = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
-        let bytes = std::fs::read(&file).map_err(|e| told(format!("cannot be read: {e}")))?;
-        let cloud = ply::parse(&bytes).map_err(told)?;
+        let bytes = std::fs::read(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        let parse_gaussians = match reader {
+            Reader::Gaussians(parse) => Some(parse),
+            _ => gaussians::is_trained_ply(&bytes).then_some(gaussians::parse_ply as fn(&[u8]) -> _),
+        };
+        if let Some(parse) = parse_gaussians {
+            self.is_alone(path, "a file of Gaussians")?;
+            self.add_gaussians(parse(&bytes).map_err(input_error)?, &file, source);
+            return Ok(());
+        }
+        let cloud = ply::parse(&bytes).map_err(input_error)?;
         let own = |splat: Splat| Splat { material, opacity: splat.opacity * source.opacity, ..splat };
         self.splats.extend(cloud.splats.into_iter().map(own));
-        self.notes.extend(cloud.notes.iter().map(|note| format!("{}: {note}", file.display())));
+        self.add_notes(&cloud.notes, &file);
         self.end_cloud(source.radius_scale);
         Ok(())
     }
@@ -762,7 +786,7 @@ impl<'a> Gathered<'a> {
         let normal = splat.normal.map(|normal| direction(normal, &format!("{path}.normal"))).transpose();
         self.splats.push(Splat {
             position: DVec3::from_array(splat.position),
-            normal: normal.map_err(|sentence| self.told(sentence))?.unwrap_or(DVec3::ZERO),
+            normal: normal.map_err(|sentence| self.input_error(sentence))?.unwrap_or(DVec3::ZERO),
             radius: splat.radius.unwrap_or(0.0),
             rgb: splat.rgb,
             opacity: splat.opacity,
@@ -776,10 +800,10 @@ impl<'a> Gathered<'a> {
         if (index as usize) < count {
             return Ok(index);
         }
-        Err(self.told(format!("{path} uses material {index}, but `materials` has only the indices 0 to {}", count - 1)))
+        Err(self.input_error(format!("{path} uses material {index}, but `materials` has only the indices 0 to {}", count - 1)))
     }
 
-    fn told(&self, sentence: String) -> Error {
+    fn input_error(&self, sentence: String) -> Error {
         Error::input(format!("{}: {sentence}", self.name))
     }
 
@@ -819,6 +843,26 @@ impl VolumeSource {
 }
 
 impl Source {
+    /// Says what the splats that are asked for by number would take, before any are made.
+    fn check_memory(&self) -> std::result::Result<(), String> {
+        let (what, bytes_each) = match self {
+            Source::Gaussians(_) => ("Gaussians", memory::GAUSSIAN_BYTES),
+            _ => ("splats", memory::DISC_BYTES),
+        };
+        memory::check(self.promised(), what, bytes_each).map_err(|sentence| format!("splats: {sentence}"))
+    }
+
+    /// How many splats are asked for by number.
+    fn promised(&self) -> u64 {
+        match self {
+            Source::Builtin(source) => source.count.unwrap_or(0) as u64,
+            Source::Gaussians(source) => source.count as u64,
+            Source::Several(sources) => sources.iter().map(Source::promised).sum(),
+            // A file vouches for its own by its length.
+            Source::File(_) | Source::Splat(_) | Source::Volume(_) => 0,
+        }
+    }
+
     fn is_only_builtin(&self) -> bool {
         match self {
             Source::Builtin(_) => true,
@@ -837,15 +881,15 @@ fn direction(vector: [f64; 3], path: &str) -> std::result::Result<DVec3, String>
 
 fn image(fields: &ImageFields, name: &str, overrides: &Overrides) -> Result<Image> {
     let (width, height) = overrides.size.unwrap_or((fields.width, fields.height));
-    let told = |right: String| {
+    let input_error = |right: String| {
         let whose = if overrides.size.is_some() { "--size".into() } else { format!("{name}: image") };
         Error::input(format!("{whose} is {width}x{height} pixels; it must be {right}"))
     };
     if !(1..=LONGEST_SIDE).contains(&width) || !(1..=LONGEST_SIDE).contains(&height) {
-        return Err(told(format!("1 to {LONGEST_SIDE} on each side")));
+        return Err(input_error(format!("1 to {LONGEST_SIDE} on each side")));
     }
     if width * height > MOST_PIXELS {
-        return Err(told(format!("at most {MOST_PIXELS} pixels in all")));
+        return Err(input_error(format!("at most {MOST_PIXELS} pixels in all")));
     }
     Ok(Image { width, height, background: fields.background, encoded: false })
 }

@@ -6,20 +6,26 @@ mod builtin;
 mod camera;
 pub mod digest;
 mod fields;
+mod formats;
 mod gaussians;
 mod json;
+mod memory;
 mod neighbours;
 mod ply;
 mod volume;
 mod voxels;
 
+pub(crate) mod strict_json;
 pub(crate) mod validate;
 
 pub use builtin::{Builtin, names};
-pub use json::schema;
+pub use json::{MOST_PIXELS, schema};
 
 use crate::error::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
+use schemars::JsonSchema;
+use serde::Serialize;
+use std::ffi::OsStr;
 use std::path::Path;
 
 /// One splat: a Gaussian disc (docs/book/algorithm.md §2), or an ellipsoid ([`Scene::ellipsoids`]).
@@ -39,14 +45,20 @@ pub struct Splat {
     pub material: u32,
 }
 
-/// Where the eye is and what it sees (docs/book/algorithm.md §1).
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Where the eye is and what it sees (docs/book/algorithm.md §1), as a scene file has it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Camera {
     /// World position of the eye.
+    #[serde(serialize_with = "camera::as_array")]
+    #[schemars(with = "[f64; 3]")]
     pub eye: DVec3,
     /// World position that lands on the middle of the picture.
+    #[serde(serialize_with = "camera::as_array")]
+    #[schemars(with = "[f64; 3]")]
     pub target: DVec3,
     /// Direction that is up in the picture; not parallel to `target − eye`.
+    #[serde(serialize_with = "camera::as_array")]
+    #[schemars(with = "[f64; 3]")]
     pub up: DVec3,
     /// Full vertical angle of view, degrees, in (0, 180).
     pub fov_y_degrees: f64,
@@ -81,7 +93,7 @@ pub struct Kernel {
     pub jacobian: f64,
 }
 
-/// What an ellipsoid's amplitude is.
+/// Meaning of an ellipsoid's amplitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Amplitude {
     /// That of the disc which its first two axes span (SS §5): for kernels flattened along the third, which is the normal.
@@ -101,12 +113,12 @@ pub struct Orientation {
     pub scales: DVec3,
 }
 
-/// What makes ellipsoids of a scene's splats (EWA §6.2, docs/book/algorithm.md §9).
+/// Axes and rules that make ellipsoids of a scene's splats (EWA §6.2, docs/book/algorithm.md §9).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ellipsoids {
     /// One for each splat, or a single one that all have.
     pub orientations: Vec<Orientation>,
-    /// What amplitudes are.
+    /// Meaning of amplitudes.
     pub amplitude: Amplitude,
     /// Splats are lit one by one before they are drawn (EWA §6.1), instead of fragments after.
     pub preshaded: bool,
@@ -121,7 +133,7 @@ impl Ellipsoids {
     }
 }
 
-/// What opacity an optical depth x has.
+/// Opacity of an optical depth x.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Opacity {
     /// x, as far as 1: e^(−x) ≈ 1 − x (EWA (6)).
@@ -158,11 +170,11 @@ pub struct Sheets {
     pub of: Sheet,
     /// The deepest sheet comes first.
     pub back_to_front: bool,
-    /// What opacity a sheet has.
+    /// Opacity of a sheet.
     pub opacity: Opacity,
     /// A pixel that lets through less than this takes nothing more, in [0, 1); 0 never.
     pub stop: f64,
-    /// What makes a pixel stop is blended still.
+    /// Blends the sheet still that makes a pixel stop.
     pub keeps_last: bool,
     /// Lesser weights make no fragment, in [0, 1].
     pub least_weight: f64,
@@ -211,7 +223,7 @@ pub enum Material {
 /// Everything a renderer needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// What to call it in reports: file name or built-in name.
+    /// Name in reports: file name or built-in name.
     pub name: String,
     /// In input order, which is the order the machine sees.
     pub splats: Vec<Splat>,
@@ -221,7 +233,7 @@ pub struct Scene {
     pub image: Image,
     /// The footprint.
     pub kernel: Kernel,
-    /// What makes ellipsoids of the splats; none where they are discs.
+    /// Axes and rules of ellipsoids; none where they are discs.
     pub ellipsoids: Option<Ellipsoids>,
     /// Grouping by sheets; none where it is by depth.
     pub sheets: Option<Sheets>,
@@ -231,11 +243,11 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Never empty; every splat's index is in range.
     pub materials: Vec<Material>,
-    /// What a reader left out or found odd, one sentence each, for the summary.
+    /// Notes of what a reader left out or found odd, one sentence each, for the summary.
     pub notes: Vec<String>,
 }
 
-/// What the command line says over a scene's own file.
+/// Values of the command line that go before a scene's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overrides {
     /// Width and height of the picture, pixels.
@@ -256,46 +268,41 @@ pub struct View {
 }
 
 impl Scene {
-    /// Reads a scene: the path of a `.json` scene file or of a `.ply` cloud, or, where there is no such file, the name of
-    /// a built-in scene.
+    /// Reads a scene: the path of a `.json` scene file or of a file of splats, or, where there is no such file, the name of a built-in
+    /// scene.
     ///
     /// # Errors
     /// [`Error::Input`], one sentence: which file, which field or row, what is wrong with it, what would be right.
-    pub fn load(name_or_path: &str, overrides: &Overrides) -> Result<Scene> {
-        let path = Path::new(name_or_path);
-        if let (Some(text), false) = (builtin::scene(name_or_path), path.exists()) {
-            return json::read(text, name_or_path, Path::new(""), overrides);
+    pub fn load(name_or_path: impl AsRef<OsStr>, overrides: &Overrides) -> Result<Scene> {
+        let path = Path::new(name_or_path.as_ref());
+        let name = &*path.to_string_lossy();
+        if let (Some(text), false) = (builtin::scene(name), path.exists()) {
+            return json::read(text, name, Path::new(""), overrides);
         }
-        let told = |sentence: String| Error::input(format!("{name_or_path}: {sentence}"));
+        let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
         if !path.exists() {
-            let names = builtin::names().collect::<Vec<_>>().join(", ");
-            return Err(told(format!("no such file, and no built-in scene either; built in are {names}")));
+            return Err(input_error(no_such_file(name)));
         }
-        if volume::is_volume(path) {
-            return json::of_cloud(path, name_or_path, overrides);
+        if is_json(path) {
+            let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+            return json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides);
         }
-        match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
-            Some("ply" | "splat" | "spz") => json::of_cloud(path, name_or_path, overrides),
-            Some("json") => {
-                let text = std::fs::read_to_string(path).map_err(|e| told(format!("cannot be read: {e}")))?;
-                json::read(&text, name_or_path, path.parent().unwrap_or(Path::new("")), overrides)
-            }
-            _ => Err(told(
-                "is of no known kind; a scene is a .json file, points (.ply), Gaussians (.ply, .splat, .spz), a volume (.nrrd, .nhdr, .mhd, \
-                 .mha, .nii, .nii.gz, .vti) or a built-in name"
-                    .into(),
-            )),
+        if formats::reader(path).is_some() {
+            return json::of_file(path, name, overrides);
         }
+        let [points, gaussians, volumes] = formats::names();
+        Err(input_error(format!(
+            "is of no known kind; a scene is a .json file, points ({points}), Gaussians ({gaussians}), a volume ({volumes}) or a built-in name"
+        )))
     }
 
-    /// The text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
-    pub fn text(name_or_path: &str) -> Option<String> {
-        let path = Path::new(name_or_path);
+    /// Text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
+    pub fn text(name_or_path: impl AsRef<OsStr>) -> Option<String> {
+        let path = Path::new(name_or_path.as_ref());
         if !path.exists() {
-            return builtin::scene(name_or_path).map(str::to_owned);
+            return builtin::scene(path.to_str()?).map(str::to_owned);
         }
-        path.extension().filter(|extension| extension.eq_ignore_ascii_case("json"))?;
-        std::fs::read_to_string(path).ok()
+        is_json(path).then(|| std::fs::read_to_string(path).ok())?
     }
 
     /// The viewing transform (docs/book/algorithm.md §1): `t = rotation · (p − eye)`.
@@ -311,6 +318,17 @@ impl Scene {
             half_px,
         }
     }
+}
+
+fn is_json(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
+}
+
+/// Half a sentence about a name that is neither a file nor a built-in scene.
+fn no_such_file(name: &str) -> String {
+    let names: Vec<&str> = builtin::names().collect();
+    let nearest = validate::nearest(name, &names);
+    format!("no such file, and no built-in scene either; built in are {} (nearest: `{nearest}`)", names.join(", "))
 }
 
 /// The vector's direction, however long it is; none where it is zero or not finite.

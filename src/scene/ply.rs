@@ -13,13 +13,14 @@
 
 use super::{Splat, unit};
 use crate::output::colour::srgb_decode;
+pub(super) use crate::output::text::clipped as clip;
 use glam::DVec3;
 
-/// What a file holds. A normal of zero and a radius of zero say "not in the file".
+/// Points of a file. A normal of zero and a radius of zero say "not in the file".
 #[derive(Debug)]
 pub(super) struct Cloud {
     pub splats: Vec<Splat>,
-    /// What was left out or looks odd, one sentence each.
+    /// Notes of what was left out or looks odd, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -41,13 +42,17 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
         notes.push("looks like trained 3D Gaussians, but has no scales and rotations: shown as plain points".into());
     }
     let (mut splats, mut faces) = (Vec::new(), Faces::new(vertices.count));
-    for element in &header.elements {
+    let mut rest = header.elements.iter();
+    for element in rest.by_ref() {
         match element.name.as_str() {
             "vertex" => splats = read_vertices(&mut body, element, &layout)?,
-            _ if layout.has_normals() && !splats.is_empty() => break,
             _ => faces.read(&mut body, element)?,
         }
+        if layout.has_normals() && !splats.is_empty() {
+            break;
+        }
     }
+    body.finish(rest)?;
     if !layout.has_normals() {
         faces.give_normals(&mut splats);
         notes.extend(faces.note());
@@ -88,7 +93,7 @@ struct Property {
     kind: Kind,
 }
 
-/// What the header says of one table of the file.
+/// One table of the file, as the header has it.
 pub(super) struct Element {
     pub name: String,
     pub count: usize,
@@ -261,15 +266,6 @@ fn at_line(number: usize, sentence: String) -> String {
     format!("line {number}: {sentence}")
 }
 
-/// What a terminal and its user can stand of a word that may be megabytes of anything.
-pub(super) fn clip(word: &str) -> String {
-    let mut clipped: String = word.chars().take(40).flat_map(char::escape_debug).collect();
-    if word.chars().nth(40).is_some() {
-        clipped.push('…');
-    }
-    clipped
-}
-
 fn format(words: &[&str]) -> Parsed<Encoding> {
     match words {
         ["ascii", "1.0"] => Ok(Encoding::Text),
@@ -315,7 +311,7 @@ impl Header {
 
 // ---- rows ----
 
-/// What follows the header: the rows of each element, in the header's order.
+/// Rows behind the header: those of each element, in the header's order.
 pub(super) struct Body<'a> {
     lines: Lines<'a>,
     encoding: Encoding,
@@ -356,6 +352,21 @@ impl Body<'_> {
             let line = if self.encoding == Encoding::Text { format!(" (line {})", self.lines.number) } else { String::new() };
             format!("{} {number} of {}{line}: {e}", clip(&element.name), element.count)
         })
+    }
+
+    /// Refuses lines of text that no element has, where only these elements are left; other encodings end in anything.
+    pub(super) fn finish<'e>(&mut self, left: impl Iterator<Item = &'e Element>) -> Parsed<()> {
+        if self.encoding != Encoding::Text {
+            return Ok(());
+        }
+        let promised = left.map(Element::rows).fold(0, usize::saturating_add);
+        match self.lines.by_ref().filter(|line| !line.is_empty()).nth(promised) {
+            None => Ok(()),
+            Some(line) => {
+                let number = self.lines.number;
+                Err(at_line(number, format!("`{}` is one row more than the header promises", clip(&String::from_utf8_lossy(line)))))
+            }
+        }
     }
 
     fn text_row(&mut self, element: &Element, value: impl FnMut(usize, f64)) -> Parsed<()> {

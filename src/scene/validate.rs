@@ -3,6 +3,7 @@
 //! The schema is derived from the very types that the value is read into, so that what we publish, what we check and
 //! what we read cannot drift apart. Understood are the keywords that such schemas use; all others are annotations.
 
+use crate::output::text::clipped;
 use serde_json::{Map, Value};
 
 /// Where a value does not fit: the path of the field, as in `lights[0].rgb`, and what is wrong there.
@@ -210,7 +211,7 @@ fn check_word(text: &str, words: &[&str]) -> Fits {
     if words.contains(&text) {
         return Ok(());
     }
-    Err(Misfit::here(format!("is `{text}`; it must be one of {} (nearest: `{}`)", list(words), nearest(text, words))))
+    Err(Misfit::here(format!("is `{}`; it must be one of {} (nearest: `{}`)", clipped(text), list(words), nearest(text, words))))
 }
 
 fn check_known(fields: &Map<String, Value>, known: &[&str]) -> Fits {
@@ -218,7 +219,7 @@ fn check_known(fields: &Map<String, Value>, known: &[&str]) -> Fits {
         None => Ok(()),
         Some(stray) => {
             let wrong = format!("is no known field; the nearest is `{}` (known are {})", nearest(stray, known), list(known));
-            Err(Misfit::here(wrong).inside(format!(".{stray}")))
+            Err(Misfit::here(wrong).inside(format!(".{}", clipped(stray))))
         }
     }
 }

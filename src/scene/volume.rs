@@ -5,13 +5,14 @@
 //! the file: formats that count towards the left (NRRD, MetaImage) and towards the right (NIfTI-1) are not reconciled.
 
 mod decode;
-mod metaimage;
-mod nifti;
-mod nrrd;
+pub(super) mod metaimage;
+pub(super) mod nifti;
+pub(super) mod nrrd;
 #[cfg(test)]
 mod tests;
-mod vti;
+pub(super) mod vti;
 
+use super::formats::{self, Reader};
 pub use decode::{ByteOrder, SampleType};
 use decode::{Layout, Parsed, check_grid, clip, diagonal, in_data_file, positive, read_beside, read_file};
 use std::path::Path;
@@ -29,7 +30,7 @@ pub struct Volume {
     pub values: Vec<f32>,
 }
 
-/// What a file of plain samples holds.
+/// Description of a file of plain samples.
 #[derive(Clone, Debug, PartialEq, serde::Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RawDescription {
@@ -58,61 +59,20 @@ fn unit_spacing() -> [f64; 3] {
     [1.0; 3]
 }
 
-#[derive(Clone, Copy)]
-enum Format {
-    Nrrd,
-    MetaImage,
-    Nifti,
-    Vti,
-}
-
-const EXTENSIONS: [(&str, Format); 7] = [
-    (".nrrd", Format::Nrrd),
-    (".nhdr", Format::Nrrd),
-    (".mhd", Format::MetaImage),
-    (".mha", Format::MetaImage),
-    (".nii", Format::Nifti),
-    (".nii.gz", Format::Nifti),
-    (".vti", Format::Vti),
-];
-
-fn lower_case_name(path: &Path) -> String {
-    path.file_name().unwrap_or_default().to_string_lossy().to_lowercase()
-}
-
-fn format(path: &Path) -> Option<Format> {
-    let name = lower_case_name(path);
-    EXTENSIONS.iter().find(|(end, _)| name.ends_with(end)).map(|(_, format)| *format)
-}
-
-/// Whether the file's extension is that of a volume, in either case of letters; JSON descriptions are for the caller to tell.
-pub fn is_volume(path: &Path) -> bool {
-    format(path).is_some()
-}
-
 /// Reads a volume in the format that the extension names.
 ///
 /// # Errors
 /// One sentence that does not name `path` itself, but names a second file if that is at fault.
 pub fn read(path: &Path) -> Result<Volume, String> {
-    let Some(format) = format(path) else {
-        return Err(if [".hdr", ".img"].iter().any(|end| lower_case_name(path).ends_with(end)) {
-            "pairs of .hdr and .img are not read; a NIfTI-1 volume must be a single .nii or .nii.gz".into()
-        } else {
-            format!("is no volume by its extension; {} are read", EXTENSIONS.map(|(end, _)| end).join(", "))
-        });
-    };
-    parse(format, &read_file(path)?, path.parent().unwrap_or(Path::new("")))
-}
-
-/// Reads the bytes of a file in `folder`.
-fn parse(format: Format, bytes: &[u8], folder: &Path) -> Parsed<Volume> {
-    match format {
-        Format::Nrrd => nrrd::read(bytes, folder),
-        Format::MetaImage => metaimage::read(bytes, folder),
-        Format::Nifti => nifti::read(bytes),
-        Format::Vti => vti::read(bytes),
+    if let Some(Reader::Volume(parse)) = formats::reader(path) {
+        return parse(&read_file(path)?, path.parent().unwrap_or(Path::new("")));
     }
+    let has_end = |end: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(end));
+    Err(if ["hdr", "img"].into_iter().any(has_end) {
+        "pairs of .hdr and .img are not read; a NIfTI-1 volume must be a single .nii or .nii.gz".into()
+    } else {
+        format!("is no volume by its extension; {} are read", formats::names()[2])
+    })
 }
 
 /// Reads plain samples; bytes after the last sample are ignored.

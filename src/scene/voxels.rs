@@ -141,6 +141,11 @@ impl Classification {
         piecewise(self.gradient.iter().map(|[at, factor]| (*at, [*factor])), magnitude)[0]
     }
 
+    /// Counts the samples that the transfer function shows, a gradient apart.
+    pub fn seen(&self, volume: &Volume) -> u64 {
+        volume.values.par_iter().filter(|value| self.colour(f64::from(**value)).1 > 0.0).count() as u64
+    }
+
     /// Every voxel that is seen, in the order of the samples.
     pub fn voxels(&self, volume: &Volume) -> (Vec<Splat>, Voxels) {
         let field = Field::new(volume);

@@ -26,7 +26,7 @@ fn surface(folder: &Path, flatten: f64) -> Result<Scene> {
     });
     let path = folder.join("flattened.json");
     std::fs::write(&path, text.to_string()).map_err(|error| Error::Job(format!("{}: {error}", path.display())))?;
-    Scene::load(&path.to_string_lossy(), &Overrides::default())
+    Scene::load(&path, &Overrides::default())
 }
 
 fn main() -> Result<()> {

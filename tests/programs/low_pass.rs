@@ -60,7 +60,7 @@ fn text(side: usize, low_pass: f64, by: &str) -> String {
 fn drawn(folder: &Path, side: usize, low_pass: f64, by: &str) -> Result<Picture> {
     let path = folder.join("rings.json");
     written(&path, text(side, low_pass, by).as_bytes())?;
-    let scene = Scene::load(&path.to_string_lossy(), &Overrides::default())?;
+    let scene = Scene::load(&path, &Overrides::default())?;
     let rules: Rules = fixed::rules(&machines::load(machines::usual(&scene), &[])?);
     Ok(render(&scene, &rules).picture)
 }

@@ -327,6 +327,8 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         e.require(value.is_power_of_two() && value <= MOST, || format!("timing.{name} is {value}: it must be a power of two up to {MOST}"));
     }
     let Cache { lines, ways, .. } = timing.cache;
+    // Each look-up compares them all at once.
+    e.require(ways <= 64, || format!("timing.cache.ways is {ways}: at most 64 are compared in a cycle"));
     e.require(ways <= lines, || format!("timing.cache has {lines} lines in sets of {ways}: no set is full"));
     let Memory { burst_bytes, row_bytes, hit_latency, miss_latency, .. } = timing.memory;
     e.require(burst_bytes <= row_bytes, || format!("timing.memory reads {burst_bytes} bytes at a time from rows of {row_bytes}"));

@@ -106,7 +106,7 @@ pub struct Cache {
     pub line_px: [u32; 2],
     /// Lines, a power of two.
     pub lines: u32,
-    /// Lines of a set, a power of two.
+    /// Lines of a set, a power of two up to 64.
     pub ways: u32,
     /// Lines that can be on their way from memory at a time.
     pub misses: u32,

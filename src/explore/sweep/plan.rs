@@ -8,12 +8,14 @@
 use crate::accuracy::partial::UNITS;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
-use crate::scene::{Overrides, Scene, validate};
+use crate::output::text::clipped;
+use crate::scene::{Overrides, Scene, strict_json, validate};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// What a plan file says.
@@ -113,7 +115,11 @@ fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
     let names = value.as_array().ok_or_else(|| told(format!("{value} is no list, as [\"raster\", \"splat.rgb\"] is")))?;
     let is_known = |name: &str| UNITS.contains(&name) || words.iter().any(|(word, _)| word == name);
     match names.iter().find(|name| !name.as_str().is_some_and(is_known)) {
-        Some(name) => Err(told(format!("{name} is no unit and no word; units are {}", UNITS.join(", ")))),
+        Some(name) => {
+            let known: Vec<&str> = UNITS.into_iter().chain(words.iter().map(|(word, _)| word.as_str())).collect();
+            let nearest = validate::nearest(name.as_str().unwrap_or_default(), &known);
+            Err(told(format!("{name} is no unit and no word; units are {} (nearest: `{nearest}`)", UNITS.join(", "))))
+        }
         None => Ok(()),
     }
 }
@@ -173,23 +179,27 @@ impl Points {
     ///
     /// # Errors
     /// [`Error::Input`] naming the file, the field and what is wrong there.
-    pub fn load(name: &str) -> Result<Self> {
-        let told = |sentence: String| Error::input(format!("{name}: {sentence}"));
-        let ready = READY.iter().find(|(ready, _)| *ready == name && !Path::new(name).exists());
+    pub fn load(name_or_path: impl AsRef<OsStr>) -> Result<Self> {
+        let path = Path::new(name_or_path.as_ref());
+        let name = &*path.to_string_lossy();
+        let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
+        let ready = READY.iter().find(|(ready, _)| *ready == name && !path.exists());
         let text = match ready {
             Some((_, text)) => (*text).to_owned(),
-            None if !Path::new(name).exists() => {
-                let names = READY.map(|(name, _)| name).join(", ");
-                return Err(told(format!("no such file, and no ready plan either; ready are {names}")));
+            None if !path.exists() => {
+                let names = READY.map(|(name, _)| name);
+                let nearest = validate::nearest(name, &names);
+                let sentence = format!("no such file, and no ready plan either; ready are {} (nearest: `{nearest}`)", names.join(", "));
+                return Err(input_error(sentence));
             }
-            None => std::fs::read_to_string(name).map_err(|e| told(format!("cannot be read: {e}")))?,
+            None => std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?,
         };
-        let value: Value = serde_json::from_str(&text).map_err(|e| told(format!("not JSON: {e}")))?;
-        validate::check(&value, &schema()).map_err(|misfit| told(misfit.to_string()))?;
-        let plan: Plan = serde_path_to_error::deserialize(&value).map_err(|e| told(format!("{}: {}", e.path(), e.inner())))?;
-        let folder = Path::new(name).parent().unwrap_or(Path::new("")).to_owned();
+        let value = strict_json::parse(&text).map_err(input_error)?;
+        validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
+        let plan: Plan = serde_path_to_error::deserialize(&value).map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         Points::new(plan, folder).map_err(|error| match error {
-            Error::Input(sentence) => told(sentence),
+            Error::Input(sentence) => input_error(sentence),
             other => other,
         })
     }
@@ -303,9 +313,9 @@ impl Points {
 }
 
 /// A name, or a file that lies beside the plan.
-fn beside(folder: &Path, name: &str) -> String {
+fn beside(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
-    if path.exists() { path.to_string_lossy().into_owned() } else { name.to_owned() }
+    if path.exists() { path } else { name.into() }
 }
 
 /// The JSON Schema of a plan.
@@ -329,7 +339,10 @@ impl Axis {
             (None, None) if !no_bits => {
                 let word = words.iter().find(|(field, _)| *field == self.field);
                 let Some((_, format)) = word else {
-                    return Err(format!("{} is no word, which add_frac_bits and add_int_bits need", self.field));
+                    let known: Vec<&str> = words.iter().map(|(field, _)| field.as_str()).collect();
+                    let nearest = validate::nearest(&self.field, &known);
+                    let field = clipped(&self.field);
+                    return Err(format!("{field} is no word, which add_frac_bits and add_int_bits need (nearest: `{nearest}`)"));
                 };
                 let [finer, wider] = [&self.add_frac_bits, &self.add_int_bits].map(|more| more.iter().flatten().copied());
                 let finer = finer.map(|more| Format { frac_bits: format.frac_bits.saturating_add(more), ..*format });

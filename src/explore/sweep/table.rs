@@ -102,6 +102,15 @@ pub struct Journal {
     file: File,
     /// By point.
     rows: BTreeMap<u64, Row>,
+    /// Where there was none before, and nothing came into it yet.
+    unused: Option<PathBuf>,
+}
+
+impl Drop for Journal {
+    fn drop(&mut self) {
+        // Whoever only found out that nothing could be drawn leaves nothing behind.
+        self.unused.take().into_iter().for_each(|path| _ = fs::remove_file(path));
+    }
 }
 
 impl Journal {
@@ -112,23 +121,29 @@ impl Journal {
     pub fn open(folder: &Path, part: &str, columns: Vec<Column>) -> Result<Self> {
         let own = folder.join(format!("points{part}.jsonl"));
         let cannot = |path: &Path, e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", path.display()));
-        let mut file = OpenOptions::new().read(true).append(true).create(true).open(&own).map_err(|e| cannot(&own, e))?;
+        let is_new = !own.exists();
+        let file = OpenOptions::new().read(true).append(true).create(true).open(&own).map_err(|e| cannot(&own, e))?;
         file.try_lock().map_err(|_| Error::input(format!("{}: another sweep is writing there", own.display())))?;
         let header = header(&columns);
-        let mut rows = BTreeMap::new();
+        let mut journal = Journal { columns, file, rows: BTreeMap::new(), unused: is_new.then(|| own.clone()) };
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
             let text = fs::read(&path).map_err(|e| cannot(&path, e))?;
             let whole = whole_lines(&text);
-            read(&path, whole, &header, &mut rows)?;
+            read(&path, whole, &header, &mut journal.rows)?;
             if path == own && whole.len() < text.len() {
                 // The last line was cut short.
-                file.set_len(whole.len() as u64).map_err(|e| cannot(&own, e))?;
+                journal.file.set_len(whole.len() as u64).map_err(|e| cannot(&own, e))?;
             }
         }
-        if file.metadata().map_err(|e| cannot(&own, e))?.len() == 0 {
-            file.write_all(format!("{header}\n").as_bytes()).map_err(|e| written(&own, e))?;
+        if journal.file.metadata().map_err(|e| cannot(&own, e))?.len() == 0 {
+            journal.file.write_all(format!("{header}\n").as_bytes()).map_err(|e| written(&own, e))?;
         }
-        Ok(Journal { columns, file, rows })
+        Ok(journal)
+    }
+
+    /// Keeps the journal's file, though it has no row yet.
+    pub fn keep(&mut self) {
+        self.unused = None;
     }
 
     /// The row of a point.

@@ -22,16 +22,18 @@ pub(super) fn is_trained(header: &Header) -> bool {
 }
 
 pub(super) fn parse(header: &Header, mut body: Body) -> Parsed<Gaussians> {
-    for element in &header.elements {
+    let mut elements = header.elements.iter();
+    while let Some(element) = elements.next() {
         if element.name == "vertex" {
-            return read(header, element, body);
+            let gaussians = read(header, element, &mut body)?;
+            return body.finish(elements).map(|()| gaussians);
         }
         body.rows(element, &element.slots(&[])?, &mut [], |_| ())?;
     }
     Err("has no element `vertex`, so there are no Gaussians in it".into())
 }
 
-fn read(header: &Header, vertices: &Element, mut body: Body) -> Parsed<Gaussians> {
+fn read(header: &Header, vertices: &Element, body: &mut Body) -> Parsed<Gaussians> {
     let degree = degree(vertices)?;
     let names: Vec<String> = NAMES.map(String::from).into_iter().chain(rest_names(degree)).collect();
     let needs = |e| format!("{e}; a trained Gaussian needs x y z, f_dc_0 to 2, opacity, scale_0 to 2 and rot_0 to 3");

@@ -57,6 +57,7 @@ pub(super) fn parse(header: &Header, mut body: Body) -> Parsed<Gaussians> {
             _ => body.rows(element, &element.slots(&[])?, &mut [], |_| ())?,
         }
     }
+    body.finish(std::iter::empty())?;
     let (needed, per_gaussian) = (words.len().div_ceil(CHUNK), super::coefficients(degree) - 1);
     if chunks.len() < needed {
         return Err(format!("has {} chunks for {} Gaussians; there must be {needed}, one for each {CHUNK}", chunks.len(), words.len()));

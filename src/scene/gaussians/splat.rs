@@ -9,7 +9,7 @@ use glam::{DQuat, DVec3};
 
 const BYTES: usize = 32;
 
-pub(super) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
+pub(in crate::scene) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
     let (records, surplus) = bytes.as_chunks::<BYTES>();
     if !surplus.is_empty() {
         return Err(format!("has {} bytes; a .splat file has {BYTES} for each Gaussian, so it is cut short or no such file", bytes.len()));

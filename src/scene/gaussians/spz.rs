@@ -35,7 +35,7 @@ struct Header {
     flags: u8,
 }
 
-pub(super) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
+pub(in crate::scene) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
     let is_gzip = bytes.starts_with(&[0x1f, 0x8b]);
     let most = LONGEST.max(MOST_COMPRESSED.saturating_mul(bytes.len() as u64));
     if is_gzip { unpack(GzDecoder::new(bytes), most) } else { unpack(bytes, most) }

@@ -1,12 +1,30 @@
 use super::*;
+use crate::scene::formats;
+use crate::scene::formats::Reader;
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use proptest::prelude::*;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 fn stored(file: &str) -> PathBuf {
     PathBuf::from(std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "/work/shared/data".into())).join(file)
+}
+
+fn is_gaussians(path: &Path) -> bool {
+    match formats::reader(path) {
+        Some(Reader::Gaussians(_)) => true,
+        Some(Reader::Ply) => std::fs::read(path).is_ok_and(|bytes| is_trained_ply(&bytes)),
+        _ => false,
+    }
+}
+
+fn read(path: &Path) -> Parsed<Gaussians> {
+    let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
+    match formats::reader(path) {
+        Some(Reader::Gaussians(parse)) => parse(&bytes),
+        _ => parse_ply(&bytes),
+    }
 }
 
 /// What is read of a file with this extension and these bytes.

@@ -47,7 +47,7 @@ const KEYS: [&str; 19] = [
     "ElementDataFile",
 ];
 
-pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
+pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     let (header, local) = read_header(bytes)?;
     must_be(&header, "ObjectType", "Image")?;
     must_be(&header, "ElementNumberOfChannels", "1")?;

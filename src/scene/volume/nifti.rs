@@ -30,7 +30,7 @@ const TYPES: [(SampleType, i16); 10] = [
 
 type Axes = [[f64; 3]; 3];
 
-pub(super) fn read(bytes: &[u8]) -> Parsed<Volume> {
+pub(in crate::scene) fn read(bytes: &[u8]) -> Parsed<Volume> {
     let mut source: Box<dyn Read> = if is_gzip(bytes) { unpacker(bytes) } else { Box::new(bytes) };
     let header = Header::new(take(&mut source, HEADER_BYTES)?)?;
     let layout = header.layout()?;

@@ -75,7 +75,7 @@ enum Encoding {
     Hex,
 }
 
-pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
+pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     let (header, attached) = read_header(bytes)?;
     let encoding = encoding(&header)?;
     let sample_type = sample_type(&header)?;

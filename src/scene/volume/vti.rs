@@ -20,7 +20,7 @@ const TYPES: [(SampleType, &str); 10] = [
     (SampleType::F64, "Float64"),
 ];
 
-pub(super) fn read(bytes: &[u8]) -> Parsed<Volume> {
+pub(in crate::scene) fn read(bytes: &[u8]) -> Parsed<Volume> {
     let file = File::scan(bytes)?;
     let (whole, extent) = (file.image.need("WholeExtent")?, file.piece.get("Extent"));
     let range: Vec<i32> = numbers(whole, 6, "WholeExtent")?;

@@ -1,0 +1,123 @@
+//! Arguments: those that several commands have, and texts that become numbers.
+
+use crate::error::{Error, Result};
+use crate::hardware::machines;
+use crate::output::text::{one_line, wrapped};
+use crate::scene::{Overrides, Scene};
+use clap::Args;
+use rtl_model::Machine;
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Names of scenes and machines, for the end of a help text.
+pub(super) const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
+    volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
+    Named machines: reference, lean, tiny; volume; gaussian";
+
+/// Machine and picture of whatever draws.
+#[derive(Args, Debug)]
+pub(super) struct Common {
+    /// Named machine or file [default: by the scene]
+    #[arg(long, value_name = "NAME|FILE")]
+    machine: Option<OsString>,
+    /// Change a field, as in gauss.weight=U-2F16
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    settings: Vec<String>,
+    /// Size of the picture instead of the scene's own
+    #[arg(long, value_name = "WxH")]
+    size: Option<Pair<'x'>>,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+impl Common {
+    /// The machine that is asked for, or the usual one for a scene.
+    pub fn machine(&self, scene: &Scene) -> Result<Machine> {
+        machines::load(self.machine.as_deref().unwrap_or_else(|| OsStr::new(machines::usual(scene))), &self.settings)
+    }
+
+    pub fn scene(&self, name_or_path: &OsStr) -> Result<Scene> {
+        Scene::load(name_or_path, &Overrides { size: self.size.map(|Pair(width, height)| (width, height)) })
+    }
+}
+
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct Threads {
+    /// Threads; no result depends on them [default: all]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+}
+
+impl Threads {
+    /// Runs `work` on as many threads as asked for.
+    pub fn run<T: Send>(self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+        let Some(threads) = self.threads else { return work() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
+        pool.map_err(|e| Error::job(format!("--threads {threads}: {e}")))?.install(work)
+    }
+}
+
+/// Two whole numbers with a separator between them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pair<const SEPARATOR: char>(pub usize, pub usize);
+
+impl<const SEPARATOR: char> FromStr for Pair<SEPARATOR> {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let pair = text.split_once(SEPARATOR).and_then(|(a, b)| Some(Pair(a.parse().ok()?, b.parse().ok()?)));
+        pair.ok_or_else(|| format!("two whole numbers with `{SEPARATOR}` between them are needed"))
+    }
+}
+
+/// A range of whole numbers, A..B.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Span(pub [u32; 2]);
+
+impl FromStr for Span {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let span = text.split_once("..").and_then(|(a, b)| Some(Span([a.parse().ok()?, b.parse().ok()?])));
+        span.ok_or_else(|| "two whole numbers with `..` between them are needed".into())
+    }
+}
+
+/// Two corners of a rectangle of pixels.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Corners(pub [u32; 4]);
+
+impl FromStr for Corners {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let numbers: Option<Vec<u32>> = text.split(',').map(|number| number.parse().ok()).collect();
+        let corners = numbers.and_then(|numbers| numbers.try_into().ok()).map(Corners);
+        corners.ok_or_else(|| "four whole numbers with commas between them are needed".into())
+    }
+}
+
+/// A number above 0.
+pub(super) fn positive(text: &str) -> std::result::Result<f64, String> {
+    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
+    number.ok_or_else(|| "a number above 0 is needed".into())
+}
+
+/// The folder of a job on a file where none is named: `terrain-sweep`.
+pub(super) fn folder_for(name_or_path: &OsStr, job: &str) -> PathBuf {
+    let mut name = Path::new(name_or_path).file_stem().unwrap_or_default().to_os_string();
+    name.push(job);
+    name.into()
+}
+
+/// Names the files that were written into a folder.
+pub(super) fn written(folder: &Path, files: &[PathBuf]) -> String {
+    let names: Vec<_> = files.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+    wrapped(&format!("written to {}: {}", one_line(&folder.to_string_lossy()), names.join(" ")))
+}
+
+/// A value as JSON.
+pub(super) fn pretty(value: &impl serde::Serialize) -> Result<String> {
+    serde_json::to_string_pretty(value).map_err(|e| Error::job(e.to_string()))
+}

@@ -1,0 +1,26 @@
+//! Chart: draws charts of what a sweep or a search found, and a page of them.
+
+use super::arguments::written;
+use crate::error::Result;
+use crate::explore::sweep::charts;
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// The folder that a sweep or a search wrote; charts go there too
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Print nothing
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl Typed {
+    pub fn run(self) -> Result<String> {
+        let charts = charts::write(&self.folder)?;
+        let end = written(&self.folder, &charts.files);
+        let text = [charts.summary(), &end].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("\n\n");
+        Ok(if self.quiet { String::new() } else { text })
+    }
+}

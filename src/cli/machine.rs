@@ -1,0 +1,113 @@
+//! Machine: shows machines, what follows from their formats, what they cost, and proofs of their bounds.
+
+use super::arguments::pretty;
+use crate::accuracy::proofs;
+use crate::error::Result;
+use crate::hardware::{fixed, machines};
+use crate::output::files::Folder;
+use crate::output::text::{aligned, plain_table};
+use crate::performance::cost;
+use crate::performance::cost::{Cost, Prices};
+use crate::run::report::MachineReport;
+use clap::{Args, Subcommand};
+use comfy_table::CellAlignment;
+use rtl_model::Machine;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+
+#[derive(Subcommand, Debug)]
+pub(super) enum Typed {
+    /// The named machines
+    List,
+    /// A machine as JSON
+    Show(Which),
+    /// A machine's timing as JSON, with all that follows from its formats
+    Timing(Which),
+    /// What a machine takes in area, unit by unit
+    Cost {
+        #[command(flatten)]
+        which: Which,
+        /// What a bit costs [default: machine prices]
+        #[arg(long, value_name = "FILE")]
+        prices: Option<PathBuf>,
+    },
+    /// What a bit of each kind costs, as JSON
+    Prices,
+    /// Write proofs of a machine's error bounds, for Gappa to check
+    Prove {
+        #[command(flatten)]
+        which: Which,
+        /// Write the proofs into this folder
+        #[arg(long, value_name = "DIR")]
+        out: PathBuf,
+    },
+    /// The JSON Schema of a machine file
+    Schema,
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Which {
+    /// Named machine or machine file
+    #[arg(value_name = "NAME|FILE")]
+    machine: OsString,
+    /// Change a field of the machine
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    settings: Vec<String>,
+}
+
+impl Which {
+    fn load(&self) -> Result<Machine> {
+        machines::load(&self.machine, &self.settings)
+    }
+}
+
+impl Typed {
+    pub fn run(self) -> Result<String> {
+        match self {
+            Typed::List => list(),
+            Typed::Show(which) => show(&which.load()?),
+            Typed::Timing(which) => pretty(&fixed::elaborate(&which.load()?)?.timing),
+            Typed::Cost { which, prices } => {
+                let elaborated = fixed::elaborate(&which.load()?)?;
+                Ok(Cost::new(&elaborated, &Prices::load_or_default(prices.as_deref())?).table())
+            }
+            Typed::Prices => pretty(&cost::DEFAULT),
+            Typed::Prove { which, out } => prove(&which.load()?, &out),
+            Typed::Schema => pretty(&machines::schema()),
+        }
+    }
+}
+
+fn list() -> Result<String> {
+    let says = [
+        "its picture counts as exact; the default",
+        "the cheapest whose picture is still good",
+        "coarse and quick, to see errors",
+        "draws ellipsoids too, sheet by sheet",
+        "the same, sorted: trained Gaussians",
+    ];
+    let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
+    for (machine, says) in Machine::names().filter_map(Machine::named).zip(says) {
+        let report = MachineReport::new(&fixed::elaborate(&machine)?);
+        let [operand, fragment] = [report.widest_operand_bits, report.fragment_bits].map(|bits| format!("{bits} bits"));
+        table.add_row([machine.name, operand, fragment, format!("  {says}")]);
+    }
+    let mut table = aligned(table);
+    if let Some(last) = table.column_mut(3) {
+        last.set_cell_alignment(CellAlignment::Left);
+    }
+    Ok(table.trim_fmt())
+}
+
+fn show(machine: &Machine) -> Result<String> {
+    fixed::elaborate(machine)?;
+    pretty(machine)
+}
+
+fn prove(machine: &Machine, out: &Path) -> Result<String> {
+    let proofs = proofs::proofs(&fixed::elaborate(machine)?);
+    let _open = Folder::open(out)?;
+    proofs::write(&proofs, out)?;
+    let first = out.join("project.reciprocal.g");
+    Ok(format!("{}\n\ngappa says nothing of a proof that holds:\n  gappa {}", proofs::table(&proofs), first.display()))
+}

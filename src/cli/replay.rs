@@ -1,0 +1,65 @@
+//! Replay: times a frame again that `run --record` recorded.
+
+use super::arguments::{Threads, written};
+use crate::error::Result;
+use crate::hardware::fixed;
+use crate::output::files::Folder;
+use crate::performance::recording::Recording;
+use crate::performance::timings::{Axes, Variants};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// The file that `run --record` wrote
+    #[arg(value_name = "FILE")]
+    record: PathBuf,
+    /// Change a field, as in timing.raster.fifo=4
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    settings: Vec<String>,
+    /// Replay with every value: timing.raster.fifo=1,2,4
+    #[arg(long, value_name = "PATH=A,…")]
+    timing: Option<Axes>,
+    /// Write cycles.json, tables and charts into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Write the requests to memory too
+    #[arg(long, requires = "out")]
+    requests: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+    /// Print no table
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// A replay that can be done.
+pub(super) struct Job {
+    recording: Recording,
+    timing: Option<Axes>,
+    requests: bool,
+    out: Option<(PathBuf, Folder)>,
+    quiet: bool,
+}
+
+impl Typed {
+    pub fn check(self) -> Result<Job> {
+        let mut recording = Recording::read(&self.record)?;
+        self.settings.iter().try_for_each(|setting| recording.set(setting))?;
+        fixed::elaborate(&recording.machine)?;
+        self.timing.as_ref().map(|axes| Variants::new(&recording.machine, axes)).transpose()?;
+        let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
+        Ok(Job { recording, timing: self.timing, requests: self.requests, out, quiet: self.quiet })
+    }
+}
+
+impl Job {
+    pub fn run(self) -> Result<String> {
+        let replayed = self.recording.replay(self.timing.as_ref(), self.requests)?;
+        let end = match &self.out {
+            Some((folder, _)) => written(folder, &replayed.write(folder)?),
+            None => "nothing written: --out DIR writes tables and charts".into(),
+        };
+        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", replayed.summary(&self.recording)) })
+    }
+}

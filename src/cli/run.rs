@@ -1,0 +1,139 @@
+//! Run: draws a scene on a machine and in exact arithmetic, and compares.
+
+use super::arguments::{Common, written};
+use crate::accuracy::ranges;
+use crate::error::Result;
+use crate::hardware::fixed;
+use crate::hardware::quantise::quantise;
+use crate::output::files::Folder;
+use crate::output::progress::Progress;
+use crate::performance::cost::Prices;
+use crate::performance::recording::Recording;
+use crate::performance::timings::{Axes, Variants};
+use crate::run;
+use crate::run::preview;
+use crate::run::preview::Preview;
+use crate::run::{Asked as Options, Outcome, timed};
+use crate::scene::Scene;
+use clap::Args;
+use rtl_model::Machine;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// A scene, cloud, volume or built-in name
+    #[arg(default_value = "glass-spheres")]
+    scene: OsString,
+    #[command(flatten)]
+    pub common: Common,
+    /// Write pictures and report.json into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Draw a 16th of the pixels; say what that leaves out
+    #[arg(long)]
+    preview: bool,
+    /// Write OpenEXR pictures too (float32, linear)
+    #[arg(long, requires = "out")]
+    exr: bool,
+    /// Write the requests to memory too
+    #[arg(long, requires = "out")]
+    requests: bool,
+    /// Write what happened into this file, for `replay`
+    #[arg(long, value_name = "FILE", conflicts_with = "preview")]
+    record: Option<PathBuf>,
+    /// Tell which words make the error (draws 170 frames)
+    #[arg(long)]
+    attribute: bool,
+    /// Replay with every value: timing.raster.fifo=1,2,4
+    #[arg(long, value_name = "PATH=A,…")]
+    timing: Option<Axes>,
+    /// What a bit costs [default: machine prices]
+    #[arg(long, value_name = "FILE")]
+    prices: Option<PathBuf>,
+    /// Print every signal's range too
+    #[arg(long)]
+    ranges: bool,
+    /// Print no summary
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// A run that can be done.
+pub(super) struct Job {
+    scene: Scene,
+    /// Drawn instead by a preview.
+    small: Option<Scene>,
+    machine: Machine,
+    load_seconds: f64,
+    options: Options,
+    out: Option<(PathBuf, Folder)>,
+    exr: bool,
+    record: Option<PathBuf>,
+    ranges: bool,
+    quiet: bool,
+}
+
+impl Typed {
+    pub fn check(self) -> Result<Job> {
+        let prices = Prices::load_or_default(self.prices.as_deref())?;
+        let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
+        let scene = scene?;
+        let machine = self.common.machine(&scene)?;
+        fixed::elaborate(&machine)?;
+        let timings = self.timing.as_ref().map(|axes| Variants::new(&machine, axes)).transpose()?;
+        let small = self.preview.then(|| preview::scene(&scene)).transpose()?;
+        quantise(small.as_ref().unwrap_or(&scene), &machine)?;
+        let options = Options { attribution: self.attribute, timings, requests: self.requests, record: self.record.is_some(), prices };
+        // Last, for nothing may be written where anything is wrong.
+        let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
+        self.record.as_deref().map_or(Ok(()), Recording::may_be_written)?;
+        let Typed { exr, record, ranges, quiet, .. } = self;
+        Ok(Job { scene, small, machine, load_seconds, options, out, exr, record, ranges, quiet })
+    }
+}
+
+impl Job {
+    pub fn run(self) -> Result<String> {
+        let mut outcome = self.draw()?;
+        let mut end = match &self.out {
+            Some((folder, _)) => {
+                let files = outcome.write(folder, self.exr)?;
+                format!("{}\nerror.png shows |fixed − golden| × {}", written(folder, &files), outcome.report.error_scale)
+            }
+            None => "no pictures written: --out DIR writes them and report.json".into(),
+        };
+        if let (Some(path), Some(work)) = (self.record, outcome.work.take()) {
+            Recording { scene: self.scene.name, machine: self.machine, work }.write(&path)?;
+            end += &format!("\nwork recorded in {}", path.display());
+        }
+        let ranges = if self.ranges { format!("\n{}", ranges::table(&outcome.report.signals)) } else { String::new() };
+        Ok(if self.quiet { String::new() } else { format!("{}\n{ranges}{end}", outcome.report.summary()) })
+    }
+
+    fn draw(&self) -> Result<Outcome> {
+        let (scene, machine) = (&self.scene, &self.machine);
+        let Some(small) = &self.small else {
+            let _progress = self.announce()?;
+            return run::run(scene, machine, self.load_seconds, &self.options);
+        };
+        let (outcome, seconds) = timed(|| run::run(small, machine, self.load_seconds, &self.options));
+        let mut outcome = outcome?;
+        let preview = Preview::new(scene, machine, outcome.report.figures())?;
+        outcome.report.host.whole_seconds = Some(seconds * preview.growth(scene.splats.len()));
+        outcome.report.preview = Some(preview);
+        Ok(outcome)
+    }
+
+    /// Says how long a long run will take, and shows how far it is until the result is dropped.
+    fn announce(&self) -> Result<Option<Progress>> {
+        if self.quiet {
+            return Ok(None);
+        }
+        let announced = preview::announcement(&self.scene, &self.machine)?;
+        Ok(announced.map(|(sentence, seconds)| {
+            eprintln!("{sentence}");
+            Progress::of_seconds(true, seconds)
+        }))
+    }
+}

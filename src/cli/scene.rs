@@ -1,0 +1,24 @@
+//! Scene: shows what a scene file, and a plan of scenes, may hold.
+
+use super::arguments::pretty;
+use crate::error::Result;
+use crate::explore::sweep::plan;
+use crate::scene;
+use clap::Subcommand;
+
+#[derive(Subcommand, Debug)]
+pub(super) enum Typed {
+    /// The JSON Schema of a scene file
+    Schema,
+    /// The JSON Schema of a plan of `sweep`
+    PlanSchema,
+}
+
+impl Typed {
+    pub fn run(self) -> Result<String> {
+        match self {
+            Typed::Schema => pretty(&scene::schema()),
+            Typed::PlanSchema => pretty(&plan::schema()),
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Search: finds the narrowest machine that meets a target on a scene.
+
+use super::arguments::{Common, folder_for, positive, written};
+use crate::error::Result;
+use crate::explore::search;
+use crate::explore::search::{Asked as Options, Target};
+use crate::performance::cost::Prices;
+use crate::scene::Scene;
+use clap::Args;
+use rtl_model::Machine;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// .json scenes, .ply clouds or built-in names; all must do
+    #[arg(required = true, value_name = "SCENE")]
+    scenes: Vec<OsString>,
+    /// At least so many dB, fixed − golden over all pixels
+    #[arg(long, value_name = "DB", value_parser = positive, required_unless_present = "max_error")]
+    target_psnr: Option<f64>,
+    /// No pixel further off, linear light in [0, 1]
+    #[arg(long, value_name = "ERROR", value_parser = positive)]
+    max_error: Option<f64>,
+    /// No word may leave its range
+    #[arg(long)]
+    no_saturation: bool,
+    /// Unseen cameras where it must hold too
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(0..=100))]
+    views: u8,
+    /// Only this unit, word or size; may be given again
+    #[arg(long, value_name = "PATH")]
+    only: Vec<String>,
+    /// Machines that annealing draws
+    #[arg(long, value_name = "N", default_value_t = 300)]
+    tries: u32,
+    /// Another seed, another annealing
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    pub common: Common,
+    /// What a bit costs [default: machine prices]
+    #[arg(long, value_name = "FILE")]
+    prices: Option<PathBuf>,
+    /// Write here, or go on [default: SCENE-search]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Print nothing
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// A search that can be done.
+pub(super) struct Job {
+    scenes: Vec<Scene>,
+    machine: Machine,
+    folder: PathBuf,
+    options: Options,
+    quiet: bool,
+}
+
+impl Typed {
+    pub fn check(self) -> Result<Job> {
+        let scenes: Vec<Scene> = self.scenes.iter().map(|name| self.common.scene(name)).collect::<Result<_>>()?;
+        let machine = self.common.machine(&scenes[0])?;
+        let target = Target { psnr_db: self.target_psnr, max_error: self.max_error, no_saturation: self.no_saturation };
+        let options = Options {
+            target,
+            views: self.views.into(),
+            seed: self.seed,
+            tries: self.tries.into(),
+            only: self.only,
+            prices: Prices::load_or_default(self.prices.as_deref())?,
+            progress: !self.quiet,
+        };
+        let folder = self.out.unwrap_or_else(|| folder_for(&self.scenes[0], "-search"));
+        Ok(Job { scenes, machine, folder, options, quiet: self.quiet })
+    }
+}
+
+impl Job {
+    pub fn run(self) -> Result<String> {
+        let outcome = search::run(&self.scenes, &self.machine, &self.folder, &self.options)?;
+        let end = written(&self.folder, &outcome.files);
+        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) })
+    }
+}

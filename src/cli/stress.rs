@@ -1,0 +1,67 @@
+//! Stress: drives small scenes into trouble: where methods fail, and machines.
+
+use super::arguments::{Threads, written};
+use crate::error::Result;
+use crate::explore::stress;
+use crate::explore::stress::{CASES, Case};
+use crate::hardware::machines;
+use crate::output::files::Folder;
+use crate::output::progress::Progress;
+use clap::Args;
+use rtl_model::Machine;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// End of the help text.
+pub(super) const HELP: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a failure is silent";
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// Only this case; may be given again [default: all]
+    #[arg(long = "case", value_name = "NAME")]
+    cases: Vec<String>,
+    /// Another machine beside the named ones; may be given again
+    #[arg(long = "machine", value_name = "NAME|FILE")]
+    machines: Vec<OsString>,
+    /// Write stress.json, stress.csv, stress.png and gallery.png into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
+    /// Print no table
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// Cases that can be driven.
+pub(super) struct Job {
+    cases: Vec<&'static Case>,
+    machines: Vec<Machine>,
+    out: Option<(PathBuf, Folder)>,
+    quiet: bool,
+}
+
+impl Typed {
+    pub fn check(self) -> Result<Job> {
+        let named: Vec<&Case> = self.cases.iter().map(|name| stress::find(name)).collect::<Result<_>>()?;
+        let cases = if named.is_empty() { CASES.iter().collect() } else { named };
+        let machines = self.machines.iter().map(|name| machines::load(name, &[])).collect::<Result<_>>()?;
+        let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
+        Ok(Job { cases, machines, out, quiet: self.quiet })
+    }
+}
+
+impl Job {
+    pub fn run(self) -> Result<String> {
+        let progress = Progress::of_messages(!self.quiet);
+        progress.say(format!("{} cases are being driven", self.cases.len()));
+        let catalogue = stress::run(&self.cases, &self.machines)?;
+        drop(progress);
+        let end = match &self.out {
+            Some((folder, _)) => written(folder, &catalogue.write(folder)?),
+            None => "nothing written: --out DIR writes the tables, a chart and a gallery".into(),
+        };
+        catalogue.check()?;
+        Ok(if self.quiet { String::new() } else { format!("{}\n{end}", catalogue.table()) })
+    }
+}

@@ -1,0 +1,64 @@
+//! Sweep: tries many machines on one or many scenes, a row each.
+
+use super::arguments::{Threads, folder_for, written};
+use crate::error::Result;
+use crate::explore::sweep;
+use crate::explore::sweep::plan::Points;
+use crate::explore::sweep::{Asked as Options, Shard};
+use crate::performance::cost::Prices;
+use clap::Args;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// End of the help text.
+pub(super) const HELP: &str =
+    "Ready plans: precision, precision-in-lockstep, curves, architecture, layers\n`scene plan-schema` says what a plan may hold";
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// A .json plan or the name of a ready one
+    plan: OsString,
+    /// Write rows here, or go on [default: PLAN-sweep]
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Draw part I of N alone, into the same folder
+    #[arg(long, value_name = "I/N")]
+    shard: Option<Shard>,
+    /// Draw as many points
+    #[arg(long, value_name = "POINTS", default_value_t = sweep::MOST_POINTS)]
+    most: u64,
+    /// What a bit costs [default: machine prices]
+    #[arg(long, value_name = "FILE")]
+    prices: Option<PathBuf>,
+    #[command(flatten)]
+    pub threads: Threads,
+    /// Print nothing
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// A plan that can be carried out.
+pub(super) struct Job {
+    points: Points,
+    folder: PathBuf,
+    options: Options,
+    quiet: bool,
+}
+
+impl Typed {
+    pub fn check(self) -> Result<Job> {
+        let points = Points::load(&self.plan)?;
+        let prices = Prices::load_or_default(self.prices.as_deref())?;
+        let folder = self.out.unwrap_or_else(|| folder_for(&self.plan, "-sweep"));
+        let options = Options { shard: self.shard, most: self.most, prices, progress: !self.quiet };
+        Ok(Job { points, folder, options, quiet: self.quiet })
+    }
+}
+
+impl Job {
+    pub fn run(self) -> Result<String> {
+        let outcome = sweep::run(&self.points, &self.folder, &self.options)?;
+        let end = written(&self.folder, &outcome.files);
+        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) })
+    }
+}

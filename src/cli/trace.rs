@@ -1,0 +1,87 @@
+//! Trace: dumps what crosses the wires between units, to check hardware.
+
+use super::arguments::{Common, Corners, Span};
+use crate::cosim::trace;
+use crate::cosim::trace::Window;
+use crate::error::Result;
+use crate::output::text::{one_line, wrapped};
+use crate::scene::Scene;
+use clap::Args;
+use rtl_model::Machine;
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+/// End of the help text.
+pub(super) const HELP: &str = "Units: pipeline, project, ellipse, raster, gauss, fragment, shade, resolve\n\
+    Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain\nNamed machines: reference, lean, tiny";
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// A .json scene, .ply cloud or built-in name
+    scene: OsString,
+    /// Only ports of these units
+    #[arg(long, value_name = "UNIT,…", value_delimiter = ',')]
+    units: Vec<String>,
+    /// Only these splats, from A to the one before B
+    #[arg(long, value_name = "A..B")]
+    splats: Option<Span>,
+    /// Only these pixels, the last ones among them
+    #[arg(long, value_name = "X0,Y0,X1,Y1")]
+    pixels: Option<Corners>,
+    /// Only one in N splats and pixels
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    sample: Option<u32>,
+    /// Instead, corners and N random cases a unit
+    #[arg(long, value_name = "N", conflicts_with_all = ["splats", "pixels", "sample"])]
+    stimulus: Option<u32>,
+    /// Waves of these cycles too, as VCD and FST
+    #[arg(long, value_name = "A..B", conflicts_with = "stimulus")]
+    waves: Option<Span>,
+    /// Other samples, other random cases
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    pub common: Common,
+    /// Write the trace into this folder
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Print no table
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// A trace that can be written.
+pub(super) struct Job {
+    scene: Scene,
+    text: Option<String>,
+    machine: Machine,
+    window: Window,
+    out: PathBuf,
+    quiet: bool,
+}
+
+impl Typed {
+    pub fn check(self) -> Result<Job> {
+        let scene = self.common.scene(&self.scene)?;
+        let machine = self.common.machine(&scene)?;
+        let window = Window {
+            units: self.units,
+            splats: self.splats.map(|Span(splats)| splats),
+            pixels: self.pixels.map(|Corners(pixels)| pixels),
+            sample: self.sample,
+            stimulus: self.stimulus,
+            waves: self.waves.map(|Span(cycles)| cycles.map(u64::from)),
+            seed: self.seed,
+        };
+        Ok(Job { scene, text: Scene::text(&self.scene), machine, window, out: self.out, quiet: self.quiet })
+    }
+}
+
+impl Job {
+    pub fn run(self) -> Result<String> {
+        let written = trace::trace(&self.scene, self.text.as_deref(), &self.machine, &self.window, &self.out)?;
+        let folder = one_line(&self.out.to_string_lossy());
+        let end = wrapped(&format!("written to {folder}; README.md there says what each file is"));
+        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", written.table()) })
+    }
+}

@@ -1,0 +1,214 @@
+//! Progress: shows how far a long job is: a bar on a terminal, elsewhere a line every ten seconds.
+//!
+//! What is left is estimated from what was done here; what was known before counts for nothing.
+
+use crate::output::text::{duration, thousands};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+/// Between two lines where standard error is no terminal.
+const LINE_EVERY: Duration = Duration::from_secs(10);
+/// Between two pictures of a bar.
+const TICK_EVERY: Duration = Duration::from_millis(200);
+
+/// Display of a job under way, until it is dropped.
+#[derive(Debug)]
+pub struct Progress {
+    state: Arc<State>,
+    ticker: Option<Ticker>,
+}
+
+/// How far a job is.
+#[derive(Debug)]
+struct State {
+    start: Instant,
+    kind: Kind,
+    done: AtomicU64,
+    message: Mutex<String>,
+}
+
+/// Knowledge of a job's end.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    /// So many steps, of a name.
+    Steps(u64, &'static str),
+    /// About so many seconds.
+    Seconds(f64),
+    /// Nothing; it says itself where it is.
+    Open,
+}
+
+/// Thread that shows the state until the job ends.
+#[derive(Debug)]
+struct Ticker {
+    end: Sender<()>,
+    thread: JoinHandle<()>,
+}
+
+impl Progress {
+    /// Shows steps of a name, as `points`, if it is to show anything.
+    pub fn of_steps(shown: bool, total: u64, name: &'static str) -> Self {
+        Progress::new(shown, Kind::Steps(total, name))
+    }
+
+    /// Shows seconds of about as many.
+    pub fn of_seconds(shown: bool, expected: f64) -> Self {
+        Progress::new(shown, Kind::Seconds(expected))
+    }
+
+    /// Shows messages, where no end is known.
+    pub fn of_messages(shown: bool) -> Self {
+        Progress::new(shown, Kind::Open)
+    }
+
+    fn new(shown: bool, kind: Kind) -> Self {
+        let state = Arc::new(State { start: Instant::now(), kind, done: AtomicU64::new(0), message: Mutex::new(String::new()) });
+        let ticker = shown.then(|| {
+            let (every, show): (_, Box<dyn FnMut(&State, bool) + Send>) = if std::io::stderr().is_terminal() {
+                (TICK_EVERY, bar(kind))
+            } else {
+                (
+                    LINE_EVERY,
+                    Box::new(|state, is_over| {
+                        if !is_over {
+                            eprintln!("{}", state.line())
+                        }
+                    }),
+                )
+            };
+            Ticker::start(state.clone(), every, show)
+        });
+        Progress { state, ticker }
+    }
+
+    /// One step more is done.
+    pub fn step(&self) {
+        self.state.done.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Where the job is.
+    pub fn say(&self, message: String) {
+        *self.state.message.lock().unwrap_or_else(PoisonError::into_inner) = message;
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        if let Some(Ticker { end, thread }) = self.ticker.take() {
+            drop(end);
+            // What it shows is no result.
+            let _ = thread.join();
+        }
+    }
+}
+
+impl Ticker {
+    /// Shows the state again and again, and once more at the end.
+    fn start(state: Arc<State>, every: Duration, mut show: Box<dyn FnMut(&State, bool) + Send>) -> Self {
+        let (end, over) = channel();
+        let thread = thread::spawn(move || {
+            while over.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+                show(&state, false);
+            }
+            show(&state, true);
+        });
+        Ticker { end, thread }
+    }
+}
+
+impl State {
+    fn message(&self) -> String {
+        self.message.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Part of the job that is done, 0 to 1; none where its end is not known.
+    fn part(&self) -> Option<f64> {
+        match self.kind {
+            Kind::Steps(total, _) => Some(self.done.load(Ordering::Relaxed) as f64 / total.max(1) as f64),
+            // An estimate that was too short never says that it is over.
+            Kind::Seconds(expected) => Some((self.start.elapsed().as_secs_f64() / expected).min(0.99)),
+            Kind::Open => None,
+        }
+    }
+
+    /// For a log.
+    fn line(&self) -> String {
+        let elapsed = self.start.elapsed().as_secs_f64();
+        match self.kind {
+            Kind::Steps(total, name) => {
+                let done = self.done.load(Ordering::Relaxed);
+                let left = elapsed / done as f64 * total.saturating_sub(done) as f64;
+                let left = if done == 0 { String::new() } else { format!(", about {} left", duration(left)) };
+                format!("{} of {} {name}{left}", thousands(done), thousands(total))
+            }
+            Kind::Seconds(expected) => format!("{} of about {}", duration(elapsed), duration(expected)),
+            Kind::Open => format!("{}: {}", duration(elapsed), self.message()),
+        }
+    }
+}
+
+/// A bar, or where no end is known a spinner.
+fn bar(kind: Kind) -> Box<dyn FnMut(&State, bool) + Send> {
+    const LENGTH: u64 = 1000;
+    let (bar, template) = match kind {
+        Kind::Open => (ProgressBar::new_spinner(), "{spinner} {msg}"),
+        Kind::Steps(..) | Kind::Seconds(_) => (ProgressBar::new(LENGTH), "{wide_bar} {msg}"),
+    };
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style);
+    }
+    Box::new(move |state, is_over| {
+        if is_over {
+            return bar.finish_and_clear();
+        }
+        bar.set_message(state.line());
+        match state.part() {
+            Some(part) => bar.set_position((part * LENGTH as f64) as u64),
+            None => bar.tick(),
+        }
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state(kind: Kind, ago: u64) -> State {
+        let start = Instant::now().checked_sub(Duration::from_secs(ago)).unwrap();
+        State { start, kind, done: AtomicU64::new(0), message: Mutex::new("min+1".into()) }
+    }
+
+    #[test]
+    fn an_estimate_is_of_what_is_left() {
+        let sweep = state(Kind::Steps(1200, "points"), 60);
+        assert_eq!(sweep.line(), "0 of 1,200 points");
+        sweep.done.store(300, Ordering::Relaxed);
+        assert_eq!(sweep.line(), "300 of 1,200 points, about 3 minutes left");
+        assert_eq!(state(Kind::Seconds(120.0), 30).line(), "30 s of about 2 minutes");
+        assert_eq!(state(Kind::Open, 12).line(), "12 s: min+1");
+    }
+
+    #[test]
+    fn a_job_is_shown_again_and_again_and_a_short_one_not_at_all() {
+        let lines = |every: u64, lasts: u64| {
+            let shown = Arc::new(Mutex::new(Vec::new()));
+            let sink = shown.clone();
+            let show = Box::new(move |state: &State, is_over: bool| {
+                if !is_over {
+                    sink.lock().unwrap().push(state.line())
+                }
+            });
+            let ticker = Ticker::start(Arc::new(state(Kind::Open, 0)), Duration::from_millis(every), show);
+            thread::sleep(Duration::from_millis(lasts));
+            drop(Progress { state: Arc::new(state(Kind::Open, 0)), ticker: Some(ticker) });
+            shown.lock().unwrap().len()
+        };
+        assert!(lines(5, 500) >= 3);
+        assert_eq!(lines(60_000, 1), 0);
+    }
+}
