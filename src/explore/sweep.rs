@@ -327,7 +327,7 @@ impl<'a> Stage<'a> {
         let ((drawing, work), fixed_seconds) = timed(|| fixed::draw_recorded(&elaborated, &quantised));
         let (_, ranges) = fixed::draw_ranged(&elaborated, &quantised);
         let picture = fixed::picture(&elaborated, &drawing);
-        let mut found = self.errors(&picture, machine);
+        let mut found = self.errors(&picture, machine)?;
         let signals = elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range));
         let (saturated, wrapped) = signals.fold((0, 0), |(saturated, wrapped), signal| {
             let over = if signal.is_declared_clamp() { 0 } else { signal.overflows() - signal.wrapped() };
@@ -365,15 +365,19 @@ impl<'a> Stage<'a> {
         let choice = partial::Choice::new(&elaborated, |word| !is_exact(word));
         let stage = partial::Stage::new(&self.scene, &elaborated, &quantised);
         let picture = stage.fill(&choice, &stage.set_up(&choice));
-        let found = self.errors(&picture, machine);
+        let found = self.errors(&picture, machine)?;
         Ok(Drawn { found, work: None })
     }
 
-    /// How far a picture is off.
-    fn errors(&mut self, picture: &Picture, machine: &Machine) -> Map<String, Value> {
-        let ideal_psnr_db = distance(picture, &self.ideal).psnr_db;
+    /// How far a picture is off; a sentence where a pixel of any of them has no finite number.
+    fn errors(&mut self, picture: &Picture, machine: &Machine) -> std::result::Result<Map<String, Value>, String> {
+        let of_ideal = distance(picture, &self.ideal);
         let golden = self.golden(&fixed::rules(machine));
         let m = metrics(picture, &golden.picture);
+        let not_finite = m.not_finite.max(of_ideal.not_finite);
+        if not_finite > 0 {
+            return Err(format!("{not_finite} pixels have no finite number, and cannot be compared"));
+        }
         let found = json!({
             "psnr_db": m.psnr_db,
             "psnr_covered_db": m.psnr_covered_db,
@@ -382,10 +386,10 @@ impl<'a> Stage<'a> {
             "mean_error": m.mean_error,
             "pixels_over_1_255": m.pixels_over_1_255,
             "golden_vs_ideal_psnr_db": golden.psnr_db,
-            "fixed_vs_ideal_psnr_db": ideal_psnr_db,
+            "fixed_vs_ideal_psnr_db": of_ideal.psnr_db,
             "host_golden_seconds": golden.seconds,
         });
-        found.as_object().cloned().unwrap_or_default()
+        Ok(found.as_object().cloned().unwrap_or_default())
     }
 }
 
@@ -478,3 +482,6 @@ impl Outcome {
         text
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -55,7 +55,7 @@ pub struct Gaussians {
 }
 
 /// Thinner Gaussians become as thick as this; squares and products of scales then fit f64.
-pub const SMALLEST_SCALE: f64 = 1e-30;
+pub const SMALLEST_SCALE: f64 = super::LEAST_RADIUS;
 
 /// What of a file is looked at to tell whether it is a file of Gaussians; headers have a few kilobytes.
 const LONGEST_HEADER_BYTES: u64 = 1 << 20;

@@ -7,7 +7,7 @@ use super::gaussians::{Gaussian, Gaussians};
 use super::volume::RawDescription;
 use super::voxels::{Classification, TransferPoint, Voxels};
 use super::{
-    Amplitude, Camera, Ellipsoids, Image, Kernel, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
+    Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
 };
 use super::{
     builtin::{self, Builtin, Order},
@@ -31,6 +31,9 @@ const LONGEST_SIDE: usize = 16384;
 const MOST_PIXELS: usize = 1 << 25;
 /// Nearer than this the eye and its target are one point: squares of such distances vanish in f64.
 const NEAREST_TARGET: f64 = 1e-100;
+/// Least radius of a volume's kernels, in steps of the grid: through the middle of one that stands for a whole cell of opacity 1 the optical
+/// depth is 1/(2πr²), here 1.6·10¹¹, and beyond that a volume is points in empty space.
+const LEAST_STEPS: f64 = 1e-6;
 /// Sine of the least angle between the view and up; below it rounding would turn the picture.
 const LEAST_SINE: f64 = 1e-9;
 
@@ -88,7 +91,7 @@ struct FileSource {
     material: u32,
     /// Factor on all radii, be they the file's or fitted.
     #[serde(default = "one")]
-    #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-30, max = 1e30))]
     radius_scale: f64,
     /// Factor on all opacities.
     #[serde(default = "one")]
@@ -107,9 +110,9 @@ struct VolumeSource {
     /// Factor on opacity by gradient magnitude, in ascending order; left out: 1.
     #[serde(default)]
     gradient: Vec<GradientFields>,
-    /// Standard deviation of the kernel along each axis, in steps of the grid along it.
+    /// Standard deviation of the kernel along each axis, in steps of the grid along it. Thinner than the least, no light would meet one.
     #[serde(default = "kernel_steps")]
-    #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-6, max = 100))]
     radius: f64,
     /// Draws the surface where the field has this value, instead of what the transfer function shows.
     #[schemars(range(min = -1e30, max = 1e30))]
@@ -247,7 +250,7 @@ struct SplatFields {
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     normal: Option<[f64; 3]>,
     /// Standard deviation of the kernel; left out: mean distance to the 6 nearest splats of the same array.
-    #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-30, max = 1e30))]
     radius: Option<f64>,
     /// Linear light.
     #[serde(default = "grey")]
@@ -670,6 +673,15 @@ impl<'a> Gathered<'a> {
         ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.told(sentence))?;
         let gradient = source.gradient.iter().map(|point| [point.magnitude, point.factor]).collect();
         let classification = Classification { transfer, gradient, radius: source.radius, material };
+        let sigma = classification.sigma(&volume);
+        if !(LEAST_RADIUS..=ply::FARTHEST).contains(&sigma) || source.radius < LEAST_STEPS {
+            return Err(self.told(format!(
+                "{path} has kernels of {:e} steps, {sigma:e} world units; they must have {LEAST_STEPS:e} steps and {LEAST_RADIUS:e} world units or more, \
+                 and at most {:e} world units",
+                source.radius,
+                ply::FARTHEST
+            )));
+        }
         self.medium = Some(match source.isovalue {
             Some(isovalue) => {
                 let (splats, orientations) = classification.isosurface(&volume, isovalue, source.flatten);
@@ -700,7 +712,7 @@ impl<'a> Gathered<'a> {
         let splat = |gaussian: &Gaussian| Splat {
             position: gaussian.position,
             normal: DVec3::Z,
-            radius: gaussian.scale.max_element() * radius_scale,
+            radius: (gaussian.scale.max_element() * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST),
             rgb: [0.0; 3],
             opacity: gaussian.opacity * opacity,
             material: 0,
@@ -797,7 +809,7 @@ impl<'a> Gathered<'a> {
         for &(end, radius_scale) in &self.clouds {
             let cloud = &mut self.splats[start..end];
             neighbours::fit(cloud, eye);
-            cloud.iter_mut().for_each(|s| s.radius = (s.radius * radius_scale).clamp(f64::MIN_POSITIVE, ply::FARTHEST));
+            cloud.iter_mut().for_each(|s| s.radius = (s.radius * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST));
             start = end;
         }
     }

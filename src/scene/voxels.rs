@@ -141,12 +141,17 @@ impl Classification {
         piecewise(self.gradient.iter().map(|[at, factor]| (*at, [*factor])), magnitude)[0]
     }
 
+    /// The largest standard deviation of a kernel, world units.
+    pub fn sigma(&self, volume: &Volume) -> f64 {
+        self.radius * Field::new(volume).longest_step()
+    }
+
     /// Every voxel that is seen, in the order of the samples.
     pub fn voxels(&self, volume: &Volume) -> (Vec<Splat>, Voxels) {
         let field = Field::new(volume);
         let steps = field.steps();
         let step = steps.into_iter().fold(f64::INFINITY, f64::min);
-        let sigma = self.radius * field.longest_step();
+        let sigma = self.sigma(volume);
         // Opacity of a layer to optical depth through a ball of radius σ.
         let depth = steps.iter().product::<f64>() / (step * TAU * sigma * sigma);
         let voxel = |at: [usize; 3]| {
