@@ -406,7 +406,7 @@ impl Drawn {
         let Some(work) = &self.work else { return Ok(self.found.clone()) };
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
         let replayed = timing::replay(&elaborated.timing, work, Detail::Accounts);
-        let cycles = CyclesReport::new(&elaborated.timing, &replayed);
+        let cycles = CyclesReport::new(&elaborated.timing, work, &replayed);
         let CostReport { cost, energy } = CostReport::new(&elaborated, &replayed, prices);
         let described = MachineReport::new(&elaborated);
         let mut found = self.found.clone();

@@ -114,7 +114,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
         fragments: drawing.outcomes.into(),
         signals: elaborated.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect(),
         cost: CostReport::new(&elaborated, &cycles, &asked.prices),
-        cycles: CyclesReport::new(&elaborated.timing, &cycles),
+        cycles: CyclesReport::new(&elaborated.timing, &work, &cycles),
         timings,
         preview: None,
         golden: found(&golden),

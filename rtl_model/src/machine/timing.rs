@@ -281,6 +281,9 @@ pub struct Elaborated {
     pub line_bytes: u32,
     /// What waits and what is kept on the chip.
     pub storage: Storage,
+    /// A unit that is infinitely fast, to see what it costs: no machine has one.
+    #[serde(skip)]
+    pub lifted: Option<&'static str>,
 }
 
 /// Words kept on the chip, besides the registers of the units: bits.
@@ -432,6 +435,7 @@ impl Machine {
             frame_bytes,
             line_bytes,
             storage: self.storage([splat, prepared], [fragment_bytes, frame_bytes]),
+            lifted: None,
         }
     }
 }

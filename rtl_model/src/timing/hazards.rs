@@ -32,8 +32,10 @@ impl Hazards {
     pub fn new(timing: &Elaborated, work: &Work) -> Self {
         let columns = (work.width as usize).div_ceil(TILE_PX);
         let [across, down] = timing.timing.raster.lanes.map(|lanes| lanes as usize);
+        // Infinitely fast, it takes what waited for it at once.
+        let waiting = if timing.lifted == Some("fragment") { timing.gauss.room().max(timing.cache.room()) + 1 } else { 0 };
         // A cycle at least for each slot; its pixels lie in so many strips at most.
-        let under_way = timing.hazard as usize * ((across - 1).div_ceil(TILE_PX) + 1) * down;
+        let under_way = (timing.hazard as usize + waiting) * ((across - 1).div_ceil(TILE_PX) + 1) * down;
         let last = vec![Taken::default(); columns * work.height as usize];
         Hazards { last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0 }
     }

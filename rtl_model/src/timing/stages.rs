@@ -35,10 +35,10 @@ impl<'a> SetUp<'a> {
         let after_ellipse = if work.preshaded { "shade" } else { behind };
         SetUp {
             timing,
-            fetch: Unit::new("fetch", timing.fetch, None, Some("project"), detail),
-            project: Unit::new("project", timing.project, Some("fetch"), Some("ellipse"), detail),
-            ellipse: Unit::new("ellipse", timing.ellipse, Some("project"), Some(after_ellipse), detail),
-            shade: work.preshaded.then(|| Unit::new("shade", timing.shade, Some("ellipse"), Some(behind), detail)),
+            fetch: Unit::new("fetch", timing.fetch, [None, Some("project")], detail, timing.lifted),
+            project: Unit::new("project", timing.project, [Some("fetch"), Some("ellipse")], detail, timing.lifted),
+            ellipse: Unit::new("ellipse", timing.ellipse, [Some("project"), Some(after_ellipse)], detail, timing.lifted),
+            shade: work.preshaded.then(|| Unit::new("shade", timing.shade, [Some("ellipse"), Some(behind)], detail, timing.lifted)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
             splat_bytes: timing.voxel_bytes.filter(|_| work.shared_axes).unwrap_or(timing.splat_bytes).into(),
             fetched: 0,
@@ -144,8 +144,8 @@ impl<'a> Fill<'a> {
     pub fn new(timing: &'a Elaborated, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
         Fill {
             timing,
-            raster: Unit::new("raster", timing.raster, Some(before), Some("gauss"), detail),
-            gauss: Unit::new("gauss", timing.gauss, Some("raster"), Some(behind), detail),
+            raster: Unit::new("raster", timing.raster, [Some(before), Some("gauss")], detail, timing.lifted),
+            gauss: Unit::new("gauss", timing.gauss, [Some("raster"), Some(behind)], detail, timing.lifted),
             walk: Slots::new(work, timing.timing.raster.lanes),
             slots: [0; 2],
         }
@@ -210,8 +210,8 @@ impl<'a> Merge<'a> {
     pub fn new(timing: &'a Elaborated, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
         Merge {
             timing,
-            fragment: Unit::new("fragment", timing.fragment, Some(before), behind, detail),
-            shade: Unit::new("shade", timing.shade, Some("fragment"), None, detail),
+            fragment: Unit::new("fragment", timing.fragment, [Some(before), behind], detail, timing.lifted),
+            shade: Unit::new("shade", timing.shade, [Some("fragment"), None], detail, timing.lifted),
             hazards: Hazards::new(timing, work),
             written: 0,
         }
@@ -228,15 +228,17 @@ impl<'a> Merge<'a> {
             _ => slot.iter().fold([0; 2], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]),
         };
         let mut cycles = 1 + merges * u64::from(t.timing.fragment.merge);
-        if shades > 0 {
+        if shades > 0 && !self.shade.is_lifted() {
             cycles += u64::from(t.shade.latency) + (shades - 1) * u64::from(t.shade.interval);
         }
         let now = self.fragment.take(Ready { hazard, ..ready }, cycles);
         for _ in 0..shades {
             self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
         }
-        self.hazards.take(slot, now + cycles - 1 + u64::from(t.hazard));
-        let written = now + cycles - 1 + u64::from(t.fragment.latency);
+        // Infinitely fast, it still forwards nothing: what is under way stays so.
+        let more = if self.fragment.is_lifted() { 0 } else { cycles - 1 };
+        self.hazards.take(slot, now + more + u64::from(t.hazard));
+        let written = now + more + u64::from(t.fragment.latency);
         self.written = self.written.max(written);
         [now, written]
     }
@@ -253,13 +255,18 @@ pub struct Resolve<'a> {
 
 impl<'a> Resolve<'a> {
     pub fn new(timing: &'a Elaborated, work: &Work, detail: Detail) -> Self {
-        Resolve { timing, unit: Unit::new("resolve", timing.resolve, Some("fragment"), None, detail), held: work.held(), width: work.width }
+        Resolve {
+            timing,
+            unit: Unit::new("resolve", timing.resolve, [Some("fragment"), None], detail, timing.lifted),
+            held: work.held(),
+            width: work.width,
+        }
     }
 
     /// Takes these columns and rows of the picture, shading in a unit; says when the last of their words is there.
     pub fn pixels(&mut self, columns: Range<u32>, rows: Range<u32>, ready: Ready, shade: &mut Unit) -> u64 {
         let t = self.timing;
-        let interval = u64::from(t.shade.interval);
+        let interval = if shade.is_lifted() { 0 } else { u64::from(t.shade.interval) };
         let (mut cycles, mut shades) = (0, 0);
         for row in rows {
             let at = |column: u32| (row * self.width + column) as usize;
@@ -269,11 +276,11 @@ impl<'a> Resolve<'a> {
             }
         }
         let now = self.unit.take(ready, cycles);
-        let done = now + cycles + u64::from(t.resolve.latency);
+        let done = now + if self.unit.is_lifted() { 0 } else { cycles } + u64::from(t.resolve.latency);
         if shades == 0 {
             return done;
         }
         shade.take(Ready { here: now, ..Ready::default() }, shades * interval);
-        done + u64::from(t.shade.latency)
+        done + if shade.is_lifted() { 0 } else { u64::from(t.shade.latency) }
     }
 }

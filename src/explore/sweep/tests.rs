@@ -4,7 +4,8 @@ use super::*;
 
 fn points(folder: &Path) -> Points {
     let path = folder.join("plan.json");
-    let plan = json!({"scenes": ["torus-knot"], "size": [16, 16], "machine": "tiny", "axes": [{"field": "gauss.weight", "values": ["U0F8"]}]});
+    let plan =
+        json!({"scenes": ["torus-knot"], "size": [16, 16], "machine": "tiny", "axes": [{"field": "gauss.weight", "values": ["U0F8"]}]});
     std::fs::write(&path, plan.to_string()).unwrap();
     Points::load(path.to_str().unwrap()).unwrap()
 }
