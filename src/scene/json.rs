@@ -15,7 +15,7 @@ use super::{
     fields, gaussians, neighbours, ply, unit, volume,
 };
 use crate::error::{Error, Result};
-use crate::scene::validate;
+use crate::scene::{gaussian_cutoff, validate};
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -83,7 +83,8 @@ enum Source {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FileSource {
-    /// Path of the file, relative to the scene file.
+    /// Path of the file, relative to the scene file. Of trained Gaussians: rotations are quaternions, real part first (`rot_0` is w), of any
+    /// length but 0; `f_rest` has all coefficients of red, then of green, then of blue.
     file: String,
     /// Index into `materials`.
     #[serde(default)]
@@ -279,7 +280,7 @@ struct CameraFields {
     /// Full vertical angle of view. Narrower than the least, f64 has no use for the picture's coordinates.
     #[schemars(range(min = 1e-6), extend("exclusiveMaximum" = 180))]
     fov_y_degrees: f64,
-    /// Splats at or nearer than this depth are not drawn; left out: a thousandth of the way to the target.
+    /// Splats whose centres lie at or nearer than this depth are not drawn, Gaussians too; left out: a thousandth of the way to the target.
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
     near: Option<f64>,
 }
@@ -299,10 +300,11 @@ struct ImageFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct KernelFields {
-    /// Fragments exist where the radial index is below this; left out: 2 for surfaces, 4 for volumes, 9 for Gaussians.
+    /// Fragments exist where the radial index is below this; left out: 2 for surfaces, 4 for volumes, 2·ln 255 = 11.0825 for
+    /// Gaussians, where an opaque one weighs 1/255.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     cutoff: Option<f64>,
-    /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3.
+    /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3, which makes none of them fainter: opacity is at the peak.
     #[schemars(range(min = 0, max = 1e6))]
     low_pass: Option<f64>,
     /// How a volume's kernels are filtered.
@@ -497,7 +499,7 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
         Kind::Surfaces => (2.0, 1.0, 1.5),
         Kind::Volume => (4.0, 1.0, 1.5),
         // Programs that train draw what lies far to the side as well.
-        Kind::Gaussians => (9.0, 0.3, 100.0),
+        Kind::Gaussians => (gaussian_cutoff(), 0.3, 100.0),
     };
     Kernel {
         cutoff: fields.cutoff.unwrap_or(cutoff),

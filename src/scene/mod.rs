@@ -26,6 +26,11 @@ use std::path::Path;
 /// a footprint's determinant is, still is a normal number of f64 (2.2·10⁻³⁰⁸), where squares of less would vanish and make 0/0.
 pub const LEAST_RADIUS: f64 = 1e-30;
 
+/// Radial index at which an opaque Gaussian weighs 1/255, the least that a screen of 8 bits shows: e^(−r/2) = 1/255 at r = 2·ln 255.
+pub fn gaussian_cutoff() -> f64 {
+    2.0 * libm::log(255.0)
+}
+
 /// One splat: a Gaussian disc (ALGORITHM §2), or an ellipsoid ([`Scene::ellipsoids`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splat {
