@@ -5,9 +5,10 @@
 
 use super::gaussians::{Gaussian, Gaussians};
 use super::volume::RawDescription;
-use super::voxels::{Classification, TransferPoint, Voxels};
+use super::voxels::{Classification, TransferPoint, Voxels, depth_of_layer};
 use super::{
-    Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
+    Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets,
+    Splat, Surface,
 };
 use super::{
     builtin::{self, Builtin, Order},
@@ -105,10 +106,11 @@ struct FileSource {
 #[serde(deny_unknown_fields)]
 struct VolumeSource {
     volume: VolumeFile,
-    /// Colour and opacity by value, in ascending order; between two values linear. Left out: a white ramp.
+    /// Colour and opacity by value, in ascending order; between two values colour and optical depth, −ln(1 − opacity), are linear. Left out:
+    /// a white ramp.
     #[schemars(length(min = 1))]
     transfer: Option<Vec<TransferFields>>,
-    /// Factor on opacity by gradient magnitude, in ascending order; left out: 1.
+    /// Factor on optical depth by gradient magnitude, in ascending order; left out: 1.
     #[serde(default)]
     gradient: Vec<GradientFields>,
     /// Standard deviation of the kernel along each axis, in steps of the grid along it. Thinner than the least, no light would meet one.
@@ -175,12 +177,12 @@ struct TransferFields {
     #[serde(default = "white")]
     #[schemars(inner(range(min = 0, max = 1)))]
     rgb: [f64; 3],
-    /// Of a layer as thick as the shortest step of the grid.
+    /// Of a layer as thick as the shortest step of the grid: what part of the light behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
     #[schemars(range(min = 0, max = 1))]
     opacity: f64,
 }
 
-/// A gradient magnitude, in values a world unit, and a factor on opacity.
+/// A gradient magnitude, in values a world unit, and a factor on optical depth.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GradientFields {
@@ -592,6 +594,8 @@ struct Gathered<'a> {
     materials: Vec<Material>,
     materials_are_given: bool,
     medium: Option<Medium>,
+    /// Where a volume's kernels end.
+    volume_cutoff: f64,
     notes: Vec<String>,
 }
 
@@ -603,7 +607,18 @@ impl<'a> Gathered<'a> {
             None => vec![material(&MaterialFields::default())],
         };
         let materials_are_given = fields.materials.is_some();
-        Gathered { name, folder, splats: vec![], clouds: vec![], materials, materials_are_given, medium: None, notes: vec![] }
+        let volume_cutoff = kernel(&fields.kernel, Kind::Volume).cutoff;
+        Gathered {
+            name,
+            folder,
+            splats: vec![],
+            clouds: vec![],
+            materials,
+            materials_are_given,
+            medium: None,
+            volume_cutoff,
+            notes: vec![],
+        }
     }
 
     fn add(&mut self, source: &Source, path: &str) -> Result<()> {
@@ -664,12 +679,16 @@ impl<'a> Gathered<'a> {
             VolumeFile::Raw(_) => self.told(format!("{path}.volume: {sentence}")),
             _ => Error::input(format!("{}: {sentence}", file.display())),
         })?;
+        let cutoff = self.volume_cutoff;
         let transfer = match &source.transfer {
             Some(points) => {
                 ascending(points.iter().map(|p| p.value), &format!("{path}.transfer"), "value").map_err(|sentence| self.told(sentence))?;
-                points.iter().map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, opacity }).collect()
+                points
+                    .iter()
+                    .map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, depth: depth_of_layer(opacity, cutoff) })
+                    .collect()
             }
-            None => Classification::usual(&volume),
+            None => Classification::usual(&volume, cutoff),
         };
         let magnitudes = source.gradient.iter().map(|point| point.magnitude);
         ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.told(sentence))?;
