@@ -59,7 +59,7 @@ fn different(a: &Picture, b: &Picture) -> usize {
 fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
     let texts = [
         json!({"splats": {"volume": {"builtin": "nested-shells", "samples": 48},
-            "transfer": [{"value": 0.1, "rgb": [0.2, 0.4, 1], "opacity": 0}, {"value": 1, "rgb": [1, 0.2, 0.1], "opacity": 0.8}]}}),
+            "transfer": [{"value": 0.1, "rgb": [0.2, 0.4, 1], "opacity": 0}, {"value": 1, "rgb": [1, 0.2, 0.1], "opacity": 0.49929179534464957}]}}),
         json!({"splats": {"volume": {"builtin": "fuzzy-clouds", "samples": 32}},
             "sheets": {"order": "back-to-front", "opacity": "linear"}, "materials": [{"unlit": true}]}),
         json!({"splats": {"volume": {"builtin": "marschner-lobb", "samples": 32}, "isovalue": 0.5}}),

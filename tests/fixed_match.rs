@@ -121,8 +121,15 @@ fn igea() {
 
 #[test]
 fn a_missed_target_is_noticed() {
-    let good =
-        Metrics { psnr_db: Some(61.0), psnr_covered_db: Some(60.0), ssim: 1.0, max_error: 0.0, mean_error: 0.0, pixels_over_1_255: 10 };
+    let good = Metrics {
+        psnr_db: Some(61.0),
+        psnr_covered_db: Some(60.0),
+        ssim: 1.0,
+        max_error: 0.0,
+        mean_error: 0.0,
+        pixels_over_1_255: 10,
+        not_finite: 0,
+    };
     let told = |measured: &Metrics, saturated: &[&str]| {
         let saturated: Vec<String> = saturated.iter().map(|name| name.to_string()).collect();
         missed(&TARGETS[0], measured, 1000, &saturated).len()

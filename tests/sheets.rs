@@ -149,10 +149,10 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
 /// Volumes of patients and engines, and a guitar.
 #[test]
 fn real_data_is_drawn_well_and_within_bounds() {
-    let head = json!([{"value": 500, "rgb": [0.9, 0.6, 0.45], "opacity": 0}, {"value": 900, "rgb": [0.9, 0.6, 0.45], "opacity": 0.03},
-        {"value": 1200, "rgb": [0.9, 0.6, 0.45], "opacity": 0.02}, {"value": 1500, "rgb": [1, 1, 0.95], "opacity": 0.5}]);
-    let engine = json!([{"value": 60, "rgb": [0.5, 0.6, 0.7], "opacity": 0}, {"value": 120, "rgb": [0.5, 0.6, 0.7], "opacity": 0.05},
-        {"value": 180, "rgb": [0.9, 0.6, 0.3], "opacity": 0.1}, {"value": 220, "rgb": [1, 0.8, 0.4], "opacity": 0.9}]);
+    let head = json!([{"value": 500, "rgb": [0.9, 0.6, 0.45], "opacity": 0}, {"value": 900, "rgb": [0.9, 0.6, 0.45], "opacity": 0.0256063915328388},
+        {"value": 1200, "rgb": [0.9, 0.6, 0.45], "opacity": 0.01714462355690158}, {"value": 1500, "rgb": [1, 1, 0.95], "opacity": 0.35100635764012655}]);
+    let engine = json!([{"value": 60, "rgb": [0.5, 0.6, 0.7], "opacity": 0}, {"value": 120, "rgb": [0.5, 0.6, 0.7], "opacity": 0.042312003146259235},
+        {"value": 180, "rgb": [0.9, 0.6, 0.3], "opacity": 0.08283370068226942}, {"value": 220, "rgb": [1, 0.8, 0.4], "opacity": 0.5407673088982273}]);
     let raw = |file: &str, size: [usize; 3], kind: &str, endian: &str, spacing: [f64; 3]| {
         shared_input::find(file)
             .map(|path| json!({"file": from_root(&path), "size": size, "type": kind, "endian": endian, "spacing": spacing}))

@@ -97,7 +97,7 @@ fn nested_shells(samples: usize) -> Volume {
 /// All that a scene file says of how a volume is seen.
 #[derive(Clone)]
 struct Look {
-    /// Value, colour, opacity.
+    /// Value, colour, opacity of a layer one step thick.
     transfer: Vec<(f64, [f64; 3], f64)>,
     /// Magnitude, factor; may be empty.
     gradient: Vec<(f64, f64)>,
@@ -187,7 +187,9 @@ impl Look {
 
     fn classified(&self, value: f64) -> (DVec3, f64) {
         let columns = [0, 1, 2, 3].map(|column| {
-            let of = |&(value, rgb, opacity): &(f64, [f64; 3], f64)| (value, [rgb[0], rgb[1], rgb[2], opacity][column]);
+            // A layer of this opacity is −ln(1 − α) deep; its kernels end where they have 1 − e^(−c/2) of that.
+            let depth = |opacity: f64| -(1.0 - opacity).ln() / (1.0 - (-CUTOFF / 2.0).exp());
+            let of = |&(value, rgb, opacity): &(f64, [f64; 3], f64)| (value, [rgb[0], rgb[1], rgb[2], depth(opacity)][column]);
             between(&self.transfer.iter().map(of).collect::<Vec<_>>(), value)
         });
         (DVec3::new(columns[0], columns[1], columns[2]), columns[3])
@@ -259,10 +261,10 @@ impl Footprint {
 }
 
 fn footprint(volume: &Volume, look: &Look, place: [usize; 3]) -> Option<Footprint> {
-    let (rgb, opacity) = look.classified(volume.at(place));
+    let (rgb, layer) = look.classified(volume.at(place));
     let gradient = volume.gradient(place);
-    let opacity = opacity * between(&look.gradient, gradient.length());
-    if opacity <= 0.0 {
+    let layer = layer * between(&look.gradient, gradient.length());
+    if layer <= 0.0 {
         return None;
     }
     let rotation = look.rotation();
@@ -286,7 +288,7 @@ fn footprint(volume: &Volume, look: &Look, place: [usize; 3]) -> Option<Footprin
     let (xx, xy, yy) = (variance.x_axis.x + LOW_PASS, variance.x_axis.y, variance.y_axis.y + LOW_PASS);
     let determinant = xx * yy - xy * xy;
     let [sx, sy, sz] = volume.spacing;
-    let extinction = opacity / sx.min(sy).min(sz);
+    let extinction = layer / sx.min(sy).min(sz);
     let forward = look.target - look.eye;
     let axis = forward.abs().max_position();
     Some(Footprint {

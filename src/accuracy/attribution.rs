@@ -8,7 +8,7 @@
 //! where a bit more helps. They are ordered by the mean error, for a decision that flips at a single pixel rules the mean square.
 
 use crate::accuracy::partial::{Choice, Footprint, Stage, UNITS, words};
-use crate::accuracy::{Distance, distance};
+use crate::accuracy::{Distance, db_text, distance};
 use crate::hardware::quantise::Quantised;
 use crate::output::chart::{Axis, Bars};
 use crate::output::picture::Picture;
@@ -106,7 +106,7 @@ impl Attribution {
     /// The units, and the words that make the greatest errors, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let mut table = plain_table(&["", "alone dB", "mean error", "max error", "without", "error gone"]);
-        let db = |distance: &Distance| distance.psnr_covered_db.map_or("equal".into(), |db| format!("{db:.1}"));
+        let db = |distance: &Distance| db_text(distance.psnr_covered_db, distance.not_finite, |db| format!("{db:.1}"));
         let small = |error: f64| format!("{error:.1e}");
         let alone = |name: &str, d: &Distance| [name.to_owned(), db(d), small(d.mean_covered_error), small(d.max_error)];
         let all = self.all.mean_covered_error;

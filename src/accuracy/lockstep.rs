@@ -433,6 +433,19 @@ impl<'a> Leader<'a> {
     }
 }
 
+/// Whether a channel of a pixel exceeds its bound, or has a value or a bound that is no number. No bound, infinite, allows any number.
+fn violates(held: [f64; 4], near: [Near; 4]) -> bool {
+    let keeps = |held: f64, near: Near| near.value.is_finite() && (held - near.value).abs() <= near.error;
+    !held.into_iter().zip(near).all(|(held, near)| keeps(held, near))
+}
+
+/// Error and bound of a pixel's worst channels; infinite where one is no number.
+fn judged(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
+    let number = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
+    let errors = held.into_iter().zip(near).map(|(held, near)| number((held - near.value).abs()));
+    [errors.fold(0.0, f64::max), near.into_iter().map(|near| number(near.error)).fold(0.0, f64::max)]
+}
+
 /// A pixel's number in its tile.
 fn in_tile(x: u32, y: u32) -> usize {
     y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX
@@ -496,11 +509,12 @@ impl<'a> Observer<'a> for Leader<'a> {
             held.resolve(&leader.stage.common, layers.iter().map(|layer| layer.slot), flips)
         });
         let format = self.stage.machine.machine.resolve.frame.format;
-        let error = [0, 1, 2, 3].map(|i| (format.value(frame[i]) - near[i].value).abs());
-        self.violations += u64::from((0..4).any(|i| error[i] > near[i].error));
+        let held = frame.map(|word| format.value(word));
+        let [error, bound] = judged(held, near);
+        self.violations += u64::from(violates(held, near));
         self.tile.led[pixel] = near.map(|channel| channel.value);
-        self.tile.bound[pixel] = near.iter().map(|channel| channel.error).fold(0.0, f64::max);
-        self.tile.error[pixel] = error.into_iter().fold(0.0, f64::max);
+        self.tile.bound[pixel] = bound;
+        self.tile.error[pixel] = error;
     }
 
     fn tile(&mut self, x: u32, y: u32) {

@@ -1,4 +1,9 @@
 //! Metrics: how far two pictures of one scene lie apart (docs/book/accuracy.md).
+//!
+//! A value that is no finite number is as far from any other as values can be, and a picture with one as far from any other as pictures
+//! can be: 0 dB, off by 1. So nothing that compares can take it for equal, or for good.
+//!
+//! Law: `what_is_no_number_is_never_equal`.
 
 mod ssim;
 
@@ -23,6 +28,9 @@ pub struct Metrics {
     pub mean_error: f64,
     /// Pixels of which a channel is off by more than 1/255.
     pub pixels_over_1_255: u64,
+    /// Pixels of which a channel is no finite number, in either picture. None should.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub not_finite: u64,
 }
 
 /// Compares two pictures.
@@ -33,6 +41,17 @@ pub fn metrics(a: &Picture, b: &Picture) -> Metrics {
     assert_eq!((a.width, a.height), (b.width, b.height), "pictures of one scene have one size");
     let sums = Sums::new(a, b);
     let pixels = (a.width * a.height) as f64;
+    if sums.not_finite > 0 {
+        return Metrics {
+            psnr_db: Some(0.0),
+            psnr_covered_db: Some(0.0),
+            ssim: 0.0,
+            max_error: 1.0,
+            mean_error: 1.0,
+            pixels_over_1_255: sums.pixels_over,
+            not_finite: sums.not_finite,
+        };
+    }
     Metrics {
         psnr_db: psnr_db(sums.squares, 3.0 * pixels),
         psnr_covered_db: psnr_db(sums.covered_squares, 3.0 * sums.covered_pixels as f64),
@@ -40,6 +59,21 @@ pub fn metrics(a: &Picture, b: &Picture) -> Metrics {
         max_error: sums.max,
         mean_error: sums.errors / (3.0 * pixels),
         pixels_over_1_255: sums.pixels_over,
+        not_finite: 0,
+    }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
+pub(super) fn is_zero(count: &u64) -> bool {
+    *count == 0
+}
+
+/// Decibels as summaries have them: none where the pictures are equal, and no number where a pixel has none.
+pub(crate) fn db_text(db: Option<f64>, not_finite: u64, show: impl Fn(f64) -> String) -> String {
+    match db {
+        _ if not_finite > 0 => "no number".into(),
+        None => "equal".into(),
+        Some(db) => show(db),
     }
 }
 
@@ -60,6 +94,9 @@ pub struct Distance {
     pub mean_covered_error: f64,
     /// As [`Metrics::max_error`].
     pub max_error: f64,
+    /// As [`Metrics::not_finite`].
+    #[serde(skip_serializing_if = "is_zero")]
+    pub not_finite: u64,
 }
 
 /// Compares two pictures, but not their structure.
@@ -70,11 +107,16 @@ pub fn distance(a: &Picture, b: &Picture) -> Distance {
     assert_eq!((a.width, a.height), (b.width, b.height), "pictures of one scene have one size");
     let sums = Sums::new(a, b);
     let values = 3.0 * sums.covered_pixels as f64;
+    if sums.not_finite > 0 {
+        let not_finite = sums.not_finite;
+        return Distance { psnr_db: Some(0.0), psnr_covered_db: Some(0.0), mean_covered_error: 1.0, max_error: 1.0, not_finite };
+    }
     Distance {
         psnr_db: psnr_db(sums.squares, 3.0 * (a.width * a.height) as f64),
         psnr_covered_db: psnr_db(sums.covered_squares, values),
         mean_covered_error: if values > 0.0 { sums.covered_errors / values } else { 0.0 },
         max_error: sums.max,
+        not_finite: 0,
     }
 }
 
@@ -83,10 +125,18 @@ pub fn pixel_error(a: &Picture, b: &Picture, index: usize) -> f64 {
     difference(a, b, index).into_iter().fold(0.0, f64::max)
 }
 
-/// Absolute difference of two pictures at one pixel.
+/// Absolute difference of two pictures at one pixel; 1 where either has no finite number.
 pub(super) fn difference(a: &Picture, b: &Picture, index: usize) -> [f64; 3] {
+    if !is_finite(a, index) || !is_finite(b, index) {
+        return [1.0; 3];
+    }
     let (a, b) = (clamped(a, index), clamped(b, index));
     std::array::from_fn(|channel| (a[channel] - b[channel]).abs())
+}
+
+/// Whether a pixel has four finite numbers.
+pub fn is_finite(picture: &Picture, index: usize) -> bool {
+    picture.rgba[index].iter().all(|channel| channel.is_finite())
 }
 
 /// Sums of one row; rows are added up from the top, so that threads do not show in the last bit.
@@ -99,6 +149,7 @@ struct Sums {
     errors: f64,
     max: f64,
     pixels_over: u64,
+    not_finite: u64,
 }
 
 impl Sums {
@@ -122,6 +173,7 @@ impl Sums {
             let worst = error.into_iter().fold(0.0, f64::max);
             sums.max = sums.max.max(worst);
             sums.pixels_over += u64::from(worst > 1.0 / 255.0);
+            sums.not_finite += u64::from(!is_finite(a, index) || !is_finite(b, index));
         }
         sums
     }
@@ -135,6 +187,7 @@ impl Sums {
             errors: self.errors + next.errors,
             max: self.max.max(next.max),
             pixels_over: self.pixels_over + next.pixels_over,
+            not_finite: self.not_finite + next.not_finite,
         }
     }
 }
@@ -236,5 +289,25 @@ mod tests {
     fn what_lies_outside_of_the_range_is_clamped_before_it_is_compared() {
         let picture = |value: f64| Picture { width: 1, height: 1, rgba: vec![[value; 4]], covered: vec![true] };
         assert_eq!(metrics(&picture(1.0), &picture(7.0)).psnr_db, None);
+    }
+
+    #[test]
+    fn what_is_no_number_is_never_equal() {
+        let black = Picture { width: 40, height: 40, rgba: vec![[0.0; 4]; 1600], covered: vec![true; 1600] };
+        for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for channel in 0..4 {
+                let mut other = black.clone();
+                other.rgba[7][channel] = wrong;
+                // Against one that is right, either way round, and against itself.
+                for (a, b) in [(&black, &other), (&other, &black), (&other, &other)] {
+                    let (m, d) = (metrics(a, b), distance(a, b));
+                    assert_eq!((m.not_finite, m.psnr_db, m.psnr_covered_db, m.max_error), (1, Some(0.0), Some(0.0), 1.0), "{wrong}");
+                    assert_eq!((d.not_finite, d.psnr_db, d.psnr_covered_db, d.max_error), (1, Some(0.0), Some(0.0), 1.0), "{wrong}");
+                    assert_eq!((m.pixels_over_1_255, m.ssim, d.mean_covered_error), (1, 0.0, 1.0), "{wrong}");
+                    assert_eq!(pixel_error(a, b, 7), 1.0);
+                    assert_eq!(db_text(m.psnr_db, m.not_finite, |db| db.to_string()), "no number");
+                }
+            }
+        }
     }
 }

@@ -10,4 +10,5 @@ pub mod ranges;
 
 pub use error_picture::{ErrorPicture, error_picture};
 pub use lockstep::{BoundSummary, Flips, KINDS, Lockstep, Summary, lockstep};
-pub use metrics::{Distance, Metrics, distance, metrics, pixel_error};
+pub(crate) use metrics::db_text;
+pub use metrics::{Distance, Metrics, distance, is_finite, metrics, pixel_error};

@@ -147,7 +147,11 @@ impl Found {
     }
 
     fn psnr(&self) -> String {
-        self.psnr_db.map_or("equal".into(), |db| format!("{db:.1}"))
+        match self.psnr_db {
+            None => "equal".into(),
+            Some(db) if db.is_finite() => format!("{db:.1}"),
+            Some(_) => "no".into(),
+        }
     }
 }
 
@@ -643,6 +647,9 @@ fn drawn(elaborated: &Elaborated, view: &View, observed: bool) -> Result<Found> 
         (evaluation.picture(&evaluation.draw()), None)
     };
     let apart = distance(&picture, &view.golden);
+    if apart.not_finite > 0 {
+        return Err(Error::job(format!("{}: {} pixels have no finite number, and meet no target", view.name, apart.not_finite)));
+    }
     Ok(Found { psnr_db: apart.psnr_db, max_error: apart.max_error, saturated })
 }
 

@@ -251,13 +251,14 @@ impl Catalogue {
             let point = machine.points.iter().find(|point| point.found().is_some_and(|found| found.faults() > 0))?;
             let found = point.found()?;
             Some(format!(
-                "{} at {} on {}: {} pixels exceed their bound, {} flips are unexplained, {} failures are silent",
+                "{} at {} on {}: {} pixels exceed their bound, {} flips are unexplained, {} failures are silent{}",
                 case.name,
                 short(point.value),
                 machine.machine,
                 found.lockstep.violations,
                 found.lockstep.flips.unexplained,
-                found.beyond.silent
+                found.beyond.silent,
+                if found.not_finite() > 0 { format!(", {} pixels are no number", found.not_finite()) } else { String::new() }
             ))
         };
         match self.machines().find_map(faulty) {

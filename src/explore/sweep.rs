@@ -306,7 +306,7 @@ impl<'a> Stage<'a> {
             ideal_seconds: self.ideal_seconds,
         };
         let lockstep = self.points.plan.lockstep.then(|| evaluation.lockstep().summary(&observed.picture));
-        let errors = Some(self.errors(&observed.picture, &evaluation.rules()));
+        let errors = Some(self.errors(&observed.picture, &evaluation.rules())?);
         Ok(Drawn { found: Findings { errors, frame: Some(frame), lockstep, ..Findings::default() }, work: Some(observed.work) })
     }
 
@@ -318,20 +318,25 @@ impl<'a> Stage<'a> {
         let choice = partial::Choice::new(&evaluation.machine, |word| !is_exact(word));
         let stage = partial::Stage::new(&scene, &evaluation.machine, &evaluation.quantised);
         let picture = stage.fill(&choice, &stage.set_up(&choice));
-        let errors = Some(self.errors(&picture, &evaluation.rules()));
+        let errors = Some(self.errors(&picture, &evaluation.rules())?);
         Ok(Drawn { found: Findings { errors, ..Findings::default() }, work: None })
     }
 
-    /// How far a picture is off.
-    fn errors(&mut self, picture: &Picture, rules: &Rules) -> Errors {
-        let fixed_vs_ideal_psnr_db = distance(picture, &self.ideal).psnr_db;
+    /// How far a picture is off; a sentence where a pixel of any of them has no finite number.
+    fn errors(&mut self, picture: &Picture, rules: &Rules) -> std::result::Result<Errors, String> {
+        let of_ideal = distance(picture, &self.ideal);
         let golden = self.golden(rules);
-        Errors {
-            fixed_vs_golden: metrics(picture, &golden.picture),
-            golden_vs_ideal_psnr_db: golden.psnr_db,
-            fixed_vs_ideal_psnr_db,
-            golden_seconds: golden.seconds,
+        let fixed_vs_golden = metrics(picture, &golden.picture);
+        let not_finite = fixed_vs_golden.not_finite.max(of_ideal.not_finite);
+        if not_finite > 0 {
+            return Err(format!("{not_finite} pixels have no finite number, and cannot be compared"));
         }
+        Ok(Errors {
+            fixed_vs_golden,
+            golden_vs_ideal_psnr_db: golden.psnr_db,
+            fixed_vs_ideal_psnr_db: of_ideal.psnr_db,
+            golden_seconds: golden.seconds,
+        })
     }
 }
 
@@ -349,7 +354,7 @@ impl Drawn {
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
         let units = timing::replay(&elaborated.timing, work, Detail::Accounts);
         let replay = Replay {
-            cycles: CyclesReport::new(&elaborated.timing, &units),
+            cycles: CyclesReport::new(&elaborated.timing, work, &units),
             cost: CostReport::new(&elaborated, &units, prices),
             machine: MachineReport::new(&elaborated),
             units,
@@ -400,3 +405,6 @@ impl Outcome {
         text
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -154,6 +154,10 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
             }
         }
     };
+    // Squares that left the range of f64 leave no ellipse: what they would weigh is no number, and nothing is drawn.
+    let conic = variance.inverse();
+    let is_ellipse = amplitude.is_finite() && conic.iter().all(|entry| entry.is_finite());
+    let (amplitude, conic) = if is_ellipse { (amplitude, conic) } else { (0.0, [0.0; 3]) };
     let is_flat = scene.ellipsoids.as_ref().is_none_or(|ellipsoids| ellipsoids.amplitude == Amplitude::Disc);
     let beyond = |axis: usize| ray[axis].abs() > scene.kernel.guard * view.half_px[axis] / view.focal_px;
     // Coordinates near the end of their range overflow to something that is no number.
@@ -164,8 +168,8 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
         Some(Cull::Outside)
     } else if scene.surface.cull_backfaces && normal.dot(t) > 0.0 {
         Some(Cull::Backface)
-    } else if amplitude == 0.0 || amplitude.is_nan() {
-        // Zero where c_n is; 0/0 where there is no low-pass filter either.
+    } else if amplitude == 0.0 {
+        // Zero where c_n is; 0/0, and so no ellipse, where there is no low-pass filter either.
         Some(Cull::Faint)
     } else {
         None
@@ -179,7 +183,7 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
         normal,
         material: splat.material,
         centre,
-        conic: variance.inverse(),
+        conic,
         amplitude,
         z: t.z,
         slope: if is_flat { [plane.x, plane.y].map(|n| -t.z * n / (c_n * view.focal_px)) } else { [0.0; 2] },

@@ -23,7 +23,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::output::picture::Picture;
-use crate::scene::Scene;
+use crate::scene::{Kernel, Scene, Sheet, gaussian_cutoff};
 
 use fragments::Golden;
 use ideal::Ideal;
@@ -163,8 +163,13 @@ pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
 }
 
 /// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats; or every contribution of a volume or of
-/// Gaussians by itself, in the order of depth.
+/// Gaussians by itself, in the order of depth. Gaussians reach at least as far as a screen of 8 bits shows them, whatever the scene's cutoff.
 pub fn ideal(scene: &Scene) -> Rendering {
+    let least = gaussian_cutoff();
+    if scene.sheets.as_ref().is_some_and(|sheets| sheets.of == Sheet::Splat) && scene.kernel.cutoff < least {
+        let kernel = Kernel { cutoff: least, ..scene.kernel };
+        return ideal(&Scene { kernel, ..scene.clone() });
+    }
     let shader = Shader::new(scene);
     match &scene.sheets {
         Some(sheets) => tiles::draw(scene, &shader, 0.0, || sheets::Ideal::new(sheets, shader.background())),

@@ -10,7 +10,8 @@ use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::Memory;
-use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Request, Wait};
+use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Limited, Request, Wait};
+use rtl_model::work::Work;
 use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
@@ -24,8 +25,10 @@ pub struct CyclesReport {
     pub clock_hz: u64,
     /// Frames a second.
     pub frames_per_second: f64,
-    /// What is busy longest: a unit, or memory.
+    /// What limits: the unit, or memory, without whose limit the frame takes the fewest cycles.
     pub bottleneck: &'static str,
+    /// What of it, and what the frame would take without.
+    pub limit: LimitReport,
     /// Every unit, in the order of the diagram; its four counts sum to `total`.
     pub units: Vec<UnitReport>,
     /// What went to memory and back.
@@ -34,6 +37,15 @@ pub struct CyclesReport {
     pub slots: [u64; 2],
     /// Lines that the cache looked up, and those that it had; none where there is no cache.
     pub lookups: Option<[u64; 2]>,
+}
+
+/// What limits a frame: its name is [`CyclesReport::bottleneck`].
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+pub struct LimitReport {
+    /// `work`: a unit's own cycles; `hazard`: a pixel that is still under way in it; `memory`: bytes move no faster.
+    pub by: &'static str,
+    /// Cycles of the frame with the unit infinitely fast, a hazard of one cycle, or ideal memory.
+    pub cycles_without: u64,
 }
 
 /// A unit's time.
@@ -55,7 +67,7 @@ pub struct UnitReport {
     pub starved_by: Option<&'static str>,
     /// Who blocked it, for how many cycles: `hazard` is a pixel still under way.
     pub blocked_by: Vec<Blocker>,
-    /// When it, and those beside it, had items; with the first of them.
+    /// When it had items.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub over_time: Option<OverTime>,
     /// `occupancy[n]`: how often n results waited behind it, or were on their way, when it took one.
@@ -111,8 +123,9 @@ pub struct ClientReport {
 }
 
 impl CyclesReport {
-    /// What a replay found.
-    pub fn new(timing: &Microarchitecture, cycles: &Cycles) -> Self {
+    /// What a replay of this work found.
+    pub fn new(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Self {
+        let limit = timing::limit(timing, work, cycles);
         let clock_hz = timing.timing.clock_hz;
         let seconds = cycles.total as f64 / clock_hz as f64;
         let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };
@@ -128,7 +141,15 @@ impl CyclesReport {
             total: cycles.total,
             clock_hz,
             frames_per_second: per_second(1),
-            bottleneck: cycles.bottleneck(),
+            bottleneck: limit.name,
+            limit: LimitReport {
+                by: match limit.by {
+                    Limited::Work => "work",
+                    Limited::Hazard => "hazard",
+                    Limited::Memory => "memory",
+                },
+                cycles_without: limit.without,
+            },
             units: cycles.units.iter().map(|unit| unit_report(unit, &cycles.units)).collect(),
             memory: MemoryReport {
                 busy: memory.busy,
@@ -156,11 +177,11 @@ impl CyclesReport {
         let memory = &self.memory;
         let gigabytes = |bytes: f64| format!("{:.2} GB/s", bytes / 1e9);
         let mut text = format!(
-            "{} cycles at {:.0} MHz: {} frames/s; busiest: {}\n{}\n",
+            "{} cycles at {:.0} MHz: {} frames/s; limited by: {}\n{}\n",
             thousands(self.total),
             self.clock_hz as f64 / 1e6,
             rate(self.frames_per_second),
-            self.bottleneck,
+            self.limited_by(),
             aligned(table).trim_fmt()
         );
         let clients: Vec<String> = (memory.clients.iter())
@@ -180,12 +201,15 @@ impl CyclesReport {
         text
     }
 
-    /// Every unit's use over time, in per cent; of several side by side together.
+    /// What limits, in words.
+    pub fn limited_by(&self) -> String {
+        if self.limit.by == "hazard" { format!("{} (hazard)", self.bottleneck) } else { self.bottleneck.into() }
+    }
+
+    /// Every unit's use over time, in per cent.
     pub fn charts(&self) -> Vec<Panel> {
         let panel = |(nth, unit, over_time): (usize, &UnitReport, &OverTime)| {
-            let name = unit.name.split('.').next().unwrap_or_default();
-            let beside = self.units.iter().filter(|other| other.name.split('.').next() == Some(name)).count();
-            let whole = (over_time.window * beside as u64) as f64;
+            let (name, whole) = (&unit.name, over_time.window as f64);
             let at = |window: usize| (window as u64 * over_time.window) as f64 / 1e6;
             // As steps.
             let steps = |(window, busy): (usize, &u64)| {
@@ -297,7 +321,6 @@ fn rate(per_second: f64) -> String {
 mod tests {
     use super::*;
     use rtl_model::Machine;
-    use rtl_model::work::Work;
 
     #[test]
     fn ideal_memory_has_traffic_but_no_peak() {
@@ -307,7 +330,7 @@ mod tests {
             machine.timing.memory.ideal = ideal;
             let timing = machine.elaborate().unwrap().timing;
             let work = Work { width: 32, height: 16, ..Work::default() };
-            CyclesReport::new(&timing, &timing::replay(&timing, &work, timing::Detail::Histograms))
+            CyclesReport::new(&timing, &work, &timing::replay(&timing, &work, timing::Detail::Histograms))
         };
         let [finite, ideal] = [of(false), of(true)];
         assert!(ideal.memory.bytes > 0 && ideal.memory.bytes == finite.memory.bytes);

@@ -135,7 +135,7 @@ impl Recording {
         let variants = axes.map(|axes| Variants::new(&self.machine, axes)).transpose()?;
         let detail = if requests { Detail::Log } else { Detail::Histograms };
         let cycles = timing::replay(&elaborated.timing, &self.work, detail);
-        let report = CyclesReport::new(&elaborated.timing, &cycles);
+        let report = CyclesReport::new(&elaborated.timing, &self.work, &cycles);
         let requests = requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
         Ok(Replayed { cycles: report, timings: variants.map(|variants| Timings::new(&variants, &self.work)), requests })
     }

@@ -104,14 +104,14 @@ impl Timings {
         let Variants { axes, machines } = variants;
         let row = |(value, machine): (&String, &Microarchitecture)| Row {
             value: value.clone(),
-            cycles: CyclesReport::new(machine, &timing::replay(machine, work, Detail::Histograms)),
+            cycles: CyclesReport::new(machine, work, &timing::replay(machine, work, Detail::Histograms)),
         };
         Timings { path: axes.path.clone(), rows: axes.values.par_iter().zip(machines).map(row).collect() }
     }
 
     /// At most 80 columns.
     pub fn table(&self) -> String {
-        let mut table = plain_table(&[self.path.trim_start_matches("timing."), "cycles", "frames/s", "of best", "busiest", "memory MB"]);
+        let mut table = plain_table(&[self.path.trim_start_matches("timing."), "cycles", "frames/s", "of best", "limited by", "memory MB"]);
         let best = self.rows.iter().map(|row| row.cycles.frames_per_second).fold(0.0, f64::max);
         for Row { value, cycles } in &self.rows {
             table.add_row([
@@ -119,7 +119,7 @@ impl Timings {
                 thousands(cycles.total),
                 format!("{:.1}", cycles.frames_per_second),
                 format!("{:.1}%", 100.0 * cycles.frames_per_second / best),
-                cycles.bottleneck.into(),
+                cycles.limited_by(),
                 format!("{:.1}", cycles.memory.bytes as f64 / 1e6),
             ]);
         }

@@ -117,7 +117,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
         fragments: drawing.outcomes.into(),
         signals,
         cost: CostReport::new(&elaborated, &cycles, &asked.prices),
-        cycles: CyclesReport::new(&elaborated.timing, &cycles),
+        cycles: CyclesReport::new(&elaborated.timing, &work, &cycles),
         timings,
         preview: None,
         golden: found(&golden),

@@ -2,7 +2,7 @@
 
 use crate::accuracy::attribution::Attribution;
 use crate::accuracy::ranges::SignalReport;
-use crate::accuracy::{Metrics, Summary};
+use crate::accuracy::{Metrics, Summary, db_text};
 use crate::hardware::quantise::Scale;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::CostReport;
@@ -252,11 +252,8 @@ impl Report {
     fn accuracy_table(&self) -> Table {
         let mut table = plain_table(&["", "PSNR dB", "covered dB", "SSIM", "max error", "mean error", "px > 1/255"]);
         for (name, m) in [("fixed − golden", self.accuracy.fixed_vs_golden), ("golden − ideal", self.accuracy.golden_vs_ideal)] {
-            let db = |db: Option<f64>| match db {
-                None => "equal".into(),
-                Some(db) if db > MOST_DB => format!("> {MOST_DB}"),
-                Some(db) => format!("{db:.1}"),
-            };
+            let shown = |db: f64| if db > MOST_DB { format!("> {MOST_DB}") } else { format!("{db:.1}") };
+            let db = |db: Option<f64>| db_text(db, m.not_finite, shown);
             table.add_row([
                 name.into(),
                 db(m.psnr_db),
@@ -285,7 +282,7 @@ impl Report {
         let kinds: Vec<String> =
             kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{} {kind}", thousands(*count))).collect();
         let kinds = if kinds.is_empty() { String::new() } else { format!(" ({})", kinds.join(", ")) };
-        let db = l.psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB"));
+        let db = db_text(l.psnr_db, l.not_finite, |db| format!("{db:.1} dB"));
         let bound = l.bound.nine_in_ten.map_or("infinite".into(), |bound| format!("{:.2}/255", 255.0 * bound));
         [
             format!("in lockstep, golden led by the machine's decisions: {db}, at most {:.4} off", l.max_error),

@@ -52,7 +52,7 @@ pub struct Gaussians {
 }
 
 /// Thinner Gaussians become as thick as this; squares and products of scales then fit f64.
-pub const SMALLEST_SCALE: f64 = 1e-30;
+pub const SMALLEST_SCALE: f64 = super::LEAST_RADIUS;
 
 impl Gaussians {
     /// Coefficients of red, green and blue of one of [`Gaussians::all`], for [`colour`]: 1, 4, 9 or 16 by degree.

@@ -5,9 +5,10 @@
 
 use super::gaussians::{Gaussian, Gaussians};
 use super::volume::RawDescription;
-use super::voxels::{Classification, TransferPoint, Voxels};
+use super::voxels::{Classification, TransferPoint, Voxels, depth_of_layer};
 use super::{
-    Amplitude, Camera, Ellipsoids, Image, Kernel, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
+    Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets,
+    Splat, Surface,
 };
 use super::{
     builtin::{self, Builtin, Order},
@@ -18,7 +19,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::output::text::one_line;
-use crate::scene::{strict_json, validate};
+use crate::scene::{gaussian_cutoff, strict_json, validate};
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -35,6 +36,9 @@ const LONGEST_SIDE: usize = 16384;
 pub const MOST_PIXELS: usize = 1 << 25;
 /// Nearer than this the eye and its target are one point: squares of such distances vanish in f64.
 const NEAREST_TARGET: f64 = 1e-100;
+/// Least radius of a volume's kernels, in steps of the grid: through the middle of one that stands for a whole cell of opacity 1 the optical
+/// depth is 1/(2πr²), here 1.6·10¹¹, and beyond that a volume is points in empty space.
+const LEAST_STEPS: f64 = 1e-6;
 /// Sine of the least angle between the view and up; below it rounding would turn the picture.
 const LEAST_SINE: f64 = 1e-9;
 
@@ -84,7 +88,8 @@ enum Source {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FileSource {
-    /// Path of the file, relative to the scene file.
+    /// Path of the file, relative to the scene file. Of trained Gaussians: rotations are quaternions, real part first (`rot_0` is w), of any
+    /// length but 0; `f_rest` has all coefficients of red, then of green, then of blue.
     file: PathBuf,
     /// Index into `materials`.
     #[serde(default)]
@@ -92,7 +97,7 @@ struct FileSource {
     material: u32,
     /// Factor on all radii, be they the file's or fitted.
     #[serde(default = "one")]
-    #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-30, max = 1e30))]
     radius_scale: f64,
     /// Factor on all opacities.
     #[serde(default = "one")]
@@ -105,15 +110,16 @@ struct FileSource {
 #[serde(deny_unknown_fields)]
 struct VolumeSource {
     volume: VolumeFile,
-    /// Colour and opacity by value, in ascending order; between two values linear. Left out: a white ramp.
+    /// Colour and opacity by value, in ascending order; between two values colour and optical depth, −ln(1 − opacity), are linear. Left out:
+    /// a white ramp.
     #[schemars(length(min = 1))]
     transfer: Option<Vec<TransferFields>>,
-    /// Factor on opacity by gradient magnitude, in ascending order; left out: 1.
+    /// Factor on optical depth by gradient magnitude, in ascending order; left out: 1.
     #[serde(default)]
     gradient: Vec<GradientFields>,
-    /// Standard deviation of the kernel along each axis, in steps of the grid along it.
+    /// Standard deviation of the kernel along each axis, in steps of the grid along it. Thinner than the least, no light would meet one.
     #[serde(default = "kernel_steps")]
-    #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-6, max = 100))]
     radius: f64,
     /// Draws the surface where the field has this value, instead of what the transfer function shows.
     #[schemars(range(min = -1e30, max = 1e30))]
@@ -175,12 +181,12 @@ struct TransferFields {
     #[serde(default = "white")]
     #[schemars(inner(range(min = 0, max = 1)))]
     rgb: [f64; 3],
-    /// Of a layer as thick as the shortest step of the grid.
+    /// Of a layer as thick as the shortest step of the grid: what part of the light behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
     #[schemars(range(min = 0, max = 1))]
     opacity: f64,
 }
 
-/// A gradient magnitude, in values a world unit, and a factor on opacity.
+/// A gradient magnitude, in values a world unit, and a factor on optical depth.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GradientFields {
@@ -251,7 +257,7 @@ struct SplatFields {
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     normal: Option<[f64; 3]>,
     /// Standard deviation of the kernel; left out: mean distance to the 6 nearest splats of the same array.
-    #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
+    #[schemars(range(min = 1e-30, max = 1e30))]
     radius: Option<f64>,
     /// Linear light.
     #[serde(default = "grey")]
@@ -280,7 +286,7 @@ struct CameraFields {
     /// Full vertical angle of view. Narrower than the least, f64 has no use for the picture's coordinates.
     #[schemars(range(min = 1e-6), extend("exclusiveMaximum" = 180))]
     fov_y_degrees: f64,
-    /// Splats at or nearer than this depth are not drawn; left out: a thousandth of the way to the target.
+    /// Splats whose centres lie at or nearer than this depth are not drawn, Gaussians too; left out: a thousandth of the way to the target.
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
     near: Option<f64>,
 }
@@ -300,10 +306,11 @@ struct ImageFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct KernelFields {
-    /// Fragments exist where the radial index is below this; left out: 2 for surfaces, 4 for volumes, 9 for Gaussians.
+    /// Fragments exist where the radial index is below this; left out: 2 for surfaces, 4 for volumes, 2·ln 255 = 11.0825 for
+    /// Gaussians, where an opaque one weighs 1/255.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     cutoff: Option<f64>,
-    /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3.
+    /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3, which makes none of them fainter: opacity is at the peak.
     #[schemars(range(min = 0, max = 1e6))]
     low_pass: Option<f64>,
     /// How a volume's kernels are filtered.
@@ -505,7 +512,7 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
         Kind::Surfaces => (2.0, 1.0, 1.5),
         Kind::Volume => (4.0, 1.0, 1.5),
         // Programs that train draw what lies far to the side as well.
-        Kind::Gaussians => (9.0, 0.3, 100.0),
+        Kind::Gaussians => (gaussian_cutoff(), 0.3, 100.0),
     };
     Kernel {
         cutoff: fields.cutoff.unwrap_or(cutoff),
@@ -598,6 +605,8 @@ struct Gathered<'a> {
     materials: Vec<Material>,
     materials_are_given: bool,
     medium: Option<Medium>,
+    /// Where a volume's kernels end.
+    volume_cutoff: f64,
     notes: Vec<String>,
 }
 
@@ -609,7 +618,18 @@ impl<'a> Gathered<'a> {
             None => vec![material(&MaterialFields::default())],
         };
         let materials_are_given = fields.materials.is_some();
-        Gathered { name, folder, splats: vec![], clouds: vec![], materials, materials_are_given, medium: None, notes: vec![] }
+        let volume_cutoff = kernel(&fields.kernel, Kind::Volume).cutoff;
+        Gathered {
+            name,
+            folder,
+            splats: vec![],
+            clouds: vec![],
+            materials,
+            materials_are_given,
+            medium: None,
+            volume_cutoff,
+            notes: vec![],
+        }
     }
 
     fn add(&mut self, source: &Source, path: &str) -> Result<()> {
@@ -670,18 +690,31 @@ impl<'a> Gathered<'a> {
             VolumeFile::Raw(_) => self.input_error(format!("{path}.volume: {sentence}")),
             _ => Error::input(format!("{}: {sentence}", file.display())),
         })?;
+        let cutoff = self.volume_cutoff;
         let transfer = match &source.transfer {
             Some(points) => {
                 ascending(points.iter().map(|p| p.value), &format!("{path}.transfer"), "value")
                     .map_err(|sentence| self.input_error(sentence))?;
-                points.iter().map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, opacity }).collect()
+                points
+                    .iter()
+                    .map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, depth: depth_of_layer(opacity, cutoff) })
+                    .collect()
             }
-            None => Classification::usual(&volume),
+            None => Classification::usual(&volume, cutoff),
         };
         let magnitudes = source.gradient.iter().map(|point| point.magnitude);
         ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.input_error(sentence))?;
         let gradient = source.gradient.iter().map(|point| [point.magnitude, point.factor]).collect();
         let classification = Classification { transfer, gradient, radius: source.radius, material };
+        let sigma = classification.sigma(&volume);
+        if !(LEAST_RADIUS..=ply::FARTHEST).contains(&sigma) || source.radius < LEAST_STEPS {
+            return Err(self.input_error(format!(
+                "{path} has kernels of {:e} steps, {sigma:e} world units; they must have {LEAST_STEPS:e} steps and {LEAST_RADIUS:e} world units or more, \
+                 and at most {:e} world units",
+                source.radius,
+                ply::FARTHEST
+            )));
+        }
         self.medium = Some(match source.isovalue {
             Some(isovalue) => {
                 let (splats, orientations) = classification.isosurface(&volume, isovalue, source.flatten);
@@ -716,7 +749,7 @@ impl<'a> Gathered<'a> {
         let splat = |gaussian: &Gaussian| Splat {
             position: gaussian.position,
             normal: DVec3::Z,
-            radius: gaussian.scale.max_element() * radius_scale,
+            radius: (gaussian.scale.max_element() * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST),
             rgb: [0.0; 3],
             opacity: gaussian.opacity * opacity,
             material: 0,
@@ -821,7 +854,7 @@ impl<'a> Gathered<'a> {
         for &(end, radius_scale) in &self.clouds {
             let cloud = &mut self.splats[start..end];
             neighbours::fit(cloud, eye);
-            cloud.iter_mut().for_each(|s| s.radius = (s.radius * radius_scale).clamp(f64::MIN_POSITIVE, ply::FARTHEST));
+            cloud.iter_mut().for_each(|s| s.radius = (s.radius * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST));
             start = end;
         }
     }

@@ -28,6 +28,15 @@ use serde::Serialize;
 use std::ffi::OsStr;
 use std::path::Path;
 
+/// Least radius, world units. Positions and radii end at 10³⁰, so a radius is never less than 10⁻⁶¹ of a distance: its fourth power, which
+/// a footprint's determinant is, still is a normal number of f64 (2.2·10⁻³⁰⁸), where squares of less would vanish and make 0/0.
+pub const LEAST_RADIUS: f64 = 1e-30;
+
+/// Radial index at which an opaque Gaussian weighs 1/255, the least that a screen of 8 bits shows: e^(−r/2) = 1/255 at r = 2·ln 255.
+pub fn gaussian_cutoff() -> f64 {
+    2.0 * libm::log(255.0)
+}
+
 /// One splat: a Gaussian disc (docs/book/algorithm.md §2), or an ellipsoid ([`Scene::ellipsoids`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Splat {
@@ -35,7 +44,7 @@ pub struct Splat {
     pub position: DVec3,
     /// Unit normal, world space.
     pub normal: DVec3,
-    /// Standard deviation σ of the reconstruction kernel in the tangent plane, world units, > 0.
+    /// Standard deviation σ of the reconstruction kernel in the tangent plane, world units, at least [`LEAST_RADIUS`].
     pub radius: f64,
     /// Linear light, each in [0, 1]; of Gaussians whatever their file means, ≥ 0.
     pub rgb: [f64; 3],

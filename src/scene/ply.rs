@@ -11,7 +11,7 @@
 //! - Vertices without a finite position (or past ±1e30, as some scanners mark holes) are left out and counted in a note.
 //! - Faces serve only to find normals where the file has none; a face that names a vertex out of range is left out and counted.
 
-use super::{Splat, unit};
+use super::{LEAST_RADIUS, Splat, unit};
 use crate::output::colour::srgb_decode;
 pub(super) use crate::output::text::clipped as clip;
 use glam::DVec3;
@@ -505,10 +505,10 @@ impl Layout {
     }
 
     fn check_radii(&self, splats: &[Splat]) -> Parsed<()> {
-        let wrong = |s: &Splat| is_placed(s) && !(s.radius > 0.0 && s.radius <= FARTHEST);
+        let wrong = |s: &Splat| is_placed(s) && !(LEAST_RADIUS..=FARTHEST).contains(&s.radius);
         match splats.iter().position(wrong) {
             Some(number) if self.kind_of_slot[RADIUS].is_some() => Err(format!(
-                "vertex {number} of {} has the radius {}; it must be more than 0 and at most {FARTHEST:e}",
+                "vertex {number} of {} has the radius {}; it must be at least {LEAST_RADIUS:e} and at most {FARTHEST:e}",
                 splats.len(),
                 splats[number].radius
             )),

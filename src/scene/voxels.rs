@@ -4,9 +4,13 @@
 //! samples ─►[ transfer: value → rgb, opacity ]─►(× gradient's factor)─► what is seen at all ─►[ slices along the view ]─► sheets
 //!       └─►[ isovalue: moved along the gradient to the surface, flattened there ]─► surface splats
 //! ```
-//! A voxel that is not seen never becomes a splat. A transfer function's opacity is that of a layer one step thick, a step being the
-//! shortest spacing: extinction g = opacity/step. A kernel of standard deviations σᵢ that stands for one cell of volume V_c has, through
-//! its middle, the optical depth g·V_c/(2πσ²) of a ball of the largest σ: that is the splat's opacity, and setup does the rest.
+//! A voxel that is not seen never becomes a splat. A transfer function's opacity α is that of a layer one step thick, a step being the
+//! shortest spacing: its optical depth is −ln(1 − α), and extinction g is that over the step. A kernel of standard deviations σᵢ that stands
+//! for one cell of volume V_c has, through its middle, the optical depth g·V_c/(2πσ²) of a ball of the largest σ: that is the splat's opacity,
+//! and setup does the rest. A footprint ends where the radial index reaches the cutoff c and lacks e^(−c/2) of what the whole one has: what is
+//! left is made that much deeper.
+//!
+//! Law: `a_slab_is_as_opaque_as_it_says` (tests/regressions_promises.rs).
 
 use super::volume::Volume;
 use super::{Ellipsoids, Orientation, Scene, Sheet, Splat, View};
@@ -14,23 +18,35 @@ use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Colour and opacity of a value; between two values linear, beyond the first and the last as there.
+/// Colour and optical depth of a value; between two values linear, beyond the first and the last as there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferPoint {
     /// Of the field.
     pub value: f64,
     /// Linear light.
     pub rgb: [f64; 3],
-    /// Of a layer one step thick.
-    pub opacity: f64,
+    /// Of a layer one step thick, as its kernels must have it ([`depth_of_layer`]).
+    pub depth: f64,
 }
+
+/// Opacities beyond this count as this: an opaque layer would be infinitely deep, and no frame word of 16 bits tells the two apart.
+const MOST_OPACITY: f64 = 1.0 - 1.0 / 65536.0;
+
+/// Optical depth that a layer's kernels need in all, so that the layer has this opacity where they end at a cutoff.
+pub fn depth_of_layer(opacity: f64, cutoff: f64) -> f64 {
+    let left = -libm::expm1(-cutoff / 2.0);
+    -libm::log1p(-opacity.min(MOST_OPACITY)) / left
+}
+
+/// Opacity at the upper end of the usual ramp: with the usual cutoff of 4 an optical depth of 0.2.
+const USUAL_OPACITY: f64 = 0.158_805_979_395_819_03;
 
 /// How a field becomes splats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Classification {
     /// In the order of values; never empty.
     pub transfer: Vec<TransferPoint>,
-    /// Factor on opacity by gradient magnitude, in the order of magnitudes; empty: 1.
+    /// Factor on optical depth by gradient magnitude, in the order of magnitudes; empty: 1.
     pub gradient: Vec<[f64; 2]>,
     /// σ along each axis, in steps along it.
     pub radius: f64,
@@ -120,18 +136,19 @@ fn piecewise<const N: usize>(points: impl Iterator<Item = (f64, [f64; N])>, at: 
 }
 
 impl Classification {
-    /// A ramp over a field's upper three quarters.
-    pub fn usual(volume: &Volume) -> Vec<TransferPoint> {
+    /// A ramp over a field's upper three quarters, for kernels that end at a cutoff.
+    pub fn usual(volume: &Volume, cutoff: f64) -> Vec<TransferPoint> {
         let (low, high) = volume.values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
         let (low, high) = (f64::from(low), f64::from(high));
-        let at = |part: f64, opacity| TransferPoint { value: low + (high - low) * part, rgb: [1.0; 3], opacity };
-        vec![at(0.25, 0.0), at(1.0, 0.2)]
+        let at =
+            |part: f64, opacity| TransferPoint { value: low + (high - low) * part, rgb: [1.0; 3], depth: depth_of_layer(opacity, cutoff) };
+        vec![at(0.25, 0.0), at(1.0, USUAL_OPACITY)]
     }
 
     fn colour(&self, value: f64) -> ([f64; 3], f64) {
-        let points = self.transfer.iter().map(|p| (p.value, [p.rgb[0], p.rgb[1], p.rgb[2], p.opacity]));
-        let [r, g, b, opacity] = piecewise(points, value);
-        ([r, g, b], opacity)
+        let points = self.transfer.iter().map(|p| (p.value, [p.rgb[0], p.rgb[1], p.rgb[2], p.depth]));
+        let [r, g, b, depth] = piecewise(points, value);
+        ([r, g, b], depth)
     }
 
     fn factor(&self, magnitude: f64) -> f64 {
@@ -146,31 +163,36 @@ impl Classification {
         volume.values.par_iter().filter(|value| self.colour(f64::from(**value)).1 > 0.0).count() as u64
     }
 
+    /// The largest standard deviation of a kernel, world units.
+    pub fn sigma(&self, volume: &Volume) -> f64 {
+        self.radius * Field::new(volume).longest_step()
+    }
+
     /// Every voxel that is seen, in the order of the samples.
     pub fn voxels(&self, volume: &Volume) -> (Vec<Splat>, Voxels) {
         let field = Field::new(volume);
         let steps = field.steps();
         let step = steps.into_iter().fold(f64::INFINITY, f64::min);
-        let sigma = self.radius * field.longest_step();
-        // Opacity of a layer to optical depth through a ball of radius σ.
-        let depth = steps.iter().product::<f64>() / (step * TAU * sigma * sigma);
+        let sigma = self.sigma(volume);
+        // Optical depth of a layer to that through a ball of radius σ.
+        let through = steps.iter().product::<f64>() / (step * TAU * sigma * sigma);
         let voxel = |at: [usize; 3]| {
-            let (rgb, opacity) = self.colour(field.value(at));
+            let (rgb, depth) = self.colour(field.value(at));
             // Most of a volume is air.
-            if opacity <= 0.0 {
+            if depth <= 0.0 {
                 return None;
             }
             let gradient = field.gradient(at);
-            let opacity = opacity * self.factor(gradient.length());
+            let depth = depth * self.factor(gradient.length());
             let splat = Splat {
                 position: field.position(at),
                 normal: super::unit(gradient).unwrap_or(DVec3::ZERO),
                 radius: sigma,
                 rgb,
-                opacity: opacity * depth,
+                opacity: depth * through,
                 material: self.material,
             };
-            (opacity > 0.0).then_some((splat, at.map(|index| index as u32)))
+            (depth > 0.0).then_some((splat, at.map(|index| index as u32)))
         };
         let slices: Vec<Vec<(Splat, [u32; 3])>> =
             (0..volume.size[2]).into_par_iter().map(|z| field.slice(z).filter_map(voxel).collect()).collect();

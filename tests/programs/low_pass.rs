@@ -47,7 +47,7 @@ fn text(side: usize, low_pass: f64, by: &str) -> String {
     json!({
         "splats": {
             "volume": {"file": "rings.raw", "size": SIZE, "type": "u8", "endian": "little", "spacing": [4, 1, 1]},
-            "transfer": [{"value": 0, "rgb": [0.02, 0.05, 0.2], "opacity": 0.6}, {"value": 255, "rgb": [1, 0.85, 0.5], "opacity": 0.6}],
+            "transfer": [{"value": 0, "rgb": [0.02, 0.05, 0.2], "opacity": 0.40476490275606014}, {"value": 255, "rgb": [1, 0.85, 0.5], "opacity": 0.40476490275606014}],
         },
         "materials": [{"unlit": true}],
         "camera": {"eye": [middle[0], middle[1], middle[2] + distance], "target": middle, "fov_y_degrees": fov_y_degrees},

@@ -60,8 +60,8 @@ fn media(splats: &Value, side: u32, sheets: &Value) -> String {
 /// A volume of so many samples a side: voxels that share their axes, lit before they are drawn, sheet by sheet.
 pub fn shells(samples: u32, side: u32, sheets: &Value) -> String {
     let transfer = json!([
-        {"value": 0.1, "rgb": [0.2, 0.4, 1], "opacity": 0}, {"value": 0.5, "rgb": [0.2, 0.9, 0.3], "opacity": 0.8},
-        {"value": 1, "rgb": [1, 0.2, 0.1], "opacity": 0.9},
+        {"value": 0.1, "rgb": [0.2, 0.4, 1], "opacity": 0}, {"value": 0.5, "rgb": [0.2, 0.9, 0.3], "opacity": 0.49929179534464957},
+        {"value": 1, "rgb": [1, 0.2, 0.1], "opacity": 0.5407673088982273},
     ]);
     media(&json!({"volume": {"builtin": "nested-shells", "samples": samples}, "transfer": transfer}), side, sheets)
 }

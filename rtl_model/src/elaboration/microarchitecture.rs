@@ -76,6 +76,9 @@ pub struct Microarchitecture {
     pub line_bytes: u32,
     /// Words that wait and that are kept on the chip.
     pub storage: Storage,
+    /// A unit that is infinitely fast, to see what it costs: no machine has one.
+    #[serde(skip)]
+    pub lifted: Option<&'static str>,
 }
 
 /// Words kept on the chip, besides the registers of the units: bits.
@@ -225,6 +228,7 @@ impl Machine {
             frame_bytes,
             line_bytes,
             storage: self.storage([splat, prepared], [fragment_bytes, frame_bytes]),
+            lifted: None,
         }
     }
 }

@@ -50,7 +50,7 @@ pub struct UnitCycles {
     pub account: Account,
     /// When it, and those beside it, took each item; only of [`Detail::Log`].
     pub log: Vec<u64>,
-    /// When it, and those beside it, had items: with the first of them, and not of [`Detail::Accounts`].
+    /// When it had items; not of [`Detail::Accounts`].
     pub timeline: Option<Timeline>,
     /// Who starved it; nobody starves the first.
     pub starved_by: Option<&'static str>,
@@ -65,7 +65,7 @@ pub struct UnitCycles {
 pub struct Timeline {
     /// Cycles of a window.
     pub window: u64,
-    /// Such cycles in each, of several units side by side together; of the cache those too in which a look-up waits for memory.
+    /// Such cycles in each; of the cache those too in which a look-up waits for memory.
     pub busy: Vec<u64>,
     /// Where the last window ends, and what belongs into it but is not there yet.
     end: u64,
@@ -210,7 +210,11 @@ pub struct Unit {
     /// Of those that work side by side the one whose turn it is, and the others by their place; its own holds nothing of worth.
     side: Side,
     sides: Box<[Side]>,
+    /// Of the one whose turn it is, and the others by their place, as with sides.
     timeline: Timeline,
+    timelines: Box<[Timeline]>,
+    /// All bits: items hold it; none: it is infinitely fast, to see what it costs.
+    held: u64,
     /// When it took each item, for whoever wants to know.
     log: Option<Vec<u64>>,
     /// Whether there are others, or a log.
@@ -244,7 +248,13 @@ pub struct Ready {
 }
 
 impl Unit {
-    pub fn new(name: &'static str, pace: Pace, starved_by: Option<&'static str>, blocked_by: Option<&'static str>, detail: Detail) -> Self {
+    pub fn new(
+        name: &'static str,
+        pace: Pace,
+        [starved_by, blocked_by]: [Option<&'static str>; 2],
+        detail: Detail,
+        lifted: Option<&'static str>,
+    ) -> Self {
         let logged = detail == Detail::Log;
         Unit {
             name,
@@ -253,6 +263,8 @@ impl Unit {
             side: Side::default(),
             sides: (0..pace.units).map(|index| Side { index, ..Side::default() }).collect(),
             timeline: Timeline::new(detail),
+            timelines: (0..pace.units).map(|_| Timeline::new(detail)).collect(),
+            held: if lifted == Some(name) { 0 } else { u64::MAX },
             log: logged.then(Vec::new),
             is_rare: logged || pace.units > 1,
             behind: Places::new(pace.room(), detail >= Detail::Histograms),
@@ -279,6 +291,7 @@ impl Unit {
 
     #[inline(always)]
     fn hold(&mut self, ready: Ready, items: u64, busy: u64, cycles: u64) -> u64 {
+        let (busy, cycles) = (busy & self.held, cycles & self.held);
         let side = &mut self.side;
         let here = side.free.max(ready.here);
         let with_memory = here.max(ready.memory);
@@ -304,9 +317,17 @@ impl Unit {
             log.extend(now..now + items);
         }
         let index = self.side.index as usize;
+        let next = if index + 1 == self.sides.len() { 0 } else { index + 1 };
         self.sides[index] = self.side;
-        self.side = self.sides[if index + 1 == self.sides.len() { 0 } else { index + 1 }];
+        self.side = self.sides[next];
+        std::mem::swap(&mut self.timeline, &mut self.timelines[index]);
+        std::mem::swap(&mut self.timeline, &mut self.timelines[next]);
         self.side.free = self.side.free.max(now);
+    }
+
+    /// Whether it is infinitely fast.
+    pub fn is_lifted(&self) -> bool {
+        self.held == 0
     }
 
     /// When the unit that has the next turn is free.
@@ -322,24 +343,24 @@ impl Unit {
 
     /// Its cycles in a frame of so many: at the end it is starved.
     pub fn cycles(self, total: u64) -> Vec<UnitCycles> {
-        let Unit { name, starved_by, blocked_by, side, mut sides, behind, log, mut timeline, .. } = self;
+        let Unit { name, starved_by, blocked_by, side, mut sides, behind, log, timeline, mut timelines, .. } = self;
         let mut log = log.unwrap_or_default();
         sides[side.index as usize] = side;
-        timeline.close();
+        timelines[side.index as usize] = timeline;
+        timelines.iter_mut().for_each(Timeline::close);
         let mut of = |side: Side| {
             let (index, Account { busy, blocked, memory, .. }) = (side.index, side.account);
-            let is_counted = behind.is_counted && index == 0;
             let by_unit = blocked_by.map(|unit| (Wait::Unit(unit), blocked - side.hazard));
             UnitCycles {
                 name,
                 index,
                 items: side.items,
                 log: std::mem::take(&mut log),
-                timeline: is_counted.then(|| timeline.clone()),
+                timeline: behind.is_counted.then(|| timelines[index as usize].clone()),
                 account: Account { busy, starved: total - busy - blocked - memory, blocked, memory },
                 starved_by,
                 blocked_by: by_unit.into_iter().chain([(Wait::Hazard, side.hazard)]).filter(|(_, cycles)| *cycles > 0).collect(),
-                occupancy: if is_counted { behind.occupancy.to_vec() } else { Vec::new() },
+                occupancy: if behind.is_counted && index == 0 { behind.occupancy.to_vec() } else { Vec::new() },
             }
         };
         sides.into_iter().map(&mut of).collect()

@@ -34,15 +34,15 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let lists = work.bins(side as usize);
     let (setup, bin, listed) = first_pass(t, work, &lists, &mut memory, detail);
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-    let mut sort = Unit::new(unit::SORT, one, Some("bin"), Some("list"), detail);
+    let mut sort = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted);
     let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
 
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
-    let mut list = Unit::new("list", one, Some("bin"), Some(unit::RASTER), detail);
+    let mut list = Unit::new("list", one, [Some("bin"), Some(unit::RASTER)], detail, t.lifted);
     let mut fill = Fill::new(t, work, "list", unit::FRAGMENT, detail);
     let mut merge = Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail);
     let mut resolve = Resolve::new(t, work, detail);
-    let mut lit = Unit::new("resolve-shade", t.shade, Some(unit::RESOLVE), None, detail);
+    let mut lit = Unit::new("resolve-shade", t.shade, [Some(unit::RESOLVE), None], detail, t.lifted);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
@@ -105,7 +105,9 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &Work, lists: &Bins, memory: &
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut setup = SetUp::new(t, work, "bin", detail);
-    let mut bin = Unit::new("bin", Pace { units: 1, latency: 1, interval: 1, fifo: 1 }, Some(SetUp::last_name(work)), None, detail);
+    let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
+    let mut bin = Unit::new("bin", one, [Some(SetUp::last_name(work)), None], detail, t.lifted);
+    let each = u64::from(!bin.is_lifted());
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
     let mut fates = work.fates.iter().zip(0..).peekable();
@@ -140,7 +142,7 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &Work, lists: &Bins, memory: &
         record_bursts = full;
         let mut when = now;
         each_tile(footprint.sides(), side, lists.columns, |tile| {
-            when += 1;
+            when += each;
             lengths[tile] += 1;
             if (lengths[tile] * ENTRY_BYTES).is_multiple_of(burst) {
                 write(when, LISTS + tile as u64 * LIST_BYTES + lengths[tile] * ENTRY_BYTES - burst);
@@ -174,13 +176,13 @@ fn sort_lists(t: &Microarchitecture, entries: u64, sort: &mut Unit, from: u64, m
     let Some(shape) = t.sort else { return from };
     let mut now = from;
     for pass in 0..u64::from(shape.passes) {
-        let busy = entries + (1 << shape.digit_bits);
+        let busy = if sort.is_lifted() { 0 } else { entries + (1 << shape.digit_bits) };
         let bytes = entries * u64::from(shape.entry_bytes);
         let [source, target] = [pass % 2, (pass + 1) % 2].map(|half| SORTED + half * (1 << 40));
         let (mut done, mut moved) = (now, 0);
         while moved < bytes {
             let part = SORT_BYTES.min(bytes - moved);
-            let asked = done.max(now + moved / u64::from(shape.entry_bytes));
+            let asked = done.max(now + if sort.is_lifted() { 0 } else { moved / u64::from(shape.entry_bytes) });
             let here = memory.request(asked, Client::Lists, Direction::Read, source + moved, part);
             done = memory.request(here, Client::Lists, Direction::Write, target + moved, part);
             moved += part;

@@ -9,6 +9,7 @@
 
 use super::stamps::Piece;
 use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::records::unit;
 use crate::work::{TILE_PX, Work};
 
 /// A piece that was taken: until when it is under way, and its place.
@@ -32,8 +33,10 @@ impl Hazards {
     pub fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let columns = (work.width as usize).div_ceil(TILE_PX);
         let [across, down] = timing.timing.raster.lanes.map(|lanes| lanes as usize);
+        // Infinitely fast, it takes what waited for it at once.
+        let waiting = if timing.lifted == Some(unit::FRAGMENT) { timing.gauss.room().max(timing.cache.room()) + 1 } else { 0 };
         // A cycle at least for each stamp; its pixels lie in so many strips at most.
-        let under_way = timing.hazard as usize * ((across - 1).div_ceil(TILE_PX) + 1) * down;
+        let under_way = (timing.hazard as usize + waiting) * ((across - 1).div_ceil(TILE_PX) + 1) * down;
         let last = vec![Taken::default(); columns * work.height as usize];
         Hazards { last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0 }
     }

@@ -52,7 +52,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
     let mut setup = SetUp::new(t, work, unit::RASTER, detail);
     let mut fill = Fill::new(t, work, SetUp::last_name(work), "cache", detail);
-    let mut lookup = Unit::new("cache", t.cache, Some(unit::GAUSS), Some(unit::FRAGMENT), detail);
+    let mut lookup = Unit::new("cache", t.cache, [Some(unit::GAUSS), Some(unit::FRAGMENT)], detail, t.lifted);
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
     let mut merge = Merge::new(t, work, "cache", None, detail);
@@ -69,7 +69,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             let start = lookup.free().max(ready.here).max(ready.room);
             let (mut over, mut lines_here) = (start, start);
             for (nth, (line, place)) in touched.iter_mut().enumerate() {
-                let found = cache.look_up(over + u64::from(nth > 0), *line, &mut memory);
+                let found = cache.look_up(over + u64::from(nth > 0 && !lookup.is_lifted()), *line, &mut memory);
                 (*place, over) = (found.place, found.over);
                 lines_here = lines_here.max(found.here);
             }

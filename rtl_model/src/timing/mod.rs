@@ -24,11 +24,13 @@ mod binned;
 mod cache;
 mod hazards;
 mod immediate;
+mod limit;
 mod memory;
 mod stages;
 mod stamps;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
+pub use limit::{Limit, Limited, limit};
 pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
 
 use crate::elaboration::microarchitecture::Microarchitecture;
@@ -61,15 +63,6 @@ impl Cycles {
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
         let units = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
         Cycles { total, units, memory, requests, lookups: [0; 2], stamps: [0; 2] }
-    }
-
-    /// Names what is busy in the most cycles: a unit, or memory.
-    pub fn bottleneck(&self) -> &'static str {
-        let busiest = self.units.iter().max_by_key(|unit| unit.account.busy);
-        match busiest {
-            Some(unit) if unit.account.busy >= self.memory.busy => unit.name,
-            _ => "memory",
-        }
     }
 }
 

@@ -36,10 +36,10 @@ impl<'a> SetUp<'a> {
         let after_ellipse = if work.preshaded { unit::SHADE } else { behind };
         SetUp {
             timing,
-            fetch: Unit::new("fetch", timing.fetch, None, Some(unit::PROJECT), detail),
-            project: Unit::new(unit::PROJECT, timing.project, Some("fetch"), Some(unit::ELLIPSE), detail),
-            ellipse: Unit::new(unit::ELLIPSE, timing.ellipse, Some(unit::PROJECT), Some(after_ellipse), detail),
-            shade: work.preshaded.then(|| Unit::new(unit::SHADE, timing.shade, Some(unit::ELLIPSE), Some(behind), detail)),
+            fetch: Unit::new("fetch", timing.fetch, [None, Some(unit::PROJECT)], detail, timing.lifted),
+            project: Unit::new(unit::PROJECT, timing.project, [Some("fetch"), Some(unit::ELLIPSE)], detail, timing.lifted),
+            ellipse: Unit::new(unit::ELLIPSE, timing.ellipse, [Some(unit::PROJECT), Some(after_ellipse)], detail, timing.lifted),
+            shade: work.preshaded.then(|| Unit::new(unit::SHADE, timing.shade, [Some(unit::ELLIPSE), Some(behind)], detail, timing.lifted)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
             splat_bytes: timing.voxel_bytes.filter(|_| work.shared_axes).unwrap_or(timing.splat_bytes).into(),
             fetched: 0,
@@ -145,8 +145,8 @@ impl<'a> Fill<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
         Fill {
             timing,
-            raster: Unit::new(unit::RASTER, timing.raster, Some(before), Some(unit::GAUSS), detail),
-            gauss: Unit::new(unit::GAUSS, timing.gauss, Some(unit::RASTER), Some(behind), detail),
+            raster: Unit::new(unit::RASTER, timing.raster, [Some(before), Some(unit::GAUSS)], detail, timing.lifted),
+            gauss: Unit::new(unit::GAUSS, timing.gauss, [Some(unit::RASTER), Some(behind)], detail, timing.lifted),
             walk: Stamps::new(work, timing.timing.raster.lanes),
             stamps: [0; 2],
         }
@@ -211,8 +211,8 @@ impl<'a> Merge<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
         Merge {
             timing,
-            fragment: Unit::new(unit::FRAGMENT, timing.fragment, Some(before), behind, detail),
-            shade: Unit::new(unit::SHADE, timing.shade, Some(unit::FRAGMENT), None, detail),
+            fragment: Unit::new(unit::FRAGMENT, timing.fragment, [Some(before), behind], detail, timing.lifted),
+            shade: Unit::new(unit::SHADE, timing.shade, [Some(unit::FRAGMENT), None], detail, timing.lifted),
             hazards: Hazards::new(timing, work),
             written: 0,
         }
@@ -229,15 +229,17 @@ impl<'a> Merge<'a> {
             _ => stamp.iter().fold([0; 2], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]),
         };
         let mut cycles = 1 + merges * u64::from(t.timing.fragment.merge);
-        if shades > 0 {
+        if shades > 0 && !self.shade.is_lifted() {
             cycles += u64::from(t.shade.latency) + (shades - 1) * u64::from(t.shade.interval);
         }
         let now = self.fragment.take(Ready { hazard, ..ready }, cycles);
         for _ in 0..shades {
             self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
         }
-        self.hazards.take(stamp, now + cycles - 1 + u64::from(t.hazard));
-        let written = now + cycles - 1 + u64::from(t.fragment.latency);
+        // Infinitely fast, it still forwards nothing: what is under way stays so.
+        let more = if self.fragment.is_lifted() { 0 } else { cycles - 1 };
+        self.hazards.take(stamp, now + more + u64::from(t.hazard));
+        let written = now + more + u64::from(t.fragment.latency);
         self.written = self.written.max(written);
         [now, written]
     }
@@ -256,7 +258,7 @@ impl<'a> Resolve<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &Work, detail: Detail) -> Self {
         Resolve {
             timing,
-            unit: Unit::new(unit::RESOLVE, timing.resolve, Some(unit::FRAGMENT), None, detail),
+            unit: Unit::new(unit::RESOLVE, timing.resolve, [Some(unit::FRAGMENT), None], detail, timing.lifted),
             held: work.held(),
             width: work.width,
         }
@@ -265,7 +267,7 @@ impl<'a> Resolve<'a> {
     /// Takes these columns and rows of the picture, shading in a unit; says when the last of their words is there.
     pub fn pixels(&mut self, columns: Range<u32>, rows: Range<u32>, ready: Ready, shade: &mut Unit) -> u64 {
         let t = self.timing;
-        let interval = u64::from(t.shade.interval);
+        let interval = if shade.is_lifted() { 0 } else { u64::from(t.shade.interval) };
         let (mut cycles, mut shades) = (0, 0);
         for row in rows {
             let at = |column: u32| (row * self.width + column) as usize;
@@ -275,11 +277,11 @@ impl<'a> Resolve<'a> {
             }
         }
         let now = self.unit.take(ready, cycles);
-        let done = now + cycles + u64::from(t.resolve.latency);
+        let done = now + if self.unit.is_lifted() { 0 } else { cycles } + u64::from(t.resolve.latency);
         if shades == 0 {
             return done;
         }
         shade.take(Ready { here: now, ..Ready::default() }, shades * interval);
-        done + u64::from(t.shade.latency)
+        done + if shade.is_lifted() { 0 } else { u64::from(t.shade.latency) }
     }
 }

@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use rtl_model::Machine;
 use rtl_model::machine::timing::Organisation;
 use rtl_model::pipeline::draw_measured;
-use rtl_model::timing::{Cycles, Detail, replay};
+use rtl_model::timing::{Cycles, Detail, Limited, limit, replay};
 use rtl_model::work::Work;
 use serde_json::{Value, json};
 
@@ -70,15 +70,14 @@ fn accounts_for_all(cycles: &Cycles) {
         let [index, first] =
             [together.clone().filter(|other| other.index == unit.index).count(), together.clone().filter(|other| other.index == 0).count()];
         assert_eq!([index, first], [1, 1], "two units are called {}", unit.name);
-        let busy: u64 = together.map(|unit| unit.account.busy).sum();
-        let Some(timeline) = &unit.timeline else {
-            assert!(unit.index > 0, "of {} nobody says when it was used", unit.name);
-            continue;
-        };
+        let busy = account.busy;
+        let Some(timeline) = &unit.timeline else { panic!("of {} nobody says when it was used", unit.name) };
         let over_time: u64 = timeline.busy.iter().sum();
         let waits = unit.name == "cache" && over_time >= busy;
         assert!(over_time == busy || waits, "{}: {over_time} of {busy}", unit.name);
         assert!(timeline.busy.len() <= 257 && timeline.window * (timeline.busy.len() as u64 - 1) <= cycles.total);
+        let most = timeline.busy.iter().max();
+        assert!(most <= Some(&timeline.window), "{}: {most:?} busy cycles in a window of {}", unit.name, timeline.window);
     }
 }
 
@@ -144,8 +143,68 @@ fn a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth() {
         let bytes = cycles.memory.total_bytes();
         assert_eq!(cycles.memory.busy, bytes);
         assert!(cycles.total >= bytes && cycles.total * 100 < bytes * 105, "{organisation:?}: {} cycles for {bytes} bytes", cycles.total);
-        assert_eq!(cycles.bottleneck(), "memory");
+        let timing = machine.elaborate().unwrap().timing;
+        assert_eq!(limit(&timing, &work(), &cycles).name, "memory");
     }
+}
+
+/// What limits is what gains most where it is lifted, and nothing that is not tried would gain more.
+#[test]
+fn the_limit_is_what_gains_most_where_it_is_lifted() {
+    let work = work();
+    let fields: [(&str, &[Value]); 6] = [
+        ("raster/lanes", &[json!([1, 1]), json!([8, 8])]),
+        ("fragment/hazard", &[json!(64), json!(1)]),
+        ("fragment/merge", &[json!(40)]),
+        ("project/interval", &[json!(60)]),
+        ("shade/latency", &[json!(300)]),
+        ("memory/bytes_per_cycle", &[json!(1), json!(64)]),
+    ];
+    let mut met = Vec::new();
+    for (field, values) in fields {
+        for (value, organisation) in
+            values.iter().flat_map(|value| [Organisation::Immediate, Organisation::Binned].map(|organisation| (value, organisation)))
+        {
+            let mut machine = with(&reference(), field, value.clone());
+            machine.timing.organisation = organisation;
+            let timing = machine.elaborate().unwrap().timing;
+            let cycles = replay(&timing, &work, Detail::Accounts);
+            let found = limit(&timing, &work, &cycles);
+            // Each by itself, and all of them.
+            let mut others: Vec<_> = cycles
+                .units
+                .iter()
+                .map(|unit| {
+                    (unit.name, rtl_model::elaboration::microarchitecture::Microarchitecture { lifted: Some(unit.name), ..timing.clone() })
+                })
+                .collect();
+            others.push(("hazard", rtl_model::elaboration::microarchitecture::Microarchitecture { hazard: 1, ..timing.clone() }));
+            let mut ideal = timing.clone();
+            ideal.timing.memory.ideal = true;
+            others.push(("memory", ideal));
+            let replayed = others.into_iter().map(|(name, other)| (replay(&other, &work, Detail::Accounts).total, name));
+            let least = replayed.min_by_key(|(total, _)| *total).unwrap();
+            assert_eq!(found.without, least.0.min(cycles.total), "{field} {value} {organisation:?}: {found:?}, but {least:?}");
+            met.push(if found.by == Limited::Hazard { "hazard" } else { found.name });
+        }
+    }
+    for name in ["hazard", "memory", "raster", "fragment", "project"] {
+        assert!(met.contains(&name), "nothing is limited by {name}: {met:?}");
+    }
+}
+
+/// One pixel, again and again: the fragment unit waits for itself, and memory, which is busier than any unit, limits nothing.
+#[test]
+fn a_hazard_that_blocks_is_the_limit_not_a_busy_memory() {
+    let mut machine = reference();
+    machine.timing.fragment.hazard = Some(4096);
+    let timing = machine.elaborate().unwrap().timing;
+    let cycles = replay(&timing, &work(), Detail::Accounts);
+    let busy = |name: &str| cycles.units.iter().find(|unit| unit.name == name).unwrap().account.busy;
+    assert!(cycles.memory.busy > busy("fragment") && cycles.memory.busy * 2 < cycles.total);
+    let found = limit(&timing, &work(), &cycles);
+    assert_eq!((found.name, found.by), ("fragment", Limited::Hazard));
+    assert!(found.without * 2 < cycles.total);
 }
 
 /// Tiles of any size hold the same pixels and end with the same light.

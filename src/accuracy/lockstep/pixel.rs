@@ -93,16 +93,18 @@ fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
 }
 
 impl Bounds {
-    fn new(arrival: &Arrival) -> Self {
+    /// Of a slot that one contribution begins: it alone may leave a sum's word.
+    fn new(machine: &Machine, arrival: &Arrival) -> Self {
         let range = arrival.attributes.map(|c| [c.value, c.value]);
         let shaded = [Near::default(); 4];
         let (depth, held_depth) = (arrival.depth, arrival.held_depth);
         let mut new = Bounds { weight: 0.0, attribute: [0.0; ATTRIBUTES], count: 0.0, range, overflowed: false, depth, held_depth, shaded };
-        new.add(arrival);
+        new.add(machine, arrival, &arrival.golden);
         new
     }
 
-    fn add(&mut self, arrival: &Arrival) {
+    /// After one more contribution; `golden` has it already.
+    fn add(&mut self, machine: &Machine, arrival: &Arrival, golden: &Fragment) {
         self.weight += arrival.weight.error;
         self.count += 1.0;
         for (i, c) in arrival.attributes.iter().enumerate() {
@@ -110,6 +112,17 @@ impl Bounds {
             let [low, high] = self.range[i];
             self.range[i] = [low.min(c.value), high.max(c.value)];
         }
+        self.overflowed |= self.may_overflow(machine, golden);
+    }
+
+    /// Whether a sum of the machine's may have left its word.
+    fn may_overflow(&self, machine: &Machine, golden: &Fragment) -> bool {
+        let (weight_word, words) = words(machine);
+        let sums = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
+        // What is no number outruns every word.
+        let outruns = |word: Word, most: f64| most.is_nan() || most > word.format.value(word.format.max());
+        outruns(weight_word, golden.weight + self.weight_error(weight_word))
+            || (0..ATTRIBUTES).any(|i| outruns(words[i], sums[i].abs() + self.sum_error(i, 0.0, words[i])))
     }
 
     /// ΔW.
@@ -154,31 +167,26 @@ impl Pixel {
         self.ask_for_a_slot(common, &arrival, decision, flips);
         match decision {
             Decision::Accumulated(slot) => self.accumulate(common, usize::from(slot), &arrival),
-            Decision::Inserted(_) => self.push(arrival),
-            Decision::Replaced | Decision::Dropped => self.replace(arrival, decision, flips),
+            Decision::Inserted(_) => self.push(common, arrival),
+            Decision::Replaced | Decision::Dropped => self.replace(common, arrival, decision, flips),
             Decision::Merged(..) | Decision::Evicted(_) => self.overflow(common, arrival, decision, flips),
         }
     }
 
-    fn push(&mut self, arrival: Arrival) {
+    fn push(&mut self, common: &Common, arrival: Arrival) {
         self.fragments.push(arrival.golden);
-        self.bounds.push(Bounds::new(&arrival));
+        self.bounds.push(Bounds::new(&common.machine.machine, &arrival));
     }
 
     fn accumulate(&mut self, common: &Common, slot: usize, arrival: &Arrival) {
         let (golden, bounds) = (&mut self.fragments[slot], &mut self.bounds[slot]);
         golden.add(&arrival.golden);
-        bounds.add(arrival);
+        bounds.add(&common.machine.machine, arrival, golden);
         if common.rules.fragment_depth == FragmentDepth::Nearest {
             golden.z = golden.z.min(arrival.golden.z);
             bounds.depth = bounds.depth.min(arrival.depth);
             bounds.held_depth = bounds.held_depth.min(arrival.held_depth);
         }
-        let (weight_word, words) = words(&common.machine.machine);
-        let sums = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
-        let outruns = |word: Word, most: f64| most > word.format.value(word.format.max());
-        bounds.overflowed |= outruns(weight_word, golden.weight + bounds.weight_error(weight_word))
-            || (0..ATTRIBUTES).any(|i| outruns(words[i], sums[i].abs() + bounds.sum_error(i, 0.0, words[i])));
     }
 
     /// Accumulate or not, and where: compares with what `golden` would do.
@@ -199,14 +207,14 @@ impl Pixel {
         flips.slot(explained);
     }
 
-    fn replace(&mut self, arrival: Arrival, decision: Decision, flips: &mut Flips) {
+    fn replace(&mut self, common: &Common, arrival: Arrival, decision: Decision, flips: &mut Flips) {
         let nearer = arrival.golden.z < self.fragments[0].z;
         if nearer != (decision == Decision::Replaced) {
             flips.order(arrival.depth.may_cross(self.bounds[0].depth));
         }
         if decision == Decision::Replaced {
             self.fragments[0] = arrival.golden;
-            self.bounds[0] = Bounds::new(&arrival);
+            self.bounds[0] = Bounds::new(&common.machine.machine, &arrival);
         }
     }
 
@@ -215,7 +223,7 @@ impl Pixel {
         self.sort();
         let place = self.bounds.iter().filter(|bounds| bounds.held_depth <= arrival.held_depth).count();
         self.fragments.insert(place, arrival.golden);
-        self.bounds.insert(place, Bounds::new(&arrival));
+        self.bounds.insert(place, Bounds::new(&common.machine.machine, &arrival));
         // In the machine's order; is it golden's?
         let mut order_unsure = false;
         for i in 1..self.fragments.len() {

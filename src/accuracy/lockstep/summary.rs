@@ -1,7 +1,7 @@
 //! Summary: what a frame in lockstep says in numbers, and in two pictures.
 
 use super::{Flips, KINDS, Lockstep};
-use crate::accuracy::metrics;
+use crate::accuracy::metrics::{is_zero, metrics};
 use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::picture::Picture;
 use schemars::JsonSchema;
@@ -17,6 +17,9 @@ pub struct Summary {
     pub psnr_db: Option<f64>,
     /// Greatest absolute difference.
     pub max_error: f64,
+    /// Pixels that have no finite number in either picture. None should.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub not_finite: u64,
     /// Pixels that differ by more than their bound. None should.
     pub bound_violations: u64,
     /// Decisions that `golden` would have taken otherwise.
@@ -51,7 +54,9 @@ impl Lockstep {
         Summary {
             psnr_db: metrics.psnr_db,
             max_error: metrics.max_error,
-            bound_violations: self.violations,
+            not_finite: metrics.not_finite,
+            // Also where the machine resolved nothing, and nothing was held against a bound.
+            bound_violations: self.violations.max(metrics.not_finite),
             decision_flips: self.flips.total(),
             flips: self.flips,
             bound: self.bound_summary(),

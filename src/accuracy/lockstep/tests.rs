@@ -37,3 +37,30 @@ fn coarser_depths_make_flips_that_nothing_explains() {
     let flips = pretending(&["raster.depth=I18F24", "ellipse.depth_slope=I3F8"]).flips;
     assert!(flips.unexplained > 10, "{flips:?}");
 }
+
+#[test]
+fn what_is_no_number_violates_every_bound() {
+    let (right, held) = (Near::within(0.5, 0.25), [0.5; 4]);
+    assert!(!violates(held, [right; 4]));
+    assert_eq!(judged([0.5, 0.75, 0.5, 0.5], [right; 4])[0], 0.25);
+    // No bound is no claim.
+    assert!(!violates(held, [Near { value: 0.5, error: f64::INFINITY }; 4]));
+    for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for channel in 0..4 {
+            let mut near = [right; 4];
+            // As `around` makes it: no bound.
+            near[channel] = Near { value: wrong, error: f64::INFINITY };
+            assert!(violates(held, near), "{wrong}");
+            assert_eq!(judged(held, near), [f64::INFINITY; 2]);
+        }
+    }
+    let mut near = [right; 4];
+    near[2].error = f64::NAN;
+    assert!(violates(held, near));
+    assert_eq!(judged(held, near)[1], f64::INFINITY);
+    let mut frame = pretending(&[]);
+    let fixed = frame.led.clone();
+    frame.led.rgba[17][1] = f64::NAN;
+    let summary = frame.summary(&fixed);
+    assert_eq!((summary.bound_violations, summary.not_finite, summary.psnr_db), (1, 1, Some(0.0)));
+}

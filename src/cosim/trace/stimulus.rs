@@ -82,6 +82,11 @@ impl Random {
     }
 }
 
+/// A word with so many more fraction bits, or fewer.
+fn moved(word: i64, places: i32) -> i64 {
+    if places >= 0 { word << places.min(62) } else { word >> (-places).min(63) }
+}
+
 /// The words of a format where something may change.
 fn corners(format: Format) -> Vec<i64> {
     let one = if (0..format.magnitude_bits()).contains(&format.frac_bits) { format.one() } else { 0 };
@@ -328,7 +333,8 @@ impl Maker<'_> {
             let [first, last] = [input[9 + 2 * axis], input[10 + 2 * axis]];
             // From the picture's middle, in half pixels, and then somewhere within the pixel.
             let halves = 2 * (first + self.random.below(last - first + 1)) + 1 - i64::from(size);
-            let word = (halves << (format.frac_bits - 1)) + self.random.below(1 << format.frac_bits) - (1 << (format.frac_bits - 1));
+            let one = format.one();
+            let word = moved(halves, format.frac_bits - 1) + self.random.below(one) - one / 2;
             input[axis] = word.clamp(format.min(), format.max());
         }
     }
@@ -337,8 +343,8 @@ impl Maker<'_> {
         let m = &self.machine.machine;
         let depth_f = ports::exact_depth(m).frac_bits;
         let [depth, range] =
-            [(input[5], m.project.depth), (input[8], m.ellipse.depth_range)].map(|(word, of)| word << (depth_f - of.format.frac_bits));
-        let cutoff = self.frame.view.cutoff << (m.raster.radial.format.frac_bits - m.raster.cutoff.format.frac_bits);
+            [(input[5], m.project.depth), (input[8], m.ellipse.depth_range)].map(|(word, of)| moved(word, depth_f - of.format.frac_bits));
+        let cutoff = moved(self.frame.view.cutoff, m.raster.radial.format.frac_bits - m.raster.cutoff.format.frac_bits);
         let pixels = (input[10] - input[9] + 1) * (input[12] - input[11] + 1);
         let meet = &mut self.out.coverage;
         meet.count("raster", if fragments.is_empty() { "box keeps nothing" } else { "box keeps something" });
@@ -509,7 +515,7 @@ impl Maker<'_> {
         if held.is_empty() || random.one_in(4) {
             // Not farther apart than some tens of ε, or two never meet.
             let middle = format.max() / 2;
-            let spread = (threshold * 24).clamp(4, format.max());
+            let spread = (threshold * 24).max(4).min(format.max());
             return if random.one_in(8) {
                 random.word(format)
             } else {
@@ -576,7 +582,7 @@ impl Maker<'_> {
             for field in 1..5 {
                 let by = formats[field].frac_bits - formats[0].frac_bits;
                 let limit = if by >= 0 { words[0] << by } else { words[0] >> -by };
-                words[field] = words[field].rem_euclid(limit.clamp(0, formats[field].max() - 1) + 1);
+                words[field] = words[field].rem_euclid(limit.clamp(0, (formats[field].max() - 1).max(0)) + 1);
             }
         }
         kinds.push(("likely sums".into(), likely));

@@ -2,7 +2,7 @@
 
 use super::FAILS;
 use crate::accuracy::ranges::Overflows;
-use crate::accuracy::{Distance, Flips, Lockstep, distance, pixel_error};
+use crate::accuracy::{Distance, Flips, Lockstep, distance, is_finite, pixel_error};
 use crate::output::picture::Picture;
 use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::CulledReport;
@@ -128,7 +128,8 @@ fn bounded(led: &Lockstep, covered: impl Iterator<Item = usize>) -> Bounded {
     let (mut all, mut over_1, mut max_bound) = (0_u64, 0_u64, None);
     for bound in covered.map(|pixel| led.bound[pixel]) {
         all += 1;
-        if bound > 1.0 {
+        // A bound that is no number says as little as an infinite one.
+        if bound > 1.0 || bound.is_nan() {
             over_1 += 1;
         } else {
             max_bound = Some(max_bound.map_or(bound, |most: f64| most.max(bound)));
@@ -151,7 +152,11 @@ fn beyond(fixed: &Picture, golden: &Picture, led: &Lockstep) -> Beyond {
             continue;
         }
         beyond.pixels += 1;
-        let told = if led.flipped[pixel] != 0 {
+        let is_number = is_finite(fixed, pixel) && is_finite(golden, pixel);
+        let told = if !is_number {
+            // Nothing excuses it.
+            &mut beyond.silent
+        } else if led.flipped[pixel] != 0 {
             &mut beyond.flipped
         } else if led.bound[pixel] > 1.0 {
             &mut beyond.bound_over_1
@@ -166,9 +171,14 @@ fn beyond(fixed: &Picture, golden: &Picture, led: &Lockstep) -> Beyond {
 }
 
 impl Found {
-    /// Everything here that should be 0: pixels beyond their bound, unexplained flips, silent failures.
+    /// Everything here that should be 0: pixels beyond their bound, unexplained flips, silent failures, pixels that are no number.
     pub fn faults(&self) -> u64 {
-        self.lockstep.violations + self.lockstep.flips.unexplained + self.beyond.silent
+        self.lockstep.violations + self.lockstep.flips.unexplained + self.beyond.silent + self.not_finite()
+    }
+
+    /// Pixels that have no finite number in some picture.
+    pub fn not_finite(&self) -> u64 {
+        self.golden_vs_ideal.not_finite.max(self.fixed_vs_golden.not_finite)
     }
 }
 
@@ -198,6 +208,22 @@ mod tests {
         assert_eq!(counts(0.05, 4), [1, 0, 0, 0]);
         assert_eq!(counts(0.2, 0), [0, 1, 0, 0]);
         assert_eq!(counts(f64::INFINITY, 0), [0, 0, 1, 0]);
+    }
+
+    #[test]
+    fn what_is_no_number_is_a_silent_failure_whatever_tells_of_it() {
+        for wrong in [f64::NAN, f64::INFINITY] {
+            for (fixed, golden) in [(wrong, 0.5), (0.5, wrong), (wrong, wrong)] {
+                for told in [told(0.0, 0), told(f64::INFINITY, 0), told(0.0, 4)] {
+                    let found = beyond(&grey(&[fixed]), &grey(&[golden]), &told);
+                    assert_eq!((found.pixels, found.silent), (1, 1), "{fixed} {golden}");
+                }
+            }
+        }
+        let mut led = told(0.0, 0);
+        led.bound = vec![f64::NAN, 0.25];
+        let b = bounded(&led, [0, 1].into_iter());
+        assert_eq!((b.max_bound, b.share_over_1), (Some(0.25), 0.5));
     }
 
     #[test]

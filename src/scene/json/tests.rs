@@ -114,7 +114,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         ("/materials", json!([]), "materials has 0 entries; it must have at least 1"),
         ("/splats/0/material", json!(2), "splats[0] uses material 2, but `materials` has only the indices 0 to 1"),
         ("/splats/0/normal", json!([0, 0, 0]), "splats[0].normal is zero; it must point somewhere"),
-        ("/splats/0/radius", json!(-1), "splats[0].radius is -1; it must be more than 0 and at most 1e30"),
+        ("/splats/0/radius", json!(-1), "splats[0].radius is -1; it must be at least 1e-30 and at most 1e30"),
         ("/splats/0/rgb/2", json!(1.01), "splats[0].rgb[2] is 1.01; it must be at least 0 and at most 1"),
         (
             "/splats/1",

@@ -109,7 +109,7 @@ fn radii_are_read_and_impossible_ones_refused_by_number() {
     assert_eq!(read("2.5").unwrap().splats[1].radius, 2.5);
     for radius in ["0", "-1", "nan", "inf"] {
         let sentence = read(radius).unwrap_err();
-        assert!(sentence.starts_with("vertex 1 of 2 has the radius ") && sentence.contains("more than 0"), "{sentence}");
+        assert!(sentence.starts_with("vertex 1 of 2 has the radius ") && sentence.contains("at least 1e-30"), "{sentence}");
     }
     let sizes = splats(text(&format!("{XYZ}\nproperty float psz\nproperty float size"), 1, "0 0 0 7 8").as_bytes());
     assert_eq!(sizes[0].radius, 0.0);

@@ -40,14 +40,14 @@ impl Maker<'_> {
         if self.frame.ellipsoids.is_none() {
             return;
         }
-        let (one, scale) = (own.quaternion.format.one(), own.scale.format.one());
+        let (format, scale) = (own.quaternion.format, own.scale.format.one().min(own.scale.format.max()));
         for words in splats.iter_mut().skip(1).step_by(2) {
             let random = &mut self.random;
             let (mut parts, length) = random.among(&UNITS);
             parts.rotate_left(random.below(4) as usize);
             let signs = [(); 4].map(|()| if random.one_in(2) { -1 } else { 1 });
             for (part, sign) in parts.iter().zip(signs).enumerate().map(|(i, (part, sign))| (i, part * sign)) {
-                words[7 + part] = sign * one / length;
+                words[7 + part] = (sign * format.one() / length).clamp(format.min(), format.max());
             }
             words[11..14].iter_mut().for_each(|word| *word = random.below(scale + 1));
             words[11 + random.below(3) as usize] = scale;
@@ -79,14 +79,14 @@ impl Maker<'_> {
         let least = least_weight(self.frame);
         let at = if places >= 0 { least << places } else { least >> -places };
         let step = 1i64 << places.clamp(0, 62);
-        (-64..=64).map(|by| [0, (at + by * step / 16).clamp(0, amplitude.max())]).collect()
+        (-64..=64i64).map(|by| [0, at.saturating_add(by.saturating_mul(step) / 16).clamp(0, amplitude.max())]).collect()
     }
 
     /// Depths, with ties among their keys.
     pub(super) fn sort(&mut self) {
         let Some(sort) = self.machine.machine.sort.filter(|_| self.frame.ellipsoids.as_ref().is_some_and(|e| e.sorted)) else { return };
         let depth = self.machine.machine.project.depth.format;
-        let one_key = 1i64 << (depth.frac_bits - sort.key.format.frac_bits).clamp(0, 62);
+        let one_key = 1i64 << (depth.frac_bits - sort.key.format.frac_bits).clamp(0, 60);
         let mut depths: Vec<i64> = Vec::new();
         for number in 0..self.cases as i64 {
             let near = if number == 0 { 0 } else { depths[self.random.below(number) as usize] };

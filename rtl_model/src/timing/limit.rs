@@ -1,0 +1,106 @@
+//! Limit: names what limits a frame, by replaying it with each limit lifted: what gains most does.
+//!
+//! ```text
+//! unit infinitely fast ─┐
+//! hazard of one cycle ──┼─► replay ─► cycles less than before: the most of them
+//! ideal memory ─────────┘
+//! ```
+//! Who is busiest need not limit: it may work beside something slower that is blocked, by a pixel under way say, most of the time.
+//!
+//! A frame is the longest way through what waits for what, and a way has each cycle of a unit at most once: it becomes shorter by no more than
+//! the unit is busy, or blocked by itself. So what could gain most is tried first, and what cannot gain more than was found is not tried.
+//!
+//! Laws: `the_limit_is_what_gains_most_where_it_is_lifted`, `a_hazard_that_blocks_is_the_limit_not_a_busy_memory`.
+
+use super::{Cycles, Detail, Wait, replay};
+use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::work::Work;
+
+/// Why something limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Limited {
+    /// A unit's own cycles.
+    Work,
+    /// A unit may not take a pixel that is still under way in it.
+    Hazard,
+    /// Bytes move no faster.
+    Memory,
+}
+
+/// What limits a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limit {
+    /// A unit, or `memory`.
+    pub name: &'static str,
+    /// What of it.
+    pub by: Limited,
+    /// Cycles of the frame without this limit.
+    pub without: u64,
+}
+
+/// What a frame that took these cycles is limited by. Of equals the first in the order of the diagram, then hazards, then memory; where
+/// nothing alone gains anything, what is busiest.
+pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit {
+    let mut candidates = candidates(timing, cycles);
+    // Stable: equals stay in order.
+    candidates.sort_by_key(|(at_most, ..)| std::cmp::Reverse(*at_most));
+    let mut best: Option<(Limit, usize)> = None;
+    for (at_most, place, name, by) in candidates {
+        let gained = best.map_or(0, |(limit, _)| cycles.total - limit.without);
+        if at_most < gained || at_most == 0 {
+            break;
+        }
+        let without = replay(&lifted(timing, name, by), work, Detail::Accounts).total.min(cycles.total);
+        let gain = cycles.total - without;
+        if gain > gained || gain == gained && gain > 0 && best.is_some_and(|(_, before)| place < before) {
+            best = Some((Limit { name, by, without }, place));
+        }
+    }
+    best.map_or_else(|| busiest(cycles), |(limit, _)| limit)
+}
+
+type Candidate = (u64, usize, &'static str, Limited);
+
+/// How many cycles each limit could cost at most, and its place among equals.
+fn candidates(timing: &Microarchitecture, cycles: &Cycles) -> Vec<Candidate> {
+    let mut all: Vec<Candidate> = Vec::new();
+    for unit in &cycles.units {
+        // Whoever asks shade waits for its latency, too.
+        let waits = if unit.name.ends_with("shade") { unit.items * u64::from(timing.shade.latency) } else { 0 };
+        match all.iter_mut().find(|(_, _, name, _)| *name == unit.name) {
+            Some((at_most, ..)) => *at_most += unit.account.busy + waits,
+            None => all.push((unit.account.busy + waits, all.len(), unit.name, Limited::Work)),
+        }
+    }
+    // Look-ups stand still while too many lines are on their way.
+    let held = |unit: &super::UnitCycles| if unit.name == "cache" { unit.account.memory } else { 0 };
+    let held: u64 = cycles.units.iter().map(held).sum();
+    all.iter_mut().filter(|(_, _, name, _)| *name == "cache").for_each(|(at_most, ..)| *at_most += held);
+    let hazard =
+        |unit: &super::UnitCycles| unit.blocked_by.iter().filter(|(wait, _)| *wait == Wait::Hazard).map(|(_, cycles)| cycles).sum::<u64>();
+    all.push((cycles.units.iter().map(hazard).sum(), all.len(), "fragment", Limited::Hazard));
+    if !timing.timing.memory.ideal {
+        // Who waits for what memory holds up is not known: it may be all.
+        all.push((cycles.total, all.len(), "memory", Limited::Memory));
+    }
+    all
+}
+
+/// The same microarchitecture without a limit.
+fn lifted(timing: &Microarchitecture, name: &'static str, by: Limited) -> Microarchitecture {
+    let mut other = timing.clone();
+    match by {
+        Limited::Work => other.lifted = Some(name),
+        Limited::Hazard => other.hazard = 1,
+        Limited::Memory => other.timing.memory.ideal = true,
+    }
+    other
+}
+
+fn busiest(cycles: &Cycles) -> Limit {
+    let without = cycles.total;
+    match cycles.units.iter().max_by_key(|unit| unit.account.busy) {
+        Some(unit) if unit.account.busy >= cycles.memory.busy => Limit { name: unit.name, by: Limited::Work, without },
+        _ => Limit { name: "memory", by: Limited::Memory, without },
+    }
+}
