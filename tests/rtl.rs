@@ -3,7 +3,9 @@
 mod cosimulation;
 mod traced;
 
-use cosimulation::{Device, Given, OF_ELLIPSOIDS, PIPELINE, PIPELINES_OF_ELLIPSOIDS, Simulator, UNITS, Unit, have, run, sources};
+use cosimulation::{
+    Device, Given, OF_ELLIPSOIDS, PIPELINE, PIPELINES_OF_ELLIPSOIDS, Simulator, UNITS, Unit, have, run, sources, verilator,
+};
 use rayon::prelude::*;
 use rtl_model::frame::Frame;
 use rtl_model::timing::{self, Detail};
@@ -190,7 +192,7 @@ fn headers_compile() {
     let text = format!("module check;\n`include \"records.svh\"\ninitial begin {} $finish; end\nendmodule\n", widths.join(" "));
     std::fs::write(&module, text).unwrap();
     let folder = trace.path("check_dir");
-    run(Command::new("verilator")
+    run(verilator()
         .args(["--binary", "--timing", "-Wno-fatal", "--top-module", "check", "--Mdir"])
         .arg(&folder)
         .arg(format!("-I{}", trace.folder.display()))

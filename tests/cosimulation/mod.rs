@@ -168,6 +168,15 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
 const VERILATOR: [&str; 10] =
     ["--binary", "--timing", "-O3", "-j", "2", "-Wno-fatal", "--top-module", "bench", "-MAKEFLAGS", "OPT_FAST=-O2"];
 
+/// Verilator; with ccache, where that is here: its own library is most of what there is to compile for a unit, and the same for each.
+pub fn verilator() -> Command {
+    let mut verilator = Command::new("verilator");
+    if Command::new("ccache").arg("--version").output().is_ok() {
+        verilator.env("OBJCACHE", "ccache");
+    }
+    verilator
+}
+
 fn compile(simulator: Simulator, sources: &Path, defines: &[String], files: &[PathBuf], folder: &Path) -> PathBuf {
     let program = folder.join("device");
     match simulator {
@@ -183,12 +192,7 @@ fn compile(simulator: Simulator, sources: &Path, defines: &[String], files: &[Pa
             program
         }
         Simulator::Verilator => {
-            let mut verilator = Command::new("verilator");
-            // Verilator's own library is most of what there is to compile for a unit, and the same for each.
-            if Command::new("ccache").arg("--version").output().is_ok() {
-                verilator.env("OBJCACHE", "ccache");
-            }
-            run(verilator.args(VERILATOR).arg("--Mdir").arg(&program).args(defines).arg("-y").arg(sources).args(files));
+            run(verilator().args(VERILATOR).arg("--Mdir").arg(&program).args(defines).arg("-y").arg(sources).args(files));
             program.join("Vbench")
         }
     }
