@@ -126,12 +126,12 @@ pub fn draw_observed<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn
     fill_observed(machine, frame, &setup, observer)
 }
 
-/// [`set_up`], telling a observer everything.
+/// [`set_up`], telling an observer everything.
 pub fn set_up_observed<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn Observer<'w>) -> Setup {
     set_up(machine, frame, &mut DynProbe::<true>::new(observer))
 }
 
-/// [`fill`], telling a observer everything.
+/// [`fill`], telling an observer everything.
 pub fn fill_observed<'w>(machine: &Elaborated, frame: &Frame, setup: &Setup, observer: &mut dyn Observer<'w>) -> Drawing {
     fill(machine, frame, setup, &mut DynProbe::<true>::new(observer))
 }
