@@ -70,6 +70,15 @@ impl<A: Accumulator> Tile<A> {
         self.live[usize::from(pixel)] = live;
     }
 
+    /// Puts a fragment into the next slot, which is free; says which.
+    #[inline(always)]
+    pub fn open(&mut self, pixel: u8, fragment: PackedSlot<A>) -> u8 {
+        let live = self.live[usize::from(pixel)];
+        self.write(pixel, usize::from(live), fragment);
+        self.live[usize::from(pixel)] += 1;
+        live
+    }
+
     /// The fragment in a slot.
     pub fn slot(&self, pixel: u8, slot: usize) -> Slot {
         self.read(pixel, slot).get()
@@ -85,7 +94,7 @@ impl<A: Accumulator> Tile<A> {
         }
         // Rarely more than one.
         let several = near & (near - 1) != 0;
-        Some(within(if several { V::nearest(keys, depth) } else { near.trailing_zeros() as usize }))
+        Some(if several { V::nearest(keys, depth) } else { near.trailing_zeros() as usize })
     }
 
     /// The sums in a slot.

@@ -252,7 +252,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                         attributes: &record.attributes,
                         material: &record.material,
                     };
-                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, &input, &registers, &shade, tap)
+                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, &shade, tap)
                 }
                 // A call of its own, so that surfaces pay nothing for it.
                 Some(registers) => {
@@ -362,6 +362,6 @@ impl<const SIMPLE_FITS: bool, L: Accumulator, P: Probe> Kernel for ToSheet<'_, '
             Each::Slice => registers.sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
         };
         let input = SheetInput { sheet, weight, attributes: &record.attributes };
-        machine.fragment.contribute_to_sheet::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, &input, registers, tap)
+        machine.fragment.contribute_to_sheet::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, registers, tap)
     }
 }

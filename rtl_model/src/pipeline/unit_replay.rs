@@ -226,7 +226,7 @@ impl<'a> Fragments<'a> {
         let tap = &mut Tap::new(probe);
         let material = material as u32;
         let input = fragment::Input { weight, depth, attributes: &attributes, material: &material };
-        let decision = unit.contribute::<Plainly, DynProbe>(&mut self.tile, pixel, &input, &registers, shade, tap);
+        let decision = unit.contribute::<Plainly, DynProbe>(&mut self.tile, pixel, input, &registers, shade, tap);
         let contribution = Contribution { splat: 0, radial_index: 0, weight, depth };
         tap.probe.contribution(x as u32, y as u32, &contribution, decision);
         decision
@@ -267,7 +267,7 @@ impl<'a> Sheets<'a> {
         let tap = &mut Tap::new(probe);
         let unit = &self.machine.fragment;
         let input = SheetInput { sheet: sheet as u32, weight, attributes: &attributes };
-        unit.contribute_to_sheet::<Plainly, DynProbe>(&mut self.tile, pixel, &input, &self.registers, tap)
+        unit.contribute_to_sheet::<Plainly, DynProbe>(&mut self.tile, pixel, input, &self.registers, tap)
     }
 
     /// Sheets that a pixel of the tile holds; none where nothing came.

@@ -285,7 +285,7 @@ impl Fragment {
         &self,
         tile: &mut Tile<H::Accumulator>,
         pixel: u8,
-        input: &Input,
+        input: Input,
         registers: &FragmentRegisters,
         shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
@@ -301,11 +301,8 @@ impl Fragment {
         }
         let mut fresh = PackedSlot { sums: PackedSums::default(), key: depth, material: *input.material };
         self.accumulate::<H, P>(&mut fresh.sums, input.weight, input.attributes, tap);
-        let live = tile.live(pixel);
-        if live < self.layers {
-            tile.write(pixel, live, fresh);
-            tile.set_live(pixel, live as u8 + 1);
-            return Decision::Inserted(live as u8);
+        if tile.live(pixel) < self.layers {
+            return Decision::Inserted(tile.open(pixel, fresh));
         }
         self.overflow(tile, pixel, &fresh, registers, shade, tap.probe)
     }

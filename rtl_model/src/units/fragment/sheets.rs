@@ -122,11 +122,11 @@ impl Fragment {
         &self,
         tile: &mut Tile<H::Accumulator>,
         pixel: u8,
-        input: &SheetInput,
+        input: SheetInput,
         registers: &SheetRegisters,
         tap: &mut Tap<P>,
     ) -> Decision {
-        let SheetInput { sheet, weight, attributes } = *input;
+        let SheetInput { sheet, weight, attributes } = input;
         tile.count(pixel);
         let live = tile.live(pixel);
         if live > 0 && tile.key(pixel, 0) & STOPPED != 0 {

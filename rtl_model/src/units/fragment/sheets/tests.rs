@@ -40,7 +40,7 @@ fn drawn(sheets: &frame::Sheets, arrivals: &[Arrival]) -> (Vec<Decision>, [f64; 
         let weight = (weight * WEIGHT_PLACES).round() as i64;
         let attributes = [1, r, g, b, 0, 0, 0, 0];
         let input = SheetInput { sheet: *sheet, weight, attributes: &attributes };
-        unit.contribute_to_sheet::<Path<false, Plain, i64>, _>(&mut tile, 7, &input, &registers, tap)
+        unit.contribute_to_sheet::<Path<false, Plain, i64>, _>(&mut tile, 7, input, &registers, tap)
     });
     let decisions = decisions.collect();
     let places = f64::from(machine.machine.shade.premultiplied.format.frac_bits).exp2();
