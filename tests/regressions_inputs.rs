@@ -190,14 +190,17 @@ fn a_writer_that_was_killed_keeps_nobody_out() {
     let (out, scene) = (folder.path().join("out"), write(&folder, "disc.json", DISC));
     let long = ["run", "--attribute", "--quiet", "--out", out.to_str().unwrap()];
     let mut first = std::process::Command::new(BINARY).args(long).spawn().unwrap();
-    let is_held = || out.exists() && Folder::shared(&out).is_ok() && Folder::open(&out).is_err();
-    let waited = (0..3000).any(|_| {
-        std::thread::sleep(Duration::from_millis(20));
-        is_held()
-    });
+    for _ in 0..3000 {
+        if !out.exists() {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+    // It locks what it has made.
+    std::thread::sleep(Duration::from_millis(200));
+    let held = Folder::open(&out).unwrap_err().to_string();
     first.kill().unwrap();
     first.wait().unwrap();
-    assert!(waited, "the first never held its folder");
+    assert!(held.ends_with("another process is writing there"), "{held}");
     done(&["run", &scene, "--machine", "tiny", "--quiet", "--out", out.to_str().unwrap()]);
 }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 #[derive(Debug)]
 pub struct Folder {
     /// The open folder itself is what is locked: the system lets go of it however the process ends, and no file of ours lies about.
-    lock: Option<File>,
+    open: Option<File>,
     /// Folders that were not there before, the outermost first.
     made: Vec<PathBuf>,
 }
@@ -22,31 +22,34 @@ impl Folder {
     /// # Errors
     /// [`Error::Input`] where they cannot, or where another process is writing there.
     pub fn open(path: &Path) -> Result<Self> {
-        let folder = Folder::shared(path)?;
-        // Where folders cannot be locked, as on some networks, nobody is kept out.
-        match folder.lock.as_ref().map(File::try_lock) {
-            Some(Err(TryLockError::WouldBlock)) => Err(cannot(path, "another process is writing there")),
-            _ => Ok(folder),
-        }
+        Folder::locked(path, File::try_lock)
     }
 
     /// Makes sure of it for a folder into which several processes may write, each its own files.
     ///
     /// # Errors
-    /// [`Error::Input`] where nobody can write there.
+    /// [`Error::Input`] where nobody can write there, or one process does so alone.
     pub fn shared(path: &Path) -> Result<Self> {
+        Folder::locked(path, File::try_lock_shared)
+    }
+
+    fn locked(path: &Path, lock: fn(&File) -> std::result::Result<(), TryLockError>) -> Result<Self> {
         if path.exists() && !path.is_dir() {
             return Err(cannot(path, "it is a file, and a folder is needed"));
         }
         let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
         let mut made: Vec<PathBuf> = path.ancestors().take_while(missing).map(Path::to_owned).collect();
         made.reverse();
-        let mut folder = Folder { lock: None, made };
+        let mut folder = Folder { open: None, made };
         let probe = path.join(format!(".{}.part", std::process::id()));
         let written = fs::create_dir_all(path).and_then(|()| fs::write(&probe, [])).and_then(|()| fs::remove_file(&probe));
         written.map_err(|e| cannot(path, &e.to_string()))?;
-        folder.lock = File::open(path).ok();
-        Ok(folder)
+        folder.open = File::open(path).ok();
+        // Where folders cannot be locked, as on some networks, nobody is kept out.
+        match folder.open.as_ref().map(lock) {
+            Some(Err(TryLockError::WouldBlock)) => Err(cannot(path, "another process is writing there")),
+            _ => Ok(folder),
+        }
     }
 }
 
@@ -101,7 +104,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let first = Folder::open(folder.path()).unwrap();
         assert!(Folder::open(folder.path()).unwrap_err().to_string().ends_with("another process is writing there"));
+        assert!(Folder::shared(folder.path()).is_err());
         drop(first);
+        let parts = [Folder::shared(folder.path()).unwrap(), Folder::shared(folder.path()).unwrap()];
+        assert!(Folder::open(folder.path()).is_err());
+        drop(parts);
         Folder::open(folder.path()).unwrap();
     }
 
