@@ -33,6 +33,7 @@ mod recording;
 #[allow(dead_code, reason = "its `main` writes what is compared here")]
 mod reference;
 mod regressions_inputs;
+mod regressions_promises;
 mod search;
 mod shared_input;
 mod sheets;
