@@ -3,7 +3,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use crate::handmade::{Dice, confetti, scene, splat};
+use crate::handmade::{Rng, confetti, scene, splat};
 use glam::DVec3;
 use rtl_model::Machine;
 use rtl_model::machine::{FragmentDepth, Merge, Rows};
@@ -81,8 +81,8 @@ fn odd_scenes() -> Vec<(String, Scene)> {
         (
             "twenty lights".into(),
             changed(|s| {
-                let mut dice = Dice(1);
-                s.lights = (0..20).map(|_| Light { direction: dice.direction(), rgb: [1.0; 3] }).collect();
+                let mut rng = Rng(1);
+                s.lights = (0..20).map(|_| Light { direction: rng.direction(), rgb: [1.0; 3] }).collect();
             }),
         ),
         ("blinding light".into(), changed(|s| s.lights[0].rgb = [1e9; 3])),

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::f64::consts::TAU;
 
-use crate::handmade::{Dice, confetti, scene, splat};
+use crate::handmade::{Rng, confetti, scene, splat};
 use glam::{DMat2, DMat3, DVec2, DVec3};
 use rtl_model::machine::Machine;
 use rtl_model::num::{Fit, Word};
@@ -128,10 +128,10 @@ fn formulas_set_up(machine: &Machine, frame: &Frame) -> Ellipse {
 }
 
 /// One splat of k pixels anywhere in the picture, tilted anyhow.
-fn one_splat(dice: &mut Dice, k: f64) -> Scene {
-    let z = (3.0 * dice.roll()).exp2();
-    let position = [z * dice.within(0.5), z * dice.within(0.5), z];
-    let own = Splat { normal: dice.direction(), ..splat(position, k * z / 500.0) };
+fn one_splat(rng: &mut Rng, k: f64) -> Scene {
+    let z = (3.0 * rng.roll()).exp2();
+    let position = [z * rng.within(0.5), z * rng.within(0.5), z];
+    let own = Splat { normal: rng.direction(), ..splat(position, k * z / 500.0) };
     scene(512, 512, 500.0, vec![own])
 }
 
@@ -193,10 +193,10 @@ impl Worst {
 }
 
 fn worst_setup(machine: &Elaborated, [from, to]: [f64; 2]) -> Worst {
-    let (mut dice, mut worst, mut drawn) = (Dice(7), Worst::default(), 0);
+    let (mut rng, mut worst, mut drawn) = (Rng(7), Worst::default(), 0);
     for _ in 0..2000 {
-        let k = from * (to / from).powf(dice.roll());
-        let frame = words(&one_splat(&mut dice, k), machine);
+        let k = from * (to / from).powf(rng.roll());
+        let frame = words(&one_splat(&mut rng, k), machine);
         let Some(own) = machine_sets_up(machine, &frame) else { continue };
         let ideal = formulas_set_up(&machine.machine, &frame);
         worst.see(&own, &ideal, &tolerance(&machine.machine, &frame, &ideal));

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::handmade::{Dice, confetti, scene, splat};
+use crate::handmade::{Rng, confetti, scene, splat};
 use glam::{DMat3, DVec3};
 use splatsim::golden::{Decision, FragmentDepth, Merge, Rendering, Rules, ideal, render, story};
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat};
@@ -206,7 +206,7 @@ fn ideal_does_not_depend_on_the_order_of_splats() {
     let mut scene = confetti(300, 3);
     let first = ideal(&scene);
     for seed in 0..5 {
-        Dice(seed).shuffle(&mut scene.splats);
+        Rng(seed).shuffle(&mut scene.splats);
         let other = ideal(&scene);
         assert!(greatest_difference(&first, &other) < 1e-12);
         assert_eq!((first.fragments, first.outcomes), (other.fragments, other.outcomes));
@@ -216,16 +216,16 @@ fn ideal_does_not_depend_on_the_order_of_splats() {
 /// Five glass sheets 2ε apart, each rougher than a plane but thinner than ε.
 #[test]
 fn enough_layers_make_golden_equal_ideal() {
-    let mut dice = Dice(4);
+    let mut rng = Rng(4);
     let splats = (0..2000).map(|index| {
         let sheet = 1.0 + 0.1 * f64::from(index % 5);
-        let position = [dice.within(0.6), dice.within(0.4), sheet + dice.within(0.01)];
-        let normal = DVec3::new(dice.within(0.3), dice.within(0.3), -1.0).normalize();
-        let rgb = [dice.roll(), dice.roll(), dice.roll()];
-        Splat { normal, rgb, opacity: 0.5 * dice.roll(), ..splat(position, 0.008) }
+        let position = [rng.within(0.6), rng.within(0.4), sheet + rng.within(0.01)];
+        let normal = DVec3::new(rng.within(0.3), rng.within(0.3), -1.0).normalize();
+        let rgb = [rng.roll(), rng.roll(), rng.roll()];
+        Splat { normal, rgb, opacity: 0.5 * rng.roll(), ..splat(position, 0.008) }
     });
     let mut scene = scene(40, 24, 40.0, splats.collect());
-    dice.shuffle(&mut scene.splats);
+    rng.shuffle(&mut scene.splats);
     let ideal = ideal(&scene);
     assert!(ideal.outcomes.most_surfaces_in_a_pixel == 5);
     for merge in [Merge::NearestPair, Merge::FarthestPair] {

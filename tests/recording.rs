@@ -89,10 +89,10 @@ fn no_damage_is_taken_for_a_record() {
     }
     let more = [&small[..], b"x"].concat();
     assert!(refusal(&more).unwrap().contains("something follows its end"));
-    let mut dice = 1_u64;
+    let mut rng = 1_u64;
     let mut roll = |below: usize| {
-        dice = dice.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (dice >> 33) as usize % below
+        rng = rng.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (rng >> 33) as usize % below
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.work");

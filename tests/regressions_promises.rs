@@ -73,8 +73,8 @@ fn bare() -> Vec<Scene> {
 }
 
 /// A word of a machine with 1 to 3 bits, or a sum that holds less than one weight.
-fn narrowed(machine: &Machine, dice: &mut handmade::Dice) -> Machine {
-    let mut roll = |below: usize| (dice.roll() * below as f64) as usize;
+fn narrowed(machine: &Machine, rng: &mut handmade::Rng) -> Machine {
+    let mut roll = |below: usize| (rng.roll() * below as f64) as usize;
     let sums = ["weight_sum", "colour_sum", "opacity_sum", "normal_sum"];
     let mut machine = machine.clone();
     for _ in 0..=roll(3) {
@@ -104,14 +104,14 @@ fn narrow(signed: bool) -> Vec<Format> {
 #[test]
 fn no_pixel_of_a_machine_with_hardly_a_bit_exceeds_its_bound() {
     const MACHINES: usize = 400;
-    let (scenes, mut runner, mut dice) = (bare(), TestRunner::deterministic(), handmade::Dice(7));
+    let (scenes, mut runner, mut rng) = (bare(), TestRunner::deterministic(), handmade::Rng(7));
     let (mut drawn, mut asked, mut saturated) = (0, 0, 0);
     while drawn < MACHINES {
         asked += 1;
         assert!(asked < 100 * MACHINES, "only {drawn} of {asked} machines can draw");
         let (name, changes) = (named(), mutations(0..3)).new_tree(&mut runner).unwrap().current();
         let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, mutation| mutated(&machine, mutation));
-        let machine = narrowed(&machine, &mut dice);
+        let machine = narrowed(&machine, &mut rng);
         let Some(frame) = in_lockstep(&scenes[asked % scenes.len()], &machine) else { continue };
         assert_eq!(fault(&frame), None, "{} {:?} on scene {}", machine.name, differences(&machine), asked % scenes.len());
         drawn += 1;
@@ -220,7 +220,7 @@ fn what_is_no_number_is_equal_to_nothing_in_an_attribution() {
 fn a_search_meets_no_target_with_what_is_no_number() {
     let mut scene = confetti(20, 4);
     let machine = Machine::named("reference").unwrap();
-    let asked = |target| search::Asked {
+    let asked = |target| search::Options {
         target,
         views: 1,
         seed: 0,
@@ -262,7 +262,7 @@ impl Spoilt for Scene {
 fn a_report_of_what_is_no_number_says_so() {
     let mut scene = confetti(20, 4);
     scene.splats[3].rgb[1] = f64::NAN;
-    let outcome = splatsim::run::run(&scene, &Machine::named("reference").unwrap(), 0.0, &splatsim::run::Asked::default()).unwrap();
+    let outcome = splatsim::run::run(&scene, &Machine::named("reference").unwrap(), 0.0, &splatsim::run::Options::default()).unwrap();
     let report = serde_json::to_value(&outcome.report).unwrap();
     let lockstep = &report["accuracy"]["lockstep"];
     assert!(

@@ -13,7 +13,7 @@ use crate::performance::timings::{Axes, Variants};
 use crate::run;
 use crate::run::preview;
 use crate::run::preview::Preview;
-use crate::run::{Asked as Options, Outcome, timed};
+use crate::run::{Options, Outcome, timed};
 use crate::scene::Scene;
 use clap::Args;
 use rtl_model::Machine;

@@ -3,7 +3,7 @@
 use super::arguments::{Common, folder_for, positive, written};
 use crate::error::Result;
 use crate::explore::search;
-use crate::explore::search::{Asked as Options, Target};
+use crate::explore::search::{Options, Target};
 use crate::performance::cost::Prices;
 use crate::scene::Scene;
 use clap::Args;

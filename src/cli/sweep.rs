@@ -4,7 +4,7 @@ use super::arguments::{Threads, folder_for, written};
 use crate::error::Result;
 use crate::explore::sweep;
 use crate::explore::sweep::plan::Points;
-use crate::explore::sweep::{Asked as Options, Shard};
+use crate::explore::sweep::{Options, Shard};
 use crate::performance::cost::Prices;
 use clap::Args;
 use std::ffi::OsString;

@@ -89,12 +89,12 @@ type Records = Vec<Vec<i64>>;
 impl Trace {
     fn open(folder: &Path) -> Result<Trace> {
         let path = folder.join("manifest.json");
-        let told = |what: String| Error::input(format!("{}: {what}", path.display()));
-        let text =
-            std::fs::read_to_string(&path).map_err(|e| told(format!("cannot be read: {e}; a folder that `trace` wrote is needed")))?;
-        let manifest: Value = serde_json::from_str(&text).map_err(|e| told(format!("is no manifest: {e}")))?;
+        let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
+        let text = std::fs::read_to_string(&path)
+            .map_err(|e| input_error(format!("cannot be read: {e}; a folder that `trace` wrote is needed")))?;
+        let manifest: Value = serde_json::from_str(&text).map_err(|e| input_error(format!("is no manifest: {e}")))?;
         if manifest["format"] != "splatsim-trace-1" {
-            return Err(told(format!("its format is {}, and splatsim-trace-1 is needed", manifest["format"])));
+            return Err(input_error(format!("its format is {}, and splatsim-trace-1 is needed", manifest["format"])));
         }
         Ok(Trace { folder: folder.to_owned(), manifest })
     }

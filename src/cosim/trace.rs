@@ -17,16 +17,16 @@
 
 mod coverage;
 mod headers;
+mod observer;
 mod record;
 mod roms;
 mod stimulus;
 mod transfers;
-mod watcher;
 mod waves;
 
+pub use observer::flag;
 pub use record::{Layout, Malformed};
 pub use transfers::{Key, NONE};
-pub use watcher::flag;
 
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
@@ -37,6 +37,7 @@ use crate::output::text::{aligned, hex, plain_table, thousands};
 use crate::scene::Scene;
 use crate::scene::digest::digest_of;
 use coverage::Coverage;
+use observer::Observations;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::frame::Frame;
@@ -52,7 +53,6 @@ use std::io::Write;
 use std::path::Path;
 use stimulus::Tag;
 use transfers::{Rectangle, Source, Transfers};
-use watcher::Watcher;
 use waves::Waves;
 
 /// What a trace is asked to hold.
@@ -117,14 +117,14 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         let whole = Whole { machine: &elaborated, frame: &frame };
         let (shown, splats, before) = whole.part(window, rectangle);
         let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
-        let mut watcher = Watcher::new(&elaborated, &shown, before.splats.len() as u32);
-        let setup = pipeline::set_up_observed(&elaborated, &shown, &mut watcher);
+        let mut observer = Observations::new(&elaborated, &shown, before.splats.len() as u32);
+        let setup = pipeline::set_up_observed(&elaborated, &shown, &mut observer);
         if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
-            pipeline::fill_observed(&elaborated, &shown, &setup, &mut watcher);
+            pipeline::fill_observed(&elaborated, &shown, &setup, &mut observer);
         }
-        let mut coverage = std::mem::take(&mut watcher.coverage);
-        watcher.decisions(&mut coverage);
-        let transfers = Transfers::new(&elaborated, &shown, &splats, watcher, start, rectangle);
+        let mut coverage = std::mem::take(&mut observer.coverage);
+        observer.decisions(&mut coverage);
+        let transfers = Transfers::new(&elaborated, &shown, &splats, observer, start, rectangle);
         let sources = transfers.sources();
         if let Some(cycles) = window.waves {
             let (_, _, work) = pipeline::draw_measured(&elaborated, &shown);
@@ -389,25 +389,25 @@ impl Whole<'_> {
 
     /// The splats whose boxes meet a rectangle.
     fn touching(&self, [left, top, right, bottom]: Rectangle) -> Vec<u32> {
-        let mut watcher = Watcher::new(self.machine, self.frame, 0);
-        pipeline::set_up_observed(self.machine, self.frame, &mut watcher);
-        let meets = |splat: &&watcher::SetUp| {
+        let mut observer = Observations::new(self.machine, self.frame, 0);
+        pipeline::set_up_observed(self.machine, self.frame, &mut observer);
+        let meets = |splat: &&observer::SetUp| {
             let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
             let drawn = splat.project[..2] == [0, 0] && [backface, faint, outside] == [0; 3];
             let columns = first_column < i64::from(right) && last_column >= i64::from(left);
             drawn && columns && first_row < i64::from(bottom) && last_row >= i64::from(top)
         };
-        watcher.set_up.iter().filter(meets).map(|splat| splat.splat).collect()
+        observer.set_up.iter().filter(meets).map(|splat| splat.splat).collect()
     }
 }
 
 /// The fragments that a rectangle's pixels hold after a frame, slot by slot.
 fn held(machine: &Elaborated, frame: &Frame, [left, top, right, bottom]: Rectangle) -> Vec<([u32; 2], Vec<Slot>)> {
-    let mut watcher = Watcher::new(machine, frame, u32::MAX);
-    pipeline::draw_observed(machine, frame, &mut watcher);
-    watcher.sort();
-    let pixels = watcher.held.into_iter().map(|held| {
-        let [_, x, y] = watcher::parts(held.key);
+    let mut observer = Observations::new(machine, frame, u32::MAX);
+    pipeline::draw_observed(machine, frame, &mut observer);
+    observer.sort();
+    let pixels = observer.held.into_iter().map(|held| {
+        let [_, x, y] = observer::parts(held.key);
         ([x, y], held.slots)
     });
     pixels.filter(|([x, y], _)| (left..right).contains(x) && (top..bottom).contains(y)).collect()
@@ -483,9 +483,9 @@ impl Folder<'_> {
 
     /// Writes constants, tables, streams and coverage; returns what the manifest says of them.
     fn contents(&self, window: &Window, sources: &[Source], coverage: &Coverage, tags: &[Tag]) -> Result<Value> {
-        let told = |e: std::io::Error| Error::job(format!("{}: cannot be written: {e}", self.folder.display()));
-        fs::create_dir_all(self.folder.join("keys")).map_err(told)?;
-        fs::create_dir_all(self.folder.join("rom")).map_err(told)?;
+        let job_error = |e: std::io::Error| Error::job(format!("{}: cannot be written: {e}", self.folder.display()));
+        fs::create_dir_all(self.folder.join("keys")).map_err(job_error)?;
+        fs::create_dir_all(self.folder.join("rom")).map_err(job_error)?;
         let kind = Kind::of(self.frame);
         let streams: Vec<Stream> = ports::streams(self.machine, kind).into_iter().filter(|stream| window.wants(kind, stream)).collect();
         let kept: Option<Vec<Vec<u32>>> = window.sample.map(|_| sources.par_iter().map(|source| window.kept(source)).collect());

@@ -56,7 +56,7 @@ pub struct Target {
 
 /// How it is searched.
 #[derive(Clone, Debug)]
-pub struct Asked {
+pub struct Options {
     /// What is wanted.
     pub target: Target,
     /// Unseen cameras that must hold too.
@@ -217,7 +217,7 @@ pub struct Outcome {
     /// Cameras that were searched on: the scenes' own, then those of `learnt`.
     pub cameras: Vec<Searched>,
     /// What a step less would do, the worst first: knob, value now, decibels then; none where it could not be built.
-    pub tight: Vec<Tight>,
+    pub tight: Vec<CriticalWord>,
     /// The machine.
     pub machine: Machine,
     /// What was written.
@@ -249,7 +249,7 @@ pub struct Searched {
 
 /// A step that cannot be taken.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Tight {
+pub struct CriticalWord {
     /// Where.
     pub path: String,
     /// What it is.
@@ -263,9 +263,9 @@ pub struct Tight {
 /// # Errors
 /// [`Error::Input`] where the target cannot be met by the machine as it is, or the folder is of something else; [`Error::Job`] where
 /// what is found cannot be written, or holds on no unseen view.
-pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) -> Result<Outcome> {
-    let knobs = knobs::all(machine, &asked.only);
-    if let Some(name) = asked.only.iter().find(|name| !knobs.iter().any(|knob| machines::is_below(&knob.path, name))) {
+pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, options: &Options) -> Result<Outcome> {
+    let knobs = knobs::all(machine, &options.only);
+    if let Some(name) = options.only.iter().find(|name| !knobs.iter().any(|knob| machines::is_below(&knob.path, name))) {
         return Err(Error::input(format!("--only {name}: machine {} has no such unit, word or size", machine.name)));
     }
     let elaborated = fixed::elaborate(machine)?;
@@ -274,14 +274,14 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) ->
     }
     let views: Vec<View> = scenes.iter().map(|scene| View::new(scene, scene.name.clone(), machine)).collect();
     // Before anything is written.
-    let found = found_on(&views, |view| drawn(&elaborated, view, asked.target.no_saturation))?;
-    asked.target.check_reach(&found, &views, &machine.name).map_err(Error::input)?;
+    let found = found_on(&views, |view| drawn(&elaborated, view, options.target.no_saturation))?;
+    options.target.check_reach(&found, &views, &machine.name).map_err(Error::input)?;
     let _open = Folder::open(folder)?;
     let mut journal = Journal::open(folder, "", named(&COLUMNS))?;
     journal.keep();
     let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
-    write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": asked.target, "scenes": names, "machine": machine}))?;
-    let mut search = Search::new(machine, knobs, scenes, views, journal, asked);
+    write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": options.target, "scenes": names, "machine": machine}))?;
+    let mut search = Search::new(machine, knobs, scenes, views, journal, options);
     let none = vec![0; search.knobs.len()];
     search.check_reach()?;
     let mut path = vec![search.step(&machine.name, &none)?];
@@ -291,7 +291,7 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) ->
     loop {
         let best = search.round(steps.as_deref(), &mut path)?;
         let (held, failed) = search.verified(scenes, &best, next_view)?;
-        next_view += asked.views;
+        next_view += options.views;
         let Some((worst, found)) = failed else {
             let outcome = search.outcome(names, path, held, learnt, &best)?;
             return search.write(outcome, folder);
@@ -301,7 +301,7 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, asked: &Asked) ->
         }
         learnt.push(worst.name.clone());
         path.push(Step { method: format!("{} fails", worst.short_name()), found, ..search.step("", &best)? });
-        let load = asked.target.load(&found);
+        let load = options.target.load(&found);
         // Views differ: what just meets the target on some misses it on others.
         search.stricter *= if load.is_finite() { load.min(MOST_STRICTER) } else { 1.0 };
         search.learn(worst);
@@ -316,7 +316,7 @@ type Verdict = (Vec<Unseen>, Option<(View, Found)>);
 /// What is known.
 struct Search<'a> {
     scenes: &'a [Scene],
-    asked: &'a Asked,
+    options: &'a Options,
     base: Machine,
     /// The base with integer bits cut.
     cut: Machine,
@@ -336,13 +336,13 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(machine: &Machine, knobs: Vec<Knob>, scenes: &'a [Scene], views: Vec<View>, journal: Journal, asked: &'a Asked) -> Self {
+    fn new(machine: &Machine, knobs: Vec<Knob>, scenes: &'a [Scene], views: Vec<View>, journal: Journal, options: &'a Options) -> Self {
         let known = journal.rows().filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?))).collect();
-        let progress = Progress::of_messages(asked.progress);
+        let progress = Progress::of_messages(options.progress);
         let (base, cut, fields) = (machine.clone(), machine.clone(), machines::value(machine));
         Search {
             scenes,
-            asked,
+            options,
             base,
             cut,
             fields,
@@ -369,9 +369,9 @@ impl<'a> Search<'a> {
         self.cut = self.base.clone();
         self.take_fields();
         let found = self.found(&vec![0; self.knobs.len()])?;
-        let load = self.asked.target.load(&found);
+        let load = self.options.target.load(&found);
         // On the scenes themselves it was tried before; what a view shows later is the job's fault, not the input's.
-        self.asked.target.check_reach(&found, &self.views, &self.base.name).map_err(Error::job)?;
+        self.options.target.check_reach(&found, &self.views, &self.base.name).map_err(Error::job)?;
         self.stricter = self.stricter.min(1.0 / load.max(f64::MIN_POSITIVE));
         Ok(())
     }
@@ -385,7 +385,7 @@ impl<'a> Search<'a> {
     }
 
     fn area_of(&self, machine: &Machine) -> Option<f64> {
-        Some(Cost::new(&machine.elaborate().ok()?, &self.asked.prices).area)
+        Some(Cost::new(&machine.elaborate().ok()?, &self.options.prices).area)
     }
 
     /// What differs from the base, as `sweep` writes it.
@@ -402,7 +402,7 @@ impl<'a> Search<'a> {
         let Ok(elaborated) = machine.elaborate() else { return Ok(HOPELESS) };
         let views: Vec<&str> = self.views.iter().map(|view| view.digest.as_str()).collect();
         let nameless = Machine { name: String::new(), ..machine.clone() };
-        let all = json!([env!("CARGO_PKG_VERSION"), views, nameless, self.asked.target.no_saturation, self.asked.prices]);
+        let all = json!([env!("CARGO_PKG_VERSION"), views, nameless, self.options.target.no_saturation, self.options.prices]);
         let key = digest(all.to_string().as_bytes());
         self.asked_for.insert(key.clone());
         if let Some(row) = self.known.get(&key).and_then(|point| self.journal.get(*point)) {
@@ -414,10 +414,10 @@ impl<'a> Search<'a> {
                 Found { psnr_db: row[6].as_f64(), max_error: row[7].as_f64().unwrap_or(0.0), saturated }
             });
         }
-        let (found, seconds) = timed(|| found_on(&self.views, |view| drawn(&elaborated, view, self.asked.target.no_saturation)));
+        let (found, seconds) = timed(|| found_on(&self.views, |view| drawn(&elaborated, view, self.options.target.no_saturation)));
         let misfit = found.as_ref().err().map(Error::to_string);
         let found = found.unwrap_or(HOPELESS);
-        let area = Cost::new(&elaborated, &self.asked.prices).area;
+        let area = Cost::new(&elaborated, &self.options.prices).area;
         let point = self.journal.rows().filter_map(|row| row[0].as_u64()).next_back().map_or(0, |last| last + 1);
         let scene = self.views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
         let seen = misfit.is_none();
@@ -471,7 +471,7 @@ impl<'a> Search<'a> {
         }
         self.cut = self.base.clone();
         self.take_fields();
-        let is_asked = |path: &str| self.asked.only.is_empty() || self.asked.only.iter().any(|name| machines::is_below(path, name));
+        let is_asked = |path: &str| self.options.only.is_empty() || self.options.only.iter().any(|name| machines::is_below(path, name));
         let words = machines::words(&self.base).into_iter().filter(|(path, _)| is_asked(path));
         let less = |(path, format): (String, Format)| {
             let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);
@@ -508,7 +508,7 @@ impl<'a> Search<'a> {
     /// The machine that steps are taken from is another one.
     fn take_fields(&mut self) {
         self.fields = machines::value(&self.cut);
-        let only = &self.asked.only;
+        let only = &self.options.only;
         self.knobs = knobs::all(&self.cut, only);
         self.areas.clear();
     }
@@ -543,7 +543,7 @@ impl<'a> Search<'a> {
         path.push(self.step("max−1", &down)?);
         let best = if is_back_well && self.area(&back) < self.area(&down) { back } else { down };
         self.method = "annealing";
-        let cold = descent::annealed(self, &best, self.asked.seed, self.asked.tries)?;
+        let cold = descent::annealed(self, &best, self.options.seed, self.options.tries)?;
         path.push(self.step("annealing", &cold)?);
         self.method = "last steps";
         let last = descent::taken_away(self, &cold)?;
@@ -558,10 +558,10 @@ impl<'a> Search<'a> {
         let mut held = Vec::new();
         let mut worst: Option<(f64, (View, Found))> = None;
         for scene in scenes {
-            for nth in from..from + self.asked.views {
+            for nth in from..from + self.options.views {
                 let view = View::unseen(scene, nth, &machine);
-                let found = drawn(&elaborated, &view, self.asked.target.no_saturation).unwrap_or(HOPELESS);
-                let load = self.asked.target.load(&found);
+                let found = drawn(&elaborated, &view, self.options.target.no_saturation).unwrap_or(HOPELESS);
+                let load = self.options.target.load(&found);
                 self.progress.say(format!("{}: {} dB", view.name, found.psnr()));
                 held.push(Unseen { name: view.name.clone(), eye: view.scene.camera.eye.to_array(), camera: view.scene.camera, found });
                 if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
@@ -581,22 +581,22 @@ impl<'a> Search<'a> {
             let mut next = steps.to_vec();
             next[knob] += 1;
             let found = self.found(&next)?;
-            if found == HOPELESS || self.asked.target.load(&found) * self.stricter <= 1.0 {
+            if found == HOPELESS || self.options.target.load(&found) * self.stricter <= 1.0 {
                 continue;
             }
             let Knob { path, .. } = &self.knobs[knob];
-            tight.push(Tight { path: path.clone(), value: self.knobs[knob].value(steps[knob]), psnr_db: found.psnr_db });
+            tight.push(CriticalWord { path: path.clone(), value: self.knobs[knob].value(steps[knob]), psnr_db: found.psnr_db });
         }
-        let worth = |tight: &Tight| tight.psnr_db.unwrap_or(f64::INFINITY);
+        let worth = |tight: &CriticalWord| tight.psnr_db.unwrap_or(f64::INFINITY);
         tight.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
-        let aim = match (self.asked.target.psnr_db, self.asked.target.max_error) {
+        let aim = match (self.options.target.psnr_db, self.options.target.max_error) {
             (Some(db), _) => format!("{db}dB"),
             (None, most) => format!("{}", most.unwrap_or(0.0)),
         };
         let stem = |name: &String| Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let name = format!("{}-{aim}", scenes.iter().map(stem).collect::<Vec<_>>().join("-"));
         let machine = Machine { name, ..self.machine(steps).unwrap_or_else(|| self.base.clone()) };
-        let (target, base) = (self.asked.target, self.base.name.clone());
+        let (target, base) = (self.options.target, self.base.name.clone());
         let cameras = self.views.iter().map(|view| Searched { name: view.name.clone(), camera: view.scene.camera }).collect();
         Ok(Outcome { scenes, target, base, path, views, learnt, cameras, tight, machine, files: Vec::new() })
     }
@@ -629,7 +629,7 @@ impl Problem for Search<'_> {
 
     fn load(&mut self, steps: &[u32]) -> Result<f64> {
         let found = self.found(steps)?;
-        Ok(if found == HOPELESS { f64::INFINITY } else { self.asked.target.load(&found) * self.stricter })
+        Ok(if found == HOPELESS { f64::INFINITY } else { self.options.target.load(&found) * self.stricter })
     }
 }
 
@@ -669,7 +669,7 @@ fn differences(base: &Value, now: &Value, path: &str, changes: &mut Vec<String>)
     }
 }
 
-/// Tight steps that are told.
+/// CriticalWord steps that are told.
 const TOLD: usize = 8;
 
 impl Outcome {
@@ -715,7 +715,11 @@ impl Outcome {
         });
         let tight: Vec<String> = tight.collect();
         if !tight.is_empty() {
-            let _ = write!(text, "\n{}", wrapped(&format!("tightest, and what a step less would make of it: {}", tight.join(", "))));
+            let _ = write!(
+                text,
+                "\n{}",
+                wrapped(&format!("critical word lengths, and what a step less would make of each: {}", tight.join(", ")))
+            );
         }
         text
     }

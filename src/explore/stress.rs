@@ -116,8 +116,8 @@ struct Exhibit {
 pub fn find(name: &str) -> Result<&'static Case> {
     let names = CASES.each_ref().map(|case| case.name);
     let nearest = validate::nearest(name, &names);
-    let told = || Error::input(format!("--case {name}: no such case; the nearest is `{nearest}` (known are {})", names.join(", ")));
-    CASES.iter().find(|case| case.name == name).ok_or_else(told)
+    let input_error = || Error::input(format!("--case {name}: no such case; the nearest is `{nearest}` (known are {})", names.join(", ")));
+    CASES.iter().find(|case| case.name == name).ok_or_else(input_error)
 }
 
 /// Runs cases on the named machines that can draw them, on their own variants and on whatever other machines are given.

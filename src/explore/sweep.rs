@@ -70,7 +70,7 @@ impl std::str::FromStr for Shard {
 
 /// How a plan is carried out.
 #[derive(Clone, Copy, Debug)]
-pub struct Asked {
+pub struct Options {
     /// A part of it.
     pub shard: Option<Shard>,
     /// At most so many points.
@@ -103,20 +103,20 @@ struct Point {
 ///
 /// # Errors
 /// [`Error::Input`] where plan or folder are wrong, [`Error::Job`] where a row cannot be written.
-pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
+pub fn run(points: &Points, folder: &Path, options: &Options) -> Result<Outcome> {
     let count = points.count();
-    if count > asked.most {
+    if count > options.most {
         let sentence =
-            format!("the plan has {} points, more than {}: --most {count} draws them all", thousands(count), thousands(asked.most));
+            format!("the plan has {} points, more than {}: --most {count} draws them all", thousands(count), thousands(options.most));
         return Err(Error::input(sentence));
     }
     let mut scenes = Scenes::check(points)?;
     let _open = Folder::shared(folder)?;
     let fields = points.fields();
-    let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": asked.prices});
-    let part = asked.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
+    let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
+    let part = options.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
     let mut journal = Journal::open(folder, &part, columns::all(&fields))?;
-    let is_mine = |number: u64| asked.shard.is_none_or(|Shard { index, of }| number % of == index - 1);
+    let is_mine = |number: u64| options.shard.is_none_or(|Shard { index, of }| number % of == index - 1);
     let mine = (0..count).filter(|number| is_mine(*number)).count() as u64;
     if let Some((last, _)) = journal.rows().filter_map(|row| Some((row[0].as_u64()?, row))).max_by_key(|(point, _)| *point)
         && last >= count
@@ -126,7 +126,7 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
     let known: Vec<u64> = journal.rows().filter_map(|row| row[0].as_u64()).filter(|number| is_mine(*number)).collect();
     for number in &known {
         let (scene, changes) = points.point(*number);
-        let point = Point::new(points, asked, &scenes.digests[scene], *number, changes)?;
+        let point = Point::new(points, options, &scenes.digests[scene], *number, changes)?;
         if journal.get(*number).and_then(|row| row[1].as_str()) != Some(&point.key) {
             let told = format!("{}: point {number} was drawn from something else than now", folder.display());
             return Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")));
@@ -134,7 +134,7 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
     }
     journal.keep();
     write_plan(folder, &told)?;
-    let progress = Progress::of_steps(asked.progress, mine - known.len() as u64, "points");
+    let progress = Progress::of_steps(options.progress, mine - known.len() as u64, "points");
     let mut drawn = 0;
     for nth in 0..points.plan.scenes.len() {
         let on_scene: Vec<(u64, Vec<Change>)> = (0..count)
@@ -147,11 +147,11 @@ pub fn run(points: &Points, folder: &Path, asked: &Asked) -> Result<Outcome> {
         if on_scene.is_empty() {
             continue;
         }
-        let mut stage = Stage::new(points, scenes.take(nth)?, asked);
+        let mut stage = Stage::new(points, scenes.take(nth)?, options);
         let mut groups: Vec<Vec<Point>> = Vec::new();
         let mut places = BTreeMap::new();
         for (number, changes) in on_scene {
-            let point = Point::new(points, asked, &stage.digest, number, changes)?;
+            let point = Point::new(points, options, &stage.digest, number, changes)?;
             let formats = Machine { timing: points.base.timing, ..point.machine.clone() };
             let formats = json!([formats, plan::exact_of(&point.changes)]).to_string();
             let place = *places.entry(formats).or_insert(groups.len());
@@ -204,9 +204,9 @@ impl<'a> Scenes<'a> {
 }
 
 impl Point {
-    fn new(points: &Points, asked: &Asked, scene: &str, number: u64, changes: Vec<Change>) -> Result<Self> {
+    fn new(points: &Points, options: &Options, scene: &str, number: u64, changes: Vec<Change>) -> Result<Self> {
         let machine = plan::machine_of(&points.base, &changes, &format!("point {number}"))?;
-        let prices = json!(asked.prices);
+        let prices = json!(options.prices);
         let all = json!([
             env!("CARGO_PKG_VERSION"),
             scene,
@@ -230,7 +230,7 @@ pub fn write_plan(folder: &Path, told: &Value) -> Result<()> {
 /// What all points on a scene have in common.
 struct Stage<'a> {
     points: &'a Points,
-    asked: &'a Asked,
+    options: &'a Options,
     scene: Arc<Scene>,
     digest: String,
     ideal: Picture,
@@ -252,9 +252,9 @@ struct Golden {
 const GOLDENS: usize = 16;
 
 impl<'a> Stage<'a> {
-    fn new(points: &'a Points, (scene, digest): (Scene, String), asked: &'a Asked) -> Self {
+    fn new(points: &'a Points, (scene, digest): (Scene, String), options: &'a Options) -> Self {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
-        Stage { points, asked, scene: Arc::new(scene), digest, ideal, ideal_seconds, goldens: Vec::new() }
+        Stage { points, options, scene: Arc::new(scene), digest, ideal, ideal_seconds, goldens: Vec::new() }
     }
 
     fn golden(&mut self, rules: &Rules) -> &Golden {
@@ -277,7 +277,7 @@ impl<'a> Stage<'a> {
         let base = machines::value(&self.points.base);
         let row = |point: &Point| {
             let (found, own_seconds) = timed(|| match &drawn {
-                Ok(drawn) => drawn.on(&point.machine, &self.asked.prices),
+                Ok(drawn) => drawn.on(&point.machine, &self.options.prices),
                 Err(sentence) => Err(sentence.clone()),
             });
             let mut found = found.unwrap_or_else(|sentence| Findings { misfit: Some(sentence), ..Findings::default() });

@@ -35,7 +35,7 @@ use std::time::Instant;
 
 /// What is done only where it was asked for.
 #[derive(Clone, Debug, Default)]
-pub struct Asked {
+pub struct Options {
     /// Who makes the error.
     pub attribution: bool,
     /// The frame on other microarchitectures.
@@ -75,8 +75,8 @@ pub struct Outcome {
 ///
 /// # Errors
 /// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
-pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -> Result<Outcome> {
-    let attributed = asked.attribution;
+pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Options) -> Result<Outcome> {
+    let attributed = options.attribution;
     let elaborated = fixed::elaborate(machine)?;
     let (evaluation, quantise_seconds) = timed(|| Evaluation::on(scene, &elaborated));
     let evaluation = evaluation?;
@@ -84,9 +84,9 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
     let (_, fixed_seconds) = timed(|| evaluation.draw());
     let (observed, observed_seconds) = timed(|| evaluation.observe());
     let Observed { drawing, picture: fixed, signals, work } = observed;
-    let detail = if asked.requests { Detail::Log } else { Detail::Histograms };
+    let detail = if options.requests { Detail::Log } else { Detail::Histograms };
     let (cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
-    let timings = asked.timings.as_ref().map(|variants| Timings::new(variants, &work));
+    let timings = options.timings.as_ref().map(|variants| Timings::new(variants, &work));
     let (golden, golden_seconds) = timed(|| evaluation.golden());
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
     let (lockstep, lockstep_seconds) = timed(|| evaluation.lockstep());
@@ -116,7 +116,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
         },
         fragments: drawing.outcomes.into(),
         signals,
-        cost: CostReport::new(&elaborated, &cycles, &asked.prices),
+        cost: CostReport::new(&elaborated, &cycles, &options.prices),
         cycles: CyclesReport::new(&elaborated.timing, &work, &cycles),
         timings,
         preview: None,
@@ -139,8 +139,8 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, asked: &Asked) -
             fragments_per_second: fragments as f64 / fixed_seconds,
         },
     };
-    let work = asked.record.then_some(work);
-    let requests = asked.requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
+    let work = options.record.then_some(work);
+    let requests = options.requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
     let encoded = scene.image.encoded;
     Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, work, report, encoded })
 }

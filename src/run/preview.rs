@@ -77,10 +77,10 @@ fn smaller(scene: &Scene, part: usize) -> Scene {
 pub fn scene(whole: &Scene) -> Result<Scene> {
     let (width, height) = (whole.image.width, whole.image.height);
     if width.min(height) < LEAST_SIDE_PX {
-        let told = format!(
+        let sentence = format!(
             "--preview: {width}×{height} pixels are few already; with {LEAST_SIDE_PX} or more a side there is something to leave out"
         );
-        return Err(Error::input(told));
+        return Err(Error::input(sentence));
     }
     Ok(smaller(whole, PART))
 }

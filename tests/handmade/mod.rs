@@ -34,9 +34,9 @@ pub fn splat(position: [f64; 3], radius: f64) -> Splat {
 }
 
 /// Numbers in [0, 1) from a 64-bit linear congruential generator.
-pub struct Dice(pub u64);
+pub struct Rng(pub u64);
 
-impl Dice {
+impl Rng {
     pub fn roll(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
@@ -64,16 +64,16 @@ impl Dice {
 
 /// Coloured, half-transparent, tilted, lit splats anywhere in the view of a 40×24 picture.
 pub fn confetti(count: usize, seed: u64) -> Scene {
-    let mut dice = Dice(seed);
+    let mut rng = Rng(seed);
     let splats = (0..count).map(|_| {
-        let z = 1.0 + dice.roll();
+        let z = 1.0 + rng.roll();
         Splat {
-            position: DVec3::new(z * dice.within(0.6), z * dice.within(0.4), z),
-            normal: DVec3::new(dice.within(1.0), dice.within(1.0), -1.0).normalize(),
-            radius: 0.01 + 0.2 * dice.roll(),
-            rgb: [dice.roll(), dice.roll(), dice.roll()],
-            opacity: dice.roll(),
-            material: (dice.roll() * 2.0) as u32,
+            position: DVec3::new(z * rng.within(0.6), z * rng.within(0.4), z),
+            normal: DVec3::new(rng.within(1.0), rng.within(1.0), -1.0).normalize(),
+            radius: 0.01 + 0.2 * rng.roll(),
+            rgb: [rng.roll(), rng.roll(), rng.roll()],
+            opacity: rng.roll(),
+            material: (rng.roll() * 2.0) as u32,
         }
     });
     let mut scene = scene(40, 24, 40.0, splats.collect());

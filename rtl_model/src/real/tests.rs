@@ -1,4 +1,4 @@
-//! Near against numbers picked from its intervals, and what the units' tests share: dice, and machines that nobody would design.
+//! Near against numbers picked from its intervals, and what the units' tests share: rng, and machines that nobody would design.
 
 use super::*;
 use crate::Machine;
@@ -10,11 +10,11 @@ use serde_json::{Value, json};
 use std::fmt::Debug;
 
 /// Random numbers: xorshift.
-pub struct Dice(u64);
+pub struct Rng(u64);
 
-impl Dice {
+impl Rng {
     pub fn new(seed: u64) -> Self {
-        Dice(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+        Rng(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
     }
 
     fn next(&mut self) -> u64 {
@@ -159,11 +159,11 @@ impl Pair {
     }
 }
 
-fn some_fit(dice: &mut Dice) -> Fit {
-    let format = Format { signed: true, int_bits: 2 + dice.below(5) as i32, frac_bits: dice.below(12) as i32 };
-    let round = dice.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
-    let overflow = dice.one_of(&[Overflow::Saturate, Overflow::Saturate, Overflow::Wrap]);
-    Fit::new(0, Word { format, round, overflow }, Exact { int_bits: 10, frac_bits: dice.below(20) as i32 })
+fn some_fit(rng: &mut Rng) -> Fit {
+    let format = Format { signed: true, int_bits: 2 + rng.below(5) as i32, frac_bits: rng.below(12) as i32 };
+    let round = rng.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
+    let overflow = rng.one_of(&[Overflow::Saturate, Overflow::Saturate, Overflow::Wrap]);
+    Fit::new(0, Word { format, round, overflow }, Exact { int_bits: 10, frac_bits: rng.below(20) as i32 })
 }
 
 /// The word of a fit, as its value, of a number that is no word itself.
@@ -174,11 +174,11 @@ fn fitted(fit: &Fit, x: f64) -> f64 {
 }
 
 /// One more number made of the others.
-fn step(dice: &mut Dice, pool: &[Pair]) -> Pair {
-    let [a, b] = [dice.one_of(pool), dice.one_of(pool)];
-    let constant = dice.between(-2.0, 2.0);
+fn step(rng: &mut Rng, pool: &[Pair]) -> Pair {
+    let [a, b] = [rng.one_of(pool), rng.one_of(pool)];
+    let constant = rng.between(-2.0, 2.0);
     let pair = |near: Near, machine: f64| Pair { near, machine };
-    match dice.below(14) {
+    match rng.below(14) {
         0 => pair(a.near + b.near, a.machine + b.machine),
         1 => pair(a.near - b.near, a.machine - b.machine),
         2 => pair(a.near * b.near, a.machine * b.machine),
@@ -189,9 +189,9 @@ fn step(dice: &mut Dice, pool: &[Pair]) -> Pair {
         7 => pair(a.near.at_most(constant), a.machine.min(constant)),
         8 => pair(a.near.plus(constant), a.machine + constant),
         9 => pair(a.near.times(constant), a.machine * constant),
-        10 => pair(a.near.function(|x| x.powi(3), 0.25), a.machine.powi(3) + dice.one_of(&[-0.25, 0.25])),
+        10 => pair(a.near.function(|x| x.powi(3), 0.25), a.machine.powi(3) + rng.one_of(&[-0.25, 0.25])),
         11 => {
-            let fit = some_fit(dice);
+            let fit = some_fit(rng);
             pair(a.near.fit(&fit, Scale::ONE), fitted(&fit, a.machine))
         }
         12 => {
@@ -199,9 +199,9 @@ fn step(dice: &mut Dice, pool: &[Pair]) -> Pair {
             pair(near, if a.machine >= b.machine { a.machine } else { b.machine * b.machine })
         }
         _ => {
-            let [u, v] = [0; 2].map(|_| [0; 3].map(|_| dice.one_of(pool)));
+            let [u, v] = [0; 2].map(|_| [0; 3].map(|_| rng.one_of(pool)));
             let length = norm(u.map(|p| p.machine));
-            if dice.below(2) == 0 {
+            if rng.below(2) == 0 {
                 return pair(Near::length(u.map(|p| p.near)), length);
             }
             let root = ReciprocalRoot::new(
@@ -212,7 +212,7 @@ fn step(dice: &mut Dice, pool: &[Pair]) -> Pair {
                 10,
             );
             let direction = Near::direction(u.map(|p| p.near), Near::exact(1.0), &root);
-            let off = 1.0 + root.relative_error() * dice.between(-1.0, 1.0);
+            let off = 1.0 + root.relative_error() * rng.between(-1.0, 1.0);
             let parts = u.map(|p| if length > 0.0 { p.machine / length * off } else { 0.0 });
             let dot = (0..3).map(|i| parts[i] * v[i].machine).sum();
             pair(Near::dot(&direction, v.map(|p| p.near)), dot)
@@ -223,16 +223,16 @@ fn step(dice: &mut Dice, pool: &[Pair]) -> Pair {
 #[test]
 fn near_holds_every_outcome() {
     for seed in 0..20_000 {
-        let dice = &mut Dice::new(seed);
+        let rng = &mut Rng::new(seed);
         let mut pool: Vec<Pair> = Vec::new();
         for _ in 0..4 {
-            let error = dice.one_of(&[0.0, 1e-6, 1e-2, 0.5]) * dice.part();
-            let value = dice.between(-2.0, 2.0);
-            let near = Near::within(dice.one_of(&[0.0, 1.0, value, value]), error);
-            pool.push(Pair { near, machine: dice.pick(near) });
+            let error = rng.one_of(&[0.0, 1e-6, 1e-2, 0.5]) * rng.part();
+            let value = rng.between(-2.0, 2.0);
+            let near = Near::within(rng.one_of(&[0.0, 1.0, value, value]), error);
+            pool.push(Pair { near, machine: rng.pick(near) });
         }
         for _ in 0..12 {
-            let next = step(dice, &pool);
+            let next = step(rng, &pool);
             assert!(next.holds(), "seed {seed}: {next:?} from {pool:?}");
             if next.near.most() < 100.0 {
                 pool.push(next);
@@ -277,18 +277,18 @@ fn a_fit_is_within_its_bound() {
 fn a_share_is_within_its_bound() {
     let mut worst: f64 = 0.0;
     for seed in 0..20_000 {
-        let dice = &mut Dice::new(seed);
-        let bits = dice.below(13);
-        let whole = 1 + dice.below(1 << bits) as i64;
-        let part = dice.below(2 * whole as u64) as i64;
-        let word = Word::new(Format::unsigned(1 + dice.below(2) as i32, 4 + dice.below(8) as i32));
-        let word = word.rounded(dice.one_of(&[Rounding::Truncate, Rounding::Nearest]));
+        let rng = &mut Rng::new(seed);
+        let bits = rng.below(13);
+        let whole = 1 + rng.below(1 << bits) as i64;
+        let part = rng.below(2 * whole as u64) as i64;
+        let word = Word::new(Format::unsigned(1 + rng.below(2) as i32, 4 + rng.below(8) as i32));
+        let word = word.rounded(rng.one_of(&[Rounding::Truncate, Rounding::Nearest]));
         let fit = Fit::new(0, word, Exact { int_bits: 5, frac_bits: 8 });
         let exponent = i64::from(whole.ilog2()) - 8;
         let share = word.format.value(fit.one_shifted(part, exponent)) * power_of_two(exponent as i32);
         let (whole, part) = (whole as f64 / 256.0, part as f64 / 256.0);
-        let drift = dice.one_of(&[0.0, 0.01, 0.6]) * whole;
-        let near = Near::exact(part / whole).share(&fit, Near::within(whole + dice.between(-drift, drift), drift));
+        let drift = rng.one_of(&[0.0, 0.01, 0.6]) * whole;
+        let near = Near::exact(part / whole).share(&fit, Near::within(whole + rng.between(-drift, drift), drift));
         let error = (share / whole - part / whole).abs();
         assert!(error <= near.error + 1e-15, "seed {seed}: off by {error}, bound {}", near.error);
         worst = if near.error > 0.0 && drift == 0.0 { worst.max(error / near.error) } else { worst };

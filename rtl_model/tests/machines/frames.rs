@@ -5,9 +5,9 @@ use rtl_model::machine::{Interpolation, Machine};
 use rtl_model::num::{Format, Word};
 
 /// SplitMix64: small, and the same everywhere.
-pub struct Dice(pub u64);
+pub struct Rng(pub u64);
 
-impl Dice {
+impl Rng {
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -27,27 +27,27 @@ impl Dice {
 
 /// Draws words; one in `wildness` is any word of its format, the extremes above all.
 struct Words {
-    dice: Dice,
+    rng: Rng,
     wildness: u64,
 }
 
 impl Words {
     fn near(&mut self, word: Word, value: f64) -> i64 {
-        if self.dice.below(self.wildness) == 0 { self.any(word.format) } else { nearest(word.format, value) }
+        if self.rng.below(self.wildness) == 0 { self.any(word.format) } else { nearest(word.format, value) }
     }
 
     fn between(&mut self, word: Word, low: f64, high: f64) -> i64 {
-        let value = self.dice.between(low, high);
+        let value = self.rng.between(low, high);
         self.near(word, value)
     }
 
     fn any(&mut self, format: Format) -> i64 {
-        let word = match self.dice.below(6) {
+        let word = match self.rng.below(6) {
             0 => format.min(),
             1 => format.max(),
-            2 => self.dice.below(3) as i64 - 1,
+            2 => self.rng.below(3) as i64 - 1,
             _ => {
-                let magnitude = self.dice.next() as i64 >> (64 - format.width()).clamp(0, 63) >> self.dice.below(format.width() as u64);
+                let magnitude = self.rng.next() as i64 >> (64 - format.width()).clamp(0, 63) >> self.rng.below(format.width() as u64);
                 if format.signed { magnitude } else { magnitude.abs() }
             }
         };
@@ -67,9 +67,9 @@ pub fn nearest(format: Format, value: f64) -> i64 {
 
 /// A frame with a few splats: `wildness` 1 draws every word at random, large numbers almost none.
 pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
-    let mut w = Words { dice: Dice(seed), wildness };
-    let [width, height] = [1 + w.dice.below(40) as u32, 1 + w.dice.below(40) as u32];
-    let threshold = w.dice.between(0.05, 0.9);
+    let mut w = Words { rng: Rng(seed), wildness };
+    let [width, height] = [1 + w.rng.below(40) as u32, 1 + w.rng.below(40) as u32];
+    let threshold = w.rng.between(0.05, 0.9);
     let lighting = lighting(machine, &mut w);
     let materials = lighting.materials.len() as u64;
     Frame {
@@ -81,7 +81,7 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         inverse_threshold: w.scaled(machine.shade.inverse_threshold, 1.0 / threshold),
         background: std::array::from_fn(|_| w.between(machine.resolve.frame, 0.0, 1.0)),
         lighting,
-        splats: (0..w.dice.below(40)).map(|_| splat(machine, materials, &mut w)).collect(),
+        splats: (0..w.rng.below(40)).map(|_| splat(machine, materials, &mut w)).collect(),
         ..Frame::default()
     }
 }
@@ -89,16 +89,16 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
 /// The same of ellipsoids, by sheets, on a machine that has what they need.
 pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
     let mut frame = frame(machine, seed, wildness);
-    let mut w = Words { dice: Dice(seed ^ 0x5eed), wildness };
+    let mut w = Words { rng: Rng(seed ^ 0x5eed), wildness };
     let (words, sheets) = (machine.ellipse.ellipsoid.unwrap(), machine.fragment.sheets.unwrap());
     let count = frame.splats.len();
     let axis = |w: &mut Words| std::array::from_fn(|_| w.between(machine.ellipse.normal, -1.0, 1.0));
-    let own = (0..if w.dice.below(3) > 0 { count } else { 0 }).map(|_| Orientation {
+    let own = (0..if w.rng.below(3) > 0 { count } else { 0 }).map(|_| Orientation {
         quaternion: std::array::from_fn(|_| w.between(words.quaternion, -0.7, 0.7) as i32),
         scales: std::array::from_fn(|_| w.between(words.scale, 0.0, 1.0) as i32),
     });
     let own = own.collect();
-    let amplitude = [Amplitude::Disc, Amplitude::LineIntegral, Amplitude::Peak][w.dice.below(3) as usize];
+    let amplitude = [Amplitude::Disc, Amplitude::LineIntegral, Amplitude::Peak][w.rng.below(3) as usize];
     frame.ellipsoids = Some(Ellipsoids {
         kernel: Kernel {
             amplitude,
@@ -107,17 +107,17 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
             scales: std::array::from_fn(|_| w.between(words.scale, 0.0, 1.0)),
         },
         own,
-        preshaded: w.dice.below(2) == 0,
+        preshaded: w.rng.below(2) == 0,
         sorted: machine.sort.is_some(),
     });
     let weight = machine.gauss.weight;
-    let ratio = if w.dice.below(4) > 0 { (1 << sheets.table.index_bits) + 1 } else { 0 };
-    frame.sheets = (w.dice.below(4) > 0).then(|| Sheets {
-        each: if w.dice.below(2) == 0 { Each::Slice } else { Each::Splat },
+    let ratio = if w.rng.below(4) > 0 { (1 << sheets.table.index_bits) + 1 } else { 0 };
+    frame.sheets = (w.rng.below(4) > 0).then(|| Sheets {
+        each: if w.rng.below(2) == 0 { Each::Slice } else { Each::Splat },
         numbers: (0..count as u32).map(|number| number / 4).collect(),
-        back_to_front: w.dice.below(3) == 0,
+        back_to_front: w.rng.below(3) == 0,
         stop: w.near(machine.fragment.opacity_sum, 0.01),
-        keeps_last: w.dice.below(2) == 0,
+        keeps_last: w.rng.below(2) == 0,
         least_weight: w.near(weight, 0.004),
         most_weight: w.near(weight, 0.99),
         ratio: (0..ratio).map(|_| w.between(sheets.ratio, 0.1, 1.0)).collect(),
@@ -127,12 +127,12 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
 
 fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
     let (p, e) = (&machine.project, &machine.ellipse);
-    let focal = w.dice.between(0.5, 3.0) * f64::from(width);
-    let cutoff = w.dice.between(0.5, 4.0);
+    let focal = w.rng.between(0.5, 3.0) * f64::from(width);
+    let cutoff = w.rng.between(0.5, 4.0);
     View {
         rotation: std::array::from_fn(|row| {
             std::array::from_fn(|column| {
-                let tilt = w.dice.between(-0.2, 0.2);
+                let tilt = w.rng.between(-0.2, 0.2);
                 w.near(p.rotation, if row == column { 0.98 } else { tilt })
             })
         }),
@@ -144,31 +144,31 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
         low_pass: w.near(e.low_pass, 1.0),
         cutoff: w.near(machine.raster.cutoff, cutoff),
         root_cutoff: w.near(e.root_cutoff, cutoff.sqrt()),
-        cull_backfaces: w.dice.below(4) == 0,
+        cull_backfaces: w.rng.below(4) == 0,
     }
 }
 
 fn splat(machine: &Machine, materials: u64, w: &mut Words) -> Splat {
     let s = &machine.splat;
-    let normal: [f64; 3] = std::array::from_fn(|_| w.dice.between(-1.0, 1.0));
+    let normal: [f64; 3] = std::array::from_fn(|_| w.rng.between(-1.0, 1.0));
     let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt().max(1e-6);
-    let size = w.dice.between(-9.0, -1.0).exp2();
+    let size = w.rng.between(-9.0, -1.0).exp2();
     Splat {
         position: std::array::from_fn(|_| w.between(s.position, -0.3, 0.3) as i32),
         normal: normal.map(|n| w.near(s.normal, n / length) as i32),
         radius: w.near(s.radius, size) as i32,
         rgb: std::array::from_fn(|_| w.between(s.rgb, 0.0, 1.0) as i32),
-        opacity: if w.dice.below(2) == 0 { w.near(s.opacity, 1.0) as i32 } else { w.between(s.opacity, 0.0, 1.0) as i32 },
-        material: w.dice.below(materials) as u32,
+        opacity: if w.rng.below(2) == 0 { w.near(s.opacity, 1.0) as i32 } else { w.between(s.opacity, 0.0, 1.0) as i32 },
+        material: w.rng.below(materials) as u32,
     }
 }
 
 fn lighting(machine: &Machine, w: &mut Words) -> Lighting {
     let s = &machine.shade;
-    let lights: Vec<Light> = (0..w.dice.below(4))
+    let lights: Vec<Light> = (0..w.rng.below(4))
         .map(|_| Light {
             direction: std::array::from_fn(|_| w.between(s.light, -1.0, 1.0)),
-            half_way: (w.dice.below(4) > 0).then(|| std::array::from_fn(|_| w.between(s.light, -1.0, 1.0))),
+            half_way: (w.rng.below(4) > 0).then(|| std::array::from_fn(|_| w.between(s.light, -1.0, 1.0))),
         })
         .collect();
     let steps = 1usize << s.highlight_table.index_bits;

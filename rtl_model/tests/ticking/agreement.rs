@@ -1,6 +1,6 @@
 //! Do ticks and replay agree in every number, on any machine and any work?
 
-use crate::frames::{Dice, ellipsoids, frame};
+use crate::frames::{Rng, ellipsoids, frame};
 use crate::memory::Traffic;
 use crate::parts::Ticked;
 use crate::scene::Scene;
@@ -123,9 +123,9 @@ const NEVER_BINNED: [&str; 12] = [
 ];
 
 /// Any machine with ideal memory.
-pub fn of(organisation: Organisation, dice: &mut Dice) -> Timing {
-    let mut timing = Timing { organisation, ..machines::random(dice) };
-    (timing.tile.side_px, timing.tile.buffers) = ([16, 16, 32, 48][dice.below(4) as usize], 1 + dice.below(2) as u32);
+pub fn of(organisation: Organisation, rng: &mut Rng) -> Timing {
+    let mut timing = Timing { organisation, ..machines::random(rng) };
+    (timing.tile.side_px, timing.tile.buffers) = ([16, 16, 32, 48][rng.below(4) as usize], 1 + rng.below(2) as u32);
     timing
 }
 
@@ -133,14 +133,14 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
     let mut seen = Seen::default();
     for (size, splats, share) in [([3, 3], 1, 1), ([4, 4], 3, 2), ([8, 8], 6, 2), ([20, 20], 12, 2), ([60, 50], 40, 3)] {
         for seed in 0..cases * share {
-            let mut dice = Dice(seed);
-            let timing = of(organisation, &mut dice);
-            let scene = scene::random(&mut dice, size, splats);
+            let mut rng = Rng(seed);
+            let timing = of(organisation, &mut rng);
+            let scene = scene::random(&mut rng, size, splats);
             let scene = if seed % 4 == 3 { scene.lit() } else { scene };
             // Some are sorted.
             let sorts = organisation == Organisation::Binned && seed % 3 == 2;
-            let scene = if sorts { scene.sorted(&mut dice) } else { scene };
-            let timing = if sorts { machines::sorting(&mut dice, timing).elaborate().unwrap().timing } else { machines::elaborate(timing) };
+            let scene = if sorts { scene.sorted(&mut rng) } else { scene };
+            let timing = if sorts { machines::sorting(&mut rng, timing).elaborate().unwrap().timing } else { machines::elaborate(timing) };
             match compare(&timing, &scene, &scene.record()) {
                 Ok(ticked) => seen.see(&ticked),
                 Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", timing.timing),
@@ -156,9 +156,9 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
     for (name, frames) in Machine::NAMES.into_iter().map(|name| (name, 80)).chain([("volume", 240)]).chain(sorting) {
         for seed in 0..frames {
             let mut machine = Machine::named(name).unwrap();
-            machine.timing = of(organisation, &mut Dice(seed));
+            machine.timing = of(organisation, &mut Rng(seed));
             if machine.sort.is_some() {
-                machine = machines::sorting(&mut Dice(seed), machine.timing);
+                machine = machines::sorting(&mut Rng(seed), machine.timing);
             }
             let is_volume = machine.fragment.sheets.is_some();
             let mut frame = if is_volume { ellipsoids(&machine, seed, 500) } else { frame(&machine, seed, 500) };
@@ -207,10 +207,10 @@ fn a_drawn_and_binned_frame_ticks_as_it_is_replayed() {
 fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
     let mut parts = 0;
     for seed in 0..400 {
-        let mut dice = Dice(seed);
-        let timing = of(Organisation::Binned, &mut dice);
-        let scene = scene::random(&mut dice, [120, 100], 2000).sorted(&mut dice);
-        let elaborated = machines::sorting(&mut dice, timing).elaborate().unwrap().timing;
+        let mut rng = Rng(seed);
+        let timing = of(Organisation::Binned, &mut rng);
+        let scene = scene::random(&mut rng, [120, 100], 2000).sorted(&mut rng);
+        let elaborated = machines::sorting(&mut rng, timing).elaborate().unwrap().timing;
         match compare(&elaborated, &scene, &scene.record()) {
             Ok(ticked) => {
                 let entries = ticked.units.iter().find(|unit| unit.name == "list").unwrap().log.len();
@@ -225,9 +225,9 @@ fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
 #[test]
 fn a_scene_is_read_as_it_was_told() {
     for seed in 0..300 {
-        let scene = scene::random(&mut Dice(seed), [60, 50], 40);
+        let scene = scene::random(&mut Rng(seed), [60, 50], 40);
         let scene = if seed % 4 == 3 { scene.lit() } else { scene };
-        let scene = if seed % 3 == 2 { scene.sorted(&mut Dice(seed)) } else { scene };
+        let scene = if seed % 3 == 2 { scene.sorted(&mut Rng(seed)) } else { scene };
         assert_eq!(Scene::read(&scene.record()), scene, "seed {seed}");
     }
 }

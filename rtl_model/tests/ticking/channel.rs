@@ -1,22 +1,22 @@
 //! How far off is the replay where memory is shared: a narrow channel, few rows open, any machine and any work?
 
 use crate::agreement::{difference_in_traffic, of, tick};
-use crate::frames::Dice;
+use crate::frames::Rng;
 use crate::machines::elaborate;
 use crate::scene;
 use rtl_model::machine::timing::{Memory, Organisation, Timing};
 use rtl_model::timing::{Detail, replay};
 
 /// Memory of any small numbers.
-fn finite(dice: &mut Dice, memory: Memory) -> Memory {
-    let hit_latency = 1 + dice.below(30) as u32;
+fn finite(rng: &mut Rng, memory: Memory) -> Memory {
+    let hit_latency = 1 + rng.below(30) as u32;
     Memory {
         ideal: false,
-        bytes_per_cycle: [1, 3, 4, 16, 64][dice.below(5) as usize],
+        bytes_per_cycle: [1, 3, 4, 16, 64][rng.below(5) as usize],
         hit_latency,
-        miss_latency: hit_latency + dice.below(40) as u32,
-        row_bytes: [256, 512, 2048][dice.below(3) as usize],
-        banks: 1 << dice.below(4),
+        miss_latency: hit_latency + rng.below(40) as u32,
+        row_bytes: [256, 512, 2048][rng.below(3) as usize],
+        banks: 1 << rng.below(4),
         ..memory
     }
 }
@@ -27,10 +27,10 @@ fn errors(organisation: Organisation, cases: u64) -> (Vec<i64>, i64) {
     let mut totals = [0; 2];
     let thousandths = |[ticked, replayed]: [u64; 2]| (1000.0 * (replayed as f64 / ticked as f64 - 1.0)).round() as i64;
     for seed in 0..cases {
-        let mut dice = Dice(seed);
-        let timing = of(organisation, &mut dice);
-        let timing = elaborate(Timing { memory: finite(&mut dice, timing.memory), ..timing });
-        let scene = scene::random(&mut dice, [60, 50], 40);
+        let mut rng = Rng(seed);
+        let timing = of(organisation, &mut rng);
+        let timing = elaborate(Timing { memory: finite(&mut rng, timing.memory), ..timing });
+        let scene = scene::random(&mut rng, [60, 50], 40);
         let (ticked, replayed) = (tick(&timing, &scene), replay(&timing, &scene.record(), Detail::Accounts));
         if let Some(difference) = difference_in_traffic(&ticked, &replayed) {
             panic!("{difference}\nseed {seed}\n{:#?}", timing.timing);

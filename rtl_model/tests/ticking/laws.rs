@@ -1,6 +1,6 @@
 //! What can be said beforehand: how long does a frame take, by hand? Can more of anything make it slower?
 
-use crate::frames::Dice;
+use crate::frames::Rng;
 use crate::machines::{elaborate, ideal, random};
 use crate::scene::{End, Scene, Splat};
 use crate::{immediate, scene};
@@ -23,10 +23,10 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
 }
 
 /// One of each unit, and FIFOs that hold what memory keeps waiting.
-fn single(dice: &mut Dice) -> Timing {
-    let mut timing = random(dice);
+fn single(rng: &mut Rng) -> Timing {
+    let mut timing = random(rng);
     (timing.project.units, timing.ellipse.units) = (1, 1);
-    timing.memory = ideal(1 + dice.below(30) as u32, 1 << 16, 64);
+    timing.memory = ideal(1 + rng.below(30) as u32, 1 << 16, 64);
     timing.fetch.fifo = 64;
     timing
 }
@@ -42,7 +42,7 @@ fn cycles(timing: Timing, scene: &Scene) -> u64 {
 #[test]
 fn a_frame_without_splats_is_resolved_at_once() {
     for seed in 0..200 {
-        let timing = single(&mut Dice(seed));
+        let timing = single(&mut Rng(seed));
         // Resolve takes the line in cycle 0; its word goes through it, then through memory.
         let resolve = timing.resolve.interval + timing.resolve.latency.unwrap();
         assert_eq!(cycles(timing, &dots(0, 0, 0)), u64::from(resolve + 1 + timing.memory.hit_latency));
@@ -52,9 +52,9 @@ fn a_frame_without_splats_is_resolved_at_once() {
 #[test]
 fn a_splat_of_a_pixel_takes_the_sum_of_all_latencies() {
     for seed in 0..300 {
-        let mut dice = Dice(seed);
-        let timing = single(&mut dice);
-        let [lit, unlit] = [3, 3].map(|most| dice.below(most) as u8);
+        let mut rng = Rng(seed);
+        let timing = single(&mut rng);
+        let [lit, unlit] = [3, 3].map(|most| rng.below(most) as u8);
         let memory = 1 + timing.memory.hit_latency;
         let stages = [timing.project.latency, timing.ellipse.latency, timing.raster.latency, timing.gauss.latency];
         let written = memory + stages.map(Option::unwrap).iter().sum::<u32>() + timing.cache.latency + timing.fragment.latency.unwrap();
@@ -68,9 +68,9 @@ fn a_splat_of_a_pixel_takes_the_sum_of_all_latencies() {
 #[test]
 fn splats_in_a_row_take_the_largest_interval_each() {
     for seed in 0..300 {
-        let mut dice = Dice(seed);
-        let timing = single(&mut dice);
-        let splats = 2 + dice.below(40);
+        let mut rng = Rng(seed);
+        let timing = single(&mut rng);
+        let splats = 2 + rng.below(40);
         // Every splat has the same pixel, so that the fragment unit's interval is the hazard.
         let intervals = [timing.project.interval, timing.ellipse.interval, timing.fragment.hazard].map(Option::unwrap);
         let slowest = intervals.into_iter().max().unwrap();
@@ -97,16 +97,16 @@ const RAISES: [(&str, Field); 11] = [
 ];
 
 /// What makes a frame slower if there is more of it: in how many of so many cases, and the first of them.
-fn slower(cases: u64, of: impl Fn(&mut Dice) -> Timing) -> Vec<(&'static str, u64, u64)> {
+fn slower(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Vec<(&'static str, u64, u64)> {
     let mut found: Vec<(&str, u64, u64)> = Vec::new();
     for seed in 0..cases {
-        let mut dice = Dice(seed);
-        let timing = of(&mut dice);
-        let scene = scene::random(&mut dice, [30, 30], 20).record();
+        let mut rng = Rng(seed);
+        let timing = of(&mut rng);
+        let scene = scene::random(&mut rng, [30, 30], 20).record();
         let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
         for (name, field) in RAISES {
             let mut more = timing;
-            *field(&mut more) += 1 + dice.below(4) as u32;
+            *field(&mut more) += 1 + rng.below(4) as u32;
             more.tile.buffers = more.tile.buffers.min(2);
             if replay(&elaborate(more), &scene, Detail::Accounts).total > before {
                 match found.iter_mut().find(|(other, ..)| *other == name) {
@@ -121,8 +121,8 @@ fn slower(cases: u64, of: impl Fn(&mut Dice) -> Timing) -> Vec<(&'static str, u6
 
 #[test]
 fn more_of_anything_is_never_slower_if_the_cache_holds_all() {
-    let found = slower(1000, |dice| {
-        let timing = random(dice);
+    let found = slower(1000, |rng| {
+        let timing = random(rng);
         Timing { cache: Cache { lines: 1024, ways: 1024, ..timing.cache }, ..timing }
     });
     assert_eq!(found, []);
@@ -136,9 +136,9 @@ fn more_of_anything_is_never_slower_if_lines_come_and_go() {
 
 #[test]
 fn more_of_anything_but_requests_is_never_slower_if_tiles_are_binned() {
-    let mut found = slower(1500, |dice| {
-        let timing = Timing { organisation: Organisation::Binned, ..random(dice) };
-        Timing { tile: Tile { buffers: 1 + dice.below(2) as u32, ..timing.tile }, ..timing }
+    let mut found = slower(1500, |rng| {
+        let timing = Timing { organisation: Organisation::Binned, ..random(rng) };
+        Timing { tile: Tile { buffers: 1 + rng.below(2) as u32, ..timing.tile }, ..timing }
     });
     found.retain(|(name, ..)| *name != "memory.outstanding");
     assert_eq!(found, []);
@@ -168,9 +168,9 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
 /// One channel gives its moments to who asks first: what comes earlier may take the moment of something more urgent.
 #[test]
 fn more_of_something_can_be_slower_where_memory_is_shared() {
-    let found = slower(600, |dice| {
-        let timing = random(dice);
-        Timing { memory: Memory { ideal: false, bytes_per_cycle: 4 << dice.below(5), ..timing.memory }, ..timing }
+    let found = slower(600, |rng| {
+        let timing = random(rng);
+        Timing { memory: Memory { ideal: false, bytes_per_cycle: 4 << rng.below(5), ..timing.memory }, ..timing }
     });
     assert!(!found.is_empty());
 }
@@ -180,9 +180,9 @@ fn more_of_something_can_be_slower_where_memory_is_shared() {
 fn wider_lanes_can_be_slower() {
     let mut counts = [0; 3];
     for seed in 0..600 {
-        let mut dice = Dice(seed);
-        let mut timing = random(&mut dice);
-        let scene = scene::random(&mut dice, [30, 30], 20).record();
+        let mut rng = Rng(seed);
+        let mut timing = random(&mut rng);
+        let scene = scene::random(&mut rng, [30, 30], 20).record();
         let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
         timing.raster.lanes = timing.raster.lanes.map(|lanes| 2 * lanes);
         counts[(1 + replay(&elaborate(timing), &scene, Detail::Accounts).total.cmp(&before) as i8) as usize] += 1;

@@ -1,6 +1,6 @@
 //! Which machines are tried? Any small numbers, and memory so wide that when data comes is known beforehand.
 
-use crate::frames::Dice;
+use crate::frames::Rng;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::{Cache, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Timing};
@@ -26,52 +26,52 @@ pub fn elaborate(timing: Timing) -> Microarchitecture {
 }
 
 /// A machine that sorts, by digits of any number of bits.
-pub fn sorting(dice: &mut Dice, timing: Timing) -> Machine {
+pub fn sorting(rng: &mut Rng, timing: Timing) -> Machine {
     let mut machine = Machine::named("gaussian").unwrap();
     machine.timing = timing;
-    machine.sort.as_mut().unwrap().digit_bits = 1 + dice.below(8) as u32;
+    machine.sort.as_mut().unwrap().digit_bits = 1 + rng.below(8) as u32;
     machine
 }
 
-pub fn random(dice: &mut Dice) -> Timing {
-    let of = |dice: &mut Dice, values: &[u32]| values[dice.below(values.len() as u64) as usize];
-    let to = |dice: &mut Dice, most: u64| 1 + dice.below(most) as u32;
-    let setup = |dice: &mut Dice| Setup {
-        units: to(dice, 3),
-        latency: Some(to(dice, 9)),
-        interval: Some(to(dice, 5)),
+pub fn random(rng: &mut Rng) -> Timing {
+    let of = |rng: &mut Rng, values: &[u32]| values[rng.below(values.len() as u64) as usize];
+    let to = |rng: &mut Rng, most: u64| 1 + rng.below(most) as u32;
+    let setup = |rng: &mut Rng| Setup {
+        units: to(rng, 3),
+        latency: Some(to(rng, 9)),
+        interval: Some(to(rng, 5)),
         multipliers: None,
-        fifo: to(dice, 6),
+        fifo: to(rng, 6),
     };
-    let [project, ellipse] = [setup(dice), setup(dice)];
-    let lines = of(dice, &[1, 2, 4, 8, 16, 16, 64, 512]);
-    let lanes = [[1, 1], [2, 2], [4, 1], [4, 4], [8, 1], [1, 3], [3, 2]][dice.below(7) as usize];
+    let [project, ellipse] = [setup(rng), setup(rng)];
+    let lines = of(rng, &[1, 2, 4, 8, 16, 16, 64, 512]);
+    let lanes = [[1, 1], [2, 2], [4, 1], [4, 4], [8, 1], [1, 3], [3, 2]][rng.below(7) as usize];
     Timing {
         organisation: Organisation::Immediate,
-        fetch: Fetch { fifo: to(dice, 6) },
+        fetch: Fetch { fifo: to(rng, 6) },
         project,
         ellipse,
-        raster: Raster { lanes, latency: Some(to(dice, 9)), fifo: to(dice, 6) },
-        gauss: Stage { latency: Some(to(dice, 9)), fifo: to(dice, 6) },
+        raster: Raster { lanes, latency: Some(to(rng, 9)), fifo: to(rng, 6) },
+        gauss: Stage { latency: Some(to(rng, 9)), fifo: to(rng, 6) },
         cache: Cache {
-            line_px: [of(dice, &[1, 2, 4, 8]), of(dice, &[1, 2, 4, 8])],
+            line_px: [of(rng, &[1, 2, 4, 8]), of(rng, &[1, 2, 4, 8])],
             lines,
-            ways: of(dice, &[1, 2, 4]).min(lines),
-            misses: to(dice, 4),
-            latency: to(dice, 4),
-            fifo: to(dice, 6),
+            ways: of(rng, &[1, 2, 4]).min(lines),
+            misses: to(rng, 4),
+            latency: to(rng, 4),
+            fifo: to(rng, 6),
         },
-        fragment: Fragment { latency: Some(to(dice, 9)), hazard: Some(to(dice, 9)), merge: dice.below(4) as u32 },
-        shade: Shade { latency: Some(to(dice, 9)), interval: to(dice, 3) },
-        resolve: Resolve { latency: Some(to(dice, 9)), interval: to(dice, 3) },
+        fragment: Fragment { latency: Some(to(rng, 9)), hazard: Some(to(rng, 9)), merge: rng.below(4) as u32 },
+        shade: Shade { latency: Some(to(rng, 9)), interval: to(rng, 3) },
+        resolve: Resolve { latency: Some(to(rng, 9)), interval: to(rng, 3) },
         memory: {
-            let outstanding = match dice.below(3) {
+            let outstanding = match rng.below(3) {
                 0 => 1 << 16,
-                _ => to(dice, 6),
+                _ => to(rng, 6),
             };
-            let burst_bytes = of(dice, &[4, 16, 64, 256]);
+            let burst_bytes = of(rng, &[4, 16, 64, 256]);
             // Whether it is said of memory, or that there is no end to it.
-            Memory { ideal: dice.below(2) == 0, ..ideal(to(dice, 30), outstanding, burst_bytes) }
+            Memory { ideal: rng.below(2) == 0, ..ideal(to(rng, 30), outstanding, burst_bytes) }
         },
         ..Machine::named("tiny").unwrap().timing
     }

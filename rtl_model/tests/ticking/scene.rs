@@ -1,6 +1,6 @@
 //! What is drawn? A plain list of splats and their pixels, drawn at random or read from a recorded frame.
 
-use super::frames::{Dice, in_tile};
+use super::frames::{Rng, in_tile};
 use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work};
 
 /// A splat, and what became of every pixel of its box, row by row; of those that it does not cover, nothing.
@@ -54,11 +54,11 @@ pub struct Scene {
     pub order: Vec<usize>,
 }
 
-fn any_event(dice: &mut Dice, dull: u64) -> Event {
-    if dice.below(100) < dull {
+fn any_event(rng: &mut Rng, dull: u64) -> Event {
+    if rng.below(100) < dull {
         return Event::Accumulated;
     }
-    match dice.below(9) {
+    match rng.below(9) {
         0..=2 => Event::Faint,
         3 => Event::Inserted,
         4 => Event::Merged(0),
@@ -69,41 +69,41 @@ fn any_event(dice: &mut Dice, dull: u64) -> Event {
     }
 }
 
-fn any_splat(dice: &mut Dice, [width, height]: [u32; 2], largest: u64, [covered, dull]: [u64; 2]) -> Splat {
+fn any_splat(rng: &mut Rng, [width, height]: [u32; 2], largest: u64, [covered, dull]: [u64; 2]) -> Splat {
     let mut interval = |size: u32| {
-        let length = 1 + dice.below(largest.min(u64::from(size)));
-        let first = dice.below(u64::from(size) - length + 1);
+        let length = 1 + rng.below(largest.min(u64::from(size)));
+        let first = rng.below(u64::from(size) - length + 1);
         [first as u16, (first + length - 1) as u16]
     };
     let [columns, rows] = [interval(width), interval(height)];
     let mut splat = Splat { fate: Fate::Drawn, columns, rows, pixels: Vec::new() };
     let area = splat.size()[0] * splat.size()[1];
     // Some keep nothing, some nothing but faint pixels.
-    let kind = dice.below(12);
+    let kind = rng.below(12);
     splat.pixels = (0..area)
         .map(|_| match kind {
             0 => None,
-            1 => (dice.below(100) < covered).then_some(Event::Faint),
-            _ => (dice.below(100) < covered).then(|| any_event(dice, dull)),
+            1 => (rng.below(100) < covered).then_some(Event::Faint),
+            _ => (rng.below(100) < covered).then(|| any_event(rng, dull)),
         })
         .collect();
     splat
 }
 
 /// A scene of at most so many pixels a side and so many splats.
-pub fn random(dice: &mut Dice, [width, height]: [u64; 2], splats: u64) -> Scene {
-    let [width, height] = [width, height].map(|most| 1 + dice.below(most) as u32);
-    let culled = dice.below(60);
-    let largest = [1, 3, 6, 20][dice.below(4) as usize];
-    let covering = [1 + dice.below(100), dice.below(101)];
-    let splats = (0..dice.below(splats + 1))
-        .map(|_| match dice.below(100) < culled {
-            true => Splat::culled(CULLED[dice.below(5) as usize]),
-            false => any_splat(dice, [width, height], largest, covering),
+pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
+    let [width, height] = [width, height].map(|most| 1 + rng.below(most) as u32);
+    let culled = rng.below(60);
+    let largest = [1, 3, 6, 20][rng.below(4) as usize];
+    let covering = [1 + rng.below(100), rng.below(101)];
+    let splats = (0..rng.below(splats + 1))
+        .map(|_| match rng.below(100) < culled {
+            true => Splat::culled(CULLED[rng.below(5) as usize]),
+            false => any_splat(rng, [width, height], largest, covering),
         })
         .collect();
-    let lit = dice.below(4);
-    let mut some = || if dice.below(4) < lit { dice.below(4) as u8 } else { 0 };
+    let lit = rng.below(4);
+    let mut some = || if rng.below(4) < lit { rng.below(4) as u8 } else { 0 };
     let ends = (0..width * height).map(|_| End { lit: some(), unlit: some() }).collect();
     let mut scene = Scene { width, height, splats, ends, preshaded: false, shared_axes: false, order: Vec::new() };
     scene.clear_untouched();
@@ -123,10 +123,10 @@ impl Scene {
     }
 
     /// The same, drawn in any order.
-    pub fn sorted(self, dice: &mut Dice) -> Self {
+    pub fn sorted(self, rng: &mut Rng) -> Self {
         let mut order = self.drawn();
         for place in (1..order.len()).rev() {
-            order.swap(place, dice.below(place as u64 + 1) as usize);
+            order.swap(place, rng.below(place as u64 + 1) as usize);
         }
         Scene { order, ..self }
     }

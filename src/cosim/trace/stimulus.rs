@@ -6,8 +6,8 @@
 mod ellipsoids;
 
 use super::coverage::Coverage;
+use super::observer::{OUTCOMES, least_weight};
 use super::transfers::{Key, NONE};
-use super::watcher::{OUTCOMES, least_weight};
 use rtl_model::frame::Frame;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
@@ -493,7 +493,7 @@ impl Maker<'_> {
             let [r, g, b] = answer.colour;
             self.push("fragment.answer", vec![r, g, b, answer.opacity], pixel_key(at, request));
         }
-        let (outcome, slot) = super::watcher::outcome(decision);
+        let (outcome, slot) = super::observer::outcome(decision);
         let full = held.len() == self.machine.machine.fragment.layers as usize;
         let shaded = held.iter().filter(|slot| slot.shaded).count();
         let meet = &mut self.out.coverage;

@@ -5,8 +5,8 @@ mod slots;
 
 pub use constants::constants;
 
+use super::observer::{Arrival, Emitted, Held, Observations, Shaded, flag, key, parts};
 use super::stimulus::Made;
-use super::watcher::{Arrival, Emitted, Held, Shaded, Watcher, flag, key, parts};
 use rtl_model::frame::{Each, Frame};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::Kind;
@@ -85,18 +85,18 @@ pub struct Transfers<'a> {
     pub frame: &'a Frame,
     /// What the scene calls the frame's splats.
     pub splats: &'a [u32],
-    pub watcher: Watcher,
+    pub observer: Observations,
     /// What records depend on.
     kind: Kind,
     /// Pixels that held something before, with their slots.
     pub start: Vec<([u32; 2], Vec<Slot>)>,
     /// Of `start` the places of each record: the pixel's and the slot's.
     start_records: Vec<(u32, u8)>,
-    /// Places in `watcher.set_up` of what left `project`, and of what left `ellipse`; and the latter in the order in which it is drawn.
+    /// Places in `observer.set_up` of what left `project`, and of what left `ellipse`; and the latter in the order in which it is drawn.
     projected: Vec<u32>,
     left: Vec<u32>,
     drawn: Vec<u32>,
-    /// Places in `watcher.arrivals` of what lies in the rectangle, and of what of that has a weight.
+    /// Places in `observer.arrivals` of what lies in the rectangle, and of what of that has a weight.
     weighed: Vec<u32>,
     taken: Vec<u32>,
     /// For each splat of the frame, its record in `raster.in`.
@@ -104,7 +104,7 @@ pub struct Transfers<'a> {
     /// Those in the rectangle.
     merged: Vec<Shaded>,
     resolved: Vec<Shaded>,
-    /// Every pixel of the rectangle, with its place in `watcher.held`.
+    /// Every pixel of the rectangle, with its place in `observer.held`.
     pixels: Vec<([u32; 2], Option<u32>)>,
     /// Pixel by pixel, and front to back: the place among `pixels` and the slot.
     layers: Vec<(u32, u8)>,
@@ -127,7 +127,7 @@ impl<'a> Transfers<'a> {
         machine: &'a Elaborated,
         frame: &'a Frame,
         splats: &'a [u32],
-        mut watcher: Watcher,
+        mut observer: Observations,
         start: Vec<([u32; 2], Vec<Slot>)>,
         rectangle: Rectangle,
     ) -> Self {
@@ -137,24 +137,24 @@ impl<'a> Transfers<'a> {
             let [_, x, y] = parts(key);
             (left..right).contains(&x) && (top..bottom).contains(&y)
         };
-        let projected = places(&watcher.set_up, |splat| splat.project[..2] == [0, 0]);
-        let left_setup = |&place: &u32| watcher.set_up[place as usize].ellipse[..3] == [0, 0, 0];
+        let projected = places(&observer.set_up, |splat| splat.project[..2] == [0, 0]);
+        let left_setup = |&place: &u32| observer.set_up[place as usize].ellipse[..3] == [0, 0, 0];
         let in_order: Vec<u32> = projected.iter().copied().filter(left_setup).collect();
-        let drawn = if kind.sorted { watcher.order.iter().map(|&nth| in_order[nth as usize]).collect() } else { in_order.clone() };
+        let drawn = if kind.sorted { observer.order.iter().map(|&nth| in_order[nth as usize]).collect() } else { in_order.clone() };
         let mut raster_records = vec![NONE; frame.splats.len()];
         for (record, &place) in (0u32..).zip(&drawn) {
-            raster_records[watcher.set_up[place as usize].splat as usize] = record;
+            raster_records[observer.set_up[place as usize].splat as usize] = record;
         }
         if kind.sorted {
-            watcher.number(&raster_records);
+            observer.number(&raster_records);
         }
-        watcher.sort();
-        let weighed = places(&watcher.arrivals, |arrival| inside(arrival.key));
-        let taken = weighed.iter().copied().filter(|&place| watcher.counts(watcher.arrivals[place as usize].weight)).collect();
+        observer.sort();
+        let weighed = places(&observer.arrivals, |arrival| inside(arrival.key));
+        let taken = weighed.iter().copied().filter(|&place| observer.counts(observer.arrivals[place as usize].weight)).collect();
         let only_inside = |all: &mut Vec<Shaded>| std::mem::take(all).into_iter().filter(|shaded| inside(shaded.key)).collect();
-        let (merged, resolved) = (only_inside(&mut watcher.merged), only_inside(&mut watcher.resolved));
+        let (merged, resolved) = (only_inside(&mut observer.merged), only_inside(&mut observer.resolved));
         let mut pixels = Vec::new();
-        let mut held = (0u32..).zip(&watcher.held).peekable();
+        let mut held = (0u32..).zip(&observer.held).peekable();
         for y in top..bottom {
             for x in left..right {
                 let here = key(0, x, y);
@@ -165,7 +165,7 @@ impl<'a> Transfers<'a> {
         let (mut layers, mut first_layers, mut records) = (Vec::new(), Vec::new(), 0u32);
         for (pixel, (_, held)) in (0u32..).zip(&pixels) {
             let (slots, count) = held.map_or((&[][..], 0), |place| {
-                let held = &watcher.held[place as usize];
+                let held = &observer.held[place as usize];
                 (&held.slots[..], held.layers.len())
             });
             let mut order: Vec<u8> = (0..count as u8).collect();
@@ -184,7 +184,7 @@ impl<'a> Transfers<'a> {
             machine,
             frame,
             splats,
-            watcher,
+            observer,
             kind,
             start,
             start_records,
@@ -204,7 +204,7 @@ impl<'a> Transfers<'a> {
 
     /// Every stream's records, in the order of the diagram.
     pub fn sources(&self) -> Vec<Source<'_>> {
-        let (set_up, w) = (&self.watcher.set_up, &self.watcher);
+        let (set_up, w) = (&self.observer.set_up, &self.observer);
         let splat = |place: usize| self.splats[set_up[place].splat as usize];
         let frame_splat = move |place: usize| &self.frame.splats[set_up[place].splat as usize];
         let arrival = |place: u32| &w.arrivals[place as usize];
@@ -336,7 +336,7 @@ impl<'a> Transfers<'a> {
 
     /// What setup has for ellipsoids alone: what is lit before it is drawn, and the sort.
     fn of_setup(&self) -> Vec<Source<'_>> {
-        let w = &self.watcher;
+        let w = &self.observer;
         let emitted = |i: usize| -> &Emitted { &w.emitted[i] };
         let splat = |place: u32| self.splats[w.set_up[place as usize].splat as usize];
         let mut all = Vec::new();
@@ -421,13 +421,13 @@ impl<'a> Transfers<'a> {
     fn parts(&self, key: u64) -> [u32; 3] {
         let [number, x, y] = parts(key);
         // Sorted splats are numbered as they are drawn.
-        let splat = if self.kind.sorted { self.watcher.set_up[self.drawn[number as usize] as usize].splat } else { number };
+        let splat = if self.kind.sorted { self.observer.set_up[self.drawn[number as usize] as usize].splat } else { number };
         [splat, x, y]
     }
 
     /// What a pixel holds in the end.
     fn held(&self, pixel: u32) -> Option<&Held> {
-        self.pixels[pixel as usize].1.map(|place| &self.watcher.held[place as usize])
+        self.pixels[pixel as usize].1.map(|place| &self.observer.held[place as usize])
     }
 
     /// A splat's own axes and scales, if splats are ellipsoids; 0 where they have those of the frame.
@@ -449,8 +449,8 @@ impl<'a> Transfers<'a> {
 
     /// A splat's colour, as it is drawn.
     fn rgb(&self, splat: u32) -> [i32; 3] {
-        let lit = self.watcher.emitted.binary_search_by_key(&splat, |emitted| emitted.splat);
-        lit.map_or(self.frame.splats[splat as usize].rgb, |place| self.watcher.emitted[place].rgb)
+        let lit = self.observer.emitted.binary_search_by_key(&splat, |emitted| emitted.splat);
+        lit.map_or(self.frame.splats[splat as usize].rgb, |place| self.observer.emitted[place].rgb)
     }
 
     fn amplitude(&self, arrival: &Arrival) -> i64 {
@@ -465,7 +465,7 @@ impl<'a> Transfers<'a> {
     /// What `ellipse` made of a splat that has fragments.
     fn set_up_of(&self, splat: u32) -> &[i64] {
         let record = self.raster_records[splat as usize] as usize;
-        &self.watcher.set_up[self.drawn[record] as usize].ellipse
+        &self.observer.set_up[self.drawn[record] as usize].ellipse
     }
 
     fn of_arrival(&self, arrival: &Arrival, parent: u32, flags: u8) -> Key {
@@ -480,24 +480,24 @@ impl<'a> Transfers<'a> {
 
     /// The record in `fragment.in` of a contribution.
     fn contribution(&self, key: u64) -> u32 {
-        let record = self.taken.binary_search_by_key(&key, |&place| self.watcher.arrivals[place as usize].key);
+        let record = self.taken.binary_search_by_key(&key, |&place| self.observer.arrivals[place as usize].key);
         record.map_or(NONE, |record| record as u32)
     }
 
     /// What is shaded for setup, for merges, and in the end.
     fn shaded_records(&self) -> usize {
-        self.watcher.emitted.len() + self.merged.len() + self.resolved.len()
+        self.observer.emitted.len() + self.merged.len() + self.resolved.len()
     }
 
     fn shaded(&self, i: usize) -> &Shaded {
-        let Some(i) = i.checked_sub(self.watcher.emitted.len()) else { return &self.watcher.emitted[i].shaded };
+        let Some(i) = i.checked_sub(self.observer.emitted.len()) else { return &self.observer.emitted[i].shaded };
         self.merged.get(i).unwrap_or_else(|| &self.resolved[i - self.merged.len()])
     }
 
     fn of_shaded(&self, i: usize, parent: u32, flags: u8) -> Key {
-        let before = self.watcher.emitted.len();
+        let before = self.observer.emitted.len();
         if i < before {
-            let splat = self.splats[self.watcher.emitted[i].splat as usize];
+            let splat = self.splats[self.observer.emitted[i].splat as usize];
             return Key::of_splat(splat, if parent == NONE { i as u32 } else { parent }, flags);
         }
         let shaded = self.shaded(i);
@@ -511,14 +511,14 @@ impl<'a> Transfers<'a> {
     }
 
     fn resolve_records(&self) -> usize {
-        let empty = self.pixels.iter().filter(|(_, held)| held.is_none_or(|place| self.watcher.held[place as usize].layers.is_empty()));
+        let empty = self.pixels.iter().filter(|(_, held)| held.is_none_or(|place| self.observer.held[place as usize].layers.is_empty()));
         self.layers.len() + empty.count()
     }
 
     fn frame_words(&self, i: usize, words: &mut Vec<i64>) -> u8 {
         let (place, held) = self.pixels[i];
         words.extend(place.map(i64::from));
-        let Some(held) = held.map(|place| &self.watcher.held[place as usize]) else {
+        let Some(held) = held.map(|place| &self.observer.held[place as usize]) else {
             // A pixel in a tile that no splat touches.
             let probe = &mut rtl_model::probe::NoProbe;
             words.extend(self.machine.resolve.one(&[], self.frame.background, &mut rtl_model::probe::Tap::new(probe)));

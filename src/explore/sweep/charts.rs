@@ -105,9 +105,9 @@ impl Rows {
     pub fn read(folder: &Path) -> Result<Self> {
         let table = Table::read(folder)?;
         let path = folder.join("plan.json");
-        let told = |what: String| Error::input(format!("{}: {what}", path.display()));
-        let text = std::fs::read_to_string(&path).map_err(|e| told(format!("cannot be read: {e}")))?;
-        let plan: serde_json::Value = serde_json::from_str(&text).map_err(|e| told(format!("not JSON: {e}")))?;
+        let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
+        let text = std::fs::read_to_string(&path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        let plan: serde_json::Value = serde_json::from_str(&text).map_err(|e| input_error(format!("not JSON: {e}")))?;
         let base = machines::from_value(plan.get("machine").unwrap_or(&serde_json::Value::Null), &format!("{}: machine", path.display()))?;
         let words = machines::words(&base).into_iter().collect();
         Ok(Rows { table, fields: machines::value(&base), base, words })

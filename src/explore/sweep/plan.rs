@@ -111,14 +111,14 @@ pub fn exact_of(changes: &[Change]) -> Vec<String> {
 
 /// Refuses what names no units or words.
 fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
-    let told = |what: String| Error::input(format!("axes: {EXACT}: {what}"));
-    let names = value.as_array().ok_or_else(|| told(format!("{value} is no list, as [\"raster\", \"splat.rgb\"] is")))?;
+    let input_error = |what: String| Error::input(format!("axes: {EXACT}: {what}"));
+    let names = value.as_array().ok_or_else(|| input_error(format!("{value} is no list, as [\"raster\", \"splat.rgb\"] is")))?;
     let is_known = |name: &str| UNITS.contains(&name) || words.iter().any(|(word, _)| word == name);
     match names.iter().find(|name| !name.as_str().is_some_and(is_known)) {
         Some(name) => {
             let known: Vec<&str> = UNITS.into_iter().chain(words.iter().map(|(word, _)| word.as_str())).collect();
             let nearest = validate::nearest(name.as_str().unwrap_or_default(), &known);
-            Err(told(format!("{name} is no unit and no word; units are {} (nearest: `{nearest}`)", UNITS.join(", "))))
+            Err(input_error(format!("{name} is no unit and no word; units are {} (nearest: `{nearest}`)", UNITS.join(", "))))
         }
         None => Ok(()),
     }
@@ -212,17 +212,17 @@ impl Points {
         let words = machines::words(&base);
         let mut axes = Vec::new();
         for (nth, axis) in plan.axes.iter().enumerate() {
-            let told = |sentence: String| Error::input(format!("axes[{nth}]: {sentence}"));
+            let input_error = |sentence: String| Error::input(format!("axes[{nth}]: {sentence}"));
             if axis.field != "*" {
-                axes.push((axis.field.clone(), axis.values(&words).map_err(told)?));
+                axes.push((axis.field.clone(), axis.values(&words).map_err(input_error)?));
                 continue;
             }
             if plan.order != Order::OneAtATime {
-                return Err(told("`*` needs \"order\": \"one-at-a-time\"".into()));
+                return Err(input_error("`*` needs \"order\": \"one-at-a-time\"".into()));
             }
             for (field, _) in &words {
                 let axis = Axis { field: field.clone(), ..axis.clone() };
-                let mut values = axis.values(&words).map_err(told)?;
+                let mut values = axis.values(&words).map_err(input_error)?;
                 // Some words have no bit more to give, or none less.
                 values.retain(|value| machines::with(&base, &[(field.clone(), value.clone())], "").is_ok());
                 axes.push((field.clone(), values));

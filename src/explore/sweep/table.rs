@@ -61,8 +61,8 @@ impl Table {
     pub fn read(folder: &Path) -> Result<Self> {
         let cannot = |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
         let paths = journals(folder).map_err(cannot)?;
-        let told = |what: &str| Error::input(format!("{}: {what}", folder.display()));
-        let first = paths.first().ok_or_else(|| told("has no points.jsonl: it is no folder of `sweep` or `search`"))?;
+        let input_error = |what: &str| Error::input(format!("{}: {what}", folder.display()));
+        let first = paths.first().ok_or_else(|| input_error("has no points.jsonl: it is no folder of `sweep` or `search`"))?;
         let text = fs::read_to_string(first).map_err(cannot)?;
         let header = text.lines().next().unwrap_or_default();
         let columns = columns(header).ok_or_else(|| Error::input(format!("{}: line 1: names no columns", first.display())))?;
@@ -71,7 +71,7 @@ impl Table {
             let text = fs::read(path).map_err(cannot)?;
             read(path, whole_lines(&text), header, &mut rows)?;
         }
-        if rows.is_empty() { Err(told("has no rows yet")) } else { Ok(Table { columns, rows: rows.into_values().collect() }) }
+        if rows.is_empty() { Err(input_error("has no rows yet")) } else { Ok(Table { columns, rows: rows.into_values().collect() }) }
     }
 
     /// Where a column is.
@@ -276,16 +276,16 @@ fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 }
 
 fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -> Result<()> {
-    let told = |line: usize, what: &str| Error::input(format!("{}: line {}: {what}", path.display(), line + 1));
+    let input_error = |line: usize, what: &str| Error::input(format!("{}: line {}: {what}", path.display(), line + 1));
     let header_cells = columns(header).map_or(0, |columns| columns.len());
     for (nth, line) in text.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
         if nth == 0 {
             if line != header.as_bytes() {
-                return Err(told(0, "has other columns: it is of another plan, or of another version"));
+                return Err(input_error(0, "has other columns: it is of another plan, or of another version"));
             }
             continue;
         }
-        let changed = || told(nth, "is not as it was written: take the line out, and its point will be drawn again");
+        let changed = || input_error(nth, "is not as it was written: take the line out, and its point will be drawn again");
         let (said, row): (String, Value) = serde_json::from_slice(line).map_err(|_| changed())?;
         let Value::Array(row) = row else { return Err(changed()) };
         let point = row.first().and_then(Value::as_u64).ok_or_else(changed)?;

@@ -14,9 +14,9 @@ fn points(folder: &Path) -> Points {
 fn a_picture_with_what_is_no_number_makes_a_row_without_numbers() {
     let folder = tempfile::tempdir().unwrap();
     let points = points(folder.path());
-    let asked = Asked { shard: None, most: 9, prices: Prices::default(), progress: false };
+    let options = Options { shard: None, most: 9, prices: Prices::default(), progress: false };
     let drawn = |spoil: &dyn Fn(&mut Stage)| {
-        let mut stage = Stage::new(&points, (points.scene(0).unwrap(), String::new()), &asked);
+        let mut stage = Stage::new(&points, (points.scene(0).unwrap(), String::new()), &options);
         stage.golden(&fixed::rules(&points.base));
         spoil(&mut stage);
         stage.drawn(&points.base).map(|_| ())

@@ -1,6 +1,6 @@
 //! Ellipsoids: made-up cases of axes, of the sort, and of sheets: where a sheet changes, and where a pixel stops.
 
-use super::super::watcher::{OUTCOMES, least_weight, outcome};
+use super::super::observer::{OUTCOMES, least_weight, outcome};
 use super::{Maker, UNKNOWN, key, pixel_key};
 use rtl_model::frame::Each;
 use rtl_model::num::Format;

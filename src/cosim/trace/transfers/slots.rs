@@ -1,6 +1,6 @@
 //! Slots: fragments, and what is shaded, as words of records.
 
-use super::super::watcher::Shaded;
+use super::super::observer::Shaded;
 use rtl_model::units::fragment::sheets::Held;
 use rtl_model::units::fragment::{COLOUR, NORMAL, OPACITY, Slot, WEIGHT};
 use rtl_model::units::resolve::Layer;

@@ -8,7 +8,7 @@ use crate::num::Word;
 use crate::num::lanes::Plain;
 use crate::probe::{NoProbe, Tap};
 use crate::real::Near;
-use crate::real::tests::{Dice, Use, held, used};
+use crate::real::tests::{Rng, Use, held, used};
 use std::cell::RefCell;
 
 /// Attributes that are words, and what sums of them become.
@@ -27,16 +27,16 @@ impl Pixel {
     }
 
     /// Contributions whose words have no error of their own: the machine's sums, the exact ones, the bounds, and how many there were.
-    fn accumulated(&self, dice: &mut Dice) -> ([f64; SUMS], [f64; SUMS], [Near; SUMS], u32) {
+    fn accumulated(&self, rng: &mut Rng) -> ([f64; SUMS], [f64; SUMS], [Near; SUMS], u32) {
         let (s, weight) = (&self.machine.splat, self.machine.gauss.weight);
         let normal = self.machine.fragment.normal;
         let words = [Word::new(crate::num::Format::unsigned(1, 0)), s.rgb, s.rgb, s.rgb, s.opacity, normal, normal, normal];
-        let count = 1 + dice.below(30) as u32;
+        let count = 1 + rng.below(30) as u32;
         let (mut own, mut exact, mut bound) = (PackedSums::<i64>::default(), [0.0; SUMS], [Near::exact(0.0); SUMS]);
         for _ in 0..count {
-            let w = held(weight, dice.between(0.0, 0.25)).0;
+            let w = held(weight, rng.between(0.0, 0.25)).0;
             let exactly = weight.format.value(w);
-            let attributes = words.map(|word| held(word, if word.format.width() == 1 { 1.0 } else { dice.between(-1.0, 1.0) }).0);
+            let attributes = words.map(|word| held(word, if word.format.width() == 1 { 1.0 } else { rng.between(-1.0, 1.0) }).0);
             for lane in 0..SUMS {
                 let attribute = words[lane].format.value(attributes[lane]);
                 exact[lane] += exactly * attribute;
@@ -57,10 +57,10 @@ impl Pixel {
 #[test]
 fn accumulating_is_within_its_bound() {
     for seed in 0..800 {
-        let dice = &mut Dice::new(seed);
-        let pixel = Pixel::new(dice.machine());
+        let rng = &mut Rng::new(seed);
+        let pixel = Pixel::new(rng.machine());
         for _ in 0..5 {
-            let (own, exact, bound, count) = pixel.accumulated(dice);
+            let (own, exact, bound, count) = pixel.accumulated(rng);
             for lane in 0..SUMS {
                 used(own[lane], exact[lane], bound[lane], &(seed, lane));
                 let format = pixel.sum_word(lane).format;
@@ -81,7 +81,7 @@ fn the_bound_of_accumulating_is_tight() {
         let pixel = Pixel::new(Machine::named(name).unwrap());
         let mut uses = [[Use::default(); SUMS]; 2];
         for seed in 0..4000 {
-            let (own, exact, bound, count) = pixel.accumulated(&mut Dice::new(seed));
+            let (own, exact, bound, count) = pixel.accumulated(&mut Rng::new(seed));
             for lane in 0..SUMS {
                 uses[usize::from(count > 1)][lane].see(used(own[lane], exact[lane], bound[lane], &(seed, lane)));
             }
@@ -100,10 +100,10 @@ struct Side {
 }
 
 impl Pixel {
-    fn side(&self, dice: &mut Dice) -> Side {
-        let opacity = dice.channel();
-        let [r, g, b] = [0; 3].map(|_| dice.channel() * opacity);
-        let (exact, is_old) = ([r, g, b, opacity], dice.below(2) == 0);
+    fn side(&self, rng: &mut Rng) -> Side {
+        let opacity = rng.channel();
+        let [r, g, b] = [0; 3].map(|_| rng.channel() * opacity);
+        let (exact, is_old) = ([r, g, b, opacity], rng.below(2) == 0);
         let word = |i: usize| match (is_old, i) {
             (true, 3) => self.sum_word(OPACITY),
             (true, _) => self.sum_word(COLOUR),
@@ -126,8 +126,8 @@ impl Pixel {
     }
 
     /// What a merge of two fragments leaves in the slot: the machine's, exactly, and the bound.
-    fn merged(&self, dice: &mut Dice) -> [(f64, f64, Near); 4] {
-        let [front, back] = [self.side(dice), self.side(dice)];
+    fn merged(&self, rng: &mut Rng) -> [(f64, f64, Near); 4] {
+        let [front, back] = [self.side(rng), self.side(rng)];
         let both = RefCell::new([front.shaded, back.shaded].into_iter());
         if front.slot.shaded {
             both.borrow_mut().next();
@@ -146,10 +146,10 @@ impl Pixel {
 #[test]
 fn merging_is_within_its_bound() {
     for seed in 0..800 {
-        let dice = &mut Dice::new(seed);
-        let pixel = Pixel::new(dice.machine());
+        let rng = &mut Rng::new(seed);
+        let pixel = Pixel::new(rng.machine());
         for _ in 0..20 {
-            for (own, exact, bound) in pixel.merged(dice) {
+            for (own, exact, bound) in pixel.merged(rng) {
                 used(own, exact, bound, &seed);
             }
         }
@@ -165,7 +165,7 @@ fn the_bound_of_merging_is_tight() {
         let place = pixel.machine.shade.premultiplied.format.value(1);
         let mut of_slot = Use::default();
         for seed in 0..20_000 {
-            for (own, exact, bound) in pixel.merged(&mut Dice::new(seed)) {
+            for (own, exact, bound) in pixel.merged(&mut Rng::new(seed)) {
                 let used = used(own, exact, bound, &seed);
                 if bound.error > place {
                     of_slot.see(used);

@@ -4,16 +4,16 @@ use super::super::Layer;
 use crate::num::Word;
 use crate::probe::{NoProbe, Tap};
 use crate::real::Near;
-use crate::real::tests::{Dice, Use, held, used};
+use crate::real::tests::{Rng, Use, held, used};
 use crate::{Elaborated, Machine};
 
 /// A colour times its opacity, and its opacity, on both sides; the machine's a few places off.
-fn premultiplied(dice: &mut Dice, word: Word, off: u64) -> ([f64; 4], [i64; 4], [Near; 4]) {
-    let opacity = dice.channel();
-    let exact = [0; 3].map(|_| dice.channel() * opacity);
+fn premultiplied(rng: &mut Rng, word: Word, off: u64) -> ([f64; 4], [i64; 4], [Near; 4]) {
+    let opacity = rng.channel();
+    let exact = [0; 3].map(|_| rng.channel() * opacity);
     let exact = [exact[0], exact[1], exact[2], opacity];
     let words = exact.map(|part| {
-        let off = dice.below(2 * off + 1) as i64 - off as i64;
+        let off = rng.below(2 * off + 1) as i64 - off as i64;
         (held(word, part).0 + off).clamp(0, word.format.one())
     });
     (exact, words, std::array::from_fn(|i| Near::held(exact[i], word, words[i])))
@@ -30,10 +30,10 @@ fn exact(layers: &[[f64; 4]], background: [f64; 4]) -> [f64; 4] {
 }
 
 /// The machine's frame word, what it should be, and the bound.
-fn blend(dice: &mut Dice, machine: &Elaborated, layers: u64, off: u64) -> [(f64, f64, Near); 4] {
+fn blend(rng: &mut Rng, machine: &Elaborated, layers: u64, off: u64) -> [(f64, f64, Near); 4] {
     let Elaborated { machine, resolve: unit, .. } = machine;
-    let layers: Vec<_> = (0..layers).map(|_| premultiplied(dice, machine.shade.premultiplied, off)).collect();
-    let background = premultiplied(dice, machine.resolve.frame, 0);
+    let layers: Vec<_> = (0..layers).map(|_| premultiplied(rng, machine.shade.premultiplied, off)).collect();
+    let background = premultiplied(rng, machine.resolve.frame, 0);
     let words = layers.iter().map(|(_, w, _)| Layer { colour: [w[0], w[1], w[2]], opacity: w[3], ..Layer::default() });
     let own = unit.one(&words.collect::<Vec<_>>(), background.1, &mut Tap::new(&mut NoProbe));
     let exact = exact(&layers.iter().map(|layer| layer.0).collect::<Vec<_>>(), background.0);
@@ -44,11 +44,11 @@ fn blend(dice: &mut Dice, machine: &Elaborated, layers: u64, off: u64) -> [(f64,
 #[test]
 fn blending_is_within_its_bound() {
     for seed in 0..800 {
-        let dice = &mut Dice::new(seed);
-        let machine = dice.machine().elaborate().unwrap();
+        let rng = &mut Rng::new(seed);
+        let machine = rng.machine().elaborate().unwrap();
         for _ in 0..20 {
-            let (layers, off) = (dice.below(9), dice.one_of(&[0, 0, 1, 30]));
-            for (own, exact, bound) in blend(dice, &machine, layers, off) {
+            let (layers, off) = (rng.below(9), rng.one_of(&[0, 0, 1, 30]));
+            for (own, exact, bound) in blend(rng, &machine, layers, off) {
                 used(own, exact, bound, &(seed, layers));
             }
         }
@@ -65,7 +65,7 @@ fn the_bound_of_blending_is_tight() {
         for layers in [1, 4] {
             let mut of_frame = Use::default();
             for seed in 0..2000 {
-                for (own, exact, bound) in blend(&mut Dice::new(seed), &machine, layers, 0) {
+                for (own, exact, bound) in blend(&mut Rng::new(seed), &machine, layers, 0) {
                     let used = used(own, exact, bound, &seed);
                     if bound.error >= place {
                         of_frame.see(used);

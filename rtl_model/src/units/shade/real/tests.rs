@@ -8,7 +8,7 @@ use crate::functions::Table;
 use crate::machine::Interpolation;
 use crate::num::Word;
 use crate::probe::{NoProbe, Tap};
-use crate::real::tests::{Dice, Use, held, quantised, used};
+use crate::real::tests::{Rng, Use, held, quantised, used};
 use crate::real::{Near, power_of_two};
 
 /// What a frame says of light, in real numbers.
@@ -32,17 +32,17 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
 }
 
 impl Scene {
-    fn random(dice: &mut Dice) -> Self {
-        let direction = |dice: &mut Dice| if dice.below(3) > 0 { dice.unit_vector() } else { [0.0, 0.0, -1.0] };
-        let lights = (0..dice.below(4)).map(|_| (direction(dice), [0; 3].map(|_| dice.channel()))).collect();
+    fn random(rng: &mut Rng) -> Self {
+        let direction = |rng: &mut Rng| if rng.below(3) > 0 { rng.unit_vector() } else { [0.0, 0.0, -1.0] };
+        let lights = (0..rng.below(4)).map(|_| (direction(rng), [0; 3].map(|_| rng.channel()))).collect();
         Scene {
             lights,
-            lit: dice.below(3) > 0,
-            ambient: dice.between(0.0, 0.5),
-            diffuse: dice.channel(),
-            specular: dice.between(0.0, 0.6),
-            shininess: dice.one_of(&[0.0, 0.5, 1.0, 2.0, 7.5, 32.0, 200.0]),
-            threshold: dice.between(0.05, 1.0),
+            lit: rng.below(3) > 0,
+            ambient: rng.between(0.0, 0.5),
+            diffuse: rng.channel(),
+            specular: rng.between(0.0, 0.6),
+            shininess: rng.one_of(&[0.0, 0.5, 1.0, 2.0, 7.5, 32.0, 200.0]),
+            threshold: rng.between(0.05, 1.0),
         }
     }
 
@@ -150,11 +150,11 @@ impl Bench {
     }
 
     /// Sums that are a few places off.
-    fn input(&self, dice: &mut Dice, means: &Means) -> Input {
+    fn input(&self, rng: &mut Rng, means: &Means) -> Input {
         let f = &self.machine.fragment;
-        let off = dice.one_of(&[0, 0, 1, 20]);
+        let off = rng.one_of(&[0, 0, 1, 20]);
         let mut sum = |word: Word, mean: f64| {
-            let off = dice.below(2 * off + 1) as i64 - off as i64;
+            let off = rng.below(2 * off + 1) as i64 - off as i64;
             (quantised(word, means.weight * mean) + off).clamp(word.format.min(), word.format.max())
         };
         Input {
@@ -167,9 +167,9 @@ impl Bench {
     }
 
     /// The same sums as means, with the error that they have, or a wider bound.
-    fn sums(&self, dice: &mut Dice, means: &Means, input: &Input) -> Sums<Near> {
+    fn sums(&self, rng: &mut Rng, means: &Means, input: &Input) -> Sums<Near> {
         let f = &self.machine.fragment;
-        let wider = dice.one_of(&[1.0, 1.0, 1.0, 2.0, 50.0]);
+        let wider = rng.one_of(&[1.0, 1.0, 1.0, 2.0, 50.0]);
         let weight = f.weight_sum.format.value(input.weight);
         let mean = |word: Word, sum: i64, mean: f64| {
             let error = if weight > 0.0 { word.format.value(sum) / weight - mean } else { 0.0 };
@@ -195,22 +195,22 @@ struct Means {
 }
 
 impl Means {
-    fn random(dice: &mut Dice, scene: &Scene) -> Self {
-        let spread = dice.between(-12.0, 5.0).exp2();
-        let near_one = dice.between(0.5, 2.0);
-        let weight = dice.one_of(&[spread, near_one, scene.threshold, 0.0]);
+    fn random(rng: &mut Rng, scene: &Scene) -> Self {
+        let spread = rng.between(-12.0, 5.0).exp2();
+        let near_one = rng.between(0.5, 2.0);
+        let weight = rng.one_of(&[spread, near_one, scene.threshold, 0.0]);
         if weight == 0.0 {
             return Means { weight, rgb: [0.0; 3], opacity: 0.0, normal: [0.0; 3] };
         }
-        let length = dice.one_of(&[1.0, 1.0, 0.3, 1e-3, 1e-6, 0.0]);
-        let mut normal = dice.unit_vector().map(|part| part * length);
+        let length = rng.one_of(&[1.0, 1.0, 0.3, 1e-3, 1e-6, 0.0]);
+        let mut normal = rng.unit_vector().map(|part| part * length);
         // Edge on, nearly or exactly; or straight at the first light's highlight.
-        match (dice.below(8), scene.lights.first()) {
-            (0, _) => normal[2] = dice.one_of(&[0.0, 1e-4, -1e-4, -1e-6]),
+        match (rng.below(8), scene.lights.first()) {
+            (0, _) => normal[2] = rng.one_of(&[0.0, 1e-4, -1e-4, -1e-6]),
             (1, Some((direction, _))) => normal = unit([direction[0], direction[1], direction[2] - 1.0]).unwrap(),
             _ => {}
         }
-        Means { weight, rgb: [0; 3].map(|_| dice.channel()), opacity: dice.channel(), normal }
+        Means { weight, rgb: [0; 3].map(|_| rng.channel()), opacity: rng.channel(), normal }
     }
 }
 
@@ -218,13 +218,13 @@ impl Means {
 #[test]
 fn shading_is_within_its_bound() {
     for seed in 0..800 {
-        let dice = &mut Dice::new(seed);
-        let scene = Scene::random(dice);
-        let bench = Bench::new(dice.machine(), &scene);
+        let rng = &mut Rng::new(seed);
+        let scene = Scene::random(rng);
+        let bench = Bench::new(rng.machine(), &scene);
         for _ in 0..40 {
-            let means = Means::random(dice, &scene);
-            let input = bench.input(dice, &means);
-            let bound = bench.shade.real(&bench.lighting, &bench.sums(dice, &means, &input));
+            let means = Means::random(rng, &scene);
+            let input = bench.input(rng, &means);
+            let bound = bench.shade.real(&bench.lighting, &bench.sums(rng, &means, &input));
             let exact = scene.exact(means.weight, means.rgb, means.opacity, means.normal);
             let own = bench.one(&input);
             for channel in 0..4 {
@@ -244,13 +244,13 @@ fn the_bound_of_shading_is_tight() {
         let place = Machine::named(name).unwrap().shade.premultiplied.format.value(1);
         let mut uses = [Use::default(); 2];
         for seed in 0..400 {
-            let dice = &mut Dice::new(seed);
-            let scene = Scene::random(dice);
+            let rng = &mut Rng::new(seed);
+            let scene = Scene::random(rng);
             let bench = Bench::new(Machine::named(name).unwrap(), &scene);
             for _ in 0..100 {
-                let means = Means { weight: dice.between(-2.0, 2.0).exp2(), normal: dice.unit_vector(), ..Means::random(dice, &scene) };
-                let input = bench.input(&mut Dice::new(0), &means);
-                let bound = bench.shade.real(&bench.lighting, &bench.sums(&mut Dice::new(0), &means, &input));
+                let means = Means { weight: rng.between(-2.0, 2.0).exp2(), normal: rng.unit_vector(), ..Means::random(rng, &scene) };
+                let input = bench.input(&mut Rng::new(0), &means);
+                let bound = bench.shade.real(&bench.lighting, &bench.sums(&mut Rng::new(0), &means, &input));
                 let exact = scene.exact(means.weight, means.rgb, means.opacity, means.normal);
                 let own = bench.one(&input);
                 for channel in 0..4 {
@@ -275,17 +275,17 @@ fn the_bound_of_each_step_is_tight() {
     for name in Machine::NAMES {
         let mut uses = [Use::default(); 4];
         for seed in 0..40 {
-            let dice = &mut Dice::new(seed);
-            let scene = Scene { lit: true, lights: vec![(dice.unit_vector(), [1.0; 3])], shininess: 16.0, ..Scene::random(dice) };
+            let rng = &mut Rng::new(seed);
+            let scene = Scene { lit: true, lights: vec![(rng.unit_vector(), [1.0; 3])], shininess: 16.0, ..Scene::random(rng) };
             let bench = Bench::new(Machine::named(name).unwrap(), &scene);
             let (shade, f, registers) = (&bench.shade, &bench.machine.fragment, bench.registers());
             let mut unwatched = NoProbe;
             let tap = &mut Tap::new(&mut unwatched);
             for _ in 0..500 {
-                let weight = quantised(f.weight_sum, dice.between(-3.0, 3.0).exp2()).max(1);
-                let part = dice.part();
+                let weight = quantised(f.weight_sum, rng.between(-3.0, 3.0).exp2()).max(1);
+                let part = rng.part();
                 let colour = (part * weight as f64) as i64;
-                let sums = dice.unit_vector().map(|part| quantised(f.normal_sum, part * f.weight_sum.format.value(weight)));
+                let sums = rng.unit_vector().map(|part| quantised(f.normal_sum, part * f.weight_sum.format.value(weight)));
                 let (inverse, exponent) = shade.reciprocal.one(weight, tap);
                 let whole = Near::exact(f.weight_sum.format.value(weight));
                 let quotient = |word: Word, sum: i64| Near::within(word.format.value(sum) / whole.value, 0.0);

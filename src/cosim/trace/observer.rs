@@ -1,4 +1,4 @@
-//! Watcher: notes every transfer while the machine draws, as the units make them; order is brought in afterwards.
+//! Observer: notes every transfer while the machine draws, as the units make them; order is brought in afterwards.
 
 use super::coverage::Coverage;
 use rtl_model::frame::Frame;
@@ -105,7 +105,7 @@ pub struct Held {
 
 /// All transfers of a frame.
 #[derive(Clone, Debug, Default)]
-pub struct Watcher {
+pub struct Observations {
     /// Splats before this one are drawn, but not noted.
     pub first_splat: u32,
     pub set_up: Vec<SetUp>,
@@ -127,9 +127,9 @@ pub struct Watcher {
     least_weight: i64,
     /// Words of this signal reach nobody.
     unread: Option<usize>,
-    /// What was heard since the last transfer.
-    heard: u8,
-    /// What was heard before shade began.
+    /// What was observed since the last transfer.
+    observed: u8,
+    /// What was observed before shade began.
     before_shade: u8,
     /// Splats are being set up.
     setting_up: bool,
@@ -139,15 +139,15 @@ pub struct Watcher {
     lit: Vec<Shaded>,
 }
 
-impl Watcher {
+impl Observations {
     /// One that notes a frame's splats from this one on.
     pub fn new(machine: &Elaborated, frame: &Frame, first_splat: u32) -> Self {
-        Watcher {
+        Observations {
             first_splat,
             coverage: Coverage::new(machine),
             least_weight: least_weight(frame),
             unread: frame.sheets.as_ref().map(|_| machine.fragment.depth_fit().signal),
-            ..Watcher::default()
+            ..Observations::default()
         }
     }
 
@@ -204,7 +204,7 @@ impl Watcher {
     }
 
     fn flush(&mut self) -> u8 {
-        std::mem::take(&mut self.heard)
+        std::mem::take(&mut self.observed)
     }
 }
 
@@ -228,14 +228,14 @@ pub fn outcome(decision: Decision) -> (u8, u8) {
     }
 }
 
-impl probe::Observer<'static> for Watcher {
+impl probe::Observer<'static> for Observations {
     fn fork(&self) -> Box<dyn probe::Observer<'static>> {
-        Box::new(Watcher {
+        Box::new(Observations {
             first_splat: self.first_splat,
             coverage: self.coverage.of_another_part(),
             least_weight: self.least_weight,
             unread: self.unread,
-            ..Watcher::default()
+            ..Observations::default()
         })
     }
 
@@ -244,7 +244,7 @@ impl probe::Observer<'static> for Watcher {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        let Ok(fork) = seen.downcast::<Watcher>() else { return };
+        let Ok(fork) = seen.downcast::<Observations>() else { return };
         self.set_up.extend(fork.set_up);
         self.emitted.extend(fork.emitted);
         self.walked.extend(fork.walked);
@@ -267,11 +267,11 @@ impl probe::Observer<'static> for Watcher {
             (loss.saturated_high, flag::SATURATED_HIGH),
             (loss.wrapped, flag::WRAPPED),
         ];
-        self.heard |= told.iter().filter(|(lost, _)| *lost).fold(0, |flags, (_, flag)| flags | flag);
+        self.observed |= told.iter().filter(|(lost, _)| *lost).fold(0, |flags, (_, flag)| flags | flag);
     }
 
     fn wrapped(&mut self, _signal: usize) {
-        self.heard |= flag::WRAPPED;
+        self.observed |= flag::WRAPPED;
     }
 
     fn set_up(&mut self, splat: u32, project: [i64; PROJECTED], ellipse: [i64; SET_UP]) {
@@ -283,7 +283,7 @@ impl probe::Observer<'static> for Watcher {
     }
 
     fn sorted(&mut self, order: Vec<u32>) {
-        // What was heard of the keys is nobody's.
+        // What was observed of the keys is nobody's.
         self.flush();
         self.order = order;
     }
@@ -339,7 +339,7 @@ impl probe::Observer<'static> for Watcher {
 
     fn shade_out(&mut self, input: &shade::Input, output: &shade::Output) {
         let flags = self.flush();
-        self.heard = if self.setting_up { 0 } else { self.before_shade };
+        self.observed = if self.setting_up { 0 } else { self.before_shade };
         let (input, output) = (*input, *output);
         match &mut self.taking {
             Some((key, nth)) => {
