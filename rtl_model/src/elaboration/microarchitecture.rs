@@ -333,7 +333,7 @@ fn check(timing: &Timing, e: &mut Elaboration) {
     let Cache { lines, ways, .. } = timing.cache;
     // Each look-up compares them all at once.
     e.require(ways <= 64, || format!("timing.cache.ways is {ways}: at most 64 are compared in a cycle"));
-    e.require(ways <= lines, || format!("timing.cache has {lines} lines in sets of {ways}: no set is full"));
+    e.require(ways > 64 || ways <= lines, || format!("timing.cache has {lines} lines in sets of {ways}: no set is full"));
     let Memory { burst_bytes, row_bytes, hit_latency, miss_latency, .. } = timing.memory;
     e.require(burst_bytes <= row_bytes, || format!("timing.memory reads {burst_bytes} bytes at a time from rows of {row_bytes}"));
     e.require(burst_bytes >= ENTRY_BYTES, || {
