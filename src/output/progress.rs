@@ -198,7 +198,7 @@ mod tests {
         let lines = |every: u64, lasts: u64| {
             let shown = Arc::new(Mutex::new(Vec::new()));
             let sink = shown.clone();
-            let show = Box::new(move |state: &State, is_over| {
+            let show = Box::new(move |state: &State, is_over: bool| {
                 if !is_over {
                     sink.lock().unwrap().push(state.line())
                 }

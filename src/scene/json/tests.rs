@@ -1,5 +1,6 @@
 use super::*;
 use proptest::prelude::*;
+use serde_json::json;
 
 /// The example of INTERFACE, on splats that need no file.
 fn example() -> Value {
