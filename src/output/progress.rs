@@ -16,6 +16,9 @@ const LINE_EVERY: Duration = Duration::from_secs(10);
 /// Between two pictures of a bar.
 const TICK_EVERY: Duration = Duration::from_millis(200);
 
+/// Shows a state, and whether the job is over.
+type Show = Box<dyn FnMut(&State, bool) + Send>;
+
 /// Display of a job under way, until it is dropped.
 #[derive(Debug)]
 pub struct Progress {
@@ -69,7 +72,7 @@ impl Progress {
     fn new(shown: bool, kind: Kind) -> Self {
         let state = Arc::new(State { start: Instant::now(), kind, done: AtomicU64::new(0), message: Mutex::new(String::new()) });
         let ticker = shown.then(|| {
-            let (every, show): (_, Box<dyn FnMut(&State, bool) + Send>) = if std::io::stderr().is_terminal() {
+            let (every, show): (_, Show) = if std::io::stderr().is_terminal() {
                 (TICK_EVERY, bar(kind))
             } else {
                 (
@@ -109,7 +112,7 @@ impl Drop for Progress {
 
 impl Ticker {
     /// Shows the state again and again, and once more at the end.
-    fn start(state: Arc<State>, every: Duration, mut show: Box<dyn FnMut(&State, bool) + Send>) -> Self {
+    fn start(state: Arc<State>, every: Duration, mut show: Show) -> Self {
         let (end, over) = channel();
         let thread = thread::spawn(move || {
             while over.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
@@ -153,7 +156,7 @@ impl State {
 }
 
 /// A bar, or where no end is known a spinner.
-fn bar(kind: Kind) -> Box<dyn FnMut(&State, bool) + Send> {
+fn bar(kind: Kind) -> Show {
     const LENGTH: u64 = 1000;
     let (bar, template) = match kind {
         Kind::Open => (ProgressBar::new_spinner(), "{spinner} {msg}"),

@@ -208,7 +208,7 @@ impl Points {
         if plan.scenes.is_empty() {
             return Err(Error::input("scenes is empty: at least one is needed"));
         }
-        let base = machines::load(&beside(&folder, &plan.machine), &[])?;
+        let base = machines::load(beside(&folder, &plan.machine), &[])?;
         let words = machines::words(&base);
         let mut axes = Vec::new();
         for (nth, axis) in plan.axes.iter().enumerate() {
@@ -308,7 +308,7 @@ impl Points {
     /// [`Error::Input`] as [`Scene::load`].
     pub fn scene(&self, nth: usize) -> Result<Scene> {
         let size = self.plan.size.map(|[width, height]| (width, height));
-        Scene::load(&beside(&self.folder, &self.plan.scenes[nth]), &Overrides { size })
+        Scene::load(beside(&self.folder, &self.plan.scenes[nth]), &Overrides { size })
     }
 }
 
