@@ -200,7 +200,7 @@ fn project(gaussian: &Gaussian, view: &View) -> Option<Ellipse> {
     Some(Ellipse {
         depth: t.z,
         centre: (focal * t.x / t.z + half_x, focal * t.y / t.z + half_y),
-        reach: 3.0 * longest.sqrt() + 1.0,
+        reach: (2.0 * 255f64.ln() * longest).sqrt() + 1.0,
         conic: [yy / determinant, -xy / determinant, xx / determinant],
         opacity: 1.0 / (1.0 + (-gaussian.logit).exp()),
         rgb: colour(gaussian, view.eye),

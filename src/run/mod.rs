@@ -74,7 +74,7 @@ pub struct Outcome {
 /// Draws `scene` on `machine` and compares; where asked to, says who makes the error. `load_seconds` goes into the report.
 ///
 /// # Errors
-/// [`Error::Input`] where the machine cannot be built or cannot hold the scene.
+/// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold the scene.
 pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Options) -> Result<Outcome> {
     let attributed = options.attribution;
     let elaborated = fixed::elaborate(machine)?;
@@ -160,7 +160,7 @@ impl Outcome {
     /// Writes pictures and report into a folder; returns what was written.
     ///
     /// # Errors
-    /// [`Error::Job`] where a file cannot be written; none is left half-written.
+    /// [`crate::error::Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path, exr: bool) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
         let flips = self.lockstep.flip_picture();

@@ -9,7 +9,7 @@
 
 use super::stamps::Piece;
 use crate::elaboration::microarchitecture::Microarchitecture;
-use crate::records::unit;
+use crate::elaboration::unit;
 use crate::work::{TILE_PX, Work};
 
 /// A piece that was taken: until when it is under way, and its place.
