@@ -123,11 +123,11 @@ fn a_record_of_boxes_without_end_takes_no_memory() {
     let Recording { scene, machine, work } = recorded("torus-knot", (40, 24));
     let large = |change: &dyn Fn(&mut Work)| {
         let mut work = work.clone();
-        (work.width, work.height) = (16_384, 16_384);
+        (work.width, work.height) = (8192, 4096);
         change(&mut work);
         refusal(&bytes(Recording { scene: scene.clone(), machine: machine.clone(), work })).unwrap()
     };
-    let all = |work: &mut Work| work.footprints.iter_mut().for_each(|f| (f.columns, f.rows) = ([0, 16_383], [0, 16_383]));
+    let all = |work: &mut Work| work.footprints.iter_mut().for_each(|f| (f.columns, f.rows) = ([0, 8191], [0, 4095]));
     assert!(large(&all).contains("its tiles are not those of its splats"));
     assert!(large(&|work| work.footprints[0].rows = [9, 3]).contains("a box lies outside of the picture"));
     assert!(large(&|work| work.width = u32::MAX).contains("size"));
