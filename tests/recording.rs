@@ -130,7 +130,7 @@ fn a_record_of_boxes_without_end_takes_no_memory() {
     let all = |work: &mut Work| work.footprints.iter_mut().for_each(|f| (f.columns, f.rows) = ([0, 8191], [0, 4095]));
     assert!(large(&all).contains("its tiles are not those of its splats"));
     assert!(large(&|work| work.footprints[0].rows = [9, 3]).contains("a box lies outside of the picture"));
-    assert!(large(&|work| work.width = u32::MAX).contains("size"));
+    assert!(large(&|work| work.width = u32::MAX).contains("pixels; at most"));
     assert!(large(&|work| work.order = vec![0; work.footprints.len()]).contains("its order leaves splats out"));
     assert!(large(&|work| work.fates.truncate(1)).contains("its boxes are not those of its splats"));
 }
