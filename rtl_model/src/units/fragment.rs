@@ -236,12 +236,15 @@ impl Fragment {
             e.adders(UNIT, 1, weight);
             e.adders(UNIT, 2, limit);
         });
-        // The closest pair.
-        if Full::from(m.merge) == Full::Merge(Pair::Nearest) {
-            e.adders(UNIT, layers, depth);
-            e.copies(layers - 1, |e| e.limit(UNIT, depth));
-            e.choice(UNIT, layers, slot);
-            e.copies(layers, |e| e.choice(UNIT, 2, slot));
+        match Full::from(m.merge) {
+            Full::Merge(Pair::Nearest) => {
+                e.adders(UNIT, layers, depth);
+                e.copies(layers - 1, |e| e.limit(UNIT, depth));
+                e.choice(UNIT, layers, slot);
+                e.copies(layers, |e| e.choice(UNIT, 2, slot));
+            }
+            // Which two it is is wired.
+            Full::Merge(Pair::Farthest) | Full::Replace => {}
         }
         // Written: the sums, the merged one, or what has this place now.
         e.copies(layers, |e| e.choice(UNIT, 3, slot));
