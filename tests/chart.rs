@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::cargo_bin("splatsim").unwrap().args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_splatsim")).args(arguments).output().unwrap()
 }
 
 fn ok(output: &Output) -> String {

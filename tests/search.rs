@@ -9,7 +9,7 @@ use std::process::{Output, Stdio};
 use std::time::Duration;
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::cargo_bin("splatsim").unwrap().args(arguments).output().unwrap()
+    Command::new(env!("CARGO_BIN_EXE_splatsim")).args(arguments).output().unwrap()
 }
 
 fn ok(output: &Output) -> String {
@@ -165,7 +165,7 @@ fn a_search_that_is_killed_goes_on() {
         all.map(str::to_owned)
     };
     let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
-    let run = |out: &Path| ok(&Command::cargo_bin("splatsim").unwrap().args(arguments(out.to_str().unwrap())).output().unwrap());
+    let run = |out: &Path| ok(&Command::new(env!("CARGO_BIN_EXE_splatsim")).args(arguments(out.to_str().unwrap())).output().unwrap());
     run(&whole);
     for wait_ms in [30, 200, 90, 400, 260, 150] {
         let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_splatsim"))

@@ -9,7 +9,7 @@ use std::process::{Output, Stdio};
 use std::time::Duration;
 
 fn splatsim() -> Command {
-    Command::cargo_bin("splatsim").unwrap()
+    Command::new(env!("CARGO_BIN_EXE_splatsim"))
 }
 
 fn written(folder: &Path, plan: &Value) -> String {

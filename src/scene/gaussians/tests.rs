@@ -8,7 +8,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 fn stored(file: &str) -> PathBuf {
-    PathBuf::from(std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "/work/shared/data".into())).join(file)
+    PathBuf::from(std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "../shared/data".into())).join(file)
 }
 
 fn is_gaussians(path: &Path) -> bool {

@@ -828,7 +828,7 @@ fn every_sound_file_is_read_and_none_of_its_truncations_panics() {
 // ---- real data ----
 
 fn real_data() -> PathBuf {
-    std::env::var_os("SPLATSIM_DATA").unwrap_or("/work/shared/data".into()).into()
+    std::env::var_os("SPLATSIM_DATA").unwrap_or("../shared/data".into()).into()
 }
 
 fn range(volume: &Volume) -> (f32, f32) {
