@@ -267,7 +267,8 @@ impl Machine {
         let kept_px = kept.map(u64::from).into_iter().fold(1, u64::saturating_mul);
         Storage {
             fifos,
-            memory_bits: kept_px.saturating_mul(fragments),
+            // Of a tile beside its fragments which pixels have stopped, if any can.
+            memory_bits: kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some())),
             frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
         }
     }

@@ -8,7 +8,7 @@ use crate::kernels::{Accumulator, Path, Tile};
 use crate::num::{LANES, Lanes};
 use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
-use crate::units::fragment::sheets::{SheetInput, SheetRegisters};
+use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
 use crate::units::fragment::{self, FragmentRegisters};
 use crate::units::{raster, shade};
 use crate::work::Bins;
@@ -244,6 +244,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 continue;
             }
             let pixel = pixels[lane];
+            let had_stopped = P::WORK && sheets.is_some() && has_stopped(tile, pixel);
             let decision = match sheets {
                 None => {
                     let input = fragment::Input {
@@ -264,9 +265,14 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 outcomes.count(decision);
             }
             if P::WORK {
-                // A Gaussian that is blended at once takes no longer than one that is added.
-                let at_once = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat) && decision == Decision::Merged(0, 1);
-                tap.probe.became(Some(if at_once { Decision::Replaced } else { decision }));
+                if sheets.is_some() && !had_stopped && has_stopped(tile, pixel) {
+                    tap.probe.stopped();
+                } else {
+                    // A Gaussian that is blended at once takes no longer than one that is added; nor does what a stopped pixel drops.
+                    let each = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat);
+                    let plain = had_stopped || each && decision == Decision::Merged(0, 1);
+                    tap.probe.became(Some(if plain { Decision::Accumulated(0) } else { decision }));
+                }
             }
             if P::DECISIONS {
                 let [x, y] = self.part.pixel(pixel);

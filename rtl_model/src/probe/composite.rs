@@ -115,6 +115,10 @@ impl Probe for Composite {
         Probe::became(&mut self.recorder, decision);
     }
 
+    fn stopped(&mut self) {
+        Probe::stopped(&mut self.recorder);
+    }
+
     fn shaded(&mut self) {
         Probe::shaded(&mut self.recorder);
     }

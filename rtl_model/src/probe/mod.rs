@@ -90,6 +90,8 @@ pub trait Probe: Send + Sync + Sized {
     /// The next place had this outcome; none where its weight rounds to 0.
     #[inline(always)]
     fn became(&mut self, _decision: Option<Decision>) {}
+    /// The next place's pixel stopped with this contribution, whatever became of that.
+    fn stopped(&mut self) {}
     /// A fragment is shaded so that it can merge.
     fn shaded(&mut self) {}
     /// The next pixel of a tile ends with so many fragments, of which so many are left to shade.

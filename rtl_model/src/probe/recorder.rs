@@ -53,6 +53,10 @@ impl Probe for Recorder {
         Recorder::became(self, event);
     }
 
+    fn stopped(&mut self) {
+        Recorder::became(self, Event::Stopped);
+    }
+
     fn shaded(&mut self) {
         Recorder::shaded(self);
     }

@@ -289,6 +289,11 @@ impl Unit {
         self.hold(ready, items, items, items)
     }
 
+    /// Waits as if for an item, and takes none.
+    pub fn wait(&mut self, ready: Ready) {
+        self.hold(ready, 0, 0, 0);
+    }
+
     #[inline(always)]
     fn hold(&mut self, ready: Ready, items: u64, busy: u64, cycles: u64) -> u64 {
         let (busy, cycles) = (busy & self.held, cycles & self.held);

@@ -6,7 +6,7 @@
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
 //! The second pass begins when the first, and the sort, is through. Tiles follow each other by rows; those without an entry are only
-//! written.
+//! written. Of a tile in which every pixel has stopped, nothing more is read.
 //!
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
 
@@ -14,6 +14,8 @@ use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
 use super::stages::{Fill, Merge, Resolve, SetUp};
+use super::stamps::Piece;
+use super::stops::Stops;
 use crate::elaboration::microarchitecture;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
@@ -46,6 +48,8 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
+    let mut stops = Stops::new(work);
+    let mut list_from = sorted;
     for tile in 0..lists.tiles() {
         let corner = [tile % lists.columns, tile / lists.columns].map(|at| at as u32 * side);
         let corner_16 = corner.map(|at| at as u16);
@@ -53,10 +57,21 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         let buffer_free = if t.timing.tile.buffers == 2 { buffers[0] } else { buffers[1] };
         let (mut bursts, mut burst_here) = (0, 0);
         merge.written = sorted;
+        if let Some(stops) = &mut stops {
+            stops.tile(corner, side);
+        }
         for (nth, entry) in entries.iter().enumerate() {
             let footprint = &work.footprints[*entry as usize];
             let needed = ((nth as u64 + 1) * ENTRY_BYTES).div_ceil(burst);
-            let ready = Ready { here: sorted, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
+            let ready = Ready { here: list_from, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
+            if let Some(stops) = &mut stops
+                && stops.all() <= list.free().max(ready.here).max(ready.memory).max(ready.room)
+            {
+                // The rest of the tile.
+                list_from = list.free().max(ready.here).max(stops.all());
+                list.wait(Ready { memory: ready.memory.min(list_from), room: ready.room.min(list_from), ..ready });
+                break;
+            }
             let now = list.take(ready, 1);
             list.behind.take(now);
             memory.forget(now);
@@ -70,10 +85,12 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             let here = memory.request(now.max(burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
             outstanding.push(here);
 
-            let (taken, _) = fill.footprint(footprint, (corner_16, side), (now + 1, here), |stamp, here| {
-                // The tile before is still in the buffer.
-                merge.stamp(stamp, Ready { here, room: buffer_free, ..Ready::default() })[0]
-            });
+            // The tile before is still in the buffer.
+            let mut next = |stamp: &[Piece], here| merge.stamp(stamp, Ready { here, room: buffer_free, ..Ready::default() });
+            let taken = match &mut stops {
+                None => fill.footprint(footprint, (corner_16, side), (now + 1, here), |stamp, here| next(stamp, here)[0]).0,
+                Some(stops) => fill.footprint_of_stops(footprint, (corner_16, side), (now + 1, here), stops, next),
+            };
             list.behind.give(taken);
         }
         // Words of the tile; of one without entries they are the background, written behind the tile before.
@@ -81,6 +98,9 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         let bytes = u64::from(across.end - across.start) * u64::from(down.end - down.start) * u64::from(t.frame_bytes);
         let mut done = buffers[1];
         if !entries.is_empty() {
+            if let Some(stops) = &stops {
+                merge.written = merge.written.max(stops.known());
+            }
             let shade = if t.timing.tile.buffers == 2 { &mut lit } else { &mut merge.shade };
             done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade);
             buffers = [buffers[1], done];

@@ -28,6 +28,7 @@ mod limit;
 mod memory;
 mod stages;
 mod stamps;
+mod stops;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use limit::{Limit, Limited, limit};

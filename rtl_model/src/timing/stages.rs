@@ -9,6 +9,7 @@ use super::account::{Detail, Ready, Unit};
 use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::stamps::{Piece, Stamps};
+use super::stops::Stops;
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::work::{Fate, Footprint, Work};
@@ -139,6 +140,8 @@ pub struct Fill<'a> {
     walk: Stamps<'a>,
     /// How many there were, and those among them that kept a pixel.
     pub stamps: [u64; 2],
+    /// What pixels that have stopped leave of a stamp.
+    kept: Vec<Piece>,
 }
 
 impl<'a> Fill<'a> {
@@ -149,6 +152,7 @@ impl<'a> Fill<'a> {
             gauss: Unit::new(unit::GAUSS, timing.gauss, [Some(unit::RASTER), Some(behind)], detail, timing.lifted),
             walk: Stamps::new(work, timing.timing.raster.lanes),
             stamps: [0; 2],
+            kept: Vec::new(),
         }
     }
 
@@ -194,6 +198,73 @@ impl<'a> Fill<'a> {
             first_taken = first_taken.min(self.raster.take_run(ready, (stamps - gone_through).into()));
         }
         (first_taken, is_seen)
+    }
+
+    /// The same where pixels stop, and with the cycle in which each stamp is written. A stamp of which every pixel has stopped keeps
+    /// nothing; of a tile of which every pixel has stopped a footprint is dropped in a cycle, whether its record has come or not.
+    pub fn footprint_of_stops(
+        &mut self,
+        footprint: &Footprint,
+        (corner, side): ([u16; 2], u32),
+        (here, memory): (u64, u64),
+        stops: &mut Stops,
+        mut next: impl FnMut(&[Piece], u64) -> [u64; 2],
+    ) -> u64 {
+        let t = self.timing;
+        let ready = Ready { here, memory, ..Ready::default() };
+        let stamps = self.walk.footprint(footprint, corner, side);
+        let free = self.raster.free().max(here);
+        let first = self.walk.kept().next().filter(|stamp| stamp[0].stamp == 0);
+        let begins = free.max(memory).max(first.map_or(0, |stamp| self.raster.behind.free().min(stops.whole(stamp))));
+        if stops.all() <= begins {
+            let now = free.max(stops.all());
+            let room = first.map_or(0, |_| self.raster.behind.free().min(now));
+            return self.raster.take_run(Ready { memory: memory.min(now), room, ..ready }, 1);
+        }
+        let (mut first_taken, mut gone_through) = (u64::MAX, 0);
+        for stamp in self.walk.kept() {
+            let empty = stamp[0].stamp - gone_through;
+            gone_through = stamp[0].stamp + 1;
+            if empty > 0 {
+                first_taken = first_taken.min(self.raster.take_run(ready, empty.into()));
+            }
+            let room = self.raster.behind.free();
+            let could = self.raster.free().max(here).max(memory);
+            let has_weight = stamp.iter().any(|piece| piece.pixels != 0);
+            let whole = stops.whole(stamp);
+            if whole <= could.max(room) {
+                let now = self.raster.take_run(Ready { room: whole.min(room), ..ready }, 1);
+                first_taken = first_taken.min(now);
+                if has_weight {
+                    stops.leave_out(now);
+                }
+                continue;
+            }
+            self.stamps[1] += 1;
+            let now = self.raster.take(Ready { room, ..ready }, 1);
+            first_taken = first_taken.min(now);
+            self.raster.behind.take(now);
+            stops.kept(stamp, now, &mut self.kept);
+            let goes_on = self.kept.iter().any(|piece| piece.pixels != 0);
+            if has_weight && !goes_on {
+                stops.leave_out(now);
+            }
+            let room = if goes_on { self.gauss.behind.free() } else { 0 };
+            let here = now + u64::from(t.raster.latency);
+            let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
+            self.raster.behind.give(now);
+            if goes_on {
+                self.gauss.behind.take(now);
+                let [taken, written] = next(&self.kept, now + u64::from(t.gauss.latency));
+                self.gauss.behind.give(taken);
+                stops.written(footprint.splat, &self.kept, written);
+            }
+        }
+        self.stamps[0] += u64::from(stamps);
+        if gone_through < stamps {
+            first_taken = first_taken.min(self.raster.take_run(ready, (stamps - gone_through).into()));
+        }
+        first_taken
     }
 }
 

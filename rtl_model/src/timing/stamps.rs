@@ -24,6 +24,8 @@ pub struct Piece {
     pub corner: [u16; 2],
     /// Its pixels that have a weight, the first in the last place.
     pub pixels: u16,
+    /// Those that were kept and have none.
+    pub faint: u16,
     /// Contributions that make two fragments merge.
     pub merges: u8,
     /// Fragments shaded for that.
@@ -148,6 +150,7 @@ impl<'a> Stamps<'a> {
                     strip: first_strip + row * self.columns as u32,
                     corner: [left, first_y + row as u16],
                     pixels: ((kept / (1 << at)) as u16 & self.width.pixels_of_one) << (column + u32::from(first)),
+                    faint: 0,
                     merges: 0,
                     shades: 0,
                 };
@@ -191,7 +194,7 @@ impl<'a> Stamps<'a> {
             for (part, happened) in self.parts.iter().zip(&self.happened) {
                 for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
                     let strip = self.strip(left, y);
-                    let piece = Piece { stamp: first_stamp + nth, strip, corner: [left, y], pixels, merges: 0, shades: 0 };
+                    let piece = Piece { stamp: first_stamp + nth, strip, corner: [left, y], pixels, faint: 0, merges: 0, shades: 0 };
                     self.pieces.push(if part.has_events { happened.of_piece(row, piece) } else { piece });
                 }
                 left += TILE_PX as u16;
@@ -280,7 +283,7 @@ impl Happened {
                         self.shaded[nth][row] |= pixel;
                     }
                 }
-                Event::Accumulated | Event::Inserted | Event::Evicted | Event::Replaced => {}
+                Event::Accumulated | Event::Inserted | Event::Evicted | Event::Replaced | Event::Stopped => {}
             }
         }
     }
@@ -288,13 +291,14 @@ impl Happened {
     /// What else happened to a piece in this row.
     #[inline(always)]
     fn of_piece(&self, row: usize, piece: Piece) -> Piece {
-        let pixels = piece.pixels & !self.faint[row];
+        let faint = piece.pixels & self.faint[row];
+        let pixels = piece.pixels & !faint;
         let merged = piece.pixels & self.merged[row];
         if merged == 0 {
-            return Piece { pixels, ..piece };
+            return Piece { pixels, faint, ..piece };
         }
         let [one, two] = self.shaded.map(|rows| (merged & rows[row]).count_ones() as u8);
-        Piece { pixels, merges: merged.count_ones() as u8, shades: one + 2 * two, ..piece }
+        Piece { pixels, faint, merges: merged.count_ones() as u8, shades: one + 2 * two, ..piece }
     }
 }
 

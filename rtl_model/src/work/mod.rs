@@ -51,6 +51,8 @@ pub enum Event {
     Evicted,
     /// Replaced a fragment, or was dropped behind it.
     Replaced,
+    /// Made its pixel stop: whatever comes after it there is recorded as if it were added, and changes nothing.
+    Stopped,
 }
 
 /// Where a drawn splat lies.
@@ -180,6 +182,11 @@ impl Work {
             }
         }
         held
+    }
+
+    /// Whether a pixel stops before its last contribution.
+    pub fn stops(&self) -> bool {
+        self.tiles.iter().any(|tile| tile.events.iter().any(|(_, event)| *event == Event::Stopped))
     }
 
     /// Rows of the boxes of all drawn splats.

@@ -140,6 +140,7 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
             // Some are sorted.
             let sorts = organisation == Organisation::Binned && seed % 3 == 2;
             let scene = if sorts { scene.sorted(&mut rng) } else { scene };
+            let scene = if seed % 5 < 2 { scene.stopping(&mut rng) } else { scene };
             let timing = if sorts { machines::sorting(&mut rng, timing).elaborate().unwrap().timing } else { machines::elaborate(timing) };
             match compare(&timing, &scene, &scene.record()) {
                 Ok(ticked) => seen.see(&ticked),
@@ -228,6 +229,7 @@ fn a_scene_is_read_as_it_was_told() {
         let scene = scene::random(&mut Rng(seed), [60, 50], 40);
         let scene = if seed % 4 == 3 { scene.lit() } else { scene };
         let scene = if seed % 3 == 2 { scene.sorted(&mut Rng(seed)) } else { scene };
+        let scene = if seed % 5 == 1 { scene.stopping(&mut Rng(seed)) } else { scene };
         assert_eq!(Scene::read(&scene.record()), scene, "seed {seed}");
     }
 }

@@ -5,14 +5,18 @@
 //! first entry, and written when it is here. A pass is over when it has no more to do and the last part is written.
 //!
 //! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun go when the last word is written. `list`
-//! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its stamps is written.
+//! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its stamps is written, or left
+//! out; one that has stopped, when nothing of it is under way.
+//!
+//! A pixel that stops is left out by raster from the cycle on in which the stamp that stopped it is written. When all pixels of a tile have
+//! stopped, list passes over what is left of it, in no time, and raster drops what has come, an entry a cycle.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
 use super::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::timing::{Client, Direction};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 /// Bytes of a list's entry.
 const ENTRY_BYTES: u64 = 4;
@@ -29,14 +33,22 @@ struct Entry {
     /// Its tile's place in the picture, and its own place in the tile's list.
     tile: u64,
     nth: u64,
+    /// Its tile among those that have an entry, and how many stamps with a weight it has there.
+    drawn: usize,
+    stamps: usize,
 }
 
 /// A tile to be drawn: those without an entry are none.
 struct Tile {
     corner: [usize; 2],
     place: u64,
-    /// Stamps before the first that comes after it.
-    end: usize,
+    /// Stamps with a weight that are neither written nor left out, and when the last of the others was.
+    left: usize,
+    last: u64,
+    /// Stamps with a weight between raster and fragment.
+    under_way: usize,
+    /// Its pixels.
+    pixels: Vec<usize>,
 }
 
 struct Machine<'a> {
@@ -67,6 +79,10 @@ struct Machine<'a> {
     part: Option<(Done, Direction)>,
     /// Second pass.
     entries: Vec<Entry>,
+    /// The first of them that list has not taken, the one that raster looks at, and how many that has dropped.
+    next: usize,
+    looked_at: usize,
+    dropped: u64,
     tiles: Vec<Tile>,
     /// Those without an entry: how many that have one come before, and the place in the picture.
     empty: Vec<(usize, u64)>,
@@ -75,13 +91,10 @@ struct Machine<'a> {
     /// The burst of its list that the last entry is in; entries whose records are read when that has come; every entry's record.
     burst: Done,
     waiting: VecDeque<(Done, usize)>,
-    records: Vec<Done>,
+    records: BTreeMap<usize, Done>,
     listed: Link<usize>,
     fill: Fill,
     merge: Merge,
-    /// When each stamp is written; the tile that the last one was in.
-    written: Vec<u64>,
-    drawing: usize,
     resolve: Unit,
     /// When each tile has left its buffer.
     resolved: Vec<u64>,
@@ -99,10 +112,9 @@ impl<'a> Machine<'a> {
         let mut touched = vec![Vec::new(); scene.splats.len()];
         let in_order = scene.in_order();
         let (mut entries, mut tiles, mut empty) = (Vec::new(), Vec::new(), Vec::new());
-        let mut end = 0;
         for tile in 0..across * down {
             let corner = [tile % across * side, tile / across * side];
-            let mut nth = 0;
+            let (mut nth, mut left) = (0, 0);
             for &(record, place) in &in_order {
                 let splat = &scene.splats[place];
                 let meets = |[first, last]: [u16; 2], from: usize| usize::from(first) < from + side && usize::from(last) >= from;
@@ -111,13 +123,20 @@ impl<'a> Machine<'a> {
                 }
                 touched[place].push(tile);
                 let stamps = stamps_of(timing, scene, place, [corner, corner.map(|at| at + side - 1)]);
-                end += stamps.iter().filter(|stamp| !stamp.pixels.is_empty()).count();
-                entries.push(Entry { splat: place, record: record as u64, corner, tile: tile as u64, nth });
+                let stamps = stamps.iter().filter(|stamp| !stamp.pixels.is_empty()).count();
+                let drawn = tiles.len();
+                entries.push(Entry { splat: place, record: record as u64, corner, tile: tile as u64, nth, drawn, stamps });
+                left += stamps;
                 nth += 1;
             }
             match nth {
                 0 => empty.push((tiles.len(), tile as u64)),
-                _ => tiles.push(Tile { corner, place: tile as u64, end }),
+                _ => {
+                    let [width, height] = [scene.width, scene.height].map(|size| size as usize);
+                    let rows = corner[1]..height.min(corner[1] + side);
+                    let pixels = rows.flat_map(|y| (corner[0]..width.min(corner[0] + side)).map(move |x| y * width + x)).collect();
+                    tiles.push(Tile { corner, place: tile as u64, left, last: 0, under_way: 0, pixels });
+                }
             }
         }
         Machine {
@@ -142,18 +161,19 @@ impl<'a> Machine<'a> {
             moved: 0,
             part: None,
             entries,
+            next: 0,
+            looked_at: 0,
+            dropped: 0,
             tiles,
             empty,
             list: Unit::new("list", 1),
             reads: Requests::new(t.memory.outstanding),
             burst: Done::default(),
             waiting: VecDeque::new(),
-            records: Vec::new(),
+            records: BTreeMap::new(),
             listed: Link::new(places(Pace { units: 1, latency: 1, interval: 1, fifo: t.fetch.fifo })),
-            fill: Fill::new(timing),
+            fill: Fill::new(timing).leaving_out((scene.width * scene.height) as usize),
             merge: Merge::new(timing, scene),
-            written: Vec::new(),
-            drawing: 0,
             resolve: Unit::new("resolve", 1),
             resolved: Vec::new(),
             lit: Unit::new("resolve-shade", 1),
@@ -289,8 +309,15 @@ impl<'a> Machine<'a> {
     }
 
     fn list(&mut self) -> Act {
-        let number = self.list.log.len();
-        if number == self.entries.len() || !self.sorted {
+        if !self.sorted {
+            return Act::Starve;
+        }
+        while self.entries.get(self.next).is_some_and(|entry| self.has_stopped(entry.drawn)) {
+            self.leave_out_stamps(self.entries[self.next].drawn, self.entries[self.next].stamps);
+            self.next += 1;
+        }
+        let number = self.next;
+        if number == self.entries.len() {
             return Act::Starve;
         }
         if !self.reads.is_free(self.now) {
@@ -306,9 +333,24 @@ impl<'a> Machine<'a> {
             self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + self.burst(), &self.burst);
         }
         self.waiting.push_back((self.burst.clone(), number));
-        self.records.push(self.reads.next());
+        self.records.insert(number, self.reads.next());
         self.listed.push(self.now + 1, number);
+        self.next += 1;
         Act::Take(1)
+    }
+
+    /// Whether every pixel of a tile has stopped.
+    fn has_stopped(&self, tile: usize) -> bool {
+        self.tiles[tile].pixels.iter().all(|pixel| self.fill.stopped[*pixel] <= self.now)
+    }
+
+    /// So many stamps of a tile come no more.
+    fn leave_out_stamps(&mut self, tile: usize, stamps: usize) {
+        self.tiles[tile].left -= stamps;
+        // A tile that has stopped waits for nobody but those under way.
+        if !self.has_stopped(tile) {
+            self.tiles[tile].last = self.tiles[tile].last.max(self.now);
+        }
     }
 
     /// Records are read when it is known which.
@@ -318,18 +360,44 @@ impl<'a> Machine<'a> {
             let is_known = burst.has_come(self.now);
             if is_known {
                 let from = RECORDS + self.entries[*number].record * bytes;
-                self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + bytes, &self.records[*number]);
+                self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + bytes, &self.records[number]);
             }
             !is_known
         });
     }
 
     fn raster(&mut self) -> Act {
-        self.fill.raster(self.now, &mut self.listed, |number| {
-            let Entry { splat, corner, .. } = self.entries[*number];
+        if !self.fill.begun
+            && let Some(&number) = self.listed.front(self.now)
+        {
+            self.looked_at = number;
+            let Entry { drawn, stamps, .. } = self.entries[number];
+            if self.has_stopped(drawn) {
+                self.listed.pop();
+                self.fill.left.clear();
+                self.leave_out_stamps(drawn, stamps);
+                self.dropped += 1;
+                return Act::Take(1);
+            }
+        }
+        let act = self.fill.raster(self.now, &mut self.listed, |number| {
+            let Entry { splat, corner, drawn, .. } = self.entries[*number];
             let last = corner.map(|at| at + self.timing.timing.tile.side_px as usize - 1);
-            self.records[*number].has_come(self.now).then(|| stamps_of(self.timing, self.scene, splat, [corner, last]))
-        })
+            self.records[number].has_come(self.now).then(|| {
+                let mut stamps = stamps_of(self.timing, self.scene, splat, [corner, last]);
+                stamps.iter_mut().for_each(|stamp| stamp.tile = drawn);
+                stamps
+            })
+        });
+        let [passed, left_out] = std::mem::take(&mut self.fill.decided);
+        let tile = self.entries.get(self.looked_at).map_or(0, |entry| entry.drawn);
+        if left_out > 0 {
+            self.leave_out_stamps(tile, left_out);
+        }
+        if passed > 0 {
+            self.tiles[tile].under_way += passed;
+        }
+        act
     }
 
     fn gauss(&mut self) -> Act {
@@ -338,24 +406,28 @@ impl<'a> Machine<'a> {
 
     fn fragment(&mut self) -> Act {
         let Some(stamp) = self.fill.weighted.front(self.now) else { return Act::Starve };
-        while self.tiles[self.drawing].end <= stamp.number {
-            self.drawing += 1;
-        }
-        let before = self.drawing.checked_sub(self.buffers());
+        let before = stamp.tile.checked_sub(self.buffers());
         let has_buffer = before.is_none_or(|tile| self.resolved.get(tile).is_some_and(|at| *at <= self.now));
         if !has_buffer || !self.merge.may_take(self.now, stamp) {
             return Act::Block;
         }
         let stamp = self.fill.weighted.pop();
         let [cycles, written] = self.merge.take(self.now, &stamp);
-        self.written.push(written);
+        let tile = &mut self.tiles[stamp.tile];
+        tile.left -= 1;
+        tile.under_way -= 1;
+        tile.last = tile.last.max(written);
+        for pixel in stamp.stops.iter().filter(|pixel| stamp.pixels.contains(pixel)) {
+            self.fill.stopped[*pixel] = self.fill.stopped[*pixel].min(written);
+        }
         Act::Take(cycles)
     }
 
     fn resolve(&mut self) -> Act {
-        let Some(&Tile { corner, place, end }) = self.tiles.get(self.resolved.len()) else { return Act::Starve };
-        let is_written = self.written.len() >= end && (end == 0 || self.written[end - 1] <= self.now);
-        if !is_written || !self.sorted {
+        let tile = self.resolved.len();
+        let Some(&Tile { corner, place, left, last, under_way, .. }) = self.tiles.get(tile) else { return Act::Starve };
+        let is_through = left == 0 || self.has_stopped(tile);
+        if !is_through || under_way > 0 || last > self.now || !self.sorted {
             return Act::Starve;
         }
         let [cycles, shades] = resolve_cycles(self.timing, self.scene, corner, [self.timing.timing.tile.side_px as usize; 2]);
@@ -415,7 +487,7 @@ impl<'a> Machine<'a> {
     fn is_done(&mut self) -> bool {
         self.sorted
             && self.setup.is_done()
-            && self.list.log.len() == self.entries.len()
+            && self.next == self.entries.len()
             && self.listed.items.is_empty()
             && self.fill.is_done(self.now)
             && self.merge.is_done(self.now)
@@ -431,8 +503,10 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
-    let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, .. } = machine;
-    let stamps = fill.taken();
+    let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, dropped, .. } = machine;
+    // What raster drops is no stamp.
+    let [taken, kept] = fill.taken();
+    let stamps = [taken - dropped, kept];
     let lit = if timing.timing.tile.buffers == 2 { vec![lit] } else { Vec::new() };
     let (setup, shade) = setup.units();
     let second = [fill.units(), vec![merge.fragment, shade.unwrap_or(merge.shade)], lit, vec![resolve]].concat();

@@ -139,15 +139,20 @@ impl<T> Link<T> {
 /// The pixels of a stamp.
 #[derive(Clone, Debug, Default)]
 pub struct Stamp {
-    pub kept: bool,
     /// Its pixels that are not faint, as places in the picture.
     pub pixels: Vec<usize>,
+    /// Those that are.
+    pub faint: Vec<usize>,
+    /// Those that stop with it.
+    pub stops: Vec<usize>,
     pub merges: u64,
     pub shades: Vec<u64>,
     /// Lines in the order in which pixels meet them.
     pub lines: Vec<usize>,
     /// Among those that reach the fragment unit.
     pub number: usize,
+    /// Of a binned machine's tiles, those without an entry left out.
+    pub tile: usize,
 }
 
 /// The stamps of a splat's part from one pixel to another.
@@ -170,11 +175,15 @@ pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first
             for y in top..(bottom_most + 1).min(top + lanes[1]) {
                 for x in left..(right_most + 1).min(left + lanes[0]) {
                     let Some(event) = splat.pixel(x - from[0], y - from[1]) else { continue };
-                    stamp.kept = true;
+                    let pixel = y * scene.width as usize + x;
                     if event == Event::Faint {
+                        stamp.faint.push(pixel);
                         continue;
                     }
-                    stamp.pixels.push(y * scene.width as usize + x);
+                    stamp.pixels.push(pixel);
+                    if event == Event::Stopped {
+                        stamp.stops.push(pixel);
+                    }
                     if let Event::Merged(shades) = event {
                         stamp.merges += 1;
                         stamp.shades.push(u64::from(shades));
@@ -366,10 +375,14 @@ pub struct Fill {
     latencies: [u64; 2],
     pub raster: Unit,
     /// What is left of the footprint that the raster looks at, and whether it took any of it.
-    left: VecDeque<Stamp>,
-    begun: bool,
+    pub left: VecDeque<Stamp>,
+    pub begun: bool,
+    /// From which cycle on each pixel is left out; where pixels never are, none.
+    pub stopped: Vec<u64>,
     /// Stamps so far that go on to the fragment unit.
     numbered: usize,
+    /// Stamps with a weight: those that kept some of it, and those that did not, since this was asked last.
+    pub decided: [usize; 2],
     stamps: Link<Stamp>,
     pub gauss: Unit,
     pub weighted: Link<Stamp>,
@@ -382,11 +395,18 @@ impl Fill {
             raster: Unit::new("raster", 1),
             left: VecDeque::new(),
             begun: false,
+            stopped: Vec::new(),
             numbered: 0,
+            decided: [0; 2],
             stamps: Link::new(places(timing.raster)),
             gauss: Unit::new("gauss", 1),
             weighted: Link::new(places(timing.gauss)),
         }
+    }
+
+    /// The same for a picture of so many pixels, which is told when each of them is left out.
+    pub fn leaving_out(self, pixels: usize) -> Self {
+        Fill { stopped: vec![u64::MAX; pixels], ..self }
     }
 
     /// Looks at a footprint, of which `stamps` says which it has, unless they are on their way.
@@ -394,16 +414,25 @@ impl Fill {
         if self.left.is_empty() {
             let Some(item) = from.front(now) else { return Act::Starve };
             let Some(stamps) = stamps(item) else { return Act::Wait };
-            (self.left, self.begun) = (stamps, false);
+            self.left = stamps;
         }
-        if self.left[0].kept && !self.stamps.has_room() {
+        let is_left = |pixel: &usize| self.stopped.get(*pixel).is_none_or(|from| *from > now);
+        let is_kept = self.left[0].pixels.iter().chain(&self.left[0].faint).any(is_left);
+        if is_kept && !self.stamps.has_room() {
             return Act::Block;
         }
         if !std::mem::replace(&mut self.begun, true) {
             from.pop();
         }
         let mut stamp = self.left.pop_front().expect("a stamp");
-        if stamp.kept {
+        let had_weight = !stamp.pixels.is_empty();
+        stamp.pixels.retain(is_left);
+        stamp.faint.retain(is_left);
+        if had_weight {
+            self.decided[usize::from(stamp.pixels.is_empty())] += 1;
+        }
+        self.begun = !self.left.is_empty();
+        if is_kept {
             stamp.number = self.numbered;
             self.numbered += usize::from(!stamp.pixels.is_empty());
             self.stamps.push(now + self.latencies[0], stamp);

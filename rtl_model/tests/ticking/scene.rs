@@ -122,6 +122,34 @@ impl Scene {
         Scene { preshaded: true, ..self }
     }
 
+    /// The same, in which pixels stop, most of them in some scenes: after that nothing happens to them but that they are drawn over.
+    pub fn stopping(mut self, rng: &mut Rng) -> Self {
+        let [share, later] = [[20, 60, 100, 100][rng.below(4) as usize], [1, 2, 6][rng.below(3) as usize]];
+        let in_order: Vec<usize> = self.in_order().into_iter().map(|(_, place)| place).collect();
+        for pixel in 0..(self.width * self.height) as usize {
+            let [x, y] = [pixel % self.width as usize, pixel / self.width as usize];
+            let mut before = if rng.below(100) < share { Some(rng.below(later)) } else { None };
+            let mut has_stopped = false;
+            for place in &in_order {
+                let splat = &mut self.splats[*place];
+                let [left, top] = [splat.columns[0], splat.rows[0]].map(usize::from);
+                let [columns, rows] = splat.size();
+                if !(left..left + columns).contains(&x) || !(top..top + rows).contains(&y) {
+                    continue;
+                }
+                let event = &mut splat.pixels[(y - top) * columns + x - left];
+                match (*event, &mut before) {
+                    (None | Some(Event::Faint), _) => {}
+                    (Some(_), _) if has_stopped => *event = Some(Event::Accumulated),
+                    (Some(_), Some(0)) => (*event, has_stopped) = (Some(Event::Stopped), true),
+                    (Some(_), Some(left)) => *left -= 1,
+                    (Some(_), None) => {}
+                }
+            }
+        }
+        self
+    }
+
     /// The same, drawn in any order.
     pub fn sorted(self, rng: &mut Rng) -> Self {
         let mut order = self.drawn();

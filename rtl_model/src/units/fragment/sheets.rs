@@ -108,6 +108,12 @@ impl Sheets {
     }
 }
 
+/// Whether a pixel takes nothing more.
+#[inline(always)]
+pub fn has_stopped<A: Accumulator>(tile: &Tile<A>, pixel: u8) -> bool {
+    tile.live(pixel) > 0 && tile.key(pixel, 0) & STOPPED != 0
+}
+
 impl Fragment {
     /// A frame's registers for sheets.
     pub fn sheets<'a>(&self, sheets: &'a frame::Sheets) -> SheetRegisters<'a> {
@@ -129,7 +135,7 @@ impl Fragment {
         let SheetInput { sheet, weight, attributes } = input;
         tile.count(pixel);
         let live = tile.live(pixel);
-        if live > 0 && tile.key(pixel, 0) & STOPPED != 0 {
+        if has_stopped(tile, pixel) {
             return Decision::Dropped;
         }
         let each = registers.sheets.each == Each::Splat;
@@ -153,7 +159,7 @@ impl Fragment {
             if live > 0 {
                 let open = *tile.sums(pixel, 1);
                 self.blend_sheet(tile, pixel, &open, registers, tap);
-                if tile.key(pixel, 0) & STOPPED != 0 {
+                if has_stopped(tile, pixel) {
                     tile.set_live(pixel, 1);
                     return Decision::Dropped;
                 }

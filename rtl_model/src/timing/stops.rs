@@ -1,0 +1,120 @@
+//! Stops: which pixels of a tile take nothing more, and from when on.
+//!
+//! ```text
+//!            ┌── stop map: a bit a pixel of the tile ◄── a pixel lets too little through ── fragment
+//!            ▼
+//! list ─► raster ─► gauss ─► fragment       every bit is set: list drops the rest of the tile, raster what has come of it
+//! ```
+//! A bit is set when the contribution that makes its pixel stop is written; from that cycle on raster leaves the pixel out. What is under
+//! way by then goes on, and fragment drops it in its turn.
+//!
+//! The bits lie beside the tile's buffer. An immediate machine has none: its fragments lie in memory, and what comes to a pixel that has
+//! stopped is looked up, and dropped, like any other.
+//!
+//! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_pixel_that_has_stopped_takes_no_cycle`.
+
+use super::stamps::Piece;
+use crate::work::{Event, TILE_PX, Work};
+
+/// Pixels of one tile after the other.
+#[derive(Clone, Debug)]
+pub struct Stops {
+    /// Columns and rows of the picture.
+    width: usize,
+    height: usize,
+    /// Of each pixel the splat with which it stops.
+    by: Vec<u32>,
+    /// From which cycle on it has stopped.
+    from: Vec<u64>,
+    /// Pixels of this tile that have not stopped, and when the others had.
+    left: usize,
+    last: u64,
+    /// When raster left a stamp out last.
+    left_out: u64,
+}
+
+impl Stops {
+    /// Of a frame in which pixels stop.
+    pub fn new(work: &Work) -> Option<Self> {
+        if !work.stops() {
+            return None;
+        }
+        let [width, height] = [work.width, work.height].map(|size| size as usize);
+        let mut by = vec![u32::MAX; width * height];
+        let lists = work.bins(TILE_PX);
+        for tile in &work.tiles {
+            let [left, top] = tile.corner.map(usize::from);
+            let mut reader = tile.reader();
+            for nth in lists.of(top / TILE_PX * lists.columns + left / TILE_PX) {
+                let footprint = &work.footprints[*nth as usize];
+                let first = usize::from(footprint.rows[0]).max(top);
+                let end = (usize::from(footprint.rows[1]) + 1).min(top + TILE_PX);
+                let (_, events) = reader.splat(end - first);
+                for (place, _) in events.iter().filter(|(_, event)| *event == Event::Stopped) {
+                    let [x, y] = [left + usize::from(*place) % TILE_PX, first + usize::from(*place) / TILE_PX];
+                    if x < width && y < height {
+                        let at = &mut by[y * width + x];
+                        *at = if *at == u32::MAX { footprint.splat } else { *at };
+                    }
+                }
+            }
+        }
+        Some(Stops { width, height, from: vec![u64::MAX; by.len()], by, left: 0, last: 0, left_out: 0 })
+    }
+
+    /// The next tile begins, of so many pixels a side.
+    pub fn tile(&mut self, corner: [u32; 2], side_px: u32) {
+        let [columns, rows] = [(corner[0], self.width), (corner[1], self.height)].map(|(at, size)| (size - at as usize).min(side_px as usize));
+        (self.left, self.last, self.left_out) = (columns * rows, 0, 0);
+    }
+
+    /// From which cycle on the whole tile has stopped, by what was taken so far.
+    pub fn all(&self) -> u64 {
+        if self.left == 0 { self.last } else { u64::MAX }
+    }
+
+    /// Raster left a stamp out, of which fragment would have had something.
+    pub fn leave_out(&mut self, now: u64) {
+        self.left_out = self.left_out.max(now);
+    }
+
+    /// From when on it is known that no stamp comes but those under way. A tile that has stopped waits for nothing that is left out.
+    pub fn known(&self) -> u64 {
+        self.left_out.min(self.all())
+    }
+
+    /// Places of a piece's pixels in the picture, with the bit of each.
+    fn pixels(&self, piece: &Piece, bits: u16) -> impl Iterator<Item = (usize, u16)> + use<> {
+        let first = usize::from(piece.corner[1]) * self.width + usize::from(piece.corner[0]);
+        (0..TILE_PX).map(move |column| (first + column, 1 << column)).filter(move |(_, bit)| bits & bit != 0)
+    }
+
+    /// From which cycle on every pixel that a stamp keeps has stopped.
+    pub fn whole(&self, stamp: &[Piece]) -> u64 {
+        let of = |piece: &Piece| self.pixels(piece, piece.pixels | piece.faint).map(|(at, _)| self.from[at]).max();
+        stamp.iter().filter_map(of).max().unwrap_or(u64::MAX)
+    }
+
+    /// What raster leaves of a stamp in this cycle.
+    pub fn kept(&self, stamp: &[Piece], now: u64, kept: &mut Vec<Piece>) {
+        kept.clear();
+        kept.extend(stamp.iter().map(|piece| {
+            let stopped = self.pixels(piece, piece.pixels | piece.faint).filter(|(at, _)| self.from[*at] <= now);
+            let stopped = stopped.fold(0, |all, (_, bit)| all | bit);
+            Piece { pixels: piece.pixels & !stopped, faint: piece.faint & !stopped, ..*piece }
+        }));
+    }
+
+    /// A stamp of a splat is written in this cycle.
+    pub fn written(&mut self, splat: u32, stamp: &[Piece], now: u64) {
+        for piece in stamp {
+            for (at, _) in self.pixels(piece, piece.pixels) {
+                if self.by[at] == splat && self.from[at] == u64::MAX {
+                    self.from[at] = now;
+                    self.left -= 1;
+                    self.last = self.last.max(now);
+                }
+            }
+        }
+    }
+}
