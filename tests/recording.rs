@@ -97,7 +97,7 @@ fn no_damage_is_taken_for_a_record() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.work");
     let (mut refused, mut replayed) = (0, 0);
-    for _ in 0..1000 {
+    for _ in 0..400 {
         let mut damaged = small.clone();
         let at = roll(damaged.len());
         damaged[at] ^= 1 << roll(8);
@@ -114,7 +114,7 @@ fn no_damage_is_taken_for_a_record() {
         }
     }
     // Which pixels were kept, say, can be otherwise.
-    assert!(refused > 300 && replayed > 50, "{refused} {replayed}");
+    assert!(refused > 120 && replayed > 20, "{refused} {replayed}");
 }
 
 /// A few bytes that ask for much.

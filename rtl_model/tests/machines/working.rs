@@ -1,6 +1,7 @@
 //! Is the work that is recorded the work that was done?
 
-use crate::frames::{frame, in_tile};
+use crate::frames::{ellipsoids, frame, in_tile};
+use rtl_model::frame::Each;
 use rtl_model::machine::Merge;
 use rtl_model::pipeline::{draw_measured, draw_unobserved, draw_with_decisions};
 use rtl_model::probe::Observer;
@@ -49,7 +50,9 @@ fn told(work: &Work) -> BTreeMap<[u32; 2], Vec<(u32, Event)>> {
     for tile in &work.tiles {
         let mut reader = tile.reader();
         let [left, top] = tile.corner;
-        for footprint in &work.footprints {
+        let as_they_come = (0..work.footprints.len() as u32).collect();
+        let drawn = if work.order.is_empty() { &as_they_come } else { &work.order };
+        for footprint in drawn.iter().map(|nth| &work.footprints[*nth as usize]) {
             let [columns, rows] = [in_tile(footprint.columns, left), in_tile(footprint.rows, top)];
             if columns.is_empty() || rows.is_empty() {
                 continue;
@@ -139,6 +142,40 @@ fn what_is_recorded_is_what_was_drawn() {
     for event in ["Accumulated", "Faint", "Inserted", "Merged(1)", "Merged(2)", "Evicted", "Replaced"] {
         assert!(seen.get(event).is_some_and(|count| *count > 20), "{event}: {seen:?}");
     }
+}
+
+/// Of sheets: a pixel stops once, with the contribution after which it drops whatever comes.
+#[test]
+fn where_a_pixel_stops_is_recorded() {
+    let mut seen = [0; 3];
+    for (name, frames) in [("volume", 60), ("gaussian", 60)] {
+        for seed in 0..frames {
+            let machine = Machine::named(name).unwrap();
+            let frame = ellipsoids(&machine, seed, 500);
+            let Some(sheets) = &frame.sheets else { continue };
+            let machine = machine.elaborate().unwrap();
+            let (_, _, work) = draw_measured(&machine, &frame);
+            let mut witness = Witness::default();
+            draw_with_decisions(&machine, &frame, &mut witness);
+            for (pixel, events) in told(&work) {
+                let decisions = witness.pixels.remove(&pixel).unwrap_or_default();
+                let kept: Vec<_> = events.into_iter().filter(|(_, event)| *event != Event::Faint).collect();
+                assert_eq!(kept.len(), decisions.len());
+                let stops = kept.iter().position(|(_, event)| *event == Event::Stopped);
+                for (nth, ((splat, event), (of, decision))) in kept.into_iter().zip(decisions).enumerate() {
+                    assert_eq!(splat, of);
+                    match stops {
+                        Some(at) if nth > at => assert_eq!((event, decision), (Event::Accumulated, Decision::Dropped), "{pixel:?}"),
+                        // The last one may count still.
+                        Some(at) if nth == at => assert_eq!(decision == Decision::Dropped, !sheets.keeps_last || sheets.each == Each::Slice),
+                        _ => assert_ne!(decision, Decision::Dropped, "{pixel:?} has not stopped"),
+                    }
+                    seen[stops.map_or(0, |at| 1 + usize::from(nth > at))] += 1;
+                }
+            }
+        }
+    }
+    assert!(seen.iter().all(|count| *count > 100), "{seen:?}");
 }
 
 #[test]

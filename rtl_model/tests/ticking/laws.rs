@@ -79,6 +79,30 @@ fn splats_in_a_row_take_the_largest_interval_each() {
     }
 }
 
+/// Of a pixel that has stopped, list reads nothing more, and raster drops what has come: however many splats follow.
+#[test]
+fn a_pixel_that_has_stopped_takes_no_cycle() {
+    for seed in 0..60 {
+        let mut rng = Rng(seed);
+        let timing = Timing { organisation: Organisation::Binned, ..single(&mut rng) };
+        let timing = elaborate(timing);
+        let second_pass = |splats: usize, stops: bool| {
+            let mut scene = dots(splats, 1, 0);
+            if stops {
+                scene.splats[2].pixels[0] = Some(Event::Stopped);
+            }
+            let replayed = replay(&timing, &scene.record(), Detail::Accounts);
+            let items = |name: &str| replayed.units.iter().find(|unit| unit.name == name).unwrap().items;
+            [items("list"), items("raster"), items("gauss"), items("fragment")]
+        };
+        assert_eq!(second_pass(2000, false), [2000; 4]);
+        let [few, many] = [1000, 2000].map(|splats| second_pass(splats, true));
+        assert!(few == many && many[0] < 600, "seed {seed}: {few:?} {many:?}");
+        // Of the list's entries each is walked, or dropped by raster.
+        assert!(many[0] == many[1] && many[2] < many[1] && many[2] == many[3], "seed {seed}: {many:?}");
+    }
+}
+
 type Field = fn(&mut Timing) -> &mut u32;
 
 /// Every number of which a machine can have more.
