@@ -23,7 +23,7 @@ use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
 use glam::DVec3;
 use rayon::prelude::*;
-use rtl_model::elaboration::Signal;
+use rtl_model::elaboration::{Signal, unit};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::real::walked;
 use rtl_model::real::{PartialPrecision, Switches};
@@ -33,7 +33,7 @@ use sheets::SheetPixels;
 use std::ops::Range;
 
 /// The units, the splat's record before them and the sort between them, in the order of the diagram.
-pub const UNITS: [&str; 9] = ["splat", "project", "ellipse", "sort", "raster", "gauss", "fragment", "shade", "resolve"];
+pub const UNITS: [&str; unit::ALL.len() + 1] = unit::all_after("splat");
 
 /// Words that only machines for ellipsoids are given.
 const OF_ELLIPSOIDS: [&str; 2] = ["ellipse.quaternion", "ellipse.scale"];

@@ -40,6 +40,7 @@ use coverage::Coverage;
 use observer::Observations;
 use rayon::prelude::*;
 use rtl_model::Machine;
+use rtl_model::elaboration::unit;
 use rtl_model::frame::Frame;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
@@ -82,11 +83,6 @@ pub struct Written {
     /// How many cases were met, of how many (coverage.csv).
     pub coverage: [u64; 2],
 }
-
-/// The units that have ports, in the order of the diagram.
-pub const UNITS: [&str; 8] = ["pipeline", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
-/// Where splats are sorted there is one more.
-const SORTED_UNITS: [&str; 9] = ["pipeline", "project", "ellipse", "sort", "raster", "gauss", "fragment", "shade", "resolve"];
 
 /// Where splats are sorted, what these units do depends on all splats that meet at a pixel.
 const OF_ALL_SPLATS: [&str; 4] = ["sort", "fragment", "shade", "resolve"];
@@ -194,9 +190,9 @@ impl Written {
     }
 }
 
-/// The units that have ports in a frame of this kind.
-fn units(kind: Kind) -> &'static [&'static str] {
-    if kind.sorted { &SORTED_UNITS } else { &UNITS }
+/// The whole pipeline and its units: those that have ports in a frame of this kind, in the order of the diagram.
+fn units(kind: Kind) -> Vec<&'static str> {
+    unit::all_after("pipeline").into_iter().filter(|name| kind.sorted || *name != unit::SORT).collect()
 }
 
 /// The stream whose records a stream's are made from.

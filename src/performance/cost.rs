@@ -22,7 +22,7 @@
 use crate::error::{Error, Result};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::scene::{strict_json, validate};
-use rtl_model::elaboration::{Operator, Part};
+use rtl_model::elaboration::{Operator, Part, unit};
 use rtl_model::machine::timing::Setup;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::Cycles;
@@ -180,19 +180,20 @@ pub struct Cost {
     pub frame_bits_per_pixel: u64,
 }
 
-/// In the order of the diagram.
-const UNITS: [&str; 7] = ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
-
 impl Cost {
     /// Of a machine.
     pub fn new(machine: &Elaborated, prices: &Prices) -> Self {
         let storage = machine.timing.storage;
-        let units: Vec<UnitCost> = UNITS
+        // A machine that does not sort has no part of that.
+        let is_there = |name: &&str| machine.parts.iter().any(|part| part.unit == *name);
+        let units: Vec<UnitCost> = unit::ALL
+            .into_iter()
+            .filter(is_there)
             .map(|name| {
                 let bits = built(machine, name);
                 UnitCost { name, area: bits.price(&prices.area, bits.rom), bits }
             })
-            .into();
+            .collect();
         let fifo_bits = storage.fifos.map(|fifo| u64::from(fifo.places) * u64::from(fifo.bits)).iter().sum();
         let stored = fifo_bits as f64 * prices.area.fifo + storage.memory_bits as f64 * prices.area.memory;
         Cost {

@@ -14,7 +14,7 @@ use super::{
     builtin::{self, Builtin, Order},
     camera::Ball,
     fields,
-    formats::{self, Reader},
+    formats::{self, Reader, Splats},
     gaussians, memory, neighbours, ply, unit, volume,
 };
 use crate::error::{Error, Result};
@@ -84,7 +84,7 @@ enum Source {
     Several(Vec<Source>),
 }
 
-/// Points of a PLY file, trained Gaussians (.ply, .splat, .spz), or a volume. Gaussians and volumes are a scene's only source.
+/// Points, trained Gaussians or a volume, by the end of the file's name. Gaussians and volumes are a scene's only source.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FileSource {
@@ -774,27 +774,26 @@ impl<'a> Gathered<'a> {
         let material = self.known_material(source.material, path)?;
         let file = self.folder.join(&source.file);
         let input_error = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
-        // A file of no known kind may be points all the same.
-        let reader = formats::reader(&file).unwrap_or(Reader::Ply);
-        if let Reader::Volume(_) = reader {
-            self.is_alone(path, "a volume")?;
-            return self.add_volume(&VolumeSource::of(source), path);
-        }
-        let bytes = std::fs::read(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-        let parse_gaussians = match reader {
-            Reader::Gaussians(parse) => Some(parse),
-            _ => gaussians::is_trained_ply(&bytes).then_some(gaussians::parse_ply as fn(&[u8]) -> _),
+        let parse = match formats::reader(&file).unwrap_or(formats::default_reader()) {
+            Reader::Splats(parse) => parse,
+            Reader::Volume(_) => {
+                self.is_alone(path, "a volume")?;
+                return self.add_volume(&VolumeSource::of(source), path);
+            }
         };
-        if let Some(parse) = parse_gaussians {
-            self.is_alone(path, "a file of Gaussians")?;
-            self.add_gaussians(parse(&bytes).map_err(input_error)?, &file, source);
-            return Ok(());
+        let bytes = std::fs::read(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        match parse(&bytes).map_err(input_error)? {
+            Splats::Gaussians(gaussians) => {
+                self.is_alone(path, "a file of Gaussians")?;
+                self.add_gaussians(gaussians, &file, source);
+            }
+            Splats::Points(cloud) => {
+                let own = |splat: Splat| Splat { material, opacity: splat.opacity * source.opacity, ..splat };
+                self.splats.extend(cloud.splats.into_iter().map(own));
+                self.add_notes(&cloud.notes, &file);
+                self.end_cloud(source.radius_scale);
+            }
         }
-        let cloud = ply::parse(&bytes).map_err(input_error)?;
-        let own = |splat: Splat| Splat { material, opacity: splat.opacity * source.opacity, ..splat };
-        self.splats.extend(cloud.splats.into_iter().map(own));
-        self.add_notes(&cloud.notes, &file);
-        self.end_cloud(source.radius_scale);
         Ok(())
     }
 

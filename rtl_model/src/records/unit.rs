@@ -17,5 +17,16 @@ pub const SHADE: &str = "shade";
 /// Blend into the frame.
 pub const RESOLVE: &str = "resolve";
 
-/// All of them, in the order of the diagram.
+/// All of them, in the order of the diagram. Whoever lists units takes them from here.
 pub const ALL: [&str; 8] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
+
+/// All of them behind one thing more: what comes before the first unit.
+pub const fn all_after(first: &'static str) -> [&'static str; ALL.len() + 1] {
+    let mut all = [first; ALL.len() + 1];
+    let mut nth = 0;
+    while nth < ALL.len() {
+        all[nth + 1] = ALL[nth];
+        nth += 1;
+    }
+    all
+}

@@ -44,7 +44,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut fill = Fill::new(t, work, "list", unit::FRAGMENT, detail);
     let mut merge = Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail);
     let mut resolve = Resolve::new(t, work, detail);
-    let mut lit = Unit::new("resolve-shade", t.shade, [Some(unit::RESOLVE), None], detail, t.lifted);
+    let mut lit = Unit::new(super::RESOLVE_SHADE, t.shade, [Some(unit::RESOLVE), None], detail, t.lifted);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];

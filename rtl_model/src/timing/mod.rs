@@ -35,6 +35,7 @@ pub use limit::{Limit, Limited, limit};
 pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
 
 use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::unit;
 use crate::machine::timing::Organisation;
 use crate::work::Work;
 use account::Unit;
@@ -62,10 +63,31 @@ impl Cycles {
     fn of(units: Vec<Unit>, memory: Memory) -> Self {
         let (memory, requests, written) = memory.finish();
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
-        let units = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
+        let units: Vec<UnitCycles> = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
+        debug_assert!(units.iter().all(|unit| UNITS.contains(&unit.name)), "a unit is not listed");
         Cycles { total, units, memory, requests, lookups: [0; 2], stamps: [0; 2] }
     }
 }
+
+/// Every unit that has an account of its cycles in one organisation or another, in the order of the diagrams.
+pub const UNITS: [&str; 13] = [
+    "fetch",
+    unit::PROJECT,
+    unit::ELLIPSE,
+    "bin",
+    unit::SORT,
+    "list",
+    unit::RASTER,
+    unit::GAUSS,
+    "cache",
+    unit::FRAGMENT,
+    unit::SHADE,
+    RESOLVE_SHADE,
+    unit::RESOLVE,
+];
+
+/// The second shade unit of a machine with two tile buffers, which lights what a tile holds in the end.
+const RESOLVE_SHADE: &str = "resolve-shade";
 
 /// Replays a frame's work on a microarchitecture. What it takes is the same whatever is told of it.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {

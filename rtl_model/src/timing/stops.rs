@@ -64,7 +64,8 @@ impl Stops {
 
     /// The next tile begins, of so many pixels a side.
     pub fn tile(&mut self, corner: [u32; 2], side_px: u32) {
-        let [columns, rows] = [(corner[0], self.width), (corner[1], self.height)].map(|(at, size)| (size - at as usize).min(side_px as usize));
+        let [columns, rows] =
+            [(corner[0], self.width), (corner[1], self.height)].map(|(at, size)| (size - at as usize).min(side_px as usize));
         (self.left, self.last, self.left_out) = (columns * rows, 0, 0);
     }
 

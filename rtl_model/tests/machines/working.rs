@@ -167,7 +167,9 @@ fn where_a_pixel_stops_is_recorded() {
                     match stops {
                         Some(at) if nth > at => assert_eq!((event, decision), (Event::Accumulated, Decision::Dropped), "{pixel:?}"),
                         // The last one may count still.
-                        Some(at) if nth == at => assert_eq!(decision == Decision::Dropped, !sheets.keeps_last || sheets.each == Each::Slice),
+                        Some(at) if nth == at => {
+                            assert_eq!(decision == Decision::Dropped, !sheets.keeps_last || sheets.each == Each::Slice)
+                        }
                         _ => assert_ne!(decision, Decision::Dropped, "{pixel:?} has not stopped"),
                     }
                     seen[stops.map_or(0, |at| 1 + usize::from(nth > at))] += 1;
