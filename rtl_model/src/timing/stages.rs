@@ -200,8 +200,8 @@ impl<'a> Fill<'a> {
         (first_taken, is_seen)
     }
 
-    /// The same where pixels stop, and with the cycle in which each stamp is written. A stamp of which every pixel has stopped keeps
-    /// nothing; of a tile of which every pixel has stopped a footprint is dropped in a cycle, whether its record has come or not.
+    /// The same where pixels stop, and with the cycle in which each stamp is written. Stamps of which every pixel has stopped are passed over;
+    /// a footprint of which none is left is dropped in a cycle: before its record has come, if the whole tile has stopped.
     pub fn footprint_of_stops(
         &mut self,
         footprint: &Footprint,
@@ -214,34 +214,38 @@ impl<'a> Fill<'a> {
         let ready = Ready { here, memory, ..Ready::default() };
         let stamps = self.walk.footprint(footprint, corner, side);
         let free = self.raster.free().max(here);
-        let first = self.walk.kept().next().filter(|stamp| stamp[0].stamp == 0);
-        let begins = free.max(memory).max(first.map_or(0, |stamp| self.raster.behind.free().min(stops.whole(stamp))));
-        if stops.all() <= begins {
-            let now = free.max(stops.all());
-            let room = first.map_or(0, |_| self.raster.behind.free().min(now));
-            return self.raster.take_run(Ready { memory: memory.min(now), room, ..ready }, 1);
+        if stops.all() <= free.max(memory) {
+            return self.raster.take_run(Ready { memory: memory.min(free.max(stops.all())), ..ready }, 1);
         }
-        let (mut first_taken, mut gone_through) = (u64::MAX, 0);
-        for stamp in self.walk.kept() {
-            let empty = stamp[0].stamp - gone_through;
-            gone_through = stamp[0].stamp + 1;
-            if empty > 0 {
-                first_taken = first_taken.min(self.raster.take_run(ready, empty.into()));
-            }
-            let room = self.raster.behind.free();
-            let could = self.raster.free().max(here).max(memory);
+        let mut first_taken = u64::MAX;
+        let mut pieces = self.walk.kept().peekable();
+        for nth in 0..stamps {
+            let stamp = pieces.next_if(|stamp| stamp[0].stamp == nth).unwrap_or_default();
+            let now = self.raster.free().max(here).max(memory);
+            let stopped = stops.area(self.walk.area(nth));
             let has_weight = stamp.iter().any(|piece| piece.pixels != 0);
             let whole = stops.whole(stamp);
-            if whole <= could.max(room) {
-                let now = self.raster.take_run(Ready { room: whole.min(room), ..ready }, 1);
-                first_taken = first_taken.min(now);
+            let room = if stamp.is_empty() { 0 } else { self.raster.behind.free() };
+            // The stamp is looked at until it has room, or needs none.
+            let looked = if whole <= now.max(room) { now.max(whole) } else { now.max(room) };
+            let waited = Ready { room: looked, ..ready };
+            if stopped <= looked {
+                self.raster.wait(waited);
                 if has_weight {
-                    stops.leave_out(now);
+                    stops.leave_out(looked);
+                }
+                continue;
+            }
+            self.stamps[0] += 1;
+            if whole <= looked {
+                first_taken = first_taken.min(self.raster.take(waited, 1));
+                if has_weight {
+                    stops.leave_out(looked);
                 }
                 continue;
             }
             self.stamps[1] += 1;
-            let now = self.raster.take(Ready { room, ..ready }, 1);
+            let now = self.raster.take(waited, 1);
             first_taken = first_taken.min(now);
             self.raster.behind.take(now);
             stops.kept(stamp, now, &mut self.kept);
@@ -260,11 +264,7 @@ impl<'a> Fill<'a> {
                 stops.written(footprint.splat, &self.kept, written);
             }
         }
-        self.stamps[0] += u64::from(stamps);
-        if gone_through < stamps {
-            first_taken = first_taken.min(self.raster.take_run(ready, (stamps - gone_through).into()));
-        }
-        first_taken
+        if first_taken == u64::MAX { self.raster.take(ready, 1) } else { first_taken }
     }
 }
 

@@ -65,6 +65,8 @@ pub struct Stamps<'a> {
     happened: Vec<Happened>,
     /// What a footprint's stamps keep, stamp by stamp, in each row by row.
     pieces: Vec<Piece>,
+    /// First and last column and row of the footprint's part.
+    sides: [[u16; 2]; 2],
 }
 
 impl<'a> Stamps<'a> {
@@ -84,6 +86,7 @@ impl<'a> Stamps<'a> {
             parts: Vec::new(),
             happened: Vec::new(),
             pieces: Vec::new(),
+            sides: [[0; 2]; 2],
         }
     }
 
@@ -97,6 +100,7 @@ impl<'a> Stamps<'a> {
         };
         let columns = within(footprint.columns, corner[0]);
         let rows = within(footprint.rows, corner[1]);
+        self.sides = [columns, rows];
         let [first, last] = columns.map(u32::from);
         let across = self.width.divides(last - first + self.width.pixels);
         let down = u32::from(rows[1] - rows[0]) + 1;
@@ -128,6 +132,17 @@ impl<'a> Stamps<'a> {
     #[inline(always)]
     pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
         self.pieces.chunk_by(|one, next| one.stamp == next.stamp)
+    }
+
+    /// Columns and rows of a stamp of it.
+    pub fn area(&self, stamp: u32) -> [Range<usize>; 2] {
+        let across = u32::from(self.sides[0][1] - self.sides[0][0]) / self.lanes[0] + 1;
+        let at = [stamp % across, stamp / across];
+        [0, 1].map(|axis| {
+            let [first, last] = self.sides[axis].map(usize::from);
+            let from = first + (at[axis] * self.lanes[axis]) as usize;
+            from..(from + self.lanes[axis] as usize).min(last + 1)
+        })
     }
 
     /// Collects the pieces of so many rows from this pixel on, of a footprint in one recorded tile whose stamps end where strips do: four rows

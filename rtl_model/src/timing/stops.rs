@@ -5,8 +5,8 @@
 //!            ▼
 //! list ─► raster ─► gauss ─► fragment       every bit is set: list drops the rest of the tile, raster what has come of it
 //! ```
-//! A bit is set when the contribution that makes its pixel stop is written; from that cycle on raster leaves the pixel out. What is under
-//! way by then goes on, and fragment drops it in its turn.
+//! A bit is set when the contribution that makes its pixel stop is written; from that cycle on raster leaves the pixel out, and passes over
+//! stamps in which all bits are set. What is under way by then goes on, and fragment drops it in its turn.
 //!
 //! The bits lie beside the tile's buffer. An immediate machine has none: its fragments lie in memory, and what comes to a pixel that has
 //! stopped is looked up, and dropped, like any other.
@@ -15,6 +15,7 @@
 
 use super::stamps::Piece;
 use crate::work::{Event, TILE_PX, Work};
+use std::ops::Range;
 
 /// Pixels of one tile after the other.
 #[derive(Clone, Debug)]
@@ -90,10 +91,16 @@ impl Stops {
         (0..TILE_PX).map(move |column| (first + column, 1 << column)).filter(move |(_, bit)| bits & bit != 0)
     }
 
-    /// From which cycle on every pixel that a stamp keeps has stopped.
+    /// From which cycle on every pixel that a stamp keeps has stopped: from the first, if it keeps none.
     pub fn whole(&self, stamp: &[Piece]) -> u64 {
         let of = |piece: &Piece| self.pixels(piece, piece.pixels | piece.faint).map(|(at, _)| self.from[at]).max();
-        stamp.iter().filter_map(of).max().unwrap_or(u64::MAX)
+        stamp.iter().filter_map(of).max().unwrap_or(0)
+    }
+
+    /// From which cycle on every pixel of these columns and rows has stopped.
+    pub fn area(&self, [columns, rows]: [Range<usize>; 2]) -> u64 {
+        let row = |y: usize| &self.from[y * self.width..][columns.clone()];
+        rows.flat_map(row).copied().max().unwrap_or(0)
     }
 
     /// What raster leaves of a stamp in this cycle.

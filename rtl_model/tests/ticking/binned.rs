@@ -9,7 +9,8 @@
 //! out; one that has stopped, when nothing of it is under way.
 //!
 //! A pixel that stops is left out by raster from the cycle on in which the stamp that stopped it is written. When all pixels of a tile have
-//! stopped, list passes over what is left of it, in no time, and raster drops what has come, an entry a cycle.
+//! stopped, list passes over what is left of it, in no time, and raster drops what has come, an entry a cycle. Stamps of which every pixel
+//! has stopped raster passes over in no time; where none is left, that takes it a cycle.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
 use super::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
@@ -79,10 +80,9 @@ struct Machine<'a> {
     part: Option<(Done, Direction)>,
     /// Second pass.
     entries: Vec<Entry>,
-    /// The first of them that list has not taken, the one that raster looks at, and how many that has dropped.
+    /// The first of them that list has not taken, and the one that raster looks at.
     next: usize,
     looked_at: usize,
-    dropped: u64,
     tiles: Vec<Tile>,
     /// Those without an entry: how many that have one come before, and the place in the picture.
     empty: Vec<(usize, u64)>,
@@ -163,7 +163,6 @@ impl<'a> Machine<'a> {
             entries,
             next: 0,
             looked_at: 0,
-            dropped: 0,
             tiles,
             empty,
             list: Unit::new("list", 1),
@@ -367,6 +366,7 @@ impl<'a> Machine<'a> {
     }
 
     fn raster(&mut self) -> Act {
+        self.pass_over();
         if !self.fill.begun
             && let Some(&number) = self.listed.front(self.now)
         {
@@ -376,7 +376,7 @@ impl<'a> Machine<'a> {
                 self.listed.pop();
                 self.fill.left.clear();
                 self.leave_out_stamps(drawn, stamps);
-                self.dropped += 1;
+                self.fill.dropped += 1;
                 return Act::Take(1);
             }
         }
@@ -389,6 +389,21 @@ impl<'a> Machine<'a> {
                 stamps
             })
         });
+        self.count_stamps();
+        act
+    }
+
+    /// What is left of a footprint that was begun is passed over in no time, if all of it has stopped.
+    fn pass_over(&mut self) {
+        if self.fill.begun {
+            self.fill.pass_over(self.now);
+            self.fill.begun = !self.fill.left.is_empty();
+            self.count_stamps();
+        }
+    }
+
+    /// Those of the footprint that raster looks at.
+    fn count_stamps(&mut self) {
         let [passed, left_out] = std::mem::take(&mut self.fill.decided);
         let tile = self.entries.get(self.looked_at).map_or(0, |entry| entry.drawn);
         if left_out > 0 {
@@ -397,7 +412,6 @@ impl<'a> Machine<'a> {
         if passed > 0 {
             self.tiles[tile].under_way += passed;
         }
-        act
     }
 
     fn gauss(&mut self) -> Act {
@@ -485,6 +499,7 @@ impl<'a> Machine<'a> {
     }
 
     fn is_done(&mut self) -> bool {
+        self.pass_over();
         self.sorted
             && self.setup.is_done()
             && self.next == self.entries.len()
@@ -503,10 +518,8 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
-    let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, dropped, .. } = machine;
-    // What raster drops is no stamp.
-    let [taken, kept] = fill.taken();
-    let stamps = [taken - dropped, kept];
+    let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, .. } = machine;
+    let stamps = fill.taken();
     let lit = if timing.timing.tile.buffers == 2 { vec![lit] } else { Vec::new() };
     let (setup, shade) = setup.units();
     let second = [fill.units(), vec![merge.fragment, shade.unwrap_or(merge.shade)], lit, vec![resolve]].concat();

@@ -143,6 +143,8 @@ pub struct Stamp {
     pub pixels: Vec<usize>,
     /// Those that are.
     pub faint: Vec<usize>,
+    /// All that it tests.
+    pub tested: Vec<usize>,
     /// Those that stop with it.
     pub stops: Vec<usize>,
     pub merges: u64,
@@ -174,6 +176,7 @@ pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first
             let mut stamp = Stamp::default();
             for y in top..(bottom_most + 1).min(top + lanes[1]) {
                 for x in left..(right_most + 1).min(left + lanes[0]) {
+                    stamp.tested.push(y * scene.width as usize + x);
                     let Some(event) = splat.pixel(x - from[0], y - from[1]) else { continue };
                     let pixel = y * scene.width as usize + x;
                     if event == Event::Faint {
@@ -379,6 +382,8 @@ pub struct Fill {
     pub begun: bool,
     /// From which cycle on each pixel is left out; where pixels never are, none.
     pub stopped: Vec<u64>,
+    /// Footprints of which nothing was left.
+    pub dropped: u64,
     /// Stamps so far that go on to the fragment unit.
     numbered: usize,
     /// Stamps with a weight: those that kept some of it, and those that did not, since this was asked last.
@@ -396,6 +401,7 @@ impl Fill {
             left: VecDeque::new(),
             begun: false,
             stopped: Vec::new(),
+            dropped: 0,
             numbered: 0,
             decided: [0; 2],
             stamps: Link::new(places(timing.raster)),
@@ -409,12 +415,29 @@ impl Fill {
         Fill { stopped: vec![u64::MAX; pixels], ..self }
     }
 
+    /// Passes over stamps of which every pixel has stopped.
+    pub fn pass_over(&mut self, now: u64) {
+        let is_left = |pixel: &usize| self.stopped.get(*pixel).is_none_or(|from| *from > now);
+        while self.left.front().is_some_and(|stamp| !stamp.tested.iter().any(is_left)) {
+            let stamp = self.left.pop_front().expect("a stamp");
+            self.decided[1] += usize::from(!stamp.pixels.is_empty());
+        }
+    }
+
     /// Looks at a footprint, of which `stamps` says which it has, unless they are on their way.
     pub fn raster<T>(&mut self, now: u64, from: &mut Link<T>, stamps: impl FnOnce(&T) -> Option<VecDeque<Stamp>>) -> Act {
         if self.left.is_empty() {
+            self.begun = false;
             let Some(item) = from.front(now) else { return Act::Starve };
             let Some(stamps) = stamps(item) else { return Act::Wait };
             self.left = stamps;
+        }
+        self.pass_over(now);
+        if self.left.is_empty() {
+            // Nothing of it is left.
+            from.pop();
+            self.dropped += 1;
+            return Act::Take(1);
         }
         let is_left = |pixel: &usize| self.stopped.get(*pixel).is_none_or(|from| *from > now);
         let is_kept = self.left[0].pixels.iter().chain(&self.left[0].faint).any(is_left);
@@ -431,7 +454,6 @@ impl Fill {
         if had_weight {
             self.decided[usize::from(stamp.pixels.is_empty())] += 1;
         }
-        self.begun = !self.left.is_empty();
         if is_kept {
             stamp.number = self.numbered;
             self.numbered += usize::from(!stamp.pixels.is_empty());
@@ -465,7 +487,7 @@ impl Fill {
 
     /// Stamps that the raster took, and those that kept a pixel.
     pub fn taken(&self) -> [u64; 2] {
-        [&self.raster, &self.gauss].map(|unit| unit.log.len() as u64)
+        [self.raster.log.len() as u64 - self.dropped, self.gauss.log.len() as u64]
     }
 
     pub fn units(self) -> Vec<Unit> {
