@@ -35,6 +35,7 @@ mod reference;
 mod regressions_inputs;
 mod regressions_promises;
 mod search;
+mod share;
 mod shared_input;
 mod sheets;
 mod stress;
