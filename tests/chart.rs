@@ -85,8 +85,70 @@ fn figures_are_of_what_varies() {
     let svgs = names(&rows, "svg");
     assert!(svgs.contains(&"cycles".to_owned()) && svgs.contains(&"layers".to_owned()), "{svgs:?}");
     let svg = fs::read_to_string(rows.join("cycles.svg")).unwrap();
-    assert!(svg.contains("[4,1]: ") && svg.contains("starved") && svg.contains("blocked"));
+    // A picture a unit, a bar a value, a colour a state.
+    for unit in ["fetch", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"] {
+        assert!(svg.contains(&format!(": {unit}")), "{unit}");
+    }
+    assert!(["raster.lanes [4,1]", "busy", "starved", "blocked", "memory", "(limits)"].iter().all(|word| svg.contains(word)), "{svg}");
     fs::remove_dir_all(rows.parent().unwrap()).unwrap();
+}
+
+/// A text without line breaks.
+fn wrapped_once(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn all_three_fronts_are_told_and_drawn_with_what_errors_are_made_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let axes = json!([
+        {"field": "gauss.weight", "add_frac_bits": [-3, 0]},
+        {"field": "fragment.layers", "values": [1, 3]},
+        {"field": "timing.raster.lanes", "values": [[1, 1], [4, 1]]},
+    ]);
+    let rows = swept(folder.path(), "tiny", &axes, "grid", false);
+    let told = wrapped_once(&ok(&splatsim(&["chart", rows.to_str().unwrap()])));
+    for front in ["area and fixed − ideal, dB", "frames/s and fixed − ideal, dB", "area and frames/s"] {
+        assert!(told.contains(&format!("beaten by none in {front}")), "{front} in {told}");
+    }
+    // The whole error first, then its parts, side by side.
+    let svg = fs::read_to_string(rows.join("accuracy-area.svg")).unwrap();
+    let at = ["the whole error", "the error of arithmetic", "the error of method"]
+        .map(|title| svg.find(title).unwrap_or_else(|| panic!("{title}")));
+    assert!(at.is_sorted());
+    assert_eq!(image::open(rows.join("accuracy-area.png")).unwrap().width(), 3 * 760);
+
+    // Where the method is one for all, it is a line.
+    let rows = swept(
+        tempfile::tempdir().unwrap().keep().as_path(),
+        "tiny",
+        &json!([{"field": "gauss.weight", "add_frac_bits": [-3, 0]}]),
+        "grid",
+        false,
+    );
+    ok(&splatsim(&["chart", rows.to_str().unwrap()]));
+    let svg = fs::read_to_string(rows.join("accuracy-area.svg")).unwrap();
+    assert!(svg.contains("golden − ideal, ") && !svg.contains("the error of method"));
+    assert_eq!(image::open(rows.join("accuracy-area.png")).unwrap().width(), 2 * 760);
+    fs::remove_dir_all(rows.parent().unwrap()).unwrap();
+}
+
+#[test]
+fn the_chart_of_a_search_marks_start_target_and_what_was_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("knot.json");
+    fs::write(&scene, json!({"splats": {"builtin": "torus-knot", "count": 2000}}).to_string()).unwrap();
+    for (against, target) in [("golden", "30"), ("ideal", "20")] {
+        let out = folder.path().join(against);
+        let common =
+            ["search", scene.to_str().unwrap(), "--size", "24x20", "--machine", "lean", "--views", "0", "--tries", "5", "--only", "gauss"];
+        ok(&splatsim(&[&common[..], &["--target-psnr", target, "--against", against, "--out", out.to_str().unwrap()]].concat()));
+        ok(&splatsim(&["chart", out.to_str().unwrap()]));
+        let svg = fs::read_to_string(out.join("accuracy-area.svg")).unwrap();
+        for word in ["start", "found", &format!("target, {target} dB"), "lean"] {
+            assert!(svg.contains(word), "{against}: {word}");
+        }
+    }
 }
 
 /// The front by comparing all with all, from the rows that the page holds.
@@ -98,16 +160,31 @@ fn the_front_of_a_folder_is_named() {
     let told = ok(&splatsim(&["chart", rows.to_str().unwrap()]));
     let (columns, all) = page_rows(&fs::read_to_string(rows.join("charts.html")).unwrap());
     let points: Vec<[f64; 3]> = (all.iter())
-        .filter_map(|row| Some([number(row, &columns, "area")?, number(row, &columns, "psnr_db")?, number(row, &columns, "point")?]))
+        .filter_map(|row| {
+            Some([number(row, &columns, "area")?, number(row, &columns, "fixed_vs_ideal_psnr_db")?, number(row, &columns, "point")?])
+        })
         .collect();
     assert_eq!(points.len(), 64);
     let beats = |a: &[f64; 3], b: &[f64; 3]| a[0] <= b[0] && a[1] >= b[1] && (a[0] < b[0] || a[1] > b[1]);
     let front: Vec<&[f64; 3]> = points.iter().filter(|point| !points.iter().any(|other| beats(other, point))).collect();
     assert!(front.len() > 3 && front.len() < 20, "{front:?}");
-    assert!(told.contains(&format!("of 64 machines {} are beaten by none in area and PSNR", front.len())), "{told}");
-    for point in &front {
-        assert!(told.lines().any(|line| line.split_whitespace().next() == Some(&point[2].to_string())), "{point:?} in\n{told}");
+    let mut places: Vec<[f64; 2]> = front.iter().map(|point| [point[0], point[1]]).collect();
+    places.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    places.dedup();
+    let said = wrapped_once(&told);
+    assert!(said.contains(&format!("of 64 machines {} are beaten by none in area and fixed − ideal, dB", places.len())), "{told}");
+    assert_eq!(told.lines().filter(|line| line.contains("fixed − ideal dB") && line.contains("fixed − golden dB")).count(), 1, "{told}");
+    // Each place once, by its first point, and below it what was changed.
+    let listed: Vec<&str> =
+        told.lines().filter(|line| line.split_whitespace().next().is_some_and(|word| word.parse::<u64>().is_ok())).collect();
+    assert_eq!(listed.len(), places.len(), "{told}");
+    for place in &places {
+        let first = front.iter().filter(|point| point[..2] == place[..]).map(|point| point[2]).fold(f64::INFINITY, f64::min);
+        let at = told.lines().position(|line| line.split_whitespace().next() == Some(&first.to_string()));
+        let changes = told.lines().nth(at.unwrap_or_else(|| panic!("{first} in\n{told}")) + 1).unwrap();
+        assert!(changes.starts_with("    ") && (changes.contains('−') || changes.contains("tiny")), "{changes}");
     }
+    assert!(!told.contains("point ") || told.lines().all(|line| !line.trim().starts_with("point ") || line.contains("area")), "{told}");
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     // Those of the ends are named in the chart: by what was changed, or by their number.
     let svg = fs::read_to_string(rows.join("accuracy-area.svg")).unwrap();

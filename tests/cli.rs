@@ -152,7 +152,7 @@ fn promised_fields() -> Vec<(String, &'static str)> {
     let mut fields: Vec<(String, &str)> = Vec::new();
     let mut all = |prefix: &str, names: &[&str], kind: &'static str| fields.extend(names.iter().map(|n| (format!("{prefix}/{n}"), kind)));
     all("/scene", &["splats", "fragments", "culled/near", "culled/outside", "culled/faint", "culled/backface"], "count");
-    for pair in ["/accuracy/fixed_vs_golden", "/accuracy/golden_vs_ideal"] {
+    for pair in ["/accuracy/fixed_vs_golden", "/accuracy/golden_vs_ideal", "/accuracy/fixed_vs_ideal"] {
         all(pair, &["psnr_db", "psnr_covered_db"], "number or null");
         all(pair, &["ssim", "max_error", "mean_error"], "number");
         all(pair, &["pixels_over_1_255"], "count");

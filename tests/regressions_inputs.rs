@@ -303,6 +303,27 @@ fn a_name_that_is_not_known_gets_the_nearest() {
 }
 
 #[test]
+fn a_name_that_is_like_none_gets_no_nearest() {
+    let folder = folder();
+    let plan_of = |name: &str, axis: Value| write(&folder, name, plan(&["terrain"], &axis));
+    let word = plan_of("word.json", json!({"field": "zzz", "add_frac_bits": [1]}));
+    let exact = plan_of("exact.json", json!({"field": "exact", "values": [["zzz"]]}));
+    for arguments in [
+        vec!["sweep", "nono"],
+        vec!["run", "nono"],
+        vec!["run", "--machine", "nono"],
+        vec!["run", "--set", "zzz=1"],
+        vec!["run", "--set", "gauss.weight.round=zzz"],
+        vec!["stress", "--case", "zzz"],
+        vec!["sweep", word.as_str()],
+        vec!["sweep", exact.as_str()],
+    ] {
+        let sentence = refused(&arguments);
+        assert!(!sentence.contains("nearest:") && !sentence.contains("the nearest is"), "{sentence}");
+    }
+}
+
+#[test]
 fn a_register_is_named_once_however_many_values_it_cannot_hold() {
     let folder = folder();
     let lights = vec![json!({"direction": [0, 0, 1], "rgb": [900, 1000, 800]}); 21];

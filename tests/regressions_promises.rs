@@ -265,7 +265,7 @@ fn a_report_of_what_is_no_number_says_so() {
         lockstep["bound_violations"].as_u64() >= lockstep["not_finite"].as_u64() && lockstep["not_finite"].as_u64() > Some(0),
         "{lockstep}"
     );
-    for pair in ["fixed_vs_golden", "golden_vs_ideal"] {
+    for pair in ["fixed_vs_golden", "golden_vs_ideal", "fixed_vs_ideal"] {
         let pair = &report["accuracy"][pair];
         assert!(pair["psnr_db"] == 0.0 && pair["max_error"] == 1.0 && pair["not_finite"].as_u64() > Some(0), "{pair}");
     }

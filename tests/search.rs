@@ -189,6 +189,141 @@ fn a_search_that_is_killed_goes_on() {
     assert_eq!(found, keys(&whole), "other machines, or in another order");
 }
 
+fn complained(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+#[test]
+fn a_machine_that_was_searched_warns_outside_of_that() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let quick = ["--target-psnr", "30", "--views", "2", "--tries", "5", "--only", "gauss"];
+    ok(&splatsim(&[&["search", &path, "--size", "32x24", "--out", out.to_str().unwrap()], &quick[..]].concat()));
+    let machine = out.join("machine.json");
+    let file = machine.to_str().unwrap();
+    let record = read(&machine)["searched"].clone();
+    assert_eq!(record["target"], json!({"psnr_db": 30.0, "max_error": null, "no_saturation": false, "against": "golden"}));
+    let own = &record["scenes"][0];
+    assert_eq!([&own["name"], &own["width"], &own["height"]], [&json!("knot.json"), &json!(32), &json!(24)]);
+    let [searched, unseen] = [&read(&out.join("search.json"))["cameras"], &read(&out.join("search.json"))["views"]]
+        .map(|views| views.as_array().unwrap().iter().map(|view| view["camera"].clone()).collect::<Vec<_>>());
+    assert_eq!(own["cameras"].as_array().unwrap()[..], [searched, unseen].concat());
+
+    // Inside: not a word, and the report says so. On an unseen side at the same distance too.
+    let report = folder.path().join("run");
+    let run = |more: &[&str]| {
+        let output = splatsim(&[&["run", "--machine", file, "--out", report.to_str().unwrap(), "--quiet"], more].concat());
+        (complained(&output), read(&report.join("report.json"))["machine"]["outside_of_search"].clone())
+    };
+    assert_eq!(run(&[&path, "--size", "32x24"]), (String::new(), json!([])));
+    assert_eq!(run(&[&path, "--size", "32x24", "--set", "timing.raster.fifo=4"]).1, json!([]));
+    let framed = read_camera(&path);
+    let turned = |eye: [f64; 3]| {
+        let mut camera = framed.clone();
+        camera["eye"] = json!(eye);
+        scene(folder.path(), "turned.json", &json!({"camera": camera}))
+    };
+    let numbers = |name: &str| -> [f64; 3] { serde_json::from_value(framed[name].clone()).unwrap() };
+    let (eye, target) = (numbers("eye"), numbers("target"));
+    let moved = |factor: f64| -> [f64; 3] { std::array::from_fn(|axis| target[axis] + factor * (eye[axis] - target[axis])) };
+    assert_eq!(run(&[&turned(moved(-1.0)), "--size", "32x24"]).1, json!([]));
+
+    // Outside: one sentence, and what it is in the report.
+    let terrain = folder.path().join("terrain.json");
+    fs::write(&terrain, json!({"splats": {"builtin": "terrain", "count": 500}}).to_string()).unwrap();
+    let near = turned(moved(0.5));
+    for (arguments, says) in [
+        (vec![path.as_str(), "--size", "64x48"], "64×48 pixels instead of 32×24"),
+        (vec![near.as_str(), "--size", "32x24"], "from its target instead of"),
+        (vec![terrain.to_str().unwrap(), "--size", "32x24"], "the scene terrain.json instead of knot.json"),
+        (vec![path.as_str(), "--size", "32x24", "--set", "fragment.layers=2"], "a word that --set changed"),
+    ] {
+        let (told, outside) = run(&arguments);
+        assert_eq!(told.trim_end().lines().count(), 1, "{told}");
+        assert!(
+            told.starts_with("splatsim: warning: machine knot-30dB was searched on knot.json for at least 30 dB") && told.contains(says),
+            "{told}"
+        );
+        let outside = outside.as_array().unwrap();
+        assert!(outside.len() == 1 && outside[0].as_str().unwrap().contains(says), "{outside:?}");
+    }
+    // One that nobody searched says nothing of it.
+    ok(&splatsim(&["run", &path, "--size", "8x8", "--machine", "tiny", "--out", report.to_str().unwrap(), "--quiet"]));
+    assert_eq!(read(&report.join("report.json"))["machine"].get("outside_of_search"), None);
+
+    // The record stays with the file, and leaves it with the words that it is of.
+    let show = |more: &[&str]| serde_json::from_str::<Value>(&ok(&splatsim(&[&["machine", "show", file], more].concat()))).unwrap();
+    assert_eq!(show(&[]), read(&machine));
+    assert_eq!(show(&["--set", "timing.raster.fifo=4"])["searched"], record);
+    assert_eq!(show(&["--set", "fragment.layers=2"]).get("searched"), None);
+
+    // No row depends on it.
+    let mut bare = read(&machine);
+    bare.as_object_mut().unwrap().remove("searched");
+    fs::write(folder.path().join("bare.json"), bare.to_string()).unwrap();
+    let keys = |name: &str| {
+        let plan = folder.path().join("plan.json");
+        let text = json!({"scenes": ["knot.json"], "size": [8, 8], "machine": name, "axes": [], "lockstep": false});
+        fs::write(&plan, text.to_string()).unwrap();
+        let rows = tempfile::tempdir().unwrap();
+        ok(&splatsim(&["sweep", plan.to_str().unwrap(), "--out", rows.path().to_str().unwrap()]));
+        let text = fs::read_to_string(rows.path().join("points.jsonl")).unwrap();
+        serde_json::from_str::<Value>(text.lines().nth(1).unwrap()).unwrap()[1][1].clone()
+    };
+    assert_eq!(keys("out/machine.json"), keys("bare.json"));
+
+    // It is read as strictly as the rest.
+    let wrong = |change: &dyn Fn(&mut Value), says: &str| {
+        let mut changed = read(&machine);
+        change(&mut changed["searched"]);
+        let path = folder.path().join("wrong.json");
+        fs::write(&path, changed.to_string()).unwrap();
+        refused(&["machine", "show", path.to_str().unwrap()], says);
+    };
+    wrong(&|record| record["scenes"][0]["widht"] = json!(3), "searched: scenes[0].widht is no known field; the nearest is `width`");
+    wrong(&|record| record["target"]["psnr_db"] = json!("many"), "searched: target.psnr_db is a text; it must be a number");
+    wrong(&|record| record["target"]["against"] = json!("truth"), "searched: target.against is `truth`");
+    wrong(&|record| record["scenes"][0]["cameras"][0]["eye"] = json!([1, 2]), "searched: scenes[0].cameras[0].eye has 2 entries");
+    wrong(&|record| *record = json!(null), "searched: is null; it must be an object");
+    refused(&["machine", "show", file, "--set", "searched.scenes=[]"], "searched is no known field");
+}
+
+#[test]
+fn a_search_can_aim_at_the_whole_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let search = |against: &str, target: &str, out: &Path| {
+        let arguments = ["search", &path, "--size", "24x20", "--target-psnr", target, "--against", against, "--views", "1", "--tries", "5"];
+        splatsim(&[&arguments[..], &["--only", "gauss", "--only", "raster", "--out", out.to_str().unwrap()]].concat())
+    };
+    let run = folder.path().join("run");
+    ok(&splatsim(&["run", &path, "--size", "24x20", "--out", run.to_str().unwrap(), "--quiet"]));
+    let accuracy = read(&run.join("report.json"))["accuracy"].clone();
+    let method = accuracy["golden_vs_ideal"]["psnr_db"].as_f64().unwrap();
+    // Half a decibel less than the method alone: words may spend that, which against golden they may not.
+    let out = folder.path().join("ideal");
+    let told = ok(&search("ideal", &format!("{:.2}", method - 0.5), &out));
+    assert!(told.contains("dB, fixed − ideal") && told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    let found = read(&out.join("search.json"));
+    let path_of = |found: &Value| found["path"].as_array().unwrap().clone();
+    assert_eq!(path_of(&found)[0]["fixed_vs_ideal_psnr_db"], accuracy["fixed_vs_ideal"]["psnr_db"]);
+    assert_eq!(path_of(&found)[0]["psnr_db"], accuracy["fixed_vs_golden"]["psnr_db"]);
+    let last = path_of(&found).last().unwrap().clone();
+    assert!(last["fixed_vs_ideal_psnr_db"].as_f64().unwrap() >= method - 0.5, "{last}");
+    assert!(last["area"].as_f64() < path_of(&found)[0]["area"].as_f64(), "{last}");
+    // What the method alone misses no word reaches.
+    let output = search("ideal", &format!("{:.2}", method + 3.0), &folder.path().join("out"));
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    assert!(told.contains(&format!("golden − ideal alone is {method:.1} dB, and no word changes that")), "{told}");
+    // The default is golden, as it was.
+    let output = search("golden", &format!("{:.2}", method + 3.0), &folder.path().join("golden"));
+    ok(&output);
+    assert_eq!(read(&folder.path().join("golden/search.json"))["target"]["against"], "golden");
+}
+
 #[test]
 fn no_word_leaves_its_range_where_that_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();

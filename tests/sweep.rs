@@ -73,6 +73,21 @@ fn cells(line: &str) -> Vec<String> {
     cells
 }
 
+/// The best row has the greatest fixed − ideal of all; each figure stands below its name.
+fn summary_is_labelled(told: &str, rows: &[BTreeMap<String, String>]) {
+    let lines: Vec<&str> = told.lines().collect();
+    let head = lines.iter().position(|line| line.contains("fixed − ideal")).unwrap();
+    assert_eq!(
+        lines[head].split("  ").filter(|name| !name.trim().is_empty()).map(str::trim).collect::<Vec<_>>()[..4],
+        ["dB", "fixed − ideal", "fixed − golden", "on covered",]
+    );
+    let number = |row: &&BTreeMap<String, String>| row["fixed_vs_ideal_psnr_db"].parse::<f64>().unwrap_or(f64::NEG_INFINITY);
+    let best = rows.iter().max_by(|a, b| number(a).total_cmp(&number(b))).unwrap();
+    let shown = ["fixed_vs_ideal_psnr_db", "psnr_db", "psnr_covered_db"].map(|name| format!("{:.1}", best[name].parse::<f64>().unwrap()));
+    let line = lines.iter().find(|line| line.starts_with("best ")).unwrap();
+    assert_eq!(line.split_whitespace().skip(1).take(3).collect::<Vec<_>>(), shown, "{told}");
+}
+
 #[test]
 fn a_row_says_what_a_run_says() {
     let folder = tempfile::tempdir().unwrap();
@@ -81,6 +96,7 @@ fn a_row_says_what_a_run_says() {
     assert!(told.starts_with("24 points: 24 drawn now, 0 known before; 2 cannot be built"), "{told}");
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     let rows = rows(&out);
+    summary_is_labelled(&told, &rows);
     assert_eq!(rows.iter().map(|row| row["point"].parse::<u64>().unwrap()).collect::<Vec<_>>(), (0..24).collect::<Vec<_>>());
     for number in [0, 3, 6, 9, 15] {
         let row = &rows[number];
@@ -110,6 +126,7 @@ fn a_row_says_what_a_run_says() {
             ("mean_error", "/accuracy/fixed_vs_golden/mean_error"),
             ("pixels_over_1_255", "/accuracy/fixed_vs_golden/pixels_over_1_255"),
             ("golden_vs_ideal_psnr_db", "/accuracy/golden_vs_ideal/psnr_db"),
+            ("fixed_vs_ideal_psnr_db", "/accuracy/fixed_vs_ideal/psnr_db"),
             ("raster_busy", "/cycles/units/5/busy"),
             ("fragment_starved", "/cycles/units/7/starved"),
             ("list_memory", "/cycles/units/4/memory"),

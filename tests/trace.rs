@@ -655,3 +655,135 @@ fn waves_show_when_units_took_which_records() {
         assert_eq!(high, 60);
     }
 }
+
+/// What a wire is over time, by unit, lane and name.
+type Wires = BTreeMap<(String, Option<u32>, String), Vec<(u64, String)>>;
+
+fn wires(file: &Path) -> Wires {
+    let mut waves = wellen::simple::read(file).unwrap();
+    let hierarchy = waves.hierarchy();
+    let variables: Vec<_> =
+        hierarchy.all_vars().map(|variable| (hierarchy[variable].full_name(hierarchy), hierarchy[variable].signal_ref())).collect();
+    let signals: Vec<_> = variables.iter().map(|(_, signal)| *signal).collect();
+    waves.load_signals(&signals);
+    let times = waves.time_table().to_vec();
+    let one = |(name, signal): (String, wellen::SignalRef)| {
+        let steps: Vec<&str> = name.split('.').collect();
+        let lane = (steps.len() == 4).then(|| steps[2].strip_prefix("lane").unwrap().parse().unwrap());
+        let changes = waves.get_signal(signal).unwrap().iter_changes().map(|(time, value)| (times[time as usize], value.to_string()));
+        ((steps[1].to_owned(), lane, steps[steps.len() - 1].to_owned()), changes.collect())
+    };
+    variables.into_iter().map(one).collect()
+}
+
+/// The records that a unit's wires show in these cycles, lane by lane, a field each in the stream's order; unknown ones left out.
+fn shown(trace: &Traced, wires: &Wires, unit: &str, stream: &str, cycles: &[u64]) -> Vec<Vec<String>> {
+    let fields: Vec<&str> =
+        trace.stream(stream)["fields"].as_array().unwrap().iter().map(|field| field["name"].as_str().unwrap()).collect();
+    let lanes: std::collections::BTreeSet<Option<u32>> =
+        wires.keys().filter(|(of, _, name)| of == unit && name == fields[0]).map(|(_, lane, _)| *lane).collect();
+    assert!(!lanes.is_empty(), "{unit} has no words");
+    let at = |lane: Option<u32>, field: &str, cycle: u64| {
+        let changes = &wires[&(unit.to_owned(), lane, field.to_owned())];
+        changes[..changes.partition_point(|(time, _)| *time <= cycle)].last().map_or("x", |(_, word)| word.as_str()).to_owned()
+    };
+    let records =
+        cycles.iter().flat_map(|cycle| lanes.iter().map(|lane| fields.iter().map(|field| at(*lane, field, *cycle)).collect::<Vec<_>>()));
+    records.filter(|record| !record[0].contains('x')).collect()
+}
+
+/// All records of a stream, as wires show them.
+fn all_records(trace: &Traced, stream: &str) -> Vec<Vec<String>> {
+    let widths: Vec<u64> =
+        trace.stream(stream)["fields"].as_array().unwrap().iter().map(|field| field["width"].as_u64().unwrap()).collect();
+    let bits = |(word, width): (&i64, &u64)| (0..*width).rev().map(|bit| if word >> bit & 1 == 1 { '1' } else { '0' }).collect::<String>();
+    trace.records(stream).iter().map(|record| record.iter().zip(&widths).map(bits).collect()).collect()
+}
+
+/// Every record of every unit's stream is seen, in each organisation, with lanes and without; of a window those that it has.
+#[test]
+fn waves_show_the_words_of_all_units() {
+    let binned = machine("tiny", &["timing.organisation=binned", "timing.raster.lanes=[4,2]"]);
+    let two_buffers = machine("tiny", &["timing.organisation=binned", "timing.tile.buffers=2", "timing.raster.lanes=[3,1]"]);
+    let immediate = machine("tiny", &["timing.organisation=immediate", "timing.raster.lanes=[2,2]"]);
+    let volume = machine("volume", &[]);
+    let gaussian = machine("gaussian", &[]);
+    let (discs, voxels, gaussians) = (cloud(60, 24), shells(10, 24, &json!({"stop": 0.6})), bouquet(200, 24, &json!({})));
+    let whole = || Window { waves: Some([0, 400_000]), ..Window::default() };
+    let cases = [
+        ("binned", &discs, &binned, whole()),
+        ("two buffers", &discs, &two_buffers, whole()),
+        ("immediate", &discs, &immediate, whole()),
+        ("some splats", &discs, &binned, Window { splats: Some([20, 40]), ..whole() }),
+        ("some pixels", &discs, &immediate, Window { pixels: Some([3, 5, 17, 12]), ..whole() }),
+        ("one unit", &discs, &binned, Window { units: vec!["project".into()], ..whole() }),
+        ("voxels", &voxels, &volume, whole()),
+        ("gaussians", &gaussians, &gaussian, whole()),
+    ];
+    for (case, scene, machine, window) in cases {
+        let trace = traced(scene, machine, &window);
+        let wires = wires(&trace.path("waves.fst"));
+        let changes =
+            |unit: &str, name: &str| wires[&(unit.to_owned(), None, name.to_owned())].iter().map(|(time, _)| *time).collect::<Vec<u64>>();
+        let is_there = |unit: &str| wires.keys().any(|(of, ..)| of == unit);
+        let streams: Vec<&str> =
+            trace.manifest["streams"].as_array().unwrap().iter().map(|stream| stream["name"].as_str().unwrap()).collect();
+        let mut seen = 0;
+        let units =
+            ["fetch", "project", "ellipse", "bin", "list", "raster", "gauss", "cache", "fragment", "shade", "resolve-shade", "resolve"];
+        let of_units = |unit: &str| match unit {
+            "fetch" => "pipeline.in".to_owned(),
+            "bin" | "list" => "raster.in".to_owned(),
+            "cache" => "fragment.in".to_owned(),
+            "resolve-shade" => "shade.in".to_owned(),
+            unit => format!("{unit}.in"),
+        };
+        for unit in units.into_iter().filter(|unit| is_there(unit)) {
+            let stream = of_units(unit);
+            if !streams.contains(&stream.as_str()) {
+                continue;
+            }
+            let mut expected = all_records(&trace, &stream);
+            if ["shade", "resolve-shade", "resolve"].contains(&unit) {
+                // A record a cycle, some of them equal: which were seen.
+                let fields = trace.stream(&stream)["fields"].as_array().unwrap();
+                let mut cycles: Vec<u64> = fields.iter().flat_map(|field| changes(unit, field["name"].as_str().unwrap())).collect();
+                cycles.sort_unstable();
+                cycles.dedup();
+                let mut found = shown(&trace, &wires, unit, &stream, &cycles);
+                if unit == "shade" && is_there("resolve-shade") {
+                    let times = |name: &str| changes("resolve-shade", name);
+                    let mut later: Vec<u64> = fields.iter().flat_map(|field| times(field["name"].as_str().unwrap())).collect();
+                    later.sort_unstable();
+                    found.extend(shown(&trace, &wires, "resolve-shade", &stream, &later));
+                }
+                if unit == "resolve-shade" {
+                    expected.retain(|record| found.contains(record));
+                }
+                for records in [&mut found, &mut expected] {
+                    records.sort();
+                    records.dedup();
+                }
+                assert!(found == expected && !found.is_empty(), "{case}: {unit}: {} of {}", found.len(), expected.len());
+                seen += 1;
+                continue;
+            }
+            let items: Vec<u64> = wires[&(unit.to_owned(), None, "item".to_owned())]
+                .iter()
+                .filter(|(_, item)| !item.contains('x'))
+                .map(|(time, _)| *time)
+                .collect();
+            let mut found = shown(&trace, &wires, unit, &stream, &items);
+            found.sort();
+            expected.sort();
+            if ["list", "raster", "bin"].contains(&unit) {
+                // A splat has several entries and stamps; a box beside the picture's pixels has none.
+                found.dedup();
+                expected.dedup();
+            }
+            assert!(found == expected && !found.is_empty(), "{case}: {unit}: {} of {}", found.len(), expected.len());
+            seen += 1;
+        }
+        assert!(seen >= if case == "one unit" { 1 } else { 6 }, "{case}: {seen} units");
+    }
+}

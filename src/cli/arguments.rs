@@ -2,7 +2,8 @@
 
 use crate::error::{Error, Result};
 use crate::hardware::machines;
-use crate::output::text::{one_line, wrapped};
+use crate::hardware::machines::File;
+use crate::output::text::{listed, one_line, wrapped};
 use crate::scene::{Overrides, Scene};
 use clap::Args;
 use rtl_model::Machine;
@@ -34,12 +35,39 @@ pub(super) struct Common {
 impl Common {
     /// The machine that is asked for, or the usual one for a scene.
     pub fn machine(&self, scene: &Scene) -> Result<Machine> {
-        machines::load(self.machine.as_deref().unwrap_or_else(|| OsStr::new(machines::usual(scene))), &self.settings)
+        self.machine_file(scene).map(|file| file.machine)
+    }
+
+    fn machine_file(&self, scene: &Scene) -> Result<File> {
+        machines::load_file(self.machine.as_deref().unwrap_or_else(|| OsStr::new(machines::usual(scene))), &self.settings)
+    }
+
+    /// The same, and where it was searched, how the scene lies outside of that.
+    pub fn machine_within(&self, scene: &Scene) -> Result<Within> {
+        let File { machine, searched } = self.machine_file(scene)?;
+        let Some(record) = searched else { return Ok(Within { machine, outside: None, warning: None }) };
+        let mut outside = record.outside(scene);
+        let is_changed = self.settings.iter().any(|setting| machines::changes_picture(setting));
+        outside.extend(is_changed.then(|| "a word that --set changed".to_owned()));
+        let (name, scenes, target) = (&machine.name, record.scene_names(), record.target_text());
+        let here = listed(&outside);
+        let warning = format!("machine {name} was searched on {scenes} for {target}, and may miss that here: {here}");
+        Ok(Within { machine, warning: (!outside.is_empty()).then_some(warning), outside: Some(outside) })
     }
 
     pub fn scene(&self, name_or_path: &OsStr) -> Result<Scene> {
         Scene::load(name_or_path, &Overrides { size: self.size.map(|Pair(width, height)| (width, height)) })
     }
+}
+
+/// A machine, and whether it is known what it does to a scene.
+#[derive(Debug)]
+pub(super) struct Within {
+    pub machine: Machine,
+    /// How the scene lies outside of what the machine was searched for; none where nobody searched it.
+    pub outside: Option<Vec<String>>,
+    /// That in a sentence, if it does.
+    pub warning: Option<String>,
 }
 
 #[derive(Args, Clone, Copy, Debug)]

@@ -3,6 +3,7 @@
 use super::arguments::pretty;
 use crate::accuracy::proofs;
 use crate::error::Result;
+use crate::hardware::machines::File;
 use crate::hardware::{fixed, machines};
 use crate::output::files::Folder;
 use crate::output::text::{aligned, plain_table};
@@ -57,7 +58,14 @@ pub(super) struct Which {
 
 impl Which {
     fn load(&self) -> Result<Machine> {
-        machines::load(&self.machine, &self.settings)
+        self.load_file().map(|file| file.machine)
+    }
+
+    /// With what its file says besides: of a machine whose words were changed that is no longer so.
+    fn load_file(&self) -> Result<File> {
+        let file = machines::load_file(&self.machine, &self.settings)?;
+        let is_changed = self.settings.iter().any(|setting| machines::changes_picture(setting));
+        Ok(File { searched: file.searched.filter(|_| !is_changed), ..file })
     }
 }
 
@@ -65,7 +73,7 @@ impl Typed {
     pub fn run(self) -> Result<String> {
         match self {
             Typed::List => list(),
-            Typed::Show(which) => show(&which.load()?),
+            Typed::Show(which) => show(&which.load_file()?),
             Typed::Timing(which) => pretty(&fixed::elaborate(&which.load()?)?.timing),
             Typed::Cost { which, prices } => {
                 let elaborated = fixed::elaborate(&which.load()?)?;
@@ -99,9 +107,9 @@ fn list() -> Result<String> {
     Ok(table.trim_fmt())
 }
 
-fn show(machine: &Machine) -> Result<String> {
-    fixed::elaborate(machine)?;
-    pretty(machine)
+fn show(file: &File) -> Result<String> {
+    fixed::elaborate(&file.machine)?;
+    pretty(file)
 }
 
 fn prove(machine: &Machine, out: &Path) -> Result<String> {

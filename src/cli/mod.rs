@@ -16,6 +16,7 @@ mod sweep;
 mod trace;
 
 use crate::error::{Error, Result};
+use crate::output::text::one_line;
 use arguments::NAMES;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
@@ -109,6 +110,11 @@ pub fn complain(error: &Error) {
     let head = "splatsim:";
     let head = if style::takes_colour(&std::io::stderr()) { style::alarm(head) } else { head.into() };
     eprintln!("{head} {error}");
+}
+
+/// Prints a warning's sentence to standard error.
+fn warn(sentence: &str) {
+    eprintln!("splatsim: warning: {}", one_line(sentence));
 }
 
 /// Prints a text, if there is one.

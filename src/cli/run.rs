@@ -1,6 +1,6 @@
 //! Run: draws a scene on a machine and in exact arithmetic, and compares.
 
-use super::arguments::{Common, written};
+use super::arguments::{Common, Within, written};
 use crate::accuracy::ranges;
 use crate::error::Result;
 use crate::hardware::fixed;
@@ -65,6 +65,8 @@ pub(super) struct Job {
     /// Drawn instead by a preview.
     small: Option<Scene>,
     machine: Machine,
+    /// Of the machine on this scene.
+    warning: Option<String>,
     load_seconds: f64,
     options: Options,
     out: Option<(PathBuf, Folder)>,
@@ -79,22 +81,32 @@ impl Typed {
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
         let scene = scene?;
-        let machine = self.common.machine(&scene)?;
+        let Within { machine, outside: outside_of_search, warning } = self.common.machine_within(&scene)?;
         fixed::elaborate(&machine)?;
         let timings = self.timing.as_ref().map(|axes| Variants::new(&machine, axes)).transpose()?;
         let small = self.preview.then(|| preview::scene(&scene)).transpose()?;
         quantise(small.as_ref().unwrap_or(&scene), &machine)?;
-        let options = Options { attribution: self.attribute, timings, requests: self.requests, record: self.record.is_some(), prices };
+        let options = Options {
+            attribution: self.attribute,
+            timings,
+            requests: self.requests,
+            record: self.record.is_some(),
+            prices,
+            outside_of_search,
+        };
         // Last, for nothing may be written where anything is wrong.
         let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
         self.record.as_deref().map_or(Ok(()), Recording::may_be_written)?;
         let Typed { exr, record, ranges, quiet, .. } = self;
-        Ok(Job { scene, small, machine, load_seconds, options, out, exr, record, ranges, quiet })
+        Ok(Job { scene, small, machine, warning, load_seconds, options, out, exr, record, ranges, quiet })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
+        if let Some(sentence) = &self.warning {
+            super::warn(sentence);
+        }
         let mut outcome = self.draw()?;
         let mut end = match &self.out {
             Some((folder, _)) => {

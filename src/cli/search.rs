@@ -4,24 +4,28 @@ use super::arguments::{Common, folder_for, positive, written};
 use crate::error::Result;
 use crate::explore::search;
 use crate::explore::search::{Options, Target};
+use crate::hardware::searched;
 use crate::performance::cost::Prices;
 use crate::scene::Scene;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use rtl_model::Machine;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// .json scenes, .ply clouds or built-in names; all must do
+    /// Scenes, clouds, volumes or built-in names; all must do
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<OsString>,
-    /// At least so many dB, fixed − golden over all pixels
+    /// At least so many dB over all pixels
     #[arg(long, value_name = "DB", value_parser = positive, required_unless_present = "max_error")]
     target_psnr: Option<f64>,
     /// No pixel further off, linear light in [0, 1]
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     max_error: Option<f64>,
+    /// Both against golden or ideal
+    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Against::Golden)]
+    against: Against,
     /// No word may leave its range
     #[arg(long)]
     no_saturation: bool,
@@ -50,6 +54,13 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
+/// [`searched::Against`] as typed.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Against {
+    Golden,
+    Ideal,
+}
+
 /// A search that can be done.
 pub(super) struct Job {
     scenes: Vec<Scene>,
@@ -63,7 +74,11 @@ impl Typed {
     pub fn check(self) -> Result<Job> {
         let scenes: Vec<Scene> = self.scenes.iter().map(|name| self.common.scene(name)).collect::<Result<_>>()?;
         let machine = self.common.machine(&scenes[0])?;
-        let target = Target { psnr_db: self.target_psnr, max_error: self.max_error, no_saturation: self.no_saturation };
+        let against = match self.against {
+            Against::Golden => searched::Against::Golden,
+            Against::Ideal => searched::Against::Ideal,
+        };
+        let target = Target { psnr_db: self.target_psnr, max_error: self.max_error, no_saturation: self.no_saturation, against };
         let options = Options {
             target,
             views: self.views.into(),

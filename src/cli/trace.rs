@@ -12,12 +12,15 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// End of the help text.
-pub(super) const HELP: &str = "Units: pipeline, project, ellipse, raster, gauss, fragment, shade, resolve\n\
-    Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain\nNamed machines: reference, lean, tiny";
+pub(super) const HELP: &str = "Units: pipeline, project, ellipse, sort (of Gaussians), raster, gauss, fragment,\n\
+    shade, resolve\n\
+    Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
+    volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
+    Named machines: reference, lean, tiny; volume; gaussian";
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// A .json scene, .ply cloud or built-in name
+    /// A scene, cloud, volume or built-in name
     scene: OsString,
     /// Only ports of these units
     #[arg(long, value_name = "UNIT,…", value_delimiter = ',')]

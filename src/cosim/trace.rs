@@ -54,7 +54,7 @@ use std::io::Write;
 use std::path::Path;
 use stimulus::Tag;
 use transfers::{Rectangle, Source, Transfers};
-use waves::Waves;
+use waves::{Timed, Waves};
 
 /// What a trace is asked to hold.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -115,7 +115,9 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
         let mut observer = Observations::new(&elaborated, &shown, before.splats.len() as u32);
         let setup = pipeline::set_up_observed(&elaborated, &shown, &mut observer);
-        if window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]) {
+        let fills = window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]);
+        // Waves are of all units.
+        if fills || window.waves.is_some() {
             pipeline::fill_observed(&elaborated, &shown, &setup, &mut observer);
         }
         let mut coverage = std::mem::take(&mut observer.coverage);
@@ -125,7 +127,8 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         if let Some(cycles) = window.waves {
             let (_, _, work) = pipeline::draw_measured(&elaborated, &shown);
             let replayed = timing::replay(&elaborated.timing, &work, Detail::Log);
-            Waves::new(&elaborated, kind, &replayed.units, &sources, cycles).write(folder.folder)?;
+            let timed = Timed { machine: &elaborated, kind, work: &work, splats: &splats, units: &replayed.units, sources: &sources };
+            Waves::new(&timed, cycles).write(folder.folder)?;
         }
         folder.contents(window, &sources, &coverage, &[])?
     };

@@ -20,6 +20,8 @@ use crate::explore::sweep::table::{Journal, Kind, Row, named};
 use crate::explore::sweep::write_plan;
 use crate::golden;
 use crate::hardware::quantise::quantise;
+pub use crate::hardware::searched::{Against, Target};
+use crate::hardware::searched::{SceneRecord, SearchRecord};
 use crate::hardware::{fixed, machines};
 use crate::output::files::{Folder, write_beside};
 use crate::output::picture::Picture;
@@ -42,17 +44,6 @@ use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-
-/// What a machine must reach, on every scene and view: fixed against golden.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
-pub struct Target {
-    /// At least so many decibels, over all pixels.
-    pub psnr_db: Option<f64>,
-    /// Nowhere further off.
-    pub max_error: Option<f64>,
-    /// No word leaves its range, but for those that are meant to.
-    pub no_saturation: bool,
-}
 
 /// How it is searched.
 #[derive(Clone, Debug)]
@@ -82,7 +73,7 @@ const FIRST_RANGE_VIEW: usize = 1_000_000;
 /// By how much a view that fails makes the aim higher, squared error, at most: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
 
-const COLUMNS: [(&str, Kind); 11] = [
+const COLUMNS: [(&str, Kind); 14] = [
     ("point", Kind::Whole),
     ("key", Kind::Text),
     ("scene", Kind::Text),
@@ -91,6 +82,9 @@ const COLUMNS: [(&str, Kind); 11] = [
     ("misfit", Kind::Text),
     ("psnr_db", Kind::Number),
     ("max_error", Kind::Number),
+    ("golden_vs_ideal_psnr_db", Kind::Number),
+    ("fixed_vs_ideal_psnr_db", Kind::Number),
+    ("fixed_vs_ideal_max_error", Kind::Number),
     ("saturated", Kind::Whole),
     ("area", Kind::Number),
     ("host_seconds", Kind::Number),
@@ -101,13 +95,18 @@ struct View {
     name: String,
     scene: Scene,
     golden: Picture,
+    ideal: Picture,
+    /// The method's error, which no word changes.
+    golden_vs_ideal_psnr_db: Option<f64>,
     digest: String,
 }
 
 impl View {
     fn new(scene: &Scene, name: String, machine: &Machine) -> Self {
         let golden = golden::render(scene, &fixed::rules(machine)).picture;
-        View { name, digest: digest_of(scene), scene: scene.clone(), golden }
+        let ideal = golden::ideal(scene).picture;
+        let golden_vs_ideal_psnr_db = distance(&golden, &ideal).psnr_db;
+        View { name, digest: digest_of(scene), scene: scene.clone(), golden, ideal, golden_vs_ideal_psnr_db }
     }
 
     /// Without the scene.
@@ -125,34 +124,64 @@ impl View {
 /// How far a machine is off.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Found {
-    /// Least; none where pictures are equal.
+    /// Least, fixed − golden; none where pictures are equal.
     pub psnr_db: Option<f64>,
-    /// Greatest.
+    /// Greatest, fixed − golden.
     pub max_error: f64,
+    /// Least, fixed − ideal; none where pictures are equal.
+    pub fixed_vs_ideal_psnr_db: Option<f64>,
+    /// Greatest, fixed − ideal.
+    pub fixed_vs_ideal_max_error: f64,
     /// Words that left their range; none where nobody looked.
     pub saturated: Option<u64>,
 }
 
 impl Found {
     fn and(self, other: Found) -> Found {
-        let least = |a: Option<f64>, b: Option<f64>| match (a, b) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        };
         Found {
+            fixed_vs_ideal_psnr_db: least(self.fixed_vs_ideal_psnr_db, other.fixed_vs_ideal_psnr_db),
+            fixed_vs_ideal_max_error: self.fixed_vs_ideal_max_error.max(other.fixed_vs_ideal_max_error),
             psnr_db: least(self.psnr_db, other.psnr_db),
             max_error: self.max_error.max(other.max_error),
             saturated: self.saturated.zip(other.saturated).map(|(a, b)| a + b),
         }
     }
 
-    fn psnr(&self) -> String {
-        match self.psnr_db {
+    /// Decibels against one of the two.
+    fn psnr_db_against(&self, against: Against) -> Option<f64> {
+        match against {
+            Against::Golden => self.psnr_db,
+            Against::Ideal => self.fixed_vs_ideal_psnr_db,
+        }
+    }
+
+    fn max_error_against(&self, against: Against) -> f64 {
+        match against {
+            Against::Golden => self.max_error,
+            Against::Ideal => self.fixed_vs_ideal_max_error,
+        }
+    }
+
+    fn psnr(&self, against: Against) -> String {
+        match self.psnr_db_against(against) {
             None => "equal".into(),
             Some(db) if db.is_finite() => format!("{db:.1}"),
             Some(_) => "no".into(),
         }
     }
+}
+
+/// The lesser of two PSNRs; none is that of equal pictures.
+fn least(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.min(b)),
+        (a, b) => a.or(b),
+    }
+}
+
+/// The method's error on the worst of some views.
+fn method_psnr_db(views: &[View]) -> Option<f64> {
+    views.iter().map(|view| view.golden_vs_ideal_psnr_db).fold(None, least)
 }
 
 /// How far a machine is off on all of some views.
@@ -173,14 +202,19 @@ impl Target {
         }
         let names = views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
         let lost = found.saturated.filter(|count| *count > 0).map_or(String::new(), |count| format!(", {count} words out of range"));
-        let reached = format!("{machine} reaches {} dB, at most {:.4} off{lost}", found.psnr(), found.max_error);
-        Err(format!("the target is out of reach: on {names} {reached}"))
+        let against = self.against;
+        let (psnr, error) = (found.psnr(against), found.max_error_against(against));
+        let reached = format!("{machine} reaches {psnr} dB, {}, at most {error:.4} off{lost}", against.difference());
+        let method = method_psnr_db(views).filter(|_| against == Against::Ideal);
+        let method = method.map_or(String::new(), |db| format!("; golden − ideal alone is {db:.1} dB, and no word changes that"));
+        Err(format!("the target is out of reach: on {names} {reached}{method}"))
     }
 
     /// Part of what is allowed, squared: at most 1 is well.
     fn load(&self, found: &Found) -> f64 {
-        let by_psnr = self.psnr_db.zip(found.psnr_db).map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
-        let by_error = self.max_error.map_or(0.0, |most| found.max_error / most * (found.max_error / most));
+        let (psnr_db, error) = (found.psnr_db_against(self.against), found.max_error_against(self.against));
+        let by_psnr = self.psnr_db.zip(psnr_db).map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
+        let by_error = self.max_error.map_or(0.0, |most| error / most * (error / most));
         let lost = if self.no_saturation && found.saturated.unwrap_or(0) > 0 { f64::INFINITY } else { 0.0 };
         by_psnr.max(by_error).max(lost)
     }
@@ -220,6 +254,8 @@ pub struct Outcome {
     pub tight: Vec<CriticalWord>,
     /// The machine.
     pub machine: Machine,
+    /// For what it was searched, as its file says.
+    pub searched: SearchRecord,
     /// What was written.
     #[serde(skip)]
     pub files: Vec<PathBuf>,
@@ -254,7 +290,7 @@ pub struct CriticalWord {
     pub path: String,
     /// What it is.
     pub value: Value,
-    /// Decibels with a step less; none where the pictures are equal or it cannot be built.
+    /// Decibels with a step less, against what the target names; none where the pictures are equal or it cannot be built.
     pub psnr_db: Option<f64>,
 }
 
@@ -406,12 +442,18 @@ impl<'a> Search<'a> {
         let key = digest(all.to_string().as_bytes());
         self.asked_for.insert(key.clone());
         if let Some(row) = self.known.get(&key).and_then(|point| self.journal.get(*point)) {
-            let saturated = row[8].as_u64();
+            let saturated = row[11].as_u64();
             let is_hopeless = !row[5].is_null();
             return Ok(if is_hopeless {
                 HOPELESS
             } else {
-                Found { psnr_db: row[6].as_f64(), max_error: row[7].as_f64().unwrap_or(0.0), saturated }
+                Found {
+                    psnr_db: row[6].as_f64(),
+                    max_error: row[7].as_f64().unwrap_or(0.0),
+                    fixed_vs_ideal_psnr_db: row[9].as_f64(),
+                    fixed_vs_ideal_max_error: row[10].as_f64().unwrap_or(0.0),
+                    saturated,
+                }
             });
         }
         let (found, seconds) = timed(|| found_on(&self.views, |view| drawn(&elaborated, view, self.options.target.no_saturation)));
@@ -430,6 +472,9 @@ impl<'a> Search<'a> {
             json!(misfit),
             json!(found.psnr_db.filter(|_| seen)),
             json!(seen.then_some(found.max_error)),
+            json!(method_psnr_db(&self.views)),
+            json!(found.fixed_vs_ideal_psnr_db.filter(|_| seen)),
+            json!(seen.then_some(found.fixed_vs_ideal_max_error)),
             json!(found.saturated),
             json!(area),
             json!(seconds),
@@ -441,7 +486,7 @@ impl<'a> Search<'a> {
             self.method,
             self.asked_for.len(),
             thousands(area as u64),
-            found.psnr()
+            found.psnr(self.options.target.against)
         );
         self.progress.say(told);
         Ok(found)
@@ -562,7 +607,7 @@ impl<'a> Search<'a> {
                 let view = View::unseen(scene, nth, &machine);
                 let found = drawn(&elaborated, &view, self.options.target.no_saturation).unwrap_or(HOPELESS);
                 let load = self.options.target.load(&found);
-                self.progress.say(format!("{}: {} dB", view.name, found.psnr()));
+                self.progress.say(format!("{}: {} dB", view.name, found.psnr(self.options.target.against)));
                 held.push(Unseen { name: view.name.clone(), eye: view.scene.camera.eye.to_array(), camera: view.scene.camera, found });
                 if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
                     worst = Some((load, (view, found)));
@@ -585,7 +630,11 @@ impl<'a> Search<'a> {
                 continue;
             }
             let Knob { path, .. } = &self.knobs[knob];
-            tight.push(CriticalWord { path: path.clone(), value: self.knobs[knob].value(steps[knob]), psnr_db: found.psnr_db });
+            tight.push(CriticalWord {
+                path: path.clone(),
+                value: self.knobs[knob].value(steps[knob]),
+                psnr_db: found.psnr_db_against(self.options.target.against),
+            });
         }
         let worth = |tight: &CriticalWord| tight.psnr_db.unwrap_or(f64::INFINITY);
         tight.sort_by(|a, b| worth(a).total_cmp(&worth(b)));
@@ -598,13 +647,27 @@ impl<'a> Search<'a> {
         let machine = Machine { name, ..self.machine(steps).unwrap_or_else(|| self.base.clone()) };
         let (target, base) = (self.options.target, self.base.name.clone());
         let cameras = self.views.iter().map(|view| Searched { name: view.name.clone(), camera: view.scene.camera }).collect();
-        Ok(Outcome { scenes, target, base, path, views, learnt, cameras, tight, machine, files: Vec::new() })
+        let searched = SearchRecord { target, scenes: self.scene_records(&views) };
+        Ok(Outcome { scenes, target, base, path, views, learnt, cameras, tight, machine, searched, files: Vec::new() })
+    }
+
+    /// Each scene with the cameras that were searched on, then those of unseen views.
+    fn scene_records(&self, unseen: &[Unseen]) -> Vec<SceneRecord> {
+        let is_of =
+            |name: &str, scene: &Scene| name == scene.name || name.strip_prefix(&scene.name).is_some_and(|rest| rest.starts_with(" from "));
+        let record = |scene: &Scene| {
+            let searched = self.views.iter().map(|view| (&view.name, view.scene.camera));
+            let all = searched.chain(unseen.iter().map(|view| (&view.name, view.camera)));
+            SceneRecord::new(scene, all.filter(|(name, _)| is_of(name, scene)).map(|(_, camera)| camera).collect())
+        };
+        self.scenes.iter().map(record).collect()
     }
 
     fn write(self, outcome: Outcome, folder: &Path) -> Result<Outcome> {
         drop(self.progress);
         let mut files = self.journal.write(folder, "search")?;
-        for (name, value) in [("machine.json", json!(outcome.machine)), ("search.json", json!(outcome))] {
+        let machine = machines::File { machine: outcome.machine.clone(), searched: Some(outcome.searched.clone()) };
+        for (name, value) in [("machine.json", json!(machine)), ("search.json", json!(outcome))] {
             let path = folder.join(name);
             write_beside(&path, |file| serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string()))?;
             files.insert(0, path);
@@ -634,7 +697,13 @@ impl Problem for Search<'_> {
 }
 
 /// Of a machine that cannot be built, or cannot hold the scene.
-const HOPELESS: Found = Found { psnr_db: Some(f64::NEG_INFINITY), max_error: f64::INFINITY, saturated: None };
+const HOPELESS: Found = Found {
+    psnr_db: Some(f64::NEG_INFINITY),
+    max_error: f64::INFINITY,
+    fixed_vs_ideal_psnr_db: Some(f64::NEG_INFINITY),
+    fixed_vs_ideal_max_error: f64::INFINITY,
+    saturated: None,
+};
 
 /// Draws a view and compares.
 fn drawn(elaborated: &Elaborated, view: &View, observed: bool) -> Result<Found> {
@@ -646,11 +715,18 @@ fn drawn(elaborated: &Elaborated, view: &View, observed: bool) -> Result<Found> 
     } else {
         (evaluation.picture(&evaluation.draw()), None)
     };
-    let apart = distance(&picture, &view.golden);
-    if apart.not_finite > 0 {
-        return Err(Error::job(format!("{}: {} pixels have no finite number, and meet no target", view.name, apart.not_finite)));
+    let [apart, whole] = [&view.golden, &view.ideal].map(|other| distance(&picture, other));
+    let not_finite = apart.not_finite.max(whole.not_finite);
+    if not_finite > 0 {
+        return Err(Error::job(format!("{}: {not_finite} pixels have no finite number, and meet no target", view.name)));
     }
-    Ok(Found { psnr_db: apart.psnr_db, max_error: apart.max_error, saturated })
+    Ok(Found {
+        psnr_db: apart.psnr_db,
+        max_error: apart.max_error,
+        fixed_vs_ideal_psnr_db: whole.psnr_db,
+        fixed_vs_ideal_max_error: whole.max_error,
+        saturated,
+    })
 }
 
 /// Leaves that differ, as PATH=VALUE.
@@ -676,20 +752,18 @@ impl Outcome {
     /// The way and what it led to, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let (first, last) = (&self.path[0], &self.path[self.path.len() - 1]);
-        let mut aims = Vec::new();
-        aims.extend(self.target.psnr_db.map(|db| format!("at least {db} dB")));
-        aims.extend(self.target.max_error.map(|most| format!("nowhere more than {most} off")));
-        aims.extend(self.target.no_saturation.then(|| "no saturation".to_owned()));
-        let head = format!("{}, from {}: {}", self.scenes.join(", "), self.base, aims.join(", "));
-        let mut table = plain_table(&["", "area", "", "PSNR dB", "max error", "drawn"]);
+        let against = self.target.against;
+        let head = format!("{}, from {}: {}", self.scenes.join(", "), self.base, self.target.aims().join(", "));
+        let mut table = plain_table(&["", "area", "", "golden dB", "ideal dB", "max error", "drawn"]);
         for Step { method, area, found, drawn } in &self.path {
             let part = format!("{:.1}%", 100.0 * area / first.area);
             table.add_row([
                 method.clone(),
                 thousands(*area as u64),
                 part,
-                found.psnr(),
-                format!("{:.4}", found.max_error),
+                found.psnr(Against::Golden),
+                found.psnr(Against::Ideal),
+                format!("{:.4}", found.max_error_against(against)),
                 thousands(*drawn),
             ]);
         }
@@ -702,7 +776,7 @@ impl Outcome {
             let whole = Cost::new(&reference, &Prices::default()).area;
             let _ = write!(text, ", {:.1}% less than reference", 100.0 * (1.0 - last.area / whole));
         }
-        let worst = self.views.iter().filter_map(|view| view.found.psnr_db).fold(f64::INFINITY, f64::min);
+        let worst = self.views.iter().filter_map(|view| view.found.psnr_db_against(against)).fold(f64::INFINITY, f64::min);
         let worst = if worst.is_finite() { format!(", the worst with {worst:.1} dB") } else { String::new() };
         let views = match self.views.len() {
             0 => "no unseen view was tried".to_owned(),

@@ -112,11 +112,11 @@ struct Exhibit {
 /// The case of a name.
 ///
 /// # Errors
-/// [`Error::Input`] naming the nearest one.
+/// [`Error::Input`] naming the nearest one, if one is near.
 pub fn find(name: &str) -> Result<&'static Case> {
     let names = CASES.each_ref().map(|case| case.name);
-    let nearest = validate::nearest(name, &names);
-    let input_error = || Error::input(format!("--case {name}: no such case; the nearest is `{nearest}` (known are {})", names.join(", ")));
+    let nearest = validate::nearest(name, &names).map_or(String::new(), |name| format!("; the nearest is `{name}`"));
+    let input_error = || Error::input(format!("--case {name}: no such case{nearest} (known are {})", names.join(", ")));
     CASES.iter().find(|case| case.name == name).ok_or_else(input_error)
 }
 

@@ -384,21 +384,27 @@ impl Outcome {
         let mut text = wrapped(&text) + "\n";
         let mut built: Vec<&Row> = self.table.rows.iter().filter(is_built).collect();
         let number = |row: &Row, name: &str| self.table.number(row, name).unwrap_or(f64::INFINITY);
+        if !built.is_empty() {
+            let heads = ["fixed − ideal", "fixed − golden", "on covered", "frames/s"].join("  ");
+            let _ = write!(text, "\n{:10} {heads}  {:>9}", "dB", "area");
+        }
         let mut told = |what: &str, row: Option<&Row>| {
             let Some(row) = row else { return };
-            let psnr = number(row, columns::PSNR_COVERED_DB);
-            let psnr = if psnr.is_finite() { format!("{psnr:.1} dB") } else { "equal pictures".into() };
+            let db = |name: &str| Some(number(row, name)).filter(|db| db.is_finite()).map_or("equal".into(), |db| format!("{db:.1}"));
+            let [whole, arithmetic, covered] = [columns::FIXED_VS_IDEAL_PSNR_DB, columns::PSNR_DB, columns::PSNR_COVERED_DB].map(db);
             let (rate, area) = (number(row, columns::FRAMES_PER_SECOND), thousands(number(row, columns::AREA) as u64));
             let changes = Some(self.table.text(row, columns::CHANGES)).filter(|changes| !changes.is_empty()).unwrap_or("as it is");
             let scene = self.table.text(row, columns::SCENE);
-            let _ = write!(text, "\n{what:<11} {psnr:>8}, {rate:>6.1} frames/s, area {area:>9}  {scene}");
-            let _ = write!(text, "\n{}", wrapped(&format!("    {changes}")));
+            let errors = format!("{whole:>13}  {arithmetic:>14}  {covered:>10}");
+            let _ = write!(text, "\n{what:<10} {errors}  {rate:>8.1}  {area:>9}");
+            let _ = write!(text, "\n{}", wrapped(&format!("    {scene}: {changes}")));
         };
         let mut by = |name: &'static str| {
             built.sort_by(|a, b| number(a, name).total_cmp(&number(b, name)));
             [built.first().copied(), built.last().copied()]
         };
-        let ([worst, best], [least, _], [_, fastest]) = (by(columns::PSNR_COVERED_DB), by(columns::AREA), by(columns::FRAMES_PER_SECOND));
+        let ([worst, best], [least, _], [_, fastest]) =
+            (by(columns::FIXED_VS_IDEAL_PSNR_DB), by(columns::AREA), by(columns::FRAMES_PER_SECOND));
         for (what, row) in [("worst", worst), ("best", best), ("least area", least), ("fastest", fastest)] {
             told(what, row);
         }

@@ -1,10 +1,13 @@
 //! Machines: finds a machine by name or file, changes it as asked, and publishes the schema that it is held against.
 
 use crate::error::{Error, Result};
+use crate::hardware::searched::SearchRecord;
 use crate::output::text::{clipped, is_unprintable, one_line};
 use crate::scene::{Scene, strict_json, validate};
 use rtl_model::Machine;
 use rtl_model::num::Format;
+use schemars::JsonSchema;
+use serde::Serialize;
 use serde_json::{Map, Value};
 use std::ffi::OsStr;
 use std::path::Path;
@@ -13,22 +16,57 @@ use std::sync::LazyLock;
 /// Steps of the longest path that a description could have a use for, a few times over; values much deeper would exhaust the stack.
 const MOST_STEPS: usize = 16;
 
+/// A machine as its file has it: all of it, and for what it was searched.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct File {
+    /// The machine.
+    #[serde(flatten)]
+    pub machine: Machine,
+    /// For what it was searched; none of one that nobody searched.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub searched: Option<SearchRecord>,
+}
+
+/// What a machine file may have besides the machine: nothing that is drawn depends on it.
+#[derive(JsonSchema)]
+#[expect(dead_code, reason = "read for its schema alone")]
+struct Besides {
+    /// For what it was searched: `search` writes it, and `run` warns where the machine is used outside of that.
+    searched: Option<SearchRecord>,
+}
+
 /// Loads the machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE` changes applied in order.
 ///
 /// # Errors
 /// [`Error::Input`], one sentence naming the file or the setting, the field, what is wrong and what would be right.
 pub fn load(spec: impl AsRef<OsStr>, settings: &[String]) -> Result<Machine> {
+    load_file(spec, settings).map(|file| file.machine)
+}
+
+/// The same, with what its file says besides, which no setting changes.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_file(spec: impl AsRef<OsStr>, settings: &[String]) -> Result<File> {
     let path = Path::new(spec.as_ref());
     let name = &*path.to_string_lossy();
-    let mut value = match Machine::named(name) {
-        Some(machine) if !path.exists() => value(&machine),
+    let (mut value, searched) = match Machine::named(name) {
+        Some(machine) if !path.exists() => (value(&machine), None),
         _ => read(path)?,
     };
-    let machine = checked(&value, name)?;
+    let mut machine = checked(&value, name)?;
     for setting in settings {
         set(&mut value, setting, &flag("--set", setting))?;
     }
-    if settings.is_empty() { Ok(machine) } else { checked(&value, name) }
+    if !settings.is_empty() {
+        machine = checked(&value, name)?;
+    }
+    Ok(File { machine, searched })
+}
+
+/// Whether a setting changes what is drawn, and not time alone.
+pub fn changes_picture(setting: &str) -> bool {
+    !is_below(setting.split('=').next().unwrap_or_default().trim(), "timing")
 }
 
 /// A flag and what follows it, for the beginning of an error.
@@ -143,6 +181,17 @@ fn set(value: &mut Value, setting: &str, flag: &str) -> Result<Machine> {
 
 /// The JSON Schema of a machine file.
 pub fn schema() -> Value {
+    let mut schema = schema_of_machine();
+    let mut besides = schemars::schema_for!(Besides).to_value();
+    for part in ["properties", "$defs"] {
+        if let (Some(all), Some(more)) = (schema[part].as_object_mut(), besides[part].as_object_mut()) {
+            all.append(more);
+        }
+    }
+    schema
+}
+
+fn schema_of_machine() -> Value {
     schemars::schema_for!(Machine).to_value()
 }
 
@@ -151,30 +200,38 @@ pub fn value(machine: &Machine) -> Value {
     serde_json::to_value(machine).unwrap_or_default()
 }
 
-fn read(path: &Path) -> Result<Value> {
+/// A machine file's fields, and for what the machine was searched.
+fn read(path: &Path) -> Result<(Value, Option<SearchRecord>)> {
     let name = &*path.to_string_lossy();
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let named: Vec<&str> = Machine::names().collect();
     let names = named.join(", ");
     if !path.exists() {
-        let nearest = validate::nearest(name, &named);
-        return Err(input_error(format!("no such file, and no named machine either; named are {names} (nearest: `{nearest}`)")));
+        let nearest = validate::in_brackets(name, &named);
+        return Err(input_error(format!("no such file, and no named machine either; named are {names}{nearest}")));
     }
     let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
     let Value::Object(mut fields) = whole(strict_json::parse(&text).map_err(input_error)?) else {
         return Err(input_error("a machine is a JSON object".into()));
     };
-    let Some(base) = fields.remove("base") else { return Ok(Value::Object(fields)) };
+    let searched = fields.remove("searched").map(read_record).transpose().map_err(input_error)?;
+    let Some(base) = fields.remove("base") else { return Ok((Value::Object(fields), searched)) };
     let base = base.as_str().and_then(Machine::named).ok_or_else(|| input_error(format!("base must be one of {names}, but is {base}")))?;
     let mut value = self::value(&base);
     fields.entry("name").or_insert_with(|| one_line(&path.file_stem().unwrap_or_default().to_string_lossy()).into());
     merge(&mut value, Value::Object(fields));
-    Ok(value)
+    Ok((value, searched))
+}
+
+/// For what a machine was searched; a sentence where that is none.
+fn read_record(value: Value) -> std::result::Result<SearchRecord, String> {
+    validate::check(&value, &schemars::schema_for!(SearchRecord).to_value()).map_err(|misfit| format!("searched: {misfit}"))?;
+    serde_path_to_error::deserialize(&value).map_err(|e| format!("searched: {}: {}", e.path(), e.inner()))
 }
 
 fn checked(value: &Value, whose: &str) -> Result<Machine> {
     // A sweep asks a thousand times.
-    static SCHEMA: LazyLock<Value> = LazyLock::new(schema);
+    static SCHEMA: LazyLock<Value> = LazyLock::new(schema_of_machine);
     let input_error = |sentence: String| Error::input(format!("{whose}: {sentence}"));
     validate::check(value, &SCHEMA).map_err(|misfit| input_error(misfit.to_string()))?;
     let machine: Machine = serde_path_to_error::deserialize(value).map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;

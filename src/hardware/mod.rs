@@ -4,3 +4,4 @@ pub mod fixed;
 pub mod machines;
 pub mod quantise;
 pub(crate) mod registers;
+pub mod searched;

@@ -82,11 +82,23 @@ impl Axis {
         }
     }
 
-    /// What a mark of the axis says; nothing between the powers of ten, where at least two of those are marked.
+    /// What a mark of the axis says, with as many digits as tell marks apart; nothing between the powers of ten, where at least two of
+    /// those are marked.
     fn mark(&self, place: f64, span: &Range<f64>) -> String {
         let between = (place - place.round()).abs() > 1e-6;
         let decades = span.end.floor() - span.start.ceil();
-        if self.log && between && decades >= 1.0 { String::new() } else { self.told(place) }
+        if self.log && between && decades >= 1.0 {
+            return String::new();
+        }
+        // Marks are at least so far apart.
+        let step = (span.end - span.start) / 20.0;
+        let told = self.told(place);
+        if self.log || (told.parse::<f64>().unwrap_or(place) - place).abs() < 0.1 * step {
+            return told;
+        }
+        let digits = (-libm::log10(step)).ceil().max(0.0) as usize;
+        let text = format!("{place:.digits$}");
+        if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').into() }
     }
 
     /// The range that shows all of these values, with a margin.
@@ -100,9 +112,15 @@ impl Axis {
             return 0.0..1.0;
         }
         let margin = if high > low { 0.04 * (high - low) } else { 0.5 };
+        // What differs in its last places alone is one value, as far as an axis can tell.
+        let least = LEAST_SPAN * low.abs().max(high.abs()) - (high - low);
+        let margin = margin.max(least / 2.0);
         low - margin..high + margin
     }
 }
+
+/// The shortest axis, as a part of its values: six digits tell its marks apart.
+const LEAST_SPAN: f64 = 2e-4;
 
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -115,6 +133,10 @@ pub enum Mark {
     Dots,
     /// A line with a ring at each point.
     Rings,
+    /// A cross at each point.
+    Crosses,
+    /// A triangle at each point.
+    Triangles,
 }
 
 /// One series of points.
@@ -222,8 +244,13 @@ const FONT: &str = "sans-serif";
 const INK: RGBColor = RGBColor(40, 40, 40);
 const FAINT: RGBColor = RGBColor(225, 225, 225);
 
-/// Caption, axis and margins of bars, pixels.
-const AROUND_BARS_PX: f64 = 95.0;
+/// Heights of a caption and of a line of a legend above bars, pixels.
+const CAPTION_PX: i32 = 38;
+const LEGEND_PX: i32 = 22;
+/// The square of a legend, what is left free beside it, and between its names, pixels.
+const SWATCH_PX: i32 = 14;
+const GAP_PX: i32 = 6;
+const APART_PX: i32 = 22;
 
 /// How far the words of a limit are moved to the right, pixels: they stand on their side.
 const BESIDE_PX: i32 = 15;
@@ -274,6 +301,8 @@ impl Draw for Panel {
                 Mark::Line => chart.draw_series(LineSeries::new(points, colour.stroke_width(2))),
                 Mark::Dashed => chart.draw_series(DashedLineSeries::new(points, 7, 5, colour.stroke_width(2))),
                 Mark::Dots => chart.draw_series(points.into_iter().map(|point| Circle::new(point, 2, colour.filled()))),
+                Mark::Crosses => chart.draw_series(points.into_iter().map(|point| Cross::new(point, 7, colour.stroke_width(3)))),
+                Mark::Triangles => chart.draw_series(points.into_iter().map(|point| TriangleMarker::new(point, 9, colour.filled()))),
                 Mark::Rings => {
                     let rings = points.iter().map(|point| Circle::new(*point, 5, colour.stroke_width(2)));
                     chart.draw_series(rings).map_err(told)?;
@@ -282,8 +311,14 @@ impl Draw for Panel {
             };
             let drawn = drawn.map_err(told)?;
             if !series.name.is_empty() {
-                let swatch = move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(3));
-                drawn.label(&series.name).legend(swatch);
+                match series.mark {
+                    Mark::Crosses => drawn.label(&series.name).legend(move |(x, y)| Cross::new((x + 9, y), 6, colour.stroke_width(3))),
+                    Mark::Triangles => drawn.label(&series.name).legend(move |(x, y)| TriangleMarker::new((x + 9, y), 7, colour.filled())),
+                    Mark::Dots => drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 9, y), 3, colour.filled())),
+                    _ => {
+                        drawn.label(&series.name).legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(3)))
+                    }
+                };
             }
         }
         if self.series.iter().any(|series| !series.name.is_empty()) {
@@ -370,17 +405,14 @@ impl Draw for Bars {
         // Bars of numbers below 0 go to the left.
         let foot = if self.axis.log { start } else { 0.0_f64.clamp(start, span.end) };
         let rows = self.rows.len() as f64;
-        // The legend stands below the last bar, not on it.
-        let legend_px = if self.legend.len() > 1 { 20.0 * self.legend.len() as f64 + 20.0 } else { 0.0 };
-        let bars_px = f64::from(area.dim_in_pixel().1) - AROUND_BARS_PX - legend_px;
-        let below = rows.max(1.0) * legend_px / bars_px.max(legend_px).max(1.0);
+        let area = &self.draw_head(area)?;
         let longest = self.rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0) as u32;
         let mut chart = ChartBuilder::on(area)
-            .caption(&self.title, (FONT, 19).into_font().color(&INK))
             .margin(12)
+            .margin_top(2)
             .x_label_area_size(44)
             .y_label_area_size(30 + 8 * longest)
-            .build_cartesian_2d(span, -below..rows.max(1.0))
+            .build_cartesian_2d(span, 0.0..rows.max(1.0))
             .map_err(told)?;
         chart
             .configure_mesh()
@@ -424,10 +456,7 @@ impl Draw for Bars {
                 Shape::Dots => chart.draw_series(places.iter().map(|[at, _]| Circle::new(*at, 4, colour.filled()))),
                 _ => chart.draw_series(places.iter().map(|corners| Rectangle::new(*corners, colour.filled()))),
             };
-            let drawn = drawn.map_err(told)?;
-            if let Some(name) = self.legend.get(bar) {
-                drawn.label(name).legend(move |(x, y)| Rectangle::new([(x, y - 5), (x + 14, y + 5)], colour.filled()));
-            }
+            drawn.map_err(told)?;
         }
         let style = (FONT, 14).into_font().color(&INK).pos(Pos::new(HPos::Right, VPos::Center));
         for (row, (name, _)) in self.rows.iter().enumerate() {
@@ -435,17 +464,36 @@ impl Draw for Bars {
             let (dx, dy) = area.get_base_pixel();
             area.draw(&Text::new(name.clone(), (x - dx - 8, y - dy), style.clone())).map_err(told)?;
         }
-        if self.legend.len() > 1 {
-            chart
-                .configure_series_labels()
-                .position(SeriesLabelPosition::LowerRight)
-                .background_style(WHITE.mix(0.85))
-                .border_style(FAINT)
-                .label_font((FONT, 14).into_font().color(&INK))
-                .draw()
-                .map_err(told)?;
-        }
         Ok(())
+    }
+}
+
+impl Bars {
+    /// Draws title and legend above all bars, where they cover none; what is left for those.
+    fn draw_head<B: DrawingBackend>(&self, area: &Area<B>) -> std::result::Result<Area<B>, String> {
+        let style = (FONT, 14).into_font().color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
+        let width = area.dim_in_pixel().0 as i32;
+        let mut places = Vec::new();
+        let (mut x, mut line) = (APART_PX, 0);
+        for name in self.legend.iter().filter(|_| self.legend.len() > 1) {
+            let words_px = area.estimate_text_size(name, &style).map_err(told)?.0 as i32;
+            if x > APART_PX && x + SWATCH_PX + GAP_PX + words_px > width {
+                (x, line) = (APART_PX, line + 1);
+            }
+            places.push((x, line));
+            x += SWATCH_PX + GAP_PX + words_px + APART_PX;
+        }
+        let lines = places.last().map_or(0, |(_, line)| line + 1);
+        let (head, body) = area.split_vertically(CAPTION_PX + LEGEND_PX * lines);
+        let title = (FONT, 19).into_font().color(&INK).pos(Pos::new(HPos::Center, VPos::Center));
+        head.draw(&Text::new(self.title.clone(), (width / 2, CAPTION_PX / 2 + 3), title)).map_err(told)?;
+        for (nth, (x, line)) in places.into_iter().enumerate() {
+            let y = CAPTION_PX + LEGEND_PX * line + LEGEND_PX / 2 - 2;
+            let square = [(x, y - 5), (x + SWATCH_PX, y + 5)];
+            head.draw(&Rectangle::new(square, COLOURS[nth % COLOURS.len()].filled())).map_err(told)?;
+            head.draw(&Text::new(self.legend[nth].clone(), (x + SWATCH_PX + GAP_PX, y), style.clone())).map_err(told)?;
+        }
+        Ok(body)
     }
 }
 

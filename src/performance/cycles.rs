@@ -6,7 +6,7 @@
 //!                                                                          └─► cycles.csv
 //! ```
 
-use crate::output::chart::{Axis, Mark, Panel, Series};
+use crate::output::chart::{Axis, Bars, Mark, Panel, Series, Shape};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::Memory;
@@ -226,6 +226,21 @@ impl CyclesReport {
         };
         let timed = self.units.iter().filter_map(|unit| unit.over_time.as_ref().map(|over_time| (unit, over_time)));
         timed.enumerate().map(|(nth, (unit, over_time))| panel((nth % 6, unit, over_time))).collect()
+    }
+
+    /// What each unit does in the frame's cycles.
+    pub fn stacks(&self) -> Bars {
+        let row = |unit: &UnitReport| {
+            let counts = [unit.busy, unit.starved, unit.blocked, unit.memory];
+            (unit.name.clone(), counts.map(|count| count as f64 * 100.0 / self.total.max(1) as f64).to_vec())
+        };
+        Bars {
+            shape: Shape::Stack,
+            title: "what each unit does".into(),
+            axis: Axis::linear("% of cycles").within(0.0, 100.0),
+            legend: ["busy", "starved", "blocked", "memory"].map(str::to_owned).to_vec(),
+            rows: self.units.iter().map(row).collect(),
+        }
     }
 
     /// One line a unit.

@@ -179,10 +179,10 @@ pub fn write_cycles(cycles: &CyclesReport, timings: Option<&Timings>, requests: 
         write_beside(&path, |file| requests.iter().try_for_each(|requests| requests.write(format, file)).map_err(|e| e.to_string()))?;
         written.push(path);
     }
-    let charts = cycles.charts();
-    let charts: Vec<&dyn Chart> = charts.iter().map(|chart| chart as &dyn Chart).collect();
+    let (stacks, over_time) = (cycles.stacks(), cycles.charts());
+    let charts: Vec<&dyn Chart> = std::iter::once(&stacks as &dyn Chart).chain(over_time.iter().map(|chart| chart as &dyn Chart)).collect();
     let path = folder.join("cycles.png");
-    chart::write_png(&charts, 2, [460, 240], &path)?;
+    chart::write_png(&charts, 2, [460, 320], &path)?;
     written.push(path);
     let path = folder.join("cycles.csv");
     write_beside(&path, |file| file.write_all(cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;

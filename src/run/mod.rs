@@ -46,6 +46,8 @@ pub struct Options {
     pub record: bool,
     /// What bits cost.
     pub prices: Prices,
+    /// How the scene lies outside of what the machine was searched for, where it was.
+    pub outside_of_search: Option<Vec<String>>,
 }
 
 /// Three pictures, their difference, and what was found.
@@ -108,10 +110,11 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
             scale: evaluation.quantised.scale,
             notes: scene.notes.iter().chain(&evaluation.quantised.notes).cloned().collect(),
         },
-        machine: MachineReport::new(&elaborated),
+        machine: MachineReport { outside_of_search: options.outside_of_search.clone(), ..MachineReport::new(&elaborated) },
         accuracy: Accuracy {
             fixed_vs_golden: metrics(&fixed, &golden.picture),
             golden_vs_ideal: metrics(&golden.picture, &ideal.picture),
+            fixed_vs_ideal: metrics(&fixed, &ideal.picture),
             lockstep: lockstep.summary(&fixed),
         },
         fragments: drawing.outcomes.into(),

@@ -48,6 +48,8 @@ pub struct Figures {
     pub fixed_vs_golden_psnr_db: Option<f64>,
     /// The method's error.
     pub golden_vs_ideal_psnr_db: Option<f64>,
+    /// The whole error.
+    pub fixed_vs_ideal_psnr_db: Option<f64>,
 }
 
 /// What was left out, and what the rest says.
@@ -102,15 +104,16 @@ fn figures(scene: &Scene, machine: &Machine) -> Result<Figures> {
     let evaluation = Evaluation::new(scene, machine)?;
     let (drawing, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
     let cycles = timing::replay(&evaluation.machine.timing, &work, Detail::Accounts);
-    let golden = evaluation.golden().picture;
+    let [fixed, golden, ideal] = [evaluation.picture(&drawing), evaluation.golden().picture, golden::ideal(scene).picture];
     Ok(Figures {
         width: scene.image.width,
         height: scene.image.height,
         contributions: drawing.outcomes.total(),
         cycles: cycles.total,
         memory_bytes: cycles.memory.total_bytes(),
-        fixed_vs_golden_psnr_db: distance(&evaluation.picture(&drawing), &golden).psnr_db,
-        golden_vs_ideal_psnr_db: distance(&golden, &golden::ideal(scene).picture).psnr_db,
+        fixed_vs_golden_psnr_db: distance(&fixed, &golden).psnr_db,
+        golden_vs_ideal_psnr_db: distance(&golden, &ideal).psnr_db,
+        fixed_vs_ideal_psnr_db: distance(&fixed, &ideal).psnr_db,
     })
 }
 
@@ -152,6 +155,7 @@ impl Preview {
         for (name, db) in [
             ("fixed − golden, dB", (|f| f.fixed_vs_golden_psnr_db) as fn(&Figures) -> Option<f64>),
             ("golden − ideal, dB", |f| f.golden_vs_ideal_psnr_db),
+            ("fixed − ideal, dB", |f| f.fixed_vs_ideal_psnr_db),
         ] {
             let told = |db: Option<f64>| db.map_or("equal".into(), |db| format!("{db:.1}"));
             let change = db(less).zip(db(now)).map_or("–".into(), |(less, now)| format!("{:+.1}", now - less));

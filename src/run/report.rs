@@ -109,6 +109,10 @@ pub struct MachineReport {
     pub widest_operand_bits: i32,
     /// The microarchitecture, nothing left out.
     pub timing: rtl_model::elaboration::microarchitecture::Microarchitecture,
+    /// How the scene lies outside of what the machine was searched for: nothing where it does not; only of a machine whose file says for
+    /// what it was searched.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub outside_of_search: Option<Vec<String>>,
 }
 
 /// Distances of the three pictures.
@@ -118,6 +122,8 @@ pub struct Accuracy {
     pub fixed_vs_golden: Metrics,
     /// The method's error.
     pub golden_vs_ideal: Metrics,
+    /// The whole error: the arithmetic's and the method's.
+    pub fixed_vs_ideal: Metrics,
     /// The arithmetic's error alone: against `golden` led by the machine's decisions.
     pub lockstep: Summary,
 }
@@ -202,6 +208,7 @@ impl MachineReport {
             fragment_bits: machine.machine.fragment_bits(),
             widest_operand_bits: widest.unwrap_or(0),
             timing: machine.timing.clone(),
+            outside_of_search: None,
         }
     }
 }
@@ -217,6 +224,7 @@ impl Report {
             memory_bytes: self.cycles.memory.bytes,
             fixed_vs_golden_psnr_db: self.accuracy.fixed_vs_golden.psnr_db,
             golden_vs_ideal_psnr_db: self.accuracy.golden_vs_ideal.psnr_db,
+            fixed_vs_ideal_psnr_db: self.accuracy.fixed_vs_ideal.psnr_db,
         }
     }
 
@@ -251,7 +259,9 @@ impl Report {
 
     fn accuracy_table(&self) -> Table {
         let mut table = plain_table(&["", "PSNR dB", "covered dB", "SSIM", "max error", "mean error", "px > 1/255"]);
-        for (name, m) in [("fixed − golden", self.accuracy.fixed_vs_golden), ("golden − ideal", self.accuracy.golden_vs_ideal)] {
+        let Accuracy { fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal, .. } = self.accuracy;
+        for (name, m) in [("fixed − golden", fixed_vs_golden), ("golden − ideal", golden_vs_ideal), ("fixed − ideal", fixed_vs_ideal)]
+        {
             let shown = |db: f64| if db > MOST_DB { format!("> {MOST_DB}") } else { format!("{db:.1}") };
             let db = |db: Option<f64>| db_text(db, m.not_finite, shown);
             table.add_row([

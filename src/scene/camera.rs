@@ -2,7 +2,7 @@
 
 use super::{Camera, Splat, neighbours::lone_radius};
 use glam::{DQuat, DVec3};
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Where the eye is, seen from the splats: in front, a little to the right and above (y is up).
 const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
@@ -54,6 +54,11 @@ impl Ball {
 /// A vector as a scene file has it.
 pub(super) fn as_array<S: Serializer>(vector: &DVec3, serializer: S) -> Result<S::Ok, S::Error> {
     vector.to_array().serialize(serializer)
+}
+
+/// The same, read.
+pub(super) fn from_array<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DVec3, D::Error> {
+    <[f64; 3]>::deserialize(deserializer).map(DVec3::from_array)
 }
 
 /// Turn from one camera to the next, degrees: the golden angle, by which no two come close.

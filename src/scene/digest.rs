@@ -46,6 +46,23 @@ pub fn digest_of(scene: &Scene) -> String {
     hex(&sha.finalize())
 }
 
+/// A digest of where a scene's splats are and how large: the same whatever camera, size or light they are drawn with, and in whatever
+/// order, for a camera may set order, normals and colours.
+pub fn digest_of_places(scene: &Scene) -> String {
+    let number = |number: u64, value: f64| mixed(number ^ value.to_bits());
+    let of_one = |splat: &Splat| splat.position.to_array().into_iter().chain([splat.radius]).fold(0, number);
+    let sums = scene.splats.iter().map(of_one).fold([0u64; 2], |[sum, mix], one| [sum.wrapping_add(one), mix.wrapping_add(mixed(!one))]);
+    digest(&[sums[0].to_le_bytes(), sums[1].to_le_bytes(), (scene.splats.len() as u64).to_le_bytes()].concat())
+}
+
+/// SplitMix64: what a number is turned into.
+pub fn mixed(number: u64) -> u64 {
+    let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
 fn add(sha: &mut Sha256, numbers: &[f64]) {
     numbers.iter().for_each(|number| sha.update(number.to_le_bytes()));
 }

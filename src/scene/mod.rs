@@ -24,7 +24,7 @@ pub use json::{MOST_PIXELS, schema};
 use crate::error::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::ffi::OsStr;
 use std::path::Path;
 
@@ -55,18 +55,19 @@ pub struct Splat {
 }
 
 /// Where the eye is and what it sees (docs/book/algorithm.md §1), as a scene file has it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
 pub struct Camera {
     /// World position of the eye.
-    #[serde(serialize_with = "camera::as_array")]
+    #[serde(serialize_with = "camera::as_array", deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub eye: DVec3,
     /// World position that lands on the middle of the picture.
-    #[serde(serialize_with = "camera::as_array")]
+    #[serde(serialize_with = "camera::as_array", deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub target: DVec3,
     /// Direction that is up in the picture; not parallel to `target − eye`.
-    #[serde(serialize_with = "camera::as_array")]
+    #[serde(serialize_with = "camera::as_array", deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub up: DVec3,
     /// Full vertical angle of view, degrees, in (0, 180).
@@ -336,8 +337,8 @@ fn is_json(path: &Path) -> bool {
 /// Half a sentence about a name that is neither a file nor a built-in scene.
 fn no_such_file(name: &str) -> String {
     let names: Vec<&str> = builtin::names().collect();
-    let nearest = validate::nearest(name, &names);
-    format!("no such file, and no built-in scene either; built in are {} (nearest: `{nearest}`)", names.join(", "))
+    let nearest = validate::in_brackets(name, &names);
+    format!("no such file, and no built-in scene either; built in are {}{nearest}", names.join(", "))
 }
 
 /// The vector's direction, however long it is; none where it is zero or not finite.

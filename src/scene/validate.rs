@@ -211,15 +211,15 @@ fn check_word(text: &str, words: &[&str]) -> Fits {
     if words.contains(&text) {
         return Ok(());
     }
-    Err(Misfit::here(format!("is `{}`; it must be one of {} (nearest: `{}`)", clipped(text), list(words), nearest(text, words))))
+    Err(Misfit::here(format!("is `{}`; it must be one of {}{}", clipped(text), list(words), in_brackets(text, words))))
 }
 
 fn check_known(fields: &Map<String, Value>, known: &[&str]) -> Fits {
     match fields.keys().find(|name| !known.contains(&name.as_str())) {
         None => Ok(()),
         Some(stray) => {
-            let wrong = format!("is no known field; the nearest is `{}` (known are {})", nearest(stray, known), list(known));
-            Err(Misfit::here(wrong).inside(format!(".{}", clipped(stray))))
+            let nearest = nearest(stray, known).map_or(String::new(), |name| format!("; the nearest is `{name}`"));
+            Err(Misfit::here(format!("is no known field{nearest} (known are {})", list(known))).inside(format!(".{}", clipped(stray))))
         }
     }
 }
@@ -234,8 +234,35 @@ fn list(words: &[&str]) -> String {
     distinct.join(", ")
 }
 
-/// The known word most like `text`.
-pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> &'a str {
-    let likeness = |word: &&&str| strsim::jaro_winkler(text, word);
-    known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b))).copied().unwrap_or("none")
+/// How much a word must be like another one to be meant by it, by Jaro and Winkler: 1 is the same. Words with a letter missing, wrong or
+/// swapped lie above 0.85, unrelated ones below 0.75.
+const LIKE: f64 = 0.8;
+
+/// The known word most like `text`, if it may well have been meant.
+pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
+    let likeness = |word: &str| strsim::jaro_winkler(text, word);
+    let best = known.iter().copied().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    best.filter(|word| likeness(word) >= LIKE)
+}
+
+/// That word for the end of a sentence, in brackets; nothing where none is meant.
+pub(crate) fn in_brackets(text: &str, known: &[&str]) -> String {
+    nearest(text, known).map_or(String::new(), |name| format!(" (nearest: `{name}`)"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const NAMES: [&str; 5] = ["precision", "precision-in-lockstep", "curves", "architecture", "layers"];
+
+    #[test]
+    fn a_misspelt_name_has_a_nearest_one_and_a_strange_one_has_none() {
+        let meant = ["precison", "Precision", "curvs", "layer", "architektur", "lyaers"].map(|text| nearest(text, &NAMES));
+        assert_eq!(meant, ["precision", "precision", "curves", "layers", "architecture", "layers"].map(Some));
+        for strange in ["nono", "", "x", "plan.json", "found/rows", "torus-knot"] {
+            assert_eq!((nearest(strange, &NAMES), in_brackets(strange, &NAMES)), (None, String::new()), "{strange}");
+        }
+        assert_eq!(nearest("any", &[]), None);
+    }
 }

@@ -11,7 +11,7 @@
 //! Laws: `what_is_found_is_close_to_the_best_there_is`, `no_single_step_is_left`.
 
 use crate::error::Result;
-use crate::explore::sweep::plan::mixed;
+use crate::scene::digest::mixed;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 

@@ -18,11 +18,11 @@ use crate::output::chart;
 use crate::output::chart::{Axis, Bars, Chart, Mark, Panel, Series, Shape};
 use crate::output::files::write_beside;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
-use comfy_table::CellAlignment;
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 /// A drawing with its name and what it says.
@@ -46,6 +46,8 @@ pub struct Rows {
     fields: serde_json::Value,
     /// The base machine's words.
     words: BTreeMap<String, Format>,
+    /// Of a search.
+    sought: Option<Sought>,
 }
 
 /// What was drawn.
@@ -57,13 +59,75 @@ pub struct Charts {
 
 /// Names beside the points of a front, at most.
 const NAMES: usize = 10;
-/// Letters of such a name, at most.
+/// Letters of such a name, of one in a table, of what says how many more changes there are, and of a scene's name, at most.
 const LETTERS: usize = 44;
+const TOLD_LETTERS: usize = 140;
+const MORE_LETTERS: usize = 9;
+const SCENE_LETTERS: usize = 36;
 /// Values from which on a word has a curve of its own.
 const CURVE: usize = 5;
 /// Bars of a field, and panels of a figure, at most.
 const MOST_BARS: usize = 40;
 const MOST_PANELS: usize = 24;
+
+/// What accuracy is compared with: a column, and what it shows.
+const AREA: [&str; 2] = [columns::AREA, "area, thousand LUT equivalents"];
+const SPEED: [&str; 2] = [columns::FRAMES_PER_SECOND, "frames/s of the machine"];
+
+/// A way to measure how far pictures are off.
+struct Measure {
+    column: &'static str,
+    /// Of an axis.
+    label: &'static str,
+    /// Above a panel.
+    title: &'static str,
+    /// What makes it.
+    says: &'static str,
+}
+
+/// The whole error first, then what it is made of.
+const MEASURES: [Measure; 3] = [
+    Measure {
+        column: columns::FIXED_VS_IDEAL_PSNR_DB,
+        label: "fixed − ideal, dB",
+        title: "the whole error",
+        says: "is the whole error, over all pixels: how far the machine's picture is from what the method could make",
+    },
+    Measure {
+        column: columns::PSNR_DB,
+        label: "fixed − golden, dB",
+        title: "the error of arithmetic",
+        says: "is the arithmetic's part, which words make",
+    },
+    METHOD,
+];
+const METHOD: Measure = Measure {
+    column: columns::GOLDEN_VS_IDEAL_PSNR_DB,
+    label: "golden − ideal, dB",
+    title: "the error of method",
+    says: "is the method's part, which layers and rules make",
+};
+
+/// What a search was after, and what it found.
+struct Sought {
+    psnr_db: Option<f64>,
+    /// The column that the target is of.
+    column: &'static str,
+    /// Area, PSNR and greatest error, fixed − golden, of what it ended with; none before it ended.
+    found: [Option<f64>; 3],
+}
+
+impl Sought {
+    /// Of a folder whose plan has a target.
+    fn read(folder: &Path, target: &serde_json::Value) -> Self {
+        let text = std::fs::read_to_string(folder.join("search.json")).unwrap_or_default();
+        let search: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+        let last = search["path"].as_array().and_then(|path| path.last());
+        let found = ["area", "psnr_db", "max_error"].map(|name| last.and_then(|last| last[name].as_f64()));
+        let column = if target["against"] == "ideal" { columns::FIXED_VS_IDEAL_PSNR_DB } else { columns::PSNR_DB };
+        Sought { psnr_db: target["psnr_db"].as_f64(), column, found }
+    }
+}
 
 /// Draws all that the rows of a folder can show into that folder.
 ///
@@ -110,7 +174,8 @@ impl Rows {
         let plan: serde_json::Value = serde_json::from_str(&text).map_err(|e| input_error(format!("not JSON: {e}")))?;
         let base = machines::from_value(plan.get("machine").unwrap_or(&serde_json::Value::Null), &format!("{}: machine", path.display()))?;
         let words = machines::words(&base).into_iter().collect();
-        Ok(Rows { table, fields: machines::value(&base), base, words })
+        let sought = plan.get("search").map(|target| Sought::read(folder, target));
+        Ok(Rows { table, fields: machines::value(&base), base, words, sought })
     }
 
     fn number(&self, row: &Row, name: &str) -> Option<f64> {
@@ -155,44 +220,38 @@ impl Rows {
         Some([format.int_bits - base.int_bits, format.frac_bits - base.frac_bits])
     }
 
-    /// A machine's name, short enough to stand beside a point.
-    fn name(&self, row: &Row) -> String {
-        let changes = self.changes(row);
-        if changes.is_empty() {
-            return self.base.name.clone();
+    /// What a change does, shortly: bits more or less of a word, the value of all else.
+    fn change(&self, (field, value): (&str, &str)) -> String {
+        let bits = |bits: i32, of: &str| if bits == 0 { String::new() } else { format!(" {}{of}", signed(bits)) };
+        match self.more_bits(field, value) {
+            Some([int, frac]) if [int, frac] != [0, 0] => format!("{field}{}{}", bits(int, " int"), bits(frac, "")),
+            _ => format!("{} {value}", short(field)),
         }
-        let one = |(field, value): &(&str, &str)| {
-            let bits = |bits: i32, of: &str| if bits == 0 { String::new() } else { format!(" {}{of}", signed(bits)) };
-            match self.more_bits(field, value) {
-                Some([int, frac]) if [int, frac] != [0, 0] => format!("{field}{}{}", bits(int, " int"), bits(frac, "")),
-                _ => format!("{} {value}", short(field)),
-            }
+    }
+
+    /// A machine by what was changed: as many changes as have room in so many letters, one at least, and how many more there are.
+    fn name(&self, row: &Row, letters: usize) -> String {
+        let changes: Vec<String> = self.changes(row).into_iter().map(|change| self.change(change)).collect();
+        let mut name = match &changes[..] {
+            [] => return self.base.name.clone(),
+            [first, ..] => first.clone(),
         };
-        let name = changes.iter().map(one).collect::<Vec<_>>().join(", ");
-        let point = self.number(row, columns::POINT).unwrap_or(0.0);
-        if name.chars().count() > LETTERS { format!("point {point}") } else { name }
+        for (nth, change) in changes.iter().enumerate().skip(1) {
+            let left = changes.len() - nth;
+            let room = if left > 1 { MORE_LETTERS } else { 0 };
+            if name.chars().count() + change.chars().count() + 2 + room > letters {
+                return format!("{name}, {left} more");
+            }
+            name = format!("{name}, {change}");
+        }
+        name
     }
 
     fn figures(&self) -> Vec<Figure> {
         let found = [
-            self.scatter(
-                "accuracy-area",
-                [columns::AREA, "area, thousand LUT equivalents", columns::PSNR_DB, "PSNR, fixed − golden, dB"],
-                [1.0, 1.0],
-                "What accuracy costs. Each dot is a machine; those with a ring are beaten by none, all others cost more, are worse, or both. Better is up and to the left.",
-            ),
-            self.scatter(
-                "accuracy-speed",
-                [columns::FRAMES_PER_SECOND, "frames/s of the machine", columns::PSNR_DB, "PSNR, fixed − golden, dB"],
-                [-1.0, 1.0],
-                "Accuracy against speed of the simulated machine. Better is up and to the right.",
-            ),
-            self.scatter(
-                "speed-area",
-                [columns::AREA, "area, thousand LUT equivalents", columns::FRAMES_PER_SECOND, "frames/s of the machine"],
-                [1.0, 1.0],
-                "What speed costs. Better is up and to the left.",
-            ),
+            self.accuracy("accuracy-area", AREA, 1.0, "What accuracy costs. Better is up and to the left."),
+            self.accuracy("accuracy-speed", SPEED, -1.0, "Accuracy against speed of the simulated machine. Better is up and to the right."),
+            self.speed_area(),
             self.sensitivity(),
             self.curves(),
             self.layers(),
@@ -215,41 +274,94 @@ impl Rows {
         (points, front)
     }
 
-    fn scatter(&self, name: &'static str, [x, x_label, y, y_label]: [&str; 4], signs: [f64; 2], says: &str) -> Option<Figure> {
-        let panel = |scene: &&str| {
-            let (points, front) = self.front(scene, [x, y], signs);
-            let unit = |name: &str| if name == columns::AREA { 1e-3 } else { 1.0 };
-            let places: Vec<[f64; 2]> = points.iter().map(|(_, place)| [place[0] * unit(x), place[1] * unit(y)]).collect();
-            if !(0..2).all(|axis| varies(places.iter().map(|place| place[axis]))) {
-                return None;
+    /// Accuracy against a cost: the whole error, and beside it those that it is made of.
+    fn accuracy(&self, name: &'static str, [x, x_label]: [&str; 2], sign: f64, says: &str) -> Option<Figure> {
+        let all_scenes = self.scenes();
+        let varies_in =
+            |scene: &str, column: &str| varies(self.of(scene).filter_map(|row| self.pair(row, [x, column])).map(|pair| pair[1]));
+        let varies_by =
+            |scene: &str, column: &str| varies(self.of(scene).filter_map(|row| self.pair(row, [x, column])).map(|pair| pair[0]));
+        let is_shown = |scene: &str, measure: &Measure| varies_in(scene, measure.column) && varies_by(scene, measure.column);
+        let measures: Vec<&Measure> = MEASURES.iter().filter(|measure| all_scenes.iter().any(|scene| is_shown(scene, measure))).collect();
+        let scenes = all_scenes.iter().filter(|scene| measures.iter().any(|measure| is_shown(scene, measure)));
+        let panel = |(scene, measure): (&str, &Measure)| {
+            let mut panel = self.scatter(scene, [x, x_label, measure.column, measure.label], [sign, 1.0]);
+            panel.title = format!("{}: {}", cut(scene), measure.title);
+            let ends = |y: f64| {
+                let (low, high) = extent(panel.series[0].points.iter().map(|point| point[0]));
+                vec![[low, y], [high, y]]
+            };
+            let mut lines = Vec::new();
+            if measure.column == columns::FIXED_VS_IDEAL_PSNR_DB && !measures.iter().any(|other| other.column == METHOD.column) {
+                // One for all machines: what words alone cannot exceed by much.
+                let method = self.of(scene).find_map(|row| self.number(row, METHOD.column));
+                lines.extend(method.map(|db| (format!("golden − ideal, {db:.1} dB"), ends(db), 6)));
             }
-            let ring = |i: &usize| places[*i];
-            let named = spread(&front.iter().map(ring).collect::<Vec<_>>(), NAMES);
-            let mut notes: Vec<([f64; 2], String)> =
-                named.iter().map(|nth| (places[front[*nth]], self.name(points[front[*nth]].0))).collect();
-            // Equal machines have one name.
-            notes.dedup_by(|a, b| a.0 == b.0);
-            let base = points.iter().position(|(row, _)| self.changes(row).is_empty());
-            if let Some(base) = base.filter(|base| !notes.iter().any(|(other, _)| *other == places[*base])) {
-                notes.push((places[base], self.name(points[base].0)));
+            if let Some(Sought { psnr_db: Some(db), column, .. }) = &self.sought
+                && *column == measure.column
+            {
+                lines.push((format!("target, {db} dB"), ends(*db), 4));
             }
-            let series = |name: &str, points: Vec<[f64; 2]>, mark, colour| Series { name: name.into(), points, mark, colour };
-            Some(Panel {
-                title: (*scene).to_owned(),
-                x: Axis::linear(x_label),
-                y: Axis::linear(y_label),
-                series: vec![
-                    series("machines", places.clone(), Mark::Dots, 0),
-                    series("none is better", front.iter().map(ring).collect(), Mark::Rings, 1),
-                ],
-                notes,
-                ..Panel::default()
-            })
+            let line = |(name, points, colour)| Series { name, points, mark: Mark::Dashed, colour };
+            panel.series.extend(lines.into_iter().map(line));
+            Box::new(panel) as Box<dyn Chart>
         };
-        let scenes = self.scenes();
-        let charts: Vec<Box<dyn Chart>> = scenes.iter().filter_map(panel).map(|panel| Box::new(panel) as Box<dyn Chart>).collect();
-        let title = format!("{} against {}", y_label.split(',').next().unwrap_or_default(), x_label.split(',').next().unwrap_or_default());
-        figure(name, title, says, charts, [760, 520])
+        let charts: Vec<Box<dyn Chart>> = scenes.flat_map(|scene| measures.iter().map(|measure| (*scene, *measure))).map(panel).collect();
+        let parts: Vec<String> = measures.iter().map(|measure| format!("{}, {}", measure.label, measure.says)).collect();
+        let says = format!(
+            "{says} Each dot is a machine; those with a ring are beaten by none, all others cost more, are worse, or both. {}.",
+            parts.join("; ")
+        );
+        let title = format!("Accuracy against {}", x_label.split(',').next().unwrap_or_default());
+        figure(name, title, &says, charts, [760, 520]).map(|figure| Figure { columns: measures.len(), ..figure })
+    }
+
+    fn speed_area(&self) -> Option<Figure> {
+        let [x, x_label] = AREA;
+        let [y, y_label] = SPEED;
+        let does_vary = |scene: &&&str| {
+            let pairs: Vec<[f64; 2]> = self.of(scene).filter_map(|row| self.pair(row, [x, y])).collect();
+            (0..2).all(|axis| varies(pairs.iter().map(|pair| pair[axis])))
+        };
+        let panel = |scene: &&str| Box::new(self.scatter(scene, [x, x_label, y, y_label], [1.0, 1.0])) as Box<dyn Chart>;
+        let charts: Vec<Box<dyn Chart>> = self.scenes().iter().filter(does_vary).map(panel).collect();
+        let says = "What speed costs. Better is up and to the left.";
+        figure("speed-area", "Frames/s of the machine against area".into(), says, charts, [760, 520])
+    }
+
+    /// Two figures of every machine on a scene, with the front, and of a search where it began and ended.
+    fn scatter(&self, scene: &str, [x, x_label, y, y_label]: [&str; 4], signs: [f64; 2]) -> Panel {
+        let (points, front) = self.front(scene, [x, y], signs);
+        let unit = |name: &str| if name == columns::AREA { 1e-3 } else { 1.0 };
+        let places: Vec<[f64; 2]> = points.iter().map(|(_, place)| [place[0] * unit(x), place[1] * unit(y)]).collect();
+        let ring = |i: &usize| places[*i];
+        let named = spread(&front.iter().map(ring).collect::<Vec<_>>(), NAMES);
+        let mut notes: Vec<([f64; 2], String)> =
+            named.iter().map(|nth| (places[front[*nth]], self.name(points[front[*nth]].0, LETTERS))).collect();
+        // Equal machines have one name.
+        notes.dedup_by(|a, b| a.0 == b.0);
+        let base = points.iter().position(|(row, _)| self.changes(row).is_empty());
+        if let Some(base) = base.filter(|base| !notes.iter().any(|(other, _)| *other == places[*base])) {
+            notes.push((places[base], self.base.name.clone()));
+        }
+        let series = |name: &str, points: Vec<[f64; 2]>, mark, colour| Series { name: name.into(), points, mark, colour };
+        let mut all = vec![
+            series("machines", places.clone(), Mark::Dots, 0),
+            series("none is better", front.iter().map(ring).collect(), Mark::Rings, 1),
+        ];
+        if let Some(sought) = &self.sought {
+            let found = points.iter().position(|(row, _)| self.is_found(row, sought));
+            all.extend(base.map(|base| series("start", vec![places[base]], Mark::Crosses, 2)));
+            all.extend(found.map(|found| series("found", vec![places[found]], Mark::Triangles, 3)));
+        }
+        Panel { title: cut(scene), x: Axis::linear(x_label), y: Axis::linear(y_label), series: all, notes, ..Panel::default() }
+    }
+
+    /// Whether a row is of the machine that a search ended with.
+    fn is_found(&self, row: &Row, sought: &Sought) -> bool {
+        let [area, psnr_db, max_error] = sought.found;
+        let names = [columns::AREA, columns::PSNR_DB, columns::MAX_ERROR];
+        area.is_some() && names.map(|name| self.number(row, name)) == [area, psnr_db, max_error]
     }
 
     /// Rows of a scene that change one word alone: field, more bits, row; the base machine with no field.
@@ -424,7 +536,7 @@ impl Rows {
         machines::with(&self.base, &changes, "")
     }
 
-    /// Every field of the timing: cycles, and what the busiest unit does in them.
+    /// Every field of the timing: cycles, and what each unit does in them.
     fn cycles(&self) -> Option<Figure> {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         let mut most = 0;
@@ -435,6 +547,7 @@ impl Rows {
                     fields.push(field);
                 }
             }
+            let mut values: Vec<(String, f64, &Row)> = Vec::new();
             for field in fields {
                 // The fewest cycles of each value.
                 let mut best: Vec<(String, f64, &Row)> = Vec::new();
@@ -447,35 +560,38 @@ impl Rows {
                         None => best.push((value, cycles, row)),
                     }
                 }
-                best.truncate(MOST_BARS);
-                if best.len() < 2 || charts.len() >= MOST_PANELS {
+                if best.len() > 1 {
+                    values.extend(best.into_iter().map(|(value, cycles, row)| (format!("{} {value}", short(field)), cycles, row)));
+                }
+            }
+            values.truncate(MOST_BARS);
+            if values.is_empty() {
+                continue;
+            }
+            most = most.max(values.len());
+            for unit in UNITS {
+                let counts = |row: &Row| ACCOUNTS.map(|account| self.number(row, &columns::account(unit, account)).unwrap_or(0.0));
+                if values.iter().all(|(_, _, row)| counts(row).iter().sum::<f64>() == 0.0) {
                     continue;
                 }
-                most = most.max(best.len());
                 let row = |(value, cycles, row): &(String, f64, &Row)| {
-                    let (unit, counts) = self.busiest(row);
+                    let counts = counts(row);
+                    // Of several side by side, those of one.
                     let all: f64 = counts.iter().sum();
-                    (format!("{value}: {unit}"), counts.map(|count| count / all.max(1.0) * cycles / 1e6).to_vec())
+                    let limits = if self.table.text(row, columns::BOTTLENECK) == unit { " (limits)" } else { "" };
+                    (format!("{value}{limits}"), counts.map(|count| count / all.max(1.0) * cycles / 1e6).to_vec())
                 };
                 charts.push(Box::new(Bars {
                     shape: Shape::Stack,
-                    title: format!("{scene}: {field}, all else at its best"),
-                    axis: Axis::linear("million cycles; what the busiest unit does in them"),
+                    title: format!("{}: {unit}", cut(scene)),
+                    axis: Axis::linear("million cycles of the frame"),
                     legend: ACCOUNTS.map(str::to_owned).to_vec(),
-                    rows: best.iter().map(row).collect(),
+                    rows: values.iter().map(row).collect(),
                 }));
             }
         }
-        let says = "Each value of a field with the fewest cycles that any machine with it takes. The bar is the whole frame; its parts are what the unit that is busy longest, named beside the value, does: work (busy), wait for an item (starved), for room behind it (blocked), for memory.";
-        figure("cycles", "Cycles and stalls by microarchitecture".into(), says, charts, [640, 170 + 30 * most as u32])
-    }
-
-    /// The unit that is busy longest, and what it does.
-    fn busiest(&self, row: &Row) -> (&'static str, [f64; 4]) {
-        let of = |unit: &str| ACCOUNTS.map(|account| self.number(row, &format!("{unit}_{account}")).unwrap_or(0.0));
-        let part = |counts: &[f64; 4]| counts[0] / counts.iter().sum::<f64>().max(1.0);
-        let all = UNITS.into_iter().map(|unit| (unit, of(unit)));
-        all.max_by(|a, b| part(&a.1).total_cmp(&part(&b.1))).unwrap_or(("", [0.0; 4]))
+        let says = "A picture a unit: what it does in the frame's cycles. Each bar is a value of a field with the fewest cycles that any machine with it takes, all else at its best; its parts are work (busy), wait for an item (starved), for room behind it or for itself (blocked), for memory. The unit that limits a frame is marked.";
+        figure("cycles", "Cycles and stalls by microarchitecture".into(), says, charts, [640, 150 + 22 * most as u32])
     }
 
     /// How fast the three renderers are on this computer, and how good.
@@ -515,45 +631,66 @@ impl Rows {
         figure("host-speed", "Accuracy against speed of the simulator".into(), says, charts, [640, 420])
     }
 
-    /// The first front that there is, scene by scene, as a table.
+    /// Every front that there is, scene by scene, as tables; of equal machines one.
     fn fronts(&self) -> String {
-        let kinds = [([columns::AREA, columns::PSNR_DB], [1.0, 1.0]), ([columns::AREA, columns::FRAMES_PER_SECOND], [1.0, 1.0])];
         let mut texts = Vec::new();
         for scene in self.scenes() {
+            let does_vary = |names: [&str; 2]| {
+                let pairs: Vec<[f64; 2]> = self.of(scene).filter_map(|row| self.pair(row, names)).collect();
+                (0..2).all(|axis| varies(pairs.iter().map(|pair| pair[axis])))
+            };
+            // The whole error, if it was looked at and varies, else the arithmetic's.
+            let of_error =
+                |cost: &'static str| MEASURES.iter().take(2).map(|measure| [cost, measure.column]).find(|names| does_vary(*names));
+            let [area, speed] = [columns::AREA, columns::FRAMES_PER_SECOND];
+            let kinds = [(of_error(area), [1.0, 1.0]), (of_error(speed), [-1.0, 1.0]), (Some([area, speed]), [1.0, 1.0])];
             for (names, signs) in kinds {
-                let (points, front) = self.front(scene, names, signs);
-                if !(0..2).all(|axis| varies(points.iter().map(|(_, place)| place[axis]))) {
-                    continue;
-                }
-                let is_timed = points.iter().any(|(row, _)| self.number(row, columns::FRAMES_PER_SECOND).is_some());
-                let mut table = plain_table(&["point", "area", "PSNR dB", if is_timed { "frames/s" } else { "" }, ""]);
-                let places: Vec<[f64; 2]> = front.iter().map(|i| points[*i].1).collect();
-                for nth in spread(&places, 2 * NAMES) {
-                    let row = points[front[nth]].0;
-                    let number =
-                        |name: &str, digits: usize| self.number(row, name).map_or(String::new(), |value| format!("{value:.digits$}"));
-                    let area = thousands(self.number(row, columns::AREA).unwrap_or(0.0) as u64);
-                    let name = format!("  {}", self.name(row));
-                    table.add_row([
-                        number(columns::POINT, 0),
-                        area,
-                        number(columns::PSNR_DB, 1),
-                        number(columns::FRAMES_PER_SECOND, 1),
-                        name,
-                    ]);
-                }
-                let mut table = aligned(table);
-                if let Some(last) = table.column_mut(4) {
-                    last.set_cell_alignment(CellAlignment::Left);
-                }
-                let what = if names[1] == columns::PSNR_DB { "area and PSNR" } else { "area and frames/s" };
-                let count = points.len() as u64;
-                let head = format!("{scene}: of {} machines {} are beaten by none in {what}", thousands(count), front.len());
-                texts.push(format!("{}\n{}", wrapped(&head), table.trim_fmt()));
-                break;
+                let Some(names) = names.filter(|names| does_vary(*names)) else { continue };
+                texts.push(self.front_table(scene, names, signs));
             }
         }
         texts.join("\n\n")
+    }
+
+    fn front_table(&self, scene: &str, names: [&'static str; 2], signs: [f64; 2]) -> String {
+        let (points, front) = self.front(scene, names, signs);
+        let places: Vec<[f64; 2]> = front.iter().map(|i| points[*i].1).collect();
+        let mut distinct: Vec<usize> = (0..places.len()).collect();
+        distinct.dedup_by(|a, b| places[*a] == places[*b]);
+        let is_timed = points.iter().any(|(row, _)| self.number(row, columns::FRAMES_PER_SECOND).is_some());
+        let mut table = plain_table(&["point", "area", "fixed − ideal dB", "fixed − golden dB", if is_timed { "frames/s" } else { "" }]);
+        let line: Vec<[f64; 2]> = distinct.iter().map(|nth| places[*nth]).collect();
+        let rows: Vec<&Row> = spread(&line, 2 * NAMES).into_iter().map(|nth| points[front[distinct[nth]]].0).collect();
+        for row in &rows {
+            let number = |name: &str, digits: usize| self.number(row, name).map_or(String::new(), |value| format!("{value:.digits$}"));
+            table.add_row([
+                number(columns::POINT, 0),
+                thousands(self.number(row, columns::AREA).unwrap_or(0.0) as u64),
+                number(columns::FIXED_VS_IDEAL_PSNR_DB, 1),
+                number(columns::PSNR_DB, 1),
+                number(columns::FRAMES_PER_SECOND, 1),
+            ]);
+        }
+        let table = aligned(table).trim_fmt();
+        let mut lines = table.lines();
+        let mut text = lines.next().unwrap_or_default().to_owned();
+        for (line, row) in lines.zip(&rows) {
+            let _ = write!(text, "\n{line}\n{}", wrapped(&format!("    {}", self.name(row, TOLD_LETTERS))));
+        }
+        let told = |name: &str| {
+            let error = MEASURES.iter().find(|measure| measure.column == name).map(|measure| measure.label);
+            error.unwrap_or(if name == columns::AREA { "area" } else { "frames/s" })
+        };
+        let ties = if distinct.len() < front.len() { format!(", {} with their equals", front.len()) } else { String::new() };
+        let head = format!(
+            "{}: of {} machines {} are beaten by none in {} and {}{ties}",
+            cut(scene),
+            thousands(points.len() as u64),
+            distinct.len(),
+            told(names[0]),
+            told(names[1])
+        );
+        format!("{}\n{text}", wrapped(&head))
     }
 }
 
@@ -595,9 +732,20 @@ fn spread(line: &[[f64; 2]], most: usize) -> Vec<usize> {
     named
 }
 
+/// The least and the greatest.
+fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
 fn varies(values: impl Iterator<Item = f64>) -> bool {
-    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
+    let (low, high) = extent(values);
     low < high
+}
+
+/// A scene's name, short enough for a title; those of a search name every view.
+fn cut(scene: &str) -> String {
+    let first: String = scene.chars().take(SCENE_LETTERS).collect();
+    if first.len() < scene.len() { format!("{first}…") } else { first }
 }
 
 /// With a sign, and a true minus.

@@ -9,6 +9,7 @@ use crate::accuracy::partial::UNITS;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
 use crate::output::text::clipped;
+use crate::scene::digest::mixed;
 use crate::scene::{Overrides, Scene, strict_json, validate};
 use rtl_model::Machine;
 use rtl_model::num::Format;
@@ -117,8 +118,8 @@ fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
     match names.iter().find(|name| !name.as_str().is_some_and(is_known)) {
         Some(name) => {
             let known: Vec<&str> = UNITS.into_iter().chain(words.iter().map(|(word, _)| word.as_str())).collect();
-            let nearest = validate::nearest(name.as_str().unwrap_or_default(), &known);
-            Err(input_error(format!("{name} is no unit and no word; units are {} (nearest: `{nearest}`)", UNITS.join(", "))))
+            let nearest = validate::in_brackets(name.as_str().unwrap_or_default(), &known);
+            Err(input_error(format!("{name} is no unit and no word; units are {}{nearest}", UNITS.join(", "))))
         }
         None => Ok(()),
     }
@@ -188,8 +189,8 @@ impl Points {
             Some((_, text)) => (*text).to_owned(),
             None if !path.exists() => {
                 let names = READY.map(|(name, _)| name);
-                let nearest = validate::nearest(name, &names);
-                let sentence = format!("no such file, and no ready plan either; ready are {} (nearest: `{nearest}`)", names.join(", "));
+                let nearest = validate::in_brackets(name, &names);
+                let sentence = format!("no such file, and no ready plan either; ready are {}{nearest}", names.join(", "));
                 return Err(input_error(sentence));
             }
             None => std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?,
@@ -340,9 +341,9 @@ impl Axis {
                 let word = words.iter().find(|(field, _)| *field == self.field);
                 let Some((_, format)) = word else {
                     let known: Vec<&str> = words.iter().map(|(field, _)| field.as_str()).collect();
-                    let nearest = validate::nearest(&self.field, &known);
+                    let nearest = validate::in_brackets(&self.field, &known);
                     let field = clipped(&self.field);
-                    return Err(format!("{field} is no word, which add_frac_bits and add_int_bits need (nearest: `{nearest}`)"));
+                    return Err(format!("{field} is no word, which add_frac_bits and add_int_bits need{nearest}"));
                 };
                 let [finer, wider] = [&self.add_frac_bits, &self.add_int_bits].map(|more| more.iter().flatten().copied());
                 let finer = finer.map(|more| Format { frac_bits: format.frac_bits.saturating_add(more), ..*format });
@@ -370,14 +371,6 @@ fn shuffled(number: u64, count: u64, seed: u64) -> u64 {
             return place;
         }
     }
-}
-
-/// SplitMix64: what a number is turned into.
-pub fn mixed(number: u64) -> u64 {
-    let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

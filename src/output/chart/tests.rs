@@ -70,6 +70,52 @@ fn marks_between_powers_of_ten_are_bare_where_two_powers_are_marked() {
     assert_eq!(Axis::linear("").mark(0.5, &(0.0..9.0)), "0.5");
 }
 
+/// However little values differ, marks do not all read the same.
+#[test]
+fn marks_are_told_apart() {
+    for (low, high) in
+        [(83.8551, 83.8554), (83.855, 83.855_000_01), (8_766_829.0, 8_766_840.0), (0.001_234, 0.001_235), (37.0, 37.0), (0.0, 0.0)]
+    {
+        let axis = Axis::linear("dB");
+        let span = axis.span([low, high].into_iter());
+        assert!(span.start < low && high < span.end, "{span:?}");
+        let step = (span.end - span.start) / 7.0;
+        let marks: Vec<String> = (0..8).map(|nth| axis.mark(span.start + f64::from(nth) * step, &span)).collect();
+        let distinct: std::collections::BTreeSet<&String> = marks.iter().collect();
+        assert!(distinct.len() == marks.len() && marks.iter().all(|mark| mark.chars().count() <= 10), "{low} to {high}: {marks:?}");
+    }
+}
+
+/// Bars of one colour stay as many pixels when they get a legend: it stands above them.
+#[test]
+fn a_legend_covers_no_bar() {
+    let bars = |rows: usize, names: usize| Bars {
+        shape: Shape::Stack,
+        title: "title".into(),
+        axis: Axis::linear("cycles").within(0.0, 1.0),
+        legend: (0..names).map(|nth| format!("a state with a long name, {nth}")).collect(),
+        rows: vec![(String::new(), vec![1.0; names].into_iter().map(|part| part / names as f64).collect()); rows],
+    };
+    for names in [2, 4, 6] {
+        let image = drawn(&bars(9, names));
+        // Every column of every bar has the colour that is due: nothing of a legend lies on it.
+        let right = image.width() - 40;
+        let rows: Vec<u32> = (0..image.height())
+            .filter(|y| {
+                image.get_pixel(right, *y).0 == {
+                    let RGBColor(r, g, b) = COLOURS[names - 1];
+                    [r, g, b]
+                }
+            })
+            .collect();
+        let runs = 1 + rows.windows(2).filter(|pair| pair[1] != pair[0] + 1).count();
+        assert_eq!(runs, 9, "{names} names: {rows:?}");
+        for colour in &COLOURS[..names] {
+            assert!(pixels_of(&image, *colour) > 9 * 10 * 14, "{names} names");
+        }
+    }
+}
+
 #[test]
 fn a_tile_shows_each_pixel_enlarged_and_nothing_between_them() {
     let rgba = [[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]].repeat(2);

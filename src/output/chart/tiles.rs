@@ -60,7 +60,9 @@ impl Draw for Words {
                 match mark {
                     Mark::Line => area.draw(&PathElement::new(path, style)),
                     Mark::Dashed => area.draw(&DashedPathElement::new(path, 7, 5, style)),
-                    Mark::Dots | Mark::Rings => area.draw(&Circle::new((x + 13, y + 7), 3, style.filled())),
+                    Mark::Dots | Mark::Rings | Mark::Crosses | Mark::Triangles => {
+                        area.draw(&Circle::new((x + 13, y + 7), 3, style.filled()))
+                    }
                 }
                 .map_err(told)?;
                 x += 34;

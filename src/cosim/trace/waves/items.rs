@@ -1,0 +1,365 @@
+//! Items: which records each unit took, item by item, from the recorded work and the trace's own keys.
+//!
+//! ```text
+//! work ─► splats ─► tiles, or the frame ─► stamps ─► what each unit takes, in its order ─┐
+//! sources ─► records by splat and pixel ─────────────────────────────────────────────────┴─► (cycle, unit, lane, record)
+//! ```
+//! The walk is that of `rtl_model::timing`, said once more and slowly. It is compared with the timing's own log: a unit whose items are not
+//! as many as the walk has gets no words.
+
+use super::super::transfers::{NONE, Source};
+use rtl_model::machine::timing::Organisation;
+use rtl_model::pipeline::Elaborated;
+use rtl_model::timing::UnitCycles;
+use rtl_model::work::{Event, Fate, Footprint, Reader, TILE_PX, Work};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// Units whose items are splats, or entries of a list, and the stream that each is a record of.
+const OF_SPLATS: [(&str, &str); 6] = [
+    ("fetch", "pipeline.in"),
+    ("project", "project.in"),
+    ("ellipse", "ellipse.in"),
+    ("bin", "raster.in"),
+    ("list", "raster.in"),
+    ("raster", "raster.in"),
+];
+
+/// Units whose items are stamps, with a record for each pixel of one.
+const OF_STAMPS: [(&str, &str); 3] = [("gauss", "gauss.in"), ("cache", "fragment.in"), ("fragment", "fragment.in")];
+
+/// Units whose items are fragments, or pixels that lie together, a record a cycle.
+const OF_PIXELS: [(&str, &str); 3] = [("shade", "shade.in"), ("resolve-shade", "shade.in"), ("resolve", "resolve.in")];
+
+/// The stream whose records a unit's items are, and whether there is one for each pixel of a stamp. The sort takes whole passes.
+pub fn stream_of(unit: &str) -> Option<(&'static str, bool)> {
+    let is_of = |(name, _): &&(&str, &'static str)| *name == unit;
+    let one = OF_SPLATS.iter().chain(&OF_PIXELS).find(is_of).map(|(_, stream)| (*stream, false));
+    one.or_else(|| OF_STAMPS.iter().find(is_of).map(|(_, stream)| (*stream, true)))
+}
+
+/// A record that a unit has from a cycle on, in a lane; none where the trace has no such record.
+pub type Shown = (u64, u32, Option<u32>);
+
+/// A pixel of a stamp.
+#[derive(Clone, Copy)]
+struct Pixel {
+    at: [u32; 2],
+    lane: u32,
+    is_faint: bool,
+    shades: u8,
+}
+
+/// A unit with the items that it took so far.
+struct Taker<'a> {
+    log: &'a [u64],
+    items: usize,
+    shown: Vec<Shown>,
+}
+
+/// Goes through a frame.
+pub struct Walk<'a> {
+    machine: &'a Elaborated,
+    work: &'a Work,
+    /// What the trace calls the frame's splats.
+    splats: &'a [u32],
+    cycles: Range<u64>,
+    takers: HashMap<&'static str, Taker<'a>>,
+    by_splat: HashMap<&'static str, HashMap<u32, Range<u32>>>,
+    /// Of shade: fragments that are to merge, by splat and pixel; those that are resolved, by pixel alone.
+    lit: HashMap<(u32, [u32; 2]), Vec<u32>>,
+    resolved: HashMap<[u32; 2], Range<u32>>,
+    sources: HashMap<&'static str, &'a Source<'a>>,
+    readers: Vec<Reader<'a>>,
+    tiles: Vec<usize>,
+    held: Vec<[u8; 2]>,
+}
+
+impl<'a> Walk<'a> {
+    /// Through a frame of these splats; records of these cycles are wanted.
+    pub fn new(
+        machine: &'a Elaborated,
+        work: &'a Work,
+        splats: &'a [u32],
+        units: &'a [UnitCycles],
+        sources: &'a [Source<'a>],
+        [first, end]: [u64; 2],
+    ) -> Self {
+        let taker = |unit: &'a UnitCycles| (unit.name, Taker { log: &unit.log, items: 0, shown: Vec::new() });
+        let columns = (work.width as usize).div_ceil(TILE_PX);
+        let mut tiles = vec![usize::MAX; columns * (work.height as usize).div_ceil(TILE_PX)];
+        for (index, tile) in work.tiles.iter().enumerate() {
+            let [column, row] = tile.corner.map(|at| usize::from(at) / TILE_PX);
+            tiles[row * columns + column] = index;
+        }
+        let mut walk = Walk {
+            machine,
+            work,
+            splats,
+            cycles: first..end,
+            takers: units.iter().filter(|unit| unit.index == 0).map(taker).collect(),
+            by_splat: HashMap::new(),
+            lit: HashMap::new(),
+            resolved: HashMap::new(),
+            sources: sources.iter().map(|source| (source.name, source)).collect(),
+            readers: work.tiles.iter().map(|tile| tile.reader()).collect(),
+            tiles,
+            held: work.held(),
+        };
+        walk.index();
+        walk
+    }
+
+    /// Where the records of each splat and pixel are.
+    fn index(&mut self) {
+        let mut words = Vec::new();
+        let mut key = |source: &Source, record: usize| {
+            words.clear();
+            (source.at)(record, &mut words)
+        };
+        let one_by_one = |record: u32| record..record + 1;
+        for (_, stream) in OF_SPLATS.iter().chain(&OF_STAMPS) {
+            let Some(source) = self.sources.get(stream).copied().filter(|_| !self.by_splat.contains_key(stream)) else { continue };
+            let mut ranges: HashMap<u32, Range<u32>> = HashMap::new();
+            for record in 0..source.records {
+                ranges.entry(key(source, record).splat).or_insert(one_by_one(record as u32)).end = record as u32 + 1;
+            }
+            self.by_splat.insert(stream, ranges);
+        }
+        if let Some(source) = self.sources.get("shade.in").copied() {
+            for record in 0..source.records {
+                let key = key(source, record);
+                self.lit.entry((key.splat, [key.x, key.y])).or_default().push(record as u32);
+            }
+        }
+        if let Some(source) = self.sources.get("resolve.in").copied() {
+            for record in 0..source.records {
+                let key = key(source, record);
+                self.resolved.entry([key.x, key.y]).or_insert(one_by_one(record as u32)).end = record as u32 + 1;
+            }
+        }
+    }
+
+    /// What each unit showed, for those whose items the walk knows.
+    pub fn shown(mut self) -> HashMap<&'static str, Vec<Shown>> {
+        match self.machine.timing.timing.organisation {
+            Organisation::Immediate => self.immediate(),
+            Organisation::Binned => self.binned(),
+        }
+        let is_known = |taker: &Taker| taker.items == taker.log.len();
+        self.takers.into_iter().filter(|(_, taker)| is_known(taker)).map(|(unit, taker)| (unit, taker.shown)).collect()
+    }
+
+    fn binned(&mut self) {
+        let (machine, work) = (self.machine, self.work);
+        let t = &machine.timing.timing;
+        let side = t.tile.side_px;
+        let lists = work.bins(side as usize);
+        let by_tiles = if t.tile.buffers == 2 { "resolve-shade" } else { "shade" };
+        for splat in 0..self.work.fates.len() {
+            if self.set_up(splat) {
+                self.take_splat("bin", splat as u32);
+            }
+        }
+        for tile in 0..lists.tiles() {
+            let corner = [tile % lists.columns, tile / lists.columns].map(|at| at as u32 * side);
+            for entry in lists.of(tile) {
+                let footprint = &work.footprints[*entry as usize];
+                self.take_splat("list", footprint.splat);
+                self.footprint(footprint, corner, side, false);
+            }
+            if !lists.of(tile).is_empty() {
+                let [columns, rows] = [(corner[0], work.width), (corner[1], work.height)].map(|(from, size)| from..size.min(from + side));
+                self.resolve(columns, rows, by_tiles);
+            }
+        }
+    }
+
+    fn immediate(&mut self) {
+        let mut footprints = self.work.footprints.iter();
+        for splat in 0..self.work.fates.len() {
+            if self.set_up(splat)
+                && let Some(footprint) = footprints.next()
+            {
+                self.footprint(footprint, [0, 0], u16::MAX.into(), true);
+            }
+        }
+        let [columns, rows] = self.machine.timing.timing.cache.line_px;
+        let (width, height) = (self.work.width, self.work.height);
+        for top in (0..height).step_by(rows as usize) {
+            for left in (0..width).step_by(columns as usize) {
+                self.resolve(left..width.min(left + columns), top..height.min(top + rows), "shade");
+            }
+        }
+    }
+
+    /// A splat goes through setup; whether it has a footprint.
+    fn set_up(&mut self, splat: usize) -> bool {
+        let (fate, number) = (self.work.fates[splat], splat as u32);
+        self.take_splat("fetch", number);
+        self.take_splat("project", number);
+        if !matches!(fate, Fate::Near | Fate::Outside) {
+            self.take_splat("ellipse", number);
+        }
+        let is_drawn = fate == Fate::Drawn;
+        if is_drawn && self.work.preshaded {
+            let record = self.lit.get(&(self.splats[splat], [0xffff; 2])).map(|records| records[0]);
+            self.take("shade", |now, shown| shown.push((now, 0, record)));
+        }
+        is_drawn
+    }
+
+    /// A unit takes its next item; what it shows then is asked for only in the cycles that are wanted.
+    fn take(&mut self, unit: &str, show: impl FnOnce(u64, &mut Vec<Shown>)) {
+        let Some(taker) = self.takers.get_mut(unit) else { return };
+        let now = taker.log.get(taker.items).copied();
+        taker.items += 1;
+        if let Some(now) = now.filter(|now| self.cycles.contains(now)) {
+            show(now, &mut taker.shown);
+        }
+    }
+
+    /// An item that is a splat of the frame.
+    fn take_splat(&mut self, unit: &'static str, splat: u32) {
+        let record = self.records(unit, splat).map(|records| records.start);
+        self.take(unit, |now, shown| shown.push((now, 0, record)));
+    }
+
+    /// The records of a splat of the frame among a unit's.
+    fn records(&self, unit: &str, splat: u32) -> Option<Range<u32>> {
+        let (stream, _) = stream_of(unit)?;
+        self.by_splat.get(stream)?.get(&self.splats[splat as usize]).cloned()
+    }
+
+    /// Raster, gauss, fragment, and shade for merges: the part of a footprint in these pixels, stamp by stamp.
+    fn footprint(&mut self, footprint: &Footprint, corner: [u32; 2], side: u32, is_cached: bool) {
+        let (stamps, kept) = self.stamps(footprint, corner, side);
+        for _ in 0..stamps {
+            self.take_splat("raster", footprint.splat);
+        }
+        let splat = footprint.splat;
+        for pixels in kept.chunk_by(|(one, _), (next, _)| one == next) {
+            let pixels: Vec<Pixel> = pixels.iter().map(|(_, pixel)| *pixel).collect();
+            self.take_stamp("gauss", splat, &pixels);
+            let taken: Vec<Pixel> = pixels.into_iter().filter(|pixel| !pixel.is_faint).collect();
+            if taken.is_empty() {
+                continue;
+            }
+            if is_cached {
+                self.take_stamp("cache", splat, &taken);
+            }
+            self.take_stamp("fragment", splat, &taken);
+            if self.work.preshaded {
+                continue;
+            }
+            for pixel in &taken {
+                let lit = self.lit.get(&(self.splats[splat as usize], pixel.at)).cloned().unwrap_or_default();
+                for nth in 0..usize::from(pixel.shades) {
+                    let record = lit.get(nth).copied();
+                    self.take("shade", |now, shown| shown.push((now, 0, record)));
+                }
+            }
+        }
+    }
+
+    /// An item that is a stamp: lanes without a pixel have nothing to show.
+    fn take_stamp(&mut self, unit: &'static str, splat: u32, pixels: &[Pixel]) {
+        let [columns, rows] = self.machine.timing.timing.raster.lanes;
+        let records = self.records(unit, splat).unwrap_or(0..0);
+        let source = stream_of(unit).and_then(|(stream, _)| self.sources.get(stream).copied());
+        self.take(unit, |now, shown| {
+            let first = shown.len();
+            shown.extend((0..columns * rows).map(|lane| (now, lane, None)));
+            let mut words = Vec::new();
+            let mut place = |record: u32| {
+                words.clear();
+                source.map(|source| (source.at)(record as usize, &mut words)).map_or([NONE; 2], |key| [key.y, key.x])
+            };
+            for pixel in pixels {
+                // Records of a splat lie row by row.
+                let (mut low, mut high) = (records.start, records.end);
+                let wanted = [pixel.at[1], pixel.at[0]];
+                while low < high {
+                    let middle = low + (high - low) / 2;
+                    if place(middle) < wanted { low = middle + 1 } else { high = middle }
+                }
+                let is_there = low < records.end && place(low) == wanted;
+                shown[first + pixel.lane as usize].2 = is_there.then_some(low);
+            }
+        });
+    }
+
+    /// The stamps of the part of the next footprint that lies in these pixels, and what they keep, stamp by stamp.
+    fn stamps(&mut self, footprint: &Footprint, corner: [u32; 2], side: u32) -> (u32, Vec<(u32, Pixel)>) {
+        let lanes = self.machine.timing.timing.raster.lanes;
+        let within = |[first, last]: [u16; 2], corner: u32| [u32::from(first).max(corner), u32::from(last).min(corner + side - 1)];
+        let [columns, rows] = [within(footprint.columns, corner[0]), within(footprint.rows, corner[1])];
+        let across = (columns[1] - columns[0] + lanes[0]) / lanes[0];
+        let down = (rows[1] - rows[0] + lanes[1]) / lanes[1];
+        let in_row = (self.work.width as usize).div_ceil(TILE_PX);
+        let tile = |at: u32| at as usize / TILE_PX;
+        let mut kept = Vec::new();
+        for tile_row in tile(rows[0])..=tile(rows[1]) {
+            let top = (tile_row * TILE_PX) as u32;
+            let [from, to] = [rows[0].max(top), rows[1].min(top + TILE_PX as u32 - 1)];
+            for tile_column in tile(columns[0])..=tile(columns[1]) {
+                let Some(reader) = self.readers.get_mut(self.tiles[tile_row * in_row + tile_column]) else { continue };
+                let left = (tile_column * TILE_PX) as u32;
+                let (kept_rows, events) = reader.splat((to - from) as usize + 1);
+                for (row, columns_kept) in kept_rows.iter().enumerate() {
+                    for column in (0..TILE_PX as u32).filter(|column| columns_kept >> column & 1 == 1) {
+                        let place = row * TILE_PX + column as usize;
+                        let happened = || events.iter().filter(|(at, _)| usize::from(*at) == place).map(|(_, event)| event);
+                        let shades = |event: &Event| if let Event::Merged(shades) = event { *shades } else { 0 };
+                        let at = [left + column, from + row as u32];
+                        let [x, y] = [at[0] - columns[0], at[1] - rows[0]];
+                        let pixel = Pixel {
+                            at,
+                            lane: x % lanes[0] + y % lanes[1] * lanes[0],
+                            is_faint: happened().any(|event| *event == Event::Faint),
+                            shades: happened().map(shades).sum(),
+                        };
+                        kept.push((x / lanes[0] + y / lanes[1] * across, pixel));
+                    }
+                }
+            }
+        }
+        kept.sort_by_key(|(stamp, pixel)| (*stamp, pixel.at[1], pixel.at[0]));
+        (across * down, kept)
+    }
+
+    /// Resolve takes these columns and rows of the picture, a layer a cycle, and shade what is left to it.
+    fn resolve(&mut self, columns: Range<u32>, rows: Range<u32>, shade: &'static str) {
+        let t = &self.machine.timing;
+        // As it takes them where nobody waits.
+        let (shade_interval, resolve_interval) = (u64::from(t.shade.interval), u64::from(t.resolve.interval));
+        let (mut layers, mut lights) = (Vec::new(), Vec::new());
+        let mut cycle = 0;
+        for at in rows.flat_map(|y| columns.clone().map(move |x| [x, y])) {
+            let [fragments, left] = self.held[(at[1] * self.work.width + at[0]) as usize].map(u64::from);
+            let records = self.resolved.get(&at).cloned();
+            for nth in 0..fragments.max(1) {
+                let record = records.as_ref().map(|records| records.start + nth as u32);
+                layers.push((cycle + nth, record.filter(|record| records.as_ref().is_some_and(|records| records.contains(record)))));
+            }
+            cycle += (left * shade_interval).max(fragments).max(resolve_interval);
+            let lit = self.lit.get(&(NONE, at));
+            lights.extend((0..left).map(|nth| lit.and_then(|lit| lit.get(nth as usize)).copied()));
+        }
+        let lights: Vec<(u64, Option<u32>)> = (0..).map(|nth| nth * shade_interval).zip(lights).collect();
+        self.take_many("resolve", &layers);
+        if !lights.is_empty() && !(self.work.preshaded && shade == "shade") {
+            self.take_many(shade, &lights);
+        }
+    }
+
+    /// An item of many records, each so many cycles after the item was taken.
+    fn take_many(&mut self, unit: &str, records: &[(u64, Option<u32>)]) {
+        let Some(taker) = self.takers.get_mut(unit) else { return };
+        let now = taker.log.get(taker.items).copied();
+        taker.items += 1;
+        let Some(now) = now else { return };
+        let wanted = records.iter().map(|(after, record)| (now + after, 0, *record));
+        taker.shown.extend(wanted.filter(|(cycle, ..)| self.cycles.contains(cycle)));
+    }
+}
