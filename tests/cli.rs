@@ -448,6 +448,7 @@ fn a_trace_is_written_and_a_device_compared_with_it() {
     assert!(text.contains("gauss.out") && !text.contains("shade.in") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
     let equal = format!("{inside}/gauss.out.hex");
     assert!(says(&["diff", inside, "gauss.out", &equal]).starts_with("gauss.out: "));
+    assert!(says(&["diff", inside, "gauss.out", &equal, "--strict"]).starts_with("gauss.out: "));
     let device = write(&out, "device.hex", &std::fs::read_to_string(&equal).unwrap().replacen('0', "1", 1));
     let output = splatsim(&["diff", inside, "gauss.out", &device]);
     let told = String::from_utf8(output.stdout).unwrap();

@@ -3,7 +3,7 @@
 use crate::traced::{Traced, cloud, machine, traced};
 use proptest::prelude::*;
 use serde_json::Value;
-use splatsim::cosim::diff::{Outcome, diff};
+use splatsim::cosim::diff::{Outcome, Zeros, diff};
 use splatsim::cosim::trace::Window;
 use splatsim::error::Error;
 use std::sync::OnceLock;
@@ -14,10 +14,14 @@ fn trace() -> &'static Traced {
 }
 
 fn compared(stream: &str, lines: &[String]) -> Result<Outcome, Error> {
+    compared_by(stream, lines, Zeros::Ignored)
+}
+
+fn compared_by(stream: &str, lines: &[String], zeros: Zeros) -> Result<Outcome, Error> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("device.hex");
     std::fs::write(&file, lines.iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
-    diff(&trace().folder, &[(stream.to_owned(), file)])
+    diff(&trace().folder, &[(stream.to_owned(), file)], zeros)
 }
 
 fn told(stream: &str, lines: &[String]) -> Value {
@@ -209,6 +213,23 @@ fn a_mismatch_of_a_pixel_tells_all_of_its_layers() {
 }
 
 #[test]
+fn what_must_be_zero_counts_where_it_is_asked_for() {
+    for (stream, flag, field) in
+        [("project.out", "outside", "pixel_y"), ("ellipse.out", "backface", "depth_range"), ("resolve.in", "empty", "opacity")]
+    {
+        let lines = trace().lines(stream);
+        assert!(compared_by(stream, &lines, Zeros::Compared).unwrap().equal, "{stream}");
+        let place = trace().field(stream, flag);
+        let culled = trace().records(stream).iter().position(|record| record[place] == 1).unwrap();
+        let mut device = lines;
+        device[culled] = flipped(&device[culled], 0);
+        assert!(compared(stream, &device).unwrap().equal, "{stream}");
+        let told = compared_by(stream, &device, Zeros::Compared).unwrap().json;
+        assert_eq!([&told["equal"], &told["sequence"], &told["field"]["name"]], [&Value::from(false), &culled.into(), &field.into()]);
+    }
+}
+
+#[test]
 fn the_earliest_stream_tells() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| {
@@ -218,7 +239,7 @@ fn the_earliest_stream_tells() {
         std::fs::write(&path, lines.join("\n")).unwrap();
         (name.to_owned(), path)
     };
-    let outcome = diff(&trace().folder, &[file("resolve.out"), file("raster.out"), file("gauss.out")]).unwrap();
+    let outcome = diff(&trace().folder, &[file("resolve.out"), file("raster.out"), file("gauss.out")], Zeros::Ignored).unwrap();
     assert_eq!(outcome.json["stream"], "raster.out");
 }
 
@@ -230,7 +251,7 @@ fn a_trace_that_was_changed_is_refused() {
     std::fs::write(&path, lines[1..].join("\n")).unwrap();
     let device = trace.path("device.hex");
     std::fs::write(&device, lines.join("\n")).unwrap();
-    let told = |stream: &str| match diff(&trace.folder, &[(stream.to_owned(), device.clone())]) {
+    let told = |stream: &str| match diff(&trace.folder, &[(stream.to_owned(), device.clone())], Zeros::Ignored) {
         Err(Error::Input(sentence)) => sentence,
         other => panic!("{other:?}"),
     };

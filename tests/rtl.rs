@@ -11,7 +11,7 @@ use rtl_model::frame::Frame;
 use rtl_model::timing::{self, Detail};
 use rtl_model::{Machine, pipeline};
 use serde_json::json;
-use splatsim::cosim::diff::diff;
+use splatsim::cosim::diff::{Zeros, diff};
 use splatsim::cosim::trace::Window;
 use splatsim::hardware::fixed;
 use splatsim::hardware::machines::changed;
@@ -91,7 +91,7 @@ fn fault(trace: &Traced, unit: Unit, given: &Given) -> Option<String> {
     if !given.last.starts_with("bench: done") {
         return Some(given.last.clone());
     }
-    match diff(&trace.folder, &outputs(unit, given)) {
+    match diff(&trace.folder, &outputs(unit, given), Zeros::Compared) {
         Ok(outcome) if outcome.equal => None,
         Ok(outcome) => Some(outcome.sentence),
         Err(error) => Some(error.to_string()),
@@ -117,6 +117,12 @@ const GLASS_SPHERES: &str = r#"{"splats": {"builtin": "glass-spheres"}, "image":
 
 const STALLS: [&str; 5] = ["+stall_in=30", "+stall_out=30", "+stall_shade=30", "+stall_held=30", "+seed=5"];
 
+/// All twins' files.
+fn twin_files() -> Vec<PathBuf> {
+    let files = std::fs::read_dir(sources()).unwrap().map(|entry| entry.unwrap().path());
+    files.filter(|path| path.extension().is_some_and(|end| end == "sv")).collect()
+}
+
 #[test]
 fn twins_are_clean_and_can_be_synthesised() {
     if !have(&["verilator", "iverilog", "yosys"], "lint and synthesis of the twins") {
@@ -124,8 +130,7 @@ fn twins_are_clean_and_can_be_synthesised() {
     }
     let (_, lean) = &machines()[1];
     let trace = traced(&cloud(20, 16), lean, &Window { stimulus: Some(1), ..Window::default() });
-    let files: Vec<PathBuf> =
-        std::fs::read_dir(sources()).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect();
+    let files = twin_files();
     let one_lane = machine("volume", &["timing.raster.lanes=[1,1]"]);
     let volume = traced(&shells(12, 16, &json!({})), &one_lane, &Window::default());
     let surface = traced(&isosurface(8, 16), &one_lane, &Window::default());
@@ -160,6 +165,55 @@ fn twins_are_clean_and_can_be_synthesised() {
     }
 }
 
+/// The files that a list of them names, a line each.
+fn listed(list: &str) -> Vec<String> {
+    let text = std::fs::read_to_string(sources().join(list)).unwrap();
+    let files = text.lines().filter_map(|line| line.trim().strip_prefix("- ")).filter(|file| file.ends_with(".sv"));
+    files.filter(|file| !file.starts_with("bench/")).map(str::to_owned).collect()
+}
+
+#[test]
+fn lists_of_files_have_every_twin_behind_what_it_is_built_of() {
+    let list = listed("Bender.yml");
+    assert_eq!(list, listed("splatsim.core"));
+    let names = |files: Vec<PathBuf>| files.iter().map(|file| file.file_name().unwrap().display().to_string()).collect::<HashSet<_>>();
+    assert_eq!(list.iter().cloned().collect::<HashSet<_>>(), names(twin_files()));
+    assert_eq!(list.len(), twin_files().len(), "a file is listed twice");
+    for (place, file) in list.iter().enumerate() {
+        let text = std::fs::read_to_string(sources().join(file)).unwrap();
+        assert!(text.contains("`timescale 1ns / 1ps\n`default_nettype none\n"), "{file} has no time scale");
+        for later in &list[place + 1..] {
+            let unit = later.trim_end_matches(".sv");
+            let builds = |line: &str| line.trim_start().strip_prefix(unit).is_some_and(|rest| rest.starts_with(' ') && rest.contains('('));
+            assert!(!text.lines().any(builds), "{file} is built of {later}, which comes later");
+        }
+    }
+}
+
+#[test]
+fn a_rule_that_the_twin_does_not_have_is_an_error_of_elaboration() {
+    if !have(&["iverilog", "verilator"], "an unknown rule of merging") {
+        return;
+    }
+    let trace = traced(&cloud(20, 16), &machines()[0].1, &Window { stimulus: Some(1), ..Window::default() });
+    let package = trace.path("machine_pkg.sv");
+    let text = std::fs::read_to_string(&package).unwrap();
+    assert_eq!(text.matches("FRAGMENT_MERGE = 1;").count(), 1);
+    for (rule, is_known) in [("1", true), ("7", false)] {
+        std::fs::write(&package, text.replace("FRAGMENT_MERGE = 1;", &format!("FRAGMENT_MERGE = {rule};"))).unwrap();
+        let mut icarus = Command::new("iverilog");
+        icarus.args(["-g2012", "-t", "null", "-s", "fragment", "-Y", ".sv"]);
+        let mut verilator = Command::new("verilator");
+        verilator.args(["--lint-only", "--top-module", "fragment"]);
+        for simulator in [&mut icarus, &mut verilator] {
+            let output = simulator.arg("-y").arg(sources()).arg(&package).arg(sources().join("fragment.sv")).output().unwrap();
+            let told = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.success(), is_known, "{told}");
+            assert!(is_known || told.replace('_', " ").contains("fragment has no such rule of merging"), "{told}");
+        }
+    }
+}
+
 #[test]
 fn the_least_testbench_runs_in_one_command() {
     if !have(&["iverilog"], "traces/testbench.sh") {
@@ -177,7 +231,8 @@ fn headers_compile() {
     }
     let trace = traced(&cloud(20, 16), &machine("reference", &[]), &Window::default());
     let header = trace.path("check.c");
-    let program = "#include \"records.h\"\nint main(void) { raster_out_record r = {0}; return (int)r.depth + RASTER_OUT_FIELDS * 0; }\n";
+    let program = "#include \"records.h\"\nint main(void) { raster_out_record r = {0}; splatsim_outcome o = SPLATSIM_OUTCOME_DROPPED; \
+        return (int)r.depth + RASTER_OUT_FIELDS * 0 + (o != 5); }\n";
     std::fs::write(&header, program).unwrap();
     run(Command::new("cc").args(["-Wall", "-Werror", "-Wno-unused-const-variable", "-o"]).arg(trace.path("check")).arg(&header));
     run(&mut Command::new(trace.path("check")));
@@ -189,7 +244,10 @@ fn headers_compile() {
             format!("if ($bits({lower}_t) != machine_pkg::{upper}_W) $fatal(1, \"{name}\");")
         })
         .collect();
-    let text = format!("module check;\n`include \"records.svh\"\ninitial begin {} $finish; end\nendmodule\n", widths.join(" "));
+    let codes = "machine_pkg::outcome_t outcome; machine_pkg::merge_t rule;
+        initial begin outcome = machine_pkg::OUTCOME_DROPPED; rule = machine_pkg::merge_t'(machine_pkg::FRAGMENT_MERGE);
+        if (outcome != 5 || $bits(outcome) != machine_pkg::FRAGMENT_OUT_OUTCOME_W || rule != machine_pkg::MERGE_FARTHEST_PAIR) $fatal; end";
+    let text = format!("module check;\n`include \"records.svh\"\n{codes}\ninitial begin #1 {} $finish; end\nendmodule\n", widths.join(" "));
     std::fs::write(&module, text).unwrap();
     let folder = trace.path("check_dir");
     run(verilator()
@@ -475,6 +533,210 @@ fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 
     cycles.total
 }
 
+/// What a frame may end with, in discs: one alone at pixel (0, 0), which is inserted; one there that merges; a needle across the picture,
+/// with more cycles between its fragments than a record takes through any unit.
+fn last_records(side: u32) -> [String; 3] {
+    let disc = |position: [f64; 3], normal: [f64; 3], radius: f64| json!({"position": position, "normal": normal, "radius": radius, "rgb": [0.9, 0.5, 0.2], "opacity": 0.7, "material": 1});
+    let facing = [0.0, 0.0, 1.0];
+    let wide = disc([0.0, 0.0, 0.0], facing, 0.1);
+    // Centred outside of the picture, it reaches no other pixel.
+    let [near, middle, far] = [0.24, 0.12, 0.06].map(|z| disc([-0.463 * (1.0 - z / 4.0), 0.463 * (1.0 - z / 4.0), z], facing, 0.05));
+    let needle = disc([0.0, 0.0, -0.12], [0.7, 0.7, 0.14], 0.3);
+    [vec![&wide, &far], vec![&near, &middle, &far], vec![&wide, &needle]].map(|splats| {
+        let scene = json!({
+            "splats": splats,
+            "camera": {"eye": [0, 0, 4], "target": [0, 0, 0], "fov_y_degrees": 11.4, "near": 0.1},
+            "image": {"width": side, "height": side, "background": [0.2, 0.4, 0.6, 0.5]},
+            "surface": {"z_threshold": 0.02},
+            "kernel": {"cutoff": 3.9},
+            "materials": [{"unlit": true}, {"ambient": 0.15, "diffuse": 0.8, "specular": 0.3, "shininess": 32}],
+            "lights": [{"direction": [0.4, 0.8, 0.5], "rgb": [1, 1, 1]}],
+        });
+        scene.to_string()
+    })
+}
+
+/// Frames whose end tells whether anybody still looks at what is under way: their tables lie in a folder of another name.
+fn ends() -> Vec<Traced> {
+    let settings = |more: &[&str]| {
+        let of_all = [
+            "timing.raster.lanes=[1,1]",
+            "timing.project.latency=4",
+            "timing.ellipse.latency=6",
+            "timing.raster.latency=6",
+            "timing.gauss.latency=6",
+            "timing.fragment.hazard=5",
+            "timing.fragment.merge=3",
+        ];
+        [&of_all[..], more].concat().into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let with = |name: &str, more: &[&str]| machine(name, &settings(more).iter().map(String::as_str).collect::<Vec<_>>());
+    let discs = with("tiny", &["fragment.layers=2", "timing.shade.latency=5"]);
+    // Here the slowest unit is shade, which voxels pass on their way.
+    let voxels = with("volume", &["timing.shade.latency=7"]);
+    let media = [shells(8, 8, &json!({})), isosurface(6, 8)].map(|text| (text, voxels.clone(), None));
+    // All that comes, and so the last of it, comes to one pixel.
+    let alone = (shells(8, 8, &json!({})), voxels, Some([0; 4]));
+    let all = last_records(16).into_iter().map(|text| (text, discs.clone(), None)).chain(media).chain([alone]);
+    let moved = |(text, machine, pixels): (String, Machine, Option<[u32; 4]>)| {
+        let trace = traced(&text, &machine, &Window { pixels, ..Window::default() });
+        std::fs::rename(trace.path("rom"), trace.path(TABLES)).unwrap();
+        trace
+    };
+    all.map(moved).collect()
+}
+
+const TABLES: &str = "tables";
+
+/// Splats that are seen, in the order in which they are drawn.
+fn seen_as_drawn(trace: &Traced) -> Vec<String> {
+    let lines = trace.lines("pipeline.in");
+    let seen: HashSet<i64> = trace.keys("fragment.in").iter().map(|key| key[0]).collect();
+    as_drawn(trace).into_iter().filter(|splat| seen.contains(&(*splat as i64))).map(|splat| lines[splat].clone()).collect()
+}
+
+/// What is wrong where a frame is drawn three times without a reset, each time its last record alone.
+fn fault_at_the_end(sources: &Path, trace: &Traced, unit: Unit) -> Option<String> {
+    let side = trace.records("frame")[0][trace.field("frame", "width")] as u32;
+    let device = Device::with(Simulator::Icarus, sources, &trace.folder, unit, side, Some(&format!("{TABLES}/")));
+    let expected = expected(trace, unit);
+    let patience = "+patience=4000";
+    let faults = |inputs: Option<&[String]>, arguments: &[&str]| {
+        let given = device.drive(inputs, expected, &[&["+frames=3", patience], arguments].concat());
+        if !given.last.starts_with("bench: done") {
+            return Some(given.last);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let Some(frames) = given.frames(3, folder.path()) else { return Some("frames have unlike numbers of records".into()) };
+        frames.iter().find_map(|frame| fault(trace, unit, frame))
+    };
+    if unit.stream == "pipeline" {
+        // The last splat comes alone, when nothing of the others is under way.
+        let splats = seen_as_drawn(trace);
+        return faults(Some(&splats), &["+apart=150", &format!("+apart_from={}", splats.len() - 1)]);
+    }
+    faults(None, &[]).or_else(|| faults(None, &["+stall_out=80", "+seed=3"]))
+}
+
+/// The twins that a frame's end matters to; a part of a frame is none.
+fn enders(trace: &Traced) -> Vec<Unit> {
+    let is_whole = trace.path("pipeline.in.hex").exists();
+    let all = is_whole.then(|| wired(trace));
+    twins(trace).into_iter().filter(|unit| unit.stream == "fragment").chain(all).collect()
+}
+
+#[test]
+fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
+    if !have(&["iverilog"], "ends of frames on Icarus") {
+        return;
+    }
+    let ends = ends();
+    let last = |trace: &Traced| trace.records("fragment.out").pop().unwrap();
+    let [alone, merges] = [0, 1].map(|trace| last(&ends[trace]));
+    assert_eq!([&alone[..3], &merges[..3]], [&[0, 0, 1], &[0, 0, 2]], "inserted, and merged, at pixel (0, 0)");
+    let jobs: Vec<(&Traced, Unit)> = ends.iter().flat_map(|trace| enders(trace).into_iter().map(move |unit| (trace, unit))).collect();
+    jobs.par_iter().for_each(|(trace, unit)| assert_eq!(fault_at_the_end(&sources(), trace, *unit), None, "{}", unit.name));
+}
+
+/// A machine all of whose words round to nearest-even.
+fn nearest_even(machine: &Machine) -> Machine {
+    fn rounded(value: &mut serde_json::Value) {
+        match value {
+            serde_json::Value::Object(fields) if fields.contains_key("format") => {
+                fields.insert("round".into(), "nearest-even".into());
+            }
+            serde_json::Value::Object(fields) => fields.values_mut().for_each(rounded),
+            serde_json::Value::String(format) if format.parse::<rtl_model::num::Format>().is_ok() => {
+                *value = json!({"format": format, "round": "nearest-even"});
+            }
+            _ => {}
+        }
+    }
+    let mut described = serde_json::to_value(machine).unwrap();
+    rounded(&mut described);
+    serde_json::from_value(described).unwrap()
+}
+
+/// Rules that no named machine or scene has: what they are for, a scene, a machine, the units that they matter to.
+fn rules() -> Vec<(&'static str, String, Machine, Vec<Unit>)> {
+    let tiny = |more: &[&str]| machine("tiny", &[&["timing.raster.lanes=[1,1]"], more].concat());
+    let dull = cloud(60, 16).replace("\"shininess\": 32", "\"shininess\": 0");
+    let voxels = nearest_even(&machine("volume", &["timing.raster.lanes=[1,1]"]));
+    vec![
+        ("replace", cloud(60, 16), tiny(&["fragment.layers=1", "fragment.merge=replace"]), vec![unit("fragment")]),
+        ("nearest depth", cloud(60, 16), tiny(&["fragment.fragment_depth=nearest"]), vec![unit("fragment")]),
+        ("nearest-even", cloud(60, 16), nearest_even(&tiny(&[])), UNITS.to_vec()),
+        ("nearest-even of ellipsoids", shells(8, 16, &json!({"stop": 0.6})), voxels, OF_ELLIPSOIDS.to_vec()),
+        ("shininess 0", dull, tiny(&[]), vec![unit("shade")]),
+    ]
+}
+
+/// Made-up cases of each rule.
+fn ruled() -> Vec<(&'static str, Traced, Vec<Unit>)> {
+    let of = |(name, text, machine, units): (&'static str, String, Machine, Vec<Unit>)| {
+        let window = Window { stimulus: Some(50), units: units.iter().map(|unit| unit.stream.to_owned()).collect(), ..Window::default() };
+        (name, traced(&text, &machine, &window), units)
+    };
+    rules().into_iter().map(of).collect()
+}
+
+#[test]
+fn rules_that_no_named_machine_has_are_kept() {
+    if !have(&["iverilog"], "rules on Icarus") {
+        return;
+    }
+    let ruled = ruled();
+    let [replace, _, even, _, dull] = &ruled[..] else { panic!("five rules") };
+    let outcomes: HashSet<i64> = replace.1.records("fragment.out").iter().map(|record| record[2]).collect();
+    assert_eq!(outcomes, [0, 1, 4, 5].into(), "accumulated, inserted, replaced, dropped");
+    assert!(dull.1.manifest["machine"]["name"] == "tiny" && !dull.1.lines("shade.out").is_empty());
+    let highlights = std::fs::read_to_string(dull.1.path("rom/shade.highlights.hex")).unwrap();
+    assert!(highlights.lines().any(|line| line == "40000"), "a power of 0 is 1 from the first word on: {highlights}");
+    let coverage = std::fs::read_to_string(even.1.path("coverage.csv")).unwrap();
+    let ties: Vec<&str> = coverage.lines().filter(|line| line.contains("\"tie\"")).collect();
+    let met = ties.iter().filter(|line| !line.ends_with(",0")).count();
+    println!("nearest-even: {met} of {} words met a tie", ties.len());
+    assert!(met * 4 > ties.len() * 3, "{ties:#?}");
+    let jobs: Vec<(&Traced, Unit)> = ruled.iter().flat_map(|(_, trace, units)| units.iter().map(move |unit| (trace, *unit))).collect();
+    jobs.par_iter().for_each(|(trace, unit)| {
+        drive(Simulator::Icarus, trace, *unit, 16, &[]);
+    });
+}
+
+/// A culled splat's record has flags and nothing else, and the comparison says so.
+#[test]
+fn what_must_be_zero_is_zero() {
+    if !have(&["iverilog"], "culled splats on Icarus") {
+        return;
+    }
+    let trace = traced(&cloud(60, 16), &machines()[0].1, &Window::default());
+    assert!(trace.records("ellipse.out").iter().any(|record| record[0] == 1), "a backface");
+    let mutant = Mutant { unit: "ellipse", file: "ellipse.sv", find: "backface || faint || outside ? '0", put: "faint || outside ? '0" };
+    let folder = tempfile::tempdir().unwrap();
+    mutated(&mutant, folder.path());
+    let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit("ellipse"), 16);
+    let given = device.drive(None, expected(&trace, unit("ellipse")), &[]);
+    let compared = |zeros| diff(&trace.folder, &outputs(unit("ellipse"), &given), zeros).unwrap();
+    assert!(compared(Zeros::Ignored).equal);
+    assert!(!compared(Zeros::Compared).equal);
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn an_offer_that_changes_fails_an_assertion() {
+    if !have(&["verilator"], "assertions on Verilator") {
+        return;
+    }
+    let trace = traced(&cloud(60, 16), &machines()[0].1, &Window { units: vec!["gauss".into()], ..Window::default() });
+    let put = "m_data = arrive ? arrived : fifo[head]";
+    let mutant = Mutant { unit: "gauss", file: "pipe.sv", find: "m_data = fifo[head]", put };
+    let folder = tempfile::tempdir().unwrap();
+    mutated(&mutant, folder.path());
+    let device = Device::new(Simulator::Verilator, folder.path(), &trace.folder, unit("gauss"), 16);
+    let given = device.drive(None, expected(&trace, unit("gauss")), &STALLS);
+    assert!(given.last.contains("handshake: an offer that was not taken has changed"), "{}", given.last);
+}
+
 /// A small mistake in a twin: where, what is there, what is put there.
 struct Mutant {
     unit: &'static str,
@@ -515,19 +777,55 @@ fn every_mutant_is_caught() {
         .into_iter()
         .map(|(text, machine)| traced(&text, &machine, &Window { stimulus: Some(400), ..Window::default() }))
         .collect();
+    all_are_caught(MUTANTS, |mutant, sources| {
+        let unit = unit(mutant.unit);
+        let traces: Vec<&Traced> = if unit.name == unit.stream { vec![&made_up, &seen] } else { of_ellipsoids.iter().collect() };
+        traces.into_iter().filter(|trace| twins(trace).iter().any(|twin| twin.name == unit.name)).any(|trace| {
+            let device = Device::new(Simulator::Icarus, sources, &trace.folder, unit, 16);
+            fault(trace, unit, &device.drive(None, expected(trace, unit), &STALLS)).is_some()
+        })
+    });
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn every_mutant_of_a_frame_s_end_is_caught() {
+    if !have(&["iverilog"], "mutants of the twins") {
+        return;
+    }
+    let ends = ends();
+    all_are_caught(FRAME_ENDS, |mutant, sources| {
+        let of = |trace: &Traced| enders(trace).into_iter().find(|unit| unit.name == mutant.unit);
+        ends.iter().filter_map(|trace| Some((trace, of(trace)?))).any(|(trace, unit)| fault_at_the_end(sources, trace, unit).is_some())
+    });
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn every_mutant_of_a_rule_is_caught() {
+    if !have(&["iverilog"], "mutants of the twins") {
+        return;
+    }
+    let ruled = ruled();
+    all_are_caught(RULES, |mutant, sources| {
+        let (of_it, rule) = (unit(mutant.unit), |units: &[Unit]| units.iter().any(|unit| unit.name == mutant.unit));
+        ruled.iter().filter(|(_, _, units)| rule(units)).any(|(_, trace, _)| {
+            let device = Device::new(Simulator::Icarus, sources, &trace.folder, of_it, 16);
+            fault(trace, of_it, &device.drive(None, expected(trace, of_it), &[])).is_some()
+        })
+    });
+}
+
+/// Whether each of these mutants, or of a run's share of them, is caught: by what is told a copy of the twins that has it.
+fn all_are_caught(mutants: &[Mutant], catches: impl Fn(&Mutant, &Path) -> bool + Sync) {
     let survives = |mutant: &&Mutant| {
         let folder = tempfile::tempdir().unwrap();
         mutated(mutant, folder.path());
-        let unit = unit(mutant.unit);
-        let traces: Vec<&Traced> = if unit.name == unit.stream { vec![&made_up, &seen] } else { of_ellipsoids.iter().collect() };
-        !traces.into_iter().filter(|trace| twins(trace).iter().any(|twin| twin.name == unit.name)).any(|trace| {
-            let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit, 16);
-            fault(trace, unit, &device.drive(None, expected(trace, unit), &STALLS)).is_some()
-        })
+        !catches(mutant, folder.path())
     };
     let told = |mutant: &Mutant| format!("{}: `{}` for `{}`", mutant.file, mutant.put, mutant.find);
-    let mutants = share_of(MUTANTS, std::env::var("SPLATSIM_MUTANTS").ok().as_deref());
-    println!("{} of {} mutants", mutants.len(), MUTANTS.len());
+    let (all, mutants) = (mutants, share_of(mutants, std::env::var("SPLATSIM_MUTANTS").ok().as_deref()));
+    println!("{} of {} mutants", mutants.len(), all.len());
     let survivors: Vec<String> = mutants.par_iter().copied().filter(survives).map(told).collect();
     assert!(survivors.is_empty(), "{} of {} were not caught:\n{}", survivors.len(), mutants.len(), survivors.join("\n"));
 }

@@ -13,7 +13,7 @@ use sha2::{Digest, Sha256};
 use splatsim::cosim::trace::Window;
 use splatsim::hardware::quantise::quantise;
 use splatsim::scene::{Overrides, Scene};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
 
@@ -400,6 +400,48 @@ fn a_manifest_is_true() {
     for stream in trace.manifest["streams"].as_array().unwrap() {
         assert!(readme.contains(&format!("### `{}`", stream["name"].as_str().unwrap())));
     }
+}
+
+/// A number that stands for a name: manifest, package, header and README say the same.
+#[test]
+fn codes_have_names_everywhere() {
+    let lean = machine("lean", &[]);
+    let discs = traced(&cloud(30, 16), &lean, &Window::default());
+    let voxels = traced(&shells(8, 16, &json!({})), &machine("volume", &[]), &Window::default());
+    for (trace, frame) in [(&discs, None), (&voxels, Some("amplitude"))] {
+        let enums = trace.manifest["enums"].as_object().unwrap();
+        let names: BTreeSet<&str> = enums.keys().map(String::as_str).collect();
+        assert_eq!(names, ["outcome", "merge", "round", "overflow"].into_iter().chain(frame).collect());
+        let [package, header, readme] =
+            ["machine_pkg.sv", "records.h", "README.md"].map(|file| std::fs::read_to_string(trace.path(file)).unwrap());
+        for (name, codes) in enums {
+            assert!(package.contains(&format!("}} {name}_t;")) && header.contains(&format!("}} splatsim_{name};")));
+            for (code, number) in codes["codes"].as_object().unwrap() {
+                let constant = format!("{name}_{code}").to_uppercase().replace('-', "_");
+                let is_told = |line: &str| {
+                    let line = line.trim().trim_end_matches(',');
+                    line.strip_prefix(&format!("{constant} = "))
+                        .is_some_and(|told| told.trim_start_matches("3'd").trim_start_matches("2'd") == number.to_string())
+                };
+                assert!(package.lines().any(is_told), "{constant}");
+                assert!(header.contains(&format!("SPLATSIM_{constant} = {number}")), "{constant}");
+                let of = codes["of"][0].as_str().unwrap();
+                assert!(readme.contains(&format!("| {code} | `{of}` | {number} |")), "{constant}");
+            }
+        }
+        let outcome = &trace.stream("fragment.out")["fields"][trace.field("fragment.out", "outcome")];
+        assert_eq!(outcome["enum"], "outcome");
+        assert_eq!(
+            enums["outcome"]["codes"],
+            json!({"accumulated": 0, "inserted": 1, "merged": 2, "evicted": 3, "replaced": 4, "dropped": 5})
+        );
+    }
+    // What the description calls its rules.
+    let described = serde_json::to_value(&lean).unwrap();
+    let rule = described["fragment"]["merge"].as_str().unwrap();
+    assert_eq!(discs.manifest["enums"]["merge"]["codes"][rule], discs.manifest["numbers"]["FRAGMENT_MERGE"]);
+    let round = discs.manifest["words"]["gauss.weight"]["round"].as_str().unwrap();
+    assert!(discs.manifest["enums"]["round"]["codes"][round].is_number());
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //
 //   raster.in.hex ─► s ─►( raster )─► m ─► raster.out.hex, record by record
 
+`timescale 1ns / 1ps
 `default_nettype none
 module testbench;
   // How many records there are: manifest.json says it, and testbench.sh hands it on.

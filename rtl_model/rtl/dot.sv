@@ -3,6 +3,7 @@
 //   a, b ->( a_x*b_x + a_y*b_y + a_z*b_z )-> sum
 //
 // Loss: none.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module dot #(

@@ -11,11 +11,13 @@
 //
 // Losses: every word is rounded, but scaled_radius, which a normaliser cuts; extent gets one more place than it needs, so the box never
 // loses a pixel; depth_slope is limited, for a grazing plane's slope has no limit.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse #(
     parameter int DROPS = 0, // whether a splat that is culled ends here
-    parameter int TAG_W = 0  // bits of a tag, which goes along
+    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
     input wire clk,                                           // everything happens at its rising edge
     input wire rst,                                           // forgets what is under way
@@ -121,7 +123,7 @@ module ellipse #(
   wire [CONIC_W-1:0] conic_xx, conic_yy;
   wire [CONIC_CROSS_W-1:0] conic_xy;
   wire [2*COLUMN_W-1:0] firsts, lasts;
-  ellipse_footprint #(.FACES(1), .POWER_W(POWER_W)) footprint (.frame(frame),
+  ellipse_footprint #(.FACES(1), .POWER_W(POWER_W), .ROMS(ROMS)) footprint (.frame(frame),
       .pixels_from_middle(s_data[machine_pkg::ELLIPSE_IN_PIXEL_Y_LSB+:2*PIXEL_W]), .size_squared(size_squared), .exponent(exponent),
       .shape_xx(shape_xx), .shape_xy(shape_xy), .shape_yy(shape_yy), .faces(facing), .areas(areas), .root(root),
       .root_exponent(root_exponent), .flat(flat), .conic_xx(conic_xx), .conic_xy(conic_xy), .conic_yy(conic_yy), .firsts(firsts),
@@ -141,7 +143,7 @@ module ellipse #(
 
   wire [DEPTH_SLOPE_W-1:0] depth_slope_x, depth_slope_y;
   wire [DEPTH_RANGE_W-1:0] depth_range;
-  ellipse_plane #(.POWER_W(POWER_W)) plane (.frame(frame), .radius(radius), .forward(forward), .point_exponent(point_exponent),
+  ellipse_plane #(.POWER_W(POWER_W), .ROMS(ROMS)) plane (.frame(frame), .radius(radius), .forward(forward), .point_exponent(point_exponent),
       .facing(facing), .normal_x(normal[2*NORMAL_W+:NORMAL_W]), .normal_y(normal[NORMAL_W+:NORMAL_W]), .depth_slope_x(depth_slope_x), .depth_slope_y(depth_slope_y),
       .depth_range(depth_range));
 

@@ -7,11 +7,13 @@
 // A disc has one face, an ellipsoid three.
 //
 // Losses: every word is rounded; extent gets one more place than it needs, so the box never loses a pixel.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse_footprint #(
-    parameter int FACES = 1,   // faces
-    parameter int POWER_W = 10 // bits of e
+    parameter int FACES = 1,    // faces
+    parameter int POWER_W = 10, // bits of e
+    parameter ROMS = "rom/"     // folder of the tables, with its slash
 ) (
     // Of the frame's constants those of the low pass, the cutoff and the picture.
     // verilator lint_off UNUSEDSIGNAL
@@ -141,7 +143,7 @@ module ellipse_footprint #(
 
   wire [ROOT_BITS:0] unused_operand;
   reciprocal_root #(.IN_W(DETERMINANT_W), .IN_F(DETERMINANT_F), .BITS(ROOT_BITS), .TABLE_BITS(machine_pkg::ELLIPSE_ROOT_TABLE_BITS),
-      .NEWTON_STEPS(machine_pkg::ELLIPSE_ROOT_NEWTON_STEPS), .ROM("rom/ellipse.root.hex"))
+      .NEWTON_STEPS(machine_pkg::ELLIPSE_ROOT_NEWTON_STEPS), .ROM({ROMS, "ellipse.root.hex"}))
       rooter (.x(determinant), .operand(unused_operand), .mantissa(root), .exponent(root_exponent));
 
   // Conic: V' turned about and divided by its determinant.
@@ -181,7 +183,7 @@ module ellipse_footprint #(
     wire signed [7:0] reach_exponent;
     reciprocal_root #(.IN_W(REACH_W), .IN_F(machine_pkg::RASTER_CUTOFF_F + VARIANCE_F), .BITS(EXTENT_BITS),
         .TABLE_BITS(machine_pkg::ELLIPSE_EXTENT_ROOT_TABLE_BITS), .NEWTON_STEPS(machine_pkg::ELLIPSE_EXTENT_ROOT_NEWTON_STEPS),
-        .ROM("rom/ellipse.extent_root.hex"))
+        .ROM({ROMS, "ellipse.extent_root.hex"}))
         extent_rooter (.x(reach), .operand(reach_operand), .mantissa(reach_root), .exponent(reach_exponent));
     wire signed [ROOTED_W-1:0] rooted = $signed({1'b0, reach_operand}) * $signed({1'b0, reach_root});
     wire signed [POWER_W:0] extent_more = (POWER_W + 1)'(reach_exponent) - (POWER_W + 1)'(exponent);

@@ -3,6 +3,7 @@
 //   vector ->[ W*n ]->[ fit ]-> normal
 //
 // Loss: each part is rounded once.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse_normal (

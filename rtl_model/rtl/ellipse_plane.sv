@@ -4,10 +4,12 @@
 //   radius ->(* root_cutoff)-> depth_range
 //
 // Losses: every word is rounded; depth_slope is limited, for a grazing plane's slope has no limit.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse_plane #(
-    parameter int POWER_W = 10 // bits of sums of powers of two
+    parameter int POWER_W = 10, // bits of sums of powers of two
+    parameter ROMS = "rom/"     // folder of the tables, with its slash
 ) (
     // Of the frame's constants those of the focal length and the cutoff.
     // verilator lint_off UNUSEDSIGNAL
@@ -41,7 +43,7 @@ module ellipse_plane #(
   wire [STEEP_BITS:0] steepness;
   wire signed [7:0] steepness_exponent;
   reciprocal #(.IN_W(FACING_W), .IN_F(FACING_F), .BITS(STEEP_BITS), .TABLE_BITS(machine_pkg::ELLIPSE_SLOPE_RECIPROCAL_TABLE_BITS),
-      .NEWTON_STEPS(machine_pkg::ELLIPSE_SLOPE_RECIPROCAL_NEWTON_STEPS), .ROM("rom/ellipse.slope_reciprocal.hex"))
+      .NEWTON_STEPS(machine_pkg::ELLIPSE_SLOPE_RECIPROCAL_NEWTON_STEPS), .ROM({ROMS, "ellipse.slope_reciprocal.hex"}))
       inverter (.x(facing_magnitude), .mantissa(steepness), .exponent(steepness_exponent));
   wire [INVERSE_FOCAL_W-1:0] inverse_focal = frame[machine_pkg::FRAME_INVERSE_FOCAL_LSB+:INVERSE_FOCAL_W];
   wire signed [7:0] inverse_focal_places = frame[machine_pkg::FRAME_INVERSE_FOCAL_PLACES_LSB+:8];

@@ -3,6 +3,7 @@
 //   radius ->(* focal)->(* 1/t_z)-> size k' = k/2^e -> k'^2
 //
 // Losses: scaled_radius is cut by a normaliser; size and its square are rounded.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse_size #(

@@ -4,6 +4,7 @@
 //                 +->[ a*x + b*y + z ]----> facing c_n
 //
 // Loss: each word is rounded once.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse_turn (

@@ -3,6 +3,7 @@
 //   |area| ->(* 1/sqrt det V')->[ fit ]-> visibility
 //
 // Loss: it is rounded once.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse_visibility (

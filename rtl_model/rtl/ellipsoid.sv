@@ -7,11 +7,13 @@
 // In the Jacobian, and nowhere else, a and b are clamped.
 //
 // Losses: every word is rounded; those of the parts that a disc has too are told there.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module ellipsoid #(
     parameter int DROPS = 0, // whether a splat that is culled ends here
-    parameter int TAG_W = 0  // bits of a tag, which goes along
+    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
     input wire clk,                                           // everything happens at its rising edge
     input wire rst,                                           // forgets what is under way
@@ -178,7 +180,7 @@ module ellipsoid #(
   wire [CONIC_W-1:0] conic_xx, conic_yy;
   wire [CONIC_CROSS_W-1:0] conic_xy;
   wire [2*COLUMN_W-1:0] firsts, lasts;
-  ellipse_footprint #(.FACES(3), .POWER_W(POWER_W)) footprint (.frame(frame),
+  ellipse_footprint #(.FACES(3), .POWER_W(POWER_W), .ROMS(ROMS)) footprint (.frame(frame),
       .pixels_from_middle(s_data[machine_pkg::ELLIPSE_IN_PIXEL_Y_LSB+:2*PIXEL_W]), .size_squared(size_squared), .exponent(exponent),
       .shape_xx(shape_xx), .shape_xy(shape_xy), .shape_yy(shape_yy), .faces(faces), .areas(areas), .root(root),
       .root_exponent(root_exponent), .flat(flat), .conic_xx(conic_xx), .conic_xy(conic_xy), .conic_yy(conic_yy), .firsts(firsts),
@@ -192,7 +194,7 @@ module ellipsoid #(
   wire [RAY_BITS:0] ray_operand, ray_root;
   wire signed [7:0] ray_exponent;
   reciprocal_root #(.IN_W(LENGTH_W), .IN_F(2 * SLOPE_F), .BITS(RAY_BITS), .TABLE_BITS(machine_pkg::ELLIPSE_RAY_ROOT_TABLE_BITS),
-      .NEWTON_STEPS(machine_pkg::ELLIPSE_RAY_ROOT_NEWTON_STEPS), .ROM("rom/ellipse.ray_root.hex"))
+      .NEWTON_STEPS(machine_pkg::ELLIPSE_RAY_ROOT_NEWTON_STEPS), .ROM({ROMS, "ellipse.ray_root.hex"}))
       ray_rooter (.x(length_squared), .operand(ray_operand), .mantissa(ray_root), .exponent(ray_exponent));
   wire signed [RAYED_W-1:0] rayed = $signed({1'b0, ray_operand}) * $signed({1'b0, ray_root});
   wire [RAY_W-1:0] ray;
@@ -238,7 +240,7 @@ module ellipsoid #(
   // The depth plane: of what is flat alone.
   wire [DEPTH_SLOPE_W-1:0] depth_slope_x, depth_slope_y;
   wire [DEPTH_RANGE_W-1:0] depth_range;
-  ellipse_plane #(.POWER_W(POWER_W)) plane (.frame(frame), .radius(radius), .forward(forward), .point_exponent(point_exponent),
+  ellipse_plane #(.POWER_W(POWER_W), .ROMS(ROMS)) plane (.frame(frame), .radius(radius), .forward(forward), .point_exponent(point_exponent),
       .facing(facing), .normal_x(axis_x), .normal_y(axis_y), .depth_slope_x(depth_slope_x), .depth_slope_y(depth_slope_y),
       .depth_range(depth_range));
   localparam int PLANE_W = 2 * DEPTH_SLOPE_W + DEPTH_RANGE_W;

@@ -5,10 +5,12 @@
 // A splat is asked of shade as a fragment of weight 1 that is opaque. Where splats are not lit before they are drawn they go straight on.
 //
 // Losses: what is asked is rounded to a fragment's sums, the light to a splat's colour.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module emission #(
-    parameter int TAG_W = 1 // bits of what goes along
+    parameter int TAG_W = 1, // bits of what goes along
+    parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
     input wire clk,                                                // everything happens at its rising edge
     input wire rst,                                                // forgets what is under way
@@ -59,7 +61,7 @@ module emission #(
   wire preshaded = frame[machine_pkg::FRAME_PRESHADED_LSB];
   wire shade_ready, shade_valid;
   wire [TAG_W-1:0] tag;
-  shade #(.TAG_W(TAG_W)) shade (
+  shade #(.TAG_W(TAG_W), .ROMS(ROMS)) shade (
       .clk(clk),
       .rst(rst),
       .frame(frame),

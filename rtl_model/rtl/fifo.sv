@@ -1,4 +1,5 @@
 // Fifo: keeps records in their order. Who pushes knows that there is a place, who pops that something is there.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fifo #(

@@ -5,11 +5,13 @@
 //                                     +--> shade <--+
 //
 // When the last splat is in, and through, `drain` makes everything that the pixels hold come out, pixel by pixel.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fill #(
-    parameter int WIDTH = 16, // columns of the picture
-    parameter int HEIGHT = 16 // rows of the picture
+    parameter int WIDTH = 16,  // columns of the picture
+    parameter int HEIGHT = 16, // rows of the picture
+    parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
     input wire clk,                                                // everything happens at its rising edge
     input wire rst,                                                // empties everything
@@ -45,7 +47,7 @@ module fill #(
   wire [X_W+Y_W-1:0] pixel;
   wire [machine_pkg::GAUSS_WEIGHT_W-1:0] weight;
   wire [machine_pkg::RASTER_OUT_DEPTH_W-1:0] depth;
-  weigh #(.TAG_W(RGBA_W + MATERIAL_W + NORMAL_W)) weigh (
+  weigh #(.TAG_W(RGBA_W + MATERIAL_W + NORMAL_W), .ROMS(ROMS)) weigh (
       .clk(clk),
       .rst(rst),
       .frame(frame),
@@ -136,7 +138,7 @@ module fill #(
   assign asked = shade_ready;
   assign answered = lit_valid && layers_empty;
   assign lit_ready = layers_empty ? answer_ready : layer_dark && layer_ready;
-  shade shade (
+  shade #(.ROMS(ROMS)) shade (
       .clk(clk),
       .rst(rst),
       .frame(frame),

@@ -3,6 +3,7 @@
 //   exact ->(<< left)->(+ round)->(>> right)->[ saturate | wrap ]-> word
 //
 // Loss: bits below the word's last place are rounded away; beyond its range the word saturates or wraps.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fit #(

@@ -3,6 +3,7 @@
 //   exact ->[ << | >> ]->( fit )-> word
 //
 // Loss: as in fit.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fit_shifted #(

@@ -13,6 +13,7 @@
 //
 // Losses: each sum is rounded once a contribution (fragment_sum); so is what a merge writes back (fragment_over); the depth is cut to the
 // comparators' word; a light is cut to what a slot can hold, and what a slot holds to a light.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fragment #(
@@ -85,8 +86,11 @@ module fragment #(
   localparam int PLACE_W = $clog2(PLACES);
   localparam int STACK_W = PLACES * SLOT_W;
 
-  localparam [machine_pkg::FRAGMENT_OUT_OUTCOME_W-1:0] ACCUMULATED = 0, INSERTED = 1, MERGED = 2, EVICTED = 3, REPLACED = 4, DROPPED = 5;
-  localparam int NEAREST_PAIR = 0, REPLACE = 2;
+  localparam [machine_pkg::FRAGMENT_OUT_OUTCOME_W-1:0] ACCUMULATED = machine_pkg::OUTCOME_ACCUMULATED,
+      INSERTED = machine_pkg::OUTCOME_INSERTED, MERGED = machine_pkg::OUTCOME_MERGED, EVICTED = machine_pkg::OUTCOME_EVICTED,
+      REPLACED = machine_pkg::OUTCOME_REPLACED, DROPPED = machine_pkg::OUTCOME_DROPPED;
+  localparam int NEAREST_PAIR = machine_pkg::MERGE_NEAREST_PAIR, FARTHEST_PAIR = machine_pkg::MERGE_FARTHEST_PAIR;
+  localparam int REPLACE = machine_pkg::MERGE_REPLACE;
 
   // The slot of a stack that one bit says, or 0 where none does.
   function [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
@@ -367,8 +371,17 @@ module fragment #(
       assign apart[place*DEPTH_W+:DEPTH_W] = sorted[(place+1)*SLOT_W+DEPTH+:DEPTH_W] - sorted[place*SLOT_W+DEPTH+:DEPTH_W];
     end
     assign pair = least('1, apart);
-  end else begin : g_farthest_pair
+  end else if (machine_pkg::FRAGMENT_MERGE == FARTHEST_PAIR || machine_pkg::FRAGMENT_MERGE == REPLACE) begin : g_farthest_pair
+    // Where the nearer one replaces the other there is no pair to merge, and nobody asks.
     assign pair = LAYERS'(1) << (LAYERS - 1);
+  end else begin : g_unknown_rule
+`ifdef __ICARUS__
+    // It has no such task before it runs, but does not elaborate a module that is nowhere.
+    fragment_has_no_such_rule_of_merging unknown_rule ();
+`else
+    $error("fragment has no such rule of merging: FRAGMENT_MERGE is nearest pair, farthest pair or replace");
+`endif
+    assign pair = '0;
   end
 
   localparam int OUTCOME_W = machine_pkg::FRAGMENT_OUT_OUTCOME_W;

@@ -3,6 +3,7 @@
 //   pixel ->[ taken in the last HAZARD - 1 cycles? ]-> waits
 //
 // A pixel that is still being worked on counts as taken in its last cycle.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_hazard #(

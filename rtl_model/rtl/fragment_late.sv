@@ -1,6 +1,7 @@
 // Fragment_late: registers between a decision and what it writes, which synthesis may retime into sums and products.
 //
 //   decided ->[ register ]*(HAZARD - 2)-> write
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_late #(

@@ -4,6 +4,7 @@
 //   slot, if shaded --------^
 //
 // Losses: a light is cut to the word of the sum that keeps it, and what a slot keeps to the word of a light.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_lit (

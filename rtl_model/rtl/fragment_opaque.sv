@@ -1,5 +1,6 @@
 // Fragment_opaque: whether nothing behind a fragment can be seen: opaque itself, and covering the pixel. Twin of units/fragment.rs,
 // is_opaque: opacity and weight are compared by products, for a quotient would have to be rounded.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_opaque (

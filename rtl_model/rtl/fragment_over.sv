@@ -5,6 +5,7 @@
 //   1 - opacity of the front ^
 //
 // Loss: the channel is rounded once, as a sum of the slot that it goes to.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_over #(

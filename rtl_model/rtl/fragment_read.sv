@@ -3,6 +3,7 @@
 //   colours, opacity ->[ fit ]-> lit
 //
 // Loss: what a slot keeps is cut to the word of a light.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_read (

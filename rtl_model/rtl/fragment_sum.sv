@@ -5,6 +5,7 @@
 //   attribute ^
 //
 // Loss: the sum is rounded once a contribution, and saturates (or wraps).
+`timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_sum #(

@@ -4,10 +4,12 @@
 //   amplitude ---------------------------------------------+
 //
 // Losses: the radial index is cut to the table's reach; falloff and weight are rounded.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module gauss #(
-    parameter int TAG_W = 0 // bits of a tag, which goes along
+    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
     input wire clk,                                         // everything happens at its rising edge
     input wire rst,                                         // forgets what is under way
@@ -37,7 +39,7 @@ module gauss #(
 
   wire [FALLOFF_W-1:0] falloff;
   lookup #(.ARGUMENT_W(INDEX_W), .TABLE_BITS(machine_pkg::GAUSS_TABLE_BITS), .LINEAR(machine_pkg::GAUSS_TABLE_LINEAR), .W(FALLOFF_W),
-      .ROUND(machine_pkg::GAUSS_FALLOFF_ROUND), .ROM("rom/gauss.table.hex")) exponential (.argument(radial_index), .word(falloff));
+      .ROUND(machine_pkg::GAUSS_FALLOFF_ROUND), .ROM({ROMS, "gauss.table.hex"})) exponential (.argument(radial_index), .word(falloff));
 
   wire [WEIGHED_W-1:0] weighed = amplitude * falloff;
   wire [WEIGHT_W-1:0] weight;

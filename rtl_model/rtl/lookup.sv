@@ -4,6 +4,7 @@
 //                                         linear:   word = value[address] + delta[address] * fraction
 //
 // Loss: with straight lines the sum is fitted into the format of the values, which it never leaves.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module lookup #(

@@ -3,6 +3,7 @@
 //   value ->[ << by halves of what is left ]-> normalised
 //
 // Loss: none.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module normalise #(

@@ -6,6 +6,7 @@
 // that the model counts, for records on their way and for those that wait, are the FIFO's. One that is given back is free a cycle later.
 //
 // A record of which nothing comes does not get into the FIFO: its place is given back when it is through the registers.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module pipe #(

@@ -6,11 +6,13 @@
 // Splats go in one after the other; when the last one is in, `drain` makes everything that the pixels hold come out, pixel by pixel.
 //
 // Ellipsoids have tops of their own: pipeline_ellipsoids.sv, and pipeline_sheets.sv where fragments are grouped by sheets.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module pipeline #(
-    parameter int WIDTH = 16, // columns of the picture
-    parameter int HEIGHT = 16 // rows of the picture
+    parameter int WIDTH = 16,  // columns of the picture
+    parameter int HEIGHT = 16, // rows of the picture
+    parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
     input wire clk,                                               // everything happens at its rising edge
     input wire rst,                                               // empties everything
@@ -33,7 +35,7 @@ module pipeline #(
   wire [machine_pkg::ELLIPSE_AMPLITUDE_W-1:0] amplitude;
   wire [machine_pkg::RASTER_IN_TAG_LSB-1:0] footprint;
   wire set_up_quiet, fill_quiet, silent;
-  set_up set_up (
+  set_up #(.ROMS(ROMS)) set_up (
       .clk(clk),
       .rst(rst),
       .frame(frame),
@@ -48,7 +50,7 @@ module pipeline #(
       .m_footprint(footprint),
       .quiet(set_up_quiet)
   );
-  fill #(.WIDTH(WIDTH), .HEIGHT(HEIGHT)) fill (
+  fill #(.WIDTH(WIDTH), .HEIGHT(HEIGHT), .ROMS(ROMS)) fill (
       .clk(clk),
       .rst(rst),
       .frame(frame),

@@ -6,11 +6,13 @@
 //
 // Splats go in one after the other, in the order in which they are drawn: nothing here sorts. Those that are sorted by depth are sorted
 // before they come. When the last one is in, `drain` makes what the pixels hold come out, pixel by pixel.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module pipeline_sheets #(
-    parameter int WIDTH = 16, // columns of the picture
-    parameter int HEIGHT = 16 // rows of the picture
+    parameter int WIDTH = 16,  // columns of the picture
+    parameter int HEIGHT = 16, // rows of the picture
+    parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
     input wire clk,                                               // everything happens at its rising edge
     input wire rst,                                               // empties everything
@@ -42,7 +44,7 @@ module pipeline_sheets #(
   wire [machine_pkg::ELLIPSE_AMPLITUDE_W-1:0] amplitude;
   wire [machine_pkg::RASTER_IN_TAG_LSB-1:0] footprint;
   wire set_up_quiet, weigh_quiet, silent;
-  set_up_ellipsoids set_up (
+  set_up_ellipsoids #(.ROMS(ROMS)) set_up (
       .clk(clk),
       .rst(rst),
       .frame(frame),
@@ -65,7 +67,7 @@ module pipeline_sheets #(
   wire [AMPLITUDE_W-1:0] lit_amplitude;
   wire [FOOTPRINT_W-1:0] lit_footprint;
   wire [RGB_W-1:0] lit_rgb;
-  emission #(.TAG_W(SHEET_W + AMPLITUDE_W + FOOTPRINT_W)) emission (
+  emission #(.TAG_W(SHEET_W + AMPLITUDE_W + FOOTPRINT_W), .ROMS(ROMS)) emission (
       .clk(clk),
       .rst(rst),
       .frame(frame),
@@ -94,7 +96,7 @@ module pipeline_sheets #(
   wire [WEIGHT_W-1:0] weight;
   // A sheet has no depth.
   wire [machine_pkg::RASTER_OUT_DEPTH_W-1:0] unused_depth;
-  weigh #(.TAG_W(SHEET_W + RGB_W)) weigh (
+  weigh #(.TAG_W(SHEET_W + RGB_W), .ROMS(ROMS)) weigh (
       .clk(clk),
       .rst(rst),
       .frame(frame),
@@ -120,7 +122,7 @@ module pipeline_sheets #(
   wire [machine_pkg::FRAGMENT_HELD_W-1:0] held;
   // What became of a contribution interests nobody here.
   // verilator lint_off PINCONNECTEMPTY
-  sheets #(.WIDTH(WIDTH), .HEIGHT(HEIGHT)) sheets (
+  sheets #(.WIDTH(WIDTH), .HEIGHT(HEIGHT), .ROMS(ROMS)) sheets (
       .clk(clk),
       .rst(rst),
       .frame(frame),

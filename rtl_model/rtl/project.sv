@@ -7,11 +7,13 @@
 // t is relative to a power of two near the splat's distance from the eye, so near and far splats keep the same relative precision.
 //
 // Losses: relative is cut by its normaliser; camera, depth, slope and pixel are rounded; the reciprocal's inner words are its own affair.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module project #(
     parameter int DROPS = 0, // whether a splat that is culled ends here
-    parameter int TAG_W = 0  // bits of a tag, which goes along
+    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
     input wire clk,                                           // everything happens at its rising edge
     input wire rst,                                           // forgets what is under way
@@ -93,7 +95,7 @@ module project #(
   wire [INVERSE_BITS:0] inverse_depth;
   wire signed [7:0] inverse_depth_exponent;
   reciprocal #(.IN_W(CAMERA_W - 1), .IN_F(CAMERA_F), .BITS(INVERSE_BITS), .TABLE_BITS(machine_pkg::PROJECT_RECIPROCAL_TABLE_BITS),
-      .NEWTON_STEPS(machine_pkg::PROJECT_RECIPROCAL_NEWTON_STEPS), .ROM("rom/project.reciprocal.hex"))
+      .NEWTON_STEPS(machine_pkg::PROJECT_RECIPROCAL_NEWTON_STEPS), .ROM({ROMS, "project.reciprocal.hex"}))
       inverter (.x(forward[CAMERA_W-2:0]), .mantissa(inverse_depth), .exponent(inverse_depth_exponent));
 
   wire signed [8:0] slope_more = -(9'(inverse_depth_exponent));

@@ -10,6 +10,7 @@
 //
 // Losses: offset, gradient, the seeds of radial and z, and the differences are rounded; a radial index below 0, where differencing may
 // leave it, is 0.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module raster #(

@@ -4,6 +4,7 @@
 //         +-> exponent e      +---------------->( y = y*c     )          1/x = y * 2^-e
 //
 // Losses: the mantissa m is cut (its rounding up could leave [1,2)); the correction c and the result y are rounded to nearest.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module reciprocal #(

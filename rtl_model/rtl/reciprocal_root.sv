@@ -7,6 +7,7 @@
 //
 // Losses: the mantissa m is cut (its rounding up could leave [1,4)); the square q, the correction c and the result y are rounded to
 // nearest.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module reciprocal_root #(

@@ -4,6 +4,7 @@
 //   opacity ->(1 - opacity)->(*)-> transmittance
 //
 // Losses: the transmittance is rounded at each layer; the sum is exact and rounded once, into the frame.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module resolve (

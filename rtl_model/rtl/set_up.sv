@@ -4,9 +4,12 @@
 //
 // A splat that is culled ends where that is found: it waits in no FIFO and takes no cycle of the next unit, as in the timing model. What a
 // unit does not need goes through it as its tag.
+`timescale 1ns / 1ps
 `default_nettype none
 
-module set_up (
+module set_up #(
+    parameter ROMS = "rom/" // folder of the tables, with its slash
+) (
     input wire clk,                                                            // everything happens at its rising edge
     input wire rst,                                                            // forgets what is under way
     input wire [machine_pkg::FRAME_W-1:0] frame,                               // constants: the view
@@ -32,7 +35,7 @@ module set_up (
   wire [machine_pkg::PROJECT_OUT_W-1:0] point;
   wire [DISC_W-1:0] disc;
   wire [LOOK_W-1:0] look;
-  project #(.DROPS(1), .TAG_W(DISC_W + LOOK_W)) project (
+  project #(.DROPS(1), .TAG_W(DISC_W + LOOK_W), .ROMS(ROMS)) project (
       .clk(clk),
       .rst(rst),
       .frame(frame),
@@ -49,7 +52,7 @@ module set_up (
   wire [machine_pkg::ELLIPSE_OUT_W-1:0] ellipse_out;
   wire [DEPTH_W-1:0] depth;
   wire [PIXEL_W-1:0] pixel;
-  ellipse #(.DROPS(1), .TAG_W(LOOK_W + DEPTH_W + PIXEL_W)) ellipse (
+  ellipse #(.DROPS(1), .TAG_W(LOOK_W + DEPTH_W + PIXEL_W), .ROMS(ROMS)) ellipse (
       .clk(clk),
       .rst(rst),
       .frame(frame),

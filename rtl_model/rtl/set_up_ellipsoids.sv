@@ -4,9 +4,12 @@
 //
 // A splat that is culled ends where that is found: it waits in no FIFO and takes no cycle of the next unit, as in the timing model. What a
 // unit does not need goes through it as its tag.
+`timescale 1ns / 1ps
 `default_nettype none
 
-module set_up_ellipsoids (
+module set_up_ellipsoids #(
+    parameter ROMS = "rom/" // folder of the tables, with its slash
+) (
     input wire clk,                                                            // everything happens at its rising edge
     input wire rst,                                                            // forgets what is under way
     input wire [machine_pkg::FRAME_W-1:0] frame,                               // constants: the view
@@ -33,7 +36,7 @@ module set_up_ellipsoids (
   wire [machine_pkg::PROJECT_OUT_W-1:0] point;
   wire [SHAPE_W-1:0] shape;
   wire [LOOK_W-1:0] look;
-  project #(.DROPS(1), .TAG_W(SHAPE_W + LOOK_W)) project (
+  project #(.DROPS(1), .TAG_W(SHAPE_W + LOOK_W), .ROMS(ROMS)) project (
       .clk(clk),
       .rst(rst),
       .frame(frame),
@@ -50,7 +53,7 @@ module set_up_ellipsoids (
   wire [machine_pkg::ELLIPSE_OUT_W-1:0] ellipse_out;
   wire [DEPTH_W-1:0] depth;
   wire [PIXEL_W-1:0] pixel;
-  ellipsoid #(.DROPS(1), .TAG_W(LOOK_W + DEPTH_W + PIXEL_W)) ellipsoid (
+  ellipsoid #(.DROPS(1), .TAG_W(LOOK_W + DEPTH_W + PIXEL_W), .ROMS(ROMS)) ellipsoid (
       .clk(clk),
       .rst(rst),
       .frame(frame),

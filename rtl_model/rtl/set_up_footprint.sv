@@ -1,4 +1,5 @@
 // Set_up_footprint: what project and ellipse, or ellipsoid, have of a splat, in the order of raster.in.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module set_up_footprint (

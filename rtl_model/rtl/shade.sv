@@ -8,10 +8,12 @@
 // Sums are first shifted by the power of two that brings W to [1, 2), so that a thinly covered pixel keeps its colour's precision.
 //
 // Losses: all words are rounded; opacity, coverage and colour are clamped to 1.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module shade #(
-    parameter int TAG_W = 0 // bits of a tag, which goes along
+    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
     input wire clk,                                               // everything happens at its rising edge
     input wire rst,                                               // forgets what is under way
@@ -58,7 +60,7 @@ module shade #(
   wire signed [7:0] places = -exponent;
   reciprocal #(.IN_W(WEIGHT_W), .IN_F(machine_pkg::FRAGMENT_WEIGHT_SUM_F), .BITS(machine_pkg::SHADE_RECIPROCAL_BITS),
       .TABLE_BITS(machine_pkg::SHADE_RECIPROCAL_TABLE_BITS), .NEWTON_STEPS(machine_pkg::SHADE_RECIPROCAL_NEWTON_STEPS),
-      .ROM("rom/shade.reciprocal.hex")) inverter (.x(weight), .mantissa(inverse), .exponent(exponent));
+      .ROM({ROMS, "shade.reciprocal.hex"})) inverter (.x(weight), .mantissa(inverse), .exponent(exponent));
 
   // Opacity, of the fragment alone.
   localparam int OPACITY_W = machine_pkg::SHADE_OPACITY_W;
@@ -139,7 +141,7 @@ module shade #(
   wire faces = squared != '0;
   wire [ROOT_W-1:0] unused_operand;
   reciprocal_root #(.IN_W(SQUARED_W), .IN_F(2 * NORMAL_SHARE_F), .BITS(machine_pkg::SHADE_ROOT_BITS),
-      .TABLE_BITS(machine_pkg::SHADE_ROOT_TABLE_BITS), .NEWTON_STEPS(machine_pkg::SHADE_ROOT_NEWTON_STEPS), .ROM("rom/shade.root.hex"))
+      .TABLE_BITS(machine_pkg::SHADE_ROOT_TABLE_BITS), .NEWTON_STEPS(machine_pkg::SHADE_ROOT_NEWTON_STEPS), .ROM({ROMS, "shade.root.hex"}))
       rooter (.x(squared), .operand(unused_operand), .mantissa(root), .exponent(root_exponent));
 
   // The material's answer to the lights.
@@ -174,7 +176,7 @@ module shade #(
     wire [HIGHLIGHT_W-1:0] highlight;
     lookup #(.ARGUMENT_W(ARGUMENT_W), .TABLE_BITS(MATERIAL_BITS + machine_pkg::SHADE_HIGHLIGHT_TABLE_BITS),
         .LINEAR(machine_pkg::SHADE_HIGHLIGHT_TABLE_LINEAR), .W(HIGHLIGHT_W), .ROUND(machine_pkg::SHADE_HIGHLIGHT_ROUND),
-        .ROM("rom/shade.highlights.hex"), .LINES(MATERIALS << machine_pkg::SHADE_HIGHLIGHT_TABLE_BITS))
+        .ROM({ROMS, "shade.highlights.hex"}), .LINES(MATERIALS << machine_pkg::SHADE_HIGHLIGHT_TABLE_BITS))
         power (.argument((ARGUMENT_W'(material) << ANGLE_W) | ARGUMENT_W'(angle)), .word(highlight));
     wire shines = faces && here[machine_pkg::LIGHT_HAS_HALF_WAY_LSB];
     assign shine[light*HIGHLIGHT_W+:HIGHLIGHT_W] = shines ? highlight : '0;

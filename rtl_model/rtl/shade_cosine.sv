@@ -1,6 +1,7 @@
 // Shade's cosine: max(0, N.direction). Twin of Shade::cosine in units/shade.rs.
 //
 // Loss: the cosine is rounded.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module shade_cosine (

@@ -14,11 +14,13 @@
 //
 // Losses: each sum is rounded once a contribution (fragment_sum); so is what a blend writes back (fragment_over); what a sheet comes to is
 // cut to a light, and what the composite keeps to a light.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module sheets #(
-    parameter int WIDTH = 16, // columns of pixels that it keeps
-    parameter int HEIGHT = 16 // rows of pixels that it keeps
+    parameter int WIDTH = 16,  // columns of pixels that it keeps
+    parameter int HEIGHT = 16, // rows of pixels that it keeps
+    parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
     input wire clk,                                            // everything happens at its rising edge
     input wire rst,                                            // empties all pixels
@@ -65,7 +67,8 @@ module sheets #(
   localparam int WEIGHT = machine_pkg::FRAGMENT_START_WEIGHT_LSB;
   localparam int SHEET_COLOURS = machine_pkg::FRAGMENT_START_SHEET_B_LSB;
 
-  localparam [machine_pkg::FRAGMENT_OUT_OUTCOME_W-1:0] ACCUMULATED = 0, INSERTED = 1, MERGED = 2, DROPPED = 5;
+  localparam [machine_pkg::FRAGMENT_OUT_OUTCOME_W-1:0] ACCUMULATED = machine_pkg::OUTCOME_ACCUMULATED,
+      INSERTED = machine_pkg::OUTCOME_INSERTED, MERGED = machine_pkg::OUTCOME_MERGED, DROPPED = machine_pkg::OUTCOME_DROPPED;
 
   wire each_splat = frame[machine_pkg::FRAME_EACH_SPLAT_LSB];
   wire back_to_front = frame[machine_pkg::FRAME_BACK_TO_FRONT_LSB];
@@ -185,7 +188,7 @@ module sheets #(
 
   // Blend a sheet that is done: the contribution itself, or the open one; in the end the open one for its light alone.
   wire [4*LIGHT_W-1:0] light, composite;
-  sheets_close close (
+  sheets_close #(.ROMS(ROMS)) close (
       .has_ratio(has_ratio),
       .weight(each_splat ? weight_becomes : held[WEIGHT+:WEIGHT_W]),
       .colours(each_splat ? colours_become : held[SHEET_COLOURS+:3*COLOUR_W]),

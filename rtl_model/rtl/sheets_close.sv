@@ -6,9 +6,12 @@
 //
 // Losses: the index is cut to the table's argument, the ratio between two of its lines is rounded, and so are the products. Without a ratio
 // the sums are fitted as they are.
+`timescale 1ns / 1ps
 `default_nettype none
 
-module sheets_close (
+module sheets_close #(
+    parameter ROMS = "rom/" // folder of the tables, with its slash
+) (
     input wire has_ratio,                                          // the table is used
     input wire [machine_pkg::FRAGMENT_WEIGHT_SUM_W-1:0] weight,    // the sheet's weight
     input wire [3*machine_pkg::FRAGMENT_COLOUR_SUM_W-1:0] colours, // and its colours
@@ -44,7 +47,7 @@ module sheets_close (
       .LINEAR(machine_pkg::FRAGMENT_RATIO_TABLE_LINEAR),
       .W(RATIO_W),
       .ROUND(machine_pkg::FRAGMENT_RATIO_ROUND),
-      .ROM("rom/fragment.ratio.hex")
+      .ROM({ROMS, "fragment.ratio.hex"})
   ) ratios (
       .argument(index),
       .word(ratio)

@@ -1,4 +1,5 @@
 // Silence: whether nothing is under way any more: nothing has been offered anywhere for as long as a record takes through the slowest unit.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module silence (

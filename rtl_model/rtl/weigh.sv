@@ -3,10 +3,12 @@
 //   footprints -> raster -> gauss -> contributions
 //
 // A weight that is too small ends in gauss.
+`timescale 1ns / 1ps
 `default_nettype none
 
 module weigh #(
-    parameter int TAG_W = 1 // bits of what goes along
+    parameter int TAG_W = 1, // bits of what goes along
+    parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
     input wire clk,                                                // everything happens at its rising edge
     input wire rst,                                                // forgets what is under way
@@ -51,7 +53,7 @@ module weigh #(
 
   // Gauss.
 
-  gauss #(.TAG_W(TAG_W + PIXEL_W + DEPTH_W)) gauss (
+  gauss #(.TAG_W(TAG_W + PIXEL_W + DEPTH_W), .ROMS(ROMS)) gauss (
       .clk(clk),
       .rst(rst),
       .least(least),

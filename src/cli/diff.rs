@@ -1,7 +1,7 @@
 //! Diff: compares a device's output with a trace, and names the first mismatch.
 
 use super::arguments::pretty;
-use crate::cosim::diff;
+use crate::cosim::diff::{self, Zeros};
 use crate::error::{Error, Result};
 use clap::Args;
 use std::ffi::OsString;
@@ -9,6 +9,7 @@ use std::path::PathBuf;
 
 /// End of the help text.
 pub(super) const HELP: &str = "Streams whose order counts at each pixel only may come in another.\n\
+    Fields that mean nothing in a record, such as the pixel of a culled splat, must be 0: --strict compares them.\n\
     Exit status 0 where all is equal, 1 where it is not, 2 where a file is malformed";
 
 #[derive(Args, Debug)]
@@ -19,6 +20,9 @@ pub(super) struct Typed {
     /// A stream, as raster.out, and a file of records
     #[arg(required = true, num_args = 2.., value_names = ["STREAM", "FILE"])]
     outputs: Vec<OsString>,
+    /// Compare fields that must be 0 too; else what a device has there does not count
+    #[arg(long)]
+    strict: bool,
     /// Print JSON instead of text
     #[arg(long)]
     json: bool,
@@ -29,6 +33,7 @@ pub(super) struct Job {
     folder: PathBuf,
     /// Streams, and a device's records of each.
     outputs: Vec<(String, PathBuf)>,
+    zeros: Zeros,
     json: bool,
 }
 
@@ -39,13 +44,14 @@ impl Typed {
             return Err(Error::input(format!("{}: a stream needs the file of a device's records behind it", alone.display())));
         }
         let outputs = pairs.iter().map(|[stream, file]| (stream.to_string_lossy().into_owned(), file.into())).collect();
-        Ok(Job { folder: self.folder, outputs, json: self.json })
+        let zeros = if self.strict { Zeros::Compared } else { Zeros::Ignored };
+        Ok(Job { folder: self.folder, outputs, zeros, json: self.json })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let outcome = diff::diff(&self.folder, &self.outputs)?;
+        let outcome = diff::diff(&self.folder, &self.outputs, self.zeros)?;
         let text = if self.json { pretty(&outcome.json)? } else { outcome.text };
         if outcome.equal {
             return Ok(text);

@@ -8,7 +8,8 @@
 //! A stream whose order counts is compared record by record, and brought into step again behind a record that is missing, surplus or
 //! swapped with its neighbour; one whose order counts at each pixel only, pixel by pixel.
 //!
-//! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`, `a_fault_at_a_pixel_is_named` (tests/diff.rs).
+//! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`, `a_fault_at_a_pixel_is_named`,
+//! `what_must_be_zero_counts_where_it_is_asked_for` (tests/diff.rs).
 
 use crate::cosim::trace::{Key, Layout, Malformed, flag};
 use crate::error::{Error, Result};
@@ -39,6 +40,15 @@ struct Stream {
     per_pixel: bool,
     fields: Vec<Field>,
     layout: Layout,
+}
+
+/// Fields that mean nothing in a record, and are 0 in the trace: what a device has there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Zeros {
+    /// Anything will do.
+    Ignored,
+    /// It must be 0 too.
+    Compared,
 }
 
 /// What is different.
@@ -146,12 +156,12 @@ impl Trace {
         if hex(&Sha256::digest(&text)) != stream.sha256 {
             return Err(Error::input(format!("{}: is not what `trace` wrote there: its digest is another", path.display())));
         }
-        records(&path, &text, &stream.layout)
+        records(&path, &text, &stream.layout, Zeros::Compared)
     }
 
     fn keys(&self, stream: &Stream) -> Result<Records> {
         let path = self.folder.join(&stream.key_file);
-        records(&path, &read(&path)?, &Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits)))
+        records(&path, &read(&path)?, &Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits)), Zeros::Compared)
     }
 }
 
@@ -161,7 +171,7 @@ fn read(path: &Path) -> Result<String> {
 }
 
 /// The records of a file, every line of which must be one.
-fn records(path: &Path, text: &str, layout: &Layout) -> Result<Records> {
+fn records(path: &Path, text: &str, layout: &Layout, zeros: Zeros) -> Result<Records> {
     let told = |(line, malformed): (usize, Malformed)| {
         let what = match malformed {
             Malformed::Digits(0, needed) => format!("is empty; {needed} digits are needed"),
@@ -174,7 +184,9 @@ fn records(path: &Path, text: &str, layout: &Layout) -> Result<Records> {
     };
     let lines = text.lines().enumerate().map(|(line, record)| {
         let mut words = layout.read(record).map_err(|malformed| told((line, malformed)))?;
-        layout.mask(&mut words);
+        if zeros == Zeros::Ignored {
+            layout.mask(&mut words);
+        }
         Ok(words)
     });
     lines.collect()
@@ -184,7 +196,7 @@ fn records(path: &Path, text: &str, layout: &Layout) -> Result<Records> {
 ///
 /// # Errors
 /// [`Error::Input`] where the folder is no trace, has no such stream, was changed, or where a device's file is malformed.
-pub fn diff(folder: &Path, outputs: &[(String, PathBuf)]) -> Result<Outcome> {
+pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], zeros: Zeros) -> Result<Outcome> {
     let trace = Trace::open(folder)?;
     let mut streams: Vec<(Stream, &Path)> =
         outputs.iter().map(|(name, file)| Ok((trace.stream(name)?, file.as_path()))).collect::<Result<_>>()?;
@@ -193,7 +205,7 @@ pub fn diff(folder: &Path, outputs: &[(String, PathBuf)]) -> Result<Outcome> {
     let mut equal = Vec::new();
     for (stream, file) in &streams {
         let expected = trace.expected(stream)?;
-        let got = records(file, &read(file)?, &stream.layout)?;
+        let got = records(file, &read(file)?, &stream.layout, zeros)?;
         let found = if stream.per_pixel { by_pixel(stream, &expected, &got) } else { in_order(&expected, &got) };
         if let Some(first) = found.first() {
             let compared = Compared { trace: &trace, stream, expected: &expected, got: &got };

@@ -10,6 +10,7 @@
 //!     coverage.csv          which roundings, limits and decisions the records met, and how often
 //!     waves.vcd waves.fst   when units took their items, if asked for
 //!     machine_pkg.sv records.svh records.h      formats and records in SystemVerilog and C
+//!     machine_pkg.core Bender.yml               lists of these files, for FuseSoC and Bender
 //! ```
 //! Streams are in the order of a machine that takes splat after splat, and each box row by row.
 //!
@@ -152,6 +153,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
             "fields": key_fields(), "flags": flag::NAMES,
             "none": "all ones; a record's sequence number is the number of its line, from 0, and `parent` is one of the stream before",
         },
+        "enums": headers::enums(kind),
     });
     let mut formats = headers::words_and_numbers(&elaborated, &frame);
     for more in [&mut formats, &mut contents] {
@@ -441,7 +443,7 @@ impl Folder<'_> {
             let sha256 = self.lines(&file, &layout, records)?;
             Ok(json!({
                 "name": stream.name, "file": file, "records": records.len(), "width": layout.width, "digits": layout.digits(),
-                "sha256": sha256, "fields": headers::fields(stream),
+                "sha256": sha256, "fields": headers::fields(stream, Kind::of(self.frame)),
             }))
         };
         described.iter().zip(&records).map(of).collect()
@@ -451,7 +453,7 @@ impl Folder<'_> {
         fs::create_dir_all(self.folder.join("rom"))
             .map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.folder.display())))?;
         let of = |rom: &roms::Rom| {
-            let file = format!("rom/{}.hex", rom.name);
+            let file = rom.file();
             let sha256 = self.lines(&file, &rom.layout, &rom.lines)?;
             let (width, digits) = (rom.layout.width, rom.layout.digits());
             Ok(json!({
@@ -467,6 +469,9 @@ impl Folder<'_> {
         let (machine, frame, kind) = (self.machine, self.frame, Kind::of(self.frame));
         self.text("records.svh", &headers::structs(machine, kind))?;
         self.text("records.h", &headers::c_header(machine, kind))?;
+        let roms: Vec<String> = roms::roms(machine, self.frame).iter().map(roms::Rom::file).collect();
+        self.text("machine_pkg.core", &headers::fusesoc(&roms.iter().map(String::as_str).collect::<Vec<_>>()))?;
+        self.text("Bender.yml", headers::BENDER)?;
         let head = format!(
             "# {scene} on {}\n\n{}×{} pixels, {} splats, written by splatsim {}.\n\n",
             machine.machine.name,
@@ -553,7 +558,7 @@ impl Folder<'_> {
         Ok(json!({
             "name": stream.name, "unit": unit, "file": file, "records": records, "width": layout.width, "digits": layout.digits(),
             "order": order, "parent": parent(Kind::of(self.frame), stream.name), "sha256": hex(&sha.finalize()), "keys": {"file": key_file, "sha256": hex(&key_sha.finalize())},
-            "fields": headers::fields(stream),
+            "fields": headers::fields(stream, Kind::of(self.frame)),
         }))
     }
 }

@@ -30,6 +30,10 @@ pub struct Unit {
 const FRAME: &str = "HAS_FRAME";
 const LIGHTING: &str = "HAS_LIGHTING";
 const DRAIN: &str = "HAS_DRAIN";
+/// For the assertions within.
+const FRAGMENT: &str = "HAS_FRAGMENT";
+const SHEETS: &str = "HAS_SHEETS";
+const RESOLVE: &str = "HAS_RESOLVE";
 
 const fn of_itself(name: &'static str, macros: &'static [&'static str]) -> Unit {
     Unit { name, stream: name, macros }
@@ -41,23 +45,28 @@ pub const UNITS: [Unit; 7] = [
     of_itself("ellipse", &[FRAME]),
     of_itself("raster", &[FRAME]),
     of_itself("gauss", &["HAS_LEAST"]),
-    of_itself("fragment", &[FRAME, DRAIN]),
+    of_itself("fragment", &[FRAME, DRAIN, FRAGMENT]),
     of_itself("shade", &[FRAME, LIGHTING]),
-    of_itself("resolve", &[FRAME]),
+    of_itself("resolve", &[FRAME, RESOLVE]),
 ];
 
 /// What a frame of ellipsoids has in the place of a unit.
-pub const OF_ELLIPSOIDS: [Unit; 2] =
-    [Unit { name: "ellipsoid", stream: "ellipse", macros: &[FRAME] }, Unit { name: "sheets", stream: "fragment", macros: &[FRAME, DRAIN] }];
+pub const OF_ELLIPSOIDS: [Unit; 2] = [
+    Unit { name: "ellipsoid", stream: "ellipse", macros: &[FRAME] },
+    Unit { name: "sheets", stream: "fragment", macros: &[FRAME, DRAIN, SHEETS] },
+];
 
 /// All of them wired together.
-pub const PIPELINE: Unit = wired("pipeline");
+pub const PIPELINE: Unit = wired("pipeline", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]);
 
 /// The same for ellipsoids, whose fragments are grouped by depth, or by sheets.
-pub const PIPELINES_OF_ELLIPSOIDS: [Unit; 2] = [wired("pipeline_ellipsoids"), wired("pipeline_sheets")];
+pub const PIPELINES_OF_ELLIPSOIDS: [Unit; 2] = [
+    wired("pipeline_ellipsoids", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]),
+    wired("pipeline_sheets", &[FRAME, LIGHTING, DRAIN, SHEETS, RESOLVE]),
+];
 
-const fn wired(name: &'static str) -> Unit {
-    Unit { name, stream: "pipeline", macros: &[FRAME, LIGHTING, DRAIN] }
+const fn wired(name: &'static str, macros: &'static [&'static str]) -> Unit {
+    Unit { name, stream: "pipeline", macros }
 }
 
 /// Where the twins lie.
@@ -108,6 +117,26 @@ pub struct Given {
     pub requests: PathBuf,
     /// What `fragment` held in the end.
     pub held: PathBuf,
+}
+
+impl Given {
+    /// What it gave in each of so many frames that came one behind the other, in which as much was given; none if there is no such number.
+    pub fn frames(self, frames: usize, folder: &Path) -> Option<Vec<Given>> {
+        let files = [&self.out, &self.requests, &self.held];
+        let texts = files.map(|file| std::fs::read_to_string(file).unwrap_or_default());
+        let of = |frame: usize| {
+            let part = |text: &String, file: &Path| {
+                let lines: Vec<&str> = text.lines().collect();
+                let each = lines.len().is_multiple_of(frames).then_some(lines.len() / frames)?;
+                let path = folder.join(format!("{frame}-{}", file.file_name().unwrap().display()));
+                std::fs::write(&path, lines[frame * each..][..each].iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+                Some(path)
+            };
+            let [out, requests, held] = [0, 1, 2].map(|i| part(&texts[i], files[i]));
+            Some(Given { last: self.last.clone(), out: out?, times: self.times.clone(), requests: requests?, held: held? })
+        };
+        (0..frames).map(of).collect()
+    }
 }
 
 /// The program that these files and those of `sources` make. It is kept by the digest of them all, so that a unit is compiled once for a
@@ -165,8 +194,8 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// What Verilator is told of every unit. The compiler's first level would take as long.
-const VERILATOR: [&str; 10] =
-    ["--binary", "--timing", "-O3", "-j", "2", "-Wno-fatal", "--top-module", "bench", "-MAKEFLAGS", "OPT_FAST=-O2"];
+const VERILATOR: [&str; 11] =
+    ["--binary", "--timing", "--assert", "-O3", "-j", "2", "-Wno-fatal", "--top-module", "bench", "-MAKEFLAGS", "OPT_FAST=-O2"];
 
 /// Verilator; with ccache, where that is here: its own library is most of what there is to compile for a unit, and the same for each.
 pub fn verilator() -> Command {
@@ -201,6 +230,11 @@ fn compile(simulator: Simulator, sources: &Path, defines: &[String], files: &[Pa
 impl Device {
     /// Compiles a unit, its files taken from `sources`, with the package of a trace's folder, for a picture of so many pixels a side.
     pub fn new(simulator: Simulator, sources: &Path, trace: &Path, unit: Unit, side: u32) -> Device {
+        Device::with(simulator, sources, trace, unit, side, None)
+    }
+
+    /// The same; where it looks for its tables, below the trace's folder, if that is said.
+    pub fn with(simulator: Simulator, sources: &Path, trace: &Path, unit: Unit, side: u32, roms: Option<&str>) -> Device {
         let kept = tempfile::tempdir().unwrap();
         let bench = match unit.name {
             "fragment" => "bench_fragment",
@@ -211,10 +245,20 @@ impl Device {
         let mut defines =
             vec![format!("-DDUT={bench}"), format!("-DIN_W=machine_pkg::{upper}_IN_W"), format!("-DOUT_W=machine_pkg::{upper}_OUT_W")];
         defines.extend(unit.macros.iter().map(|name| format!("-D{name}")));
+        let mut parameters = Vec::new();
         if unit.macros.contains(&DRAIN) {
-            defines.push(format!("-DDUT_PARAMETERS=.WIDTH({side}),.HEIGHT({side})"));
+            parameters.push(format!(".WIDTH({side}),.HEIGHT({side})"));
+        }
+        if let Some(roms) = roms.filter(|_| unit.name != "fragment") {
+            parameters.push(format!(".ROMS(\"{roms}\")"));
+        }
+        if !parameters.is_empty() {
+            defines.push(format!("-DDUT_PARAMETERS={}", parameters.join(",")));
         }
         let mut files = vec![trace.join("machine_pkg.sv"), sources.join("bench/bench.sv")];
+        if simulator == Simulator::Verilator {
+            files.extend(["handshake", "handshakes"].map(|name| sources.join("bench").join(name).with_extension("sv")));
+        }
         if bench != unit.name {
             files.extend([bench, "bench_start"].map(|name| sources.join("bench").join(name).with_extension("sv")));
         }
@@ -256,11 +300,15 @@ impl Device {
                 given("start", &start);
             }
         }
-        command.args([format!("+expect={expect}"), "+quiet=200".into(), format!("+patience={}", self.patience)]);
+        // What is given first counts.
         command.args(arguments);
-        let output = run(&mut command);
-        let text = String::from_utf8_lossy(&output.stdout).into_owned();
-        let last = text.lines().rfind(|line| line.starts_with("bench:")).unwrap_or_default().to_owned();
+        command.args([format!("+expect={expect}"), "+quiet=200".into(), format!("+patience={}", self.patience)]);
+        let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
+        let text = [&output.stdout[..], &output.stderr[..]].map(String::from_utf8_lossy).concat();
+        // A failed assertion ends the program.
+        let failed = text.lines().find(|line| line.contains("Assertion failed"));
+        assert!(output.status.success() || failed.is_some(), "{command:?} failed:\n{text}");
+        let last = failed.or(text.lines().rfind(|line| line.starts_with("bench:"))).unwrap_or_default().to_owned();
         Given { last, out, times, requests, held }
     }
 }

@@ -97,4 +97,50 @@ const MUTANTS: &[Mutant] = &[
     Mutant { unit: "sheets", file: "sheets_close.sv", find: ".ROUND(machine_pkg::FRAGMENT_DEPTH_INDEX_ROUND)", put: ".ROUND(0)" },
     Mutant { unit: "sheets", file: "fragment_late.sv", find: "write = full[STAGES-1]", put: "write = full[0]" },
     Mutant { unit: "fragment", file: "fragment_read.sv", find: ".exact($signed({1'b0, opacity}))", put: ".exact($signed({2'b0, opacity[machine_pkg::FRAGMENT_OPACITY_SUM_W-1:1]}))" },
+    Mutant { unit: "ellipse", file: "ellipse.sv", find: "backface || faint || outside ? '0", put: "faint || outside ? '0" },
+    Mutant { unit: "ellipsoid", file: "ellipsoid.sv", find: "backface || faint || outside ? '0", put: "backface || faint ? '0" },
+    Mutant { unit: "project", file: "project.sv", find: "near || outside ? '0", put: "near ? '0" },
+];
+
+/// Those that only the end of a frame shows, or the next frame.
+const FRAME_ENDS: &[Mutant] = &[
+    Mutant { unit: "pipeline", file: "silence.sv", find: "cycles == COUNT_W'(SLOWEST)", put: "cycles == COUNT_W'(SLOWEST - 1)" },
+    Mutant { unit: "pipeline", file: "silence.sv", find: "rst || !quiet", put: "rst" },
+    Mutant { unit: "pipeline_sheets", file: "silence.sv", find: "LIT = SETUP > machine_pkg::SHADE_LATENCY ? SETUP : machine_pkg::SHADE_LATENCY", put: "LIT = SETUP" },
+    Mutant { unit: "pipeline", file: "set_up.sv", find: "!s_valid && !point_valid && !m_valid", put: "!point_valid && !m_valid" },
+    Mutant { unit: "pipeline", file: "set_up.sv", find: "!s_valid && !point_valid && !m_valid", put: "!s_valid && !m_valid" },
+    Mutant { unit: "pipeline_sheets", file: "set_up_ellipsoids.sv", find: "!s_valid && !point_valid && !m_valid", put: "!point_valid && !m_valid" },
+    Mutant { unit: "pipeline_ellipsoids", file: "set_up_ellipsoids.sv", find: "!s_valid && !point_valid && !m_valid", put: "!s_valid && !m_valid" },
+    Mutant { unit: "pipeline_sheets", file: "set_up_ellipsoids.sv", find: "!s_valid && !point_valid && !m_valid", put: "!s_valid && !point_valid" },
+    Mutant { unit: "pipeline_sheets", file: "weigh.sv", find: "!s_valid && s_ready && ", put: "s_ready && " },
+    Mutant { unit: "pipeline", file: "weigh.sv", find: "!s_valid && s_ready && ", put: "!s_valid && " },
+    Mutant { unit: "pipeline", file: "weigh.sv", find: "s_ready && !fragment_valid && ", put: "s_ready && " },
+    Mutant { unit: "pipeline", file: "pipeline.sv", find: "set_up_quiet && fill_quiet", put: "fill_quiet" },
+    Mutant { unit: "pipeline", file: "pipeline.sv", find: "set_up_quiet && fill_quiet", put: "set_up_quiet" },
+    Mutant { unit: "pipeline_ellipsoids", file: "pipeline_ellipsoids.sv", find: "set_up_quiet && fill_quiet", put: "fill_quiet" },
+    Mutant { unit: "pipeline_ellipsoids", file: "pipeline_ellipsoids.sv", find: "set_up_quiet && fill_quiet", put: "set_up_quiet" },
+    Mutant { unit: "pipeline_sheets", file: "pipeline_sheets.sv", find: "set_up_quiet && weigh_quiet", put: "weigh_quiet" },
+    Mutant { unit: "pipeline_sheets", file: "pipeline_sheets.sv", find: "set_up_quiet && weigh_quiet", put: "set_up_quiet" },
+    Mutant { unit: "fragment", file: "fragment.sv", find: "drain && !s_valid && !taken && !under_way", put: "drain && !s_valid && !under_way" },
+    Mutant { unit: "fragment", file: "fragment.sv", find: "drain && !s_valid && !taken && !under_way", put: "drain && !s_valid && !taken" },
+    Mutant { unit: "fragment", file: "fragment.sv", find: "done <= drain && (done || empty_all)", put: "done <= done || empty_all" },
+    Mutant { unit: "fragment", file: "fragment.sv", find: "if (rst || empty_all) touched", put: "if (rst) touched" },
+    Mutant { unit: "sheets", file: "sheets.sv", find: "drain && !s_valid && !taken && !under_way", put: "drain && !s_valid && !under_way" },
+    Mutant { unit: "sheets", file: "sheets.sv", find: "drain && !s_valid && !taken && !under_way", put: "drain && !s_valid && !taken" },
+    Mutant { unit: "sheets", file: "sheets.sv", find: "done <= drain && (done || empty_all)", put: "done <= done || empty_all" },
+    Mutant { unit: "sheets", file: "sheets.sv", find: "if (rst || empty_all) touched", put: "if (rst) touched" },
+];
+
+/// Those of rules that no named machine has.
+const RULES: &[Mutant] = &[
+    Mutant { unit: "fragment", file: "fragment.sv", find: "fresh_first ? REPLACED : DROPPED", put: "fresh_first ? DROPPED : REPLACED" },
+    Mutant { unit: "fragment", file: "fragment.sv", find: "depth_was < depth", put: "depth_was > depth" },
+    Mutant { unit: "gauss", file: "fit.sv", find: "shifted[RIGHT]}", put: "1'b1}" },
+    Mutant { unit: "resolve", file: "fit.sv", find: "$signed(HALF - SUM_W'(1)) + ", put: "$signed(HALF) + " },
+    Mutant { unit: "project", file: "fit_shifted.sv", find: "ROUND == 2 ? 1 : 0", put: "0" },
+    Mutant { unit: "shade", file: "fit_shifted.sv", find: "(shifted <<< amount) != start", put: "1'b0" },
+    Mutant { unit: "ellipsoid", file: "fit_shifted.sv", find: "(shifted <<< amount) != start", put: "1'b1" },
+    Mutant { unit: "sheets", file: "fit.sv", find: "shifted[RIGHT]}", put: "1'b0}" },
+    Mutant { unit: "shade", file: "shade.sv", find: "shines = faces && ", put: "shines = faces && half_way != '0 && " },
+    Mutant { unit: "shade", file: "shade.sv", find: "shines = faces && ", put: "shines = " },
 ];

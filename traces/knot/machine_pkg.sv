@@ -1,6 +1,7 @@
 // Formats, rules, timing and records of the machine tiny, written by splatsim 0.1.0.
 // For each word: _W bits, _F fraction bits, _S signed, _ROUND 0 truncate, 1 nearest, 2 nearest-even, _WRAP 0 saturate, 1 wrap.
 // For each record: _W bits, and _LSB and _W of each field.
+`timescale 1ns / 1ps
 `default_nettype none
 /* verilator lint_off UNUSEDPARAM */
 package machine_pkg;
@@ -338,6 +339,36 @@ package machine_pkg;
   localparam int RESOLVE_ROOM = 10;
   localparam int FRAGMENT_HAZARD = 6;
   localparam int FRAGMENT_MERGE_CYCLES = 1;
+
+  // Codes of fragment.out.outcome.
+  typedef enum logic [2:0] {
+    OUTCOME_ACCUMULATED = 3'd0,
+    OUTCOME_INSERTED = 3'd1,
+    OUTCOME_MERGED = 3'd2,
+    OUTCOME_EVICTED = 3'd3,
+    OUTCOME_REPLACED = 3'd4,
+    OUTCOME_DROPPED = 3'd5
+  } outcome_t;
+
+  // Codes of FRAGMENT_MERGE.
+  typedef enum int {
+    MERGE_NEAREST_PAIR = 0,
+    MERGE_FARTHEST_PAIR = 1,
+    MERGE_REPLACE = 2
+  } merge_t;
+
+  // Codes of _ROUND.
+  typedef enum int {
+    ROUND_TRUNCATE = 0,
+    ROUND_NEAREST = 1,
+    ROUND_NEAREST_EVEN = 2
+  } round_t;
+
+  // Codes of _WRAP.
+  typedef enum int {
+    OVERFLOW_SATURATE = 0,
+    OVERFLOW_WRAP = 1
+  } overflow_t;
 
   // frame
   localparam int FRAME_W = 332;

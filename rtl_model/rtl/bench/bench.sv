@@ -1,4 +1,5 @@
-// Bench: drives one twin with recorded inputs, writes what comes out, and watches the handshake. The same text for Icarus and Verilator.
+// Bench: drives one twin with recorded inputs, writes what comes out, and watches the handshake. The same text for Icarus and Verilator; the
+// assertions of handshake.sv, here and in handshakes.sv, are Verilator's alone, for Icarus has none that last longer than a cycle.
 //
 //   +in=FILE ->[ offer, sometimes not ]-> s ->( DUT )-> m ->[ take, sometimes not ]-> +out=FILE, +times=FILE
 //
@@ -17,10 +18,15 @@
 //   +frame=FILE +light=FILE +material=FILE +reflection=FILE   the constants; left out, frame.hex and so on
 //   +stall_in=N +stall_out=N   percent of cycles in which nothing new is offered, nothing is taken
 //   +seed=N          of the stalls
-//   +expect=N        records that are to come
+//   +apart=N         cycles between a record that is taken and the next one's offer; that nothing more comes is known at once
+//   +apart_from=N    the first record of a frame, from 0, before which there are that many cycles
+//   +expect=N        records that are to come, in each frame
+//   +frames=N        times that the input comes, one frame behind the other without a reset: the next one when all records of the one
+//                    before have come, and drained is told
 //   +quiet=N         cycles to go on when all is in and all have come: what else comes is written too
 //   +patience=N      cycles without a transfer after which nothing more is hoped for
 
+`timescale 1ns / 1ps
 `default_nettype none
 // A program, not hardware: what a cycle counts, the same cycle reads. The file of a task counts as unused where $fgets alone reads it.
 // verilator lint_off BLKSEQ
@@ -98,6 +104,11 @@ module bench;
 
   always #5 clk = !clk;
 
+`ifdef VERILATOR
+  handshake #(.W(`IN_W)) offers_in (.clk(clk), .rst(rst), .valid(s_valid), .ready(s_ready), .data(s_data));
+  handshake #(.W(`OUT_W)) offers_out (.clk(clk), .rst(rst), .valid(m_valid), .ready(m_ready), .data(m_data));
+`endif
+
   // Files and arguments.
   reg [8*NAME_CHARS-1:0] in_name;
   reg [8*NAME_CHARS-1:0] name;
@@ -106,9 +117,13 @@ module bench;
   integer times_file = 0;
   integer stall_in;
   integer stall_out;
+  integer apart;
+  integer apart_from;
   integer expected;
+  integer frames;
   integer quiet;
   integer patience;
+  integer file_error;
   reg [31:0] chance_in;
   reg [31:0] chance_out;
 
@@ -119,6 +134,12 @@ module bench;
   longint idle = 0;
   longint complete_for = 0;
   longint violations = 0;
+  // The frame under way, from 1.
+  longint at_frame = 1;
+  longint taken_in_frame = 0;
+  // Cycles until the record that was read can be offered.
+  integer rest = 0;
+  reg have_next = 1'b0;
   reg all_read = 1'b0;
   reg ended = 1'b0;
 
@@ -273,7 +294,10 @@ module bench;
     out_file = 0;
     if ($value$plusargs("stall_in=%d", stall_in) == 0) stall_in = 0;
     if ($value$plusargs("stall_out=%d", stall_out) == 0) stall_out = 0;
+    if ($value$plusargs("apart=%d", apart) == 0) apart = 0;
+    if ($value$plusargs("apart_from=%d", apart_from) == 0) apart_from = 0;
     if ($value$plusargs("expect=%d", expected) == 0) expected = -1;
+    if ($value$plusargs("frames=%d", frames) == 0) frames = 1;
     if ($value$plusargs("quiet=%d", quiet) == 0) quiet = 1000;
     if ($value$plusargs("patience=%d", patience) == 0) patience = 100000;
     if ($value$plusargs("seed=%d", chance_in) == 0) chance_in = 1;
@@ -323,11 +347,19 @@ module bench;
         // An offer stays until it is taken.
         if (!s_valid || s_ready) begin
           s_valid <= 1'b0;
-          if (!all_read && chance_in % 100 >= stall_in) begin
+          if (s_valid) begin
+            taken_in_frame = taken_in_frame + 1;
+            rest = taken_in_frame >= longint'(apart_from) ? apart : 0;
+          end else if (rest > 0) rest = rest - 1;
+          if (!all_read && !have_next && (rest > 0 || chance_in % 100 >= stall_in)) begin
             read_record(in_file, `IN_W, records_in + (s_valid ? 1 : 0));
             all_read = !have_record;
-            s_valid <= have_record;
+            have_next = have_record;
+          end
+          if (have_next && rest == 0 && chance_in % 100 >= stall_in) begin
+            s_valid <= 1'b1;
             s_data <= record[`IN_W-1:0];
+            have_next = 1'b0;
           end
         end
 `ifdef HAS_DRAIN
@@ -366,14 +398,28 @@ module bench;
       if (m_valid && m_ready) records_out = records_out + 1;
       cycle = cycle + 1;
       idle = s_valid && s_ready || m_valid && m_ready ? 0 : idle + 1;
-      if (all_read && drained && expected >= 0 && records_out >= longint'(expected)) complete_for = complete_for + 1;
+      if (all_read && drained && expected >= 0 && records_out >= at_frame * longint'(expected)) complete_for = complete_for + 1;
+      // The next frame, while drained is still told.
+      if (complete_for > 0 && at_frame < longint'(frames)) begin
+        at_frame = at_frame + 1;
+        taken_in_frame = 0;
+        complete_for = 0;
+        file_error = $rewind(in_file);
+        all_read = 1'b0;
+`ifdef HAS_DRAIN
+        drain <= 1'b0;
+`endif
+      end
       if (complete_for > longint'(quiet) || idle >= longint'(patience)) begin
         if (violations != 0) begin
           $display("bench: FAILED %0d violations of the handshake, in=%0d out=%0d cycles=%0d", violations, records_in,
             records_out, cycle);
-        end else if (expected >= 0 && records_out != longint'(expected)) begin
-          $display("bench: FAILED %0d records were to come, in=%0d out=%0d cycles=%0d", expected, records_in, records_out,
-            cycle);
+        end else if (at_frame != longint'(frames)) begin
+          $display("bench: FAILED frame %0d of %0d does not end, in=%0d out=%0d cycles=%0d", at_frame, frames, records_in,
+            records_out, cycle);
+        end else if (expected >= 0 && records_out != at_frame * longint'(expected)) begin
+          $display("bench: FAILED %0d records were to come, in=%0d out=%0d cycles=%0d", at_frame * longint'(expected),
+            records_in, records_out, cycle);
         end else if (!all_read || s_valid) begin
           $display("bench: FAILED nothing moved for %0d cycles and not all is in, in=%0d out=%0d cycles=%0d", idle,
             records_in, records_out, cycle);

@@ -11,6 +11,7 @@
 //   +held=FILE       where to write what the pixels hold in the end
 //   +stall_shade=N   percent of cycles in which shade takes nothing, and of those in which it does not answer
 //   +stall_held=N    percent of cycles in which nothing that is held is taken
+`timescale 1ns / 1ps
 `default_nettype none
 
 // A program, not hardware: what a cycle counts, the same cycle reads.
@@ -128,6 +129,8 @@ module bench_fragment #(
   reg [REQUEST_W-1:0] q_waiting = '0;
   reg [HELD_W-1:0] h_waiting = '0;
   reg [ANSWER_W-1:0] answer;
+  reg drain_was = 1'b0;
+  integer file_error;
 
   function [31:0] xorshift(input [31:0] state);
     reg [31:0] x;
@@ -164,6 +167,15 @@ module bench_fragment #(
       q_waiting = q_data;
       h_waits = h_valid && !h_ready;
       h_waiting = h_data;
+      // All is known.
+      if ((^{q_valid, a_ready, h_valid} ^ ^{q_valid, a_ready, h_valid}) !== 1'b0 || q_valid && (^q_data ^ ^q_data) !== 1'b0
+          || h_valid && !h_empty && (^h_data ^ ^h_data) !== 1'b0) begin
+        violations = violations + 1;
+        if (violations == 1) $display("bench: FAILED in cycle %0d what is offered at q or h is not known: %h, %h", cycle, q_data, h_data);
+      end
+      // The next frame asks the same again.
+      if (drain_was && !drain && answers_file != 0) file_error = $rewind(answers_file);
+      drain_was = drain;
 
       if (a_valid && a_ready) begin
         told = told + 1;

@@ -7,13 +7,15 @@
 // Arguments, besides those of bench.sv and bench_start.sv
 //   +held=FILE       where to write what the pixels hold in the end
 //   +stall_held=N    percent of cycles in which nothing that is held is taken
+`timescale 1ns / 1ps
 `default_nettype none
 
 // A program, not hardware: what a cycle counts, the same cycle reads.
 // verilator lint_off BLKSEQ
 module bench_sheets #(
-  parameter int WIDTH = 16, // columns of pixels
-  parameter int HEIGHT = 16 // rows of pixels
+  parameter int WIDTH = 16,  // columns of pixels
+  parameter int HEIGHT = 16, // rows of pixels
+  parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
   input wire clk,                                       // as sheets'
   input wire rst,                                       // as sheets'
@@ -51,7 +53,8 @@ module bench_sheets #(
 
   sheets #(
     .WIDTH(WIDTH),
-    .HEIGHT(HEIGHT)
+    .HEIGHT(HEIGHT),
+    .ROMS(ROMS)
   ) sheets (
     .clk(clk),
     .rst(rst),
@@ -111,6 +114,11 @@ module bench_sheets #(
       end
       h_waits = h_valid && !h_ready;
       h_waiting = h_data;
+      // All is known.
+      if ((h_valid ^ h_valid) !== 1'b0 || h_valid && !h_empty && (^h_data ^ ^h_data) !== 1'b0) begin
+        violations = violations + 1;
+        if (violations == 1) $display("bench: FAILED in cycle %0d what is offered at h is not known: %h", cycle, h_data);
+      end
       if (h_valid && h_ready && !h_empty && held_file != 0) $fwrite(held_file, "%h\n", h_data);
       cycle = cycle + 1;
     end

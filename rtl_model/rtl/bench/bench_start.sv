@@ -3,6 +3,7 @@
 //
 // Arguments
 //   +start=FILE      what pixels hold at the start, a line of hex a record; left out, nothing
+`timescale 1ns / 1ps
 `default_nettype none
 
 module bench_start #(

@@ -1,7 +1,8 @@
 //! Headers: a machine's formats and records as SystemVerilog, C and Markdown, so that nobody slices bits by hand.
 
+use super::observer::OUTCOMES;
 use rtl_model::frame::Frame;
-use rtl_model::machine::{Interpolation, Rows};
+use rtl_model::machine::{Interpolation, Merge, Rows};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Field, Kind, Order, Stream};
@@ -87,13 +88,72 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
     all
 }
 
+/// Numbers that stand for names: a type each in the package, an entry each among the manifest's `enums`.
+struct Codes {
+    name: &'static str,
+    /// The fields and numbers that they are codes of.
+    of: &'static [&'static str],
+    /// Bits of the field; none where it is a number of the package, or what ends in this among them.
+    bits: Option<u32>,
+    /// In the order of their numbers, from 0 on.
+    names: Vec<&'static str>,
+}
+
+/// What a rule of merging is called. A new one belongs into [`codes`] too, at the place of its number.
+fn rule(merge: Merge) -> &'static str {
+    match merge {
+        Merge::NearestPair => "nearest-pair",
+        Merge::FarthestPair => "farthest-pair",
+        Merge::Replace => "replace",
+    }
+}
+
+fn codes(kind: Kind) -> Vec<Codes> {
+    let merges = [Merge::NearestPair, Merge::FarthestPair, Merge::Replace].map(rule);
+    let mut all = vec![
+        Codes { name: "outcome", of: &["fragment.out.outcome"], bits: Some(3), names: OUTCOMES.to_vec() },
+        Codes { name: "merge", of: &["FRAGMENT_MERGE"], bits: None, names: merges.to_vec() },
+        Codes { name: "round", of: &["_ROUND"], bits: None, names: vec!["truncate", "nearest", "nearest-even"] },
+        Codes { name: "overflow", of: &["_WRAP"], bits: None, names: vec!["saturate", "wrap"] },
+    ];
+    if kind.ellipsoids {
+        all.push(Codes { name: "amplitude", of: &["frame.amplitude"], bits: Some(2), names: vec!["disc", "line-integral", "peak"] });
+    }
+    all
+}
+
+impl Codes {
+    /// The constants, each with its number: `MERGE_NEAREST_PAIR`.
+    fn constants(&self) -> impl Iterator<Item = (String, usize)> {
+        let prefix = self.name.to_uppercase();
+        self.names.iter().enumerate().map(move |(number, name)| (format!("{prefix}_{}", constant(&name.replace('-', "_"))), number))
+    }
+
+    /// The type in SystemVerilog.
+    fn enumeration(&self) -> String {
+        let base = self.bits.map_or("int".to_owned(), |bits| format!("logic [{}:0]", bits - 1));
+        let number = |number: usize| self.bits.map_or(number.to_string(), |bits| format!("{bits}'d{number}"));
+        let items: Vec<String> = self.constants().map(|(name, code)| format!("{name} = {}", number(code))).collect();
+        format!("\n  // Codes of {}.\n  typedef enum {base} {{\n    {}\n  }} {}_t;\n", self.of.join(", "), items.join(",\n    "), self.name)
+    }
+}
+
+/// The codes for the manifest.
+pub fn enums(kind: Kind) -> serde_json::Value {
+    let told = codes(kind).into_iter().map(|codes| {
+        let numbers = codes.names.iter().enumerate().map(|(number, name)| ((*name).to_owned(), number.into()));
+        (codes.name.to_owned(), serde_json::json!({"of": codes.of, "codes": numbers.collect::<serde_json::Map<_, _>>()}))
+    });
+    serde_json::Value::Object(told.collect())
+}
+
 /// The package `machine_pkg`, for one machine and one frame's number of lights and materials.
 pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     let mut text = format!(
         "// Formats, rules, timing and records of the machine {}, written by splatsim {}.\n\
          // For each word: _W bits, _F fraction bits, _S signed, _ROUND 0 truncate, 1 nearest, 2 nearest-even, _WRAP 0 saturate, 1 wrap.\n\
          // For each record: _W bits, and _LSB and _W of each field.\n\
-         `default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
+         `timescale 1ns / 1ps\n`default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
         machine.machine.name,
         env!("CARGO_PKG_VERSION"),
     );
@@ -122,6 +182,7 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         let _ = writeln!(text, "  localparam {kind} {name} = {}{value};", if kind == "int" { "" } else { "64'sd" });
     }
     let kind = Kind::of(frame);
+    codes(kind).iter().for_each(|codes| text.push_str(&codes.enumeration()));
     for stream in ports::constants(machine, kind).iter().chain(&ports::streams(machine, kind)) {
         let name = constant(stream.name);
         let _ = write!(text, "\n  // {}\n  localparam int {name}_W = {};\n", stream.name, stream.width());
@@ -170,6 +231,11 @@ pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
          #ifndef SPLATSIM_RECORDS_H\n#define SPLATSIM_RECORDS_H\n#include <stdint.h>\n\n\
          typedef struct {\n  const char *name;\n  int lsb, width, is_signed, fraction_bits;\n} splatsim_field;\n",
     );
+    for codes in codes(kind) {
+        let items: Vec<String> = codes.constants().map(|(name, code)| format!("SPLATSIM_{name} = {code}")).collect();
+        let _ =
+            write!(text, "\n/* Codes of {}. */\ntypedef enum {{ {} }} splatsim_{};\n", codes.of.join(", "), items.join(", "), codes.name);
+    }
     for stream in ports::constants(machine, kind).iter().chain(&ports::streams(machine, kind)) {
         let (name, upper) = (stream.name.replace('.', "_"), constant(stream.name));
         let _ =
@@ -256,13 +322,22 @@ pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
     for (name, value) in numbers(machine, frame) {
         let _ = writeln!(text, "| `{name}` | {value} |");
     }
+    text.push_str("\n| code | of | number |\n|---|---|---|\n");
+    for codes in codes(Kind::of(frame)) {
+        let of = codes.of.iter().map(|of| format!("`{of}`")).collect::<Vec<_>>().join(", ");
+        for (number, name) in codes.names.iter().enumerate() {
+            let _ = writeln!(text, "| {name} | {of} | {number} |");
+        }
+    }
     text
 }
 
 /// Fields of a stream as the manifest has them.
-pub fn fields(stream: &Stream) -> Vec<serde_json::Value> {
+pub fn fields(stream: &Stream, kind: Kind) -> Vec<serde_json::Value> {
+    let codes = codes(kind);
     let described = stream.fields.iter().zip(stream.places()).map(|(field, place)| {
         let Format { signed, int_bits, frac_bits } = field.word.format;
+        let full_name = format!("{}.{}", stream.name, field.name);
         let mut told = serde_json::json!({
             "name": field.name, "lsb": place, "width": field.width(), "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits,
         });
@@ -274,7 +349,36 @@ pub fn fields(stream: &Stream) -> Vec<serde_json::Value> {
         if !field.unless.is_empty() {
             told["zero_where"] = field.unless.into();
         }
+        if let Some(codes) = codes.iter().find(|codes| codes.of.contains(&full_name.as_str())) {
+            told["enum"] = codes.name.into();
+        }
         told
     });
     described.collect()
 }
+
+/// The package as a core of FuseSoC: the tables lie where the twins look for them, beside the program that runs.
+pub fn fusesoc(roms: &[&str]) -> String {
+    let roms: String = roms.iter().map(|rom| format!("      - {rom}: {{copyto: {rom}}}\n")).collect();
+    format!(
+        "CAPI=2:\n\
+         name: splatsim:trace:machine_pkg:{}\n\
+         description: Formats, rules, timing and records of a machine, with its tables\n\n\
+         filesets:\n  \
+         rtl:\n    \
+         file_type: systemVerilogSource\n    \
+         files:\n      - machine_pkg.sv\n      - records.svh: {{is_include_file: true}}\n  \
+         roms:\n    \
+         file_type: user\n    \
+         files:\n{roms}\n\
+         targets:\n  \
+         default:\n    \
+         filesets: [rtl, roms]\n",
+        env!("CARGO_PKG_VERSION")
+    )
+}
+
+/// The package as one of Bender.
+pub const BENDER: &str = "package:\n  name: machine_pkg\n\n\
+    export_include_dirs: [.]\n\n\
+    sources:\n  - include_dirs: [.]\n    files:\n      - machine_pkg.sv\n";

@@ -17,6 +17,13 @@ pub struct Rom {
     pub lines: Vec<Vec<i64>>,
 }
 
+impl Rom {
+    /// Where it lies in the folder.
+    pub fn file(&self) -> String {
+        format!("rom/{}.hex", self.name)
+    }
+}
+
 /// The ROM of a function unit's first guesses.
 fn first_guesses(name: &str, shape: FunctionUnit, guesses: Vec<i64>) -> Rom {
     Rom {
