@@ -139,7 +139,7 @@ const RULES: &[Mutant] = &[
     Mutant { unit: "resolve", file: "fit.sv", find: "$signed(HALF - SUM_W'(1)) + ", put: "$signed(HALF) + " },
     Mutant { unit: "project", file: "fit_shifted.sv", find: "ROUND == 2 ? 1 : 0", put: "0" },
     Mutant { unit: "shade", file: "fit_shifted.sv", find: "(shifted <<< amount) != start", put: "1'b0" },
-    Mutant { unit: "ellipsoid", file: "fit_shifted.sv", find: "(shifted <<< amount) != start", put: "1'b1" },
+    Mutant { unit: "shade", file: "fit_shifted.sv", find: "(shifted <<< amount) != start", put: "1'b1" },
     Mutant { unit: "sheets", file: "fit.sv", find: "shifted[RIGHT]}", put: "1'b0}" },
     Mutant { unit: "shade", file: "shade.sv", find: "shines = faces && ", put: "shines = faces && half_way != '0 && " },
     Mutant { unit: "shade", file: "shade.sv", find: "shines = faces && ", put: "shines = " },
