@@ -1,6 +1,6 @@
 use super::*;
 use crate::scene::formats;
-use crate::scene::formats::Reader;
+use crate::scene::formats::{Reader, Splats};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use proptest::prelude::*;
@@ -12,17 +12,23 @@ fn stored(file: &str) -> PathBuf {
 }
 
 fn is_gaussians(path: &Path) -> bool {
-    match formats::reader(path) {
-        Some(Reader::Gaussians(_)) => true,
-        Some(Reader::Ply) => std::fs::read(path).is_ok_and(|bytes| is_trained_ply(&bytes)),
-        _ => false,
+    if is_ply(path) {
+        return std::fs::read(path).is_ok_and(|bytes| is_trained_ply(&bytes));
     }
+    matches!(formats::reader(path), Some(Reader::Splats(_)))
+}
+
+fn is_ply(path: &Path) -> bool {
+    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("ply"))
 }
 
 fn read(path: &Path) -> Parsed<Gaussians> {
     let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
     match formats::reader(path) {
-        Some(Reader::Gaussians(parse)) => parse(&bytes),
+        Some(Reader::Splats(parse)) if !is_ply(path) => match parse(&bytes)? {
+            Splats::Gaussians(gaussians) => Ok(gaussians),
+            Splats::Points(_) => Err("holds points".into()),
+        },
         _ => parse_ply(&bytes),
     }
 }
