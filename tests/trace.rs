@@ -802,6 +802,11 @@ fn waves_show_the_words_of_all_units() {
                 if unit == "resolve-shade" {
                     expected.retain(|record| found.contains(record));
                 }
+                if unit == "resolve" {
+                    // A tile without an entry is written by nobody, and its pixels are empty.
+                    let empty = trace.field(&stream, "empty");
+                    expected.retain(|record| found.contains(record) || record[empty] == "0");
+                }
                 for records in [&mut found, &mut expected] {
                     records.sort();
                     records.dedup();

@@ -93,7 +93,9 @@ impl Axis {
         // Marks are at least so far apart.
         let step = (span.end - span.start) / 20.0;
         let told = self.told(place);
-        if self.log || (told.parse::<f64>().unwrap_or(place) - place).abs() < 0.1 * step {
+        let most = span.start.abs().max(span.end.abs());
+        let is_exact = (told.parse::<f64>().unwrap_or(place) - place).abs() < 0.1 * step;
+        if self.log || is_exact && !PLAIN.contains(&most) {
             return told;
         }
         let digits = (-libm::log10(step)).ceil().max(0.0) as usize;
@@ -121,6 +123,9 @@ impl Axis {
 
 /// The shortest axis, as a part of its values: six digits tell its marks apart.
 const LEAST_SPAN: f64 = 2e-4;
+
+/// Greatest values of an axis whose marks need no powers of ten.
+const PLAIN: Range<f64> = 1e-3..1e7;
 
 /// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -337,7 +342,7 @@ impl Draw for Panel {
         let points: Vec<(i32, i32)> = points.map(|point| chart.backend_coord(&point)).collect();
         let notes = self.notes.iter().filter_map(|([x, y], word)| Some(((self.x.place(*x)?, self.y.place(*y)?), word)));
         let plain = (FONT, 13).into_font().color(&INK);
-        let mut taken: Vec<[i32; 4]> = points.iter().map(|(x, y)| [x - 3, y - 3, x + 3, y + 3]).collect();
+        let mut taken: Vec<[i32; 4]> = points.iter().map(|(x, y)| [x - 6, y - 6, x + 6, y + 6]).collect();
         for (place, word) in notes {
             let at = chart.backend_coord(&place);
             let (width, height) = area.estimate_text_size(word, &plain).map_err(told)?;
@@ -360,8 +365,15 @@ impl Panel {
     fn emptiest_corner(&self, (x, y): &(Range<f64>, Range<f64>)) -> SeriesLabelPosition {
         const NEAR: f64 = 0.35;
         let part = |axis: &Axis, span: &Range<f64>, value: f64| Some((axis.place(value)? - span.start) / (span.end - span.start));
-        let places = self.series.iter().flat_map(|series| &series.points);
-        let places: Vec<(f64, f64)> = places.filter_map(|[a, b]| Some((part(&self.x, x, *a)?, part(&self.y, y, *b)?))).collect();
+        let place = |[a, b]: &[f64; 2]| Some((part(&self.x, x, *a)?, part(&self.y, y, *b)?));
+        let mut places: Vec<(f64, f64)> = self.series.iter().flat_map(|series| &series.points).filter_map(place).collect();
+        // A line is covered wherever it goes.
+        for series in self.series.iter().filter(|series| matches!(series.mark, Mark::Line | Mark::Dashed)) {
+            let ends: Vec<(f64, f64)> = series.points.iter().filter_map(place).collect();
+            let between =
+                |pair: &[(f64, f64)], part: f64| (pair[0].0 + part * (pair[1].0 - pair[0].0), pair[0].1 + part * (pair[1].1 - pair[0].1));
+            places.extend(ends.windows(2).flat_map(|pair| (1..16).map(|nth| between(pair, f64::from(nth) / 16.0))));
+        }
         let corners = [
             (SeriesLabelPosition::LowerRight, 1.0, 0.0),
             (SeriesLabelPosition::UpperRight, 1.0, 1.0),
@@ -381,7 +393,7 @@ fn free_place((x, y): (i32, i32), [width, height]: [i32; 2], taken: &[[i32; 4]],
     let heights = (0..8).flat_map(|step| [-step * height, step * height]);
     let places = heights.flat_map(|dy| [(x + 9 + dy.abs() / 4, middle + dy), (x - 9 - dy.abs() / 4 - width, middle + dy)]);
     let inside = |(left, top): &(i32, i32)| {
-        *left >= columns.start + 70 && left + width < columns.end && *top >= rows.start + 28 && top + height < rows.end - 50
+        *left >= columns.start + 70 && left + width < columns.end && *top >= rows.start + 38 && top + height < rows.end - 50
     };
     let covered = |(left, top): &(i32, i32)| {
         let [right, bottom] = [left + width, top + height];

@@ -59,10 +59,12 @@ pub struct Charts {
 
 /// Names beside the points of a front, at most.
 const NAMES: usize = 10;
-/// Letters of such a name, of one in a table, of what says how many more changes there are, and of a scene's name, at most.
+/// Letters of such a name, of one in a table, of what says how many more changes there are, of one in a legend, and of a scene's name, at
+/// most.
 const LETTERS: usize = 44;
 const TOLD_LETTERS: usize = 140;
 const MORE_LETTERS: usize = 9;
+const LEGEND_LETTERS: usize = 28;
 const SCENE_LETTERS: usize = 36;
 /// Values from which on a word has a curve of its own.
 const CURVE: usize = 5;
@@ -229,22 +231,40 @@ impl Rows {
         }
     }
 
-    /// A machine by what was changed: as many changes as have room in so many letters, one at least, and how many more there are.
-    fn name(&self, row: &Row, letters: usize) -> String {
-        let changes: Vec<String> = self.changes(row).into_iter().map(|change| self.change(change)).collect();
-        let mut name = match &changes[..] {
-            [] => return self.base.name.clone(),
-            [first, ..] => first.clone(),
-        };
-        for (nth, change) in changes.iter().enumerate().skip(1) {
-            let left = changes.len() - nth;
-            let room = if left > 1 { MORE_LETTERS } else { 0 };
-            if name.chars().count() + change.chars().count() + 2 + room > letters {
-                return format!("{name}, {left} more");
-            }
-            name = format!("{name}, {change}");
+    /// Changes that all of these rows have.
+    fn common<'a>(&self, rows: &[&'a Row]) -> Vec<(&'a str, &'a str)> {
+        let [first, rest @ ..] = rows else { return Vec::new() };
+        let mut common = if rest.is_empty() { Vec::new() } else { self.changes(first) };
+        for row in rest {
+            let changes = self.changes(row);
+            common.retain(|change| changes.contains(change));
         }
-        name
+        common
+    }
+
+    /// A machine by what was changed but for what others have too, in so many letters.
+    fn name(&self, row: &Row, common: &[(&str, &str)], letters: usize) -> String {
+        let changes = self.changes(row);
+        let own: Vec<(&str, &str)> = changes.iter().copied().filter(|change| !common.contains(change)).collect();
+        match (&changes[..], &own[..]) {
+            ([], _) => self.base.name.clone(),
+            (_, []) => "no more".into(),
+            _ => self.told(&own, letters),
+        }
+    }
+
+    /// As many changes as have room in so many letters, one at least, and how many more there are.
+    fn told(&self, changes: &[(&str, &str)], letters: usize) -> String {
+        let mut told = String::new();
+        for (nth, change) in changes.iter().enumerate() {
+            let (change, left) = (self.change(*change), changes.len() - nth);
+            let room = if left > 1 { MORE_LETTERS } else { 0 };
+            if nth > 0 && told.chars().count() + change.chars().count() + 2 + room > letters {
+                return format!("{told}, {left} more");
+            }
+            told = if nth == 0 { change } else { format!("{told}, {change}") };
+        }
+        told
     }
 
     fn figures(&self) -> Vec<Figure> {
@@ -309,7 +329,7 @@ impl Rows {
         let charts: Vec<Box<dyn Chart>> = scenes.flat_map(|scene| measures.iter().map(|measure| (*scene, *measure))).map(panel).collect();
         let parts: Vec<String> = measures.iter().map(|measure| format!("{}, {}", measure.label, measure.says)).collect();
         let says = format!(
-            "{says} Each dot is a machine; those with a ring are beaten by none, all others cost more, are worse, or both. {}.",
+            "{says} Each dot is a machine; those with a ring are beaten by none, all others cost more, are worse, or both; names leave out what all with a ring have. {}.",
             parts.join("; ")
         );
         let title = format!("Accuracy against {}", x_label.split(',').next().unwrap_or_default());
@@ -336,8 +356,9 @@ impl Rows {
         let places: Vec<[f64; 2]> = points.iter().map(|(_, place)| [place[0] * unit(x), place[1] * unit(y)]).collect();
         let ring = |i: &usize| places[*i];
         let named = spread(&front.iter().map(ring).collect::<Vec<_>>(), NAMES);
+        let common = self.common(&front.iter().map(|i| points[*i].0).collect::<Vec<_>>());
         let mut notes: Vec<([f64; 2], String)> =
-            named.iter().map(|nth| (places[front[*nth]], self.name(points[front[*nth]].0, LETTERS))).collect();
+            named.iter().map(|nth| (places[front[*nth]], self.name(points[front[*nth]].0, &common, LETTERS))).collect();
         // Equal machines have one name.
         notes.dedup_by(|a, b| a.0 == b.0);
         let base = points.iter().position(|(row, _)| self.changes(row).is_empty());
@@ -347,7 +368,7 @@ impl Rows {
         let series = |name: &str, points: Vec<[f64; 2]>, mark, colour| Series { name: name.into(), points, mark, colour };
         let mut all = vec![
             series("machines", places.clone(), Mark::Dots, 0),
-            series("none is better", front.iter().map(ring).collect(), Mark::Rings, 1),
+            series(&format!("none is better{}", self.all_with(&common, LEGEND_LETTERS)), front.iter().map(ring).collect(), Mark::Rings, 1),
         ];
         if let Some(sought) = &self.sought {
             let found = points.iter().position(|(row, _)| self.is_found(row, sought));
@@ -355,6 +376,11 @@ impl Rows {
             all.extend(found.map(|found| series("found", vec![places[found]], Mark::Triangles, 3)));
         }
         Panel { title: cut(scene), x: Axis::linear(x_label), y: Axis::linear(y_label), series: all, notes, ..Panel::default() }
+    }
+
+    /// What all machines of a front have changed, for the end of a half sentence.
+    fn all_with(&self, common: &[(&str, &str)], letters: usize) -> String {
+        if common.is_empty() { String::new() } else { format!("; all with {}", self.told(common, letters)) }
     }
 
     /// Whether a row is of the machine that a search ended with.
@@ -674,8 +700,9 @@ impl Rows {
         let table = aligned(table).trim_fmt();
         let mut lines = table.lines();
         let mut text = lines.next().unwrap_or_default().to_owned();
+        let common = self.common(&front.iter().map(|i| points[*i].0).collect::<Vec<_>>());
         for (line, row) in lines.zip(&rows) {
-            let _ = write!(text, "\n{line}\n{}", wrapped(&format!("    {}", self.name(row, TOLD_LETTERS))));
+            let _ = write!(text, "\n{line}\n{}", wrapped(&format!("    {}", self.name(row, &common, TOLD_LETTERS))));
         }
         let told = |name: &str| {
             let error = MEASURES.iter().find(|measure| measure.column == name).map(|measure| measure.label);
@@ -683,12 +710,13 @@ impl Rows {
         };
         let ties = if distinct.len() < front.len() { format!(", {} with their equals", front.len()) } else { String::new() };
         let head = format!(
-            "{}: of {} machines {} are beaten by none in {} and {}{ties}",
+            "{}: of {} machines {} beaten by none in {} and {}{ties}{}",
             cut(scene),
             thousands(points.len() as u64),
-            distinct.len(),
+            if distinct.len() == 1 { "1 is".into() } else { format!("{} are", distinct.len()) },
             told(names[0]),
-            told(names[1])
+            told(names[1]),
+            self.all_with(&common, TOLD_LETTERS)
         );
         format!("{}\n{text}", wrapped(&head))
     }

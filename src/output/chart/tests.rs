@@ -68,6 +68,8 @@ fn marks_between_powers_of_ten_are_bare_where_two_powers_are_marked() {
     assert_eq!([0.0, 0.5, 1.0].map(|place| log.mark(place, &(-0.1..1.1))), ["1", "", "10"]);
     assert_eq!(log.mark(0.5, &(0.2..1.1)), "3.162");
     assert_eq!(Axis::linear("").mark(0.5, &(0.0..9.0)), "0.5");
+    assert_eq!([0.0, 0.005, 0.01].map(|place| Axis::linear("").mark(place, &(0.0..0.05))), ["0", "0.005", "0.01"]);
+    assert_eq!([8000.0, 12_000.0].map(|place| Axis::linear("").mark(place, &(2000.0..14_000.0))), ["8000", "12000"]);
 }
 
 /// However little values differ, marks do not all read the same.
