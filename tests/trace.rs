@@ -417,11 +417,10 @@ fn codes_have_names_everywhere() {
         for (name, codes) in enums {
             assert!(package.contains(&format!("}} {name}_t;")) && header.contains(&format!("}} splatsim_{name};")));
             for (code, number) in codes["codes"].as_object().unwrap() {
-                let constant = format!("{name}_{code}").to_uppercase().replace('-', "_");
+                let (constant, number) = (format!("{name}_{code}").to_uppercase().replace('-', "_"), number.to_string());
                 let is_told = |line: &str| {
-                    let line = line.trim().trim_end_matches(',');
-                    line.strip_prefix(&format!("{constant} = "))
-                        .is_some_and(|told| told.trim_start_matches("3'd").trim_start_matches("2'd") == number.to_string())
+                    let told = line.trim().trim_end_matches(',').strip_prefix(&format!("{constant} = "));
+                    told.is_some_and(|told| told.rsplit_once("'d").map_or(told, |(_, number)| number) == number)
                 };
                 assert!(package.lines().any(is_told), "{constant}");
                 assert!(header.contains(&format!("SPLATSIM_{constant} = {number}")), "{constant}");
