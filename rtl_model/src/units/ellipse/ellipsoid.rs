@@ -19,7 +19,7 @@
 use super::{Ellipse, Input, Output, UNIT};
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{Amplitude, Kernel, View};
-use crate::functions::ReciprocalRoot;
+use crate::functions::{ReciprocalRoot, table};
 use crate::functions::reciprocal::Scientific;
 use crate::machine::Machine;
 use crate::num::{Exact, Exacts, Fit, Words, three, two};
@@ -150,8 +150,8 @@ impl Ellipsoids {
     /// The cutoff of a box.
     fn cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
         let [below, last] = self.reach;
-        let address = (opacity >> below).clamp(0, last as i32);
-        kernel.reach.get(address as usize).copied().unwrap_or(view.cutoff)
+        let address = table::address(opacity.max(0).into(), below).min(last as usize);
+        kernel.reach.get(address).copied().unwrap_or(view.cutoff)
     }
 
     /// |(a, b, 1)|.
