@@ -272,13 +272,7 @@ fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
 /// The ports of the units, in the order of the diagram.
 pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let m = &elaborated.machine;
-    let mut streams = vec![
-        pipeline_in(m, kind),
-        project_in(m, kind),
-        project_out(m, kind),
-        ellipse_in(m, kind),
-        ellipse_out(m),
-    ];
+    let mut streams = vec![pipeline_in(m, kind), project_in(m, kind), project_out(m, kind), ellipse_in(m, kind), ellipse_out(m)];
     if kind.preshaded {
         streams.extend([sums(Stream::new("ellipse.request"), m), premultiplied(Stream::new("ellipse.answer"), m)]);
     }

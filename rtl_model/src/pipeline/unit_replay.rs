@@ -35,13 +35,7 @@ fn narrow(word: i64) -> i32 {
 }
 
 /// `project`: a record of `project.in`; the opacity counts where the frame has ellipsoids.
-pub fn project(
-    machine: &Elaborated,
-    frame: &Frame,
-    position: [i64; 3],
-    opacity: i64,
-    observer: &mut dyn Observer<'_>,
-) -> [i64; PROJECTED] {
+pub fn project(machine: &Elaborated, frame: &Frame, position: [i64; 3], opacity: i64, observer: &mut dyn Observer<'_>) -> [i64; PROJECTED] {
     let probe = &mut DynProbe::new(observer);
     let tap = &mut Tap::new(probe).first(1);
     let transparent = frame.ellipsoids.as_ref().map_or(all(0), |of| machine.project.transparent(&of.kernel, all(opacity)));

@@ -23,6 +23,7 @@ fn machines() -> Vec<Machine> {
         let mut machine = named.clone();
         machine.splat.opacity = opacity;
         machine.ellipse.amplitude = amplitude;
+        machine.ellipse.ellipsoid.as_mut().unwrap().reach_bits = Some(4);
         machine.gauss = rtl_model::machine::Gauss { radial_index, table: TableShape { index_bits: 4, interpolation }, falloff, weight };
         machine
     };

@@ -149,6 +149,12 @@ fn pixel_key([x, y]: [i64; 2], parent: usize) -> Key {
 
 const UNKNOWN: usize = NONE as usize;
 
+/// Whether the camera sees a place.
+fn is_seen(machine: &Elaborated, frame: &Frame, place: [i64; 3]) -> bool {
+    let opaque = machine.machine.splat.opacity.format.max();
+    unit_replay::project(machine, frame, place, opaque, &mut rtl_model::probe::NoProbe)[..2] == [0, 0]
+}
+
 /// Words of a point in a record of `ellipse.in`.
 const POINT: usize = 8;
 
@@ -260,7 +266,8 @@ impl Maker<'_> {
 
     /// Places on both sides of where the camera no longer sees them, as near to each other as words can be.
     fn edges_of_view(&mut self, seen: &[[i64; 3]], formats: &[Format]) -> Vec<Vec<i64>> {
-        let is_seen = |place: [i64; 3]| self.is_seen(place);
+        let (machine, frame) = (self.machine, self.frame);
+        let is_seen = |place: [i64; 3]| is_seen(machine, frame, place);
         let mut edges = Vec::new();
         for _ in 0..64 {
             let inside = seen[self.random.below(seen.len() as i64) as usize];
@@ -283,12 +290,6 @@ impl Maker<'_> {
         edges.into_iter().map(with_disc).collect()
     }
 
-    /// Whether the camera sees a place.
-    fn is_seen(&self, place: [i64; 3]) -> bool {
-        let opaque = self.machine.machine.splat.opacity.format.max();
-        unit_replay::project(self.machine, self.frame, place, opaque, &mut rtl_model::probe::NoProbe)[..2] == [0, 0]
-    }
-
     /// Places that the camera sees, from a grid of all places; all of them if it sees none.
     fn near_eye(&self) -> Vec<[i64; 3]> {
         let format = self.machine.machine.splat.position.format;
@@ -296,7 +297,7 @@ impl Maker<'_> {
         let line: Vec<i64> = (-12..=12).map(|i| (i * step).clamp(format.min(), format.max())).collect();
         let all = line.iter().flat_map(|&x| line.iter().flat_map(move |&y| [x, y].into_iter().map(move |_| [x, y])));
         let grid: Vec<[i64; 3]> = all.flat_map(|[x, y]| line.iter().map(move |&z| [x, y, z])).collect();
-        let mut seen: Vec<[i64; 3]> = grid.iter().copied().filter(|place| self.is_seen(*place)).collect();
+        let mut seen: Vec<[i64; 3]> = grid.iter().copied().filter(|place| is_seen(self.machine, self.frame, *place)).collect();
         seen.dedup();
         if seen.is_empty() { grid } else { seen }
     }

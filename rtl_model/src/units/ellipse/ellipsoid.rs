@@ -19,8 +19,8 @@
 use super::{Ellipse, Input, Output, UNIT};
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{Amplitude, Kernel, View};
-use crate::functions::{ReciprocalRoot, table};
 use crate::functions::reciprocal::Scientific;
+use crate::functions::{ReciprocalRoot, table};
 use crate::machine::Machine;
 use crate::num::{Exact, Exacts, Fit, Words, three, two};
 use crate::probe::{Probe, Tap};
