@@ -134,6 +134,8 @@ pub struct Ellipsoids {
     pub preshaded: bool,
     /// Drawn in the order of depth, nearest first, those of equal depth in input order.
     pub sorted: bool,
+    /// Degree of the spherical harmonics that splats have in the place of colours, 0 to 3; their rgb is what those are for this camera.
+    pub harmonics: u8,
 }
 
 impl Ellipsoids {
@@ -313,6 +315,17 @@ impl Scene {
             return builtin::scene(path.to_str()?).map(str::to_owned);
         }
         is_json(path).then(|| std::fs::read_to_string(path).ok())?
+    }
+
+    /// The least weight that makes a fragment; 0 where any does.
+    pub fn least_weight(&self) -> f64 {
+        self.sheets.as_ref().map_or(0.0, |sheets| sheets.least_weight)
+    }
+
+    /// The least opacity whose weights count, where a splat's greatest weight is its opacity and not every weight counts.
+    pub fn least_opacity(&self) -> Option<f64> {
+        let is_peak = self.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
+        Some(self.least_weight()).filter(|least| is_peak && *least > 0.0)
     }
 
     /// The viewing transform (docs/book/algorithm.md §1): `t = rotation · (p − eye)`.

@@ -112,6 +112,10 @@ pub struct Kernel {
     pub axes: [[i64; 3]; 3],
     /// Standard deviations along them relative to σ (`ellipse.scale`).
     pub scales: [i64; 3],
+    /// No splat of less opacity is drawn (`splat.opacity`): none of its weights would count.
+    pub least_opacity: i64,
+    /// Words of the table of cutoffs by opacity, for boxes (`raster.cutoff`); none where all have that of the view.
+    pub reach: Vec<i64>,
 }
 
 /// An ellipsoid's own axes, in its record.
@@ -134,6 +138,9 @@ pub struct Ellipsoids {
     pub preshaded: bool,
     /// Drawn in the order of their depths, as far as the sort's key tells them apart.
     pub sorted: bool,
+    /// Degree of the spherical harmonics that their colours are, in memory: their words here are what the view makes of them. 0 where they
+    /// are colours.
+    pub harmonics: u8,
 }
 
 /// Meaning of a sheet.

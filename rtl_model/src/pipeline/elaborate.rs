@@ -2,13 +2,14 @@
 //!
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
-use crate::elaboration::microarchitecture::{Latencies, Microarchitecture};
+use crate::elaboration::microarchitecture::{Harmonics, Latencies, Microarchitecture};
 use crate::elaboration::{Elaboration, Part, Signal};
+use crate::frame::{Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::{Machine, Splat};
 use crate::num::Fit;
 use crate::records::unit;
-use crate::units::{ellipse, fragment, gauss, project, raster, resolve, shade};
+use crate::units::{colour, ellipse, fragment, gauss, project, raster, resolve, shade};
 
 /// A machine that has been checked and can draw.
 #[derive(Clone, Debug)]
@@ -57,6 +58,11 @@ impl Elaborated {
         self.ellipse.ray_root()
     }
 
+    /// The cutoff (`raster.cutoff`) of an ellipsoid's box, from its opacity.
+    pub fn box_cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
+        self.ellipse.box_cutoff(view, kernel, opacity)
+    }
+
     /// The constant 1/2π as `ellipse` holds it (`ellipse.inverse_two_pi`).
     pub fn inverse_two_pi(&self) -> i64 {
         self.ellipse.inverse_two_pi()
@@ -73,6 +79,7 @@ impl Machine {
     pub fn elaborate(&self) -> Result<Elaborated, Vec<String>> {
         let e = &mut Elaboration::default();
         check_splat(&self.splat, e);
+        colour::declare(e, self);
         let elaborated = Elaborated {
             project: project::Project::new(e, self),
             ellipse: ellipse::Ellipse::new(e, self),
@@ -114,6 +121,11 @@ impl Machine {
         Latencies {
             project: project::latency(self),
             ellipse: ellipse::latency(self),
+            colour: [1, 2, 3].map(|degree| Harmonics {
+                latency: colour::latency(degree),
+                products: colour::products(degree),
+                bits: 3 * ((degree + 1) * (degree + 1)) as i32 * colour::COEFFICIENT_BITS[0],
+            }),
             raster: raster::latency(),
             gauss: gauss::latency(self),
             fragment: fragment::latency(),

@@ -19,6 +19,7 @@ pub use ranges::{BINS, Range, Ranges};
 
 use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
 use crate::records::{Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed};
+use crate::work::CULLED;
 
 /// A probe of the machine.
 pub trait Probe: Send + Sync + Sized {
@@ -72,16 +73,17 @@ pub trait Probe: Send + Sync + Sized {
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
     /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
-    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`](crate::work::CULLED), the first in the last
+    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`], the first in the last
     /// place.
-    fn culled(&mut self, _first: u32, _lanes: [u8; 5]) {}
+    fn culled(&mut self, _first: u32, _lanes: [u8; CULLED.len()]) {}
     /// A splat has a box: its first and last column and row.
     #[inline(always)]
     fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
     /// All splats with a box have been observed; they are drawn in this order, each by its place among them.
     fn sorted(&mut self, _order: Vec<u32>) {}
-    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
-    fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool) {}
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have the axes in the registers, and the degree of
+    /// the harmonics that their colours are.
+    fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool, _harmonics: u8) {}
     /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade was observed before.
     fn emitted(&mut self, _splat: u32, _rgb: [i32; 3]) {}
     /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.

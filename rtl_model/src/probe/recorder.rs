@@ -2,7 +2,7 @@
 
 use super::Probe;
 use crate::records::Decision;
-use crate::work::{Event, Recorder};
+use crate::work::{CULLED, Event, Recorder};
 
 impl Probe for Recorder {
     const WORDS: bool = false;
@@ -18,7 +18,7 @@ impl Probe for Recorder {
         Recorder::absorb(self, fork);
     }
 
-    fn culled(&mut self, first: u32, lanes: [u8; 5]) {
+    fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
         Recorder::culled(self, first, lanes);
     }
 
@@ -26,8 +26,8 @@ impl Probe for Recorder {
         Recorder::sorted(self, order);
     }
 
-    fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool) {
-        Recorder::ellipsoids(self, preshaded, shared_axes);
+    fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {
+        Recorder::ellipsoids(self, preshaded, shared_axes, harmonics);
     }
 
     #[inline(always)]

@@ -28,12 +28,21 @@ pub enum Fate {
     Near,
     /// Outside of the guard band: it ends in `project`.
     Outside,
-    /// Faces away: it ends in `ellipse`, as all that follow.
+    /// Faces away: it ends in `ellipse`, as the two that follow.
     Backface,
     /// Nothing to see.
     Faint,
     /// The box misses the picture.
     Missing,
+    /// Too little opacity for any of its weights to count: it ends in `project`.
+    Transparent,
+}
+
+impl Fate {
+    /// Whether the splat goes on from `project` to `ellipse`.
+    pub fn leaves_project(self) -> bool {
+        !matches!(self, Fate::Near | Fate::Outside | Fate::Transparent)
+    }
 }
 
 /// Outcome of a contribution.
@@ -148,6 +157,8 @@ pub struct Work {
     pub preshaded: bool,
     /// All splats have the axes that lie in registers.
     pub shared_axes: bool,
+    /// Degree of the spherical harmonics that become the colour of every drawn splat, 0 to 3; 0 where records have colours.
+    pub harmonics: u8,
     /// Every tile that a box touches, by rows.
     pub tiles: Vec<Tile>,
 }
@@ -217,23 +228,24 @@ pub struct Recorder {
     order: Vec<u32>,
     preshaded: bool,
     shared_axes: bool,
+    harmonics: u8,
     tiles: Vec<Tile>,
     now: TileRecorder,
 }
 
 /// Splats in the order of their places; a fate for each lane that has one.
-pub const CULLED: [Fate; 5] = [Fate::Near, Fate::Outside, Fate::Backface, Fate::Faint, Fate::Missing];
+pub const CULLED: [Fate; 6] = [Fate::Near, Fate::Outside, Fate::Transparent, Fate::Backface, Fate::Faint, Fate::Missing];
 
 impl Recorder {
     /// Record of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
-        let Recorder { footprints, culled, order, preshaded, shared_axes, mut tiles, .. } = self;
+        let Recorder { footprints, culled, order, preshaded, shared_axes, harmonics, mut tiles, .. } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
         for (splat, fate) in culled {
             fates[splat as usize] = fate;
         }
         tiles.sort_by_key(|tile| [tile.corner[1], tile.corner[0]]);
-        Work { width, height, fates, footprints, order, preshaded, shared_axes, tiles }
+        Work { width, height, fates, footprints, order, preshaded, shared_axes, harmonics, tiles }
     }
 
     /// A recorder of another part.
@@ -249,7 +261,7 @@ impl Recorder {
     }
 
     /// Of eight splats, which were not drawn, by [`CULLED`], the first in the last place.
-    pub fn culled(&mut self, first: u32, lanes: [u8; 5]) {
+    pub fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
         for (lanes, fate) in lanes.into_iter().zip(CULLED) {
             self.culled.extend((0..8).filter(|lane| lanes & (1 << lane) != 0).map(|lane| (first + lane, fate)));
         }
@@ -260,9 +272,10 @@ impl Recorder {
         self.order = order;
     }
 
-    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
-    pub fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool) {
-        (self.preshaded, self.shared_axes) = (preshaded, shared_axes);
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have the axes in the registers, and the degree of
+    /// the harmonics that their colours are.
+    pub fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {
+        (self.preshaded, self.shared_axes, self.harmonics) = (preshaded, shared_axes, harmonics);
     }
 
     /// A splat has a box.
