@@ -19,7 +19,7 @@ use rtl_model::pipeline::Elaborated;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// How much of the error each part of a machine makes. All distances are from `golden`.
+/// Share of the error that each part of a machine makes. All distances are from `golden`.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Attribution {
     /// Every word a word: the machine itself.
@@ -30,7 +30,7 @@ pub struct Attribution {
     pub words: Vec<Share>,
 }
 
-/// What one part of a machine does.
+/// Error that one part of a machine makes.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Share {
     /// Unit, or `unit.word`.

@@ -114,10 +114,10 @@ impl Flips {
     }
 }
 
-/// What a frame in lockstep came to.
+/// Result of a frame in lockstep.
 #[derive(Clone, Debug)]
 pub struct Lockstep {
-    /// What `golden` makes when it is led by the machine's decisions.
+    /// Picture of `golden` led by the machine's decisions.
     pub led: Picture,
     /// Bound on |fixed − led|, of the worst channel of each pixel; infinite where nothing is known.
     pub bound: Vec<f64>,

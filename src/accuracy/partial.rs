@@ -197,7 +197,7 @@ fn number(mixed: PartialPrecision) -> f64 {
     mixed.value
 }
 
-/// What the whole frame has in common.
+/// Values that the whole frame has in common.
 struct FrameWords<'a> {
     stage: &'a Stage<'a>,
     cutoff: f64,

@@ -30,7 +30,7 @@ const STEPS: [u32; 2] = [16, 64];
 pub struct Proof {
     /// The signal, and what tells several proofs about it apart.
     pub name: String,
-    /// What is bounded.
+    /// Quantity that is bounded.
     pub claim: String,
     /// The word whose last places the bound is told in.
     pub word: Word,
@@ -81,7 +81,7 @@ pub fn write(proofs: &[Proof], folder: &Path) -> Result<()> {
     })
 }
 
-/// What was written: claims and their bounds.
+/// Table of the claims that were written, with their bounds.
 pub fn table(proofs: &[Proof]) -> String {
     let mut table = plain_table(&["proof", "claim", "at most", "places", "of"]);
     for proof in proofs {

@@ -71,7 +71,7 @@ pub struct Histogram {
     pub zeros: u64,
     /// k of the first count.
     pub first_log2: i32,
-    /// How many words have 2^k ≤ |value| < 2^(k+1), k growing by one from count to count. Empty where all words are 0.
+    /// Number of words with 2^k ≤ |value| < 2^(k+1), k growing by one from count to count. Empty where all words are 0.
     pub counts: Vec<u64>,
 }
 
@@ -117,7 +117,7 @@ impl Overflows {
 }
 
 impl SignalReport {
-    /// What a watched signal reports.
+    /// Report of an observed signal.
     pub fn new(signal: &Signal, range: &Range) -> Self {
         let format = signal.word.format;
         let value = |word: i64| range.is_seen().then(|| format.value(word));

@@ -24,7 +24,7 @@ pub(super) enum Typed {
     Show(Which),
     /// A machine's timing as JSON, with all that follows from its formats
     Timing(Which),
-    /// What a machine takes in area, unit by unit
+    /// Area of a machine, unit by unit
     Cost {
         #[command(flatten)]
         which: Which,
@@ -32,7 +32,7 @@ pub(super) enum Typed {
         #[arg(long, value_name = "FILE")]
         prices: Option<PathBuf>,
     },
-    /// What a bit of each kind costs, as JSON
+    /// Price of a bit of each kind, as JSON
     Prices,
     /// Write proofs of a machine's error bounds, for Gappa to check
     Prove {

@@ -83,7 +83,7 @@ pub struct Outcome {
     pub json: Value,
     /// Nothing is different.
     pub equal: bool,
-    /// What is, in a sentence.
+    /// Finding, in a sentence.
     pub sentence: String,
 }
 
@@ -172,7 +172,7 @@ fn read(path: &Path) -> Result<String> {
 
 /// The records of a file, every line of which must be one.
 fn records(path: &Path, text: &str, layout: &Layout, zeros: Zeros) -> Result<Records> {
-    let told = |(line, malformed): (usize, Malformed)| {
+    let malformed_line = |(line, malformed): (usize, Malformed)| {
         let what = match malformed {
             Malformed::Digits(0, needed) => format!("is empty; {needed} digits are needed"),
             Malformed::Digits(found, needed) => format!("has {found} digits, and a record has {needed}"),
@@ -183,7 +183,7 @@ fn records(path: &Path, text: &str, layout: &Layout, zeros: Zeros) -> Result<Rec
         Error::input(format!("{}: line {} {what}", path.display(), line + 1))
     };
     let lines = text.lines().enumerate().map(|(line, record)| {
-        let mut words = layout.read(record).map_err(|malformed| told((line, malformed)))?;
+        let mut words = layout.read(record).map_err(|malformed| malformed_line((line, malformed)))?;
         if zeros == Zeros::Ignored {
             layout.mask(&mut words);
         }
@@ -213,8 +213,8 @@ pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], zeros: Zeros) -> Resul
         }
         equal.push(json!({"stream": stream.name, "records": expected.len()}));
     }
-    let told = |stream: &Value| format!("{}: {} records equal", stream["stream"].as_str().unwrap_or_default(), stream["records"]);
-    let text = equal.iter().map(told).collect::<Vec<_>>().join("\n");
+    let line = |stream: &Value| format!("{}: {} records equal", stream["stream"].as_str().unwrap_or_default(), stream["records"]);
+    let text = equal.iter().map(line).collect::<Vec<_>>().join("\n");
     Ok(Outcome { sentence: text.clone(), text, json: json!({"equal": true, "streams": equal}), equal: true })
 }
 
@@ -332,33 +332,33 @@ impl Compared<'_> {
             Mismatch::Surplus { line, .. } => ("surplus", Some(*line)),
             Mismatch::Swapped { line, .. } => ("swapped", Some(*line)),
         };
-        let place = |mut told: Value| {
+        let place = |mut mismatch: Value| {
             for (place, name) in [(0, "splat"), (1, "x"), (2, "y"), (3, "slot")] {
                 if let Some(part) = part(&key, place) {
-                    told[name] = part.into();
+                    mismatch[name] = part.into();
                 }
             }
-            told
+            mismatch
         };
         let flags: Vec<&str> = {
             let bits = key.get(5).copied().unwrap_or(0);
             flag::NAMES.iter().enumerate().filter(|(bit, _)| bits >> bit & 1 == 1).map(|(_, name)| *name).collect()
         };
-        let mut told = place(json!({
+        let mut mismatch = place(json!({
             "equal": false, "stream": self.stream.name, "unit": self.stream.unit, "kind": kind, "sequence": record,
             "line": line.map(|line| line + 1), "expected_records": self.expected.len(), "records": self.got.len(),
             "mismatches": all.len(), "flags": flags,
         }));
         if let Mismatch::Field { field, expected, got, .. } = first {
-            told["field"] = self.field(*field, *expected, *got);
+            mismatch["field"] = self.field(*field, *expected, *got);
         }
-        told["expected"] = self.expected.get(record).map_or(Value::Null, |words| self.words(self.stream, words));
-        told["got"] = line.map_or(Value::Null, |line| self.words(self.stream, &self.got[line]));
+        mismatch["expected"] = self.expected.get(record).map_or(Value::Null, |words| self.words(self.stream, words));
+        mismatch["got"] = line.map_or(Value::Null, |line| self.words(self.stream, &self.got[line]));
         let inputs = self.inputs(&key)?;
-        told["inputs"] = inputs;
-        told["replay"] = self.replay(&key).into();
+        mismatch["inputs"] = inputs;
+        mismatch["replay"] = self.replay(&key).into();
         let sentence = self.sentence(first, all.len());
-        Ok(Outcome { text: self.text(&told, &sentence), json: told, equal: false, sentence })
+        Ok(Outcome { text: self.text(&mismatch, &sentence), json: mismatch, equal: false, sentence })
     }
 
     fn sentence(&self, first: &Mismatch, count: usize) -> String {
@@ -437,12 +437,12 @@ impl Compared<'_> {
         command + " --out replay"
     }
 
-    fn text(&self, told: &Value, sentence: &str) -> String {
+    fn text(&self, mismatch: &Value, sentence: &str) -> String {
         let mut text = format!("{sentence}\n\n");
         let mut line = |name: &str, value: String| {
             let _ = writeln!(text, "  {name:<10} {value}");
         };
-        let number = |name: &str| told[name].as_i64();
+        let number = |name: &str| mismatch[name].as_i64();
         if let Some(splat) = number("splat") {
             line("splat", splat.to_string());
         }
@@ -456,7 +456,7 @@ impl Compared<'_> {
             line("line", at.to_string());
         }
         line("records", format!("{} expected, {} found", self.expected.len(), self.got.len()));
-        let field = &told["field"];
+        let field = &mismatch["field"];
         if !field.is_null() {
             let side = |name: &str| format!("{} = {}", field[format!("{name}_hex")].as_str().unwrap_or_default(), field[name]);
             line("field", field["name"].as_str().unwrap_or_default().to_owned());
@@ -464,7 +464,7 @@ impl Compared<'_> {
             line("got", side("got"));
             line("difference", format!("{} × the last place", field["difference_ulp"]));
         }
-        let flags: Vec<&str> = told["flags"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        let flags: Vec<&str> = mismatch["flags"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
         if !flags.is_empty() {
             line("words", flags.join(", "));
         }
@@ -477,13 +477,13 @@ impl Compared<'_> {
                 let _ = write!(text, "\n  {title}\n    {}\n", fields(record).join("\n    "));
             }
         };
-        block(format!("expected, {} record {}", self.stream.name, told["sequence"]), &told["expected"]);
-        block("got".into(), &told["got"]);
-        let inputs = told["inputs"].as_array().into_iter().flatten();
-        for input in inputs.take_while(|input| input["stream"] == told["inputs"][0]["stream"]) {
+        block(format!("expected, {} record {}", self.stream.name, mismatch["sequence"]), &mismatch["expected"]);
+        block("got".into(), &mismatch["got"]);
+        let inputs = mismatch["inputs"].as_array().into_iter().flatten();
+        for input in inputs.take_while(|input| input["stream"] == mismatch["inputs"][0]["stream"]) {
             block(format!("made from, {} record {}", input["stream"].as_str().unwrap_or_default(), input["sequence"]), &input["fields"]);
         }
-        let _ = write!(text, "\n  replay     {}", told["replay"].as_str().unwrap_or_default());
+        let _ = write!(text, "\n  replay     {}", mismatch["replay"].as_str().unwrap_or_default());
         text
     }
 }

@@ -57,7 +57,7 @@ use stimulus::Tag;
 use transfers::{Rectangle, Source, Transfers};
 use waves::{Timed, Waves};
 
-/// What a trace is asked to hold.
+/// Part of a frame that a trace holds.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     /// Units whose ports are wanted; all if empty.
@@ -76,12 +76,12 @@ pub struct Window {
     pub seed: u64,
 }
 
-/// What was written.
+/// Files that were written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Written {
     /// Streams, their records and the bytes of their records.
     pub streams: Vec<(String, u64, u64)>,
-    /// How many cases were met, of how many (coverage.csv).
+    /// Cases that were met, and all of them (coverage.csv).
     pub coverage: [u64; 2],
 }
 
@@ -173,13 +173,13 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
 
 impl Written {
     fn new(manifest: &Value) -> Self {
-        let told = |file: &Value| {
+        let entry = |file: &Value| {
             let number = |name: &str| file[name].as_u64().unwrap_or(0);
             (file["name"].as_str().unwrap_or_default().to_owned(), number("records"), number("records") * (number("digits") + 1))
         };
         let number = |name: &str| manifest["coverage"][name].as_u64().unwrap_or(0);
         Written {
-            streams: manifest["streams"].as_array().into_iter().flatten().map(told).collect(),
+            streams: manifest["streams"].as_array().into_iter().flatten().map(entry).collect(),
             coverage: [number("met"), number("cases")],
         }
     }

@@ -45,10 +45,10 @@ use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// How it is searched.
+/// Options of a search.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// What is wanted.
+    /// Target.
     pub target: Target,
     /// Unseen cameras that must hold too.
     pub views: usize,
@@ -58,7 +58,7 @@ pub struct Options {
     pub tries: u64,
     /// Only these units, words or sizes; all where empty.
     pub only: Vec<String>,
-    /// What bits cost.
+    /// Prices of bits.
     pub prices: Prices,
     /// Show how far it is.
     pub progress: bool,
@@ -121,7 +121,7 @@ impl View {
     }
 }
 
-/// How far a machine is off.
+/// Distance of a machine from the target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct Found {
     /// Least, fixed − golden; none where pictures are equal.
@@ -223,9 +223,9 @@ impl Target {
 /// A step of the way.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Step {
-    /// What was done.
+    /// Method.
     pub method: String,
-    /// What came of it, LUT equivalents.
+    /// Area that came of it, LUT equivalents.
     pub area: f64,
     #[serde(flatten)]
     found: Found,
@@ -233,12 +233,12 @@ pub struct Step {
     pub drawn: u64,
 }
 
-/// What was found.
+/// Findings.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Outcome {
     /// The scenes.
     pub scenes: Vec<String>,
-    /// What was wanted.
+    /// Target that was given.
     pub target: Target,
     /// The machine that was narrowed.
     pub base: String,
@@ -250,13 +250,13 @@ pub struct Outcome {
     pub learnt: Vec<String>,
     /// Cameras that were searched on: the scenes' own, then those of `learnt`.
     pub cameras: Vec<Searched>,
-    /// What a step less would do, the worst first: knob, value now, decibels then; none where it could not be built.
+    /// Critical words: the effect of a step less, the worst first: knob, value now, decibels then; none where it could not be built.
     pub tight: Vec<CriticalWord>,
     /// The machine.
     pub machine: Machine,
     /// For what it was searched, as its file says.
     pub searched: SearchRecord,
-    /// What was written.
+    /// Files that were written.
     #[serde(skip)]
     pub files: Vec<PathBuf>,
 }
@@ -288,7 +288,7 @@ pub struct Searched {
 pub struct CriticalWord {
     /// Where.
     pub path: String,
-    /// What it is.
+    /// Value.
     pub value: Value,
     /// Decibels with a step less, against what the target names; none where the pictures are equal or it cannot be built.
     pub psnr_db: Option<f64>,

@@ -35,7 +35,7 @@ pub const FAILS: f64 = 8.0 / 255.0;
 /// Share of the covered pixels that may have a bound over 1.
 pub const SHARE_FAILS: f64 = 0.01;
 
-/// What the catalogue found.
+/// Findings of the catalogue.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Catalogue {
     /// Version of this program.
@@ -51,9 +51,9 @@ pub struct Catalogue {
 pub struct CaseReport {
     /// Its name.
     pub name: &'static str,
-    /// What goes wrong.
+    /// Trouble that the case makes.
     pub trouble: &'static str,
-    /// What is driven.
+    /// Parameter that is driven.
     pub parameter: &'static str,
     /// Its unit.
     pub unit: &'static str,
@@ -70,7 +70,7 @@ pub struct MachineReport {
     pub method_fails_at: Option<f64>,
     /// First value at which the arithmetic fails.
     pub arithmetic_fails_at: Option<f64>,
-    /// How it does so.
+    /// Kind of the arithmetic's failure.
     pub arithmetic_fails_by: Option<Failure>,
     /// First value at which fixed − golden exceeds 8/255 at a pixel where a decision flipped.
     pub flips_show_at: Option<f64>,
@@ -83,12 +83,12 @@ pub struct MachineReport {
 pub struct Point {
     /// The parameter.
     pub value: f64,
-    /// What became of it.
+    /// Outcome.
     #[serde(flatten)]
     pub outcome: Outcome,
 }
 
-/// How arithmetic fails.
+/// Failure of the arithmetic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Failure {
@@ -173,7 +173,7 @@ fn run_point(case: &Case, value: f64, others: &[Machine]) -> Result<Vec<(String,
 }
 
 impl Point {
-    /// What was found where the machine drew.
+    /// Findings where the machine drew.
     pub fn found(&self) -> Option<&Found> {
         match &self.outcome {
             Outcome::Drawn(found) => Some(found),
@@ -181,7 +181,7 @@ impl Point {
         }
     }
 
-    /// How the arithmetic fails here, if it does.
+    /// Failure of the arithmetic here, if it fails.
     pub fn failure(&self) -> Option<Failure> {
         match self.found() {
             None => Some(Failure::Refused),

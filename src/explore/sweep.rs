@@ -68,25 +68,25 @@ impl std::str::FromStr for Shard {
     }
 }
 
-/// How a plan is carried out.
+/// Options of a sweep.
 #[derive(Clone, Copy, Debug)]
 pub struct Options {
     /// A part of it.
     pub shard: Option<Shard>,
     /// At most so many points.
     pub most: u64,
-    /// What bits cost.
+    /// Prices of bits.
     pub prices: Prices,
     /// Show how far it is.
     pub progress: bool,
 }
 
-/// What became of a plan.
+/// Outcome of a plan.
 #[derive(Debug)]
 pub struct Outcome {
     /// Points of the plan, of this part, and those that were drawn now.
     pub counts: [u64; 3],
-    /// What was written.
+    /// Files that were written.
     pub files: Vec<PathBuf>,
     table: Table,
 }
@@ -364,7 +364,7 @@ impl Drawn {
 }
 
 impl Outcome {
-    /// What was done, and the best and the worst, at most 80 columns wide.
+    /// Summary: the points that were drawn, the best and the worst, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let [count, mine, drawn] = self.counts;
         let rows = self.table.rows.len() as u64;

@@ -235,7 +235,7 @@ impl Footprint {
         self.z
     }
 
-    /// How many pixels it gives something to: in each row those between the roots of r − r₀.
+    /// Number of pixels that it gives something to: in each row those between the roots of r − r₀.
     pub fn area(&self) -> u64 {
         let least = if self.least_weight > 0.0 { 2.0 * libm::log(self.amplitude / self.least_weight) } else { f64::INFINITY };
         let limit = self.cutoff.min(least);
@@ -267,7 +267,7 @@ pub(crate) struct Row<'a> {
 }
 
 impl Row<'_> {
-    /// What the footprint gives to the pixel in column `x`, if it reaches it.
+    /// Contribution of the footprint to the pixel in column `x`, if it reaches it.
     #[inline]
     pub fn at(&self, x: u32) -> Option<Contribution> {
         let (dx, radial_index) = self.radial_index(x);
@@ -278,7 +278,7 @@ impl Row<'_> {
         (contribution.weight >= self.footprint.least_weight).then_some(contribution)
     }
 
-    /// What the footprint gives to the pixel in column `x`, or would give if it reached that far.
+    /// Contribution of the footprint to the pixel in column `x`, made or not for its reach.
     pub fn beyond(&self, x: u32) -> Contribution {
         let (dx, radial_index) = self.radial_index(x);
         self.contribution(dx, radial_index)

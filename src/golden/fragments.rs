@@ -30,7 +30,7 @@ pub(crate) struct Fragment {
     pub sheet: u32,
 }
 
-/// What became of one contribution.
+/// Outcome of one contribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decision {
     /// Added to the fragment in `slot`.

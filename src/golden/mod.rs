@@ -32,7 +32,7 @@ use shade::Shader;
 pub use fragments::{Decision, Merge};
 pub use story::{Arrival, Layer, Story, story};
 
-/// How the fragment unit decides (docs/book/algorithm.md §6).
+/// Rules of the fragment unit (docs/book/algorithm.md §6).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules {
     /// `l`, 1 to 8: fragments that one pixel can hold.
@@ -82,7 +82,7 @@ pub struct Rendering {
     pub culled: Culled,
     /// Contributions: pixels touched, once for each splat.
     pub fragments: u64,
-    /// What became of them.
+    /// Outcomes of the contributions.
     pub outcomes: Outcomes,
 }
 
@@ -101,7 +101,7 @@ pub struct Culled {
     pub faint: u64,
 }
 
-/// What became of the contributions. Each has one outcome: the first six sum to [`Rendering::fragments`].
+/// Outcomes of the contributions. Each has one: the first six sum to [`Rendering::fragments`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Outcomes {
     /// Added to a fragment (in `ideal`: to a surface).

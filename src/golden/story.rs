@@ -12,9 +12,9 @@ use glam::DVec4;
 /// One pixel's life.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Story {
-    /// What reached the pixel, in the order in which it is drawn.
+    /// Contributions to the pixel, in the order in which they are drawn.
     pub arrivals: Vec<Arrival>,
-    /// What was left at the end, front to back.
+    /// Layers left at the end, front to back.
     pub layers: Vec<Layer>,
     /// The pixel, as in the picture: linear, premultiplied, over the background.
     pub rgba: [f64; 4],
@@ -31,7 +31,7 @@ pub struct Arrival {
     pub weight: f64,
     /// Depth of the splat's plane at the pixel, world units.
     pub z: f64,
-    /// What was done with it, and where.
+    /// Decision about it, and the slot.
     pub decision: Decision,
 }
 

@@ -18,7 +18,7 @@ use rtl_model::pipeline::Reach;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// How world units became machine units: `machine = (world − offset) · 2^exponent`.
+/// Scale from world units to machine units: `machine = (world − offset) · 2^exponent`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Scale {
     /// Power of two.
@@ -39,7 +39,7 @@ impl Scale {
 pub struct Quantised {
     /// Input of the machine.
     pub frame: Frame,
-    /// How it came about.
+    /// Scale by which it came about.
     pub scale: Scale,
     /// Notes of what could not be represented as asked, one sentence each.
     pub notes: Vec<String>,

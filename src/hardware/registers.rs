@@ -192,7 +192,7 @@ impl Registers<'_> {
         }
     }
 
-    /// What makes an ellipsoid of a splat; none where splats are discs.
+    /// Ellipsoid of a splat; none where splats are discs.
     pub fn ellipsoid<H: Hold>(&self, hold: &H, index: usize) -> Option<Ellipsoid<H::Real>> {
         let (exact, frame) = (self.scene.ellipsoids.as_ref()?, self.quantised.frame.ellipsoids.as_ref()?);
         let (m, kernel) = (&self.machine.machine, &frame.kernel);

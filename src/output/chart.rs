@@ -38,7 +38,7 @@ const COLOURS: [RGBColor; 7] = [
 /// One axis.
 #[derive(Clone, Debug, Default)]
 pub struct Axis {
-    /// What it shows, with its unit.
+    /// Label, with the unit.
     pub label: String,
     /// By powers of ten.
     pub log: bool,
@@ -68,7 +68,7 @@ impl Axis {
         place.is_finite().then_some(place)
     }
 
-    fn told(&self, place: f64) -> String {
+    fn written(&self, place: f64) -> String {
         let value = if self.log { libm::pow(10.0, place) } else { place };
         let magnitude = value.abs();
         if value == 0.0 {
@@ -92,11 +92,11 @@ impl Axis {
         }
         // Marks are at least so far apart.
         let step = (span.end - span.start) / 20.0;
-        let told = self.told(place);
+        let drawing_error = self.written(place);
         let most = span.start.abs().max(span.end.abs());
-        let is_exact = (told.parse::<f64>().unwrap_or(place) - place).abs() < 0.1 * step;
+        let is_exact = (drawing_error.parse::<f64>().unwrap_or(place) - place).abs() < 0.1 * step;
         if self.log || is_exact && !PLAIN.contains(&most) {
-            return told;
+            return drawing_error;
         }
         let digits = (-libm::log10(step)).ceil().max(0.0) as usize;
         let text = format!("{place:.digits$}");
@@ -127,7 +127,7 @@ const LEAST_SPAN: f64 = 2e-4;
 /// Greatest values of an axis whose marks need no powers of ten.
 const PLAIN: Range<f64> = 1e-3..1e7;
 
-/// How a series is drawn.
+/// Mark that a series is drawn with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// A line from point to point.
@@ -149,9 +149,9 @@ pub enum Mark {
 pub struct Series {
     /// For the legend; none there if empty.
     pub name: String,
-    /// What is drawn.
+    /// Points that are drawn.
     pub points: Vec<[f64; 2]>,
-    /// How.
+    /// Mark.
     pub mark: Mark,
     /// Number of its colour.
     pub colour: usize,
@@ -166,7 +166,7 @@ pub struct Panel {
     pub x: Axis,
     /// Upwards.
     pub y: Axis,
-    /// What it shows.
+    /// Series that it shows.
     pub series: Vec<Series>,
     /// Upright lines with a word beside them, and the number of their colour.
     pub limits: Vec<(f64, String, usize)>,
@@ -174,7 +174,7 @@ pub struct Panel {
     pub notes: Vec<([f64; 2], String)>,
 }
 
-/// How the values of a row are drawn.
+/// Shape that a row's values are drawn in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shape {
     /// A bar each, one below the other.
@@ -189,11 +189,11 @@ pub enum Shape {
 /// Numbers by name, row by row.
 #[derive(Clone, Debug, Default)]
 pub struct Bars {
-    /// How they are drawn.
+    /// Shape that they are drawn in.
     pub shape: Shape,
     /// Above them.
     pub title: String,
-    /// What the bars' length shows, with its unit.
+    /// Axis of the bars' length, with its unit.
     pub axis: Axis,
     /// Names of the bars of one row.
     pub legend: Vec<String>,
@@ -241,7 +241,7 @@ pub type Area<B> = DrawingArea<B, Shift>;
 /// Nothing, or a sentence of the drawing library.
 type Drawn = std::result::Result<(), String>;
 
-fn told(error: impl std::fmt::Display) -> String {
+fn drawing_error(error: impl std::fmt::Display) -> String {
     error.to_string()
 }
 
@@ -273,7 +273,7 @@ impl Draw for Panel {
             .x_label_area_size(44)
             .y_label_area_size(64)
             .build_cartesian_2d(x, y)
-            .map_err(told)?;
+            .map_err(drawing_error)?;
         chart
             .configure_mesh()
             .x_desc(&self.x.label)
@@ -287,16 +287,16 @@ impl Draw for Panel {
             .bold_line_style(FAINT)
             .axis_style(INK)
             .draw()
-            .map_err(told)?;
+            .map_err(drawing_error)?;
         for (at, word, colour) in &self.limits {
             let (Some(at), colour) = (self.x.place(*at), COLOURS[colour % COLOURS.len()]) else { continue };
             let range = chart.y_range();
             let line = [(at, range.start), (at, range.end)];
-            chart.draw_series(DashedLineSeries::new(line, 4, 4, colour.into())).map_err(told)?;
+            chart.draw_series(DashedLineSeries::new(line, 4, 4, colour.into())).map_err(drawing_error)?;
             let style = (FONT, 13).into_font().transform(FontTransform::Rotate90).color(&colour);
             // The words stand beside their line, not on it.
             let words = EmptyElement::at((at.max(left), top)) + Text::new(word.clone(), (BESIDE_PX, 0), style);
-            chart.draw_series([words]).map_err(told)?;
+            chart.draw_series([words]).map_err(drawing_error)?;
         }
         for series in &self.series {
             let colour = COLOURS[series.colour % COLOURS.len()];
@@ -310,11 +310,11 @@ impl Draw for Panel {
                 Mark::Triangles => chart.draw_series(points.into_iter().map(|point| TriangleMarker::new(point, 9, colour.filled()))),
                 Mark::Rings => {
                     let rings = points.iter().map(|point| Circle::new(*point, 5, colour.stroke_width(2)));
-                    chart.draw_series(rings).map_err(told)?;
+                    chart.draw_series(rings).map_err(drawing_error)?;
                     chart.draw_series(LineSeries::new(points, colour.stroke_width(1)))
                 }
             };
-            let drawn = drawn.map_err(told)?;
+            let drawn = drawn.map_err(drawing_error)?;
             if !series.name.is_empty() {
                 match series.mark {
                     Mark::Crosses => drawn.label(&series.name).legend(move |(x, y)| Cross::new((x + 9, y), 6, colour.stroke_width(3))),
@@ -334,7 +334,7 @@ impl Draw for Panel {
                 .border_style(FAINT)
                 .label_font((FONT, 14).into_font().color(&INK))
                 .draw()
-                .map_err(told)?;
+                .map_err(drawing_error)?;
         }
         // Words are placed by pixels of the whole picture, and drawn by those of the area.
         let (columns, rows) = area.get_pixel_range();
@@ -345,15 +345,15 @@ impl Draw for Panel {
         let mut taken: Vec<[i32; 4]> = points.iter().map(|(x, y)| [x - 6, y - 6, x + 6, y + 6]).collect();
         for (place, word) in notes {
             let at = chart.backend_coord(&place);
-            let (width, height) = area.estimate_text_size(word, &plain).map_err(told)?;
+            let (width, height) = area.estimate_text_size(word, &plain).map_err(drawing_error)?;
             let (left, top) = free_place(at, [width as i32, height as i32], &taken, [&columns, &rows]);
             let (dx, dy) = area.get_base_pixel();
             let end = (if left > at.0 { left - 2 } else { left + width as i32 + 2 }, top + height as i32 / 2);
             if (end.1 - at.1).abs() > 6 {
                 let leader = vec![(at.0 - dx, at.1 - dy), (end.0 - dx, end.1 - dy)];
-                area.draw(&PathElement::new(leader, INK.mix(0.35))).map_err(told)?;
+                area.draw(&PathElement::new(leader, INK.mix(0.35))).map_err(drawing_error)?;
             }
-            area.draw(&Text::new(word.clone(), (left - dx, top - dy), plain.clone())).map_err(told)?;
+            area.draw(&Text::new(word.clone(), (left - dx, top - dy), plain.clone())).map_err(drawing_error)?;
             taken.push([left, top, left + width as i32, top + height as i32]);
         }
         Ok(())
@@ -425,7 +425,7 @@ impl Draw for Bars {
             .x_label_area_size(44)
             .y_label_area_size(30 + 8 * longest)
             .build_cartesian_2d(span, 0.0..rows.max(1.0))
-            .map_err(told)?;
+            .map_err(drawing_error)?;
         chart
             .configure_mesh()
             .x_desc(&self.axis.label)
@@ -437,13 +437,13 @@ impl Draw for Bars {
             .bold_line_style(FAINT)
             .axis_style(INK)
             .draw()
-            .map_err(told)?;
+            .map_err(drawing_error)?;
         if self.shape == Shape::Dots {
             let line = |row: usize| {
                 let middle = rows - row as f64 - 0.5;
                 PathElement::new(vec![(start, middle), (whole.end, middle)], FAINT)
             };
-            chart.draw_series((0..self.rows.len()).map(line)).map_err(told)?;
+            chart.draw_series((0..self.rows.len()).map(line)).map_err(drawing_error)?;
         }
         let many = self.legend.len().max(1);
         for bar in 0..many {
@@ -468,13 +468,13 @@ impl Draw for Bars {
                 Shape::Dots => chart.draw_series(places.iter().map(|[at, _]| Circle::new(*at, 4, colour.filled()))),
                 _ => chart.draw_series(places.iter().map(|corners| Rectangle::new(*corners, colour.filled()))),
             };
-            drawn.map_err(told)?;
+            drawn.map_err(drawing_error)?;
         }
         let style = (FONT, 14).into_font().color(&INK).pos(Pos::new(HPos::Right, VPos::Center));
         for (row, (name, _)) in self.rows.iter().enumerate() {
             let (x, y) = chart.backend_coord(&(start, rows - row as f64 - 0.5));
             let (dx, dy) = area.get_base_pixel();
-            area.draw(&Text::new(name.clone(), (x - dx - 8, y - dy), style.clone())).map_err(told)?;
+            area.draw(&Text::new(name.clone(), (x - dx - 8, y - dy), style.clone())).map_err(drawing_error)?;
         }
         Ok(())
     }
@@ -488,7 +488,7 @@ impl Bars {
         let mut places = Vec::new();
         let (mut x, mut line) = (APART_PX, 0);
         for name in self.legend.iter().filter(|_| self.legend.len() > 1) {
-            let words_px = area.estimate_text_size(name, &style).map_err(told)?.0 as i32;
+            let words_px = area.estimate_text_size(name, &style).map_err(drawing_error)?.0 as i32;
             if x > APART_PX && x + SWATCH_PX + GAP_PX + words_px > width {
                 (x, line) = (APART_PX, line + 1);
             }
@@ -498,12 +498,12 @@ impl Bars {
         let lines = places.last().map_or(0, |(_, line)| line + 1);
         let (head, body) = area.split_vertically(CAPTION_PX + LEGEND_PX * lines);
         let title = (FONT, 19).into_font().color(&INK).pos(Pos::new(HPos::Center, VPos::Center));
-        head.draw(&Text::new(self.title.clone(), (width / 2, CAPTION_PX / 2 + 3), title)).map_err(told)?;
+        head.draw(&Text::new(self.title.clone(), (width / 2, CAPTION_PX / 2 + 3), title)).map_err(drawing_error)?;
         for (nth, (x, line)) in places.into_iter().enumerate() {
             let y = CAPTION_PX + LEGEND_PX * line + LEGEND_PX / 2 - 2;
             let square = [(x, y - 5), (x + SWATCH_PX, y + 5)];
-            head.draw(&Rectangle::new(square, COLOURS[nth % COLOURS.len()].filled())).map_err(told)?;
-            head.draw(&Text::new(self.legend[nth].clone(), (x + SWATCH_PX + GAP_PX, y), style.clone())).map_err(told)?;
+            head.draw(&Rectangle::new(square, COLOURS[nth % COLOURS.len()].filled())).map_err(drawing_error)?;
+            head.draw(&Text::new(self.legend[nth].clone(), (x + SWATCH_PX + GAP_PX, y), style.clone())).map_err(drawing_error)?;
         }
         Ok(body)
     }
@@ -520,7 +520,7 @@ pub fn write_png(charts: &[&dyn Chart], columns: usize, cell: [u32; 2], path: &P
     let root = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
     let cells = root.split_evenly((rows, columns));
     let drawn = charts.iter().zip(&cells).try_for_each(|(chart, area)| chart.draw_pixels(area));
-    drawn.and_then(|()| root.present().map_err(told)).map_err(|e| Error::job(format!("{}: {e}", path.display())))?;
+    drawn.and_then(|()| root.present().map_err(drawing_error)).map_err(|e| Error::job(format!("{}: {e}", path.display())))?;
     drop((cells, root));
     write_beside(path, |file| {
         let png = PngEncoder::new_with_quality(file, CompressionType::Best, FilterType::NoFilter);
@@ -538,9 +538,9 @@ pub fn svg(charts: &[&dyn Chart], columns: usize, cell: [u32; 2]) -> Result<Stri
     let mut text = String::new();
     let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
     let cells = root.split_evenly((rows, columns));
-    let drawn = root.fill(&WHITE).map_err(told);
+    let drawn = root.fill(&WHITE).map_err(drawing_error);
     let drawn = drawn.and_then(|()| charts.iter().zip(&cells).try_for_each(|(chart, area)| chart.draw_shapes(area)));
-    drawn.and_then(|()| root.present().map_err(told)).map_err(Error::job)?;
+    drawn.and_then(|()| root.present().map_err(drawing_error)).map_err(Error::job)?;
     drop((cells, root));
     Ok(text)
 }

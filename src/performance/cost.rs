@@ -31,7 +31,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What each kind of bit costs.
+/// Price of each kind of bit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PerBit {
@@ -161,12 +161,12 @@ pub struct UnitCost {
     pub name: &'static str,
     /// LUT equivalents, of all that work side by side.
     pub area: f64,
-    /// What it is built of.
+    /// Bits that it is built of.
     #[serde(flatten)]
     pub bits: Bits,
 }
 
-/// What a machine takes.
+/// Area of a machine.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Cost {
     /// LUT equivalents: units, FIFOs, memory on the chip.
@@ -298,7 +298,7 @@ impl CostReport {
     }
 }
 
-/// What a frame takes.
+/// Energy of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Energy {
     /// Joules: all that follow.
@@ -309,7 +309,7 @@ pub struct Energy {
     pub storage: f64,
     /// Bytes outside of the chip.
     pub dram: f64,
-    /// What it takes standing there.
+    /// Leakage over the frame's time.
     pub leakage: f64,
 }
 

@@ -25,13 +25,13 @@ pub struct CyclesReport {
     pub clock_hz: u64,
     /// Frames a second.
     pub frames_per_second: f64,
-    /// What limits: the unit, or memory, without whose limit the frame takes the fewest cycles.
+    /// Bottleneck: the unit, or memory, without whose limit the frame takes the fewest cycles.
     pub bottleneck: &'static str,
-    /// What of it, and what the frame would take without.
+    /// Kind of that limit, and the frame's cycles without it.
     pub limit: LimitReport,
     /// Every unit, in the order of the diagram; its four counts sum to `total`.
     pub units: Vec<UnitReport>,
-    /// What went to memory and back.
+    /// Traffic to memory and back.
     pub memory: MemoryReport,
     /// Slots that the rasteriser tested, and those that kept a pixel.
     pub slots: [u64; 2],
@@ -39,7 +39,7 @@ pub struct CyclesReport {
     pub lookups: Option<[u64; 2]>,
 }
 
-/// What limits a frame: its name is [`CyclesReport::bottleneck`].
+/// Limit of a frame: its name is [`CyclesReport::bottleneck`].
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct LimitReport {
     /// `work`: a unit's own cycles; `hazard`: a pixel that is still under way in it; `memory`: bytes move no faster.
@@ -65,7 +65,7 @@ pub struct UnitReport {
     pub memory: u64,
     /// The unit that it had no item from.
     pub starved_by: Option<&'static str>,
-    /// Who blocked it, for how many cycles: `hazard` is a pixel still under way.
+    /// Units that blocked it, with cycles: `hazard` is a pixel still under way.
     pub blocked_by: Vec<Blocker>,
     /// When it had items.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -83,7 +83,7 @@ pub struct OverTime {
     pub busy: Vec<u64>,
 }
 
-/// Who blocked a unit.
+/// Unit that blocked another.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Blocker {
     by: &'static str,
@@ -103,7 +103,7 @@ pub struct MemoryReport {
     pub peak_bytes_per_second: Option<f64>,
     /// Part of the requests that found their row open; none of ideal memory, or where there were none.
     pub row_hit_share: Option<f64>,
-    /// Who moved what.
+    /// Traffic by client.
     pub clients: Vec<ClientReport>,
     /// `read_latency_log2[n]`: reads of 2^n to 2^(n+1) − 1 cycles.
     pub read_latency_log2: Vec<u64>,
@@ -112,7 +112,7 @@ pub struct MemoryReport {
 /// A client's traffic.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ClientReport {
-    /// What it is for.
+    /// Purpose of the traffic.
     pub name: &'static str,
     /// Bursts.
     pub requests: u64,
@@ -123,7 +123,7 @@ pub struct ClientReport {
 }
 
 impl CyclesReport {
-    /// What a replay of this work found.
+    /// Report of a replay of this work.
     pub fn new(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Self {
         let limit = timing::limit(timing, work, cycles);
         let clock_hz = timing.timing.clock_hz;
@@ -201,7 +201,7 @@ impl CyclesReport {
         text
     }
 
-    /// What limits, in words.
+    /// Limit, in words.
     pub fn limited_by(&self) -> String {
         if self.limit.by == "hazard" { format!("{} (hazard)", self.bottleneck) } else { self.bottleneck.into() }
     }

@@ -41,7 +41,7 @@ pub struct Observed {
     pub picture: Picture,
     /// The range of every signal.
     pub signals: Vec<SignalReport>,
-    /// What happened, for timing to replay.
+    /// Recorded work, for timing to replay.
     pub work: Work,
 }
 
@@ -94,7 +94,7 @@ impl<'a> Evaluation<'a> {
         fixed::picture(&self.machine, drawing)
     }
 
-    /// What exact arithmetic makes by the same rules.
+    /// Picture of exact arithmetic by the same rules.
     pub fn golden(&self) -> Rendering {
         golden::render(self.scene, &self.rules())
     }

@@ -75,14 +75,14 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
     let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
     let drawing = pipeline::draw_with_decisions(&elaborated, &quantised.frame, &mut witness);
     let story = golden::story(scene, &fixed::rules(machine), x, y);
-    let told =
+    let side_by_side =
         Told { machine: &elaborated, scale: quantised.scale, fixed: &witness, golden: &story, sheet: scene.sheets.as_ref().map(|s| &s.of) };
 
     let mut text = format!("pixel {x},{y} of {} on {}\n\n", scene.name, machine.name);
-    let _ = writeln!(text, "{}\n", told.contributions());
-    let _ = writeln!(text, "{}\n", told.layers());
+    let _ = writeln!(text, "{}\n", side_by_side.contributions());
+    let _ = writeln!(text, "{}\n", side_by_side.layers());
     let word = drawing.frame[y * width + x].map(i64::from);
-    let _ = write!(text, "{}", told.end(word));
+    let _ = write!(text, "{}", side_by_side.end(word));
     Ok(text)
 }
 
@@ -106,13 +106,13 @@ impl Told<'_> {
         let in_fixed: HashSet<usize> = fixed.iter().map(|(contribution, _)| contribution.splat as usize).collect();
         let mut alone = golden.iter().enumerate().filter(|(_, arrival)| !in_fixed.contains(&arrival.splat)).peekable();
         let mut pairs: Vec<Pair> = Vec::new();
-        for told in fixed {
-            let splat = told.0.splat as usize;
+        for one in fixed {
+            let splat = one.0.splat as usize;
             let nth = in_golden.get(&splat).copied();
             while let Some((_, arrival)) = alone.next_if(|(other, arrival)| nth.map_or(arrival.splat < splat, |nth| *other < nth)) {
                 pairs.push((None, Some(arrival)));
             }
-            pairs.push((Some(told), nth.map(|nth| &golden[nth])));
+            pairs.push((Some(one), nth.map(|nth| &golden[nth])));
         }
         pairs.extend(alone.map(|(_, arrival)| (None, Some(arrival))));
         pairs
@@ -156,8 +156,8 @@ impl Told<'_> {
     }
 
     fn golden_row(&self, arrival: &Arrival) -> [String; 4] {
-        let told = self.sheet_decision(arrival.splat, golden_fate(arrival.decision));
-        let decision = told.unwrap_or_else(|| golden_decision(arrival.decision));
+        let of_sheet = self.sheet_decision(arrival.splat, golden_fate(arrival.decision));
+        let decision = of_sheet.unwrap_or_else(|| golden_decision(arrival.decision));
         [format!("{:.5}", arrival.radial_index), format!("{:.6}", arrival.weight), format!("{:.5}", arrival.z), decision]
     }
 

@@ -33,18 +33,18 @@ use rtl_model::work::Work;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// What is done only where it was asked for.
+/// Options of a run: what is done only where it was asked for.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Who makes the error.
+    /// Attribute the error.
     pub attribution: bool,
     /// The frame on other microarchitectures.
     pub timings: Option<Variants>,
     /// Every request to memory.
     pub requests: bool,
-    /// What happened, for timing to replay.
+    /// Recorded work, for timing to replay.
     pub record: bool,
-    /// What bits cost.
+    /// Prices of bits.
     pub prices: Prices,
     /// How the scene lies outside of what the machine was searched for, where it was.
     pub outside_of_search: Option<Vec<String>>,
@@ -53,11 +53,11 @@ pub struct Options {
 /// Three pictures, their difference, and what was found.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// What the hardware makes.
+    /// Picture of the hardware.
     pub fixed: Picture,
-    /// What exact arithmetic makes by the same rules.
+    /// Picture of exact arithmetic by the same rules.
     pub golden: Picture,
-    /// What no fixed number of fragments can make better.
+    /// Picture without a limit of fragments.
     pub ideal: Picture,
     /// |fixed − golden|, scaled to be seen.
     pub error: ErrorPicture,
@@ -65,9 +65,9 @@ pub struct Outcome {
     pub lockstep: Lockstep,
     /// Every request to memory, if that was asked for.
     pub requests: Option<Requests>,
-    /// What happened, if that was asked for.
+    /// Recorded work, if that was asked for.
     pub work: Option<Work>,
-    /// What was found.
+    /// Findings.
     pub report: Report,
     /// Colours are not linear light but what a screen is sent.
     pub encoded: bool,
@@ -152,7 +152,7 @@ fn found(golden: &Rendering) -> Golden {
     Golden { fragments: golden.fragments, culled: golden.culled, outcomes: golden.outcomes }
 }
 
-/// What `work` returns, and how long it took in seconds.
+/// Runs `work`: its result, and its time in seconds.
 pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = work();

@@ -52,7 +52,7 @@ pub struct Figures {
     pub fixed_vs_ideal_psnr_db: Option<f64>,
 }
 
-/// What was left out, and what the rest says.
+/// Preview: what was left out, and what the rest says.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Preview {
     /// Pixels of the whole.
@@ -133,13 +133,13 @@ impl Preview {
         })
     }
 
-    /// How many times as long the whole takes, with so many splats.
+    /// Factor by which the whole takes longer, with so many splats.
     pub fn growth(&self, splats: usize) -> f64 {
         let now = self.sizes.last().map_or(0, |now| now.contributions);
         longer(splats, now as f64, self.contributions as f64)
     }
 
-    /// What was left out and how far figures can be trusted, at most 80 columns wide. The whole would take so many seconds.
+    /// Says what was left out and how far figures can be trusted, at most 80 columns wide. The whole would take so many seconds.
     pub fn summary(&self, seconds: f64) -> String {
         let [less, now] = &self.sizes[..] else { return String::new() };
         let size = |figures: &Figures| format!("{}×{}", figures.width, figures.height);
@@ -157,9 +157,9 @@ impl Preview {
             ("golden − ideal, dB", |f| f.golden_vs_ideal_psnr_db),
             ("fixed − ideal, dB", |f| f.fixed_vs_ideal_psnr_db),
         ] {
-            let told = |db: Option<f64>| db.map_or("equal".into(), |db| format!("{db:.1}"));
+            let decibels = |db: Option<f64>| db.map_or("equal".into(), |db| format!("{db:.1}"));
             let change = db(less).zip(db(now)).map_or("–".into(), |(less, now)| format!("{:+.1}", now - less));
-            table.add_row([name.to_owned(), told(db(less)), told(db(now)), change]);
+            table.add_row([name.to_owned(), decibels(db(less)), decibels(db(now)), change]);
         }
         let [width, height] = self.of;
         let left_out = PART * PART - 1;
@@ -191,11 +191,11 @@ pub fn announcement(scene: &Scene, machine: &Machine) -> Result<Option<(String, 
     let (small, seconds) = timed(|| figures(&smaller(scene, PART * PART), machine));
     let contributions = contributions(scene, machine);
     let expected = RUN_OVER_FIGURES * seconds * longer(scene.splats.len(), small?.contributions as f64, contributions as f64);
-    let told = || {
+    let note = || {
         let (splats, contributions) = (thousands(scene.splats.len() as u64), thousands(rounded(contributions)));
         (format!("{splats} splats, about {contributions} contributions: about {} (--preview is quicker)", duration(expected)), expected)
     };
-    Ok((expected > LONG).then(told))
+    Ok((expected > LONG).then(note))
 }
 
 /// A run of the whole does more than what is timed here: it draws with every watcher, and in lockstep. Fitted, on the long side: glass-spheres

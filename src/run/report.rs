@@ -28,29 +28,29 @@ const MOST_DB: f64 = 200.0;
 pub struct Report {
     /// Version of this program.
     pub version: &'static str,
-    /// What was drawn.
+    /// Subject of the drawing.
     pub scene: SceneReport,
     /// On what.
     pub machine: MachineReport,
-    /// How far the pictures lie apart.
+    /// Distances of the pictures.
     pub accuracy: Accuracy,
-    /// What became of the contributions on the machine.
+    /// Outcomes of the contributions on the machine.
     pub fragments: Fragments,
     /// Every signal's range.
     pub signals: Vec<SignalReport>,
-    /// How long the machine takes.
+    /// Cycles of the machine.
     pub cycles: CyclesReport,
-    /// What it takes in area, and the frame in energy.
+    /// Area, and energy of the frame.
     pub cost: CostReport,
-    /// How long others would take; only where that was asked for.
+    /// Cycles of other microarchitectures; only where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timings: Option<Timings>,
-    /// What this says of a larger picture; only where it is a preview.
+    /// Extrapolation to a larger picture; only where it is a preview.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preview: Option<Preview>,
-    /// What the golden renderer found on the same scene.
+    /// Findings of the golden renderer on the same scene.
     pub golden: Golden,
-    /// Who makes how much of the error; only where that was asked for.
+    /// Error attribution; only where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attribution: Option<Attribution>,
     /// Factor of `error.png`.
@@ -76,9 +76,9 @@ pub struct SceneReport {
     pub fragments: u64,
     /// The whole camera, as a scene file has it.
     pub camera: Camera,
-    /// How world units became machine units.
+    /// Scale from world units to machine units.
     pub scale: Scale,
-    /// What readers and quantiser found odd.
+    /// Notes of readers and quantiser.
     pub notes: Vec<String>,
 }
 
@@ -156,14 +156,14 @@ impl From<Outcomes> for Fragments {
     }
 }
 
-/// What the golden renderer found.
+/// Findings of the golden renderer.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Golden {
     /// Contributions.
     pub fragments: u64,
     /// Splats not drawn.
     pub culled: crate::golden::Culled,
-    /// What became of the contributions.
+    /// Outcomes of the contributions.
     pub outcomes: crate::golden::Outcomes,
 }
 
@@ -193,7 +193,7 @@ pub struct Host {
     /// Finding out who makes the error; only where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attribution_seconds: Option<f64>,
-    /// What the whole of a preview would take, about.
+    /// Estimated seconds of the whole of a preview.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub whole_seconds: Option<f64>,
     /// Contributions a second of the machine, unwatched.
@@ -216,7 +216,7 @@ impl MachineReport {
 }
 
 impl Report {
-    /// What a preview says of its size.
+    /// Figures of a preview.
     pub fn figures(&self) -> Figures {
         Figures {
             width: self.scene.width,

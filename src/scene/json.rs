@@ -58,7 +58,7 @@ struct SceneFields {
     /// The footprint.
     #[serde(default)]
     kernel: KernelFields,
-    /// How fragments become surfaces.
+    /// Rules by which fragments become surfaces.
     #[serde(default)]
     surface: SurfaceFields,
     /// How a volume's slices, or Gaussians, become pictures.

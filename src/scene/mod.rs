@@ -175,7 +175,7 @@ pub enum Sheet {
     Splat,
 }
 
-/// How splats become pictures where they are grouped by sheets instead of surfaces (EWA §7.1).
+/// Grouping of splats by sheets instead of surfaces (EWA §7.1).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sheets {
     /// Which splats are one sheet.
@@ -194,7 +194,7 @@ pub struct Sheets {
     pub most_weight: f64,
 }
 
-/// How fragments become surfaces.
+/// Rules by which fragments become surfaces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
     /// ε: contributions nearer than this in depth belong together, world units, > 0.
@@ -214,7 +214,7 @@ pub struct Light {
     pub rgb: [f64; 3],
 }
 
-/// How a surface answers light (docs/book/algorithm.md §7).
+/// Reflectance of a surface (docs/book/algorithm.md §7).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Material {
     /// The colour as it is.

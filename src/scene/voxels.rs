@@ -41,7 +41,7 @@ pub fn depth_of_layer(opacity: f64, cutoff: f64) -> f64 {
 /// Opacity at the upper end of the usual ramp: with the usual cutoff of 4 an optical depth of 0.2.
 const USUAL_OPACITY: f64 = 0.158_805_979_395_819_03;
 
-/// How a field becomes splats.
+/// Classification of a field into splats.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Classification {
     /// In the order of values; never empty.

@@ -15,7 +15,7 @@ use serde::Serialize;
 /// Cycles of a unit, nothing left out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Pace {
-    /// How many work side by side.
+    /// Units side by side.
     pub units: u32,
     /// From an item to its result.
     pub latency: u32,
@@ -126,7 +126,7 @@ pub struct Storage {
 /// A radix sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SortShape {
-    /// How often every entry is read and written.
+    /// Passes: times that every entry is read and written.
     pub passes: u32,
     /// Bits of the key that a pass looks at.
     pub digit_bits: u32,

@@ -35,14 +35,14 @@ pub struct Part {
     pub unit: &'static str,
     /// Its operator.
     pub operator: Operator,
-    /// How many of them a unit has that takes an item a cycle.
+    /// Number of them in a unit that takes an item a cycle.
     pub copies: u32,
     /// Whether every lane of the rasteriser has as many.
     pub per_lane: bool,
 }
 
 impl Part {
-    /// How many products it makes in a cycle.
+    /// Products that it makes in a cycle.
     pub fn products(&self) -> u32 {
         if matches!(self.operator, Operator::Multiplier(_)) { self.copies } else { 0 }
     }

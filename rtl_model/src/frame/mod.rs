@@ -197,6 +197,6 @@ pub struct Frame {
     pub splats: Vec<Splat>,
     /// Axes that make ellipsoids of them; none where they are discs.
     pub ellipsoids: Option<Ellipsoids>,
-    /// How fragments are grouped; none: by depth.
+    /// Grouping of fragments by sheets; none: by depth.
     pub sheets: Option<Sheets>,
 }

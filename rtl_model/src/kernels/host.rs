@@ -16,7 +16,7 @@ pub trait Kernel {
     fn run<L: Lanes>(self) -> Self::Output;
 }
 
-/// How work is run.
+/// Host on which work is run.
 pub trait Host: Copy + Send + Sync {
     /// Runs it.
     fn run<K: Kernel>(self, kernel: K) -> K::Output;

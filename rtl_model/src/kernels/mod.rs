@@ -12,7 +12,7 @@ pub use tile::{MAX_DEPTH_BITS, NO_MATCH, Tile};
 use crate::num::Lanes;
 use std::marker::PhantomData;
 
-/// How the host goes through a unit: a choice that changes no bit, compiled once for each.
+/// Path of the host through a unit: a choice that changes no bit, compiled once for each.
 pub trait HostPath: Copy {
     /// Whether every hot fit is known to be an add, a shift to the right and two limits.
     const SIMPLE_FITS: bool;

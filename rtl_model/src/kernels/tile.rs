@@ -53,12 +53,12 @@ impl<A: Accumulator> Tile<A> {
         self.contributions[usize::from(pixel)] += 1;
     }
 
-    /// How many contributions a pixel has had.
+    /// Contributions that a pixel has had.
     pub fn contributions(&self, pixel: u8) -> u32 {
         self.contributions[usize::from(pixel)]
     }
 
-    /// How many fragments a pixel has.
+    /// Fragments of a pixel.
     #[inline(always)]
     pub fn live(&self, pixel: u8) -> usize {
         usize::from(self.live[usize::from(pixel)])

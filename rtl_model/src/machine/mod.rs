@@ -13,7 +13,7 @@ pub mod timing;
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Machine {
-    /// What to call it in reports.
+    /// Name in reports.
     pub name: String,
     /// The splat record in memory.
     pub splat: Splat,
@@ -171,7 +171,7 @@ pub struct Ellipse {
     pub root_cutoff: Word,
     /// σ·√cutoff, machine units: the depth clamp's half-width.
     pub depth_range: Word,
-    /// What ellipsoids need besides; left out, the machine draws discs alone.
+    /// Words for ellipsoids; left out, the machine draws discs alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ellipsoid: Option<Ellipsoid>,
 }
@@ -204,7 +204,7 @@ pub struct Colour {
     pub degree: u32,
 }
 
-/// How rows begin.
+/// Start of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rows {
@@ -218,7 +218,7 @@ pub enum Rows {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Raster {
-    /// How rows begin.
+    /// Start of a row.
     pub rows: Rows,
     /// The cutoff.
     pub cutoff: Word,
@@ -278,7 +278,7 @@ pub enum FragmentDepth {
 pub struct Fragment {
     /// Fragments a pixel can hold, 1 to 8.
     pub layers: u32,
-    /// What to do when they are full.
+    /// Rule for a full pixel.
     pub merge: Merge,
     /// Before merging: drop the deepest if something lies behind an opaque fragment.
     pub evict_hidden: bool,
@@ -300,7 +300,7 @@ pub struct Fragment {
     pub opacity_sum: Word,
     /// Σw·n.
     pub normal_sum: Word,
-    /// What grouping by sheets needs besides; left out, the machine groups by depth alone.
+    /// Words for grouping by sheets; left out, the machine groups by depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheets: Option<Sheets>,
 }
@@ -371,7 +371,7 @@ pub struct Shade {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Resolve {
-    /// What is left of the light from behind.
+    /// Share of the light from behind that is left.
     pub transmittance: Word,
     /// A channel of the frame: linear light, premultiplied, over the background; the background too.
     pub frame: Word,

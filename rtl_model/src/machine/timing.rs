@@ -5,7 +5,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// How a machine goes through a frame.
+/// Order in which a machine goes through a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Organisation {
@@ -21,7 +21,7 @@ pub enum Organisation {
 pub struct Timing {
     /// Cycles a second.
     pub clock_hz: u64,
-    /// How a frame is gone through.
+    /// Order in which a frame is gone through.
     pub organisation: Organisation,
     /// Reads splat records; in the second pass of a binned machine, lists and what they point to.
     pub fetch: Fetch,
@@ -46,7 +46,7 @@ pub struct Timing {
     pub shade: Shade,
     /// Blend into the frame.
     pub resolve: Resolve,
-    /// What lies outside of the chip.
+    /// Memory outside of the chip.
     pub memory: Memory,
 }
 
@@ -62,7 +62,7 @@ pub struct Fetch {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
-    /// How many work side by side; splats take turns.
+    /// Units side by side; splats take turns.
     pub units: u32,
     /// Cycles from a splat to its result; left out, what the formats ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -81,7 +81,7 @@ pub struct Setup {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Colour {
-    /// How many work side by side; splats take turns.
+    /// Units side by side; splats take turns.
     pub units: u32,
     /// Cycles from a splat to its colour; left out, what the degree of its harmonics asks for.
     #[serde(skip_serializing_if = "Option::is_none")]

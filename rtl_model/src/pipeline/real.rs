@@ -135,7 +135,7 @@ impl Elaborated {
         self.fragment.real_close(weight, rgb, registers, ratio)
     }
 
-    /// How far apart depths must be for the sort to tell them apart, machine units; none where it sorts nothing.
+    /// Least distance of depths that the sort tells apart, machine units; none where it sorts nothing.
     pub fn real_key<R: Real>(&self, depth: R) -> R {
         self.sort.as_ref().map_or(depth, |key| depth.fit(key, Scale::ONE))
     }

@@ -117,7 +117,7 @@ pub fn held(word: Word, value: f64) -> (i64, Near) {
     (word_held, Near::held(value, word, word_held))
 }
 
-/// How much of a bound the machine's number uses; it must be the exact number's, and hold.
+/// Share of a bound that the machine's number uses; it must be the exact number's, and hold.
 pub fn used(own: f64, exact: f64, bound: Near, what: &impl Debug) -> f64 {
     assert!((bound.value - exact).abs() <= 1e-12, "{what:?}: {bound:?} of {exact}");
     let error = (own - exact).abs();

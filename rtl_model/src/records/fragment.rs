@@ -57,7 +57,7 @@ pub enum Decision {
     Dropped,
 }
 
-/// How often each [`Decision`] was taken.
+/// Count of each [`Decision`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Outcomes {
     /// Added to a fragment.

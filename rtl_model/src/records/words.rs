@@ -15,7 +15,7 @@ macro_rules! record {
         impl $name {
             /// Names of its fields, from the most significant bits down.
             pub const NAMES: &'static [&'static str] = &[$(stringify!($field)),*];
-            /// How many they are.
+            /// Number of words.
             pub const WORDS: usize = Self::NAMES.len();
         }
 

@@ -13,7 +13,7 @@ pub struct Account {
     pub starved: u64,
     /// An item is here, but may not be taken.
     pub blocked: u64,
-    /// What the item needs is on its way from memory.
+    /// Waiting for memory: what the item needs is on its way.
     pub memory: u64,
 }
 
@@ -26,12 +26,12 @@ pub enum Wait {
     Hazard,
 }
 
-/// How much is told of each unit.
+/// Detail in which each unit is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Detail {
     /// Its cycles, and who made it wait.
     Accounts,
-    /// How full the places behind it were, too, and when it was used.
+    /// Occupancy of the places behind it, too, and when it was used.
     Histograms,
     /// Every item and every request to memory, too.
     Log,
@@ -52,11 +52,11 @@ pub struct UnitCycles {
     pub log: Vec<u64>,
     /// When it had items; not of [`Detail::Accounts`].
     pub timeline: Option<Timeline>,
-    /// Who starved it; nobody starves the first.
+    /// Unit that starved it; nobody starves the first.
     pub starved_by: Option<&'static str>,
-    /// Who blocked it, and for how long.
+    /// Units that blocked it, with cycles.
     pub blocked_by: Vec<(Wait, u64)>,
-    /// How often so many items waited behind it when it took one: the FIFO's and those under way; not of [`Detail::Accounts`].
+    /// Count of items that it took while so many waited behind it, in the FIFO or under way; not of [`Detail::Accounts`].
     pub occupancy: Vec<u64>,
 }
 
@@ -239,7 +239,7 @@ struct Side {
 pub struct Ready {
     /// The unit before has it done.
     pub here: u64,
-    /// What it needs has come from memory.
+    /// First cycle in which what it needs has come from memory.
     pub memory: u64,
     /// No pixel of it is under way.
     pub hazard: u64,

@@ -22,7 +22,7 @@ struct Line {
     here: u64,
 }
 
-/// What a look-up comes to.
+/// Result of a look-up.
 #[derive(Clone, Copy, Debug)]
 pub struct LookUp {
     /// Where the line lies.

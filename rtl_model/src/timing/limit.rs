@@ -27,12 +27,12 @@ pub enum Limited {
     Memory,
 }
 
-/// What limits a frame.
+/// Limit of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limit {
     /// A unit, or `memory`.
     pub name: &'static str,
-    /// What of it.
+    /// Kind of limit.
     pub by: Limited,
     /// Cycles of the frame without this limit.
     pub without: u64,

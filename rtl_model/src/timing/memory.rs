@@ -20,7 +20,7 @@ use crate::machine::timing::Memory as Description;
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Who asks.
+/// Client that asks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Client {
     /// Splat records.

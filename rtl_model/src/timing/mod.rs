@@ -41,7 +41,7 @@ use crate::work::Work;
 use account::Unit;
 use memory::Memory;
 
-/// How long a frame takes, and why.
+/// Cycles of a frame, unit by unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Cycles {
     /// From the first request to the last word written.

@@ -161,7 +161,7 @@ pub struct Fill<'a> {
     pub raster: Unit,
     pub gauss: Unit,
     walk: Stamps<'a>,
-    /// How many there were, and those among them that kept a pixel.
+    /// Stamps, and those among them that kept a pixel.
     pub stamps: [u64; 2],
     /// What pixels that have stopped leave of a stamp.
     kept: Vec<Piece>,

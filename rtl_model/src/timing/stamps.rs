@@ -13,7 +13,7 @@
 use crate::work::{Event, Footprint, Reader, TILE_PX, Work};
 use std::ops::Range;
 
-/// What a stamp keeps in a strip.
+/// Pixels that a stamp keeps in a strip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Piece {
     /// Which stamp of the footprint.
@@ -128,7 +128,7 @@ impl<'a> Stamps<'a> {
         across * down.div_ceil(self.lanes[1])
     }
 
-    /// What each stamp of it keeps, if it keeps a pixel.
+    /// Pieces of each stamp of it that keeps a pixel.
     #[inline(always)]
     pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
         self.pieces.chunk_by(|one, next| one.stamp == next.stamp)

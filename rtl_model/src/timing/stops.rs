@@ -103,7 +103,7 @@ impl Stops {
         rows.flat_map(row).copied().max().unwrap_or(0)
     }
 
-    /// What raster leaves of a stamp in this cycle.
+    /// Pixels that raster leaves of a stamp in this cycle.
     pub fn kept(&self, stamp: &[Piece], now: u64, kept: &mut Vec<Piece>) {
         kept.clear();
         kept.extend(stamp.iter().map(|piece| {

@@ -86,7 +86,7 @@ impl Walks {
         u64::from_le_bytes(places).wrapping_add(first).to_le_bytes()
     }
 
-    /// How many rows of the tile a splat's box has there, and the tile's column that it begins at.
+    /// Rows of a splat's box in the tile, and the tile's column that it begins at.
     pub fn part(&self, lane: usize) -> (usize, usize) {
         (self.size(lane)[1], self.first_pixel[lane] as usize % SIDE_PX)
     }
@@ -145,7 +145,7 @@ impl Default for Span {
 }
 
 impl Span {
-    /// How many fragments there are.
+    /// Number of fragments.
     #[inline(always)]
     pub fn fragments(&self) -> usize {
         self.fragments

@@ -375,12 +375,12 @@ impl Bins {
         Bins { columns, rows, starts, entries }
     }
 
-    /// How many tiles there are.
+    /// Number of tiles.
     pub fn tiles(&self) -> usize {
         self.columns * self.rows
     }
 
-    /// How many there are in all tiles.
+    /// Number of entries in all tiles.
     pub fn entries(&self) -> usize {
         self.entries.len()
     }

@@ -8,8 +8,8 @@ use super::{Event, Fate, Footprint, TILE_PX, Tile, Work};
 const MOST_PX: u32 = 16_384;
 
 /// Refuses what does not hold.
-fn require(holds: bool, told: &str) -> Result<(), String> {
-    if holds { Ok(()) } else { Err(told.to_owned()) }
+fn require(holds: bool, fault: &str) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(fault.to_owned()) }
 }
 
 impl Work {
@@ -88,7 +88,7 @@ impl Tile {
             });
             let count = counts.next().ok_or("a tile does not tell of all its splats")?;
             let (kept, rows_left) = rows.split_at_checked(lines.len()).ok_or("a tile has fewer rows than its splats")?;
-            let (told, events_left) = events.split_at_checked(usize::from(*count)).ok_or("a tile has fewer contributions than it says")?;
+            let (own, events_left) = events.split_at_checked(usize::from(*count)).ok_or("a tile has fewer contributions than it says")?;
             (rows, events) = (rows_left, events_left);
             let inside = (1u32 << columns.end) - (1u32 << columns.start);
             require(kept.iter().all(|kept| u32::from(*kept) & !inside == 0), "a row keeps pixels outside of its box")?;
@@ -98,7 +98,7 @@ impl Tile {
                 let (row, bit) = (&mut left[usize::from(place / 16)], 1 << (place % 16));
                 std::mem::replace(row, *row & !bit) & bit != 0 && !matches!(event, Event::Merged(3..))
             };
-            require(told.iter().all(&mut is_kept), "a contribution is told of that is none")?;
+            require(own.iter().all(&mut is_kept), "a contribution is told of that is none")?;
         }
         require(counts.len() == 0 && rows.is_empty() && events.is_empty(), "a tile tells of more than its splats")
     }

@@ -38,7 +38,7 @@ pub struct Arrival {
     pub held_depth: i64,
 }
 
-/// What the whole frame has in common.
+/// Values that the whole frame has in common.
 pub struct Common<'a> {
     pub machine: &'a Elaborated,
     pub rules: &'a Rules,

@@ -14,7 +14,7 @@ use rtl_model::pipeline::Elaborated;
 use rtl_model::real::{Near, Real};
 use rtl_model::units::fragment::Decision;
 
-/// What the whole frame has in common.
+/// Values that the whole frame has in common.
 pub struct SheetRules<'a> {
     words: SheetWords<'a, Near>,
     sorted: bool,
@@ -42,7 +42,7 @@ struct Open {
     sums: [Near; 4],
 }
 
-/// What a pixel holds.
+/// State of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SheetPixel {
     open: Option<Open>,

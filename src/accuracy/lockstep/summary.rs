@@ -30,7 +30,7 @@ pub struct Summary {
     pub bound: BoundSummary,
 }
 
-/// How much the bounds say, over the covered pixels.
+/// Tightness of the bounds, over the covered pixels.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct BoundSummary {
     /// Half of the pixels have at most this bound; none where nothing is covered.

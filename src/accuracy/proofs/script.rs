@@ -17,7 +17,7 @@ use std::fmt::Write;
 /// A proof to be.
 #[derive(Clone, Debug, Default)]
 pub struct Script {
-    /// What is claimed, of what, and on which grounds.
+    /// Claim, its subject and its grounds.
     pub comments: Vec<String>,
     /// `name = expression`.
     pub definitions: Vec<String>,

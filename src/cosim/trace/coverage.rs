@@ -11,7 +11,7 @@ use std::fmt::Write;
 /// What can happen to a word that loses bits: nothing; less than half of its last place, half, more than half; its limits.
 const FITS: [&str; 6] = ["exact", "below half", "tie", "above half", "low limit", "high limit"];
 
-/// How often each case was met.
+/// Count of each case.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
     /// Names of signals, and how often each met which of [`FITS`].
@@ -59,7 +59,7 @@ impl Coverage {
         text
     }
 
-    /// How many cases were met, of how many.
+    /// Cases that were met, and all of them.
     pub fn counts(&self) -> [usize; 2] {
         let rows = self.rows();
         [rows.iter().filter(|row| row.2 > 0).count(), rows.len()]

@@ -148,11 +148,11 @@ impl Codes {
 
 /// The codes for the manifest.
 pub fn enums(kind: Kind) -> serde_json::Value {
-    let told = codes(kind).into_iter().map(|codes| {
+    let entry = codes(kind).into_iter().map(|codes| {
         let numbers = codes.names.iter().enumerate().map(|(number, name)| ((*name).to_owned(), number.into()));
         (codes.name.to_owned(), serde_json::json!({"of": codes.of, "codes": numbers.collect::<serde_json::Map<_, _>>()}))
     });
-    serde_json::Value::Object(told.collect())
+    serde_json::Value::Object(entry.collect())
 }
 
 /// The package `machine_pkg`, for one machine and one frame's number of lights and materials.
@@ -181,8 +181,8 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
             ("ROUND", round),
             ("WRAP", (word.overflow == Overflow::Wrap).into()),
         ];
-        let told = parts.map(|(part, value)| format!("localparam int {name}_{part} = {value};"));
-        let _ = writeln!(text, "  {}", told.join(" "));
+        let lines = parts.map(|(part, value)| format!("localparam int {name}_{part} = {value};"));
+        let _ = writeln!(text, "  {}", lines.join(" "));
     }
     text.push_str("\n  // Tables, rules and timing.\n");
     for (name, value) in numbers(machine, frame) {
@@ -225,7 +225,7 @@ pub fn structs(machine: &Elaborated, kind: Kind) -> String {
         let _ = write!(text, "\ntypedef struct packed {{\n");
         for field in &stream.fields {
             let signed = if field.word.format.signed { " signed" } else { "" };
-            let _ = writeln!(text, "  logic{signed} [{}:0] {};  // {}", field.width() - 1, field.name, told(field));
+            let _ = writeln!(text, "  logic{signed} [{}:0] {};  // {}", field.width() - 1, field.name, meaning(field));
         }
         let _ = writeln!(text, "}} {}_t;", stream.name.replace('.', "_"));
     }
@@ -249,7 +249,7 @@ pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
         let _ =
             write!(text, "\n#define {upper}_WIDTH {}\n#define {upper}_FIELDS {}\ntypedef struct {{\n", stream.width(), stream.fields.len());
         for field in &stream.fields {
-            let _ = writeln!(text, "  int64_t {}; /* {} */", field.name, told(field));
+            let _ = writeln!(text, "  int64_t {}; /* {} */", field.name, meaning(field));
         }
         let _ = write!(text, "}} {name}_record;\nstatic const splatsim_field {name}_fields[{upper}_FIELDS] = {{\n");
         for (field, place) in stream.fields.iter().zip(stream.places()) {
@@ -262,7 +262,7 @@ pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
     text
 }
 
-fn told(field: &Field) -> String {
+fn meaning(field: &Field) -> String {
     match &field.signal {
         Some(signal) => format!("{}, {signal}", field.word),
         None => field.word.to_string(),
@@ -273,10 +273,10 @@ fn told(field: &Field) -> String {
 pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Value {
     let described = words(machine, Kind::of(frame)).into_iter().map(|(path, word)| {
         let Format { signed, int_bits, frac_bits } = word.format;
-        let told = serde_json::json!({
+        let entry = serde_json::json!({
             "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits, "round": word.round, "overflow": word.overflow,
         });
-        (path, told)
+        (path, entry)
     });
     let numbers = numbers(machine, frame).into_iter().map(|(name, value)| (name, value.into()));
     serde_json::json!({
@@ -346,21 +346,21 @@ pub fn fields(stream: &Stream, kind: Kind) -> Vec<serde_json::Value> {
     let described = stream.fields.iter().zip(stream.places()).map(|(field, place)| {
         let Format { signed, int_bits, frac_bits } = field.word.format;
         let full_name = format!("{}.{}", stream.name, field.name);
-        let mut told = serde_json::json!({
+        let mut entry = serde_json::json!({
             "name": field.name, "lsb": place, "width": field.width(), "signed": signed, "int_bits": int_bits, "frac_bits": frac_bits,
         });
         if let Some(signal) = &field.signal {
-            told["signal"] = signal.clone().into();
-            told["round"] = serde_json::to_value(field.word.round).unwrap_or_default();
-            told["overflow"] = serde_json::to_value(field.word.overflow).unwrap_or_default();
+            entry["signal"] = signal.clone().into();
+            entry["round"] = serde_json::to_value(field.word.round).unwrap_or_default();
+            entry["overflow"] = serde_json::to_value(field.word.overflow).unwrap_or_default();
         }
         if !field.unless.is_empty() {
-            told["zero_where"] = field.unless.into();
+            entry["zero_where"] = field.unless.into();
         }
         if let Some(codes) = codes.iter().find(|codes| codes.of.contains(&full_name.as_str())) {
-            told["enum"] = codes.name.into();
+            entry["enum"] = codes.name.into();
         }
-        told
+        entry
     });
     described.collect()
 }

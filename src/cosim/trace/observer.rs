@@ -11,7 +11,7 @@ use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
 use std::any::Any;
 
-/// What happened to the words of a record; the bits of `flags` in a key.
+/// Events of a record's words; the bits of `flags` in a key.
 pub mod flag {
     /// A word lost bits below its last place.
     pub const INEXACT: u8 = 1;
@@ -91,15 +91,15 @@ pub struct Shaded {
 #[derive(Clone, Copy, Debug)]
 pub struct Emitted {
     pub splat: u32,
-    /// What went through shade.
+    /// Fragment that went through shade.
     pub shaded: Shaded,
     /// Its colour from then on.
     pub rgb: [i32; 3],
-    /// What happened to what shade was asked, and to the light that came back.
+    /// Events of the words that shade was asked with, and of the light that came back.
     pub flags: [u8; 2],
 }
 
-/// What a pixel holds in the end.
+/// Fragments that a pixel holds in the end.
 #[derive(Clone, Debug)]
 pub struct Held {
     pub key: u64,
@@ -193,8 +193,8 @@ impl Observations {
             let [backface, faint, missing, ..] = splat.ellipse;
             let told = [near, outside, transparent].into_iter().zip(self.project_cases);
             told.for_each(|(flag, case)| coverage.count_if(flag != 0, "project", case));
-            let told = [(backface, "ellipse", "backface"), (faint, "ellipse", "faint"), (missing, "ellipse", "outside")];
-            told.into_iter().for_each(|(flag, unit, case)| coverage.count_if(splat.leaves_project() && flag != 0, unit, case));
+            let cases = [(backface, "ellipse", "backface"), (faint, "ellipse", "faint"), (missing, "ellipse", "outside")];
+            cases.into_iter().for_each(|(flag, unit, case)| coverage.count_if(splat.leaves_project() && flag != 0, unit, case));
         }
         for arrival in &self.arrivals {
             coverage.count_if(arrival.weight == 0, "gauss", "weight 0");
@@ -228,7 +228,7 @@ pub fn least_weight(frame: &Frame) -> i64 {
     frame.sheets.as_ref().map_or(1, |sheets| sheets.least_weight.max(1))
 }
 
-/// What becomes of contributions, in the order of their numbers in `fragment.out`.
+/// Outcomes of contributions, in the order of their numbers in `fragment.out`.
 pub const OUTCOMES: [&str; 6] = ["accumulated", "inserted", "merged", "evicted", "replaced", "dropped"];
 
 /// A decision as `fragment.out` has it: outcome and slot.
@@ -277,13 +277,13 @@ impl probe::Observer<'static> for Observations {
         }
         self.coverage.fitted(fit, exact, more);
         let loss = fit.loss(exact, more);
-        let told = [
+        let losses = [
             (loss.inexact, flag::INEXACT),
             (loss.saturated_low, flag::SATURATED_LOW),
             (loss.saturated_high, flag::SATURATED_HIGH),
             (loss.wrapped, flag::WRAPPED),
         ];
-        self.observed |= told.iter().filter(|(lost, _)| *lost).fold(0, |flags, (_, flag)| flags | flag);
+        self.observed |= losses.iter().filter(|(lost, _)| *lost).fold(0, |flags, (_, flag)| flags | flag);
     }
 
     fn wrapped(&mut self, _signal: usize) {
@@ -340,12 +340,12 @@ impl probe::Observer<'static> for Observations {
         }
         if let Some(arrival) = self.arrivals.last_mut() {
             (arrival.outcome, arrival.slot) = outcome(decision);
-            let told = match decision {
+            let flag = match decision {
                 Decision::Merged(..) => flag::MERGED,
                 Decision::Evicted(_) => flag::EVICTED,
                 _ => 0,
             };
-            arrival.fragment_flags = flags | told;
+            arrival.fragment_flags = flags | flag;
         }
     }
 

@@ -4,7 +4,7 @@
 
 use rtl_model::pipeline::ports::Stream;
 
-/// How a stream's records are written.
+/// Layout of a stream's records.
 #[derive(Clone, Debug)]
 pub struct Layout {
     /// Bits of each field, from the top.
@@ -16,7 +16,7 @@ pub struct Layout {
     pub width: u32,
 }
 
-/// What is wrong with a line that should be a record.
+/// Fault of a line that should be a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Malformed {
     /// So many digits instead of so many.

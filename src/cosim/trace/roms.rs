@@ -11,7 +11,7 @@ pub struct Rom {
     pub name: String,
     /// Names of its fields.
     pub fields: &'static [&'static str],
-    /// How a line is written.
+    /// Layout of a line.
     pub layout: Layout,
     /// Its lines, address by address.
     pub lines: Vec<Vec<i64>>,

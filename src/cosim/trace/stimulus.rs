@@ -32,11 +32,11 @@ pub struct Made {
 pub struct Tag {
     /// The stream that they are driven into.
     pub stream: &'static str,
-    /// What they are for.
+    /// Purpose.
     pub tag: String,
     /// The first record.
     pub first: usize,
-    /// How many.
+    /// Number of records.
     pub records: usize,
 }
 
@@ -45,9 +45,9 @@ pub struct Tag {
 pub struct Stimulus {
     /// Every stream.
     pub made: Vec<Made>,
-    /// What the cases are for.
+    /// Purpose of the cases.
     pub tags: Vec<Tag>,
-    /// What they met.
+    /// Coverage of the cases.
     pub coverage: Coverage,
 }
 

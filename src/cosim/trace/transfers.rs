@@ -30,7 +30,7 @@ pub struct Key {
     pub slot: u32,
     /// The record that it was made from, by its place in the stream before, or [`NONE`].
     pub parent: u32,
-    /// What happened to its words ([`flag`]).
+    /// Events of its words ([`flag`]).
     pub flags: u8,
 }
 
@@ -59,7 +59,7 @@ type At<'a> = Box<dyn Fn(usize, &mut Vec<i64>) -> Key + Sync + 'a>;
 pub struct Source<'a> {
     /// The stream's name.
     pub name: &'static str,
-    /// How many there are.
+    /// Count.
     pub records: usize,
     /// The words and the key of one.
     pub at: At<'a>,
@@ -81,9 +81,9 @@ pub type Rectangle = [u32; 4];
 /// A window's transfers, in order.
 pub struct Transfers<'a> {
     pub machine: &'a Elaborated,
-    /// What was drawn.
+    /// Subject of the drawing.
     pub frame: &'a Frame,
-    /// What the scene calls the frame's splats.
+    /// Numbers of the frame's splats in the scene.
     pub splats: &'a [u32],
     pub observer: Observations,
     /// What records depend on.
@@ -428,7 +428,7 @@ impl<'a> Transfers<'a> {
         [splat, x, y]
     }
 
-    /// What a pixel holds in the end.
+    /// Fragments that a pixel holds in the end.
     fn held(&self, pixel: u32) -> Option<&Held> {
         self.pixels[pixel as usize].1.map(|place| &self.observer.held[place as usize])
     }

@@ -15,7 +15,7 @@ use crate::scene::digest::mixed;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// What is searched.
+/// Problem that a descent searches.
 pub trait Problem {
     /// Steps that each knob has.
     fn most(&self) -> Vec<u32>;
@@ -51,7 +51,7 @@ fn load(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
     Ok(problem.load(steps)?.min(ENDLESS))
 }
 
-/// How far each knob goes alone, all others as they are.
+/// Steps that each knob can go alone, all others as they are.
 pub fn limits(problem: &mut impl Problem) -> Result<Vec<u32>> {
     let most = problem.most();
     let none = vec![0; most.len()];

@@ -48,7 +48,7 @@ fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
 }
 
 impl Knob {
-    /// What the field is with so many steps taken away.
+    /// Value of the field with so many steps taken away.
     pub fn value(&self, steps: u32) -> Value {
         match self.top {
             Top::Word(format) => Value::from(Format { frac_bits: format.frac_bits - steps as i32, ..format }.to_string()),

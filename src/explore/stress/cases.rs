@@ -13,11 +13,11 @@ use std::f64::consts::SQRT_2;
 /// One row of the catalogue.
 #[derive(Clone, Copy, Debug)]
 pub struct Case {
-    /// What to call it.
+    /// Name.
     pub name: &'static str,
-    /// What goes wrong here, a line.
+    /// Trouble that the case makes, a line.
     pub trouble: &'static str,
-    /// What is driven.
+    /// Parameter that is driven.
     pub parameter: &'static str,
     /// Its unit; empty where it is a number.
     pub unit: &'static str,
@@ -36,7 +36,7 @@ pub struct Case {
 /// `reference`, or the machine for the scene's ellipsoids, with something changed.
 #[derive(Clone, Copy, Debug)]
 pub struct Variant {
-    /// What to call it.
+    /// Name.
     pub name: &'static str,
     /// The changes at a value, as `--set` takes them.
     pub settings: fn(f64) -> Vec<String>,

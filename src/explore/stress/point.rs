@@ -32,7 +32,7 @@ pub enum Outcome {
     Drawn(Box<Found>),
 }
 
-/// What was found where the machine drew.
+/// Findings where the machine drew.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Found {
     /// Pixels that a splat touches, in `fixed` or in `golden`.
@@ -85,7 +85,7 @@ pub struct Beyond {
     pub silent: u64,
 }
 
-/// What is measured at a point, without the pictures of a refused one.
+/// Measurements at a point, without the pictures of a refused one.
 pub struct Measured {
     pub outcome: Outcome,
     pub pictures: Option<Pictures>,
@@ -153,7 +153,7 @@ fn beyond(fixed: &Picture, golden: &Picture, led: &Lockstep) -> Beyond {
         }
         beyond.pixels += 1;
         let is_number = is_finite(fixed, pixel) && is_finite(golden, pixel);
-        let told = if !is_number {
+        let count = if !is_number {
             // Nothing excuses it.
             &mut beyond.silent
         } else if led.flipped[pixel] != 0 {
@@ -165,7 +165,7 @@ fn beyond(fixed: &Picture, golden: &Picture, led: &Lockstep) -> Beyond {
         } else {
             &mut beyond.silent
         };
-        *told += 1;
+        *count += 1;
     }
     beyond
 }

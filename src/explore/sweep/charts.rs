@@ -50,9 +50,9 @@ pub struct Rows {
     sought: Option<Sought>,
 }
 
-/// What was drawn.
+/// Subject of the drawing.
 pub struct Charts {
-    /// What was written.
+    /// Files that were written.
     pub files: Vec<PathBuf>,
     fronts: String,
 }

@@ -134,7 +134,7 @@ const HEAD: [(&str, Kind); 4] = [(POINT, Kind::Whole), (KEY, Kind::Text), (SCENE
 /// Units with an account of their cycles each, those of several side by side together; empty where a machine has none.
 pub use rtl_model::timing::UNITS;
 
-/// What a unit does in a cycle.
+/// States of a unit in a cycle.
 pub const ACCOUNTS: [&str; 4] = ["busy", "starved", "blocked", "memory"];
 
 /// The column of a unit's account.

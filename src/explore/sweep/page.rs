@@ -57,9 +57,9 @@ pub fn html(table: &Table, base: &str, figures: &[(&Figure, String)]) -> String 
     let all = || table.columns.iter().enumerate().filter(|(_, (name, _))| is_shown(name));
     let is_same = |at: usize| table.rows.len() > 1 && table.rows.iter().all(|row| row[at] == table.rows[0][at]);
     let (same, varied): (Vec<_>, Vec<_>) = all().partition(|(at, _)| is_same(*at));
-    let told = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let shown = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     let same = same.iter().filter(|(at, _)| !table.rows[0][*at].is_null());
-    let same: Vec<String> = same.map(|(at, (name, _))| format!("{name} = {}", told(&table.rows[0][*at]))).collect();
+    let same: Vec<String> = same.map(|(at, (name, _))| format!("{name} = {}", shown(&table.rows[0][*at]))).collect();
     let columns: Vec<&String> = varied.iter().map(|(_, (name, _))| name).collect();
     let rows: Vec<Vec<&Value>> = table.rows.iter().map(|row| varied.iter().map(|(at, _)| &row[*at]).collect()).collect();
     // Inside of a script element only its end would end it.

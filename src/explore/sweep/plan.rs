@@ -19,7 +19,7 @@ use serde_json::Value;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// What a plan file says.
+/// Plan of a sweep, as its file has it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
@@ -31,9 +31,9 @@ pub struct Plan {
     /// The machine that is changed: a name, or a file beside the plan.
     #[serde(default = "reference")]
     pub machine: String,
-    /// What is changed of it.
+    /// Axes: the fields that are changed.
     pub axes: Vec<Axis>,
-    /// How axes are put together.
+    /// Combination of the axes.
     #[serde(default)]
     pub order: Order,
     /// Points of a sample.
@@ -76,7 +76,7 @@ pub struct Axis {
     pub add_int_bits: Option<Vec<i32>>,
 }
 
-/// How axes are put together.
+/// Combination of the axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Order {
@@ -99,9 +99,9 @@ const EXACT: &str = "exact";
 ///
 /// # Errors
 /// As [`machines::with`].
-pub fn machine_of(base: &Machine, changes: &[Change], told: &str) -> Result<Machine> {
+pub fn machine_of(base: &Machine, changes: &[Change], name: &str) -> Result<Machine> {
     let own: Vec<Change> = changes.iter().filter(|(field, _)| field != EXACT).cloned().collect();
-    machines::with(base, &own, told)
+    machines::with(base, &own, name)
 }
 
 /// Units and words that changes make exact.
@@ -254,7 +254,7 @@ impl Points {
         Ok(Points { plan, base, folder, axes, machines })
     }
 
-    /// How many there are.
+    /// Count.
     pub fn count(&self) -> u64 {
         self.machines.saturating_mul(self.plan.scenes.len() as u64)
     }

@@ -22,7 +22,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// What a column holds; any cell may be empty.
+/// Kind of a column's cells; any cell may be empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Text.
@@ -47,7 +47,7 @@ pub type Row = Vec<Value>;
 /// Rows by their points, and what their cells are.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
-    /// What the cells are.
+    /// Columns of the cells.
     pub columns: Vec<Column>,
     /// By rising point.
     pub rows: Vec<Row>,

@@ -7,7 +7,7 @@
 //!                needed are empty    binary point
 //! ```
 
-use super::{Area, COLOURS, Draw, Drawn, FAINT, FONT, INK, told};
+use super::{Area, COLOURS, Draw, Drawn, FAINT, FONT, INK, drawing_error};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -99,21 +99,21 @@ impl Draw for Extents {
         let x = |place: i32| MARGIN_PX + NAMES_PX + (place - first) * PLACE_PX;
         let rows: i32 = self.groups.iter().map(|(_, extents)| extents.len() as i32 + 1).sum();
         let bottom = HEAD_PX + rows * ROW_PX;
-        area.draw(&Text::new(self.title.clone(), (MARGIN_PX, 20), text(19, HPos::Left))).map_err(told)?;
+        area.draw(&Text::new(self.title.clone(), (MARGIN_PX, 20), text(19, HPos::Left))).map_err(drawing_error)?;
         self.draw_legend(area)?;
         for place in (first..=last).step_by(MARK as usize) {
             let colour = if place == 0 { OUTLINE } else { FAINT };
-            area.draw(&PathElement::new(vec![(x(place), HEAD_PX - 4), (x(place), bottom)], colour)).map_err(told)?;
-            area.draw(&Text::new(power(place), (x(place), HEAD_PX - 14), text(13, HPos::Center))).map_err(told)?;
+            area.draw(&PathElement::new(vec![(x(place), HEAD_PX - 4), (x(place), bottom)], colour)).map_err(drawing_error)?;
+            area.draw(&Text::new(power(place), (x(place), HEAD_PX - 14), text(13, HPos::Center))).map_err(drawing_error)?;
         }
         for (head, column) in self.heads.iter().zip(1..) {
             let at = (x(last) + column * SAYS_PX, HEAD_PX - 14);
-            area.draw(&Text::new(head.clone(), at, text(13, HPos::Right))).map_err(told)?;
+            area.draw(&Text::new(head.clone(), at, text(13, HPos::Right))).map_err(drawing_error)?;
         }
         let mut top = HEAD_PX;
         for (group, extents) in &self.groups {
             let middle = top + ROW_PX / 2;
-            area.draw(&Text::new(group.clone(), (MARGIN_PX, middle), text(15, HPos::Left))).map_err(told)?;
+            area.draw(&Text::new(group.clone(), (MARGIN_PX, middle), text(15, HPos::Left))).map_err(drawing_error)?;
             top += ROW_PX;
             for extent in extents {
                 extent.draw(area, x, top, x(last))?;
@@ -129,22 +129,22 @@ impl Extents {
         let y = 48;
         let mut x = MARGIN_PX;
         let words = |text_px: &mut i32, words: &str, width: i32| {
-            let drawn = area.draw(&Text::new(words.to_owned(), (*text_px, y), text(13, HPos::Left))).map_err(told);
+            let drawn = area.draw(&Text::new(words.to_owned(), (*text_px, y), text(13, HPos::Left))).map_err(drawing_error);
             *text_px += width;
             drawn
         };
         words(&mut x, "part of the words: 10⁻⁶", 158)?;
         for step in 0..=6 {
             let square = [(x, y - 6), (x + PLACE_PX, y + 6)];
-            area.draw(&Rectangle::new(square, shade(libm::pow(10.0, f64::from(step) - DECADES)).filled())).map_err(told)?;
+            area.draw(&Rectangle::new(square, shade(libm::pow(10.0, f64::from(step) - DECADES)).filled())).map_err(drawing_error)?;
             x += PLACE_PX;
         }
         x += 6;
         words(&mut x, "1", 34)?;
-        area.draw(&Rectangle::new([(x, y - 6), (x + 4 * PLACE_PX, y + 6)], OUTLINE)).map_err(told)?;
+        area.draw(&Rectangle::new([(x, y - 6), (x + 4 * PLACE_PX, y + 6)], OUTLINE)).map_err(drawing_error)?;
         x += 4 * PLACE_PX + 8;
         words(&mut x, "the format: empty where its bits are not needed", 330)?;
-        area.draw(&Rectangle::new([(x, y - 6), (x + PLACE_PX, y + 6)], COLOURS[1].filled())).map_err(told)?;
+        area.draw(&Rectangle::new([(x, y - 6), (x + PLACE_PX, y + 6)], COLOURS[1].filled())).map_err(drawing_error)?;
         x += PLACE_PX + 8;
         words(&mut x, "beyond it: saturated or wrapped", 0)
     }
@@ -155,9 +155,9 @@ impl Extent {
         let (upper, lower, middle) = (top + 2, top + ROW_PX - 2, top + ROW_PX / 2);
         let filled = |from: i32, to: i32, colour: RGBColor| {
             let cell = [(x(from), upper), (x(to), lower)];
-            area.draw(&Rectangle::new(cell, colour.filled())).map_err(told)
+            area.draw(&Rectangle::new(cell, colour.filled())).map_err(drawing_error)
         };
-        area.draw(&Text::new(self.name.clone(), (MARGIN_PX + 14, middle), text(13, HPos::Left))).map_err(told)?;
+        area.draw(&Text::new(self.name.clone(), (MARGIN_PX + 14, middle), text(13, HPos::Left))).map_err(drawing_error)?;
         let [low, high] = self.places;
         filled(low, high, WHITE)?;
         for &(place, part) in self.parts.iter().filter(|(_, part)| *part > 0.0) {
@@ -166,9 +166,9 @@ impl Extent {
         if self.beyond > 0 {
             filled(high, high + self.beyond.min(8), COLOURS[1])?;
         }
-        area.draw(&Rectangle::new([(x(low), upper), (x(high), lower)], OUTLINE)).map_err(told)?;
+        area.draw(&Rectangle::new([(x(low), upper), (x(high), lower)], OUTLINE)).map_err(drawing_error)?;
         for (says, column) in self.says.iter().zip(1..) {
-            area.draw(&Text::new(says.clone(), (end + column * SAYS_PX, middle), text(13, HPos::Right))).map_err(told)?;
+            area.draw(&Text::new(says.clone(), (end + column * SAYS_PX, middle), text(13, HPos::Right))).map_err(drawing_error)?;
         }
         Ok(())
     }

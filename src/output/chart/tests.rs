@@ -58,8 +58,8 @@ fn a_grid_has_room_for_all() {
 #[test]
 fn axes_tell_numbers_shortly() {
     let (linear, log) = (Axis::linear(""), Axis::log(""));
-    let told = [linear.told(0.0), linear.told(12.5), linear.told(-0.002), log.told(-6.0), log.told(3.0)];
-    assert_eq!(told, ["0", "12.5", "-2e-3", "1e-6", "1000"]);
+    let written = [linear.written(0.0), linear.written(12.5), linear.written(-0.002), log.written(-6.0), log.written(3.0)];
+    assert_eq!(written, ["0", "12.5", "-2e-3", "1e-6", "1000"]);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Tiles: pictures enlarged pixel by pixel, and words, as cells of a grid.
 
-use super::{Area, COLOURS, Draw, Drawn, FONT, INK, Mark, told};
+use super::{Area, COLOURS, Draw, Drawn, FONT, INK, Mark, drawing_error};
 use crate::output::colour::srgb_encode;
 use crate::output::picture::Picture;
 use plotters::element::DashedPathElement;
@@ -32,7 +32,7 @@ const MARGIN_PX: i32 = 3;
 impl Draw for Tile {
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let style = (FONT, 13).into_font().color(&INK);
-        area.draw(&Text::new(self.caption.clone(), (MARGIN_PX, MARGIN_PX), style)).map_err(told)?;
+        area.draw(&Text::new(self.caption.clone(), (MARGIN_PX, MARGIN_PX), style)).map_err(drawing_error)?;
         let (width, height) = area.dim_in_pixel();
         let (columns, rows) = (self.picture.width as i32, self.picture.height as i32);
         let side = ((width as i32 - 2 * MARGIN_PX) / columns).min((height as i32 - 2 * MARGIN_PX - CAPTION_PX) / rows).max(1);
@@ -41,7 +41,7 @@ impl Draw for Tile {
             let [r, g, b] = [r, g, b].map(|channel| (255.0 * srgb_encode(*channel)).round() as u8);
             // The corner is not part of it.
             let square = [(x, y), (x + side, y + side)];
-            area.draw(&Rectangle::new(square, RGBColor(r, g, b).filled())).map_err(told)?;
+            area.draw(&Rectangle::new(square, RGBColor(r, g, b).filled())).map_err(drawing_error)?;
         }
         Ok(())
     }
@@ -50,7 +50,7 @@ impl Draw for Tile {
 impl Draw for Words {
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let title = (FONT, 16).into_font().color(&INK);
-        area.draw(&Text::new(self.title.clone(), (2 * MARGIN_PX, 2 * MARGIN_PX), title)).map_err(told)?;
+        area.draw(&Text::new(self.title.clone(), (2 * MARGIN_PX, 2 * MARGIN_PX), title)).map_err(drawing_error)?;
         for (i, (sample, line)) in self.lines.iter().enumerate() {
             let y = 2 * MARGIN_PX + 24 + 17 * i as i32;
             let mut x = 2 * MARGIN_PX;
@@ -64,10 +64,10 @@ impl Draw for Words {
                         area.draw(&Circle::new((x + 13, y + 7), 3, style.filled()))
                     }
                 }
-                .map_err(told)?;
+                .map_err(drawing_error)?;
                 x += 34;
             }
-            area.draw(&Text::new(line.clone(), (x, y), (FONT, 13).into_font().color(&INK))).map_err(told)?;
+            area.draw(&Text::new(line.clone(), (x, y), (FONT, 13).into_font().color(&INK))).map_err(drawing_error)?;
         }
         Ok(())
     }

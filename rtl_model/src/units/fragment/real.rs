@@ -29,7 +29,7 @@ impl Fragment {
         (rgb.map(|channel| held(channel, COLOUR)), normal.map(|part| held(part, NORMAL)))
     }
 
-    /// How far so many roundings may take a sum down and up, where it never leaves its format's range.
+    /// Distance that so many roundings may take a sum down and up, where it never leaves its format's range.
     pub fn accumulation_loss(&self, lane: usize, contributions: u32) -> [f64; 2] {
         let fit = &self.sums[lane];
         if fit.places() <= 0 {

@@ -8,7 +8,7 @@ use crate::functions::table;
 use crate::real::{Real, Scale, power_of_two};
 
 impl Gauss {
-    /// How far the table may lie from e^(−r/2), before its result is fitted.
+    /// Greatest distance of the table from e^(−r/2), before its result is fitted.
     pub fn table_error(&self) -> f64 {
         table::real::error(self.table.fit(), self.table.interpolation(), self.range() * self.table.step(), 0.5, 0.25)
     }

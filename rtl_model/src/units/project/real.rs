@@ -24,7 +24,7 @@ pub struct Projected<R> {
     pub slope: [R; 2],
     /// Position from the picture's middle, pixels.
     pub pixel: [R; 2],
-    /// How far |t_x| and |t_y| lie inside the guard band.
+    /// Distance of |t_x| and |t_y| from the guard band's edge, to the inside.
     pub inside: [R; 2],
 }
 
