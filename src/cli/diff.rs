@@ -9,7 +9,8 @@ use std::path::PathBuf;
 
 /// End of the help text.
 pub(super) const HELP: &str = "Streams whose order counts at each pixel only may come in another.\n\
-    Fields that mean nothing in a record, such as the pixel of a culled splat, must be 0: --strict compares them.\n\
+    What means nothing in a record, as the pixel of a culled splat, must be 0:\n\
+    --strict compares it.\n\
     Exit status 0 where all is equal, 1 where it is not, 2 where a file is malformed";
 
 #[derive(Args, Debug)]

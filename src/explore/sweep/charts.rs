@@ -38,6 +38,19 @@ pub struct Figure {
     cell_px: [u32; 2],
 }
 
+/// Changes of some rows, each with how many have it.
+struct Shared<'a> {
+    counts: BTreeMap<(&'a str, &'a str), usize>,
+    rows: usize,
+}
+
+impl Shared<'_> {
+    /// Whether several rows have it, and all.
+    fn is_common(&self, change: (&str, &str)) -> bool {
+        self.rows > 1 && self.counts.get(&change) == Some(&self.rows)
+    }
+}
+
 /// A folder's rows, and the machine that they change.
 pub struct Rows {
     table: Table,
@@ -231,21 +244,20 @@ impl Rows {
         }
     }
 
-    /// Changes that all of these rows have.
-    fn common<'a>(&self, rows: &[&'a Row]) -> Vec<(&'a str, &'a str)> {
-        let [first, rest @ ..] = rows else { return Vec::new() };
-        let mut common = if rest.is_empty() { Vec::new() } else { self.changes(first) };
-        for row in rest {
-            let changes = self.changes(row);
-            common.retain(|change| changes.contains(change));
+    /// How many of these rows have each change.
+    fn shared<'a>(&self, rows: &[&'a Row]) -> Shared<'a> {
+        let mut counts = BTreeMap::new();
+        for change in rows.iter().flat_map(|row| self.changes(row)) {
+            *counts.entry(change).or_default() += 1;
         }
-        common
+        Shared { counts, rows: rows.len() }
     }
 
-    /// A machine by what was changed but for what others have too, in so many letters.
-    fn name(&self, row: &Row, common: &[(&str, &str)], letters: usize) -> String {
+    /// A machine by what was changed but for what all others have too, the rarest change first, in so many letters.
+    fn name(&self, row: &Row, shared: &Shared, letters: usize) -> String {
         let changes = self.changes(row);
-        let own: Vec<(&str, &str)> = changes.iter().copied().filter(|change| !common.contains(change)).collect();
+        let mut own: Vec<(&str, &str)> = changes.iter().copied().filter(|change| !shared.is_common(*change)).collect();
+        own.sort_by_key(|change| shared.counts.get(change).copied().unwrap_or(0));
         match (&changes[..], &own[..]) {
             ([], _) => self.base.name.clone(),
             (_, []) => "no more".into(),
@@ -356,9 +368,9 @@ impl Rows {
         let places: Vec<[f64; 2]> = points.iter().map(|(_, place)| [place[0] * unit(x), place[1] * unit(y)]).collect();
         let ring = |i: &usize| places[*i];
         let named = spread(&front.iter().map(ring).collect::<Vec<_>>(), NAMES);
-        let common = self.common(&front.iter().map(|i| points[*i].0).collect::<Vec<_>>());
+        let shared = self.shared(&front.iter().map(|i| points[*i].0).collect::<Vec<_>>());
         let mut notes: Vec<([f64; 2], String)> =
-            named.iter().map(|nth| (places[front[*nth]], self.name(points[front[*nth]].0, &common, LETTERS))).collect();
+            named.iter().map(|nth| (places[front[*nth]], self.name(points[front[*nth]].0, &shared, LETTERS))).collect();
         // Equal machines have one name.
         notes.dedup_by(|a, b| a.0 == b.0);
         let base = points.iter().position(|(row, _)| self.changes(row).is_empty());
@@ -368,7 +380,7 @@ impl Rows {
         let series = |name: &str, points: Vec<[f64; 2]>, mark, colour| Series { name: name.into(), points, mark, colour };
         let mut all = vec![
             series("machines", places.clone(), Mark::Dots, 0),
-            series(&format!("none is better{}", self.all_with(&common, LEGEND_LETTERS)), front.iter().map(ring).collect(), Mark::Rings, 1),
+            series(&format!("none is better{}", self.all_with(&shared, LEGEND_LETTERS)), front.iter().map(ring).collect(), Mark::Rings, 1),
         ];
         if let Some(sought) = &self.sought {
             let found = points.iter().position(|(row, _)| self.is_found(row, sought));
@@ -379,8 +391,9 @@ impl Rows {
     }
 
     /// What all machines of a front have changed, for the end of a half sentence.
-    fn all_with(&self, common: &[(&str, &str)], letters: usize) -> String {
-        if common.is_empty() { String::new() } else { format!("; all with {}", self.told(common, letters)) }
+    fn all_with(&self, shared: &Shared, letters: usize) -> String {
+        let common: Vec<(&str, &str)> = shared.counts.keys().copied().filter(|change| shared.is_common(*change)).collect();
+        if common.is_empty() { String::new() } else { format!("; all with {}", self.told(&common, letters)) }
     }
 
     /// Whether a row is of the machine that a search ended with.
@@ -700,9 +713,9 @@ impl Rows {
         let table = aligned(table).trim_fmt();
         let mut lines = table.lines();
         let mut text = lines.next().unwrap_or_default().to_owned();
-        let common = self.common(&front.iter().map(|i| points[*i].0).collect::<Vec<_>>());
+        let shared = self.shared(&front.iter().map(|i| points[*i].0).collect::<Vec<_>>());
         for (line, row) in lines.zip(&rows) {
-            let _ = write!(text, "\n{line}\n{}", wrapped(&format!("    {}", self.name(row, &common, TOLD_LETTERS))));
+            let _ = write!(text, "\n{line}\n{}", wrapped(&format!("    {}", self.name(row, &shared, TOLD_LETTERS))));
         }
         let told = |name: &str| {
             let error = MEASURES.iter().find(|measure| measure.column == name).map(|measure| measure.label);
@@ -716,7 +729,7 @@ impl Rows {
             if distinct.len() == 1 { "1 is".into() } else { format!("{} are", distinct.len()) },
             told(names[0]),
             told(names[1]),
-            self.all_with(&common, TOLD_LETTERS)
+            self.all_with(&shared, TOLD_LETTERS)
         );
         format!("{}\n{text}", wrapped(&head))
     }
