@@ -43,13 +43,14 @@ const EXAMPLE: &str = "cargo run --release --example ";
 const LONG: &str = "run --attribute --out out";
 
 /// Commands of other programs, which CI runs, or which set up what CI runs.
-const OTHERS: [&str; 6] = [
+const OTHERS: [&str; 7] = [
     "cargo test --workspace",
     "cargo fmt --all --check",
     "cargo clippy --workspace --all-targets -- -D warnings",
     ".ci/run",
     "pip install -r docs/requirements.txt",
     "mkdocs build --strict --config-file docs/mkdocs.yml",
+    "fusesoc --cores-root rtl_model/rtl --cores-root traces/knot run --target lint splatsim:rtl:twins",
 ];
 
 /// What a command of the program prints, or why it fails.

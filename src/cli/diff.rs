@@ -9,7 +9,8 @@ use std::path::PathBuf;
 
 /// End of the help text.
 pub(super) const HELP: &str = "Streams whose order counts at each pixel only may come in another.\n\
-    Fields that mean nothing in a record, such as the pixel of a culled splat, must be 0: --strict compares them.\n\
+    What means nothing in a record, as the pixel of a culled splat, must be 0:\n\
+    --strict compares it.\n\
     Exit status 0 where all is equal, 1 where it is not, 2 where a file is malformed";
 
 #[derive(Args, Debug)]
@@ -20,7 +21,7 @@ pub(super) struct Typed {
     /// A stream, as raster.out, and a file of records
     #[arg(required = true, num_args = 2.., value_names = ["STREAM", "FILE"])]
     outputs: Vec<OsString>,
-    /// Compare fields that must be 0 too; else what a device has there does not count
+    /// Compare fields that must be 0 too
     #[arg(long)]
     strict: bool,
     /// Print JSON instead of text
