@@ -21,7 +21,7 @@ pub(super) struct Typed {
     /// A stream, as raster.out, and a file of records
     #[arg(required = true, num_args = 2.., value_names = ["STREAM", "FILE"])]
     outputs: Vec<OsString>,
-    /// Compare fields that must be 0 too; else what a device has there does not count
+    /// Compare fields that must be 0 too
     #[arg(long)]
     strict: bool,
     /// Print JSON instead of text
