@@ -149,7 +149,7 @@ fn what_is_recorded_is_what_was_drawn() {
 #[test]
 fn where_a_pixel_stops_is_recorded() {
     let mut seen = [0; 3];
-    for (name, frames) in [("volume", 60), ("gaussian", 60)] {
+    for (name, frames) in [("volume", 250), ("gaussian", 250)] {
         for seed in 0..frames {
             let machine = Machine::named(name).unwrap();
             let frame = ellipsoids(&machine, seed, 500);
