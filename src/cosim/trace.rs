@@ -197,8 +197,7 @@ impl Written {
 
 /// The whole pipeline and its units: those that have ports in a frame of this kind, in the order of the diagram.
 fn units(kind: Kind) -> Vec<&'static str> {
-    let has_ports = |name: &&str| *name != unit::COLOUR && (kind.sorted || *name != unit::SORT);
-    unit::all_after("pipeline").into_iter().filter(has_ports).collect()
+    unit::all_after("pipeline").into_iter().filter(|name| kind.sorted || *name != unit::SORT).collect()
 }
 
 /// The stream whose records a stream's are made from.

@@ -187,7 +187,7 @@ impl Cost {
         let storage = machine.timing.storage;
         // A machine that does not sort, or work colours out, has no part of that.
         let is_there = |name: &&str| machine.parts.iter().any(|part| part.unit == *name);
-        let units: Vec<UnitCost> = unit::ALL
+        let units: Vec<UnitCost> = unit::BUILT
             .into_iter()
             .filter(is_there)
             .map(|name| {

@@ -240,7 +240,9 @@ const LIKE: f64 = 0.76;
 
 /// The known word most like `text`, if it may well have been meant.
 pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
-    let likeness = |word: &str| strsim::jaro_winkler(text, word);
+    // Of short words a swap of letters leaves little that agrees, though it is one slip.
+    let one_slip = |word: &str| text.len() > 2 && strsim::osa_distance(text, word) == 1;
+    let likeness = |word: &str| strsim::jaro_winkler(text, word).max(if one_slip(word) { LIKE } else { 0.0 });
     let best = known.iter().copied().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
     best.filter(|word| likeness(word) >= LIKE)
 }
@@ -264,5 +266,6 @@ mod tests {
             assert_eq!((nearest(strange, &NAMES), in_brackets(strange, &NAMES)), (None, String::new()), "{strange}");
         }
         assert_eq!(nearest("any", &[]), None);
+        assert_eq!(nearest("rbg", &["direction", "rgb"]), Some("rgb"));
     }
 }

@@ -19,8 +19,11 @@ pub const SHADE: &str = "shade";
 /// Blend into the frame.
 pub const RESOLVE: &str = "resolve";
 
-/// All of them, in the order of the diagram. Whoever lists units takes them from here.
-pub const ALL: [&str; 9] = [PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
+/// All of them that have words and ports, in the order of the diagram. Whoever lists units takes them from here.
+pub const ALL: [&str; 8] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
+
+/// All of them that are built of parts: colour too, which has no words yet.
+pub const BUILT: [&str; 9] = [PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
 
 /// All of them behind one thing more: what comes before the first unit.
 pub const fn all_after(first: &'static str) -> [&'static str; ALL.len() + 1] {
