@@ -21,7 +21,7 @@ fn drawn(scene: &Scene, machine: &Machine) -> Result<usize, String> {
     assert_eq!(picture.rgba.len(), picture.width * picture.height);
     assert!(picture.rgba.as_flattened().iter().all(|channel| (0.0..=1.0).contains(channel)), "a channel outside [0, 1]");
     let culled = drawing.culled;
-    let culled = culled.near + culled.outside + culled.faint + culled.backface;
+    let culled = culled.near + culled.outside + culled.faint + culled.backface + culled.transparent;
     assert!(culled <= scene.splats.len() as u64, "{culled} of {} splats culled", scene.splats.len());
     Ok(drawing.covered.iter().filter(|covered| **covered).count())
 }

@@ -224,7 +224,7 @@ fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
         let made_up = traced(&text, &machine, &Window { stimulus: Some(100), ..Window::default() });
         let given: Vec<usize> = twins(&trace)
             .into_iter()
-            .filter(|unit| unit.name != unit.stream)
+            .filter(|unit| unit.name != unit.stream || unit.name == "project")
             .map(|unit| drive(Simulator::Icarus, &trace, unit, 16, &STALLS) + drive(Simulator::Icarus, &made_up, unit, 16, &[]))
             .collect();
         println!("scene {number}: {given:?} records");
@@ -519,7 +519,10 @@ fn every_mutant_is_caught() {
         let folder = tempfile::tempdir().unwrap();
         mutated(mutant, folder.path());
         let unit = unit(mutant.unit);
-        let traces: Vec<&Traced> = if unit.name == unit.stream { vec![&made_up, &seen] } else { of_ellipsoids.iter().collect() };
+        let of_discs = [&made_up, &seen].into_iter().filter(|_| unit.name == unit.stream);
+        // Project is that of discs, and culls ellipsoids by opacity too.
+        let of_ellipsoids = of_ellipsoids.iter().filter(|_| unit.name != unit.stream || unit.name == "project");
+        let traces: Vec<&Traced> = of_discs.chain(of_ellipsoids).collect();
         !traces.into_iter().filter(|trace| twins(trace).iter().any(|twin| twin.name == unit.name)).any(|trace| {
             let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit, 16);
             fault(trace, unit, &device.drive(None, expected(trace, unit), &STALLS)).is_some()

@@ -27,6 +27,7 @@ mod pinned;
 mod proofs;
 mod quantise_laws;
 mod ranges;
+mod reach;
 mod readme;
 mod recording;
 #[path = "programs/reference.rs"]

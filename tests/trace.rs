@@ -3,6 +3,7 @@
 use crate::cosimulation::{have, run};
 use crate::traced::{Traced, bouquet, cloud, files, isosurface, machine, shells, traced};
 use proptest::prelude::*;
+use rtl_model::pipeline::ports::{Kind, project_out_words};
 use rtl_model::pipeline::unit_replay;
 use rtl_model::probe::NoProbe;
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
@@ -72,8 +73,8 @@ fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model:
     let unwatched = &mut NoProbe;
     let size_px = [frame.width, frame.height];
     for (input, output) in trace.records("project.in").iter().zip(trace.records("project.out")) {
-        let made = unit_replay::project(elaborated, &frame.view, array(input), unwatched);
-        assert_eq!(masked(trace, "project.out", made.to_vec()), output);
+        let made = unit_replay::project(elaborated, frame, array(&input[..3]), input.get(3).copied().unwrap_or_default(), unwatched);
+        assert_eq!(masked(trace, "project.out", project_out_words(Kind::of(frame), made).collect()), output);
     }
     for (input, output) in trace.records("ellipse.in").iter().zip(trace.records("ellipse.out")) {
         let made = match frame.ellipsoids {

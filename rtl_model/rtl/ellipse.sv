@@ -122,6 +122,7 @@ module ellipse #(
   wire [CONIC_CROSS_W-1:0] conic_xy;
   wire [2*COLUMN_W-1:0] firsts, lasts;
   ellipse_footprint #(.FACES(1), .POWER_W(POWER_W)) footprint (.frame(frame),
+      .cutoff(frame[machine_pkg::FRAME_CUTOFF_LSB+:machine_pkg::RASTER_CUTOFF_W]),
       .pixels_from_middle(s_data[machine_pkg::ELLIPSE_IN_PIXEL_Y_LSB+:2*PIXEL_W]), .size_squared(size_squared), .exponent(exponent),
       .shape_xx(shape_xx), .shape_xy(shape_xy), .shape_yy(shape_yy), .faces(facing), .areas(areas), .root(root),
       .root_exponent(root_exponent), .flat(flat), .conic_xx(conic_xx), .conic_xy(conic_xy), .conic_yy(conic_yy), .firsts(firsts),

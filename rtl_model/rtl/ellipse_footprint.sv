@@ -13,10 +13,11 @@ module ellipse_footprint #(
     parameter int FACES = 1,   // faces
     parameter int POWER_W = 10 // bits of e
 ) (
-    // Of the frame's constants those of the low pass, the cutoff and the picture.
+    // Of the frame's constants those of the low pass and the picture.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,                             // constants: the view
     // verilator lint_on UNUSEDSIGNAL
+    input wire [machine_pkg::RASTER_CUTOFF_W-1:0] cutoff,                    // where the box ends
     input wire [2*machine_pkg::PROJECT_PIXEL_W-1:0] pixels_from_middle,      // centre, x in the most significant bits
     input wire [machine_pkg::ELLIPSE_SIZE_SQUARED_W-1:0] size_squared,       // k'^2
     input wire signed [POWER_W-1:0] exponent,                                // e
@@ -175,7 +176,7 @@ module ellipse_footprint #(
   wire [1:0] missed;
   for (genvar i = 0; i < 2; i++) begin : g_side
     wire [VARIANCE_W-1:0] variance = i == 0 ? variance_yy : variance_xx;
-    wire [REACH_W-1:0] some_reach = frame[machine_pkg::FRAME_CUTOFF_LSB+:CUTOFF_W] * variance;
+    wire [REACH_W-1:0] some_reach = cutoff * variance;
     wire [REACH_W-1:0] reach = some_reach == '0 ? REACH_W'(1) : some_reach;
     wire [EXTENT_BITS:0] reach_operand, reach_root;
     wire signed [7:0] reach_exponent;

@@ -4,7 +4,7 @@
 //                                      +-> facing c_i ->(* s_j*s_k)-> face -> area k'^2*s_j*s_k*c_i ---------+-> as for a disc
 //
 // Axes are the splat's own, or the frame's. What the amplitude is the frame says: a disc's, the integral along the ray, or the peak itself.
-// In the Jacobian, and nowhere else, a and b are clamped.
+// In the Jacobian, and nowhere else, a and b are clamped. Where weights count by opacity alone, the box ends where none counts any more.
 //
 // Losses: every word is rounded; those of the parts that a disc has too are told there.
 `default_nettype none
@@ -171,6 +171,21 @@ module ellipsoid #(
   ellipse_size #(.POWER_W(POWER_W)) sizer (.frame(frame), .radius(radius), .point_exponent(point_exponent), .inverse_depth(inverse_depth),
       .inverse_depth_exponent(inverse_depth_exponent), .size_squared(size_squared), .exponent(exponent));
 
+  // No weight counts beyond what the opacity says: the box ends there, by a table, or at the frame's cutoff.
+  localparam int CUTOFF_W = machine_pkg::RASTER_CUTOFF_W;
+  localparam int REACH_BITS = machine_pkg::ELLIPSE_REACH_BITS;
+  wire [CUTOFF_W-1:0] cutoff;
+  if (REACH_BITS > 0) begin : g_reach
+    logic [CUTOFF_W-1:0] cutoffs[0:2**REACH_BITS-1];
+    initial $readmemh("rom/ellipse.reach.hex", cutoffs);
+    // An opacity of 1 has the last address.
+    wire [ALPHA_W-1:0] step = opacity >> (ALPHA_F - REACH_BITS);
+    wire [REACH_BITS-1:0] address = |(step >> REACH_BITS) ? '1 : REACH_BITS'(step);
+    assign cutoff = cutoffs[address];
+  end else begin : g_no_reach
+    assign cutoff = frame[machine_pkg::FRAME_CUTOFF_LSB+:CUTOFF_W];
+  end
+
   wire [3*AREA_W-1:0] areas;
   wire [ROOT_BITS:0] root;
   wire signed [7:0] root_exponent;
@@ -178,7 +193,7 @@ module ellipsoid #(
   wire [CONIC_W-1:0] conic_xx, conic_yy;
   wire [CONIC_CROSS_W-1:0] conic_xy;
   wire [2*COLUMN_W-1:0] firsts, lasts;
-  ellipse_footprint #(.FACES(3), .POWER_W(POWER_W)) footprint (.frame(frame),
+  ellipse_footprint #(.FACES(3), .POWER_W(POWER_W)) footprint (.frame(frame), .cutoff(cutoff),
       .pixels_from_middle(s_data[machine_pkg::ELLIPSE_IN_PIXEL_Y_LSB+:2*PIXEL_W]), .size_squared(size_squared), .exponent(exponent),
       .shape_xx(shape_xx), .shape_xy(shape_xy), .shape_yy(shape_yy), .faces(faces), .areas(areas), .root(root),
       .root_exponent(root_exponent), .flat(flat), .conic_xx(conic_xx), .conic_xy(conic_xy), .conic_yy(conic_yy), .firsts(firsts),

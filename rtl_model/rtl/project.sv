@@ -6,6 +6,8 @@
 //
 // t is relative to a power of two near the splat's distance from the eye, so near and far splats keep the same relative precision.
 //
+// An ellipsoid brings its opacity along: with too little none of its weights would count.
+//
 // Losses: relative is cut by its normaliser; camera, depth, slope and pixel are rounded; the reciprocal's inner words are its own affair.
 `default_nettype none
 
@@ -122,14 +124,25 @@ module project #(
   end
   wire outside = !near && |beyond;
 
+  // Of ellipsoids the opacity too, in the low bits of the record.
+  localparam int OPACITY_W = machine_pkg::PROJECT_OPACITY_W;
+  localparam int FLAGS_W = OPACITY_W > 0 ? 3 : 2;
+  wire [FLAGS_W-1:0] culled;
+  if (OPACITY_W > 0) begin : g_opacity
+    wire transparent = s_data[OPACITY_W-1:0] < frame[machine_pkg::PROJECT_LEAST_OPACITY_LSB+:OPACITY_W];
+    assign culled = {near, outside, !near && !outside && transparent};
+  end else begin : g_no_opacity
+    assign culled = {near, outside};
+  end
+
   // The frame has constants for other units too.
   wire unused = &{1'b0, frame};
 
-  wire [machine_pkg::PROJECT_OUT_W-3:0] point = {forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope, pixel};
-  wire [machine_pkg::PROJECT_OUT_W-1:0] result = {near, outside, near || outside ? '0 : point};
+  wire [machine_pkg::PROJECT_OUT_W-FLAGS_W-1:0] point = {forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope, pixel};
+  wire [machine_pkg::PROJECT_OUT_W-1:0] result = {culled, |culled ? '0 : point};
   // Registers and places hold the tag beside it.
   localparam int BEHIND_W = TAG_W + machine_pkg::PROJECT_OUT_W;
-  wire keeps = DROPS == 0 || !(near || outside);
+  wire keeps = DROPS == 0 || !(|culled);
   wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::PROJECT_IN_W, result});
   pipe #(.W(BEHIND_W), .LATENCY(machine_pkg::PROJECT_LATENCY), .INTERVAL(machine_pkg::PROJECT_INTERVAL), .ROOM(machine_pkg::PROJECT_ROOM))
       behind (.clk(clk), .rst(rst), .s_valid(s_valid), .s_ready(s_ready), .s_keeps(keeps), .s_data(labelled), .m_valid(m_valid),

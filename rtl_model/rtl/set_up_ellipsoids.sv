@@ -26,6 +26,7 @@ module set_up_ellipsoids (
   localparam int SHAPE_W = machine_pkg::PIPELINE_IN_POSITION_Z_LSB - LOOK_W;
   localparam int DEPTH_W = machine_pkg::PROJECT_DEPTH_W;
   localparam int PIXEL_W = 2 * machine_pkg::PROJECT_PIXEL_W;
+  localparam int OPACITY_W = machine_pkg::SPLAT_OPACITY_W;
 
   // Project.
 
@@ -39,7 +40,11 @@ module set_up_ellipsoids (
       .frame(frame),
       .s_valid(s_valid),
       .s_ready(s_ready),
-      .s_data({s_data[SHAPE_W+LOOK_W-1:0], s_data[machine_pkg::PIPELINE_IN_POSITION_Z_LSB+:machine_pkg::PROJECT_IN_W]}),
+      .s_data({
+        s_data[SHAPE_W+LOOK_W-1:0],
+        s_data[machine_pkg::PIPELINE_IN_POSITION_Z_LSB+:machine_pkg::PROJECT_IN_W-OPACITY_W],
+        s_data[machine_pkg::PIPELINE_IN_OPACITY_LSB+:OPACITY_W]
+      }),
       .m_valid(point_valid),
       .m_ready(point_taken),
       .m_data({shape, look, point})
@@ -61,7 +66,7 @@ module set_up_ellipsoids (
         point[machine_pkg::PROJECT_OUT_DEPTH_LSB+:DEPTH_W],
         point[machine_pkg::PROJECT_OUT_PIXEL_Y_LSB+:PIXEL_W],
         shape,
-        look[machine_pkg::PIPELINE_IN_OPACITY_LSB+:machine_pkg::SPLAT_OPACITY_W],
+        look[machine_pkg::PIPELINE_IN_OPACITY_LSB+:OPACITY_W],
         point[machine_pkg::PROJECT_OUT_FORWARD_LSB+:machine_pkg::PROJECT_OUT_FORWARD_W],
         point[machine_pkg::PROJECT_OUT_EXPONENT_LSB+:machine_pkg::PROJECT_OUT_EXPONENT_W],
         point[machine_pkg::PROJECT_OUT_DEPTH_LSB-1:0]

@@ -156,6 +156,8 @@ struct Stage<'a> {
     common: Common<'a>,
     /// Lesser weights make no fragment.
     least_weight: Near,
+    /// No splat of less opacity is drawn.
+    least_opacity: Option<Near>,
     /// Where fragments are grouped by sheets.
     sheets: Option<SheetRules<'a>>,
     /// Tiles a row.
@@ -189,12 +191,13 @@ impl<'a> Stage<'a> {
         }
         let sheets = SheetRules::new(scene, machine, quantised);
         let least_weight = sheets.as_ref().map_or(Near::exact(0.0), SheetRules::least_weight);
-        Stage { scene, machine, quantised, view, eye, common, least_weight, sheets, columns, bins }
+        let least_opacity = registers.least_opacity(&Bounded);
+        Stage { scene, machine, quantised, view, eye, common, least_weight, least_opacity, sheets, columns, bins }
     }
 
     /// A splat, exact and as the machine may have it.
     fn splat(&self, index: u32) -> Splat {
-        let (mut footprint, cull) = set_up_anyway(self.scene, &self.eye, index as usize);
+        let (mut footprint, cull) = set_up_anyway(self.scene, &self.eye, index as usize, self.scene.least_weight());
         let registers = Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised };
         let record = registers.splat(&Bounded, index as usize);
         let ellipsoid = registers.ellipsoid(&Bounded, index as usize);
@@ -226,6 +229,7 @@ impl<'a> Stage<'a> {
             || ellipse.amplitude.low() <= 0.0
             || ellipse.facing.may_cross(zero)
             || splat.record.radius.low() <= 0.0
+            || self.least_opacity.is_some_and(|least| splat.record.opacity.may_cross(least))
     }
 
     /// Whether machine and `golden` may differ about the splat's reaching a pixel.
@@ -247,7 +251,7 @@ impl<'a> Stage<'a> {
 /// The splats that `golden` draws, each with the pixels of its box: first column and row, end column and row.
 fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [usize; 4])> {
     let rectangle = |index: usize| {
-        let (footprint, cull) = set_up_anyway(scene, eye, index);
+        let (footprint, cull) = set_up_anyway(scene, eye, index, scene.least_weight());
         let (columns, rows) = (footprint.columns, footprint.rows);
         let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();
         let [left, top, right, bottom] = [columns.start, rows.start, columns.end, rows.end].map(|pixel| pixel as usize);
@@ -379,7 +383,7 @@ impl<'a> Leader<'a> {
 
     fn find_lost_of(&mut self, index: u32, mask: &Mask, left: u32, top: u32) {
         let stage = self.stage;
-        let (footprint, _) = set_up_anyway(stage.scene, &stage.eye, index as usize);
+        let (footprint, _) = set_up_anyway(stage.scene, &stage.eye, index as usize, stage.scene.least_weight());
         let side = TILE_PX as u32;
         let mut splat = None;
         for y in footprint.rows.start.max(top)..footprint.rows.end.min(top + side) {

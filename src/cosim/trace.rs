@@ -393,7 +393,7 @@ impl Whole<'_> {
         pipeline::set_up_observed(self.machine, self.frame, &mut observer);
         let meets = |splat: &&observer::SetUp| {
             let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
-            let drawn = splat.project[..2] == [0, 0] && [backface, faint, outside] == [0; 3];
+            let drawn = splat.leaves_project() && [backface, faint, outside] == [0; 3];
             let columns = first_column < i64::from(right) && last_column >= i64::from(left);
             drawn && columns && first_row < i64::from(bottom) && last_row >= i64::from(top)
         };

@@ -41,6 +41,8 @@ pub(crate) struct Footprint {
 pub(crate) enum Cull {
     Near,
     Outside,
+    /// Too little opacity for any weight to count.
+    Transparent,
     Backface,
     Faint,
 }
@@ -104,15 +106,15 @@ impl Variance {
     }
 }
 
-/// Sets up the `index`-th splat, or says why it is not drawn.
-pub(crate) fn set_up(scene: &Scene, view: &View, index: usize) -> Result<Footprint, Cull> {
-    let (footprint, cull) = set_up_anyway(scene, view, index);
+/// Sets up the `index`-th splat, of which lesser weights do not count, or says why it is not drawn.
+pub(crate) fn set_up(scene: &Scene, view: &View, index: usize, least_weight: f64) -> Result<Footprint, Cull> {
+    let (footprint, cull) = set_up_anyway(scene, view, index, least_weight);
     cull.map_or(Ok(footprint), Err)
 }
 
 /// Sets up the `index`-th splat, and says why it is not drawn if it is not: then its footprint may make no sense. The tests come
 /// in the order in which culled splats are counted.
-pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footprint, Option<Cull>) {
+pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weight: f64) -> (Footprint, Option<Cull>) {
     let splat = &scene.splats[index];
     let cutoff = scene.kernel.cutoff;
     let t = view.rotation * (splat.position - view.eye);
@@ -136,7 +138,9 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
     let c_n = plane.dot(ray);
     let variance = reconstruction.low_passed(scene.kernel.low_pass);
     let centre = [0, 1].map(|axis| view.focal_px * ray[axis] + view.half_px[axis]);
-    let reach = [variance.entries[0], variance.entries[2]].map(|entry| (cutoff * entry).sqrt());
+    let is_peak = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
+    let box_cutoff = if is_peak { cutoff.min(counts_within(splat.opacity, least_weight)) } else { cutoff };
+    let reach = [variance.entries[0], variance.entries[2]].map(|entry| (box_cutoff * entry).sqrt());
     let columns = pixels(centre[0], reach[0], scene.image.width);
     let rows = pixels(centre[1], reach[1], scene.image.height);
     let amplitude = match &scene.ellipsoids {
@@ -163,8 +167,12 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
     // Coordinates near the end of their range overflow to something that is no number.
     let cull = if t.z <= scene.camera.near || t.z.is_nan() {
         Some(Cull::Near)
-    } else if beyond(0) || beyond(1) || columns.is_none() || rows.is_none() {
+    } else if beyond(0) || beyond(1) {
         // So far to the side the affine approximation has no meaning.
+        Some(Cull::Outside)
+    } else if is_peak && splat.opacity < least_weight {
+        Some(Cull::Transparent)
+    } else if columns.is_none() || rows.is_none() {
         Some(Cull::Outside)
     } else if scene.surface.cull_backfaces && normal.dot(t) > 0.0 {
         Some(Cull::Backface)
@@ -189,7 +197,7 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
         slope: if is_flat { [plane.x, plane.y].map(|n| -t.z * n / (c_n * view.focal_px)) } else { [0.0; 2] },
         z_reach: if is_flat { splat.radius * cutoff.sqrt() } else { 0.0 },
         cutoff,
-        least_weight: scene.sheets.as_ref().map_or(0.0, |sheets| sheets.least_weight),
+        least_weight,
         sheet: match scene.sheets.as_ref().map(|sheets| &sheets.of) {
             Some(Sheet::Slice(numbers)) => numbers[index],
             Some(Sheet::Splat) => index as u32,
@@ -197,6 +205,12 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize) -> (Footpr
         },
     };
     (footprint, cull)
+}
+
+/// The radial index from which on no weight of a splat counts whose amplitude is its opacity, and a little more, for a pixel on the rim
+/// rounds to either side of it.
+fn counts_within(opacity: f64, least_weight: f64) -> f64 {
+    if least_weight > 0.0 { 2.0 * libm::log(opacity / least_weight).max(0.0) * (1.0 + 1e-6) } else { f64::INFINITY }
 }
 
 /// The ray as the Jacobian has it.

@@ -68,9 +68,7 @@ pub enum FragmentDepth {
 pub fn contributions(scene: &Scene, least_weight: f64) -> u64 {
     let view = scene.view();
     let area = |index: usize| {
-        let Ok(mut footprint) = footprint::set_up(scene, &view, index) else { return 0 };
-        footprint.least_weight = footprint.least_weight.max(least_weight);
-        footprint.area()
+        footprint::set_up(scene, &view, index, scene.least_weight().max(least_weight)).map_or(0, |footprint| footprint.area())
     };
     (0..scene.splats.len()).into_par_iter().map(area).sum()
 }
@@ -95,6 +93,8 @@ pub struct Culled {
     pub near: u64,
     /// The box misses the picture, or the centre lies too far to the side for the affine approximation.
     pub outside: u64,
+    /// Of less opacity than the least weight that counts, where that is its greatest.
+    pub transparent: u64,
     /// Turned away from the eye, where that is asked for.
     pub backface: u64,
     /// Seen edge-on, or of no weight.

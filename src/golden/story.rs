@@ -112,7 +112,7 @@ fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) ->
 /// Sends everything that reaches the pixel to whoever decides, in the order in which it is drawn.
 fn arrivals(scene: &Scene, shader: &Shader, x: u32, y: u32, mut decide: impl FnMut(Fragment) -> Decision) -> Vec<Arrival> {
     let view = scene.view();
-    let footprints = (0..scene.splats.len()).filter_map(|index| footprint::set_up(scene, &view, index).ok());
+    let footprints = (0..scene.splats.len()).filter_map(|index| footprint::set_up(scene, &view, index, scene.least_weight()).ok());
     let mut touching: Vec<Footprint> =
         footprints.filter(|footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y)).collect();
     put_in_order(scene, shader, &mut touching);

@@ -48,8 +48,7 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     least_weight: f64,
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
-    let (mut footprints, culled) = set_up(scene);
-    footprints.iter_mut().for_each(|footprint| footprint.least_weight = least_weight);
+    let (mut footprints, culled) = set_up(scene, least_weight);
     put_in_order(scene, shader, &mut footprints);
     Rendering { culled, ..fill(&scene.image, &footprints, shader.background(), painter) }
 }
@@ -94,9 +93,9 @@ pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
 }
 
 /// The footprints of all splats that are drawn, in splat order, and a count of the others.
-fn set_up(scene: &Scene) -> (Vec<Footprint>, Culled) {
+fn set_up(scene: &Scene, least_weight: f64) -> (Vec<Footprint>, Culled) {
     let view = scene.view();
-    let set_up = |index| footprint::set_up(scene, &view, index);
+    let set_up = |index| footprint::set_up(scene, &view, index, least_weight);
     let results: Vec<Result<Footprint, Cull>> = (0..scene.splats.len()).into_par_iter().map(set_up).collect();
     let mut culled = Culled::default();
     let drawn = results.into_iter().filter_map(|result| result.map_err(|reason| culled.count(reason)).ok());
@@ -108,6 +107,7 @@ impl Culled {
         *match reason {
             Cull::Near => &mut self.near,
             Cull::Outside => &mut self.outside,
+            Cull::Transparent => &mut self.transparent,
             Cull::Backface => &mut self.backface,
             Cull::Faint => &mut self.faint,
         } += 1;

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 use rtl_model::frame::{self, Frame, Scaled};
 use rtl_model::machine::{Interpolation, Machine};
 use rtl_model::num::{Format, Rounding, Word};
+use rtl_model::pipeline::Reach;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -245,6 +246,11 @@ impl Registers<'_> {
             self.refuse("it has no `sort`, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
         }
         let scales = |scales: DVec3| scales.to_array().map(|scale| quantised(words.scale, scale));
+        let (least_opacity, reach) = scene.least_opacity().map_or((0, Vec::new()), |least| {
+            // A weight of 0 never counts.
+            let (reach, least) = (Reach::new(machine), quantised(machine.gauss.weight, least).max(1));
+            (reach.least_opacity(least), words.reach_bits.map_or_else(Vec::new, |bits| reach_words(machine, &reach, bits, least, scene)))
+        });
         let same = ellipsoids.orientations.len() == 1;
         let turned = view.rotation * DMat3::from_quat(ellipsoids.orientations[0].rotation);
         let own = |orientation: &Orientation| {
@@ -265,6 +271,8 @@ impl Registers<'_> {
                 axes: [turned.x_axis, turned.y_axis, turned.z_axis]
                     .map(|axis| axis.to_array().map(|part| quantised(machine.ellipse.normal, part))),
                 scales: scales(ellipsoids.orientations[0].scales),
+                least_opacity,
+                reach,
             },
             own: if same { Vec::new() } else { ellipsoids.orientations.par_iter().map(own).collect() },
             preshaded: ellipsoids.preshaded,
@@ -354,6 +362,27 @@ fn ratio_words(words: &rtl_model::machine::Sheets, opacity: Opacity) -> Vec<i64>
         Interpolation::Linear => (steps + 1, 0.0),
     };
     (0..count).map(|i| quantised(words.ratio, opacity.over_depth((i as f64 + shift) / steps as f64 * range))).collect()
+}
+
+/// How much farther than its weights count a box reaches, as a part of the radial index: what words of the conic and of the differencing
+/// registers may be off by there. A pixel that they bring nearer than it is still lies in the box.
+const REACH_MARGIN: f64 = 1.0 / 32.0;
+
+/// Cutoffs by opacity, for boxes: of each step over [0, 1], 1 included, as far as the weights of its greatest opacity count, rounded up; and
+/// none more than the frame's.
+fn reach_words(machine: &Machine, reach: &Reach, bits: u32, least: i64, scene: &Scene) -> Vec<i64> {
+    let (opacity, word, radial) = (machine.splat.opacity.format, machine.raster.cutoff, machine.gauss.radial_index.format);
+    let steps = 1i64 << bits.min(12);
+    let frame = quantised(word, scene.kernel.cutoff).max(1);
+    let cutoff = |step: i64| {
+        let end = opacity.one() * (step + 1) / steps;
+        let greatest = if step + 1 == steps { end.min(opacity.max()) } else { end - 1 };
+        let Some(farthest) = reach.farthest(greatest, least) else { return 1 };
+        // The radial index was rounded, by less than a place.
+        let cutoff = radial.value(farthest + 1) * (1.0 + REACH_MARGIN);
+        ((cutoff * f64::from(word.format.frac_bits).exp2()).ceil() as i64).clamp(1, frame)
+    };
+    (0..steps).map(cutoff).collect()
 }
 
 /// x^shininess over [0, 1], at the middles or at the ends of the table's steps.

@@ -203,6 +203,7 @@ impl Registers<'_> {
         };
         let of = exact.orientation(index);
         let scales = |held: [i64; 3]| vector(hold, "ellipse.scale", of.scales, words.scale, held);
+        let cutoff = self.box_cutoff(hold, kernel, index);
         let orientation = match frame.own.get(index) {
             Some(own) => {
                 let DQuat { x, y, z, w } = of.rotation;
@@ -222,7 +223,22 @@ impl Registers<'_> {
                 }
             }
         };
-        Some(Ellipsoid { amplitude: kernel.amplitude, jacobian: [limit(0), limit(1)], orientation })
+        Some(Ellipsoid { amplitude: kernel.amplitude, jacobian: [limit(0), limit(1)], cutoff, orientation })
+    }
+
+    /// The cutoff of a splat's box: that of the frame, or less where its opacity says so.
+    fn box_cutoff<H: Hold>(&self, hold: &H, kernel: &frame::Kernel, index: usize) -> H::Real {
+        let (exact, word) = (self.scene.kernel.cutoff, self.machine.machine.raster.cutoff);
+        let held = self.machine.box_cutoff(&self.quantised.frame.view, kernel, self.quantised.frame.splats[index].opacity);
+        let least = self.scene.least_opacity().filter(|_| !kernel.reach.is_empty());
+        let own = least.map_or(exact, |least| exact.min(2.0 * libm::log(self.scene.splats[index].opacity / least)).max(0.0));
+        hold.hold("raster.cutoff", own, word, held)
+    }
+
+    /// The least opacity that is drawn; none where any is.
+    pub fn least_opacity<H: Hold>(&self, hold: &H) -> Option<H::Real> {
+        let (exact, ellipsoids) = (self.scene.least_opacity()?, self.quantised.frame.ellipsoids.as_ref()?);
+        Some(hold.hold("splat.opacity", exact, self.machine.machine.splat.opacity, ellipsoids.kernel.least_opacity))
     }
 
     /// The lighting registers, in camera space.

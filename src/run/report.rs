@@ -89,12 +89,14 @@ pub struct CulledReport {
     outside: u64,
     faint: u64,
     backface: u64,
+    /// Of so little opacity that none of their weights would count.
+    transparent: u64,
 }
 
 impl From<Culled> for CulledReport {
     fn from(culled: Culled) -> Self {
-        let Culled { near, outside, faint, backface } = culled;
-        CulledReport { near, outside, faint, backface }
+        let Culled { near, outside, faint, backface, transparent } = culled;
+        CulledReport { near, outside, faint, backface, transparent }
     }
 }
 
@@ -305,7 +307,13 @@ impl Report {
 
     fn signal_summary(&self) -> String {
         let culled = &self.scene.culled;
-        let reasons = [("near", culled.near), ("outside", culled.outside), ("faint", culled.faint), ("backface", culled.backface)];
+        let reasons = [
+            ("near", culled.near),
+            ("outside", culled.outside),
+            ("transparent", culled.transparent),
+            ("faint", culled.faint),
+            ("backface", culled.backface),
+        ];
         let culled: Vec<String> =
             reasons.iter().filter(|(_, count)| *count > 0).map(|(reason, count)| format!("{} {reason}", thousands(*count))).collect();
         let culled = if culled.is_empty() { "none".into() } else { culled.join(", ") };

@@ -314,6 +314,17 @@ impl Scene {
         is_json(path).then(|| std::fs::read_to_string(path).ok())?
     }
 
+    /// The least weight that makes a fragment; 0 where any does.
+    pub fn least_weight(&self) -> f64 {
+        self.sheets.as_ref().map_or(0.0, |sheets| sheets.least_weight)
+    }
+
+    /// The least opacity whose weights count, where a splat's greatest weight is its opacity and not every weight counts.
+    pub fn least_opacity(&self) -> Option<f64> {
+        let is_peak = self.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
+        Some(self.least_weight()).filter(|least| is_peak && *least > 0.0)
+    }
+
     /// The viewing transform (docs/book/algorithm.md §1): `t = rotation · (p − eye)`.
     pub fn view(&self) -> View {
         let forward = (self.camera.target - self.camera.eye).normalize();

@@ -190,7 +190,7 @@ fn what_setup_multiplies_is_what_it_declares() {
         let declared = |unit: &str| machine.parts.iter().filter(|part| part.unit == unit).map(Part::products).sum::<u32>();
         let view = View { cutoff: 1, ..View::default() };
         let one = Word::splat(1);
-        let (project, point) = products(|tap| machine.project.lanes(&view, [one; 3], tap));
+        let (project, point) = products(|tap| machine.project.lanes(&view, [one; 3], Word::splat(0), tap));
         assert_eq!(project, declared("project"), "{name}");
         let input = Input {
             normal: [one; 3],

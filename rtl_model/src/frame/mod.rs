@@ -112,6 +112,10 @@ pub struct Kernel {
     pub axes: [[i64; 3]; 3],
     /// Standard deviations along them relative to σ (`ellipse.scale`).
     pub scales: [i64; 3],
+    /// No splat of less opacity is drawn (`splat.opacity`): none of its weights would count.
+    pub least_opacity: i64,
+    /// Words of the table of cutoffs by opacity, for boxes (`raster.cutoff`); none where all have that of the view.
+    pub reach: Vec<i64>,
 }
 
 /// An ellipsoid's own axes, in its record.

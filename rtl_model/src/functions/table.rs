@@ -50,7 +50,7 @@ impl Table {
     /// The exact sum that [`Table::fit`] makes a word of.
     #[inline(always)]
     pub fn exact(&self, argument: i64) -> i64 {
-        let address = (argument >> self.fraction_bits) as usize;
+        let address = address(argument, self.fraction_bits);
         let fraction = argument & ((1 << self.fraction_bits) - 1);
         let [value, delta] = self.words[address];
         (value << self.fraction_bits) + delta * fraction
@@ -80,6 +80,12 @@ impl Table {
     pub fn fit(&self) -> &Fit {
         &self.fit
     }
+}
+
+/// The step that an argument lies in.
+#[inline(always)]
+pub fn address(argument: i64, fraction_bits: u32) -> usize {
+    (argument >> fraction_bits) as usize
 }
 
 /// Fraction bits of [`exp_minus`].

@@ -187,6 +187,10 @@ pub struct Ellipsoid {
     pub ray: Word,
     /// √(1 + a² + b²).
     pub ray_root: FunctionUnit,
+    /// The table of cutoffs by opacity, for boxes of splats whose weights count from some least one on, has 2^this words, 1 to 12; left
+    /// out, every box is that of the frame's cutoff.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reach_bits: Option<u32>,
 }
 
 /// How rows begin.

@@ -372,6 +372,7 @@ fn volume() -> Machine {
                 stretch: signed(4, 22),
                 ray: unsigned(4, 20),
                 ray_root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
+                reach_bits: None,
             }),
             ..base.ellipse
         },
@@ -388,14 +389,16 @@ fn volume() -> Machine {
     }
 }
 
-/// For trained Gaussians: a volume's machine that sorts by depth, and reaches as far as they do.
+/// For trained Gaussians: a volume's machine that sorts by depth, and reaches as far as they do, but none farther than its opacity.
 fn gaussian() -> Machine {
     let base = volume();
+    let ellipsoid = base.ellipse.ellipsoid.map(|ellipsoid| Ellipsoid { reach_bits: Some(7), ..ellipsoid });
     Machine {
         name: "gaussian".into(),
         splat: Splat { rgb: unsigned(3, 14), ..base.splat },
         // Centres far to the side count too.
         project: Project { slope: signed(6, 22), ..base.project },
+        ellipse: Ellipse { ellipsoid, ..base.ellipse },
         sort: Some(Sort { key: unsigned(1, 23), digit_bits: 8 }),
         gauss: Gauss {
             radial_index: unsigned(4, 16),

@@ -4,6 +4,7 @@
 
 use crate::elaboration::microarchitecture::{Latencies, Microarchitecture};
 use crate::elaboration::{Elaboration, Part, Signal};
+use crate::frame::{Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::{Machine, Splat};
 use crate::num::Fit;
@@ -55,6 +56,11 @@ impl Elaborated {
     /// |(a, b, 1)| of `ellipse`, `ellipse.ray_root`, if it sets ellipsoids up.
     pub fn ray_root(&self) -> Option<&ReciprocalRoot> {
         self.ellipse.ray_root()
+    }
+
+    /// The cutoff (`raster.cutoff`) of an ellipsoid's box, from its opacity.
+    pub fn box_cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
+        self.ellipse.box_cutoff(view, kernel, opacity)
     }
 
     /// The constant 1/2π as `ellipse` holds it (`ellipse.inverse_two_pi`).

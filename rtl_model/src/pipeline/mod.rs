@@ -12,6 +12,7 @@
 mod elaborate;
 mod fill;
 pub mod ports;
+mod reach;
 pub mod real;
 mod set_up;
 mod shading;
@@ -19,6 +20,7 @@ pub mod unit_replay;
 
 pub use elaborate::Elaborated;
 pub use fill::fill;
+pub use reach::Reach;
 pub use set_up::{Setup, SetupRecord, set_up};
 
 use crate::frame::Frame;
@@ -38,6 +40,8 @@ pub struct Culled {
     pub faint: u64,
     /// Faces away.
     pub backface: u64,
+    /// Of so little opacity that none of its weights would count.
+    pub transparent: u64,
 }
 
 impl Culled {
@@ -46,6 +50,7 @@ impl Culled {
         self.outside += other.outside;
         self.faint += other.faint;
         self.backface += other.backface;
+        self.transparent += other.transparent;
     }
 }
 

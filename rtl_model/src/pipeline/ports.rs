@@ -17,7 +17,9 @@ use crate::frame::Frame;
 use crate::machine::Machine;
 use crate::num::{Format, Word};
 use crate::pipeline::Elaborated;
-use crate::records::{DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, ProjectOut, RasterIn, RasterOut, SheetIn};
+use crate::records::{
+    DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, PROJECT_FLAGS, PROJECTED, ProjectOut, RasterIn, RasterOut, SheetIn, TRANSPARENT,
+};
 use crate::units::raster::Raster;
 
 /// Bits of a column or row.
@@ -251,7 +253,7 @@ fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     for axis in each("axis", ["0", "1", "2"]) {
         frame = axes(frame, &axis, "ellipse.normal", m.ellipse.normal);
     }
-    frame.words(&SCALES, "ellipse.scale", words.scale)
+    frame.words(&SCALES, "ellipse.scale", words.scale).word("least_opacity", "splat.opacity", m.splat.opacity)
 }
 
 /// Registers that all sheets have in common.
@@ -270,13 +272,7 @@ fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
 /// The ports of the units, in the order of the diagram.
 pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let m = &elaborated.machine;
-    let mut streams = vec![
-        pipeline_in(m, kind),
-        axes(Stream::new("project.in"), "position", "splat.position", m.splat.position),
-        project_out(m),
-        ellipse_in(m, kind),
-        ellipse_out(m),
-    ];
+    let mut streams = vec![pipeline_in(m, kind), project_in(m, kind), project_out(m, kind), ellipse_in(m, kind), ellipse_out(m)];
     if kind.preshaded {
         streams.extend([sums(Stream::new("ellipse.request"), m), premultiplied(Stream::new("ellipse.answer"), m)]);
     }
@@ -341,12 +337,24 @@ fn orientation(stream: Stream, m: &Machine, kind: Kind) -> Stream {
     )
 }
 
-fn project_out(m: &Machine) -> Stream {
+/// The point, and of an ellipsoid what it is culled by.
+fn project_in(m: &Machine, kind: Kind) -> Stream {
+    let point = axes(Stream::new("project.in"), "position", "splat.position", m.splat.position);
+    if kind.ellipsoids { point.word("opacity", "splat.opacity", m.splat.opacity) } else { point }
+}
+
+/// The words of a record of `project.out`: discs have no flag [`TRANSPARENT`].
+pub fn project_out_words(kind: Kind, words: [i64; PROJECTED]) -> impl Iterator<Item = i64> {
+    words.into_iter().enumerate().filter(move |(place, _)| kind.ellipsoids || *place != TRANSPARENT).map(|(_, word)| word)
+}
+
+fn project_out(m: &Machine, kind: Kind) -> Stream {
     let p = &m.project;
     let [slope, pixel] = [wire("project.slope", p.slope), wire("project.pixel", p.pixel)];
     let wires = ProjectOut {
         near: natural(1),
         outside: natural(1),
+        transparent: natural(1),
         forward: wire("project.camera", p.camera),
         exponent: power(),
         depth: wire("project.depth", p.depth),
@@ -358,7 +366,13 @@ fn project_out(m: &Machine) -> Stream {
         pixel_y: pixel,
     };
     let record = Stream::new("project.out").record(ProjectOut::NAMES, wires.into_words());
-    record.unless(2, &["near", "outside"]).unless_first(1, &["near"])
+    let mut record = record.unless(PROJECT_FLAGS, &["near", "outside", "transparent"]).unless_first(1, &["near"]);
+    record.fields[TRANSPARENT].unless = &["near", "outside"];
+    if !kind.ellipsoids {
+        record.fields.remove(TRANSPARENT);
+        record = record.unless(PROJECT_FLAGS - 1, &["near", "outside"]);
+    }
+    record
 }
 
 fn ellipse_in(m: &Machine, kind: Kind) -> Stream {

@@ -10,6 +10,7 @@ use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{Attributes, EllipseOut, PROJECTED, ProjectOut, SET_UP};
 use crate::units::ellipse::ellipsoid::Axes;
 use crate::units::{ellipse, project, raster, shade};
+use crate::work::CULLED;
 use rayon::prelude::*;
 
 /// A splat that has been set up: what waits in memory between setup and raster.
@@ -265,7 +266,7 @@ impl Units<'_> {
     fn set_up<W: Words, P: Probe>(&self, splats: &[Splat; LANES], live: usize, first: u32, probe: &mut P, out: &mut Block) {
         let tap = &mut Tap::new(probe).first(live);
 
-        let (point, input) = self.placed::<W, P>(splats, tap);
+        let (point, input) = self.placed::<W, P>(splats, W::splat(0), tap);
         let ellipse = self.ellipse.lanes(self.view, self.size_px, &input, tap);
         self.keep::<W, P>(splats, live, first, (&point, &ellipse), None, tap, out);
     }
@@ -282,15 +283,16 @@ impl Units<'_> {
         out: &mut Block,
     ) {
         let tap = &mut Tap::new(probe).first(live);
-        let (point, input) = self.placed::<W, P>(splats, tap);
         let word = |of: &dyn Fn(usize) -> i32| W::from_array(std::array::from_fn(of));
+        let opacity = word(&|lane| splats[lane].opacity);
+        let transparent = self.project.transparent(&ellipsoids.kernel, opacity);
+        let (point, input) = self.placed::<W, P>(splats, transparent, tap);
         let axes = if ellipsoids.own.is_empty() {
             Axes::Frame
         } else {
             let [w, x, y, z] = [0, 1, 2, 3].map(|part| word(&|lane| own[lane].quaternion[part]));
             Axes::Own([w, x, y, z], three!(axis => word(&|lane| own[lane].scales[axis])))
         };
-        let opacity = word(&|lane| splats[lane].opacity);
         let set_up = self.ellipse.ellipsoids(self.view, &ellipsoids.kernel, self.size_px, &input, axes, opacity, tap);
         // Elaboration has seen to it that there is one.
         if let Some(ellipse) = set_up {
@@ -300,7 +302,12 @@ impl Units<'_> {
 
     /// The first half of setup, and what the second is given.
     #[inline(always)]
-    fn placed<W: Words, P: Probe>(&self, splats: &[Splat; LANES], tap: &mut Tap<P>) -> (project::Projected<W>, ellipse::Input<W>) {
+    fn placed<W: Words, P: Probe>(
+        &self,
+        splats: &[Splat; LANES],
+        transparent: W,
+        tap: &mut Tap<P>,
+    ) -> (project::Projected<W>, ellipse::Input<W>) {
         // The first eight words of each record as they lie in memory: red comes along.
         let mut records = [W::splat(0); LANES];
         for (record, splat) in records.iter_mut().zip(splats) {
@@ -308,7 +315,7 @@ impl Units<'_> {
             *record = W::from_array([x, y, z, n, m, o, radius, red]);
         }
         let [x, y, z, n, m, o, radius, _] = W::transposed(records);
-        let point = self.project.lanes(self.view, [x, y, z], tap);
+        let point = self.project.lanes(self.view, [x, y, z], transparent, tap);
         let input = ellipse::Input {
             normal: [n, m, o],
             radius,
@@ -338,11 +345,11 @@ impl Units<'_> {
             tap.probe.set_up(first, projected_words(point), ellipse_words(ellipse));
         }
         let mut left = ((1u32 << live) - 1) as u8;
-        let culled = point.near | point.outside | ellipse.backface | ellipse.faint | ellipse.outside;
+        let culled = point.near | point.outside | point.transparent | ellipse.backface | ellipse.faint | ellipse.outside;
         if left & culled.signs() != 0 {
             // In the order in which the units find them: the first that holds is the reason.
-            let reasons = [point.near, point.outside, ellipse.backface, ellipse.faint, ellipse.outside];
-            let mut lanes = [0; 5];
+            let reasons = [point.near, point.outside, point.transparent, ellipse.backface, ellipse.faint, ellipse.outside];
+            let mut lanes = [0; CULLED.len()];
             for (lanes, reason) in lanes.iter_mut().zip(reasons) {
                 *lanes = left & reason.signs();
                 left &= !*lanes;
@@ -350,8 +357,8 @@ impl Units<'_> {
             if P::WORK {
                 tap.probe.culled(first, lanes);
             }
-            let [near, outside, backface, faint, missing] = lanes.map(|lanes| u64::from(lanes.count_ones()));
-            out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface });
+            let [near, outside, transparent, backface, faint, missing] = lanes.map(|lanes| u64::from(lanes.count_ones()));
+            out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface, transparent });
         }
 
         let ([x, y], [xx, xy, yy]) = (point.pixel, ellipse.conic);
@@ -404,6 +411,7 @@ pub(super) fn projected_words<W: Words>(point: &project::Projected<W>) -> [i64; 
     let record = ProjectOut {
         near: flag(point.near),
         outside: flag(point.outside),
+        transparent: flag(point.transparent),
         forward: first(forward),
         exponent: first(point.exponent),
         depth: first(point.depth),

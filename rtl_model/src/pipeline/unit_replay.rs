@@ -34,11 +34,12 @@ fn narrow(word: i64) -> i32 {
     word as i32
 }
 
-/// `project`: a record of `project.in`.
-pub fn project(machine: &Elaborated, view: &View, position: [i64; 3], observer: &mut dyn Observer<'_>) -> [i64; PROJECTED] {
+/// `project`: a record of `project.in`; the opacity counts where the frame has ellipsoids.
+pub fn project(machine: &Elaborated, frame: &Frame, position: [i64; 3], opacity: i64, observer: &mut dyn Observer<'_>) -> [i64; PROJECTED] {
     let probe = &mut DynProbe::new(observer);
     let tap = &mut Tap::new(probe).first(1);
-    projected_words(&machine.project.lanes(view, position.map(all), tap))
+    let transparent = frame.ellipsoids.as_ref().map_or(all(0), |of| machine.project.transparent(&of.kernel, all(opacity)));
+    projected_words(&machine.project.lanes(&frame.view, position.map(all), transparent, tap))
 }
 
 /// `ellipse`: a record of `ellipse.in`, in a picture of this size.

@@ -3,7 +3,7 @@
 use super::{Meters, Probe, Ranges};
 use crate::num::{Fit, LANES, Seen, Words};
 use crate::records::{Decision, Signal};
-use crate::work::{Recorder, Work};
+use crate::work::{CULLED, Recorder, Work};
 
 /// Measures the range of every signal and records the work.
 #[derive(Clone, Debug)]
@@ -88,7 +88,7 @@ impl Probe for Composite {
 
     // Work is the recorder's.
 
-    fn culled(&mut self, first: u32, lanes: [u8; 5]) {
+    fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
         Probe::culled(&mut self.recorder, first, lanes);
     }
 

@@ -19,6 +19,7 @@ pub use ranges::{BINS, Range, Ranges};
 
 use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
 use crate::records::{Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed};
+use crate::work::CULLED;
 
 /// A probe of the machine.
 pub trait Probe: Send + Sync + Sized {
@@ -72,9 +73,9 @@ pub trait Probe: Send + Sync + Sized {
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
     /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
-    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`](crate::work::CULLED), the first in the last
+    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`], the first in the last
     /// place.
-    fn culled(&mut self, _first: u32, _lanes: [u8; 5]) {}
+    fn culled(&mut self, _first: u32, _lanes: [u8; CULLED.len()]) {}
     /// A splat has a box: its first and last column and row.
     #[inline(always)]
     fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}

@@ -2,7 +2,7 @@
 
 use super::Probe;
 use crate::records::Decision;
-use crate::work::{Event, Recorder};
+use crate::work::{CULLED, Event, Recorder};
 
 impl Probe for Recorder {
     const WORDS: bool = false;
@@ -18,7 +18,7 @@ impl Probe for Recorder {
         Recorder::absorb(self, fork);
     }
 
-    fn culled(&mut self, first: u32, lanes: [u8; 5]) {
+    fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
         Recorder::culled(self, first, lanes);
     }
 

@@ -49,6 +49,8 @@ pub struct Ellipsoid<R> {
     pub amplitude: Amplitude,
     /// Greatest |a| and |b| in the Jacobian.
     pub jacobian: [R; 2],
+    /// Cutoff of its box.
+    pub cutoff: R,
     /// Its axes.
     pub orientation: Orientation<R>,
 }

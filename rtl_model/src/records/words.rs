@@ -39,8 +39,11 @@ macro_rules! record {
 }
 
 record! {
-    /// `project.out`.
-    ProjectOut { near, outside, forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope_x, slope_y, pixel_x, pixel_y }
+    /// `project.out`; of discs without [`TRANSPARENT`].
+    ProjectOut {
+        near, outside, transparent,
+        forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope_x, slope_y, pixel_x, pixel_y,
+    }
 }
 
 record! {
@@ -98,5 +101,9 @@ record! {
 
 /// Words of a record of `project.out`.
 pub const PROJECTED: usize = ProjectOut::WORDS;
+/// Flags of `project.out`, the first words of a record.
+pub const PROJECT_FLAGS: usize = 3;
+/// The place of the flag `transparent` among them, which discs do not have.
+pub const TRANSPARENT: usize = 2;
 /// Words of a record of `ellipse.out`.
 pub const SET_UP: usize = EllipseOut::WORDS;

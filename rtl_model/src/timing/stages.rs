@@ -79,7 +79,7 @@ impl<'a> SetUp<'a> {
             self.bursts += 1;
         }
 
-        let goes_on = !matches!(fate, Fate::Near | Fate::Outside);
+        let goes_on = fate.leaves_project();
         let room = if goes_on { self.project.behind.free() } else { 0 };
         let here = now + u64::from(t.fetch.latency);
         let now = self.project.take(Ready { here, memory: self.burst_here, room, ..Ready::default() }, t.project.interval.into());

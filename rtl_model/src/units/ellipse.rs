@@ -386,7 +386,8 @@ impl Ellipse {
             let visibility = tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
             tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi))
         };
-        let footprint = self.footprint(view, size_px, input.pixel, sized, (shape, [facing]), shown, tap);
+        let cutoff = W::splat(view.cutoff);
+        let footprint = self.footprint(cutoff, view, size_px, input.pixel, sized, (shape, [facing]), shown, tap);
         Output {
             normal: three!(axis => tap.fit_words(&self.fragment_normal, normal[axis].exact())),
             conic: footprint.conic,
@@ -406,6 +407,7 @@ impl Ellipse {
     #[expect(clippy::too_many_arguments, reason = "the wires between the halves of the unit, one by one")]
     fn footprint<W: Words, P: Probe, const FACES: usize>(
         &self,
+        cutoff: W,
         view: &View,
         size_px: [u32; 2],
         pixel: [W; 2],
@@ -430,7 +432,7 @@ impl Ellipse {
         let dark = amplitude.is_none();
 
         let across = [variance[0], variance[2]];
-        let [columns, rows] = two!(axis => self.side(view, size_px[axis], pixel[axis], across[axis], exponent, tap));
+        let [columns, rows] = two!(axis => self.side(cutoff, size_px[axis], pixel[axis], across[axis], exponent, tap));
         let outside = columns[0].above(columns[1]) | rows[0].above(rows[1]);
         tap.drop_where(dark | outside);
         Footprint { conic, amplitude, columns, rows, faint: flat | dark, outside }
@@ -519,8 +521,8 @@ impl Ellipse {
 
     /// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
     #[inline(always)]
-    fn side<W: Words, P: Probe>(&self, view: &View, pixels: u32, pixel: W, variance: W, exponent: W, tap: &mut Tap<P>) -> [W; 2] {
-        let reach = (W::splat(view.cutoff) * variance).max(W::Exact::splat(1));
+    fn side<W: Words, P: Probe>(&self, cutoff: W, pixels: u32, pixel: W, variance: W, exponent: W, tap: &mut Tap<P>) -> [W; 2] {
+        let reach = (cutoff * variance).max(W::Exact::splat(1));
         let (root, power) = self.extent_root.root_lanes(reach, tap);
         let extent = tap.fit_shifted(&self.extent, root, -power - exponent);
         let [pixel_align, extent_align] = self.places.edge;

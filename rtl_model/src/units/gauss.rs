@@ -69,6 +69,11 @@ impl Gauss {
         &self.table
     }
 
+    /// The weight of one fragment at a radial index that has been cut to the table's reach.
+    pub fn weight_at(&self, radial_index: i64, amplitude: i64) -> i64 {
+        self.weight.one(amplitude * self.table.fit().one(self.table.exact(radial_index)))
+    }
+
     /// Whether all of its fits are plain.
     pub fn is_simple(&self) -> bool {
         [&self.radial_index, self.table.fit(), &self.weight].into_iter().all(Fit::is_simple)

@@ -12,13 +12,14 @@
 //! a mean of many splats' errors and a cut would move it; the reciprocal's inner words are its own affair.
 //!
 //! Culls: *near* where t_z ≤ near; *outside* where |a| or |b| exceeds the guard band, tested as |t_x| > guard·t_z, exactly
-//! and before the division, so that no quotient ever saturates.
+//! and before the division, so that no quotient ever saturates; *transparent* where an ellipsoid's opacity is below the least whose
+//! weights count at all.
 //!
 //! Law: `a_projected_point_is_within_its_last_places`.
 
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM};
-use crate::frame::View;
+use crate::frame::{Kernel, View};
 use crate::functions::reciprocal::Scientific;
 use crate::functions::{Reciprocal, reciprocal};
 use crate::machine::Machine;
@@ -70,6 +71,8 @@ pub struct Projected<W> {
     pub near: W,
     /// Outside the guard band.
     pub outside: W,
+    /// Too little opacity.
+    pub transparent: W,
 }
 
 impl Project {
@@ -125,6 +128,10 @@ impl Project {
             let quotient = e.times(UNIT, m.camera, m.reciprocal.format());
             e.fit_shifted(UNIT, "slope", m.slope, quotient)
         });
+        // An ellipsoid's opacity is compared with the least.
+        if machine.ellipse.ellipsoid.is_some() {
+            e.adders(UNIT, 1, machine.splat.opacity.format.width());
+        }
         let pixel = e.copies(2, |e| {
             let screen = e.times(UNIT, m.focal, m.slope);
             e.fit(UNIT, "pixel", m.pixel, screen)
@@ -147,9 +154,16 @@ impl Project {
         &self.reciprocal
     }
 
-    /// Projects eight splats; lanes that end culled carry harmless words from there on.
+    /// Which of eight ellipsoids have too little opacity.
     #[inline(always)]
-    pub fn lanes<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> Projected<W> {
+    pub fn transparent<W: Words>(&self, kernel: &Kernel, opacity: W) -> W {
+        W::splat(kernel.least_opacity).above(opacity)
+    }
+
+    /// Projects eight splats, some of which may be known to have too little opacity; lanes that end culled carry harmless words from there
+    /// on.
+    #[inline(always)]
+    pub fn lanes<W: Words, P: Probe>(&self, view: &View, position: [W; 3], transparent: W, tap: &mut Tap<P>) -> Projected<W> {
         let (relative, exponent) = self.relative(view, position, tap);
         let camera = three!(row => tap.fit_words(&self.camera, W::dot(view.rotation[row], relative)));
         let forward = camera[2].max(W::splat(1));
@@ -158,13 +172,13 @@ impl Project {
         let limit = two!(axis => W::splat(view.guard[axis]) * forward);
         let beyond = two!(axis => camera[axis].exact().abs().left(self.slope_frac_bits).above(limit[axis]));
         let outside = beyond[0] | beyond[1];
-        tap.drop_where(near | outside);
+        tap.drop_where(near | outside | transparent);
 
         let inverse_depth = self.reciprocal.lanes(forward.exact(), tap);
         let offset = two!(axis => W::splat(0).where_else(near | outside, camera[axis]));
         let slope = two!(axis => tap.fit_shifted(&self.slope, offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
         let pixel = two!(axis => tap.fit_wide(&self.pixel, W::splat(view.focal) * slope[axis]).low());
-        Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside }
+        Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside, transparent }
     }
 
     /// Position less eye, and the power of two that it is relative to.

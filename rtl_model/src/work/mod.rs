@@ -28,12 +28,21 @@ pub enum Fate {
     Near,
     /// Outside of the guard band: it ends in `project`.
     Outside,
-    /// Faces away: it ends in `ellipse`, as all that follow.
+    /// Faces away: it ends in `ellipse`, as the two that follow.
     Backface,
     /// Nothing to see.
     Faint,
     /// The box misses the picture.
     Missing,
+    /// Too little opacity for any of its weights to count: it ends in `project`.
+    Transparent,
+}
+
+impl Fate {
+    /// Whether the splat goes on from `project` to `ellipse`.
+    pub fn leaves_project(self) -> bool {
+        !matches!(self, Fate::Near | Fate::Outside | Fate::Transparent)
+    }
 }
 
 /// Outcome of a contribution.
@@ -215,7 +224,7 @@ pub struct Recorder {
 }
 
 /// Splats in the order of their places; a fate for each lane that has one.
-pub const CULLED: [Fate; 5] = [Fate::Near, Fate::Outside, Fate::Backface, Fate::Faint, Fate::Missing];
+pub const CULLED: [Fate; 6] = [Fate::Near, Fate::Outside, Fate::Transparent, Fate::Backface, Fate::Faint, Fate::Missing];
 
 impl Recorder {
     /// Record of a frame.
@@ -242,7 +251,7 @@ impl Recorder {
     }
 
     /// Of eight splats, which were not drawn, by [`CULLED`], the first in the last place.
-    pub fn culled(&mut self, first: u32, lanes: [u8; 5]) {
+    pub fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
         for (lanes, fate) in lanes.into_iter().zip(CULLED) {
             self.culled.extend((0..8).filter(|lane| lanes & (1 << lane) != 0).map(|lane| (first + lane, fate)));
         }

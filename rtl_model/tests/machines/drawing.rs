@@ -27,7 +27,7 @@ fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
         assert!(format.min() <= range.min && range.max <= format.max(), "{}.{} left {format}", signal.unit, signal.name);
     }
     let culled = drawing.culled;
-    assert!(culled.near + culled.outside + culled.faint + culled.backface <= frame.splats.len() as u64);
+    assert!(culled.near + culled.outside + culled.faint + culled.backface + culled.transparent <= frame.splats.len() as u64);
     drawing
 }
 

@@ -99,12 +99,15 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
     });
     let own = own.collect();
     let amplitude = [Amplitude::Disc, Amplitude::LineIntegral, Amplitude::Peak][w.rng.below(3) as usize];
+    let reach = words.reach_bits.filter(|_| w.rng.below(4) > 0).map_or(0, |bits| 1 << bits);
     frame.ellipsoids = Some(Ellipsoids {
         kernel: Kernel {
             amplitude,
             jacobian: std::array::from_fn(|_| w.near(machine.project.slope, 1.0)),
             axes: std::array::from_fn(|_| axis(&mut w)),
             scales: std::array::from_fn(|_| w.between(words.scale, 0.0, 1.0)),
+            least_opacity: if w.rng.below(2) == 0 { w.between(machine.splat.opacity, 0.0, 0.2) } else { 0 },
+            reach: (0..reach).map(|_| w.between(machine.raster.cutoff, 0.1, 4.0).max(1)).collect(),
         },
         own,
         preshaded: w.rng.below(2) == 0,

@@ -4,5 +4,6 @@ mod drawing;
 mod elaboration;
 mod frames;
 mod mutation;
+mod reach;
 mod timing;
 mod working;

@@ -128,6 +128,7 @@ fn what_is_recorded_is_what_was_drawn() {
         assert_eq!(work.fates.len(), frame.splats.len());
         assert_eq!([fates(&[Fate::Near]), fates(&[Fate::Outside, Fate::Missing])], [culled.near, culled.outside]);
         assert_eq!([fates(&[Fate::Faint]), fates(&[Fate::Backface])], [culled.faint, culled.backface]);
+        assert_eq!(fates(&[Fate::Transparent]), culled.transparent);
         assert!(work.footprints.iter().all(|footprint| work.fates[footprint.splat as usize] == Fate::Drawn));
         assert_eq!(fates(&[Fate::Drawn]), work.footprints.len() as u64);
         assert!(work.footprints.is_sorted_by_key(|footprint| footprint.splat));

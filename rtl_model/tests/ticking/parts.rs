@@ -289,7 +289,7 @@ impl<'a> SetUp<'a> {
         if !self.requests.asked[self.bursts(record)].iter().all(|burst| burst.has_come(self.now)) {
             return Act::Wait;
         }
-        let ends = matches!(self.scene.splats[record].fate, Fate::Near | Fate::Outside);
+        let ends = matches!(self.scene.splats[record].fate, Fate::Near | Fate::Outside | Fate::Transparent);
         if !ends && !self.projected.has_room() {
             return Act::Block;
         }

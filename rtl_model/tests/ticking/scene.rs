@@ -98,7 +98,7 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
     let covering = [1 + rng.below(100), rng.below(101)];
     let splats = (0..rng.below(splats + 1))
         .map(|_| match rng.below(100) < culled {
-            true => Splat::culled(CULLED[rng.below(5) as usize]),
+            true => Splat::culled(CULLED[rng.below(CULLED.len() as u64) as usize]),
             false => any_splat(rng, [width, height], largest, covering),
         })
         .collect();

@@ -53,7 +53,15 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         all.push((format!("{name}_BITS"), table.index_bits.into()));
         all.push((format!("{name}_LINEAR"), (table.interpolation == Interpolation::Linear).into()));
     }
+    let reach_bits = m.ellipse.ellipsoid.filter(|_| frame.ellipsoids.is_some()).and_then(|words| words.reach_bits).unwrap_or(0);
+    // An ellipsoid's opacity is compared with a register of the frame.
+    let constants = ports::constants(machine, Kind::of(frame));
+    let least_opacity = constants[0].fields.iter().position(|field| field.name == "least_opacity");
+    let [opacity_w, least_opacity_lsb] = least_opacity.map_or([0; 2], |at| [constants[0].fields[at].width(), constants[0].places()[at]]);
     let rules = [
+        ("PROJECT_OPACITY_W", opacity_w.into()),
+        ("PROJECT_LEAST_OPACITY_LSB", least_opacity_lsb.into()),
+        ("ELLIPSE_REACH_BITS", reach_bits.into()),
         ("RASTER_DIFFERENCED", i64::from(m.raster.rows == Rows::Differenced)),
         ("RASTER_EXACT_DEPTH_F", ports::exact_depth(m).frac_bits.into()),
         ("ELLIPSE_INVERSE_TWO_PI_WORD", machine.inverse_two_pi()),

@@ -5,7 +5,7 @@ use rtl_model::frame::Frame;
 use rtl_model::num::Fit;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::probe;
-use rtl_model::records::{PROJECTED, SET_UP, Weighed};
+use rtl_model::records::{PROJECT_FLAGS, PROJECTED, SET_UP, Weighed};
 use rtl_model::units::fragment::{Contribution, Decision, Slot};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
@@ -39,6 +39,13 @@ pub struct SetUp {
     pub project: [i64; PROJECTED],
     pub ellipse: [i64; SET_UP],
     pub flags: u8,
+}
+
+impl SetUp {
+    /// Whether `project` did not cull it.
+    pub fn leaves_project(&self) -> bool {
+        self.project[..PROJECT_FLAGS] == [0; PROJECT_FLAGS]
+    }
 }
 
 /// Where in the picture, and of which splat: in the order of a machine that takes splat after splat, and its box row by row.
@@ -125,6 +132,8 @@ pub struct Observations {
     pub coverage: Coverage,
     /// Lesser weights make no fragment.
     least_weight: i64,
+    /// Reasons for which `project` culls.
+    project_cases: &'static [&'static str],
     /// Words of this signal reach nobody.
     unread: Option<usize>,
     /// What was observed since the last transfer.
@@ -146,6 +155,7 @@ impl Observations {
             first_splat,
             coverage: Coverage::new(machine),
             least_weight: least_weight(frame),
+            project_cases: project_cases(frame),
             unread: frame.sheets.as_ref().map(|_| machine.fragment.depth_fit().signal),
             ..Observations::default()
         }
@@ -179,12 +189,12 @@ impl Observations {
     /// Counts what units decided.
     pub fn decisions(&self, coverage: &mut Coverage) {
         for splat in &self.set_up {
-            let [near, outside, ..] = splat.project;
+            let [near, outside, transparent, ..] = splat.project;
             let [backface, faint, missing, ..] = splat.ellipse;
-            let told = [(near, "project", "near"), (outside, "project", "outside")];
-            told.into_iter().for_each(|(flag, unit, case)| coverage.count_if(flag != 0, unit, case));
+            let told = [near, outside, transparent].into_iter().zip(self.project_cases);
+            told.for_each(|(flag, case)| coverage.count_if(flag != 0, "project", case));
             let told = [(backface, "ellipse", "backface"), (faint, "ellipse", "faint"), (missing, "ellipse", "outside")];
-            told.into_iter().for_each(|(flag, unit, case)| coverage.count_if([near, outside] == [0; 2] && flag != 0, unit, case));
+            told.into_iter().for_each(|(flag, unit, case)| coverage.count_if(splat.leaves_project() && flag != 0, unit, case));
         }
         for arrival in &self.arrivals {
             coverage.count_if(arrival.weight == 0, "gauss", "weight 0");
@@ -206,6 +216,11 @@ impl Observations {
     fn flush(&mut self) -> u8 {
         std::mem::take(&mut self.observed)
     }
+}
+
+/// Reasons for which `project` culls, in the order of their flags.
+pub fn project_cases(frame: &Frame) -> &'static [&'static str] {
+    &["near", "outside", "transparent"][..if frame.ellipsoids.is_some() { 3 } else { 2 }]
 }
 
 /// The least weight of a frame that makes a fragment.
@@ -234,6 +249,7 @@ impl probe::Observer<'static> for Observations {
             first_splat: self.first_splat,
             coverage: self.coverage.of_another_part(),
             least_weight: self.least_weight,
+            project_cases: self.project_cases,
             unread: self.unread,
             ..Observations::default()
         })

@@ -39,6 +39,13 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
         all.push(first_guesses("ellipse.ray_root", unit.shape(), unit.guesses()));
     }
     let m = &machine.machine;
+    if let (Some(ellipsoids), Some(bits)) = (&frame.ellipsoids, m.ellipse.ellipsoid.and_then(|words| words.reach_bits)) {
+        // Where boxes have the frame's cutoff it is there all the same.
+        let words = if ellipsoids.kernel.reach.is_empty() { vec![frame.view.cutoff; 1 << bits] } else { ellipsoids.kernel.reach.clone() };
+        let layout = Layout::of_naturals(&[m.raster.cutoff.format.width() as u32]);
+        let lines = words.into_iter().map(|word| vec![word]).collect();
+        all.push(Rom { name: "ellipse.reach".into(), fields: &["value"], layout, lines });
+    }
     let line = |width: i32| Layout::of_naturals(&[width as u32, width as u32 + 1]);
     let lines_of = |table: &rtl_model::functions::Table| table.lines().map(|(value, step)| vec![value, step]).collect::<Vec<_>>();
     let falloff = m.gauss.falloff.format.width();

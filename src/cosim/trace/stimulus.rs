@@ -6,13 +6,14 @@
 mod ellipsoids;
 
 use super::coverage::Coverage;
-use super::observer::{OUTCOMES, least_weight};
+use super::observer::{OUTCOMES, least_weight, project_cases};
 use super::transfers::{Key, NONE};
 use rtl_model::frame::Frame;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
-use rtl_model::pipeline::ports::{self, Kind, Stream};
+use rtl_model::pipeline::ports::{self, Kind, Stream, project_out_words};
 use rtl_model::pipeline::unit_replay::{self, Fragments};
+use rtl_model::records::PROJECT_FLAGS;
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
@@ -148,6 +149,12 @@ fn pixel_key([x, y]: [i64; 2], parent: usize) -> Key {
 
 const UNKNOWN: usize = NONE as usize;
 
+/// Whether the camera sees a place.
+fn is_seen(machine: &Elaborated, frame: &Frame, place: [i64; 3]) -> bool {
+    let opaque = machine.machine.splat.opacity.format.max();
+    unit_replay::project(machine, frame, place, opaque, &mut rtl_model::probe::NoProbe)[..2] == [0, 0]
+}
+
 /// Words of a point in a record of `ellipse.in`.
 const POINT: usize = 8;
 
@@ -195,7 +202,7 @@ impl Maker<'_> {
     /// `project`, and `ellipse` behind it.
     fn splats(&mut self) {
         let (mut first, mut first_disc) = (0, 0);
-        let mut formats = self.formats("project.in");
+        let mut formats = self.formats("project.in")[..3].to_vec();
         // Of `ellipse.in` what is the splat's, not its point's.
         let own = self.formats("ellipse.in");
         formats.extend(&own[..own.len() - POINT]);
@@ -213,19 +220,23 @@ impl Maker<'_> {
             words[6] = formats[6].max();
         }
         self.likely_axes(&mut seen);
+        self.at_reach(&mut seen);
         let edges = self.edges_of_view(&near_eye, &formats);
         kinds.extend([("in view".into(), seen), ("edges of the view".into(), edges)]);
         for (kind, records) in kinds {
             for words in records {
                 let (position, own) = ([words[0], words[1], words[2]], &words[3..]);
-                let input = self.push("project.in", position.to_vec(), key(UNKNOWN));
-                let projected = unit_replay::project(self.machine, &self.frame.view, position, &mut self.out.coverage);
-                let output = self.push("project.out", projected.to_vec(), key(input));
-                for (flag, case) in projected.into_iter().zip(["near", "outside"]) {
+                // An ellipsoid's last word is its opacity.
+                let opacity = if self.frame.ellipsoids.is_some() { own.last().copied() } else { None };
+                let input = self.push("project.in", position.into_iter().chain(opacity).collect(), key(UNKNOWN));
+                let projected =
+                    unit_replay::project(self.machine, self.frame, position, opacity.unwrap_or_default(), &mut self.out.coverage);
+                let output = self.push("project.out", project_out_words(Kind::of(self.frame), projected).collect(), key(input));
+                for (flag, case) in projected.into_iter().zip(project_cases(self.frame)) {
                     self.out.coverage.count_if(flag != 0, "project", case);
                 }
-                let [near, outside, forward, exponent, _, inverse, inverse_exponent, a, b, x, y] = projected;
-                if [near, outside] != [0, 0] {
+                let [near, outside, transparent, forward, exponent, _, inverse, inverse_exponent, a, b, x, y] = projected;
+                if [near, outside, transparent] != [0; PROJECT_FLAGS] {
                     continue;
                 }
                 let [a, b] = self.at_limits([a, b]);
@@ -255,8 +266,8 @@ impl Maker<'_> {
 
     /// Places on both sides of where the camera no longer sees them, as near to each other as words can be.
     fn edges_of_view(&mut self, seen: &[[i64; 3]], formats: &[Format]) -> Vec<Vec<i64>> {
-        let is_seen =
-            |place: [i64; 3]| unit_replay::project(self.machine, &self.frame.view, place, &mut rtl_model::probe::NoProbe)[..2] == [0, 0];
+        let (machine, frame) = (self.machine, self.frame);
+        let is_seen = |place: [i64; 3]| is_seen(machine, frame, place);
         let mut edges = Vec::new();
         for _ in 0..64 {
             let inside = seen[self.random.below(seen.len() as i64) as usize];
@@ -286,9 +297,7 @@ impl Maker<'_> {
         let line: Vec<i64> = (-12..=12).map(|i| (i * step).clamp(format.min(), format.max())).collect();
         let all = line.iter().flat_map(|&x| line.iter().flat_map(move |&y| [x, y].into_iter().map(move |_| [x, y])));
         let grid: Vec<[i64; 3]> = all.flat_map(|[x, y]| line.iter().map(move |&z| [x, y, z])).collect();
-        let is_seen =
-            |place: &[i64; 3]| unit_replay::project(self.machine, &self.frame.view, *place, &mut rtl_model::probe::NoProbe)[..2] == [0, 0];
-        let mut seen: Vec<[i64; 3]> = grid.iter().copied().filter(is_seen).collect();
+        let mut seen: Vec<[i64; 3]> = grid.iter().copied().filter(|place| is_seen(self.machine, self.frame, *place)).collect();
         seen.dedup();
         if seen.is_empty() { grid } else { seen }
     }

@@ -5,11 +5,11 @@ mod slots;
 
 pub use constants::constants;
 
-use super::observer::{Arrival, Emitted, Held, Observations, Shaded, flag, key, parts};
+use super::observer::{Arrival, Emitted, Held, Observations, SetUp, Shaded, flag, key, parts};
 use super::stimulus::Made;
 use rtl_model::frame::{Each, Frame};
 use rtl_model::pipeline::Elaborated;
-use rtl_model::pipeline::ports::Kind;
+use rtl_model::pipeline::ports::{Kind, project_out_words};
 use rtl_model::pipeline::unit_replay;
 use rtl_model::units::fragment::Slot;
 use slots::{light, light_of, pixel_words, slot_words, sums_of};
@@ -137,7 +137,7 @@ impl<'a> Transfers<'a> {
             let [_, x, y] = parts(key);
             (left..right).contains(&x) && (top..bottom).contains(&y)
         };
-        let projected = places(&observer.set_up, |splat| splat.project[..2] == [0, 0]);
+        let projected = places(&observer.set_up, SetUp::leaves_project);
         let left_setup = |&place: &u32| observer.set_up[place as usize].ellipse[..3] == [0, 0, 0];
         let in_order: Vec<u32> = projected.iter().copied().filter(left_setup).collect();
         let drawn = if kind.sorted { observer.order.iter().map(|&nth| in_order[nth as usize]).collect() } else { in_order.clone() };
@@ -223,17 +223,20 @@ impl<'a> Transfers<'a> {
             }),
             source("project.in", set_up.len(), move |i, words| {
                 words.extend(frame_splat(i).position.map(i64::from));
+                if self.kind.ellipsoids {
+                    words.push(frame_splat(i).opacity.into());
+                }
                 Key::of_splat(splat(i), i as u32, 0)
             }),
             source("project.out", set_up.len(), move |i, words| {
-                words.extend(set_up[i].project);
-                let culled = if set_up[i].project[..2] == [0, 0] { 0 } else { flag::CUT_OFF };
+                words.extend(project_out_words(self.kind, set_up[i].project));
+                let culled = if set_up[i].leaves_project() { 0 } else { flag::CUT_OFF };
                 Key::of_splat(splat(i), i as u32, set_up[i].flags | culled)
             }),
             source("ellipse.in", self.projected.len(), move |i, words| {
                 let place = self.projected[i] as usize;
                 let s = frame_splat(place);
-                let [_, _, forward, exponent, _, inverse_depth, inverse_exponent, a, b, x, y] = set_up[place].project;
+                let [_, _, _, forward, exponent, _, inverse_depth, inverse_exponent, a, b, x, y] = set_up[place].project;
                 words.extend(s.normal.iter().chain([&s.radius]).map(|&word| i64::from(word)));
                 self.orientation(set_up[place].splat, words);
                 if self.kind.ellipsoids {
@@ -352,7 +355,7 @@ impl<'a> Transfers<'a> {
             }));
         }
         if self.kind.sorted {
-            let depth = |place: u32| w.set_up[place as usize].project[4];
+            let depth = |place: u32| w.set_up[place as usize].project[5];
             all.push(source("sort.in", self.left.len(), move |i, words| {
                 let place = self.left[i];
                 words.extend([splat(place).into(), depth(place)]);

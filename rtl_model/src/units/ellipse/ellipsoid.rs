@@ -12,12 +12,15 @@
 //! In the Jacobian, and nowhere else, a and b are clamped (`jacobian`), for the approximation has no meaning far to the side.
 //!
 //! What the amplitude is follows from what is drawn ([`Amplitude`]): a disc's, the integral along the ray, or the peak itself.
+//!
+//! Where it is the peak itself and lesser weights than some do not count, none counts beyond r = 2·ln(α/least): the box has that cutoff,
+//! from a table by the first bits of the opacity, where it is less than the frame's.
 
 use super::{Ellipse, Input, Output, UNIT};
-use crate::elaboration::Elaboration;
+use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{Amplitude, Kernel, View};
-use crate::functions::ReciprocalRoot;
 use crate::functions::reciprocal::Scientific;
+use crate::functions::{ReciprocalRoot, table};
 use crate::machine::Machine;
 use crate::num::{Exact, Exacts, Fit, Words, three, two};
 use crate::probe::{Probe, Tap};
@@ -35,6 +38,8 @@ pub(super) struct Ellipsoids {
     along: Fit,
     weighed: Fit,
     peak: Fit,
+    /// Bits of opacity below the address of the table of cutoffs, and its last address.
+    reach: [u32; 2],
     /// 1 as an element of the rotation, before it is fitted.
     one: i64,
     /// 1 as a squared slope.
@@ -52,6 +57,13 @@ pub enum Axes<W> {
 
 /// The two other axes.
 const OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
+
+/// Shape of the table of cutoffs: bits of its address, and bits of an opacity below 1 that are not among them; none where there is no table.
+fn reach_shape(e: &mut Elaboration, machine: &Machine) -> Option<[u32; 2]> {
+    let opacity = machine.splat.opacity.format.frac_bits.clamp(1, 31) as u32;
+    let bits = e.within(UNIT, "ellipsoid.reach_bits", machine.ellipse.ellipsoid?.reach_bits?, 1, opacity.min(12));
+    Some([bits, opacity - bits])
+}
 
 impl Ellipsoids {
     pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
@@ -108,6 +120,12 @@ impl Ellipsoids {
         let thick = e.times(UNIT, m.size_squared, words.ray);
         let along = e.fit(UNIT, "area", m.area, thick);
         let shown = e.times(UNIT, m.visibility, machine.splat.opacity);
+        let reach = reach_shape(e, machine).map_or([0; 2], |[bits, below]| {
+            e.part(UNIT, Operator::Rom([1 << bits, machine.raster.cutoff.format.width()]));
+            // An opacity of 1 and above has the last address.
+            e.choice(UNIT, 2, bits as i32);
+            [below, (1 << bits) - 1]
+        });
         Some(Ellipsoids {
             rotation,
             stretch,
@@ -117,6 +135,7 @@ impl Ellipsoids {
             ray_root,
             ray,
             along,
+            reach,
             weighed: e.fit(UNIT, "amplitude", m.amplitude, shown),
             peak: e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity.into()),
             one: 1 << (2 * words.quaternion.format.frac_bits).clamp(0, 62),
@@ -126,6 +145,13 @@ impl Ellipsoids {
 
     pub(super) fn ray_root(&self) -> &ReciprocalRoot {
         &self.ray_root
+    }
+
+    /// The cutoff of a box.
+    fn cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
+        let [below, last] = self.reach;
+        let address = table::address(opacity.max(0).into(), below).min(last as usize);
+        kernel.reach.get(address).copied().unwrap_or(view.cutoff)
     }
 
     /// |(a, b, 1)|.
@@ -149,6 +175,11 @@ impl Ellipsoids {
 }
 
 impl Ellipse {
+    /// The cutoff of an ellipsoid's box, from its opacity.
+    pub fn box_cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
+        self.ellipsoids.as_ref().map_or(view.cutoff, |own| own.cutoff(view, kernel, opacity))
+    }
+
     /// Sets eight ellipsoids up; on a machine that has none of what they need, nothing is drawn.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
@@ -208,7 +239,12 @@ impl Ellipse {
                 Amplitude::Peak => tap.fit_words(&own.peak, opacity.exact()),
             }
         };
-        let footprint = self.footprint(view, size_px, input.pixel, sized, (shape, faces), amplitude, tap);
+        let cutoff = if kernel.reach.is_empty() {
+            W::splat(view.cutoff)
+        } else {
+            W::from_array(opacity.to_array().map(|opacity| own.cutoff(view, kernel, opacity) as i32))
+        };
+        let footprint = self.footprint(cutoff, view, size_px, input.pixel, sized, (shape, faces), amplitude, tap);
         let normal = self.camera_normal(view, input.normal, tap);
         let (depth_slope, depth_range) = if flattened {
             let facing = W::splat(1).where_else(facing.is_zero(), facing);

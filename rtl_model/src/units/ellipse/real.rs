@@ -69,7 +69,7 @@ impl Ellipse {
             let visibility = (area.abs() * root).fit(&self.visibility, Scale::ONE);
             (visibility * view.inverse_two_pi).fit(&self.amplitude, Scale::ONE)
         };
-        let footprint = self.real_footprint(view, sized, (shape, [facing]), amplitude);
+        let footprint = self.real_footprint(view, view.cutoff, sized, (shape, [facing]), amplitude);
         Output {
             normal: three!(axis => normal[axis].fit(&self.fragment_normal, Scale::ONE)),
             facing,
@@ -100,6 +100,7 @@ impl Ellipse {
     pub(super) fn real_footprint<R: Real, const FACES: usize>(
         &self,
         view: &View<R>,
+        cutoff: R,
         (size_squared, exponent): (R, Scale),
         (shape, faces): ([R; 3], [R; FACES]),
         amplitude: impl FnOnce([R; FACES], R) -> R,
@@ -122,7 +123,7 @@ impl Ellipse {
                 (variance[0] * inverse).fit(&self.conic, Scale::ONE),
             ],
             amplitude: amplitude(areas, root),
-            extent: [self.real_extent(view, variance[0], squared), self.real_extent(view, variance[2], squared)],
+            extent: [self.real_extent(cutoff, variance[0], squared), self.real_extent(cutoff, variance[2], squared)],
         }
     }
 
@@ -156,9 +157,9 @@ impl Ellipse {
     }
 
     /// √(cutoff·V). The machine takes one place more.
-    fn real_extent<R: Real>(&self, view: &View<R>, variance: R, scale: Scale) -> R {
+    fn real_extent<R: Real>(&self, cutoff: R, variance: R, scale: Scale) -> R {
         let least = power_of_two(scale.low) * self.extent_root.least_operand();
-        (view.cutoff * variance).at_least(least).root(&self.extent_root).fit(&self.extent, Scale::ONE).a_place_more(&self.extent)
+        (cutoff * variance).at_least(least).root(&self.extent_root).fit(&self.extent, Scale::ONE).a_place_more(&self.extent)
     }
 
     /// z_x, z_y.

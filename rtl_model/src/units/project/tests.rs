@@ -41,7 +41,7 @@ proptest! {
         let p = &machine.project;
         let view = view(&machine, eye, angle, focal);
         let words: [i64; 3] = position.map(|x| quantised(machine.splat.position, x));
-        let own = unit.lanes(&view, words.map(PlainWords::splat), &mut Tap::new(&mut NoProbe));
+        let own = unit.lanes(&view, words.map(PlainWords::splat), PlainWords::splat(0), &mut Tap::new(&mut NoProbe));
 
         let (near, outside) = (own.near.0[0] != 0, own.outside.0[0] != 0);
         let relative: [f64; 3] = std::array::from_fn(|i| machine.splat.position.format.value(words[i]) - p.eye.format.value(view.eye[i]));

@@ -54,6 +54,24 @@ impl Maker<'_> {
         }
     }
 
+    /// Opacities beside the least that is drawn, and on both sides of where the table of cutoffs has its next address, among the splats
+    /// whose places are likely.
+    pub(super) fn at_reach(&mut self, splats: &mut [Vec<i64>]) {
+        let Some(ellipsoids) = &self.frame.ellipsoids else { return };
+        let format = self.machine.machine.splat.opacity.format;
+        let steps = ellipsoids.kernel.reach.len() as i64;
+        for words in splats.iter_mut().step_by(3) {
+            let random = &mut self.random;
+            let at = if steps == 0 || random.one_in(3) {
+                ellipsoids.kernel.least_opacity
+            } else {
+                format.one() / steps * (1 + random.below(steps))
+            };
+            let by = random.below(3) - 1;
+            words.iter_mut().last().into_iter().for_each(|opacity| *opacity = (at + by).clamp(0, format.max()));
+        }
+    }
+
     /// Slopes of a point, one time in eight brought to the limit of the Jacobian, or beside it.
     pub(super) fn at_limits(&mut self, slope: [i64; 2]) -> [i64; 2] {
         let Some(ellipsoids) = &self.frame.ellipsoids else { return slope };

@@ -43,7 +43,7 @@ fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
         Amplitude::Peak => 2,
     };
     let [preshaded, own] = [ellipsoids.preshaded, !ellipsoids.own.is_empty()].map(i64::from);
-    [&[amplitude, preshaded, own], &kernel.jacobian[..], kernel.axes.as_flattened(), &kernel.scales].concat()
+    [&[amplitude, preshaded, own], &kernel.jacobian[..], kernel.axes.as_flattened(), &kernel.scales, &[kernel.least_opacity]].concat()
 }
 
 /// What all sheets have in common.

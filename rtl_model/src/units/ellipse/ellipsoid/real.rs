@@ -63,7 +63,7 @@ impl Ellipse {
                 Amplitude::Peak => opacity.fit(&own.peak, Scale::ONE),
             }
         };
-        let footprint = self.real_footprint(view, sized, (shape, faces), amplitude);
+        let footprint = self.real_footprint(view, ellipsoid.cutoff, sized, (shape, faces), amplitude);
         let normal = self.real_normal(view, input.splat.normal);
         let flattened = ellipsoid.amplitude == Amplitude::Disc;
         let zero = R::constant(0.0);
