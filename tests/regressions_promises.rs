@@ -169,7 +169,8 @@ fn odd_ellipsoids() -> Vec<(String, Scene)> {
             // As dense as a volume's voxels can be.
             odd.splats.iter_mut().for_each(|splat| splat.opacity = if amplitude == Amplitude::LineIntegral { 1.6e11 } else { 1.0 });
             let orientations = (0..odd.splats.len()).map(orientation).collect();
-            odd.ellipsoids = Some(Ellipsoids { orientations, amplitude, preshaded: false, sorted: amplitude == Amplitude::Peak });
+            odd.ellipsoids =
+                Some(Ellipsoids { orientations, amplitude, preshaded: false, sorted: amplitude == Amplitude::Peak, harmonics: 0 });
             let peak = amplitude == Amplitude::Peak;
             odd.sheets = (amplitude != Amplitude::Disc).then(|| Sheets {
                 of: if peak { Sheet::Splat } else { Sheet::Slice((0..odd.splats.len() as u32).collect()) },

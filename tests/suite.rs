@@ -19,6 +19,7 @@ mod gaussian_match;
 mod golden_laws;
 mod golden_match;
 mod handmade;
+mod harmonics;
 mod layering;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]

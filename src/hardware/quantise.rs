@@ -277,7 +277,20 @@ impl Registers<'_> {
             own: if same { Vec::new() } else { ellipsoids.orientations.par_iter().map(own).collect() },
             preshaded: ellipsoids.preshaded,
             sorted: ellipsoids.sorted,
+            harmonics: self.harmonics(ellipsoids.harmonics),
         })
+    }
+
+    /// Degree of the harmonics that the machine reads and makes colours of; 0 where it is given colours.
+    fn harmonics(&mut self, degree: u8) -> u8 {
+        let Some(colour) = self.machine.colour.filter(|_| degree > 0) else { return 0 };
+        if u32::from(degree) > colour.degree {
+            self.refuse(format!("colour.degree is {}, but its splats have spherical harmonics of degree {degree}", colour.degree));
+        }
+        self.notes.push(format!(
+            "colours are worked out of harmonics of degree {degree} in f64: the unit `colour` has bytes, cycles and a price, and no formats yet"
+        ));
+        degree
     }
 
     fn sheets(&mut self, scene: &Scene) -> Option<frame::Sheets> {

@@ -22,6 +22,7 @@
 use crate::error::{Error, Result};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::scene::{strict_json, validate};
+use rtl_model::elaboration::microarchitecture::Fifo;
 use rtl_model::elaboration::{Operator, Part};
 use rtl_model::machine::timing::Setup;
 use rtl_model::pipeline::Elaborated;
@@ -181,18 +182,20 @@ pub struct Cost {
 }
 
 /// In the order of the diagram.
-const UNITS: [&str; 7] = ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
+const UNITS: [&str; 8] = ["project", "ellipse", "colour", "raster", "gauss", "fragment", "shade", "resolve"];
 
 impl Cost {
     /// Of a machine.
     pub fn new(machine: &Elaborated, prices: &Prices) -> Self {
         let storage = machine.timing.storage;
-        let units: Vec<UnitCost> = UNITS
+        let units: Vec<UnitCost> = (UNITS.into_iter())
+            // Few machines work colours out.
+            .filter(|name| *name != "colour" || machine.machine.colour.is_some())
             .map(|name| {
                 let bits = built(machine, name);
                 UnitCost { name, area: bits.price(&prices.area, bits.rom), bits }
             })
-            .into();
+            .collect();
         let fifo_bits = storage.fifos.map(|fifo| u64::from(fifo.places) * u64::from(fifo.bits)).iter().sum();
         let stored = fifo_bits as f64 * prices.area.fifo + storage.memory_bits as f64 * prices.area.memory;
         Cost {
@@ -236,6 +239,10 @@ fn side_by_side(machine: &Elaborated, unit: &str) -> (u64, Option<u64>) {
     match unit {
         "project" => of(machine.timing.timing.project),
         "ellipse" => of(machine.timing.timing.ellipse),
+        "colour" => {
+            let colour = machine.timing.timing.colour.unwrap_or_default();
+            (colour.units.into(), Some(colour.multipliers.into()))
+        }
         _ => (1, None),
     }
 }
@@ -312,18 +319,27 @@ impl Energy {
     pub fn new(machine: &Elaborated, cost: &Cost, cycles: &Cycles, prices: &Prices) -> Self {
         let items = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>() as f64;
         let of = &prices.energy_pj;
+        // Harmonics of a lesser degree than the greatest take fewer products, and fewer bits wait.
+        let (most, own) = (machine.timing.colour.last(), machine.timing.colour_of(cycles.harmonics));
+        let colour_at_work = most.zip(own).map_or(0.0, |(most, own)| f64::from(own.products) / f64::from(most.products));
+        let idle_bits = most.map_or(0, |most| most.more_bits - own.map_or(0, |own| own.more_bits));
         let units: f64 = (machine.parts.iter())
             .map(|part| {
                 let mut bits = Bits::default();
                 let lanes = if part.per_lane { machine.timing.timing.raster.lanes } else { [1, 1] };
                 bits.add(part.operator, lanes.map(u64::from).iter().product::<u64>() * u64::from(part.copies));
                 let shading = if part.unit == "shade" { items("resolve-shade") } else { 0.0 };
-                (items(part.unit) + shading) * bits.price(of, bits.rom_word)
+                let at_work = if part.unit == "colour" { colour_at_work } else { 1.0 };
+                (items(part.unit) + shading) * at_work * bits.price(of, bits.rom_word)
             })
             .sum();
         let lanes: u32 = machine.timing.timing.raster.lanes.iter().product();
         let read_and_written = items("fragment") * f64::from(2 * lanes * 8 * machine.timing.fragment_bytes);
-        let queued: f64 = machine.timing.storage.fifos.map(|fifo| items(fifo.to) * f64::from(2 * fifo.bits.min(1 << 20))).iter().sum();
+        let moved = |fifo: Fifo| {
+            let idle = if ["project", "ellipse", "colour"].contains(&fifo.to) { idle_bits } else { 0 };
+            fifo.bits.min(1 << 20).saturating_sub(idle)
+        };
+        let queued: f64 = machine.timing.storage.fifos.map(|fifo| items(fifo.to) * f64::from(2 * moved(fifo))).iter().sum();
         let storage = read_and_written * of.memory + queued * of.fifo;
         let dram = cycles.memory.total_bytes() as f64 * prices.dram_pj_per_byte;
         let leakage = cost.area * cycles.total as f64 * prices.static_pj_per_area;

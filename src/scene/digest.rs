@@ -28,8 +28,12 @@ pub fn digest_of(scene: &Scene) -> String {
     } = scene;
     let mut sha = Sha256::new();
     sha.update(format!("{camera:?}{image:?}{kernel:?}{surface:?}{lights:?}{materials:?}"));
-    if let Some(Ellipsoids { orientations, amplitude, preshaded, sorted }) = ellipsoids {
+    if let Some(Ellipsoids { orientations, amplitude, preshaded, sorted, harmonics }) = ellipsoids {
         sha.update(format!("{amplitude:?}{preshaded}{sorted}"));
+        // It changes no picture, but what is read.
+        if *harmonics > 0 {
+            sha.update([*harmonics]);
+        }
         for Orientation { rotation, scales } in orientations {
             add(&mut sha, &[rotation.to_array().as_slice(), scales.to_array().as_slice()].concat());
         }

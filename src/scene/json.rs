@@ -556,7 +556,8 @@ impl Medium {
                 });
             }
             Medium::Isosurface(orientations) => {
-                scene.ellipsoids = Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false });
+                scene.ellipsoids =
+                    Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false, harmonics: 0 });
             }
             Medium::Gaussians(gaussians) => {
                 let eye = scene.camera.eye;
@@ -568,7 +569,8 @@ impl Medium {
                     scales: gaussian.scale / gaussian.scale.max_element(),
                 };
                 let orientations = gaussians.all.iter().map(orientation).collect();
-                scene.ellipsoids = Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true });
+                let harmonics = gaussians.degree as u8;
+                scene.ellipsoids = Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true, harmonics });
                 scene.sheets = Some(Sheets {
                     of: Sheet::Splat,
                     back_to_front: false,

@@ -133,6 +133,8 @@ pub struct Ellipsoids {
     pub preshaded: bool,
     /// Drawn in the order of depth, nearest first, those of equal depth in input order.
     pub sorted: bool,
+    /// Degree of the spherical harmonics that splats have in the place of colours, 0 to 3; their rgb is what those are for this camera.
+    pub harmonics: u8,
 }
 
 impl Ellipsoids {

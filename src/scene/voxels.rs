@@ -272,7 +272,13 @@ impl Voxels {
 impl Ellipsoids {
     /// Splats that emit, all with the same kernel.
     pub(super) fn of_volume(orientation: Orientation) -> Self {
-        Ellipsoids { orientations: vec![orientation], amplitude: super::Amplitude::LineIntegral, preshaded: true, sorted: false }
+        Ellipsoids {
+            orientations: vec![orientation],
+            amplitude: super::Amplitude::LineIntegral,
+            preshaded: true,
+            sorted: false,
+            harmonics: 0,
+        }
     }
 }
 

@@ -32,6 +32,19 @@ impl Pace {
     }
 }
 
+impl Microarchitecture {
+    /// What splats take whose colours are harmonics of a degree; none where colours are as they are.
+    pub fn colour_of(&self, degree: u8) -> Option<&ColourPace> {
+        usize::from(degree).checked_sub(1).and_then(|place| self.colour.get(place))
+    }
+
+    /// Bytes of a splat in memory, of a frame whose splats share their axes or not, and have harmonics of a degree.
+    pub fn record_bytes(&self, shares_axes: bool, degree: u8) -> u32 {
+        let own = self.colour_of(degree).map_or(self.splat_bytes, |colour| colour.splat_bytes);
+        self.voxel_bytes.filter(|_| shares_axes).unwrap_or(own)
+    }
+}
+
 /// An elaborated microarchitecture: every derived value beside what it was derived from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Microarchitecture {
@@ -44,6 +57,9 @@ pub struct Microarchitecture {
     pub project: Pace,
     /// An item is a splat.
     pub ellipse: Pace,
+    /// An item is a splat whose colour is harmonics of degree 1, 2 and so on; none where the machine works no colours out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub colour: Vec<ColourPace>,
     /// An item is a stamp.
     pub raster: Pace,
     /// An item is a stamp that kept a pixel.
@@ -81,11 +97,26 @@ pub struct Microarchitecture {
     pub lifted: Option<&'static str>,
 }
 
+/// What harmonics of one degree take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct ColourPace {
+    /// Cycles.
+    #[serde(flatten)]
+    pub pace: Pace,
+    /// Products for each splat.
+    pub products: u32,
+    /// Bytes of a splat in memory, its coefficients in the place of its colour.
+    pub splat_bytes: u32,
+    /// Bits that it has more than one with a colour.
+    #[serde(skip)]
+    pub more_bits: u32,
+}
+
 /// Words kept on the chip, besides the registers of the units: bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Storage {
     /// All FIFOs, in the order of the diagram.
-    pub fifos: [Fifo; 7],
+    pub fifos: [Fifo; 8],
     /// Tiles, or the cache.
     pub memory_bits: u64,
     /// A pixel of the frame buffer: frame words, or all fragments of an immediate machine.
@@ -110,6 +141,8 @@ pub struct Latencies {
     pub project: u32,
     /// Of a splat.
     pub ellipse: u32,
+    /// Of a splat's colour, and the products that it takes, by degree of harmonics from 1 on.
+    pub colour: [Harmonics; 3],
     /// Of a stamp.
     pub raster: u32,
     /// Of a stamp.
@@ -120,6 +153,17 @@ pub struct Latencies {
     pub shade: u32,
     /// Of a pixel.
     pub resolve: u32,
+}
+
+/// What colours of one degree of harmonics ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Harmonics {
+    /// Cycles from a splat to its colour.
+    pub latency: u32,
+    /// Products for each splat.
+    pub products: u32,
+    /// Bits of its coefficients.
+    pub bits: i32,
 }
 
 /// A FIFO.
@@ -190,6 +234,25 @@ impl Machine {
         let splat =
             bits(&[(3, self.splat.position), (3, self.splat.normal), (1, self.splat.radius), (3, self.splat.rgb), (1, self.splat.opacity)])
                 + 8;
+        let colour: Vec<ColourPace> = (self.colour.iter())
+            .flat_map(|colour| &latencies.colour[..colour.degree.min(3) as usize])
+            .map(|harmonics| {
+                let of = t.colour.unwrap_or_default();
+                let more = (harmonics.bits - bits(&[(3, self.splat.rgb)])).max(0);
+                let interval = of.interval.unwrap_or_else(|| harmonics.products.div_ceil(of.multipliers.max(1)));
+                ColourPace {
+                    pace: Pace {
+                        units: of.units.max(1),
+                        latency: of.latency.unwrap_or(harmonics.latency).max(1),
+                        interval: interval.max(1),
+                        fifo: of.fifo,
+                    },
+                    products: harmonics.products,
+                    splat_bytes: bytes(splat + axes + more),
+                    more_bits: more as u32,
+                }
+            })
+            .collect();
         e.require(self.sort.is_none() || t.organisation == Organisation::Binned, || {
             "timing.organisation is immediate, but a sort needs all splats first: binned would do".into()
         });
@@ -213,6 +276,8 @@ impl Machine {
             fetch: stage(Some(1), 1, t.fetch.fifo),
             project: setup(t.project, latencies.project, project_products),
             ellipse: setup(t.ellipse, latencies.ellipse, ellipse_products),
+            storage: self.storage([splat, prepared], [fragment_bytes, frame_bytes], colour.last()),
+            colour,
             raster: stage(t.raster.latency, latencies.raster, t.raster.fifo),
             gauss: stage(t.gauss.latency, latencies.gauss, t.gauss.fifo),
             cache: stage(Some(t.cache.latency), 1, t.cache.fifo),
@@ -227,7 +292,6 @@ impl Machine {
             fragment_bytes,
             frame_bytes,
             line_bytes,
-            storage: self.storage([splat, prepared], [fragment_bytes, frame_bytes]),
             lifted: None,
         }
     }
@@ -236,7 +300,7 @@ impl Machine {
 impl Machine {
     /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps. A stamp's lanes carry a
     /// radial index or a weight, and a depth; its splat's attributes go with it.
-    fn storage(&self, [splat, prepared]: [i32; 2], [fragment_bytes, frame_bytes]: [u32; 2]) -> Storage {
+    fn storage(&self, [splat, prepared]: [i32; 2], [fragment_bytes, frame_bytes]: [u32; 2], colour: Option<&ColourPace>) -> Storage {
         let (t, p, f) = (&self.timing, &self.project, &self.fragment);
         let exponent = 8;
         let reciprocal = p.reciprocal.format().width();
@@ -249,11 +313,17 @@ impl Machine {
         let fragments = u64::from(f.layers) * u64::from(fragment_bytes) * 8;
         let fifo = |to, places: u32, units: u32, bits: i32| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
         let immediate = t.organisation == Organisation::Immediate;
+        // Coefficients wait with what they belong to until they are a colour.
+        let (coloured, more) = (colour.map(|of| of.pace), colour.map_or(0, |of| of.more_bits as i32));
         let (set_up, weighed) = if immediate { (unit::RASTER, "cache") } else { ("bin", unit::FRAGMENT) };
         let fifos = [
-            fifo(unit::PROJECT, t.fetch.fifo, 1, splat),
-            fifo(unit::ELLIPSE, t.project.fifo, t.project.units, point + rest),
-            fifo(set_up, t.ellipse.fifo, t.ellipse.units, prepared),
+            fifo(unit::PROJECT, t.fetch.fifo, 1, splat + more),
+            fifo(unit::ELLIPSE, t.project.fifo, t.project.units, point + rest + more),
+            fifo(unit::COLOUR, if coloured.is_some() { t.ellipse.fifo } else { 0 }, t.ellipse.units, prepared + more),
+            match coloured {
+                Some(pace) => fifo(set_up, pace.fifo, pace.units, prepared),
+                None => fifo(set_up, t.ellipse.fifo, t.ellipse.units, prepared),
+            },
             fifo(unit::RASTER, if immediate { 0 } else { t.fetch.fifo }, 1, prepared),
             fifo(unit::GAUSS, t.raster.fifo, 1, stamp(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)])),
             fifo(weighed, t.gauss.fifo, 1, stamp(self.gauss.weight)),
@@ -276,9 +346,13 @@ impl Machine {
 /// Refuses what no machine can be.
 fn check(timing: &Timing, e: &mut Elaboration) {
     let (latency, fifo) = (1..=4096, 1..=65_536);
+    let colour = timing.colour.unwrap_or_default();
     let fields = [
         ("project.units", timing.project.units, 1..=16),
         ("ellipse.units", timing.ellipse.units, 1..=16),
+        ("colour.units", colour.units, 1..=16),
+        ("colour.multipliers", colour.multipliers, 1..=MOST),
+        ("colour.fifo", colour.fifo, fifo.clone()),
         ("project.fifo", timing.project.fifo, fifo.clone()),
         ("ellipse.fifo", timing.ellipse.fifo, fifo.clone()),
         ("fetch.fifo", timing.fetch.fifo, fifo.clone()),
@@ -303,6 +377,8 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         ("ellipse.latency", timing.ellipse.latency),
         ("ellipse.interval", timing.ellipse.interval),
         ("ellipse.multipliers", timing.ellipse.multipliers),
+        ("colour.latency", colour.latency),
+        ("colour.interval", colour.interval),
         ("raster.latency", timing.raster.latency),
         ("gauss.latency", timing.gauss.latency),
         ("fragment.latency", timing.fragment.latency),

@@ -138,6 +138,9 @@ pub struct Ellipsoids {
     pub preshaded: bool,
     /// Drawn in the order of their depths, as far as the sort's key tells them apart.
     pub sorted: bool,
+    /// Degree of the spherical harmonics that their colours are, in memory: their words here are what the view makes of them. 0 where they
+    /// are colours.
+    pub harmonics: u8,
 }
 
 /// Meaning of a sheet.

@@ -21,6 +21,9 @@ pub struct Machine {
     pub project: Project,
     /// Normal and radius → conic, box, depth slopes.
     pub ellipse: Ellipse,
+    /// Spherical harmonics → colour; left out, records hold colours alone, which somebody else has worked out for the view.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colour: Option<Colour>,
     /// Depth order; left out, splats stay in input order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sort: Option<Sort>,
@@ -191,6 +194,14 @@ pub struct Ellipsoid {
     /// out, every box is that of the frame's cutoff.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach_bits: Option<u32>,
+}
+
+/// The unit `colour`: harmonics of trained Gaussians. It has no formats yet: what it computes is computed in f64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Colour {
+    /// Greatest degree of spherical harmonics that it works out, 1 to 3.
+    pub degree: u32,
 }
 
 /// How rows begin.

@@ -1,8 +1,8 @@
 //! Named machines.
 
 use super::{
-    Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Interpolation, Machine, Merge, Project, Raster, Resolve, Rows, Shade,
-    Sheets, Sort, Splat, TableShape, timing,
+    Colour, Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Interpolation, Machine, Merge, Project, Raster, Resolve,
+    Rows, Shade, Sheets, Sort, Splat, TableShape, timing,
 };
 use crate::num::{Format, Overflow, Rounding, Word};
 
@@ -91,6 +91,7 @@ fn reference() -> Machine {
             depth_range: unsigned(0, 26),
             ellipsoid: None,
         },
+        colour: None,
         sort: None,
         raster: Raster {
             rows: Rows::Differenced,
@@ -201,6 +202,7 @@ fn lean() -> Machine {
             depth_range: unsigned(-3, 20),
             ellipsoid: None,
         },
+        colour: None,
         sort: None,
         raster: Raster {
             rows: Rows::Seeded,
@@ -306,6 +308,7 @@ fn tiny() -> Machine {
             depth_range: unsigned(-3, 11),
             ellipsoid: None,
         },
+        colour: None,
         sort: None,
         raster: Raster {
             rows: Rows::Seeded,
@@ -399,6 +402,7 @@ fn gaussian() -> Machine {
         // Centres far to the side count too.
         project: Project { slope: signed(6, 22), ..base.project },
         ellipse: Ellipse { ellipsoid, ..base.ellipse },
+        colour: Some(Colour { degree: 3 }),
         sort: Some(Sort { key: unsigned(1, 23), digit_bits: 8 }),
         gauss: Gauss {
             radial_index: unsigned(4, 16),

@@ -29,6 +29,9 @@ pub struct Timing {
     pub project: Setup,
     /// Normal and radius → conic, box.
     pub ellipse: Setup,
+    /// Spherical harmonics → colour, on a machine that has that; left out, one unit with 16 multipliers.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub colour: Option<Colour>,
     /// Ellipse → fragments.
     pub raster: Raster,
     /// Radial index → weight.
@@ -72,6 +75,30 @@ pub struct Setup {
     pub multipliers: Option<u32>,
     /// Results that can wait behind it.
     pub fifo: u32,
+}
+
+/// The colour unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Colour {
+    /// How many work side by side; splats take turns.
+    pub units: u32,
+    /// Cycles from a splat to its colour; left out, what the degree of its harmonics asks for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub latency: Option<u32>,
+    /// Cycles from one splat to the next; left out, what its products and the multipliers ask for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub interval: Option<u32>,
+    /// Multipliers that the products of a splat share; more than these are those of the greatest degree.
+    pub multipliers: u32,
+    /// Results that can wait behind it.
+    pub fifo: u32,
+}
+
+impl Default for Colour {
+    fn default() -> Self {
+        Colour { units: 1, latency: None, interval: None, multipliers: 16, fifo: 4 }
+    }
 }
 
 /// The rasteriser.
@@ -192,6 +219,7 @@ pub const DEFAULT: Timing = Timing {
     fetch: Fetch { fifo: 16 },
     project: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 4 },
     ellipse: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 16 },
+    colour: None,
     raster: Raster { lanes: [4, 1], latency: None, fifo: 16 },
     gauss: Stage { latency: None, fifo: 4 },
     cache: Cache { line_px: [4, 4], lines: 256, ways: 4, misses: 8, latency: 2, fifo: 32 },

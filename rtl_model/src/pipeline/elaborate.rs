@@ -2,14 +2,14 @@
 //!
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
-use crate::elaboration::microarchitecture::{Latencies, Microarchitecture};
+use crate::elaboration::microarchitecture::{Harmonics, Latencies, Microarchitecture};
 use crate::elaboration::{Elaboration, Part, Signal};
 use crate::frame::{Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::{Machine, Splat};
 use crate::num::Fit;
 use crate::records::unit;
-use crate::units::{ellipse, fragment, gauss, project, raster, resolve, shade};
+use crate::units::{colour, ellipse, fragment, gauss, project, raster, resolve, shade};
 
 /// A machine that has been checked and can draw.
 #[derive(Clone, Debug)]
@@ -79,6 +79,7 @@ impl Machine {
     pub fn elaborate(&self) -> Result<Elaborated, Vec<String>> {
         let e = &mut Elaboration::default();
         check_splat(&self.splat, e);
+        colour::declare(e, self);
         let elaborated = Elaborated {
             project: project::Project::new(e, self),
             ellipse: ellipse::Ellipse::new(e, self),
@@ -120,6 +121,11 @@ impl Machine {
         Latencies {
             project: project::latency(self),
             ellipse: ellipse::latency(self),
+            colour: [1, 2, 3].map(|degree| Harmonics {
+                latency: colour::latency(degree),
+                products: colour::products(degree),
+                bits: 3 * ((degree + 1) * (degree + 1)) as i32 * colour::COEFFICIENT_BITS[0],
+            }),
             raster: raster::latency(),
             gauss: gauss::latency(self),
             fragment: fragment::latency(),

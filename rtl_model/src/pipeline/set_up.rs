@@ -100,7 +100,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         probe.absorb(fork);
     }
     if let (true, Some(ellipsoids)) = (P::WORK, &frame.ellipsoids) {
-        probe.ellipsoids(ellipsoids.preshaded, ellipsoids.own.is_empty());
+        probe.ellipsoids(ellipsoids.preshaded, ellipsoids.own.is_empty(), ellipsoids.harmonics);
     }
     if let (Some(sort), true) = (&machine.sort, frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted)) {
         whole.sort(sort, probe);

@@ -101,8 +101,8 @@ impl Probe for Composite {
         Probe::sorted(&mut self.recorder, order);
     }
 
-    fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool) {
-        Probe::ellipsoids(&mut self.recorder, preshaded, shared_axes);
+    fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {
+        Probe::ellipsoids(&mut self.recorder, preshaded, shared_axes, harmonics);
     }
 
     #[inline(always)]

@@ -81,8 +81,9 @@ pub trait Probe: Send + Sync + Sized {
     fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
     /// All splats with a box have been observed; they are drawn in this order, each by its place among them.
     fn sorted(&mut self, _order: Vec<u32>) {}
-    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
-    fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool) {}
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have the axes in the registers, and the degree of
+    /// the harmonics that their colours are.
+    fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool, _harmonics: u8) {}
     /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade was observed before.
     fn emitted(&mut self, _splat: u32, _rgb: [i32; 3]) {}
     /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.

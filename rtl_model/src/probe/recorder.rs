@@ -26,8 +26,8 @@ impl Probe for Recorder {
         Recorder::sorted(self, order);
     }
 
-    fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool) {
-        Recorder::ellipsoids(self, preshaded, shared_axes);
+    fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {
+        Recorder::ellipsoids(self, preshaded, shared_axes, harmonics);
     }
 
     #[inline(always)]

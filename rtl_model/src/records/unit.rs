@@ -4,6 +4,8 @@
 pub const PROJECT: &str = "project";
 /// Normal, radius → conic, box, depth slopes.
 pub const ELLIPSE: &str = "ellipse";
+/// Spherical harmonics → colour.
+pub const COLOUR: &str = "colour";
 /// Splats into the order of their depths.
 pub const SORT: &str = "sort";
 /// Ellipse → fragments.
@@ -18,4 +20,4 @@ pub const SHADE: &str = "shade";
 pub const RESOLVE: &str = "resolve";
 
 /// All of them, in the order of the diagram.
-pub const ALL: [&str; 8] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
+pub const ALL: [&str; 9] = [PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];

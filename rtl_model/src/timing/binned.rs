@@ -1,7 +1,7 @@
 //! Binned: a list for each tile first; then tile after tile on the chip.
 //!
 //! ```text
-//! memory ─► fetch ─► project ─► ellipse [─► shade] ─► bin ─► memory   every splat once: its record, an entry for each tile of its box
+//! memory ─► fetch ─► project ─► ellipse [─► colour] [─► shade] ─► bin ─► memory   every splat once: its record, an entry for each tile of its box
 //! memory ◄─► sort                                                      every entry, once a digit of its depth, if splats are sorted
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
@@ -88,7 +88,9 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
         memory.write_later(done, Client::FrameWrite, address, bytes);
     }
-    let mut units = vec![setup.fetch, setup.project, setup.ellipse, bin];
+    let mut units = vec![setup.fetch, setup.project, setup.ellipse];
+    units.extend(setup.colour);
+    units.push(bin);
     units.extend((!work.order.is_empty()).then_some(sort));
     // Of sheets nothing is shaded any more.
     let shade = setup.shade.unwrap_or(merge.shade);
@@ -106,7 +108,7 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &Work, lists: &Bins, memory: &
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut setup = SetUp::new(t, work, "bin", detail);
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-    let mut bin = Unit::new("bin", one, [Some(SetUp::last_name(work)), None], detail, t.lifted);
+    let mut bin = Unit::new("bin", one, [Some(SetUp::last_name(t, work)), None], detail, t.lifted);
     let each = u64::from(!bin.is_lifted());
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];

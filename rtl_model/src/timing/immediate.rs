@@ -51,7 +51,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
     let mut setup = SetUp::new(t, work, unit::RASTER, detail);
-    let mut fill = Fill::new(t, work, SetUp::last_name(work), "cache", detail);
+    let mut fill = Fill::new(t, work, SetUp::last_name(t, work), "cache", detail);
     let mut lookup = Unit::new("cache", t.cache, [Some(unit::GAUSS), Some(unit::FRAGMENT)], detail, t.lifted);
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
@@ -91,8 +91,10 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
     // Of sheets nothing is shaded any more.
     let shade = setup.shade.unwrap_or(merge.shade);
-    let units = [setup.fetch, setup.project, setup.ellipse, fill.raster, fill.gauss, lookup, merge.fragment, shade, resolve.unit];
-    Cycles { lookups: cache.lookups, stamps: fill.stamps, ..Cycles::of(units.into(), memory) }
+    let mut units = vec![setup.fetch, setup.project, setup.ellipse];
+    units.extend(setup.colour);
+    units.extend([fill.raster, fill.gauss, lookup, merge.fragment, shade, resolve.unit]);
+    Cycles { lookups: cache.lookups, stamps: fill.stamps, ..Cycles::of(units, memory) }
 }
 
 /// Line by line: what was touched is read, if the cache has it not; every word is written.

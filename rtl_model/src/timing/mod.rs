@@ -1,8 +1,8 @@
 //! Timing: recorded work → cycles. It never asks what a value is, and never decides what work there is.
 //!
 //! ```text
-//! Work ─►( stamps )─► immediate: fetch ─► project ─► ellipse ─► raster ─► gauss ─► cache ─► fragment ─► resolve
-//!                └─► binned:    fetch ─► project ─► ellipse ─► lists ║ fetch ─► raster ─► gauss ─► fragment ─► resolve
+//! Work ─►( stamps )─► immediate: fetch ─► project ─► ellipse [─► colour] ─► raster ─► gauss ─► cache ─► fragment ─► resolve
+//!                └─► binned:    fetch ─► project ─► ellipse [─► colour] ─► lists ║ fetch ─► raster ─► gauss ─► fragment ─► resolve
 //! ```
 //! Units are in order. One takes an item at the latest of three moments: the item is here, the unit is free, there is room behind it. The
 //! cycles that it waits have that moment's name. So nothing ticks: a frame is gone through once, item by item, each through all units.
@@ -54,6 +54,8 @@ pub struct Cycles {
     pub lookups: [u64; 2],
     /// Stamps of the rasteriser, and those among them that kept a pixel.
     pub stamps: [u64; 2],
+    /// Degree of the harmonics that `colour` took.
+    pub harmonics: u8,
 }
 
 impl Cycles {
@@ -62,14 +64,15 @@ impl Cycles {
         let (memory, requests, written) = memory.finish();
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
         let units = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
-        Cycles { total, units, memory, requests, lookups: [0; 2], stamps: [0; 2] }
+        Cycles { total, units, memory, requests, lookups: [0; 2], stamps: [0; 2], harmonics: 0 }
     }
 }
 
 /// Replays a frame's work on a microarchitecture. What it takes is the same whatever is told of it.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
-    match timing.timing.organisation {
+    let cycles = match timing.timing.organisation {
         Organisation::Immediate => immediate::replay(timing, work, detail),
         Organisation::Binned => binned::replay(timing, work, detail),
-    }
+    };
+    Cycles { harmonics: work.harmonics, ..cycles }
 }

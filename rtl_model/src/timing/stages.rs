@@ -1,7 +1,7 @@
 //! Stages: the units that both organisations have, as far as they are wired alike.
 //!
 //! ```text
-//! SetUp: fetch ─► project ─► ellipse [─► shade]    Fill: raster ─► gauss    Merge: fragment ◄─► shade    Resolve: resolve ◄─► shade
+//! SetUp: fetch ─► project ─► ellipse [─► colour] [─► shade]    Fill: raster ─► gauss    Merge: fragment ◄─► shade    Resolve: resolve ◄─► shade
 //! ```
 //! Each goes through what it is given, one item after the other, and says when the next unit has it.
 
@@ -9,19 +9,23 @@ use super::account::{Detail, Ready, Unit};
 use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::stamps::{Piece, Stamps};
-use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
 use crate::work::{Fate, Footprint, Work};
 use std::ops::Range;
 
-/// Fetch, project and ellipse, and shade where splats are lit before they are drawn: one splat each.
+/// Fetch, project and ellipse, colour where harmonics become one, and shade where splats are lit before they are drawn: one splat each.
 pub struct SetUp<'a> {
     timing: &'a Microarchitecture,
     pub fetch: Unit,
     pub project: Unit,
     pub ellipse: Unit,
+    /// None where splats have colours.
+    pub colour: Option<Unit>,
     /// None where splats are not lit yet.
     pub shade: Option<Unit>,
+    /// That of `colour`.
+    colour_pace: Pace,
     outstanding: Outstanding,
     splat_bytes: u64,
     /// When the last splat was fetched.
@@ -33,15 +37,24 @@ pub struct SetUp<'a> {
 
 impl<'a> SetUp<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &Work, behind: &'static str, detail: Detail) -> Self {
-        let after_ellipse = if work.preshaded { unit::SHADE } else { behind };
+        let shaded = work.preshaded.then_some(unit::SHADE);
+        let pace = timing.colour_of(work.harmonics).map(|colour| colour.pace);
+        let coloured = pace.map(|_| unit::COLOUR);
+        let after_ellipse = coloured.or(shaded).unwrap_or(behind);
+        let before_shade = coloured.unwrap_or(unit::ELLIPSE);
         SetUp {
             timing,
             fetch: Unit::new("fetch", timing.fetch, [None, Some(unit::PROJECT)], detail, timing.lifted),
             project: Unit::new(unit::PROJECT, timing.project, [Some("fetch"), Some(unit::ELLIPSE)], detail, timing.lifted),
             ellipse: Unit::new(unit::ELLIPSE, timing.ellipse, [Some(unit::PROJECT), Some(after_ellipse)], detail, timing.lifted),
-            shade: work.preshaded.then(|| Unit::new(unit::SHADE, timing.shade, [Some(unit::ELLIPSE), Some(behind)], detail, timing.lifted)),
+            colour: pace.map(|pace| {
+                let neighbours = [Some(unit::ELLIPSE), Some(shaded.unwrap_or(behind))];
+                Unit::new(unit::COLOUR, pace, neighbours, detail, timing.lifted)
+            }),
+            colour_pace: pace.unwrap_or(timing.ellipse),
+            shade: shaded.map(|name| Unit::new(name, timing.shade, [Some(before_shade), Some(behind)], detail, timing.lifted)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
-            splat_bytes: timing.voxel_bytes.filter(|_| work.shared_axes).unwrap_or(timing.splat_bytes).into(),
+            splat_bytes: timing.record_bytes(work.shared_axes, work.harmonics).into(),
             fetched: 0,
             bursts: 0,
             burst_here: 0,
@@ -97,37 +110,47 @@ impl<'a> SetUp<'a> {
         if !goes_on {
             return None;
         }
-        let here = now + u64::from(t.ellipse.latency);
-        let Some(shade) = &mut self.shade else {
-            self.ellipse.behind.claim();
-            return Some(here);
-        };
-        self.ellipse.behind.take(now);
-        let now = shade.take(Ready { here, room: shade.behind.free(), ..Ready::default() }, t.shade.interval.into());
-        self.ellipse.behind.give(now);
-        shade.behind.claim();
-        Some(now + u64::from(t.shade.latency))
+        let (mut now, mut here) = (now, now + u64::from(t.ellipse.latency));
+        let mut last = &mut self.ellipse;
+        for (unit, pace) in [(&mut self.colour, self.colour_pace), (&mut self.shade, t.shade)] {
+            let Some(unit) = unit else { continue };
+            last.behind.take(now);
+            now = unit.take(Ready { here, room: unit.behind.free(), ..Ready::default() }, pace.interval.into());
+            last.behind.give(now);
+            here = now + u64::from(pace.latency);
+            last = unit;
+        }
+        last.behind.claim();
+        Some(here)
     }
 
     /// The name of its last unit.
-    pub fn last_name(work: &Work) -> &'static str {
-        if work.preshaded { unit::SHADE } else { unit::ELLIPSE }
+    pub fn last_name(timing: &Microarchitecture, work: &Work) -> &'static str {
+        let coloured = timing.colour_of(work.harmonics).map(|_| unit::COLOUR);
+        let shaded = work.preshaded.then_some(unit::SHADE);
+        shaded.or(coloured).unwrap_or(unit::ELLIPSE)
+    }
+
+    /// Its last unit, and the cycles from a splat to its result there.
+    fn last(&mut self) -> (&mut Unit, u32) {
+        match (&mut self.shade, &mut self.colour) {
+            (Some(shade), _) => (shade, self.timing.shade.latency),
+            (None, Some(colour)) => (colour, self.colour_pace.latency),
+            (None, None) => (&mut self.ellipse, self.timing.ellipse.latency),
+        }
     }
 
     /// Whether it is known when another splat has room behind the last unit.
     pub fn is_known(&self) -> bool {
-        self.shade.as_ref().unwrap_or(&self.ellipse).behind.is_known()
+        self.shade.as_ref().or(self.colour.as_ref()).unwrap_or(&self.ellipse).behind.is_known()
     }
 
     /// The next splat, which was here then, goes to the unit behind in this cycle.
     #[inline(always)]
     pub fn give(&mut self, here: u64, now: u64) {
-        let (behind, latency) = match &mut self.shade {
-            Some(shade) => (&mut shade.behind, self.timing.shade.latency),
-            None => (&mut self.ellipse.behind, self.timing.ellipse.latency),
-        };
-        behind.count(here - u64::from(latency));
-        behind.give(now);
+        let (last, latency) = self.last();
+        last.behind.count(here - u64::from(latency));
+        last.behind.give(now);
     }
 }
 

@@ -1,5 +1,6 @@
 //! Units: the blocks of the diagram, in its order. Each file holds one block whole: ports, formats, losses, function, laws.
 
+pub mod colour;
 pub mod ellipse;
 pub mod fragment;
 pub mod gauss;

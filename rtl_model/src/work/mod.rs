@@ -155,6 +155,8 @@ pub struct Work {
     pub preshaded: bool,
     /// All splats have the axes that lie in registers.
     pub shared_axes: bool,
+    /// Degree of the spherical harmonics that become the colour of every drawn splat, 0 to 3; 0 where records have colours.
+    pub harmonics: u8,
     /// Every tile that a box touches, by rows.
     pub tiles: Vec<Tile>,
 }
@@ -219,6 +221,7 @@ pub struct Recorder {
     order: Vec<u32>,
     preshaded: bool,
     shared_axes: bool,
+    harmonics: u8,
     tiles: Vec<Tile>,
     now: TileRecorder,
 }
@@ -229,13 +232,13 @@ pub const CULLED: [Fate; 6] = [Fate::Near, Fate::Outside, Fate::Transparent, Fat
 impl Recorder {
     /// Record of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
-        let Recorder { footprints, culled, order, preshaded, shared_axes, mut tiles, .. } = self;
+        let Recorder { footprints, culled, order, preshaded, shared_axes, harmonics, mut tiles, .. } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
         for (splat, fate) in culled {
             fates[splat as usize] = fate;
         }
         tiles.sort_by_key(|tile| [tile.corner[1], tile.corner[0]]);
-        Work { width, height, fates, footprints, order, preshaded, shared_axes, tiles }
+        Work { width, height, fates, footprints, order, preshaded, shared_axes, harmonics, tiles }
     }
 
     /// A recorder of another part.
@@ -262,9 +265,10 @@ impl Recorder {
         self.order = order;
     }
 
-    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, and whether all have the axes in the registers.
-    pub fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool) {
-        (self.preshaded, self.shared_axes) = (preshaded, shared_axes);
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have the axes in the registers, and the degree of
+    /// the harmonics that their colours are.
+    pub fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {
+        (self.preshaded, self.shared_axes, self.harmonics) = (preshaded, shared_axes, harmonics);
     }
 
     /// A splat has a box.

@@ -20,6 +20,7 @@ impl Work {
     pub fn check(&self) -> Result<(), String> {
         let sizes = [self.width, self.height];
         require(sizes.iter().all(|size| (1..=MOST_PX).contains(size)), "the picture's size is not 1 to 16384")?;
+        require(self.harmonics <= 3, "its harmonics have a degree that none have")?;
         self.check_splats()?;
         let columns = (self.width as usize).div_ceil(TILE_PX);
         let is_after = |pair: &[Tile]| pair[0].place(columns) < pair[1].place(columns);

@@ -112,6 +112,7 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         own,
         preshaded: w.rng.below(2) == 0,
         sorted: machine.sort.is_some(),
+        harmonics: machine.colour.map_or(0, |colour| w.rng.below(u64::from(colour.degree) + 1) as u8),
     });
     let weight = machine.gauss.weight;
     let ratio = if w.rng.below(4) > 0 { (1 << sheets.table.index_bits) + 1 } else { 0 };

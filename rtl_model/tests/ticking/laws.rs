@@ -18,6 +18,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
         ends: vec![End { lit, unlit }],
         preshaded: false,
         shared_axes: false,
+        harmonics: 0,
         order: Vec::new(),
     }
 }
@@ -155,6 +156,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         ends: vec![End::default(); 4],
         preshaded: false,
         shared_axes: false,
+        harmonics: 0,
         order: Vec::new(),
     };
     let total = |outstanding: u32| {

@@ -3,7 +3,8 @@
 use crate::frames::Rng;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::machine::timing::{Cache, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Timing};
+use rtl_model::machine;
+use rtl_model::machine::timing::{Cache, Colour, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Timing};
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
 pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
@@ -22,6 +23,7 @@ pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
 pub fn elaborate(timing: Timing) -> Microarchitecture {
     let mut machine = Machine::named("tiny").unwrap();
     machine.timing = timing;
+    machine.colour = Some(machine::Colour { degree: 3 });
     machine.elaborate().unwrap().timing
 }
 
@@ -44,6 +46,15 @@ pub fn random(rng: &mut Rng) -> Timing {
         fifo: to(rng, 6),
     };
     let [project, ellipse] = [setup(rng), setup(rng)];
+    // Of numbers of its own: all else is as it would be without.
+    let rng_of_colour = &mut Rng(rng.0 ^ 0xc010);
+    let colour = (rng_of_colour.below(4) > 0).then(|| Colour {
+        units: to(rng_of_colour, 3),
+        latency: (rng_of_colour.below(4) > 0).then(|| to(rng_of_colour, 3)),
+        interval: (rng_of_colour.below(3) > 0).then(|| to(rng_of_colour, 2)),
+        multipliers: to(rng_of_colour, 80),
+        fifo: to(rng_of_colour, 2),
+    });
     let lines = of(rng, &[1, 2, 4, 8, 16, 16, 64, 512]);
     let lanes = [[1, 1], [2, 2], [4, 1], [4, 4], [8, 1], [1, 3], [3, 2]][rng.below(7) as usize];
     Timing {
@@ -51,6 +62,7 @@ pub fn random(rng: &mut Rng) -> Timing {
         fetch: Fetch { fifo: to(rng, 6) },
         project,
         ellipse,
+        colour,
         raster: Raster { lanes, latency: Some(to(rng, 9)), fifo: to(rng, 6) },
         gauss: Stage { latency: Some(to(rng, 9)), fifo: to(rng, 6) },
         cache: Cache {

@@ -196,6 +196,11 @@ pub fn places(pace: Pace) -> u32 {
     (pace.fifo + pace.latency.div_ceil(pace.interval)) * pace.units
 }
 
+/// What colours take; anything where splats have none to work out.
+fn colour_pace(timing: &Microarchitecture, scene: &Scene) -> Pace {
+    timing.colour.get(usize::from(scene.harmonics.max(1)) - 1).map_or(timing.ellipse, |colour| colour.pace)
+}
+
 /// Ticks a machine until it is done; says for how many cycles.
 pub fn run<M>(machine: &mut M, tick: fn(&mut M), is_done: fn(&mut M) -> bool) -> u64 {
     let mut cycles = 0;
@@ -233,6 +238,8 @@ pub struct SetUp<'a> {
     projected: Link<usize>,
     ellipse: Unit,
     ellipses: Link<usize>,
+    colour: Unit,
+    coloured: Link<usize>,
     shade: Unit,
     lit: Link<usize>,
 }
@@ -250,6 +257,8 @@ impl<'a> SetUp<'a> {
             projected: Link::new(places(timing.project)),
             ellipse: Unit::new("ellipse", timing.ellipse.units),
             ellipses: Link::new(places(timing.ellipse)),
+            colour: Unit::new("colour", colour_pace(timing, scene).units),
+            coloured: Link::new(places(colour_pace(timing, scene))),
             shade: Unit::new("shade", timing.shade.units),
             lit: Link::new(places(timing.shade)),
         }
@@ -257,7 +266,11 @@ impl<'a> SetUp<'a> {
 
     /// The bursts that a record lies in.
     fn bursts(&self, record: usize) -> RangeInclusive<usize> {
-        let of_splat = if self.scene.shared_axes { self.timing.voxel_bytes.unwrap() } else { self.timing.splat_bytes };
+        let of_splat = match (self.scene.shared_axes, self.colours()) {
+            (true, _) => self.timing.voxel_bytes.unwrap(),
+            (false, true) => self.timing.colour[usize::from(self.scene.harmonics) - 1].splat_bytes,
+            (false, false) => self.timing.splat_bytes,
+        };
         let [bytes, burst] = [of_splat, self.timing.timing.memory.burst_bytes].map(|bytes| bytes as usize);
         record * bytes / burst..=((record + 1) * bytes - 1) / burst
     }
@@ -313,19 +326,40 @@ impl<'a> SetUp<'a> {
         Act::Take(self.timing.ellipse.interval.into())
     }
 
-    fn shade(&mut self) -> Act {
+    /// Whether splats have harmonics, and the machine works their colours out.
+    fn colours(&self) -> bool {
+        self.scene.harmonics > 0 && !self.timing.colour.is_empty()
+    }
+
+    fn colour(&mut self) -> Act {
         let Some(&record) = self.ellipses.front(self.now) else { return Act::Starve };
-        if !self.lit.has_room() {
+        if !self.coloured.has_room() {
             return Act::Block;
         }
         self.ellipses.pop();
+        let pace = colour_pace(self.timing, self.scene);
+        self.coloured.push(self.now + u64::from(pace.latency), record);
+        Act::Take(pace.interval.into())
+    }
+
+    fn shade(&mut self) -> Act {
+        let from = if self.colours() { &mut self.coloured } else { &mut self.ellipses };
+        let Some(&record) = from.front(self.now) else { return Act::Starve };
+        if !self.lit.has_room() {
+            return Act::Block;
+        }
+        from.pop();
         self.lit.push(self.now + u64::from(self.timing.shade.latency), record);
         Act::Take(self.timing.shade.interval.into())
     }
 
     /// What the next unit takes from.
     pub fn done(&mut self) -> &mut Link<usize> {
-        if self.scene.preshaded { &mut self.lit } else { &mut self.ellipses }
+        match (self.scene.preshaded, self.colours()) {
+            (true, _) => &mut self.lit,
+            (false, true) => &mut self.coloured,
+            (false, false) => &mut self.ellipses,
+        }
     }
 
     pub fn tick(&mut self, memory: &mut Memory) {
@@ -333,6 +367,9 @@ impl<'a> SetUp<'a> {
         turn(self, now, |m| &mut m.fetch, |m| m.fetch(memory));
         turn(self, now, |m| &mut m.project, Self::project);
         turn(self, now, |m| &mut m.ellipse, Self::ellipse);
+        if self.colours() {
+            turn(self, now, |m| &mut m.colour, Self::colour);
+        }
         if self.scene.preshaded {
             turn(self, now, |m| &mut m.shade, Self::shade);
         }
@@ -343,20 +380,23 @@ impl<'a> SetUp<'a> {
         self.records.tick();
         self.projected.tick();
         self.ellipses.tick();
+        self.coloured.tick();
         self.lit.tick();
         self.now += 1;
     }
 
     pub fn is_done(&self) -> bool {
-        let waiting = [self.records.items.len(), self.projected.items.len(), self.ellipses.items.len(), self.lit.items.len()];
+        let waiting = [&self.records, &self.projected, &self.ellipses, &self.coloured, &self.lit].map(|link| link.items.len());
         self.fetch.log.len() == self.scene.splats.len()
-            && waiting == [0; 4]
-            && [&self.fetch, &self.project, &self.ellipse, &self.shade].iter().all(|unit| unit.is_idle(self.now))
+            && waiting == [0; 5]
+            && [&self.fetch, &self.project, &self.ellipse, &self.colour, &self.shade].iter().all(|unit| unit.is_idle(self.now))
     }
 
-    /// Fetch, project and ellipse; and shade, if it is one of them.
+    /// Fetch, project and ellipse, and colour, if splats have any to be worked out; and shade, if it is one of them.
     pub fn units(self) -> (Vec<Unit>, Option<Unit>) {
-        let units = vec![self.fetch.before(self.records), self.project.before(self.projected), self.ellipse.before(self.ellipses)];
+        let colours = self.colours();
+        let mut units = vec![self.fetch.before(self.records), self.project.before(self.projected), self.ellipse.before(self.ellipses)];
+        units.extend(colours.then(|| self.colour.before(self.coloured)));
         (units, self.scene.preshaded.then(|| self.shade.before(self.lit)))
     }
 }

@@ -50,6 +50,8 @@ pub struct Scene {
     pub preshaded: bool,
     /// Their axes lie in registers.
     pub shared_axes: bool,
+    /// Degree of their harmonics.
+    pub harmonics: u8,
     /// In which order they are drawn, those that are: their places. Without one, as they come.
     pub order: Vec<usize>,
 }
@@ -105,7 +107,7 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
     let lit = rng.below(4);
     let mut some = || if rng.below(4) < lit { rng.below(4) as u8 } else { 0 };
     let ends = (0..width * height).map(|_| End { lit: some(), unlit: some() }).collect();
-    let mut scene = Scene { width, height, splats, ends, preshaded: false, shared_axes: false, order: Vec::new() };
+    let mut scene = Scene { width, height, splats, ends, preshaded: false, shared_axes: false, harmonics: 0, order: Vec::new() };
     scene.clear_untouched();
     scene
 }
@@ -166,7 +168,7 @@ impl Scene {
             let lanes = CULLED.map(|fate| (0..splats.len()).map(|lane| u8::from(splats[lane].fate == fate) << lane).sum());
             recorder.culled(8 * first as u32, lanes);
         }
-        recorder.ellipsoids(self.preshaded, self.shared_axes);
+        recorder.ellipsoids(self.preshaded, self.shared_axes, self.harmonics);
         for place in self.drawn() {
             recorder.drawn(place as u32, [self.splats[place].columns, self.splats[place].rows]);
         }
@@ -251,6 +253,7 @@ impl Scene {
             }
         }
         let order = work.order.iter().map(|nth| work.footprints[*nth as usize].splat as usize).collect();
-        Scene { width: work.width, height: work.height, splats, ends, preshaded: work.preshaded, shared_axes: work.shared_axes, order }
+        let Work { width, height, preshaded, shared_axes, harmonics, .. } = *work;
+        Scene { width, height, splats, ends, preshaded, shared_axes, harmonics, order }
     }
 }

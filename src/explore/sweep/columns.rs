@@ -132,7 +132,8 @@ pub const CHANGES: &str = "changes";
 const HEAD: [(&str, Kind); 4] = [(POINT, Kind::Whole), (KEY, Kind::Text), (SCENE, Kind::Text), (CHANGES, Kind::Text)];
 
 /// Units with an account of their cycles each, those of several side by side together; empty where a machine has none.
-pub const UNITS: [&str; 11] = ["fetch", "project", "ellipse", "bin", "list", "raster", "gauss", "cache", "fragment", "shade", "resolve"];
+pub const UNITS: [&str; 12] =
+    ["fetch", "project", "ellipse", "colour", "bin", "list", "raster", "gauss", "cache", "fragment", "shade", "resolve"];
 
 /// What a unit does in a cycle.
 pub const ACCOUNTS: [&str; 4] = ["busy", "starved", "blocked", "memory"];

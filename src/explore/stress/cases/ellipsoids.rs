@@ -102,7 +102,7 @@ fn gaussians(all: Vec<(Splat, Orientation)>) -> Scene {
     let (splats, orientations) = all.into_iter().unzip();
     Scene {
         kernel: Kernel { cutoff: 9.0, low_pass: 0.3, guard: 100.0, jacobian: 1.3 },
-        ellipsoids: Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true }),
+        ellipsoids: Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true, harmonics: 0 }),
         sheets: Some(Sheets {
             of: Sheet::Splat,
             back_to_front: false,
@@ -190,6 +190,7 @@ fn slab(slices: usize, optical_depth: f64) -> Scene {
             amplitude: Amplitude::LineIntegral,
             preshaded: true,
             sorted: false,
+            harmonics: 0,
         }),
         sheets: Some(Sheets {
             of: Sheet::Slice(numbers),
@@ -217,7 +218,7 @@ fn flattened(by: f64) -> Scene {
         // The leaning plane's neighbours lie two pixels apart in the picture and six in depth.
         surface: Surface { z_threshold: 12.0 * PX, ..scene.surface },
         kernel: Kernel { cutoff: 4.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3 },
-        ellipsoids: Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false }),
+        ellipsoids: Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false, harmonics: 0 }),
         ..scene
     }
 }
