@@ -742,6 +742,24 @@ fn all_records(trace: &Traced, stream: &str) -> Vec<Vec<String>> {
     trace.records(stream).iter().map(|record| record.iter().zip(&widths).map(bits).collect()).collect()
 }
 
+/// Which of its entries and stamps a tile drops when its pixels have stopped, cycles decide: those units show when, and no words.
+#[test]
+fn waves_of_pixels_that_stop_show_no_wrong_words() {
+    let stopping = shells(10, 24, &json!({"stop": 0.9}));
+    let machine = machine("volume", &["timing.organisation=binned"]);
+    let trace = traced(&stopping, &machine, &Window { waves: Some([0, 400_000]), ..Window::default() });
+    let wires = wires(&trace.path("waves.fst"));
+    let has_words = |unit: &str, name: &str| wires.keys().any(|(of, _, wire)| of == unit && wire == name);
+    for (unit, stream) in [("project", "project.in"), ("ellipse", "ellipse.in"), ("bin", "raster.in")] {
+        let field = trace.stream(stream)["fields"][0]["name"].as_str().unwrap().to_owned();
+        assert!(has_words(unit, &field), "{unit}");
+    }
+    for (unit, stream) in [("list", "raster.in"), ("raster", "raster.in"), ("gauss", "gauss.in")] {
+        let field = trace.stream(stream)["fields"][0]["name"].as_str().unwrap().to_owned();
+        assert!(!has_words(unit, &field) && has_words(unit, "item"), "{unit}");
+    }
+}
+
 /// Every record of every unit's stream is seen, in each organisation, with lanes and without; of a window those that it has.
 #[test]
 fn waves_show_the_words_of_all_units() {
@@ -750,7 +768,8 @@ fn waves_show_the_words_of_all_units() {
     let immediate = machine("tiny", &["timing.organisation=immediate", "timing.raster.lanes=[2,2]"]);
     let volume = machine("volume", &[]);
     let gaussian = machine("gaussian", &[]);
-    let (discs, voxels, gaussians) = (cloud(60, 24), shells(10, 24, &json!({"stop": 0.6})), bouquet(200, 24, &json!({})));
+    let never = json!({"stop": 0});
+    let (discs, voxels, gaussians) = (cloud(60, 24), shells(10, 24, &never), bouquet(200, 24, &never));
     let whole = || Window { waves: Some([0, 400_000]), ..Window::default() };
     let cases = [
         ("binned", &discs, &binned, whole()),

@@ -5,7 +5,7 @@
 //! sources ─► records by splat and pixel ─────────────────────────────────────────────────┴─► (cycle, unit, lane, record)
 //! ```
 //! The walk is that of `rtl_model::timing`, said once more and slowly. It is compared with the timing's own log: a unit whose items are not
-//! as many as the walk has gets no words.
+//! as many as the walk has gets no words; nor do those of a binned machine that pass over pixels that have stopped.
 
 use super::super::transfers::{NONE, Source};
 use rtl_model::machine::timing::Organisation;
@@ -146,8 +146,12 @@ impl<'a> Walk<'a> {
             Organisation::Immediate => self.immediate(),
             Organisation::Binned => self.binned(),
         }
-        let is_known = |taker: &Taker| taker.items == taker.log.len();
-        self.takers.into_iter().filter(|(_, taker)| is_known(taker)).map(|(unit, taker)| (unit, taker.shown)).collect()
+        // Which stamps a binned machine passes over follows from cycles, which this walk does not know.
+        let is_timed = self.work.stops() && self.machine.timing.timing.organisation == Organisation::Binned;
+        let is_known = |unit: &str, taker: &Taker| {
+            taker.items == taker.log.len() && !(is_timed && ["list", "raster", "gauss", "fragment"].contains(&unit))
+        };
+        self.takers.into_iter().filter(|(unit, taker)| is_known(unit, taker)).map(|(unit, taker)| (unit, taker.shown)).collect()
     }
 
     fn binned(&mut self) {
@@ -198,7 +202,7 @@ impl<'a> Walk<'a> {
         let (fate, number) = (self.work.fates[splat], splat as u32);
         self.take_splat("fetch", number);
         self.take_splat("project", number);
-        if !matches!(fate, Fate::Near | Fate::Outside) {
+        if fate.leaves_project() {
             self.take_splat("ellipse", number);
         }
         let is_drawn = fate == Fate::Drawn;
