@@ -352,7 +352,7 @@ impl<'a> Walk<'a> {
         }
         let lights: Vec<(u64, Option<u32>)> = (0..).map(|nth| nth * shade_interval).zip(lights).collect();
         self.take_many("resolve", &layers);
-        if !lights.is_empty() && !(self.work.preshaded && shade == "shade") {
+        if !(lights.is_empty() || self.work.preshaded && shade == "shade") {
             self.take_many(shade, &lights);
         }
     }
