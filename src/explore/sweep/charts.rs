@@ -63,7 +63,7 @@ pub struct Rows {
     sought: Option<Sought>,
 }
 
-/// Subject of the drawing.
+/// Charts of a folder of rows.
 pub struct Charts {
     /// Files that were written.
     pub files: Vec<PathBuf>,
