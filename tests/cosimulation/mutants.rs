@@ -103,7 +103,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant { unit: "fragment", file: "fragment_read.sv", find: ".exact($signed({1'b0, opacity}))", put: ".exact($signed({2'b0, opacity[machine_pkg::FRAGMENT_OPACITY_SUM_W-1:1]}))" },
     Mutant { unit: "ellipse", file: "ellipse.sv", find: "backface || faint || outside ? '0", put: "faint || outside ? '0" },
     Mutant { unit: "ellipsoid", file: "ellipsoid.sv", find: "backface || faint || outside ? '0", put: "backface || faint ? '0" },
-    Mutant { unit: "project", file: "project.sv", find: "near || outside ? '0", put: "near ? '0" },
+    Mutant { unit: "project", file: "project.sv", find: "|culled ? '0 : point", put: "culled[FLAGS_W-1] ? '0 : point" },
 ];
 
 /// Those that only the end of a frame shows, or the next frame.
