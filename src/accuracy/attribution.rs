@@ -16,6 +16,7 @@ use crate::output::text::{aligned, plain_table};
 use crate::scene::Scene;
 use comfy_table::Table;
 use rtl_model::pipeline::Elaborated;
+use rtl_model::records::unit;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -44,14 +45,15 @@ pub struct Share {
 /// Words that setup reads beside those of its own units.
 const ALSO_IN_SETUP: [&str; 2] = ["raster.cutoff", "fragment.normal"];
 /// Units that setup uses where splats are lit before they are drawn.
-const TO_LIGHT: [&str; 2] = ["fragment", "shade"];
+const TO_LIGHT: [&str; 2] = [unit::FRAGMENT, unit::SHADE];
 
 fn unit_of(word: &str) -> &str {
     word.split('.').next().unwrap_or_default()
 }
 
 fn is_in_setup(word: &str, preshaded: bool) -> bool {
-    UNITS[..4].contains(&unit_of(word)) || ALSO_IN_SETUP.contains(&word) || preshaded && TO_LIGHT.contains(&unit_of(word))
+    let mut of_setup = UNITS.iter().take_while(|unit| **unit != unit::RASTER);
+    of_setup.any(|unit| *unit == unit_of(word)) || ALSO_IN_SETUP.contains(&word) || preshaded && TO_LIGHT.contains(&unit_of(word))
 }
 
 /// Draws the scene once for each part of the machine alone, and once for all but each.

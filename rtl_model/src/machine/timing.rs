@@ -52,6 +52,7 @@ pub struct Timing {
 
 /// The reader of splat records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "FetchTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Fetch {
     /// Records that can wait behind it.
@@ -60,6 +61,7 @@ pub struct Fetch {
 
 /// A unit that sets splats up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "SetupTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
     /// Units side by side; splats take turns.
@@ -79,6 +81,7 @@ pub struct Setup {
 
 /// The colour unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "ColourTiming")]
 #[serde(deny_unknown_fields, default)]
 pub struct Colour {
     /// Units side by side; splats take turns.
@@ -103,6 +106,7 @@ impl Default for Colour {
 
 /// The rasteriser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "RasterTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Raster {
     /// Pixels tested in a cycle: columns and rows of a slot. One covered pixel costs the whole slot.
@@ -116,6 +120,7 @@ pub struct Raster {
 
 /// A unit that takes a slot a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "StageTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
     /// Cycles from a slot to its result; left out, what the formats ask for.
@@ -127,6 +132,7 @@ pub struct Stage {
 
 /// A set-associative write-back cache of the frame buffer, the line used longest ago going first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "CacheTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Cache {
     /// Pixels of a line: columns and rows, powers of two. A tile cache has large ones.
@@ -145,6 +151,7 @@ pub struct Cache {
 
 /// Tiles on the chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "TileTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Tile {
     /// Side, pixels: a multiple of 16.
@@ -155,6 +162,7 @@ pub struct Tile {
 
 /// The fragment unit; its lanes are the raster's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "FragmentTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Fragment {
     /// Cycles from reading a fragment to having written it; left out, what the formats ask for.
@@ -169,6 +177,7 @@ pub struct Fragment {
 
 /// The shade unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "ShadeTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Shade {
     /// Cycles from a fragment to its light; left out, what the formats ask for.
@@ -180,6 +189,7 @@ pub struct Shade {
 
 /// The resolve unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "ResolveTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Resolve {
     /// Cycles from the last light of a pixel to its word; left out, what the formats ask for.
@@ -191,6 +201,7 @@ pub struct Resolve {
 
 /// Memory: one channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "MemoryTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Memory {
     /// Every request is answered after the latency of an open row, whatever else is under way: for asking what the datapath alone takes.
