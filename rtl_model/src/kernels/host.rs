@@ -235,6 +235,10 @@ pub mod avx2 {
             both!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(self.0[i], other.0[i])))
         }
         #[inline(always)]
+        fn min_of_halves(self, other: Self) -> Self {
+            both!(i => _mm256_min_epu32(self.0[i], other.0[i]))
+        }
+        #[inline(always)]
         fn above(self, other: Self) -> Self {
             both!(i => _mm256_cmpgt_epi64(self.0[i], other.0[i]))
         }

@@ -123,6 +123,11 @@ impl Fit {
         self.simple
     }
 
+    /// Whether an add, a shift and one limit of 32 bits are all there is for results from 0 to 2^`int_bits`.
+    pub fn is_natural(&self, int_bits: i32) -> bool {
+        self.simple && !self.word.format.signed && int_bits + self.word.format.frac_bits < 32
+    }
+
     /// The word for one exact result with `more` fraction bits than was elaborated.
     #[inline(always)]
     pub fn one_shifted(&self, exact: i64, more: i64) -> i64 {
@@ -159,11 +164,14 @@ impl Fit {
         (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap
     }
 
-    /// The words for eight exact results of which none is negative, in a word without a sign. `SIMPLE_FITS` says that [`Fit::is_simple`], so
+    /// The words for eight exact results of which none is negative, in a word without a sign. `SIMPLE_FITS` says that [`Fit::is_natural`], so
     /// that nothing has to be asked.
     #[inline(always)]
     pub fn lanes_unsigned<const SIMPLE_FITS: bool, L: Lanes>(&self, exact: L) -> L {
-        if !SIMPLE_FITS && !self.simple {
+        if SIMPLE_FITS {
+            return (exact + L::splat(self.half)).right_unsigned(self.right).min_of_halves(L::splat(self.max));
+        }
+        if !self.simple {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
         (exact + L::splat(self.half)).right_unsigned(self.right).min(L::splat(self.max))

@@ -53,6 +53,8 @@ pub trait Lanes:
     fn max(self, other: Self) -> Self;
     /// The lesser word of each lane.
     fn min(self, other: Self) -> Self;
+    /// The lesser low and the lesser high 32 bits of each lane, as naturals: of naturals below 2^32, the lesser.
+    fn min_of_halves(self, other: Self) -> Self;
     /// Where `self` is greater.
     fn above(self, other: Self) -> Self;
     /// The entries of a table of 2^n words at each lane's low n bits.
@@ -193,6 +195,13 @@ impl Lanes for Plain {
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         self.zip(other, i64::min)
+    }
+    #[inline(always)]
+    fn min_of_halves(self, other: Self) -> Self {
+        self.zip(other, |a, b| {
+            let [low, high] = [0, 32].map(|half| ((a >> half) as u32).min((b >> half) as u32));
+            (u64::from(high) << 32 | u64::from(low)) as i64
+        })
     }
     #[inline(always)]
     fn above(self, other: Self) -> Self {

@@ -90,6 +90,8 @@ pub struct Fragment {
     evict_hidden: bool,
     nearest_depth: bool,
     depth: Fit,
+    /// Whether 32 bits hold every depth that raster's clamps let through.
+    is_depth_natural: bool,
     sums: [Fit; SUMS],
     /// Left shifts that align a sum and a product.
     align: [[u32; 2]; SUMS],
@@ -189,6 +191,9 @@ impl Fragment {
         let opaque = i128::from(m.opaque.format.one()) * i128::from(m.opaque_permille) / 1000;
         let (limit_places, opacity_places) = (limit.frac_bits, m.opacity_sum.format.frac_bits);
         let half = sums.map(|fit| fit.half());
+        let depth = e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth));
+        // From the middle's depth as far as a splat reaches.
+        let farthest = machine.project.depth.format.int_bits.max(machine.ellipse.depth_range.format.int_bits) + 1;
         let right = align.map(|[right, _]: [u32; 2]| right);
         Fragment {
             layers,
@@ -198,7 +203,8 @@ impl Fragment {
                 FragmentDepth::First => false,
                 FragmentDepth::Nearest => true,
             },
-            depth: e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth)),
+            depth,
+            is_depth_natural: depth.is_natural(farthest),
             limits: SumLimits::new(half, right, words),
             narrow: (0..SUMS).all(|lane| fits_32_bits(machine.gauss.weight, attributes[lane], words[lane], &sums[lane])),
             sums,
@@ -253,7 +259,7 @@ impl Fragment {
     /// Whether all of its hot fits are plain.
     pub fn is_simple(&self) -> bool {
         let short = |fit: &Fit| fit.is_simple() && fit.places() < 32;
-        self.depth.is_simple() && self.sums.iter().all(short) && self.align.iter().all(|[_, left]| *left == 0)
+        self.is_depth_natural && self.sums.iter().all(short) && self.align.iter().all(|[_, left]| *left == 0)
     }
 
     /// Whether 32-bit sums and products hold everything.

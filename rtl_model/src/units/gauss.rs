@@ -30,6 +30,8 @@ pub struct Gauss {
     radial_index: Fit,
     table: Table,
     weight: Fit,
+    /// Whether 32 bits hold every radial index below the cutoff, and every weight, before they are limited.
+    is_natural: bool,
 }
 
 impl Gauss {
@@ -57,10 +59,13 @@ impl Gauss {
         table::interpolator(e, UNIT, shape, m.falloff, fraction_bits);
         let falloff = e.fit(UNIT, "falloff", m.falloff, table::interpolated(m.falloff, fraction_bits));
         let weighed = e.times(UNIT, machine.ellipse.amplitude, m.falloff);
+        let radial_index = e.fit(UNIT, "radial_index", m.radial_index, machine.raster.radial.into());
+        let weight = e.fit(UNIT, "weight", m.weight, weighed);
         Gauss {
-            radial_index: e.fit(UNIT, "radial_index", m.radial_index, machine.raster.radial.into()),
+            radial_index,
             table: Table::new(falloff, shape.index_bits, argument.width() as u32, shape.interpolation, &words),
-            weight: e.fit(UNIT, "weight", m.weight, weighed),
+            weight,
+            is_natural: radial_index.is_natural(machine.raster.cutoff.format.int_bits) && weight.is_natural(weighed.int_bits),
         }
     }
 
@@ -76,7 +81,7 @@ impl Gauss {
 
     /// Whether all of its fits are plain.
     pub fn is_simple(&self) -> bool {
-        [&self.radial_index, self.table.fit(), &self.weight].into_iter().all(Fit::is_simple)
+        self.is_natural && self.table.fit().is_simple()
     }
 
     /// Radial index and weight of eight fragments of one splat, whose r is not negative.

@@ -52,7 +52,8 @@ fn agrees(fit: &Fit, exact: i64, more: i64) {
     if more == 0 {
         assert_eq!(fit.one(exact), word);
         assert_eq!(fit.lanes(Plain([exact; LANES])).0[0], word, "{exact} / 2^{} as {:?}, a lane", fit.places(), fit.word);
-        if fit.is_simple() && exact >= 0 && !fit.word.format.signed {
+        let frac_bits = fit.word.format.frac_bits + fit.places() as i32;
+        if exact >= 0 && fit.is_natural(64 - exact.leading_zeros() as i32 - frac_bits) {
             let exact = Plain([exact; LANES]);
             assert_eq!(fit.lanes_unsigned::<true, _>(exact).0[0], word, "{exact:?} / 2^{} as {:?}, a natural", fit.places(), fit.word);
             let within = fit.lanes_within::<true, _>(exact).0[0];

@@ -40,6 +40,7 @@ impl Kernel for Everything<'_> {
             a.right(uniform),
             a.max(b),
             a.min(b),
+            a.min_of_halves(b),
             a.above(b),
             a.look_up(self.table),
             L::splat(i64::from(a.any_negative())),
