@@ -13,7 +13,8 @@ fn every_rule() -> Vec<Rules> {
         for merge in [Merge::NearestPair, Merge::FarthestPair, Merge::Replace] {
             for evict_hidden in [false, true] {
                 for fragment_depth in [FragmentDepth::First, FragmentDepth::Nearest] {
-                    all.push(Rules { layers, merge, evict_hidden, opaque: 0.999, fragment_depth });
+                    let turn_normals = evict_hidden;
+                    all.push(Rules { layers, merge, evict_hidden, turn_normals, opaque: 0.999, fragment_depth });
                 }
             }
         }

@@ -212,7 +212,8 @@ fn the_table_of_merge_rules_says_what_they_do() {
         let ideal = ideal(&scene);
         let cells =
             [(Merge::NearestPair, false), (Merge::FarthestPair, false), (Merge::FarthestPair, true)].map(|(merge, evict_hidden)| {
-                let rules = Rules { layers: 3, merge, evict_hidden, opaque: 0.999, fragment_depth: FragmentDepth::First };
+                let rules =
+                    Rules { layers: 3, merge, evict_hidden, turn_normals: true, opaque: 0.999, fragment_depth: FragmentDepth::First };
                 let golden = render(&scene, &rules);
                 format!("{} ({})", one_place(metrics(&golden.picture, &ideal.picture).psnr_db), golden.outcomes.merged / 1000)
             });

@@ -59,6 +59,8 @@ pub struct Flips {
     pub pair: u64,
     /// A fragment dropped by one and kept by the other.
     pub eviction: u64,
+    /// A contribution's normal turned by one and left by the other.
+    pub turn: u64,
     /// Those among them whose deciding number does not lie within its bound of the threshold. None should.
     pub unexplained: u64,
     /// Kinds at the pixel at hand, a bit each.
@@ -67,16 +69,17 @@ pub struct Flips {
 }
 
 /// Names of the kinds, in the order of their bits.
-pub const KINDS: [&str; 6] = ["cull", "coverage", "slot", "order", "pair", "eviction"];
+pub const KINDS: [&str; 7] = ["cull", "coverage", "slot", "order", "pair", "eviction", "turn"];
 
 impl Flips {
     /// All of them.
     pub fn total(&self) -> u64 {
-        self.cull + self.coverage + self.slot + self.order + self.pair + self.eviction
+        self.cull + self.coverage + self.slot + self.order + self.pair + self.eviction + self.turn
     }
 
     fn count(&mut self, kind: u8, explained: bool) {
-        let counts = [&mut self.cull, &mut self.coverage, &mut self.slot, &mut self.order, &mut self.pair, &mut self.eviction];
+        let Flips { cull, coverage, slot, order, pair, eviction, turn, unexplained: _, here: _ } = self;
+        let counts = [cull, coverage, slot, order, pair, eviction, turn];
         for (i, count) in counts.into_iter().enumerate() {
             *count += u64::from(i == usize::from(kind));
         }
@@ -103,14 +106,20 @@ impl Flips {
         self.count(5, explained);
     }
 
+    fn turn(&mut self, explained: bool) {
+        self.count(6, explained);
+    }
+
     fn absorb(&mut self, other: &Flips) {
-        self.cull += other.cull;
-        self.coverage += other.coverage;
-        self.slot += other.slot;
-        self.order += other.order;
-        self.pair += other.pair;
-        self.eviction += other.eviction;
-        self.unexplained += other.unexplained;
+        let Flips { cull, coverage, slot, order, pair, eviction, turn, unexplained, here: _ } = other;
+        self.cull += cull;
+        self.coverage += coverage;
+        self.slot += slot;
+        self.order += order;
+        self.pair += pair;
+        self.eviction += eviction;
+        self.turn += turn;
+        self.unexplained += unexplained;
     }
 }
 
@@ -199,7 +208,14 @@ impl<'a> Stage<'a> {
     fn splat(&self, index: u32) -> Splat {
         let (mut footprint, cull) = set_up_anyway(self.scene, &self.eye, index as usize, self.scene.least_weight());
         let registers = Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised };
-        let record = registers.splat(&Bounded, index as usize);
+        let mut record = registers.splat(&Bounded, index as usize);
+        let frame = &self.quantised.frame;
+        let turned = self.machine.turns_normal(frame, index as usize);
+        let turns_otherwise = self.common.rules.turn_normals && turned != footprint.faces_away();
+        record.turned = Some(turned);
+        if turned {
+            footprint.normal = -footprint.normal;
+        }
         let ellipsoid = registers.ellipsoid(&Bounded, index as usize);
         let size_px = [self.quantised.frame.width, self.quantised.frame.height];
         let near = NearFootprint::new(self.machine, &self.view, &record, ellipsoid.as_ref(), size_px);
@@ -212,7 +228,8 @@ impl<'a> Stage<'a> {
             rgb = [0, 1, 2].map(|channel| emission[channel].around(footprint.rgb[channel]));
         }
         let [r, g, b] = rgb;
-        Splat { index, footprint, cull, near, record, attributes: [r, g, b, record.opacity, normal[0], normal[1], normal[2]] }
+        let attributes = [r, g, b, record.opacity, normal[0], normal[1], normal[2]];
+        Splat { index, footprint, cull, near, record, attributes, turns_otherwise }
     }
 
     /// A pixel's centre from the picture's middle.
@@ -268,6 +285,8 @@ struct Splat {
     near: NearFootprint,
     record: real::Splat<Near>,
     attributes: [Near; ATTRIBUTES],
+    /// The machine turned its normal, or left it, as `golden` would not have.
+    turns_otherwise: bool,
 }
 
 impl Splat {
@@ -359,6 +378,9 @@ impl<'a> Leader<'a> {
                 flips.cull(stage.may_cull(splat) || stage.may_cover(splat, x, y));
             } else if !splat.covers(x, y) {
                 flips.coverage(stage.may_cover(splat, x, y));
+            }
+            if splat.turns_otherwise && stage.sheets.is_none() {
+                flips.turn(splat.near.ellipse.facing_viewer.may_cross(Near::exact(0.0)));
             }
             match &stage.sheets {
                 None => leader.pixels[pixel].take(&stage.common, arrival, decision, flips),

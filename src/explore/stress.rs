@@ -350,7 +350,7 @@ bound > 1   greatest share of the covered pixels whose bound says nothing
 flipped     decisions that golden takes otherwise, over all values";
 
 /// Columns of the CSV file.
-const COLUMNS: [&str; 23] = [
+const COLUMNS: [&str; 24] = [
     "case",
     "machine",
     "value",
@@ -368,6 +368,7 @@ const COLUMNS: [&str; 23] = [
     "flips_order",
     "flips_pair",
     "flips_eviction",
+    "flips_turn",
     "flips_unexplained",
     "silent",
     "covered_pixels",
@@ -389,7 +390,7 @@ impl Found {
             number(l.max_bound),
             l.share_over_1.to_string(),
         ];
-        let counts = [l.violations, f.cull, f.coverage, f.slot, f.order, f.pair, f.eviction, f.unexplained, self.beyond.silent];
+        let counts = [l.violations, f.cull, f.coverage, f.slot, f.order, f.pair, f.eviction, f.turn, f.unexplained, self.beyond.silent];
         cells.extend(counts.iter().chain(&[self.covered_pixels, self.saturated, self.wrapped]).map(u64::to_string));
         cells.push(String::new());
         cells

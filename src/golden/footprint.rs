@@ -230,6 +230,18 @@ pub(crate) fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>>
 }
 
 impl Footprint {
+    /// Turns the normal towards the viewer.
+    pub fn turn_normal(&mut self) {
+        if self.faces_away() {
+            self.normal = -self.normal;
+        }
+    }
+
+    /// Whether the normal points away from the viewer.
+    pub fn faces_away(&self) -> bool {
+        self.normal.z > 0.0
+    }
+
     /// Depth of its centre.
     pub fn z(&self) -> f64 {
         self.z

@@ -269,8 +269,14 @@ mod tests {
     use super::*;
     use crate::scene::{Camera, Image, Kernel, Material, Scene, Surface};
 
-    const NEAREST: Rules =
-        Rules { layers: 3, merge: Merge::NearestPair, evict_hidden: false, opaque: 0.999, fragment_depth: FragmentDepth::First };
+    const NEAREST: Rules = Rules {
+        layers: 3,
+        merge: Merge::NearestPair,
+        evict_hidden: false,
+        turn_normals: true,
+        opaque: 0.999,
+        fragment_depth: FragmentDepth::First,
+    };
 
     /// Unlit, coverage threshold 0.25.
     fn shader() -> Shader {

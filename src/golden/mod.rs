@@ -41,6 +41,8 @@ pub struct Rules {
     pub merge: Merge,
     /// On overflow, drop the deepest fragment if something opaque lies in front of it.
     pub evict_hidden: bool,
+    /// Each splat's normal is turned towards the viewer before it is summed, as [`ideal`] always does.
+    pub turn_normals: bool,
     /// From which opacity a fragment hides what lies behind it.
     pub opaque: f64,
     /// The depth that a fragment answers to.
@@ -50,7 +52,14 @@ pub struct Rules {
 impl Default for Rules {
     /// What the named machines do: three layers, the two deepest merge, hidden fragments leave first.
     fn default() -> Self {
-        Rules { layers: 3, merge: Merge::FarthestPair, evict_hidden: true, opaque: 0.999, fragment_depth: FragmentDepth::First }
+        Rules {
+            layers: 3,
+            merge: Merge::FarthestPair,
+            evict_hidden: true,
+            turn_normals: true,
+            opaque: 0.999,
+            fragment_depth: FragmentDepth::First,
+        }
     }
 }
 
@@ -157,22 +166,29 @@ impl Outcomes {
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
     let shader = Shader::new(scene);
     match &scene.sheets {
-        Some(sheets) => tiles::draw(scene, &shader, sheets.least_weight, || sheets::Golden::new(sheets, shader.background())),
-        None => tiles::draw(scene, &shader, 0.0, || Golden::new(rules, scene.surface.z_threshold, &shader)),
+        Some(sheets) => {
+            tiles::draw(scene, &shader, rules.turn_normals, sheets.least_weight, || sheets::Golden::new(sheets, shader.background()))
+        }
+        None => tiles::draw(scene, &shader, rules.turn_normals, 0.0, || Golden::new(rules, scene.surface.z_threshold, &shader)),
     }
 }
 
-/// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats; or every contribution of a volume or of
+/// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats, of normals turned towards the viewer; or every contribution of a volume or of
 /// Gaussians by itself, in the order of depth. Gaussians reach at least as far as a screen of 8 bits shows them, whatever the scene's cutoff.
 pub fn ideal(scene: &Scene) -> Rendering {
+    ideal_of(scene, true)
+}
+
+/// [`ideal`], of normals turned or as they are: how far a machine that does not turn them is from what its sums could be at best.
+pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
     let least = gaussian_cutoff();
     if scene.sheets.as_ref().is_some_and(|sheets| sheets.of == Sheet::Splat) && scene.kernel.cutoff < least {
         let kernel = Kernel { cutoff: least, ..scene.kernel };
-        return ideal(&Scene { kernel, ..scene.clone() });
+        return ideal_of(&Scene { kernel, ..scene.clone() }, turn_normals);
     }
     let shader = Shader::new(scene);
     match &scene.sheets {
-        Some(sheets) => tiles::draw(scene, &shader, 0.0, || sheets::Ideal::new(sheets, shader.background())),
-        None => tiles::draw(scene, &shader, 0.0, || Ideal::new(scene.surface.z_threshold, &shader)),
+        Some(sheets) => tiles::draw(scene, &shader, turn_normals, 0.0, || sheets::Ideal::new(sheets, shader.background())),
+        None => tiles::draw(scene, &shader, turn_normals, 0.0, || Ideal::new(scene.surface.z_threshold, &shader)),
     }
 }

@@ -88,7 +88,7 @@ pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
         return of_sheets(scene, sheets, &shader, x as u32, y as u32);
     }
     let mut golden = Golden::new(rules, scene.surface.z_threshold, &shader);
-    let arrivals = arrivals(scene, &shader, x as u32, y as u32, |fragment| golden.decide(0, fragment));
+    let arrivals = arrivals(scene, &shader, rules.turn_normals, x as u32, y as u32, |fragment| golden.decide(0, fragment));
     let fragments = golden.fragments(0);
     let mut layers: Vec<Layer> = fragments.iter().enumerate().map(|(slot, fragment)| Layer::new(slot, fragment, &shader)).collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
@@ -97,7 +97,7 @@ pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
 
 fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) -> Story {
     let mut pixel = Pixel::default();
-    let arrivals = arrivals(scene, shader, x, y, |fragment| match pixel.take(sheets, &fragment) {
+    let arrivals = arrivals(scene, shader, false, x, y, |fragment| match pixel.take(sheets, &fragment) {
         Fate::Added => Decision::Accumulated { slot: 1 },
         Fate::First => Decision::Inserted { slot: usize::from(sheets.of != Sheet::Splat) },
         Fate::Next => Decision::Merged { slot: 0, place: 1 },
@@ -110,11 +110,21 @@ fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) ->
 }
 
 /// Sends everything that reaches the pixel to whoever decides, in the order in which it is drawn.
-fn arrivals(scene: &Scene, shader: &Shader, x: u32, y: u32, mut decide: impl FnMut(Fragment) -> Decision) -> Vec<Arrival> {
+fn arrivals(
+    scene: &Scene,
+    shader: &Shader,
+    turn_normals: bool,
+    x: u32,
+    y: u32,
+    mut decide: impl FnMut(Fragment) -> Decision,
+) -> Vec<Arrival> {
     let view = scene.view();
     let footprints = (0..scene.splats.len()).filter_map(|index| footprint::set_up(scene, &view, index, scene.least_weight()).ok());
     let mut touching: Vec<Footprint> =
         footprints.filter(|footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y)).collect();
+    if turn_normals {
+        touching.iter_mut().for_each(Footprint::turn_normal);
+    }
     put_in_order(scene, shader, &mut touching);
     let arrivals = touching.iter().filter_map(|footprint| {
         let contribution = footprint.row(y).at(x)?;

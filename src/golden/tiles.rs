@@ -41,14 +41,18 @@ pub(crate) trait Painter {
     fn outcomes(&self) -> Outcomes;
 }
 
-/// Draws the scene but for weights below the least, each band of tiles with a painter of its own.
+/// Draws the scene but for weights below the least, with normals turned or as they are, each band of tiles with a painter of its own.
 pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     scene: &Scene,
     shader: &Shader,
+    turn_normals: bool,
     least_weight: f64,
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
     let (mut footprints, culled) = set_up(scene, least_weight);
+    if turn_normals {
+        footprints.iter_mut().for_each(Footprint::turn_normal);
+    }
     put_in_order(scene, shader, &mut footprints);
     Rendering { culled, ..fill(&scene.image, &footprints, shader.background(), painter) }
 }

@@ -51,6 +51,7 @@ pub fn rules(machine: &Machine) -> golden::Rules {
             machine::Merge::Replace => golden::Merge::Replace,
         },
         evict_hidden: fragment.evict_hidden,
+        turn_normals: fragment.turn_normals,
         opaque: f64::from(fragment.opaque_permille) / 1000.0,
         fragment_depth: match fragment.fragment_depth {
             machine::FragmentDepth::First => golden::FragmentDepth::First,

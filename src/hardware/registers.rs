@@ -189,6 +189,7 @@ impl Registers<'_> {
             radius: of("splat.radius", exact.radius * scale.factor(), words.radius, held.radius),
             rgb: [0, 1, 2].map(|channel| of("splat.rgb", exact.rgb[channel], words.rgb, held.rgb[channel])),
             opacity: of("splat.opacity", exact.opacity, words.opacity, held.opacity),
+            turned: None,
         }
     }
 

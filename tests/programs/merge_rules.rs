@@ -19,7 +19,7 @@ const RULES: [(Merge, bool); 3] = [(Merge::NearestPair, false), (Merge::Farthest
 
 /// dB against `ideal`, and merges in thousands, cut.
 fn cell(scene: &Scene, ideal: &Rendering, layers: usize, (merge, evict_hidden): (Merge, bool)) -> String {
-    let rules = Rules { layers, merge, evict_hidden, opaque: 0.999, fragment_depth: FragmentDepth::First };
+    let rules = Rules { layers, merge, evict_hidden, turn_normals: true, opaque: 0.999, fragment_depth: FragmentDepth::First };
     let golden = render(scene, &rules);
     let db = metrics(&golden.picture, &ideal.picture).psnr_db;
     format!("{} ({})", db.map_or("equal".into(), |db| format!("{db:.1}")), golden.outcomes.merged / 1000)

@@ -284,6 +284,9 @@ pub struct Fragment {
     pub evict_hidden: bool,
     /// Which depth a fragment has.
     pub fragment_depth: FragmentDepth,
+    /// Setup turns each splat's normal towards the viewer, so that those of a sheet's two sides do not cancel in the sum.
+    #[serde(default = "turned")]
+    pub turn_normals: bool,
     /// The limit from which a fragment counts as opaque, in thousandths of full opacity.
     pub opaque_permille: u32,
     /// The opacity limit as a register.
@@ -303,6 +306,11 @@ pub struct Fragment {
     /// Words for grouping by sheets; left out, the machine groups by depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheets: Option<Sheets>,
+}
+
+/// Of machines described before there was a choice, too.
+fn turned() -> bool {
+    true
 }
 
 /// Formats of the unit `fragment` for sheets.

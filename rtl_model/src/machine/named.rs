@@ -113,6 +113,7 @@ fn reference() -> Machine {
             layers: 3,
             merge: Merge::FarthestPair,
             evict_hidden: true,
+            turn_normals: true,
             fragment_depth: FragmentDepth::First,
             opaque_permille: 999,
             opaque: unsigned(1, 12),

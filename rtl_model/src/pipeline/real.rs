@@ -1,5 +1,6 @@
 //! Pipeline over the reals: one splat, and one of its contributions, through the units' bounds.
 
+use crate::frame::Frame;
 use crate::functions::table::real::Power;
 use crate::num::two;
 use crate::pipeline::Elaborated;
@@ -90,6 +91,11 @@ impl Elaborated {
         };
         let set_up = ellipsoid.and_then(|ellipsoid| self.ellipse.real_ellipsoid(view, ellipsoid, &input));
         (point, set_up.unwrap_or_else(|| self.ellipse.real(view, &input)))
+    }
+
+    /// Whether the machine turns the normal of a frame's splat towards the viewer.
+    pub fn turns_normal(&self, frame: &Frame, splat: usize) -> bool {
+        self.ellipse.turns(&frame.view, frame.splats[splat].normal)
     }
 
     /// A contribution's weight.

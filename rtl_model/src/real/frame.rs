@@ -15,6 +15,8 @@ pub struct Splat<R> {
     pub rgb: [R; 3],
     /// α.
     pub opacity: R,
+    /// Whether the machine turns the normal towards the viewer, where its decisions are followed; else each side decides by itself.
+    pub turned: Option<bool>,
 }
 
 /// The viewing registers, in machine units and pixels.

@@ -4,8 +4,9 @@
 //! ```text
 //! radius ─►(× s)─►(× 1/t_z)─► size k' = k/2^e ──► k'² ─┬────────────────────────►(×)─► variance V' ─┬─► extent ─► box
 //! normal ─►[ W·n ]─┬─► tilt g ─►[ 1+a² … − ggᵀ ]─► shape ┘             low_pass v/4^e ──(+)─┘       │
-//!                  └─► facing c_n ─► area k'²·c_n ─► determinant ─►[ 1/√ ]─┬─► inverse ─►(×)────────┴─► conic
-//!                        └─►[ 1/|c_n| ]─► depth_slope                      └─► visibility ─► amplitude
+//!                  ├─► facing c_n ─► area k'²·c_n ─► determinant ─►[ 1/√ ]─┬─► inverse ─►(×)────────┴─► conic
+//!                  │     └─►[ 1/|c_n| ]─► depth_slope                      └─► visibility ─► amplitude
+//!                  └─►[ −n where n_z > 0 ]─► normal of the fragments
 //! ```
 //! Each splat picks a power of two 2^e near its own radius in pixels and works relative to it, so that footprints of a
 //! tenth of a pixel and of a thousand pixels keep the same relative precision in the same words.
@@ -86,6 +87,7 @@ pub fn latency(machine: &Machine) -> u32 {
 #[derive(Clone, Debug)]
 pub struct Ellipse {
     normal: Fit,
+    turns_normals: bool,
     fragment_normal: Fit,
     tilt: Fit,
     facing: Fit,
@@ -295,7 +297,14 @@ impl Ellipse {
         });
         let deep = e.times(UNIT, machine.splat.radius, m.root_cutoff);
         let depth_range = e.fit(UNIT, "depth_range", m.depth_range, deep);
-        let fragment_normal = e.copies(3, |e| e.fit(unit::FRAGMENT, "normal", machine.fragment.normal, m.normal.into()));
+        let turns_normals = machine.fragment.turn_normals;
+        let mut seen_normal = Exact::from(m.normal);
+        if turns_normals {
+            // The least word has no opposite among the words.
+            seen_normal.int_bits += 1;
+            e.copies(3, |e| e.limit(UNIT, m.normal.format.width() + 1));
+        }
+        let fragment_normal = e.copies(3, |e| e.fit(unit::FRAGMENT, "normal", machine.fragment.normal, seen_normal));
 
         let ellipsoids = Ellipsoids::new(e, machine);
         let f = |word: Word| word.format.frac_bits;
@@ -313,6 +322,7 @@ impl Ellipse {
             ellipsoids,
             inverse_two_pi: Fit::new(0, m.inverse_two_pi, Exact { int_bits: 0, frac_bits: 62 }).one(INVERSE_TWO_PI_Q62),
             normal,
+            turns_normals,
             fragment_normal,
             tilt,
             facing,
@@ -389,7 +399,7 @@ impl Ellipse {
         let cutoff = W::splat(view.cutoff);
         let footprint = self.footprint(cutoff, view, size_px, input.pixel, sized, (shape, [facing]), shown, tap);
         Output {
-            normal: three!(axis => tap.fit_words(&self.fragment_normal, normal[axis].exact())),
+            normal: self.seen_normal(normal, tap),
             conic: footprint.conic,
             amplitude: footprint.amplitude,
             columns: footprint.columns,
@@ -441,6 +451,23 @@ impl Ellipse {
     #[inline(always)]
     fn camera_normal<W: Words, P: Probe>(&self, view: &View, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
         three!(row => tap.fit_words(&self.normal, W::dot(view.rotation[row], normal)))
+    }
+
+    /// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's two sides do not cancel.
+    #[inline(always)]
+    fn seen_normal<W: Words, P: Probe>(&self, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
+        let mut seen = normal;
+        if self.turns_normals {
+            let away = normal[2].above(W::splat(0));
+            seen = three!(axis => (-normal[axis]).where_else(away, normal[axis]));
+        }
+        three!(axis => tap.fit_words(&self.fragment_normal, seen[axis].exact()))
+    }
+
+    /// Whether the normal of a splat is turned on its way to the fragments.
+    pub fn turns(&self, view: &View, normal: [i32; 3]) -> bool {
+        let z: i64 = view.rotation[2].iter().zip(normal).map(|(row, part)| row * i64::from(part)).sum();
+        self.turns_normals && self.normal.one(z) > 0
     }
 
     /// g and c_n.

@@ -90,12 +90,13 @@ impl Lockstep {
 
     /// Where decisions flipped: a colour for each kind, on what `led` shows in grey.
     pub fn flip_picture(&self) -> Picture {
-        let colours = [[1.0, 1.0, 1.0], [0.0, 0.45, 1.0], [1.0, 0.1, 0.0], [1.0, 0.75, 0.0], [0.9, 0.1, 0.9], [0.0, 0.8, 0.2]];
+        const COLOURS: [[f64; 3]; KINDS.len()] =
+            [[1.0, 1.0, 1.0], [0.0, 0.45, 1.0], [1.0, 0.1, 0.0], [1.0, 0.75, 0.0], [0.9, 0.1, 0.9], [0.0, 0.8, 0.2], [0.4, 0.9, 0.9]];
         let pixel = |(rgba, kinds): (&[f64; 4], &u8)| {
             // The rarest kind of a pixel wins.
             let kind = (0..KINDS.len()).rev().find(|kind| kinds >> kind & 1 == 1);
             let grey = 0.15 * (0.2 * rgba[0] + 0.7 * rgba[1] + 0.1 * rgba[2]).clamp(0.0, 1.0);
-            let [r, g, b] = kind.map_or([grey; 3], |kind| colours[kind]);
+            let [r, g, b] = kind.map_or([grey; 3], |kind| COLOURS[kind]);
             [r, g, b, 1.0]
         };
         Picture { rgba: self.led.rgba.iter().zip(&self.flipped).map(pixel).collect(), ..self.led.clone() }

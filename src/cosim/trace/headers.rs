@@ -69,6 +69,7 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         ("FRAGMENT_LAYERS", f.layers.into()),
         ("FRAGMENT_MERGE", f.merge as i64),
         ("FRAGMENT_EVICT_HIDDEN", f.evict_hidden.into()),
+        ("FRAGMENT_TURN_NORMALS", f.turn_normals.into()),
         ("FRAGMENT_NEAREST_DEPTH", (f.fragment_depth == rtl_model::machine::FragmentDepth::Nearest).into()),
         ("FRAGMENT_OPAQUE_LIMIT", f.opaque.format.one() * i64::from(f.opaque_permille) / 1000),
         ("FRAGMENT_OPAQUE_SHADED", machine.fragment.opaque_shaded()),

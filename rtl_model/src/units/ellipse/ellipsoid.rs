@@ -254,7 +254,7 @@ impl Ellipse {
             ([zero; 2], zero)
         };
         Some(Output {
-            normal: three!(axis => tap.fit_words(&self.fragment_normal, normal[axis].exact())),
+            normal: self.seen_normal(normal, tap),
             conic: footprint.conic,
             amplitude: footprint.amplitude,
             columns: footprint.columns,

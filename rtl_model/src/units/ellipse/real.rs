@@ -29,6 +29,8 @@ pub struct Input<R> {
 pub struct Output<R> {
     /// Camera-space normal.
     pub normal: [R; 3],
+    /// n_z, by which a normal is turned.
+    pub facing_viewer: R,
     /// c_n.
     pub facing: R,
     /// det V, pixel⁴; the machine draws nothing where it has none left.
@@ -71,7 +73,8 @@ impl Ellipse {
         };
         let footprint = self.real_footprint(view, view.cutoff, sized, (shape, [facing]), amplitude);
         Output {
-            normal: three!(axis => normal[axis].fit(&self.fragment_normal, Scale::ONE)),
+            normal: self.real_seen_normal(normal, input.splat.turned),
+            facing_viewer: normal[2],
             facing,
             determinant: footprint.determinant,
             conic: footprint.conic,
@@ -88,6 +91,17 @@ impl Ellipse {
             let [a, b, c] = view.rotation[row];
             (a * x + b * y + c * z).fit(&self.normal, Scale::ONE)
         })
+    }
+
+    /// The normal that fragments sum.
+    pub(super) fn real_seen_normal<R: Real>(&self, normal: [R; 3], turned: Option<bool>) -> [R; 3] {
+        let (as_it_is, back) = (|| normal, || normal.map(R::neg));
+        let seen = match (self.turns_normals, turned) {
+            (false, _) | (true, Some(false)) => as_it_is(),
+            (true, Some(true)) => back(),
+            (true, None) => normal[2].beside(0.0).branch(normal[2], as_it_is, back),
+        };
+        seen.map(|part| part.fit(&self.fragment_normal, Scale::ONE))
     }
 
     /// g and c_n.

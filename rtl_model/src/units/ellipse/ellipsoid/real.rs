@@ -69,7 +69,8 @@ impl Ellipse {
         let zero = R::constant(0.0);
         let facing = turned[2].1;
         Some(Output {
-            normal: three!(axis => normal[axis].fit(&self.fragment_normal, Scale::ONE)),
+            normal: self.real_seen_normal(normal, input.splat.turned),
+            facing_viewer: normal[2],
             facing: if flattened { facing } else { R::constant(1.0) },
             determinant: footprint.determinant,
             conic: footprint.conic,
