@@ -11,7 +11,7 @@
 use crate::elaboration::latency::{PRODUCT, SUM, TABLE};
 use crate::elaboration::{Elaboration, Operator};
 use crate::machine::{Interpolation, TableShape};
-use crate::num::{Exact, Fit, Format, Lanes, Word};
+use crate::num::{Exact, Exacts, Fit, Format, Lanes, Word, Words};
 
 /// An elaborated table.
 #[derive(Clone, Debug)]
@@ -21,6 +21,8 @@ pub struct Table {
     fraction_bits: u32,
     /// At each address the value, and the step to the next one, 0 where nearest.
     words: Vec<[i64; 2]>,
+    /// The same words, of at most 32 bits, and the same steps.
+    short: [Vec<i32>; 2],
 }
 
 impl Table {
@@ -34,11 +36,13 @@ impl Table {
             Interpolation::Nearest => 0,
             Interpolation::Linear => words[i + 1] - words[i],
         };
+        let words: Vec<[i64; 2]> = (0..steps).map(|i| [words[i], delta(i)]).collect();
         Table {
             fit,
             interpolation,
             fraction_bits: Table::fraction_bits(index_bits, argument_bits),
-            words: (0..steps).map(|i| [words[i], delta(i)]).collect(),
+            short: [0, 1].map(|part| words.iter().map(|pair| pair[part] as i32).collect()),
+            words,
         }
     }
 
@@ -63,6 +67,15 @@ impl Table {
         let fraction = argument - address.left(self.fraction_bits);
         let [value, delta] = address.look_up_pairs(&self.words);
         value.left(self.fraction_bits) + delta * fraction
+    }
+
+    /// [`Table::exact`] of eight arguments, none of them negative, in words of at most 32 bits.
+    #[inline(always)]
+    pub fn exact_words<W: Words>(&self, argument: W) -> W::Exact {
+        let address = argument.right(self.fraction_bits);
+        let fraction = argument - address.left(self.fraction_bits);
+        let [value, delta] = [address.look_up(&self.short[0]), address.look_up(&self.short[1])];
+        value.exact().left(self.fraction_bits) + delta * fraction
     }
 
     /// Interpolation between two words.

@@ -18,6 +18,8 @@ pub trait Kernel {
 
 /// Host on which work is run.
 pub trait Host: Copy + Send + Sync {
+    /// Whether eight lanes take less than eight times one.
+    const VECTORISED: bool;
     /// Runs it.
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 }
@@ -37,6 +39,8 @@ impl Vectorised {
 }
 
 impl Host for Vectorised {
+    const VECTORISED: bool = true;
+
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the features were detected when this was made.
@@ -51,6 +55,8 @@ impl Host for Vectorised {
 pub struct Plainly;
 
 impl Host for Plainly {
+    const VECTORISED: bool = false;
+
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
         plainly(kernel)
     }

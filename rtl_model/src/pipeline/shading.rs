@@ -45,7 +45,7 @@ fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::LightRegisters, sl
 }
 
 /// A fragment as shade is given it.
-fn input_of(slot: &Slot) -> shade::Input {
+pub(super) fn input_of(slot: &Slot) -> shade::Input {
     let s: &[i64; SUMS] = &slot.sums;
     shade::Input {
         weight: s[WEIGHT],
@@ -65,6 +65,11 @@ pub(super) fn lit_layer<P: Probe>(
 ) -> Layer {
     let Premultiplied { colour, opacity } =
         if fragment.shaded { machine.fragment.shaded(fragment, tap) } else { shade_slot(machine, lights, fragment, tap) };
+    layer_of(slot, fragment, &shade::Output { colour, opacity })
+}
+
+/// A fragment as resolve is given it, with its light.
+pub(super) fn layer_of(slot: usize, fragment: &Slot, light: &shade::Output) -> Layer {
     let weight = if fragment.shaded { 0 } else { fragment.sums[WEIGHT] };
-    Layer { slot, depth: fragment.depth, weight, merged: fragment.shaded, colour, opacity }
+    Layer { slot, depth: fragment.depth, weight, merged: fragment.shaded, colour: light.colour, opacity: light.opacity }
 }

@@ -298,6 +298,7 @@ impl Shade {
     }
 }
 
+mod lanes;
 pub mod real;
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
 //! Shade: laws of the light that leaves a surface.
 
 use super::*;
-use crate::num::Word;
-use crate::probe::NoProbe;
+use crate::kernels::host::{Kernel, plainly, vectorised};
+use crate::num::{LANES, Lanes, Rounding, Word};
+use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
 
 const UNLIT: u32 = 0;
@@ -22,7 +23,10 @@ struct Bench {
 }
 
 fn bench(name: &str) -> Bench {
-    let machine = Machine::named(name).unwrap();
+    bench_of(Machine::named(name).unwrap())
+}
+
+fn bench_of(machine: Machine) -> Bench {
     let shade = machine.elaborate().unwrap().shade;
     let m = &machine.shade;
     let towards = |x: f64, z: f64| [quantised(m.light, x), 0, quantised(m.light, z)];
@@ -45,14 +49,17 @@ fn bench(name: &str) -> Bench {
 }
 
 impl Bench {
-    fn one(&self, input: &Input) -> Output {
-        let registers = LightRegisters {
+    fn registers(&self) -> LightRegisters<'_> {
+        LightRegisters {
             lighting: &self.lighting,
             highlights: &self.highlights,
             coverage_threshold: quantised(self.machine.fragment.weight_sum, 0.4),
             inverse_threshold: Scaled { mantissa: quantised(self.machine.shade.inverse_threshold, 0.625), places: -2 },
-        };
-        self.shade.one(&registers, input, &mut Tap::new(&mut NoProbe))
+        }
+    }
+
+    fn one(&self, input: &Input) -> Output {
+        self.shade.one(&self.registers(), input, &mut Tap::new(&mut NoProbe))
     }
 
     /// Sums of a fragment of weight W, as a clean accumulation would leave them.
@@ -175,5 +182,117 @@ fn no_weight_is_no_light() {
         let bench = bench(name);
         let input = Input { weight: 0, ..bench.input(1.0, [1.0; 3], 1.0, [0.0, 0.0, -1.0], LIT) };
         assert_eq!(bench.one(&input), Output::default());
+    }
+}
+
+/// Eight fragments on lanes, the first few of them looked at.
+struct Eight<'a, P> {
+    bench: &'a Bench,
+    inputs: &'a [Input; LANES],
+    live: u8,
+    probe: &'a mut P,
+}
+
+impl<P: Probe> Kernel for Eight<'_, P> {
+    type Output = [Output; LANES];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> [Output; LANES] {
+        let tap = &mut Tap::new(self.probe);
+        tap.live = self.live;
+        self.bench.shade.lanes::<L::Words, P>(&self.bench.registers(), self.inputs[0].material, self.inputs, tap)
+    }
+}
+
+/// A named machine, some of its words rounded otherwise, coarser, or as narrow as they can be.
+fn oddly_worded() -> impl Strategy<Value = Machine> {
+    (names(), 0..6usize, 0..14usize).prop_map(|(name, change, which)| {
+        let mut machine = Machine::named(name).unwrap();
+        let m = &mut machine.shade;
+        let words = [
+            &mut m.share,
+            &mut m.normal_share,
+            &mut m.rgb,
+            &mut m.opacity,
+            &mut m.normal,
+            &mut m.light,
+            &mut m.cosine,
+            &mut m.highlight,
+            &mut m.reflectance,
+            &mut m.irradiance,
+            &mut m.colour,
+            &mut m.inverse_threshold,
+            &mut m.coverage,
+            &mut m.premultiplied,
+        ];
+        let word = words.into_iter().nth(which).unwrap();
+        match change {
+            0 => *word = word.rounded(Rounding::NearestEven),
+            1 => *word = word.rounded(Rounding::Truncate),
+            2 => word.format.frac_bits = 2,
+            3 => word.format.frac_bits = 0,
+            _ => {}
+        }
+        machine
+    })
+}
+
+/// Sums of all sizes: of nothing, of a last place, as clean accumulations leave them, and any words at all.
+fn sums(machine: &Machine) -> impl Strategy<Value = Input> + use<> {
+    let f = machine.fragment;
+    let clean = (0.0..4.0f64, unit_vector(), prop::array::uniform4(0.0..1.0f64), 0..6u32);
+    (clean, any::<[u32; 8]>()).prop_map(move |((weight, normal, [r, g, b, opacity], kind), any)| {
+        let words = [f.weight_sum, f.colour_sum, f.colour_sum, f.colour_sum, f.opacity_sum, f.normal_sum, f.normal_sum, f.normal_sum];
+        let of: [i64; 8] = match kind {
+            0 => [0; 8],
+            1 => std::array::from_fn(|i| i64::from(any[i] % 3)),
+            2 => std::array::from_fn(|i| {
+                let format = words[i].format;
+                format.min() + i64::from(any[i]) % (format.max() - format.min() + 1)
+            }),
+            _ => {
+                let [x, y, z] = if kind == 3 { [0.0; 3] } else { normal };
+                let values = [1.0, r, g, b, opacity, x, y, z];
+                std::array::from_fn(|i| quantised(words[i], values[i] * weight))
+            }
+        };
+        Input { weight: of[0], colour: [of[1], of[2], of[3]], opacity: of[4], normal: [of[5], of[6], of[7]], material: 0 }
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    /// What comes out, and what ranges see of it, on vectors and without.
+    #[test]
+    fn eight_fragments_are_shaded_as_each_alone(
+        (machine, inputs, material, count) in oddly_worded().prop_flat_map(|machine| {
+            let inputs = prop::array::uniform8(sums(&machine));
+            (Just(machine), inputs, 0..2u32, 1..=LANES)
+        })
+    ) {
+        let Ok(elaborated) = machine.elaborate() else { return Ok(()) };
+        let narrow = elaborated.fragment.is_narrow();
+        prop_assert!(narrow || machine.name != "reference");
+        let bench = bench_of(machine);
+        let inputs = inputs.map(|input| Input { material, ..input });
+        let mut ranges = Ranges::new(elaborated.signals.len());
+        let alone: Vec<Output> =
+            inputs[..count].iter().map(|input| bench.shade.one(&bench.registers(), input, &mut Tap::new(&mut ranges))).collect();
+        let live = (0xff_u32 >> (LANES - count)) as u8;
+        let mut seen = [(); 2].map(|()| Ranges::new(elaborated.signals.len()));
+        let [first, second] = &mut seen;
+        let forms = [
+            vectorised(Eight { bench: &bench, inputs: &inputs, live, probe: &mut NoProbe }),
+            plainly(Eight { bench: &bench, inputs: &inputs, live, probe: &mut NoProbe }),
+            vectorised(Eight { bench: &bench, inputs: &inputs, live, probe: first }),
+            plainly(Eight { bench: &bench, inputs: &inputs, live, probe: second }),
+        ];
+        for (form, outputs) in forms.iter().enumerate() {
+            prop_assert_eq!(&outputs[..count], &alone[..], "form {}", form);
+        }
+        for seen in &seen {
+            prop_assert_eq!(seen, &ranges);
+        }
     }
 }
