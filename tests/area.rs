@@ -1,6 +1,8 @@
 //! Does the cost model say what synthesis makes of the units? The book, Cost, has the fit; its LUTs are Yosys', all else is computed anew.
 
 use crate::cosimulation::{have, run};
+use crate::program::PROGRAM;
+use crate::share;
 use splatsim::hardware::{fixed, machines};
 use splatsim::performance::cost::{Cost, DEFAULT};
 use std::process::Command;
@@ -60,13 +62,14 @@ fn small_units_take_what_the_model_says() {
         return;
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/area.sh");
-    let given = [script, "--splatsim", env!("CARGO_BIN_EXE_splatsim"), "--seconds", "600", "--without-dsps"];
-    let output = run(Command::new("sh").args(given).args(["--units", "raster,gauss,resolve", "tiny"]));
+    let given = [script, "--splatsim", PROGRAM.as_str(), "--seconds", "600", "--without-dsps"];
+    let units: Vec<&str> = share::mine(["raster", "gauss", "resolve"]).collect();
+    let output = run(Command::new("sh").args(given).args(["--units", &units.join(","), "tiny"]));
     let printed = String::from_utf8(output.stdout).unwrap();
     let (rows, _) = read(&printed);
     let (_, [_, least, most]) = fit();
     println!("{printed}");
-    assert_eq!(rows.len(), 3);
+    assert_eq!(rows.len(), units.len());
     // As it is printed: to a hundredth.
     let holds = |row: &Row| (least - 0.005..=most + 0.005).contains(&(row.luts / row.model));
     assert!(rows.iter().all(holds), "{least} to {most}, but\n{printed}");

@@ -1,6 +1,7 @@
 //! Does the error bound hold? The machine with `golden` in lockstep, on built-in scenes, real scans and machines that nobody would build.
 
 use crate::mutation::{differences, mutated, mutations, named};
+use crate::share;
 use crate::shared_input;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -40,17 +41,19 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
 
 #[test]
 fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
-    for name in [
+    let scans = [
         "scans/bun_zipper.ply",
         "scans/pond.0.ply",
         "scans/igea.ply",
         "scans/vol_total_rgb.ply",
         "scans/park_points_rgb.ply",
         "scenes/dragon.json",
-    ] {
+    ];
+    for (nth, name) in scans.into_iter().enumerate() {
         let Some(path) = shared_input::find(name) else { continue };
         let scene = scene(path.to_str().unwrap(), (192, 160));
-        for machine in Machine::NAMES {
+        // Each scan in every run of CI, on each machine in one of three.
+        for (_, machine) in Machine::NAMES.into_iter().enumerate().filter(|(number, _)| share::is_mine(nth + number)) {
             assert_eq!(fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())), None, "{name} on {machine}");
         }
     }
@@ -92,8 +95,10 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
         let Ok(elaborated) = machine.elaborate() else { continue };
         let scene = &scenes[asked % 2];
         let Ok(quantised) = quantise::quantise(scene, &machine) else { continue };
-        let frame = lockstep(scene, &elaborated, &quantised);
-        assert_eq!(fault(&frame), None, "{} {:?}", machine.name, differences(&machine));
         drawn += 1;
+        if share::is_mine(drawn) {
+            let frame = lockstep(scene, &elaborated, &quantised);
+            assert_eq!(fault(&frame), None, "{} {:?}", machine.name, differences(&machine));
+        }
     }
 }

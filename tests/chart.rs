@@ -1,5 +1,6 @@
 //! Do charts show what the rows of a folder say, all of it and nothing else?
 
+use crate::program::PROGRAM;
 use assert_cmd::Command;
 use serde_json::{Value, json};
 use std::fs;
@@ -7,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_splatsim")).args(arguments).output().unwrap()
+    Command::new(PROGRAM.as_str()).args(arguments).output().unwrap()
 }
 
 fn ok(output: &Output) -> String {

@@ -1,6 +1,7 @@
 //! Does the binary do what docs/book/getting-started.md promises: its files, its report, its words, its exit status, and a quick end to bad
 //! input?
 
+use crate::program::PROGRAM;
 use crate::shared_input;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -9,13 +10,11 @@ use std::time::Duration;
 use assert_cmd::Command;
 use serde_json::{Value, json};
 
-const BINARY: &str = env!("CARGO_BIN_EXE_splatsim");
-
 /// Machine and size of runs whose picture does not matter.
 const SMALL: [&str; 4] = ["--size", "48x40", "--machine", "tiny"];
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(BINARY).args(arguments).timeout(Duration::from_secs(120)).output().unwrap()
+    Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(120)).output().unwrap()
 }
 
 /// What a run that succeeds prints; nothing goes to standard error.
@@ -263,7 +262,7 @@ fn all_but_the_hosts_figures_is_the_same_at_one_thread_and_at_two() {
 #[test]
 fn quiet_is_quiet_and_without_a_folder_nothing_is_written() {
     let here = folder();
-    let run = |more: &[&str]| Command::new(BINARY).current_dir(here.path()).arg("run").args(SMALL).args(more).output().unwrap();
+    let run = |more: &[&str]| Command::new(PROGRAM.as_str()).current_dir(here.path()).arg("run").args(SMALL).args(more).output().unwrap();
     assert_eq!(run(&["--quiet"]).stdout, b"");
     assert!(String::from_utf8(run(&[]).stdout).unwrap().contains("no pictures written: --out DIR writes them"));
     assert!(names_in(here.path()).is_empty());
@@ -702,7 +701,7 @@ const SECONDS: u32 = 10;
 fn run_capped(file: &Path, out: &Path) -> Output {
     let script = format!("ulimit -v {ADDRESSES_KIB}; ulimit -t {SECONDS}; exec \"$@\"");
     let mut command = Command::new("sh");
-    command.args(["-c", &script, "sh", BINARY, "run"]).arg(file).args(["--size", "64x64", "--threads", "2", "--out"]).arg(out);
+    command.args(["-c", &script, "sh", PROGRAM.as_str(), "run"]).arg(file).args(["--size", "64x64", "--threads", "2", "--out"]).arg(out);
     command.timeout(Duration::from_secs(120)).output().unwrap()
 }
 

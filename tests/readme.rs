@@ -3,6 +3,7 @@
 //! Where a figure has changed for a good reason, the failure prints the lines that the page should have. A command runs once, however
 //! many pages have it.
 
+use crate::program;
 use crate::{book, reference, share, shared_input};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -72,7 +73,7 @@ static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
 });
 
 fn splatsim(folder: &Path, arguments: &str) -> Printed {
-    let mut command = assert_cmd::Command::new(env!("CARGO_BIN_EXE_splatsim"));
+    let mut command = assert_cmd::Command::new(program::PROGRAM.as_str());
     let output = command.args(arguments.split(' ')).current_dir(folder).output().unwrap();
     match output.status.code() {
         Some(0) => Ok(String::from_utf8(output.stdout).unwrap()),

@@ -1,5 +1,6 @@
 //! Faults of inputs that were found by fuzzing and by use: each is refused in one sentence, with status 2, and leaves nothing behind.
 
+use crate::program::PROGRAM;
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::process::Output;
@@ -13,14 +14,12 @@ use splatsim::output::files::Folder;
 use splatsim::performance::recording::Recording;
 use splatsim::scene::{Overrides, Scene};
 
-const BINARY: &str = env!("CARGO_BIN_EXE_splatsim");
-
 /// One disc in the middle of a small picture.
 const DISC: &str = r#"{"splats": [{"position": [0, 0, 0], "normal": [0, 0, 1], "radius": 0.5}],
     "camera": {"eye": [0, 0, 4], "target": [0, 0, 0]}, "image": {"width": 16, "height": 12}, "surface": {"z_threshold": 0.5}}"#;
 
 fn splatsim(arguments: &[impl AsRef<OsStr>]) -> Output {
-    Command::new(BINARY).args(arguments).timeout(Duration::from_secs(300)).output().unwrap()
+    Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(300)).output().unwrap()
 }
 
 /// The one sentence of a refusal.
@@ -189,7 +188,7 @@ fn a_writer_that_was_killed_keeps_nobody_out() {
     let folder = folder();
     let (out, scene) = (folder.path().join("out"), write(&folder, "disc.json", DISC));
     let long = ["run", "--attribute", "--quiet", "--out", out.to_str().unwrap()];
-    let mut first = std::process::Command::new(BINARY).args(long).spawn().unwrap();
+    let mut first = std::process::Command::new(PROGRAM.as_str()).args(long).spawn().unwrap();
     for _ in 0..3000 {
         if !out.exists() {
             std::thread::sleep(Duration::from_millis(20));

@@ -278,7 +278,7 @@ fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
-    for (number, (text, machine)) in media(12, 16).into_iter().enumerate() {
+    for (number, (text, machine)) in share::mine(media(12, 16).into_iter().enumerate()) {
         let trace = traced(&text, &machine, &Window::default());
         let made_up = traced(&text, &machine, &Window { stimulus: Some(100), ..Window::default() });
         let given: Vec<usize> = twins(&trace)
@@ -452,7 +452,7 @@ fn the_wired_datapaths_draw_small_frames_however_they_are_stalled() {
         return;
     }
     let (_, tiny) = machines().swap_remove(0);
-    let scenes: Vec<(String, Machine)> = [(cloud(60, 16), tiny)].into_iter().chain(media(12, 16)).collect();
+    let scenes: Vec<(String, Machine)> = share::mine([(cloud(60, 16), tiny)].into_iter().chain(media(12, 16))).collect();
     scenes.par_iter().for_each(|(text, machine)| {
         let trace = traced(text, machine, &Window::default());
         let cycles = draw(Simulator::Icarus, &trace, 16, &OF_ALL);
@@ -1096,11 +1096,12 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
     }
     assert!(merges.iter().all(|merges| *merges > 0), "of none, one and two to be shaded: {merges:?}");
     // Sheets in either order, with a hazard of 1 and longer blends, and splats that are blended at once.
-    media(12, 16)[..4].par_iter().enumerate().for_each(|(number, (text, machine))| {
+    let sheets: Vec<_> = share::mine(media(12, 16).into_iter().take(4).enumerate()).collect();
+    sheets.par_iter().for_each(|(number, (text, machine))| {
         for window in [&seen, &made_up] {
             let told = accepts_in_time(&traced(text, machine, window), unit("sheets"), 16, &[]);
             println!("sheets of scene {number}: {} waits, {:?} merges", told.waits, told.merges);
-            assert_eq!(told.merges[0] > 0, number < 3);
+            assert_eq!(told.merges[0] > 0, *number < 3);
         }
     });
 }

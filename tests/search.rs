@@ -1,5 +1,7 @@
 //! Does a search find a machine that is as narrow as can be, and holds on cameras that it never saw?
 
+use crate::program::PROGRAM;
+use crate::share;
 use assert_cmd::Command;
 use serde_json::{Value, json};
 use std::collections::HashSet;
@@ -9,7 +11,7 @@ use std::process::{Output, Stdio};
 use std::time::Duration;
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_splatsim")).args(arguments).output().unwrap()
+    Command::new(PROGRAM.as_str()).args(arguments).output().unwrap()
 }
 
 fn ok(output: &Output) -> String {
@@ -134,7 +136,7 @@ fn it_is_close_to_the_best_of_all() {
     let rows: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str::<Value>(line).unwrap()[1].clone()).collect();
     assert_eq!(rows.len(), 7 * 8 * 7 * 6);
     let (psnr, area) = (at("psnr_db"), at("area"));
-    for target in [30.0, 34.0, 37.0] {
+    for target in share::mine([30.0, 34.0, 37.0]) {
         let well = rows.iter().filter(|row| row[psnr].as_f64().is_some_and(|db| db >= target));
         let best = well.filter_map(|row| row[area].as_f64()).fold(f64::INFINITY, f64::min);
         let whole = rows.iter().filter_map(|row| row[area].as_f64()).fold(0.0, f64::max);
@@ -165,10 +167,10 @@ fn a_search_that_is_killed_goes_on() {
         all.map(str::to_owned)
     };
     let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
-    let run = |out: &Path| ok(&Command::new(env!("CARGO_BIN_EXE_splatsim")).args(arguments(out.to_str().unwrap())).output().unwrap());
+    let run = |out: &Path| ok(&Command::new(PROGRAM.as_str()).args(arguments(out.to_str().unwrap())).output().unwrap());
     run(&whole);
     for wait_ms in [30, 200, 90, 400, 260, 150] {
-        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_splatsim"))
+        let mut child = std::process::Command::new(PROGRAM.as_str())
             .args(arguments(killed.to_str().unwrap()))
             .stdout(Stdio::null())
             .stderr(Stdio::null())

@@ -2,6 +2,7 @@
 //! of them matter?
 
 use crate::mutation::{differences, mutated, mutations};
+use crate::share;
 use crate::shared_input;
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
@@ -177,7 +178,7 @@ fn real_data_is_drawn_well_and_within_bounds() {
     if let Some(path) = shared_input::find("splats3d/guitar_expanded.ply") {
         scenes.push(("guitar".into(), json!({"splats": {"file": path.canonicalize().unwrap()}})));
     }
-    for (name, scene) in scenes {
+    for (name, scene) in share::mine(scenes) {
         // A surface at its own size: where there are few pixels, one flip is much. A volume has twenty times the contributions.
         let is_surface = scene["splats"]["isovalue"].is_number();
         let scene = of_size(&scene, if is_surface { None } else { Some(SIZE) });

@@ -1,5 +1,7 @@
 //! Does the catalogue hold? Every case reaches the trouble that it names, and nothing that goes wrong there goes untold.
 
+use crate::program::PROGRAM;
+use crate::share;
 use std::any::Any;
 use std::sync::OnceLock;
 
@@ -330,7 +332,7 @@ fn a_hundred_thousand_contributions_meet_on_one_pixel() {
     let (scene, count) = worst("crowd");
     assert_eq!(golden::render(&scene, &golden::Rules::default()).outcomes.most_in_a_pixel, 100_000);
     assert_eq!(count, 1e5);
-    for machine in Machine::NAMES {
+    for machine in share::mine(Machine::NAMES) {
         let found = found("crowd", machine, 1e5);
         assert!(found.overflowed.contains(&"fragment.weight_sum".to_owned()) && found.saturated > 0, "{machine}: {:?}", found.overflowed);
     }
@@ -598,7 +600,7 @@ fn the_book_says_where_everything_fails() {
 // ---- The command ----
 
 fn splatsim(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_splatsim")).arg("stress").args(arguments).output().unwrap();
+    let output = Command::new(PROGRAM.as_str()).arg("stress").args(arguments).output().unwrap();
     let text = |bytes| String::from_utf8(bytes).unwrap();
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }

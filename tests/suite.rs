@@ -25,6 +25,7 @@ mod layering;
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;
 mod pinned;
+mod program;
 mod proofs;
 mod quantise_laws;
 mod ranges;

@@ -1,5 +1,6 @@
 //! Does a sweep say what single runs say, and nothing twice, however often it is killed?
 
+use crate::program::PROGRAM;
 use assert_cmd::Command;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -9,7 +10,7 @@ use std::process::{Output, Stdio};
 use std::time::Duration;
 
 fn splatsim() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_splatsim"))
+    Command::new(PROGRAM.as_str())
 }
 
 fn written(folder: &Path, plan: &Value) -> String {
@@ -186,7 +187,7 @@ fn a_sweep_that_is_killed_goes_on() {
     let mut wait_ms = 5;
     let mut kept = 0;
     for _ in 0..20 {
-        let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_splatsim"))
+        let mut child = std::process::Command::new(PROGRAM.as_str())
             .args(["sweep", &plan, "--out", killed.to_str().unwrap()])
             .stdout(Stdio::null())
             .stderr(Stdio::null())

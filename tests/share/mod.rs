@@ -12,6 +12,11 @@ pub fn parse(share: Option<&str>) -> [usize; 2] {
     [k, n]
 }
 
+/// Those of some items that are this run's.
+pub fn mine<T>(items: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
+    items.into_iter().enumerate().filter(|(number, _)| is_mine(*number)).map(|(_, item)| item)
+}
+
 /// Whether the item of this number is this run's.
 pub fn is_mine(number: usize) -> bool {
     let [k, n] = share();
