@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use crate::handmade::{Rng, confetti, scene, splat};
 use glam::{DMat3, DVec3};
-use splatsim::golden::{Decision, FragmentDepth, Merge, Rendering, Rules, ideal, render, story};
+use splatsim::golden::{Decision, FragmentDepth, Merge, Rendering, Rules, ideal, ideal_of, render, story};
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat};
 
 fn every_rule() -> Vec<Rules> {
@@ -345,7 +345,13 @@ fn normals_that_cancel_leave_ambient_light() {
     scene.surface.coverage_threshold = 0.01;
     scene.lights = vec![Light { direction: DVec3::NEG_Z, rgb: [1.0; 3] }];
     scene.materials = vec![material];
-    assert_eq!(ideal(&scene).picture.rgba[55], [0.5, 0.5, 0.5, 1.0]);
+    assert_eq!(ideal_of(&scene, false).picture.rgba[55], [0.5, 0.5, 0.5, 1.0]);
+    // Turned towards the viewer, both are one.
+    assert_eq!(ideal(&scene).picture.rgba[55], [1.0; 4]);
+    for turn_normals in [false, true] {
+        let golden = render(&scene, &Rules { turn_normals, ..Rules::default() });
+        assert_eq!(golden.picture, ideal_of(&scene, turn_normals).picture);
+    }
 }
 
 /// A light turns with the world, not with the camera.

@@ -329,10 +329,10 @@ fn percent(unit: &str) -> u32 {
     }
 }
 
-/// In a run of CI every unit has a tenth of the made-up records, and those whose turn it is have all.
+/// In a run of CI every unit has a fiftieth of the made-up records, and those whose turn it is have all.
 fn parts(unit: &str) -> u32 {
     let number = UNITS.iter().chain(&OF_ELLIPSOIDS).position(|other| other.name == unit).unwrap();
-    if share::is_mine(number) { 1 } else { 10 }
+    if share::is_mine(number) { 1 } else { 50 }
 }
 
 #[test]

@@ -314,6 +314,7 @@ package machine_pkg;
   localparam int FRAGMENT_LAYERS = 3;
   localparam int FRAGMENT_MERGE = 1;
   localparam int FRAGMENT_EVICT_HIDDEN = 1;
+  localparam int FRAGMENT_TURN_NORMALS = 1;
   localparam int FRAGMENT_NEAREST_DEPTH = 0;
   localparam int FRAGMENT_OPAQUE_LIMIT = 1022;
   localparam int FRAGMENT_OPAQUE_SHADED = 256;

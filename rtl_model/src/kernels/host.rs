@@ -2,7 +2,7 @@
 //!
 //! The only `unsafe` of the crate: vector instructions, after asking whether they are there. It buys speed alone
 //! (`cargo bench`), and is held to plain lanes and words, operation by operation and frame by frame, by
-//! `vector_lanes_equal_plain_lanes`, `vector_words_equal_plain_words` and `a_frame_without_vectors_is_the_same_frame`.
+//! `vector_lanes_equal_plain_lanes`, `vector_words_equal_plain_words` and `every_machine_that_elaborates_draws_every_frame`.
 #![allow(unsafe_code, reason = "see above; everywhere else it is denied")]
 
 use crate::num::lanes::Plain;

@@ -392,11 +392,12 @@ impl<P: Probe> Kernel for ShadeEight<'_, P> {
         // Mostly one material.
         while left != 0 {
             let material = all[left.trailing_zeros() as usize].material;
-            let same = (0..LANES).filter(|lane| all[*lane].material == material).fold(0, |same, lane| same | 1 << lane) & left;
+            let is_same = all.map(|input| input.material == material);
+            let same = (0..LANES).filter(|lane| is_same[*lane]).fold(0, |same, lane| same | 1 << lane) & left;
             let tap = &mut Tap::new(&mut *probe);
             tap.live = same;
             let shaded = shade.lanes::<V::Words, P>(lights, material, &all, tap);
-            (0..LANES).filter(|lane| same >> lane & 1 == 1).for_each(|lane| outputs[lane] = shaded[lane]);
+            (0..inputs.len()).filter(|lane| is_same[*lane]).for_each(|lane| outputs[lane] = shaded[lane]);
             left &= !same;
         }
         outputs

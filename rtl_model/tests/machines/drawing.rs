@@ -16,12 +16,14 @@ fn counted(machine: &Elaborated, frame: &Frame) -> Ranges {
     ranges
 }
 
-/// Draws watched, eight words at a time and one by one, and not; what was seen must lie in the signals' formats.
+/// Draws watched, eight words at a time and one by one, without vectors, and not; what was seen must lie in the signals' formats.
 fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
     let drawing = draw_unobserved(machine, frame);
     let (watched, ranges, _) = draw_measured(machine, frame);
     assert_eq!(watched, drawing, "watched and unwatched differ");
-    assert_eq!(ranges, counted(machine, frame));
+    let mut one_by_one = Ranges::new(machine.signals.len());
+    assert_eq!(draw(machine, frame, &mut one_by_one), drawing, "with vectors and without");
+    assert_eq!(ranges, one_by_one);
     for (range, signal) in ranges.0.iter().zip(&machine.signals).filter(|(range, _)| range.words > 0) {
         let format = signal.word.format;
         assert!(format.min() <= range.min && range.max <= format.max(), "{}.{} left {format}", signal.unit, signal.name);
