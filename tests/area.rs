@@ -43,7 +43,10 @@ fn the_fit_is_what_the_book_says() {
     let (rows, told) = fit();
     assert_eq!(rows.len(), 21);
     for row in &rows {
-        let machine = fixed::elaborate(&machines::load(&row.machine, &["timing.raster.lanes=[1,1]".to_owned()]).unwrap()).unwrap();
+        let machine = fixed::elaborate(
+            &machines::load(&row.machine, &["timing.raster.lanes=[1,1]", "fragment.turn_normals=false"].map(String::from)).unwrap(),
+        )
+        .unwrap();
         let cost = Cost::new(&machine, &DEFAULT);
         let unit = cost.units.iter().find(|unit| unit.name == row.unit).unwrap();
         let model = unit.area - unit.bits.register as f64 * DEFAULT.area.register;

@@ -327,6 +327,14 @@ fn the_offset_has_eight_bits_and_fewer() {
     );
 }
 
+/// Where setup leaves normals as they are, two that are almost opposite leave a direction of chance; turned, they are one.
+#[test]
+fn normals_that_cancel_are_trouble_only_where_they_are_not_turned() {
+    assert_eq!(report("cancel", "reference").arithmetic_fails_at, None);
+    let not_turned = report("cancel", "not turned");
+    assert!(not_turned.arithmetic_fails_at.is_some_and(|degrees| degrees <= 1.0), "{:?}", not_turned.arithmetic_fails_at);
+}
+
 #[test]
 fn a_hundred_thousand_contributions_meet_on_one_pixel() {
     let (scene, count) = worst("crowd");

@@ -349,14 +349,14 @@ const SURFACES: [Case; 28] = [
     },
     Case {
         name: "cancel",
-        trouble: "pairs of normals that cancel: the direction of almost nothing",
+        trouble: "pairs of normals that cancel where setup does not turn them: the direction of almost nothing",
         parameter: "short of opposite",
         unit: "degrees",
         values: &[90.0, 30.0, 10.0, 3.0, 1.0, 0.1, 0.01, 1e-3, 0.0],
         log: true,
-        telling: (1.0, "lean"),
+        telling: (0.1, "not turned"),
         scene: cancel,
-        variant: None,
+        variant: Some(Variant { name: "not turned", settings: |_| vec!["fragment.turn_normals=false".into()] }),
     },
     Case {
         name: "faint-merge",
