@@ -18,6 +18,8 @@ pub mod hardware;
 
 pub mod golden;
 
+pub mod sampling;
+
 pub mod scene;
 
 pub mod output;

@@ -21,6 +21,7 @@ mod golden_match;
 mod handmade;
 mod harmonics;
 mod layering;
+mod meshes;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;
@@ -37,6 +38,7 @@ mod recording;
 mod reference;
 mod regressions_inputs;
 mod regressions_promises;
+mod sampling;
 mod search;
 mod share;
 mod shared_input;

@@ -7,6 +7,7 @@ mod explain;
 mod machine;
 mod replay;
 mod run;
+mod sample;
 mod scene;
 mod search;
 mod shell;
@@ -64,6 +65,9 @@ enum Command {
     /// Show what a scene file may hold
     #[command(subcommand)]
     Scene(scene::Typed),
+    /// Make points of a mesh, as a cloud that scenes are read from
+    #[command(after_help = sample::HELP)]
+    Sample(sample::Typed),
     /// Print a script that completes commands and flags in a shell
     Completions(shell::Completions),
     /// Write man pages
@@ -84,6 +88,7 @@ impl Command {
             Command::Explain(typed) => typed.common.threads.run(|| typed.run()),
             Command::Machine(typed) => typed.run(),
             Command::Scene(typed) => typed.run(),
+            Command::Sample(typed) => typed.threads.run(|| typed.check()?.run()),
             Command::Completions(typed) => typed.run(Typed::command()),
             Command::Man(typed) => typed.run(Typed::command()),
         }

@@ -10,7 +10,7 @@ pub(super) const DISC_BYTES: u64 = 1_130;
 pub(super) const GAUSSIAN_BYTES: u64 = 1_660;
 
 /// Refuses more than is free, in the second half of a sentence.
-pub(super) fn check(count: u64, what: &str, bytes_each: u64) -> Result<(), String> {
+pub(crate) fn check(count: u64, what: &str, bytes_each: u64) -> Result<(), String> {
     free().map_or(Ok(()), |free| check_against(free, count, what, bytes_each))
 }
 

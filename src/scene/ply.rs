@@ -62,6 +62,47 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
     Ok(Cloud { splats, notes })
 }
 
+/// Vertices and triangles of a file, for [`super::mesh`].
+#[derive(Debug)]
+pub(super) struct Faced {
+    /// As those of a [`Cloud`], with whatever positions they have.
+    pub vertices: Vec<Splat>,
+    /// Texture coordinates of vertices, from the picture's upper left corner.
+    pub uv: Option<Vec<[f32; 2]>>,
+    pub has_normals: bool,
+    /// Indices of vertices, all in range.
+    pub triangles: Vec<[u32; 3]>,
+    /// Triangles that name vertices which do not exist.
+    pub refused: usize,
+    pub notes: Vec<String>,
+}
+
+/// Reads the bytes of a PLY file as a mesh; the error is the second half of a sentence that begins with the file's name.
+pub(super) fn parse_faced(bytes: &[u8]) -> Parsed<Faced> {
+    let (header, mut body) = read_header(bytes)?;
+    let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or("has no element `vertex`, so there are no corners in it")?;
+    let layout = Layout::of(vertices)?;
+    let has_uv = layout.kind_of_slot[TEXTURE..].iter().all(Option::is_some);
+    let (mut splats, mut uv, mut faces) = (Vec::new(), Vec::new(), Faces::new(vertices.count));
+    for element in &header.elements {
+        if element.name != "vertex" {
+            faces.read(&mut body, element)?;
+            continue;
+        }
+        splats.reserve(body.room(element));
+        body.rows(element, &layout.slot_of_property, &mut [0.0; SLOTS.len()], |values| {
+            splats.push(layout.splat(values));
+            if has_uv {
+                // Rows of a picture count down, coordinates of a PLY up.
+                uv.push([values[TEXTURE] as f32, 1.0 - values[TEXTURE + 1] as f32]);
+            }
+        })?;
+    }
+    body.finish(std::iter::empty())?;
+    let (has_normals, uv) = (layout.has_normals(), has_uv.then_some(uv));
+    Ok(Faced { vertices: splats, uv, has_normals, triangles: faces.triangles, refused: faces.refused, notes: header.notes })
+}
+
 // ---- header ----
 
 #[derive(Clone, Copy, PartialEq, Debug)]
@@ -424,7 +465,7 @@ fn number(word: &[u8], kind: Scalar) -> Parsed<f64> {
 // ---- vertices ----
 
 /// Where a vertex's values go, under all names that mean the same.
-const SLOTS: [&[&str]; 11] = [
+const SLOTS: [&[&str]; 13] = [
     &["x"],
     &["y"],
     &["z"],
@@ -436,11 +477,15 @@ const SLOTS: [&[&str]; 11] = [
     &["blue", "diffuse_blue"],
     &["alpha", "diffuse_alpha"],
     &["radius"],
+    &["s", "u", "texture_u"],
+    &["t", "v", "texture_v"],
 ];
 const NORMAL: usize = 3;
 const COLOUR: usize = 6;
 const ALPHA: usize = 9;
 const RADIUS: usize = 10;
+/// Texture coordinates, which only meshes use.
+const TEXTURE: usize = 11;
 
 /// Which property of the vertices fills which slot.
 struct Layout {

@@ -1,0 +1,184 @@
+//! Sample: makes points of a mesh.
+
+use super::arguments::Threads;
+use crate::error::{Error, Result};
+use crate::output::text::{one_line, thousands, wrapped};
+use crate::sampling::{Acquisition, Amount, Pattern, Picture, Radii, Request, Sampled, file, sample};
+use crate::scene::mesh::{Image, Mesh, Texture, Wrap};
+use clap::{Args, ValueEnum};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+pub(super) const HELP: &str =
+    "Meshes: OBJ with its MTL and pictures, PLY with faces, glTF 2.0 and GLB, STL;\nbuilt in is `plane`, a unit square";
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// The mesh: .obj, .ply, .gltf, .glb, .stl, or plane
+    mesh: OsString,
+    /// How many points
+    #[arg(long, value_name = "N", required_unless_present = "density", conflicts_with = "density")]
+    points: Option<u32>,
+    /// How many points a unit of area
+    #[arg(long, value_name = "D")]
+    density: Option<f64>,
+    /// Write the points into this PLY file
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// How points are laid out
+    #[arg(long, default_value = "blue-noise")]
+    pattern: PatternName,
+    /// Seed of the layout
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Radii from neighbours' distances, or area per point
+    #[arg(long, default_value = "area")]
+    radii: RadiiName,
+    /// How texels become colours of points
+    #[arg(long, default_value = "ewa")]
+    texture: TextureName,
+    /// Put this PNG or JPEG onto the mesh
+    #[arg(long, value_name = "FILE", conflicts_with = "checkerboard")]
+    texture_image: Option<PathBuf>,
+    /// Put N×N checks onto the mesh
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=2048))]
+    checkerboard: Option<u16>,
+    /// The `kernel.cutoff` that scenes will have
+    #[arg(long, value_name = "R", default_value_t = 2.0)]
+    cutoff: f64,
+    /// Print nothing
+    #[arg(long)]
+    quiet: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum PatternName {
+    BlueNoise,
+    Stratified,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum RadiiName {
+    Neighbours,
+    Area,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum TextureName {
+    Nearest,
+    Ewa,
+    Optimised,
+}
+
+/// Points that can be made.
+pub(super) struct Job {
+    name: String,
+    mesh: Mesh,
+    request: Request,
+    out: PathBuf,
+    quiet: bool,
+}
+
+impl Typed {
+    pub fn check(self) -> Result<Job> {
+        let amount = match (self.points, self.density) {
+            (Some(points), _) => Amount::Points(points as usize),
+            (None, Some(density)) if density > 0.0 && density.is_finite() => Amount::Density(density),
+            (None, density) => return Err(Error::input(format!("--density {}: it must be above 0", density.unwrap_or(f64::NAN)))),
+        };
+        if !(0.01..=100.0).contains(&self.cutoff) {
+            return Err(Error::input(format!("--cutoff {}: it must be from 0.01 to 100", self.cutoff)));
+        }
+        check_out(&self.out)?;
+        let picture = match (&self.texture_image, self.checkerboard) {
+            (Some(path), _) => picture(path)?,
+            (None, Some(checks)) => Picture::checkerboard(checks.into()),
+            (None, None) => Picture::Own,
+        };
+        let request = Request {
+            amount,
+            pattern: match self.pattern {
+                PatternName::BlueNoise => Pattern::BlueNoise,
+                PatternName::Stratified => Pattern::Stratified,
+            },
+            seed: self.seed,
+            radii: match self.radii {
+                RadiiName::Neighbours => Radii::Neighbours,
+                RadiiName::Area => Radii::Area,
+            },
+            acquisition: match self.texture {
+                TextureName::Nearest => Acquisition::Nearest,
+                TextureName::Ewa => Acquisition::Ewa,
+                TextureName::Optimised => Acquisition::Optimised,
+            },
+            picture,
+            cutoff: self.cutoff,
+        };
+        let name = self.mesh.to_string_lossy().into_owned();
+        Ok(Job { mesh: Mesh::load(&self.mesh)?, name, request, out: self.out, quiet: self.quiet })
+    }
+}
+
+/// Says before any work that points could not be written there.
+fn check_out(path: &Path) -> Result<()> {
+    let cannot = |why: &str| Err(Error::input(format!("--out {}: {why}", path.display())));
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match path.extension() {
+        Some(extension) if extension.eq_ignore_ascii_case("ply") => {}
+        _ => return cannot("points are written as .ply"),
+    }
+    if path.is_dir() {
+        return cannot("it is a folder, and a file is needed");
+    }
+    if !folder.is_dir() {
+        return cannot("there is no such folder");
+    }
+    Ok(())
+}
+
+fn picture(path: &Path) -> Result<Picture> {
+    let wrong = |why: String| Error::input(format!("{}: {why}", path.display()));
+    let bytes = std::fs::read(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
+    let image = Image::decode(&bytes).map_err(wrong)?;
+    Ok(Picture::Texture(Texture { image: Arc::new(image), wrap: [Wrap::Repeat; 2] }))
+}
+
+impl Job {
+    pub fn run(self) -> Result<String> {
+        let Job { name, mesh, request, out, quiet } = self;
+        let sampled = sample(&mesh, &request).map_err(|sentence| Error::input(format!("{name}: {sentence}")))?;
+        let bytes = file::write(&out, &sampled.splats)?;
+        let end = format!("written to {}: {} bytes", one_line(&out.to_string_lossy()), thousands(bytes as u64));
+        let told = told(&mesh, &request, &sampled).into_iter().chain([end]).map(|line| wrapped(&line)).collect::<Vec<_>>();
+        Ok(if quiet { String::new() } else { told.join("\n") })
+    }
+}
+
+fn told(mesh: &Mesh, request: &Request, sampled: &Sampled) -> Vec<String> {
+    let left_out = match mesh.degenerate {
+        0 => String::new(),
+        count => format!(" ({} without an area left out)", thousands(count as u64)),
+    };
+    let mut lines = vec![format!("{} triangles{left_out}, area {:.6}", thousands(mesh.triangles.len() as u64), sampled.area)];
+    let apart = sampled.spacing.map_or(String::new(), |spacing| format!(", at least {spacing:.3e} apart"));
+    let radius = |pick: fn(f64, f64) -> f64| sampled.splats.iter().map(|splat| splat.radius).reduce(pick).unwrap_or(0.0);
+    lines.push(format!(
+        "{} points{apart}, of radii {:.3e} to {:.3e}",
+        thousands(sampled.splats.len() as u64),
+        radius(f64::min),
+        radius(f64::max)
+    ));
+    if let Some(solution) = sampled.solution {
+        lines.push(format!("colours solved for: residual {:.1e} after {} steps", solution.residual, solution.steps));
+    }
+    if request.acquisition == Acquisition::Optimised {
+        let (beyond, all) = (thousands(sampled.beyond as u64), thousands(sampled.splats.len() as u64));
+        let most = if sampled.beyond == 0 { String::new() } else { format!(", by at most {:.3}; scenes clamp them", sampled.most_beyond) };
+        lines.push(format!("{beyond} of {all} colours leave [0, 1]{most}"));
+    }
+    lines.extend(mesh.notes.iter().chain(&sampled.notes).map(|note| format!("note: {note}")));
+    lines
+}
