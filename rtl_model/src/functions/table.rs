@@ -22,7 +22,7 @@ pub struct Table {
     /// At each address the value, and the step to the next one, 0 where nearest.
     words: Vec<[i64; 2]>,
     /// The same words, of at most 32 bits, and the same steps.
-    short: [Vec<i32>; 2],
+    short: Box<[Vec<i32>; 2]>,
 }
 
 impl Table {
@@ -41,7 +41,7 @@ impl Table {
             fit,
             interpolation,
             fraction_bits: Table::fraction_bits(index_bits, argument_bits),
-            short: [0, 1].map(|part| words.iter().map(|pair| pair[part] as i32).collect()),
+            short: Box::new([0, 1].map(|part| words.iter().map(|pair| pair[part] as i32).collect())),
             words,
         }
     }
