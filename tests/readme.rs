@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 use book::{Page, Sample, blocks, dead_links, fenced, page, page_with, pages, quoted, root, samples, table};
 use rtl_model::Machine;
 use splatsim::accuracy::metrics;
-use splatsim::golden::{FragmentDepth, Merge, Rules, ideal, render};
+use splatsim::golden::{Merge, Rules, ideal, render};
 use splatsim::hardware::{fixed, quantise};
 use splatsim::run::report::MachineReport;
 use splatsim::scene::{Overrides, Scene};
@@ -212,8 +212,7 @@ fn the_table_of_merge_rules_says_what_they_do() {
         let ideal = ideal(&scene);
         let cells =
             [(Merge::NearestPair, false), (Merge::FarthestPair, false), (Merge::FarthestPair, true)].map(|(merge, evict_hidden)| {
-                let rules =
-                    Rules { layers: 3, merge, evict_hidden, turn_normals: true, opaque: 0.999, fragment_depth: FragmentDepth::First };
+                let rules = Rules { layers: 3, merge, evict_hidden, turn_normals: true, ..Rules::default() };
                 let golden = render(&scene, &rules);
                 format!("{} ({})", one_place(metrics(&golden.picture, &ideal.picture).psnr_db), golden.outcomes.merged / 1000)
             });

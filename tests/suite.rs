@@ -18,6 +18,7 @@ mod fixed_match;
 mod gaussian_match;
 mod golden_laws;
 mod golden_match;
+mod golden_window;
 mod handmade;
 mod harmonics;
 mod layering;

@@ -10,7 +10,7 @@
 
 use splatsim::accuracy::metrics;
 use splatsim::error::Result;
-use splatsim::golden::{FragmentDepth, Merge, Rendering, Rules, ideal, render};
+use splatsim::golden::{Merge, Rendering, Rules, ideal, render};
 use splatsim::scene::{Overrides, Scene};
 
 const SCENES: [&str; 2] = ["glass-spheres", concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/glass-spheres-random.json")];
@@ -19,7 +19,7 @@ const RULES: [(Merge, bool); 3] = [(Merge::NearestPair, false), (Merge::Farthest
 
 /// dB against `ideal`, and merges in thousands, cut.
 fn cell(scene: &Scene, ideal: &Rendering, layers: usize, (merge, evict_hidden): (Merge, bool)) -> String {
-    let rules = Rules { layers, merge, evict_hidden, turn_normals: true, opaque: 0.999, fragment_depth: FragmentDepth::First };
+    let rules = Rules { layers, merge, evict_hidden, turn_normals: true, ..Rules::default() };
     let golden = render(scene, &rules);
     let db = metrics(&golden.picture, &ideal.picture).psnr_db;
     format!("{} ({})", db.map_or("equal".into(), |db| format!("{db:.1}")), golden.outcomes.merged / 1000)
