@@ -368,7 +368,7 @@ mod tests {
         opaque: 0.999,
         fragment_depth: FragmentDepth::First,
         group: Group::First,
-        window: WindowOptions { join: 0.0, late: true, inside: true },
+        window: WindowOptions::REFINED,
     };
 
     /// Grey 0.5, full weight.
