@@ -9,7 +9,7 @@
 //! Open layers are sums, closed ones premultiplied colours. Each step is a function of its number, on layers in the order of their
 //! nearest depths, so that a renderer that is led may take them one by one.
 //!
-//! Laws (tests/golden_window.rs): `windows_equal_ideal_where_every_surface_has_a_slot`, `the_figures_of_the_independent_program`.
+//! Laws (tests/golden_window.rs): `windows_equal_ideal_where_every_surface_has_a_slot`, `the_figures_of_the_check_scene_in_surface_order`.
 
 use std::ops::Range;
 
