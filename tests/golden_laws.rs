@@ -4,17 +4,22 @@ use std::f64::consts::{PI, TAU};
 
 use crate::handmade::{Rng, confetti, scene, splat};
 use glam::{DMat3, DVec3};
-use splatsim::golden::{Decision, FragmentDepth, Merge, Rendering, Rules, ideal, ideal_of, render, story};
+use splatsim::golden::{Decision, FragmentDepth, Group, Merge, Rendering, Rules, ideal, ideal_of, render, story};
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat};
 
 fn every_rule() -> Vec<Rules> {
     let mut all = Vec::new();
     for layers in [1, 2, 3, 8] {
-        for merge in [Merge::NearestPair, Merge::FarthestPair, Merge::Replace] {
+        for merge in [Merge::NearestPair, Merge::FarthestPair, Merge::Replace, Merge::Window] {
             for evict_hidden in [false, true] {
                 for fragment_depth in [FragmentDepth::First, FragmentDepth::Nearest] {
                     let turn_normals = evict_hidden;
-                    all.push(Rules { layers, merge, evict_hidden, turn_normals, opaque: 0.999, fragment_depth });
+                    for group in [Group::First, Group::Interval, Group::Window] {
+                        let rules = Rules { layers, merge, evict_hidden, turn_normals, fragment_depth, group, ..Rules::default() };
+                        // Windows have depths of their own.
+                        let is_new = merge != Merge::Window || fragment_depth == FragmentDepth::First;
+                        all.extend((rules.is_legal() && is_new).then_some(rules));
+                    }
                 }
             }
         }

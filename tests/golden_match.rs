@@ -4,14 +4,14 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 use splatsim::accuracy::metrics;
-use splatsim::golden::{FragmentDepth, Merge, Outcomes, Rendering, Rules, ideal, ideal_of, render};
+use splatsim::golden::{Merge, Outcomes, Rendering, Rules, ideal, ideal_of, render};
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat, Surface};
 
 const UNLIT: u32 = 0;
 const GLOSSY: u32 = 1;
 
 /// `glass-spheres`, built from docs/book/algorithm.md §10 alone: a second construction beside the built-in one.
-fn glass_spheres() -> Scene {
+pub fn glass_spheres() -> Scene {
     let mut splats = floor(400);
     splats.extend(sphere(60_000, [0.0, 0.0, 0.0], 1.0, [0.9, 0.2, 0.1], 0.5));
     splats.extend(sphere(40_000, [0.7, 0.2, 0.5], 0.8, [0.1, 0.8, 0.2], 0.5));
@@ -66,7 +66,7 @@ fn sphere(count: usize, centre: [f64; 3], radius: f64, rgb: [f64; 3], opacity: f
 
 /// The order behind the table's random rows, `numpy.random.default_rng(1).permutation(n)`. Found by trial: of sixteen shuffles
 /// this one gives every entry. They differ by up to 1.6 dB at l = 8 and by 2 % in merges, so another order would prove little.
-fn permutation(count: usize) -> Vec<usize> {
+pub fn permutation(count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..count).collect();
     let mut generator = Pcg64 { state: 207833532711051698738587646355624148094, half: None };
     for last in (1..count).rev() {
@@ -114,7 +114,7 @@ fn the_permutation_is_the_one_that_numpy_makes() {
 }
 
 fn rules(layers: usize, merge: Merge, evict_hidden: bool) -> Rules {
-    Rules { layers, merge, evict_hidden, turn_normals: false, opaque: 0.999, fragment_depth: FragmentDepth::First }
+    Rules { layers, merge, evict_hidden, turn_normals: false, ..Rules::default() }
 }
 
 /// One row of docs/book/algorithm.md §6's table: dB and thousands of merges for the three rules.

@@ -50,6 +50,35 @@ pub enum Decision {
         /// The new contribution's place among the fragments in z order, before the merge.
         place: usize,
     },
+    /// Added to the front or the back of the closed fragment in `slot`, where its surface had been closed already.
+    Late {
+        /// Where it was added.
+        slot: usize,
+        /// To which of the two.
+        side: Side,
+    },
+    /// Blended between the front and the back of the closed fragment in `slot`.
+    Inside {
+        /// Where it was blended.
+        slot: usize,
+    },
+    /// The pixel was full. Of its fragments and the new one in the order of their nearest depths, number `slot` and the next were added
+    /// to one, now in `slot`.
+    Summed {
+        /// Where the sum is now.
+        slot: usize,
+        /// The new contribution's place among the fragments, before the sum.
+        place: usize,
+    },
+    /// The pixel was full, and no two fragments could be summed: the two deepest, of which `slot` is the front, were closed and made one.
+    Closed {
+        /// Where the closed fragment is now.
+        slot: usize,
+        /// The new contribution's place among the fragments, before that.
+        place: usize,
+        /// Whether the second was blended between the two sides of the first, not behind it.
+        inside: bool,
+    },
     /// The pixel was full and its deepest fragment hidden: it was dropped.
     Evicted {
         /// The new contribution's slot; none where it was itself the deepest.
@@ -59,6 +88,15 @@ pub enum Decision {
     Replaced,
     /// Deeper than what the z-buffer held.
     Dropped,
+}
+
+/// Side of a closed fragment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Its nearest surface.
+    Front,
+    /// Its deepest surface.
+    Back,
 }
 
 impl Fragment {
@@ -96,30 +134,70 @@ impl Fragment {
     }
 }
 
+/// One slot of a pixel: a fragment, and what the rule that groups contributions keeps of it.
+pub(crate) trait Slot: Copy + Default {
+    /// Of one contribution.
+    fn new(fragment: Fragment) -> Self;
+    fn fragment(&self) -> &Fragment;
+    fn add(&mut self, contribution: &Fragment);
+    /// The depth that it answers to from now on.
+    fn set_depth(&mut self, z: f64);
+    /// The two as one, shaded.
+    fn merge(front: &Self, back: &Self, shader: &Shader) -> Self;
+    /// Which slot a contribution of this depth joins, if any does.
+    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize>;
+}
+
+impl Slot for Fragment {
+    fn new(fragment: Fragment) -> Self {
+        fragment
+    }
+
+    fn fragment(&self) -> &Fragment {
+        self
+    }
+
+    fn add(&mut self, contribution: &Fragment) {
+        Fragment::add(self, contribution);
+    }
+
+    fn set_depth(&mut self, z: f64) {
+        self.z = z;
+    }
+
+    fn merge(front: &Self, back: &Self, shader: &Shader) -> Self {
+        Fragment::merge(front, back, shader)
+    }
+
+    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
+        nearest_within(z_threshold, z, slots)
+    }
+}
+
 /// The fragment unit: the fragments of one tile.
-pub(super) struct Golden<'a> {
+pub(super) struct Golden<'a, S> {
     rules: &'a Rules,
     z_threshold: f64,
     shader: &'a Shader,
     /// Slots of a pixel.
     layers: usize,
     /// A pixel's slots lie side by side, and after them one for the fragment that is too many.
-    slots: Vec<Fragment>,
+    slots: Vec<S>,
     /// Slots in use, of each pixel.
     used: Vec<usize>,
     outcomes: Outcomes,
 }
 
-impl<'a> Golden<'a> {
+impl<'a, S: Slot> Golden<'a, S> {
     pub fn new(rules: &'a Rules, z_threshold: f64, shader: &'a Shader) -> Self {
         let layers = if rules.merge == Merge::Replace { 1 } else { rules.layers.max(1) };
-        let slots = vec![Fragment::default(); PIXELS_IN_A_TILE * (layers + 1)];
+        let slots = vec![S::default(); PIXELS_IN_A_TILE * (layers + 1)];
         let used = vec![0; PIXELS_IN_A_TILE];
         Golden { rules, z_threshold, shader, layers, slots, used, outcomes: Outcomes::default() }
     }
 
     /// The fragments of one pixel in slot order.
-    pub fn fragments(&mut self, pixel: usize) -> &mut [Fragment] {
+    pub fn fragments(&mut self, pixel: usize) -> &mut [S] {
         let first = pixel * (self.layers + 1);
         &mut self.slots[first..first + self.used[pixel]]
     }
@@ -129,20 +207,20 @@ impl<'a> Golden<'a> {
         let first = pixel * (self.layers + 1);
         let slots = &mut self.slots[first..=first + self.layers];
         let used = &mut self.used[pixel];
-        if let Some(slot) = nearest_within(self.z_threshold, new.z, &slots[..*used]) {
-            let fragment = &mut slots[slot];
-            fragment.add(&new);
+        if let Some(slot) = S::taker(self.z_threshold, new.z, &slots[..*used]) {
+            let held = &mut slots[slot];
+            held.add(&new);
             if self.rules.fragment_depth == FragmentDepth::Nearest {
-                fragment.z = fragment.z.min(new.z);
+                held.set_depth(held.fragment().z.min(new.z));
             }
             return Decision::Accumulated { slot };
         }
         if *used < self.layers {
-            slots[*used] = new;
+            slots[*used] = S::new(new);
             *used += 1;
             return Decision::Inserted { slot: *used - 1 };
         }
-        match self.rules.merge.pair() {
+        match self.rules.merge.pair_of() {
             None => replace(&mut slots[0], new),
             Some(pair) => overflow(self.rules, pair, self.shader, slots, new),
         }
@@ -168,7 +246,7 @@ impl Cover for Footprint {
     }
 }
 
-impl Painter for Golden<'_> {
+impl<S: Slot> Painter for Golden<'_, S> {
     type Contribution = Fragment;
 
     fn take(&mut self, pixel: usize, contribution: Fragment) {
@@ -179,7 +257,7 @@ impl Painter for Golden<'_> {
     fn finish(&mut self, pixel: usize) -> [f64; 4] {
         let shader = self.shader;
         let fragments = self.fragments(pixel);
-        let (colour, layers) = (shader.resolve(fragments), fragments.len() as u64);
+        let (colour, layers) = (resolve(shader, fragments), fragments.len() as u64);
         self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(layers);
         self.used[pixel] = 0;
         colour
@@ -188,6 +266,12 @@ impl Painter for Golden<'_> {
     fn outcomes(&self) -> Outcomes {
         self.outcomes
     }
+}
+
+/// The pixel: its fragments front to back, over the background.
+pub(super) fn resolve<S: Slot>(shader: &Shader, slots: &mut [S]) -> [f64; 4] {
+    slots.sort_by(|a, b| a.fragment().z.total_cmp(&b.fragment().z));
+    shader.blend(slots.iter().map(S::fragment))
 }
 
 /// The unshaded fragment nearest in z among those nearer than ε; of equals the lowest slot.
@@ -203,9 +287,9 @@ pub(crate) fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -
 }
 
 /// The z-buffer: the nearer one stays.
-fn replace(held: &mut Fragment, new: Fragment) -> Decision {
-    if new.z < held.z {
-        *held = new;
+fn replace<S: Slot>(held: &mut S, new: Fragment) -> Decision {
+    if new.z < held.fragment().z {
+        *held = S::new(new);
         Decision::Replaced
     } else {
         Decision::Dropped
@@ -213,18 +297,18 @@ fn replace(held: &mut Fragment, new: Fragment) -> Decision {
 }
 
 /// One fragment too many: drops one that nobody sees, or makes one of two. Leaves the slots in z order; the last is spare.
-fn overflow(rules: &Rules, pair: Pair, shader: &Shader, slots: &mut [Fragment], new: Fragment) -> Decision {
+fn overflow<S: Slot>(rules: &Rules, pair: fn(&[S]) -> usize, shader: &Shader, slots: &mut [S], new: Fragment) -> Decision {
     let deepest = slots.len() - 1;
-    slots[deepest] = new;
-    slots[..deepest].sort_by(|a, b| a.z.total_cmp(&b.z));
-    let place = slots[..deepest].partition_point(|fragment| fragment.z <= new.z);
+    slots[deepest] = S::new(new);
+    slots[..deepest].sort_by(|a, b| a.fragment().z.total_cmp(&b.fragment().z));
+    let place = slots[..deepest].partition_point(|slot| slot.fragment().z <= new.z);
     slots[place..].rotate_right(1);
-    let hides = |fragment: &Fragment| fragment.is_opaque(rules.opaque, shader.coverage_threshold());
+    let hides = |slot: &S| slot.fragment().is_opaque(rules.opaque, shader.coverage_threshold());
     if rules.evict_hidden && slots[..deepest].iter().any(hides) {
         return Decision::Evicted { slot: (place < deepest).then_some(place) };
     }
     let slot = pair(slots);
-    slots[slot] = Fragment::merge(&slots[slot], &slots[slot + 1], shader);
+    slots[slot] = S::merge(&slots[slot], &slots[slot + 1], shader);
     slots[slot + 1..].rotate_left(1);
     Decision::Merged { slot, place }
 }
@@ -238,6 +322,9 @@ pub enum Merge {
     FarthestPair,
     /// None: the plain z-buffer of one layer, whatever [`Rules::layers`] says (SS §4).
     Replace,
+    /// Two that belong to one window of ε are summed; where none do, the two deepest are closed, and what is closed still takes late
+    /// contributions.
+    Window,
 }
 
 /// Chooses the front of the adjacent pair to merge, of fragments in z order.
@@ -246,28 +333,32 @@ pub(crate) type Pair = fn(&[Fragment]) -> usize;
 impl Merge {
     /// Which pair it merges; none of a z-buffer.
     pub(crate) fn pair(self) -> Option<Pair> {
+        self.pair_of()
+    }
+
+    fn pair_of<S: Slot>(self) -> Option<fn(&[S]) -> usize> {
         match self {
             Merge::NearestPair => Some(nearest_pair),
-            Merge::FarthestPair => Some(farthest_pair),
+            Merge::FarthestPair | Merge::Window => Some(farthest_pair),
             Merge::Replace => None,
         }
     }
 }
 
-fn farthest_pair(fragments: &[Fragment]) -> usize {
-    fragments.len().saturating_sub(2)
+fn farthest_pair<S: Slot>(slots: &[S]) -> usize {
+    slots.len().saturating_sub(2)
 }
 
 /// The front of the adjacent pair that differs least in z; of equals the one nearer to the eye.
-fn nearest_pair(fragments: &[Fragment]) -> usize {
-    let gaps = fragments.windows(2).map(|pair| pair[1].z - pair[0].z).enumerate();
+fn nearest_pair<S: Slot>(slots: &[S]) -> usize {
+    let gaps = slots.windows(2).map(|pair| pair[1].fragment().z - pair[0].fragment().z).enumerate();
     gaps.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(front, _)| front)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Group, WindowOptions};
     use super::*;
-    use crate::scene::{Camera, Image, Kernel, Material, Scene, Surface};
 
     const NEAREST: Rules = Rules {
         layers: 3,
@@ -276,25 +367,9 @@ mod tests {
         turn_normals: true,
         opaque: 0.999,
         fragment_depth: FragmentDepth::First,
+        group: Group::First,
+        window: WindowOptions::REFINED,
     };
-
-    /// Unlit, coverage threshold 0.25.
-    fn shader() -> Shader {
-        let (eye, target, up) = (DVec3::ZERO, DVec3::Z, DVec3::NEG_Y);
-        Shader::new(&Scene {
-            name: String::new(),
-            splats: Vec::new(),
-            camera: Camera { eye, target, up, fov_y_degrees: 90.0, near: 0.1 },
-            image: Image { width: 1, height: 1, background: [0.0; 4], encoded: false },
-            kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3 },
-            ellipsoids: None,
-            sheets: None,
-            surface: Surface { z_threshold: 1.0, coverage_threshold: 0.25, cull_backfaces: false },
-            lights: Vec::new(),
-            materials: vec![Material::Unlit],
-            notes: Vec::new(),
-        })
-    }
 
     /// Grey 0.5, full weight.
     fn at(z: f64, opacity: f64) -> Fragment {
@@ -303,8 +378,8 @@ mod tests {
 
     /// What becomes of each of these, ε = 1, and the depths of the slots at the end.
     fn decisions(rules: &Rules, contributions: &[Fragment]) -> (Vec<Decision>, Vec<f64>) {
-        let shader = shader();
-        let mut golden = Golden::new(rules, 1.0, &shader);
+        let shader = Shader::unlit(0.25);
+        let mut golden = Golden::<Fragment>::new(rules, 1.0, &shader);
         let decisions = contributions.iter().map(|contribution| golden.decide(0, *contribution)).collect();
         (decisions, golden.fragments(0).iter().map(|fragment| fragment.z).collect())
     }
@@ -364,8 +439,8 @@ mod tests {
 
     #[test]
     fn a_merge_is_front_over_back_premultiplied() {
-        let shader = shader();
-        let mut golden = Golden::new(&Rules { layers: 1, ..NEAREST }, 1.0, &shader);
+        let shader = Shader::unlit(0.25);
+        let mut golden = Golden::<Fragment>::new(&Rules { layers: 1, ..NEAREST }, 1.0, &shader);
         golden.decide(0, at(10.0, 0.5));
         golden.decide(0, at(20.0, 1.0));
         let merged = golden.fragments(0)[0];

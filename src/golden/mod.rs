@@ -13,10 +13,12 @@
 pub(crate) mod footprint;
 pub(crate) mod fragments;
 mod ideal;
+pub(crate) mod intervals;
 pub(crate) mod shade;
 pub(crate) mod sheets;
 mod story;
 pub(crate) mod tiles;
+pub(crate) mod window;
 
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -25,11 +27,12 @@ use serde::Serialize;
 use crate::output::picture::Picture;
 use crate::scene::{Kernel, Scene, Sheet, gaussian_cutoff};
 
-use fragments::Golden;
+use fragments::{Fragment, Golden};
 use ideal::Ideal;
+use intervals::Spanning;
 use shade::Shader;
 
-pub use fragments::{Decision, Merge};
+pub use fragments::{Decision, Merge, Side};
 pub use story::{Arrival, Layer, Story, story};
 
 /// Rules of the fragment unit (docs/book/algorithm.md §6).
@@ -47,6 +50,10 @@ pub struct Rules {
     pub opaque: f64,
     /// The depth that a fragment answers to.
     pub fragment_depth: FragmentDepth,
+    /// Which contributions become one fragment.
+    pub group: Group,
+    /// Options of [`Merge::Window`].
+    pub window: WindowOptions,
 }
 
 impl Default for Rules {
@@ -59,7 +66,63 @@ impl Default for Rules {
             turn_normals: true,
             opaque: 0.999,
             fragment_depth: FragmentDepth::First,
+            group: Group::First,
+            window: WindowOptions::default(),
         }
+    }
+}
+
+impl Rules {
+    /// Whether grouping and merging go together: windows need fragments that know their depths ([`Group::Interval`] or [`Group::Window`]),
+    /// and clusters of [`Group::Window`] need a rule that makes windows of them. [`render`] draws by [`Merge::Window`] where they do not.
+    pub fn is_legal(&self) -> bool {
+        match self.group {
+            Group::First => self.merge != Merge::Window,
+            Group::Interval => true,
+            Group::Window => self.merge == Merge::Window,
+        }
+    }
+}
+
+/// Which contributions become one fragment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// Those within ε of the fragment's depth (SS §6).
+    First,
+    /// Those whose depths, all of them together, are narrower than ε.
+    Interval,
+    /// Small clusters, summed while they surely belong to one window of ε; the windows are formed at the end, from the nearest depth on.
+    Window,
+}
+
+/// Options of [`Merge::Window`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WindowOptions {
+    /// A contribution joins a cluster that stays narrower than this many ε. At 0 it joins where the cluster spans its depth already.
+    /// [`Group::Interval`] joins at 1, whatever this says.
+    pub join: f64,
+    /// Closed fragments take late contributions to their front and their back.
+    pub late: bool,
+    /// Closed fragments take what lies between their front and their back.
+    pub inside: bool,
+    /// What is dropped as hidden lies at least this many ε behind the start of every window that hides it; at 0 anywhere behind them.
+    pub sure: f64,
+    /// Closed fragments keep the colour of their front apart from the rest: a late contribution moves it after the front covers too, and
+    /// what comes inside is not mixed with it.
+    pub front_colours: bool,
+    /// At the end, a cluster that the end of a window cuts gives a share of its sums to that window and begins the next with the rest. Else
+    /// it belongs where its mean depth does.
+    pub cut: bool,
+}
+
+impl WindowOptions {
+    /// The best that was found (docs/book/merging.md): closed fragments are three colour channels larger.
+    pub const REFINED: WindowOptions = WindowOptions { join: 0.0, late: true, inside: true, sure: 2.0, front_colours: true, cut: true };
+}
+
+impl Default for WindowOptions {
+    fn default() -> Self {
+        WindowOptions { join: 0.0, late: true, inside: true, sure: 0.0, front_colours: false, cut: false }
     }
 }
 
@@ -110,7 +173,7 @@ pub struct Culled {
     pub faint: u64,
 }
 
-/// Outcomes of the contributions. Each has one: the first six sum to [`Rendering::fragments`].
+/// Outcomes of the contributions. Each has one: all but the two greatest of a pixel sum to [`Rendering::fragments`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Outcomes {
     /// Added to a fragment (in `ideal`: to a surface).
@@ -125,23 +188,41 @@ pub struct Outcomes {
     pub replaced: u64,
     /// Deeper than the z-buffer: lost.
     pub dropped: u64,
+    /// Added to a closed fragment's front or back.
+    #[serde(skip_serializing_if = "is_none")]
+    pub late: u64,
+    /// Blended between a closed fragment's front and back.
+    #[serde(skip_serializing_if = "is_none")]
+    pub inside: u64,
+    /// Overflowed the pixel: two fragments of one window were added up.
+    #[serde(skip_serializing_if = "is_none")]
+    pub summed: u64,
     /// Contributions of the busiest pixel.
     pub most_in_a_pixel: u64,
     /// Surfaces of the deepest pixel (in `golden`: layers that were in use at the end).
     pub most_surfaces_in_a_pixel: u64,
 }
 
+/// Whether a count says nothing: only [`Merge::Window`] has these outcomes.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde asks for")]
+fn is_none(count: &u64) -> bool {
+    *count == 0
+}
+
 impl Outcomes {
     /// The contributions that these outcomes account for.
     pub fn total(&self) -> u64 {
-        self.accumulated + self.inserted + self.merged + self.evicted + self.replaced + self.dropped
+        self.accumulated + self.inserted + self.merged + self.evicted + self.replaced + self.dropped + self.late + self.inside + self.summed
     }
 
     fn count(&mut self, decision: Decision) {
         *match decision {
             Decision::Accumulated { .. } => &mut self.accumulated,
             Decision::Inserted { .. } => &mut self.inserted,
-            Decision::Merged { .. } => &mut self.merged,
+            Decision::Merged { .. } | Decision::Closed { .. } => &mut self.merged,
+            Decision::Late { .. } => &mut self.late,
+            Decision::Inside { .. } => &mut self.inside,
+            Decision::Summed { .. } => &mut self.summed,
             Decision::Evicted { .. } => &mut self.evicted,
             Decision::Replaced => &mut self.replaced,
             Decision::Dropped => &mut self.dropped,
@@ -156,6 +237,9 @@ impl Outcomes {
             evicted: self.evicted + other.evicted,
             replaced: self.replaced + other.replaced,
             dropped: self.dropped + other.dropped,
+            late: self.late + other.late,
+            inside: self.inside + other.inside,
+            summed: self.summed + other.summed,
             most_in_a_pixel: self.most_in_a_pixel.max(other.most_in_a_pixel),
             most_surfaces_in_a_pixel: self.most_surfaces_in_a_pixel.max(other.most_surfaces_in_a_pixel),
         }
@@ -169,7 +253,16 @@ pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
         Some(sheets) => {
             tiles::draw(scene, &shader, rules.turn_normals, sheets.least_weight, || sheets::Golden::new(sheets, shader.background()))
         }
-        None => tiles::draw(scene, &shader, rules.turn_normals, 0.0, || Golden::new(rules, scene.surface.z_threshold, &shader)),
+        None => surfaces(scene, &shader, rules),
+    }
+}
+
+fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
+    let (turn, z_threshold) = (rules.turn_normals, scene.surface.z_threshold);
+    match (rules.group, rules.merge) {
+        (_, Merge::Window) | (Group::Window, _) => window::draw(scene, shader, rules),
+        (Group::First, _) => tiles::draw(scene, shader, turn, 0.0, || Golden::<Fragment>::new(rules, z_threshold, shader)),
+        (Group::Interval, _) => tiles::draw(scene, shader, turn, 0.0, || Golden::<Spanning>::new(rules, z_threshold, shader)),
     }
 }
 

@@ -38,6 +38,12 @@ impl Shader {
         }
     }
 
+    /// Of a scene without light, of one material.
+    #[cfg(test)]
+    pub fn unlit(coverage_threshold: f64) -> Self {
+        Shader { lights: Vec::new(), materials: vec![Material::Unlit; 3], coverage_threshold, background: DVec4::ZERO }
+    }
+
     /// The pixel where nothing is.
     pub fn background(&self) -> [f64; 4] {
         self.background.to_array()

@@ -1,11 +1,13 @@
 //! Story: everything that happened at one pixel of `golden`, told by the code that draws it.
 
 use super::footprint::{self, Footprint};
-use super::fragments::{Fragment, Golden};
+use super::fragments::{Fragment, Golden, Slot, resolve};
+use super::intervals::Spanning;
 use super::shade::{Shader, over};
 use super::sheets::{Fate, Pixel};
 use super::tiles::put_in_order;
-use super::{Decision, Rules};
+use super::window::{self, Pixels};
+use super::{Decision, Group, Merge, Rules};
 use crate::scene::{Scene, Sheet, Sheets};
 use glam::DVec4;
 
@@ -87,17 +89,50 @@ pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
     if let Some(sheets) = &scene.sheets {
         return of_sheets(scene, sheets, &shader, x as u32, y as u32);
     }
-    let mut golden = Golden::new(rules, scene.surface.z_threshold, &shader);
-    let arrivals = arrivals(scene, &shader, rules.turn_normals, x as u32, y as u32, |fragment| golden.decide(0, fragment));
-    let fragments = golden.fragments(0);
-    let mut layers: Vec<Layer> = fragments.iter().enumerate().map(|(slot, fragment)| Layer::new(slot, fragment, &shader)).collect();
+    let pixel = [x as u32, y as u32];
+    match (rules.group, rules.merge) {
+        (_, Merge::Window) | (Group::Window, _) => of_windows(scene, &shader, rules, pixel),
+        (Group::First, _) => of_fragments::<Fragment>(scene, &shader, rules, pixel),
+        (Group::Interval, _) => of_fragments::<Spanning>(scene, &shader, rules, pixel),
+    }
+}
+
+fn of_fragments<S: Slot>(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) -> Story {
+    let mut golden = Golden::<S>::new(rules, scene.surface.z_threshold, shader);
+    let arrivals = arrivals(scene, shader, rules.turn_normals, pixel, |_, fragment| golden.decide(0, fragment));
+    let slots = golden.fragments(0);
+    let mut layers: Vec<Layer> = slots.iter().enumerate().map(|(slot, held)| Layer::new(slot, held.fragment(), shader)).collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
-    Story { arrivals, layers, rgba: shader.resolve(fragments) }
+    Story { arrivals, layers, rgba: resolve(shader, slots) }
+}
+
+/// An open layer is told as its sums, a closed one as its colour and the weight of its front; both at their nearest depth.
+fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) -> Story {
+    let z_threshold = scene.surface.z_threshold;
+    let mut pixels = Pixels::new(rules, z_threshold, shader);
+    let arrivals = arrivals(scene, shader, rules.turn_normals, pixel, |footprint, sums| {
+        pixels.decide(0, &window::Arrival { sums, colour: shader.emission(footprint), opacity: footprint.opacity })
+    });
+    let slots = pixels.layers(0);
+    let told = |layer: &window::Layer| match layer {
+        window::Layer::Open(open) => Fragment { z: open.span.near, ..open.sums },
+        window::Layer::Closed(closed) => Fragment {
+            weight: closed.front.weight,
+            rgb: closed.colour.truncate(),
+            alpha: closed.colour.w,
+            z: closed.near(),
+            shaded: true,
+            ..Fragment::default()
+        },
+    };
+    let mut layers: Vec<Layer> = slots.iter().enumerate().map(|(slot, held)| Layer::new(slot, &told(held), shader)).collect();
+    layers.sort_by(|a, b| a.z.total_cmp(&b.z));
+    Story { arrivals, layers, rgba: window::Window::new(rules, z_threshold, shader).resolve(slots) }
 }
 
 fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) -> Story {
     let mut pixel = Pixel::default();
-    let arrivals = arrivals(scene, shader, false, x, y, |fragment| match pixel.take(sheets, &fragment) {
+    let arrivals = arrivals(scene, shader, false, [x, y], |_, fragment| match pixel.take(sheets, &fragment) {
         Fate::Added => Decision::Accumulated { slot: 1 },
         Fate::First => Decision::Inserted { slot: usize::from(sheets.of != Sheet::Splat) },
         Fate::Next => Decision::Merged { slot: 0, place: 1 },
@@ -114,9 +149,8 @@ fn arrivals(
     scene: &Scene,
     shader: &Shader,
     turn_normals: bool,
-    x: u32,
-    y: u32,
-    mut decide: impl FnMut(Fragment) -> Decision,
+    [x, y]: [u32; 2],
+    mut decide: impl FnMut(&Footprint, Fragment) -> Decision,
 ) -> Vec<Arrival> {
     let view = scene.view();
     let footprints = (0..scene.splats.len()).filter_map(|index| footprint::set_up(scene, &view, index, scene.least_weight()).ok());
@@ -128,7 +162,7 @@ fn arrivals(
     put_in_order(scene, shader, &mut touching);
     let arrivals = touching.iter().filter_map(|footprint| {
         let contribution = footprint.row(y).at(x)?;
-        let decision = decide(Fragment::new(footprint, &contribution));
+        let decision = decide(footprint, Fragment::new(footprint, &contribution));
         let (splat, z) = (footprint.splat as usize, contribution.z);
         Some(Arrival { splat, radial_index: contribution.radial_index, weight: contribution.weight, z, decision })
     });

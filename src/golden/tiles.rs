@@ -49,12 +49,18 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     least_weight: f64,
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
+    let (footprints, culled) = footprints(scene, shader, turn_normals, least_weight);
+    Rendering { culled, ..fill(&scene.image, &footprints, shader.background(), painter) }
+}
+
+/// What [`draw`] draws, and a count of what it does not.
+pub(super) fn footprints(scene: &Scene, shader: &Shader, turn_normals: bool, least_weight: f64) -> (Vec<Footprint>, Culled) {
     let (mut footprints, culled) = set_up(scene, least_weight);
     if turn_normals {
         footprints.iter_mut().for_each(Footprint::turn_normal);
     }
     put_in_order(scene, shader, &mut footprints);
-    Rendering { culled, ..fill(&scene.image, &footprints, shader.background(), painter) }
+    (footprints, culled)
 }
 
 /// Lights and sorts footprints, as far as the scene's are lit and sorted before they are drawn.

@@ -57,5 +57,6 @@ pub fn rules(machine: &Machine) -> golden::Rules {
             machine::FragmentDepth::First => golden::FragmentDepth::First,
             machine::FragmentDepth::Nearest => golden::FragmentDepth::Nearest,
         },
+        ..golden::Rules::default()
     }
 }

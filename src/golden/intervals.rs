@@ -1,0 +1,92 @@
+//! Intervals: groups contributions by the depths that a fragment spans, not by that of its first (docs/book/algorithm.md §6).
+//!
+//! A contribution joins where all of them together stay narrower than ε, so that no fragment spans more than one surface may. What
+//! happens on overflow is the paper's.
+
+use super::fragments::{Fragment, Slot};
+use super::shade::Shader;
+
+/// Depths from the nearest to the farthest.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Span {
+    pub near: f64,
+    pub far: f64,
+}
+
+impl Span {
+    /// Of one depth.
+    pub fn at(z: f64) -> Self {
+        Span { near: z, far: z }
+    }
+
+    /// This and that depth.
+    pub fn with(self, z: f64) -> Self {
+        Span { near: self.near.min(z), far: self.far.max(z) }
+    }
+
+    /// From the nearest to the farthest of both.
+    pub fn union(self, other: Span) -> Self {
+        Span { near: self.near.min(other.near), far: self.far.max(other.far) }
+    }
+
+    pub fn width(self) -> f64 {
+        self.far - self.near
+    }
+
+    pub fn holds(self, z: f64) -> bool {
+        self.near <= z && z <= self.far
+    }
+
+    /// How far a depth lies outside of it; 0 within.
+    pub fn gap(self, z: f64) -> f64 {
+        (self.near - z).max(z - self.far).max(0.0)
+    }
+}
+
+/// A fragment and the depths of its contributions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Spanning {
+    fragment: Fragment,
+    span: Span,
+}
+
+impl Slot for Spanning {
+    fn new(fragment: Fragment) -> Self {
+        Spanning { fragment, span: Span::at(fragment.z) }
+    }
+
+    fn fragment(&self) -> &Fragment {
+        &self.fragment
+    }
+
+    fn add(&mut self, contribution: &Fragment) {
+        self.fragment.add(contribution);
+        self.span = self.span.with(contribution.z);
+    }
+
+    fn set_depth(&mut self, z: f64) {
+        self.fragment.z = z;
+    }
+
+    fn merge(front: &Self, back: &Self, shader: &Shader) -> Self {
+        Spanning { fragment: Fragment::merge(&front.fragment, &back.fragment, shader), span: front.span.union(back.span) }
+    }
+
+    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
+        let open = slots.iter().enumerate().filter(|(_, slot)| !slot.fragment.shaded).map(|(index, slot)| (index, slot.span));
+        nearest_that_stays_within(z_threshold, z, open)
+    }
+}
+
+/// Of spans that together with `z` are narrower than `width`, or that hold it already, the one with the least gap to it; of equals the
+/// first.
+pub(crate) fn nearest_that_stays_within(width: f64, z: f64, spans: impl Iterator<Item = (usize, Span)>) -> Option<usize> {
+    let (mut least, mut nearest) = (f64::INFINITY, None);
+    for (index, span) in spans {
+        let gap = span.gap(z);
+        if (span.holds(z) || span.with(z).width() < width) && gap < least {
+            (least, nearest) = (gap, Some(index));
+        }
+    }
+    nearest
+}

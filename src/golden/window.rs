@@ -1,0 +1,1083 @@
+//! Window: keeps at most `l` layers of one pixel as clusters of depth, and groups them as `ideal` does, as far as they still lie apart
+//! (docs/book/algorithm.md §6).
+//! ```text
+//! contribution ─► 1 a cluster spans it? ─► accumulate          7 close: shade two, one over or inside the other
+//!                 2 its surface closed? ─► late, or inside     6 sum: two clusters of one window become one
+//!                 3 room? ───────────────► insert              5 evict: nobody sees the deepest
+//!                 else ─► 4 windows of ε and what is seen through them ─► 5, 6 or 7
+//! ```
+//! Open layers are sums, closed ones premultiplied colours. Each step is a function of its number, on layers in the order of their
+//! nearest depths, so that a renderer that is led may take them one by one.
+//!
+//! Laws (tests/golden_window.rs): `windows_equal_ideal_where_every_surface_has_a_slot`, `the_figures_of_the_check_scene_in_surface_order`.
+
+use std::ops::Range;
+
+use glam::{DVec3, DVec4};
+use rayon::prelude::*;
+
+use super::footprint::Footprint;
+use super::fragments::{Fragment, Side};
+use super::intervals::{Span, nearest_that_stays_within};
+use super::shade::{Shader, over};
+use super::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill, footprints};
+use super::{Decision, Group, Outcomes, Rendering, Rules};
+use crate::scene::Scene;
+
+/// What is seen through less than this is not seen.
+const LEAST_SEEN: f64 = 1.0 / 256.0;
+/// A splat that lies between two surfaces hides no more than this at its centre.
+const MOST_INSIDE: f64 = 0.95;
+/// The weight with which a splat that lies between two surfaces hides as much as its opacity says.
+const FULL_INSIDE: f64 = 0.5;
+/// Opacity from which a closed layer has a colour.
+const LEAST_OPACITY: f64 = 1e-9;
+/// What a late contribution can cover at least is never taken for less.
+const LEAST_REST: f64 = 1e-6;
+
+/// A contribution, and what its splat looks like.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Arrival {
+    pub sums: Fragment,
+    /// `col`: the splat's own colour under the lights.
+    pub colour: DVec3,
+    /// α of the splat.
+    pub opacity: f64,
+}
+
+/// A cluster of contributions.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Open {
+    pub sums: Fragment,
+    /// Σw·z.
+    pub depth: f64,
+    /// lo and hi.
+    pub span: Span,
+}
+
+/// One surface of a closed layer.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Part {
+    pub span: Span,
+    pub weight: f64,
+}
+
+/// Surfaces that were blended, from the front to the back.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Closed {
+    /// C, premultiplied, and A.
+    pub colour: DVec4,
+    /// [lo, loh] and Wl.
+    pub front: Part,
+    /// [hil, hi] and Wh.
+    pub back: Part,
+    /// TF: transmittance behind the front.
+    pub behind_front: f64,
+    /// TB: transmittance before the back.
+    pub before_back: f64,
+    /// Where fronts keep their own colour: that of the front alone, premultiplied.
+    pub front_colour: DVec3,
+}
+
+/// One slot of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Layer {
+    Open(Open),
+    Closed(Closed),
+}
+
+/// What step 4 finds out about one layer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Seen {
+    /// The layer at which its window starts.
+    pub first: usize,
+    /// Nearest depth of its window.
+    pub start: f64,
+    /// T: what of it is seen through those before it, a power of two or 0.
+    pub transmittance: f64,
+}
+
+impl Open {
+    /// Of one contribution.
+    pub fn new(sums: Fragment) -> Self {
+        Open { sums, depth: sums.weight * sums.z, span: Span::at(sums.z) }
+    }
+
+    /// Adds one contribution.
+    pub fn add(&mut self, sums: &Fragment) {
+        self.sums.add(sums);
+        self.depth += sums.weight * sums.z;
+        self.span = self.span.with(sums.z);
+    }
+
+    /// Step 6: one with a cluster behind it; the material is the front's.
+    pub fn with(mut self, back: &Open) -> Self {
+        self.sums.add(&back.sums);
+        self.depth += back.depth;
+        self.span = self.span.union(back.span);
+        self
+    }
+
+    /// What of it lies before a depth and what behind. On either side of its mean the weight is taken for evenly spread, so much of it
+    /// that the shares are those of two contributions at the ends.
+    pub fn cut(&self, at: f64) -> (Open, Open) {
+        let Span { near, far } = self.span;
+        let [mean, place] = [self.mean_depth(), at].map(|z| (z - near) / (far - near).max(f64::MIN_POSITIVE)).map(|z| z.clamp(0.0, 1.0));
+        let share = if place < mean { (1.0 - mean) * place / mean } else { 1.0 - mean * (1.0 - place) / (1.0 - mean).max(f64::EPSILON) };
+        let part = |share: f64, span: Span| {
+            let Fragment { weight, rgb, alpha, normal, .. } = self.sums;
+            let sums = Fragment { weight: weight * share, rgb: rgb * share, alpha: alpha * share, normal: normal * share, ..self.sums };
+            Open { sums, depth: sums.weight * (span.near + span.far) / 2.0, span }
+        };
+        (part(share, Span { near, far: at }), part(1.0 - share, Span { near: at, far }))
+    }
+
+    /// Σw·z/W.
+    pub fn mean_depth(&self) -> f64 {
+        // All of its weights may have underflowed.
+        if self.sums.weight > 0.0 { self.depth / self.sums.weight } else { self.span.near }
+    }
+}
+
+impl Layer {
+    /// lo.
+    pub fn near(&self) -> f64 {
+        match self {
+            Layer::Open(open) => open.span.near,
+            Layer::Closed(closed) => closed.front.span.near,
+        }
+    }
+}
+
+impl Default for Layer {
+    fn default() -> Self {
+        Layer::Open(Open::default())
+    }
+}
+
+impl Closed {
+    /// A contribution or a cluster that is one surface.
+    pub fn of_one(colour: DVec4, part: Part) -> Self {
+        let front_colour = colour.truncate();
+        Closed { colour, front: part, back: part, behind_front: 1.0 - colour.w, before_back: 1.0, front_colour }
+    }
+
+    /// lo.
+    pub fn near(&self) -> f64 {
+        self.front.span.near
+    }
+
+    /// hi.
+    pub fn far(&self) -> f64 {
+        self.back.span.far
+    }
+
+    /// Whether it has an inside, and a closed layer lies there.
+    pub fn encloses(&self, other: &Closed) -> bool {
+        self.front.span.far < other.near() && other.far() < self.far()
+    }
+
+    /// Step 7, over: `back` comes behind it.
+    pub fn put_over(&mut self, back: &Closed) {
+        let through = 1.0 - self.colour.w;
+        if back.far() > self.far() {
+            self.before_back = through * back.before_back;
+            self.back = back.back;
+        }
+        self.colour = over(self.colour, back.colour);
+    }
+
+    /// Step 7, inside: `x` comes between its front and its back. All of it is taken for one colour, or, where fronts keep theirs, all
+    /// behind the front.
+    pub fn put_inside(&mut self, x: &Closed, front_colours: bool) {
+        let [opacity, hidden] = [self.colour.w, x.colour.w];
+        let through = 1.0 - opacity;
+        // What of x is seen: all that the front lets through, or, nearer to the back, what reaches the back.
+        let mut seen = self.behind_front.max(through);
+        if x.near() + x.far() >= self.front.span.far + self.back.span.near {
+            seen = self.before_back.max(through).min(seen);
+        }
+        let (held, of) = if front_colours {
+            (self.colour.truncate() - self.front_colour, opacity - (1.0 - self.behind_front))
+        } else {
+            (self.colour.truncate(), opacity)
+        };
+        let own = if of > LEAST_OPACITY { held / of } else { DVec3::ZERO };
+        let colour = self.colour.truncate() + x.colour.truncate() * seen - own * (hidden * (seen - through));
+        self.colour = colour.extend(1.0 - through * (1.0 - hidden));
+        self.before_back *= 1.0 - hidden;
+    }
+}
+
+/// The rule: what its steps need to know.
+#[derive(Clone, Copy)]
+pub(crate) struct Window<'a> {
+    pub shader: &'a Shader,
+    /// ε.
+    pub z_threshold: f64,
+    /// A contribution joins a cluster that stays narrower than this.
+    pub reach: f64,
+    pub late: bool,
+    pub inside: bool,
+    pub evict_hidden: bool,
+    /// Whether clusters are summed on overflow.
+    pub sums: bool,
+    /// What is dropped lies at least this far behind the start of every window that hides it.
+    pub sure: f64,
+    /// Fronts keep their own colour.
+    pub front_colours: bool,
+    /// The end of a window cuts a cluster in two.
+    pub cut: bool,
+}
+
+impl<'a> Window<'a> {
+    pub fn new(rules: &Rules, z_threshold: f64, shader: &'a Shader) -> Self {
+        let clusters = rules.group == Group::Window;
+        Window {
+            shader,
+            z_threshold,
+            reach: if clusters { rules.window.join * z_threshold } else { z_threshold },
+            late: rules.window.late,
+            inside: rules.window.inside,
+            evict_hidden: rules.evict_hidden,
+            sums: clusters,
+            sure: rules.window.sure * z_threshold,
+            front_colours: rules.window.front_colours,
+            cut: rules.window.cut,
+        }
+    }
+
+    /// Step 1: the cluster that a contribution of this depth joins.
+    pub fn taker(&self, z: f64, layers: &[Layer]) -> Option<usize> {
+        let open = layers.iter().enumerate().filter_map(|(slot, layer)| match layer {
+            Layer::Open(open) => Some((slot, open.span)),
+            Layer::Closed(_) => None,
+        });
+        nearest_that_stays_within(self.reach, z, open)
+    }
+
+    /// Step 2: the closed layer that a contribution of this depth is late for, and on which side; of equals the lowest, its front first.
+    pub fn late_for(&self, z: f64, layers: &[Layer]) -> Option<(usize, Side)> {
+        let closed = layers.iter().enumerate().filter_map(|(slot, layer)| match layer {
+            Layer::Open(_) => None,
+            Layer::Closed(closed) => Some((slot, closed)),
+        });
+        let (mut least, mut nearest) = (f64::INFINITY, None);
+        for (slot, closed) in closed {
+            for (side, part) in [(Side::Front, closed.front), (Side::Back, closed.back)] {
+                let gap = part.span.gap(z);
+                if part.span.with(z).width() < self.z_threshold && gap < least {
+                    (least, nearest) = (gap, Some((slot, side)));
+                }
+            }
+        }
+        nearest
+    }
+
+    /// Step 2: adds a late contribution, as far as its surface did not cover the pixel yet.
+    pub fn add_late(&self, closed: &mut Closed, side: Side, new: &Arrival) {
+        let (weight, threshold) = (new.sums.weight, self.shader.coverage_threshold());
+        let part = match side {
+            Side::Front => &mut closed.front,
+            Side::Back => &mut closed.back,
+        };
+        let had = new.opacity * part.weight.min(threshold) / threshold;
+        let adds = new.opacity * (threshold - part.weight).min(weight).max(0.0) / threshold;
+        let share = if adds > 0.0 { (adds / (1.0 - had).max(LEAST_REST)).min(1.0) } else { 0.0 };
+        part.weight += weight;
+        part.span = part.span.with(new.sums.z);
+        let late = (new.colour * share).extend(share);
+        match side {
+            Side::Front => {
+                closed.colour = over(late, closed.colour);
+                closed.behind_front *= 1.0 - share;
+                closed.before_back *= 1.0 - share;
+                closed.front_colour = new.colour * share + closed.front_colour * (1.0 - share);
+                if self.front_colours {
+                    closed.move_front_colour(new, threshold);
+                }
+            }
+            Side::Back => closed.colour = over(closed.colour, late),
+        }
+    }
+
+    /// Step 2: the last closed layer within whose depths this one lies.
+    pub fn around(&self, z: f64, layers: &[Layer]) -> Option<usize> {
+        layers.iter().rposition(|layer| matches!(layer, Layer::Closed(closed) if closed.near() < z && z < closed.far()))
+    }
+
+    /// Step 2: a contribution by itself, as what lies inside a closed layer.
+    pub fn splat_inside(new: &Arrival) -> Closed {
+        let opacity = 1.0 - libm::pow(1.0 - new.opacity.min(MOST_INSIDE), new.sums.weight / FULL_INSIDE);
+        let part = Part { span: Span::at(new.sums.z), weight: new.sums.weight };
+        Closed::of_one((new.colour * opacity).extend(opacity), part)
+    }
+
+    /// Step 3: layers in the order of their nearest depths, equals in that which they had.
+    pub fn sort(layers: &mut [Layer]) {
+        layers.sort_by(|a, b| a.near().total_cmp(&b.near()));
+    }
+
+    /// Step 4: of each layer the window that it belongs to and what is seen of it, front to back.
+    pub fn windows(&self, layers: &[Layer], seen: &mut Vec<Seen>) {
+        seen.clear();
+        // The window that may still grow, and what is seen through those before it.
+        let mut window: Option<(usize, f64, Fragment)> = None;
+        let mut through = 1.0;
+        for (slot, layer) in layers.iter().enumerate() {
+            let joins = window.filter(|(_, start, _)| self.is_of_window(*start, layer));
+            if joins.is_none()
+                && let Some((_, _, sums)) = window.take()
+            {
+                through *= 1.0 - self.opacity(&sums);
+            }
+            let (first, start) = joins.map_or((slot, layer.near()), |(first, start, _)| (first, start));
+            if let Layer::Open(open) = layer {
+                let sums = joins.map_or(open.sums, |(_, _, mut sums)| {
+                    sums.add(&open.sums);
+                    sums
+                });
+                window = Some((first, start, sums));
+            }
+            let transmittance = power_of_two(layers[..slot].iter().fold(through, |through, before| match before {
+                Layer::Open(_) => through,
+                Layer::Closed(closed) => through * closed.lets_through(layer.near()),
+            }));
+            seen.push(Seen { first, start, transmittance });
+        }
+    }
+
+    /// Whether a layer belongs to the window that starts at this depth.
+    pub fn is_of_window(&self, start: f64, layer: &Layer) -> bool {
+        matches!(layer, Layer::Open(open) if open.mean_depth() - start < self.z_threshold)
+    }
+
+    /// Whether a cluster that nothing cuts belongs to the window that starts at this depth, at the end.
+    fn joins_at_the_end(&self, start: f64, next: &Open) -> bool {
+        if self.cut { next.span.near < start + self.z_threshold } else { self.is_of_window(start, &Layer::Open(*next)) }
+    }
+
+    /// Opacity of sums.
+    pub fn opacity(&self, sums: &Fragment) -> f64 {
+        if sums.weight > 0.0 { sums.alpha / sums.weight * (sums.weight / self.shader.coverage_threshold()).min(1.0) } else { 0.0 }
+    }
+
+    /// Step 5: whether the deepest is hidden by windows that start so far before it that it stays hidden where they are formed anew: what
+    /// comes nearer moves their starts.
+    pub fn is_surely_hidden(&self, layers: &[Layer], seen: &[Seen]) -> bool {
+        if self.sure == 0.0 {
+            return true;
+        }
+        let deepest = layers.len() - 1;
+        let near = layers[deepest].near();
+        let mut through = 1.0;
+        let mut window = Fragment::default();
+        for (slot, layer) in layers[..deepest].iter().enumerate() {
+            match layer {
+                Layer::Closed(closed) => through *= closed.lets_through(near),
+                Layer::Open(open) => {
+                    if seen[slot].first == slot {
+                        window = open.sums;
+                    } else {
+                        window.add(&open.sums);
+                    }
+                    let ends = seen[slot + 1].first != seen[slot].first;
+                    if (ends || slot + 1 == deepest) && near - seen[slot].start >= self.sure {
+                        through *= 1.0 - self.opacity(&window);
+                    }
+                }
+            }
+        }
+        power_of_two(through) == 0.0
+    }
+
+    /// Step 6: the front of the pair that is best summed, if any two may be; of equals the one nearer to the eye.
+    pub fn pair_to_sum(&self, layers: &[Layer], seen: &[Seen]) -> Option<usize> {
+        let (mut least, mut front) = (f64::INFINITY, None);
+        for slot in 0..layers.len() - 1 {
+            let (Layer::Open(a), Layer::Open(b)) = (&layers[slot], &layers[slot + 1]) else { continue };
+            let union = Span { near: a.span.near, far: a.span.far.max(b.span.far) };
+            let start = (seen[slot].first == seen[slot + 1].first).then_some(seen[slot].start);
+            let cost = seen[slot].transmittance * self.cost_of_sum(union, start);
+            if union.width() < self.z_threshold && cost < least {
+                (least, front) = (cost, Some(slot));
+            }
+        }
+        front
+    }
+
+    /// Step 6: how much a sum of these depths may put wrong; with the start of their window, if both are of one.
+    pub fn cost_of_sum(&self, union: Span, start: Option<f64>) -> f64 {
+        let epsilon = self.z_threshold;
+        start.map_or(epsilon, |start| union.width() * (epsilon + union.far - start) / (2.0 * epsilon))
+    }
+
+    /// Step 7: a layer, shaded once.
+    pub fn close(&self, layer: &Layer) -> Closed {
+        match layer {
+            Layer::Open(open) => Closed::of_one(self.shader.premultiplied(&open.sums), Part { span: open.span, weight: open.sums.weight }),
+            Layer::Closed(closed) => *closed,
+        }
+    }
+
+    /// Step 7: the back inside of the front, where it lies there, or behind it; and which of the two.
+    pub fn merge(&self, front: &mut Closed, back: &Closed) -> bool {
+        let inside = self.inside && front.encloses(back);
+        if inside {
+            front.put_inside(back, self.front_colours);
+        } else {
+            front.put_over(back);
+        }
+        inside
+    }
+
+    /// One contribution to the layers of a pixel, the last of which is spare; and what became of it.
+    pub fn take(&self, layers: &mut [Layer], used: &mut usize, seen: &mut Vec<Seen>, new: &Arrival) -> Decision {
+        let z = new.sums.z;
+        if let Some(slot) = self.taker(z, &layers[..*used])
+            && let Layer::Open(open) = &mut layers[slot]
+        {
+            open.add(&new.sums);
+            return Decision::Accumulated { slot };
+        }
+        if let Some((slot, side)) = self.late.then(|| self.late_for(z, &layers[..*used])).flatten()
+            && let Layer::Closed(closed) = &mut layers[slot]
+        {
+            self.add_late(closed, side, new);
+            return Decision::Late { slot, side };
+        }
+        if let Some(slot) = self.inside.then(|| self.around(z, &layers[..*used])).flatten()
+            && let Layer::Closed(closed) = &mut layers[slot]
+        {
+            closed.put_inside(&Self::splat_inside(new), self.front_colours);
+            return Decision::Inside { slot };
+        }
+        let place = insert(&mut layers[..=*used], Open::new(new.sums));
+        if *used + 1 < layers.len() {
+            *used += 1;
+            return Decision::Inserted { slot: place };
+        }
+        self.windows(layers, seen);
+        let deepest = *used;
+        if self.evict_hidden && seen[deepest].transmittance == 0.0 && self.is_surely_hidden(layers, seen) {
+            return Decision::Evicted { slot: (place < deepest).then_some(place) };
+        }
+        if let Some(slot) = self.sums.then(|| self.pair_to_sum(layers, seen)).flatten()
+            && let (Layer::Open(front), Layer::Open(back)) = (layers[slot], layers[slot + 1])
+        {
+            layers[slot] = Layer::Open(front.with(&back));
+            layers[slot + 1..].rotate_left(1);
+            return Decision::Summed { slot, place };
+        }
+        let mut front = self.close(&layers[deepest - 1]);
+        let inside = self.merge(&mut front, &self.close(&layers[deepest]));
+        layers[deepest - 1] = Layer::Closed(front);
+        Decision::Closed { slot: deepest - 1, place, inside }
+    }
+
+    /// The pixel: windows summed and closed, one in or behind the other, over the background.
+    pub fn resolve(&self, layers: &mut [Layer]) -> [f64; 4] {
+        Self::sort(layers);
+        let mut front = DVec4::ZERO;
+        let mut last: Option<Closed> = None;
+        let mut done = 0;
+        while done < layers.len() {
+            let (next, taken) = self.close_window(&mut layers[done..]);
+            done += taken;
+            match &mut last {
+                Some(last) if self.inside && last.encloses(&next) => last.put_inside(&next, self.front_colours),
+                _ => front = over(front, last.replace(next).map_or(DVec4::ZERO, |last| last.colour)),
+            }
+        }
+        let front = over(front, last.map_or(DVec4::ZERO, |last| last.colour));
+        over(front, DVec4::from_array(self.shader.background())).to_array()
+    }
+
+    /// The window that starts with the first layer, closed, and how many layers it took. What it leaves of a cluster that it cuts stays
+    /// among the others.
+    fn close_window(&self, layers: &mut [Layer]) -> (Closed, usize) {
+        let Layer::Open(mut window) = layers[0] else { return (self.close(&layers[0]), 1) };
+        let (start, end) = (window.span.near, window.span.near + self.z_threshold);
+        let mut taken = 1;
+        while let Some(Layer::Open(next)) = layers.get(taken).copied() {
+            if self.cut && next.span.near < end && next.span.far >= end {
+                let (before, behind) = next.cut(end);
+                window = window.with(&before);
+                layers[taken] = Layer::Open(behind);
+                Self::sort(&mut layers[taken..]);
+            } else if self.joins_at_the_end(start, &next) {
+                window = window.with(&next);
+                taken += 1;
+            } else {
+                break;
+            }
+        }
+        (self.close(&Layer::Open(window)), taken)
+    }
+}
+
+impl Closed {
+    /// Step 2: the colour of a front that covers already is the mean of its contributions, weighted, the last one included.
+    fn move_front_colour(&mut self, new: &Arrival, threshold: f64) {
+        let (weight, opacity) = (self.front.weight, 1.0 - self.behind_front);
+        if weight > threshold && opacity > LEAST_OPACITY {
+            let beyond = (weight - threshold).min(new.sums.weight) / weight;
+            let change = (new.colour * opacity - self.front_colour) * beyond;
+            self.front_colour += change;
+            self.colour += change.extend(0.0);
+        }
+    }
+
+    /// What of a layer behind it is seen that starts at this depth: all that its front lets through, where it lies before its back.
+    fn lets_through(&self, near: f64) -> f64 {
+        if near < self.far() { self.behind_front } else { 1.0 - self.colour.w }
+    }
+}
+
+/// Step 3: brings a new cluster into the order of the others, of which the last place is spare; behind its equals. Returns its place.
+fn insert(layers: &mut [Layer], new: Open) -> usize {
+    let last = layers.len() - 1;
+    Window::sort(&mut layers[..last]);
+    let place = layers[..last].partition_point(|layer| layer.near().total_cmp(&new.span.near).is_le());
+    layers[last] = Layer::Open(new);
+    layers[place..].rotate_right(1);
+    place
+}
+
+/// Rounded down to a power of two; what is hardly seen is not seen.
+fn power_of_two(transmittance: f64) -> f64 {
+    const EXPONENT: u64 = 0xfff0_0000_0000_0000;
+    if transmittance >= LEAST_SEEN { f64::from_bits(transmittance.to_bits() & EXPONENT) } else { 0.0 }
+}
+
+/// A footprint and its splat's own colour.
+struct Lit {
+    footprint: Footprint,
+    colour: DVec3,
+}
+
+impl Cover for Lit {
+    type Contribution = Arrival;
+
+    fn sides(&self) -> [&Range<u32>; 2] {
+        self.footprint.sides()
+    }
+
+    fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Arrival)) {
+        let (colour, opacity) = (self.colour, self.footprint.opacity);
+        self.footprint.give(columns, rows, |pixel, sums| take(pixel, Arrival { sums, colour, opacity }));
+    }
+}
+
+/// Draws a scene of surfaces.
+pub(super) fn draw(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
+    let (footprints, culled) = footprints(scene, shader, rules.turn_normals, 0.0);
+    let light = |footprint: Footprint| Lit { colour: shader.emission(&footprint), footprint };
+    let lit: Vec<Lit> = footprints.into_par_iter().map(light).collect();
+    let pixels = || Pixels::new(rules, scene.surface.z_threshold, shader);
+    Rendering { culled, ..fill(&scene.image, &lit, shader.background(), pixels) }
+}
+
+/// The fragments of one tile.
+pub(super) struct Pixels<'a> {
+    window: Window<'a>,
+    /// Of one pixel, with the spare one.
+    slots: usize,
+    /// A pixel's slots lie side by side.
+    layers: Vec<Layer>,
+    /// Slots in use, of each pixel.
+    used: Vec<usize>,
+    seen: Vec<Seen>,
+    outcomes: Outcomes,
+}
+
+impl<'a> Pixels<'a> {
+    pub fn new(rules: &Rules, z_threshold: f64, shader: &'a Shader) -> Self {
+        let slots = rules.layers.max(1) + 1;
+        Pixels {
+            window: Window::new(rules, z_threshold, shader),
+            slots,
+            layers: vec![Layer::default(); PIXELS_IN_A_TILE * slots],
+            used: vec![0; PIXELS_IN_A_TILE],
+            seen: Vec::with_capacity(slots),
+            outcomes: Outcomes::default(),
+        }
+    }
+
+    /// Takes one contribution in and says what became of it.
+    pub fn decide(&mut self, pixel: usize, new: &Arrival) -> Decision {
+        let first = pixel * self.slots;
+        self.window.take(&mut self.layers[first..first + self.slots], &mut self.used[pixel], &mut self.seen, new)
+    }
+
+    /// The layers of one pixel in slot order.
+    pub fn layers(&mut self, pixel: usize) -> &mut [Layer] {
+        let first = pixel * self.slots;
+        &mut self.layers[first..first + self.used[pixel]]
+    }
+}
+
+impl Painter for Pixels<'_> {
+    type Contribution = Arrival;
+
+    fn take(&mut self, pixel: usize, contribution: Arrival) {
+        let decision = self.decide(pixel, &contribution);
+        self.outcomes.count(decision);
+    }
+
+    fn finish(&mut self, pixel: usize) -> [f64; 4] {
+        let window = self.window;
+        let layers = self.layers(pixel);
+        let (colour, count) = (window.resolve(layers), layers.len() as u64);
+        self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(count);
+        self.used[pixel] = 0;
+        colour
+    }
+
+    fn outcomes(&self) -> Outcomes {
+        self.outcomes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Merge, WindowOptions};
+    use super::*;
+
+    /// τ.
+    const COVERS: f64 = 0.25;
+    const GREY: DVec3 = DVec3::splat(0.5);
+
+    fn rules(layers: usize, join: f64) -> Rules {
+        let window = WindowOptions { join, ..WindowOptions::default() };
+        Rules { layers, group: Group::Window, merge: Merge::Window, window, ..Rules::default() }
+    }
+
+    /// Grey, of full weight.
+    fn at(z: f64, opacity: f64) -> Arrival {
+        let sums = Fragment { weight: 1.0, rgb: GREY, alpha: opacity, normal: DVec3::NEG_Z, z, ..Fragment::default() };
+        Arrival { sums, colour: GREY, opacity }
+    }
+
+    fn weighing(weight: f64, arrival: Arrival) -> Arrival {
+        let Fragment { rgb, alpha, normal, .. } = arrival.sums;
+        let sums = Fragment { weight, rgb: rgb * weight, alpha: alpha * weight, normal: normal * weight, ..arrival.sums };
+        Arrival { sums, ..arrival }
+    }
+
+    fn open(z: f64, opacity: f64) -> Layer {
+        Layer::Open(Open::new(at(z, opacity).sums))
+    }
+
+    fn part(near: f64, far: f64, weight: f64) -> Part {
+        Part { span: Span { near, far }, weight }
+    }
+
+    /// Two grey surfaces of opacity ½, front over back, which cover half.
+    fn closed(front: [f64; 2], back: [f64; 2]) -> Closed {
+        let colour = (GREY * 0.75).extend(0.75);
+        let [front, back] = [front, back].map(|[near, far]| part(near, far, COVERS / 2.0));
+        Closed { colour, front, back, behind_front: 0.5, before_back: 0.5, front_colour: GREY * 0.5 }
+    }
+
+    /// What becomes of each of these at ε = 1, the nearest depths of the slots at the end, and the pixel.
+    fn drawn(rules: &Rules, arrivals: &[Arrival]) -> (Vec<Decision>, Vec<f64>, [f64; 4]) {
+        let shader = Shader::unlit(COVERS);
+        let mut pixels = Pixels::new(rules, 1.0, &shader);
+        let decisions = arrivals.iter().map(|arrival| pixels.decide(0, arrival)).collect();
+        let near = pixels.layers(0).iter().map(Layer::near).collect();
+        let window = pixels.window;
+        (decisions, near, window.resolve(pixels.layers(0)))
+    }
+
+    fn last(rules: &Rules, depths: &[f64], opacity: f64) -> (Decision, Vec<f64>) {
+        let arrivals: Vec<Arrival> = depths.iter().map(|z| at(*z, opacity)).collect();
+        let (decisions, near, _) = drawn(rules, &arrivals);
+        (decisions[decisions.len() - 1], near)
+    }
+
+    fn with_rule<T>(rules: &Rules, ask: impl FnOnce(&Window) -> T) -> T {
+        ask(&Window::new(rules, 1.0, &Shader::unlit(COVERS)))
+    }
+
+    fn seen(layers: &[Layer]) -> Vec<Seen> {
+        let mut seen = Vec::new();
+        with_rule(&rules(8, 0.0), |window| window.windows(layers, &mut seen));
+        seen
+    }
+
+    fn assert_near(colour: DVec4, expected: DVec4) {
+        assert!((colour - expected).abs().max_element() < 1e-15, "{colour}, not {expected}");
+    }
+
+    // --- Step 1 ---
+
+    #[test]
+    fn a_contribution_joins_the_cluster_that_spans_it() {
+        let clusters = [9.0, 10.0, 9.5, 9.25];
+        // The third finds 9 and 10 apart; the pixel overflows at two, where 9 and 9.5 are summed.
+        let (decision, near) = last(&rules(2, 0.0), &clusters, 0.0);
+        assert_eq!((decision, near), (Decision::Accumulated { slot: 0 }, vec![9.0, 10.0]));
+        assert_eq!(last(&rules(2, 0.0), &[9.0, 9.0], 0.0).0, Decision::Accumulated { slot: 0 });
+        assert_eq!(last(&rules(2, 0.0), &[9.0, 9.001], 0.0).0, Decision::Inserted { slot: 1 });
+    }
+
+    #[test]
+    fn a_contribution_joins_the_nearest_cluster_that_stays_narrow_and_of_equals_the_lowest() {
+        let rules = rules(8, 0.5);
+        assert_eq!(last(&rules, &[10.0, 10.4375], 0.0).0, Decision::Accumulated { slot: 0 });
+        assert_eq!(last(&rules, &[10.0, 10.5], 0.0).0, Decision::Inserted { slot: 1 });
+        assert_eq!(last(&rules, &[10.0, 10.5, 10.25], 0.0).0, Decision::Accumulated { slot: 0 });
+        assert_eq!(last(&rules, &[10.0, 10.5, 10.375], 0.0).0, Decision::Accumulated { slot: 1 });
+        assert_eq!(last(&rules, &[10.5, 10.0, 10.25], 0.0).0, Decision::Accumulated { slot: 0 });
+    }
+
+    #[test]
+    fn intervals_join_up_to_the_threshold_and_are_not_summed() {
+        let rules = Rules { group: Group::Interval, ..rules(2, 0.0) };
+        assert_eq!(last(&rules, &[10.0, 10.75, 10.5, 9.875], 0.0), (Decision::Accumulated { slot: 0 }, vec![9.875]));
+        assert_eq!(last(&rules, &[10.0, 10.75, 9.75], 0.0), (Decision::Inserted { slot: 0 }, vec![9.75, 10.0]));
+        assert_eq!(last(&rules, &[10.0, 10.75, 11.0, 9.75], 0.0).0, Decision::Closed { slot: 1, place: 0, inside: false });
+    }
+
+    // --- Step 2 ---
+
+    #[test]
+    fn a_late_contribution_goes_to_the_nearest_surface_that_stays_narrow() {
+        let layers = [open(0.0, 0.0), Layer::Closed(closed([10.0, 10.5], [14.0, 14.0])), Layer::Closed(closed([15.0, 15.0], [20.0, 20.0]))];
+        let late = |z| with_rule(&rules(8, 0.0), |window| window.late_for(z, &layers));
+        assert_eq!(late(9.75), Some((1, Side::Front)));
+        assert_eq!(late(9.5), None);
+        assert_eq!(late(11.0), None);
+        assert_eq!(late(14.25), Some((1, Side::Back)));
+        assert_eq!(late(14.5), Some((1, Side::Back)));
+        assert_eq!(late(14.625), Some((2, Side::Front)));
+        assert_eq!(late(20.5), Some((2, Side::Back)));
+        assert_eq!(late(0.0), None);
+    }
+
+    #[test]
+    fn of_two_equally_near_surfaces_the_front_is_late() {
+        let layers = [Layer::Closed(closed([10.0, 10.0], [10.5, 10.5]))];
+        let late = |z| with_rule(&rules(8, 0.0), |window| window.late_for(z, &layers));
+        assert_eq!(late(10.25), Some((0, Side::Front)));
+        assert_eq!(late(10.375), Some((0, Side::Back)));
+    }
+
+    #[test]
+    fn a_late_front_covers_what_its_surface_did_not() {
+        let mut late = closed([10.0, 10.0], [14.0, 14.0]);
+        let white = Arrival { colour: DVec3::ONE, ..weighing(COVERS / 4.0, at(9.5, 0.5)) };
+        with_rule(&rules(8, 0.0), |window| window.add_late(&mut late, Side::Front, &white));
+        // It had ½·½, and half of that is added: a sixth of the ¾ that were left.
+        let (share, rest) = (1.0 / 6.0, 5.0 / 6.0);
+        assert_near(late.colour, DVec4::splat(share) + closed([0.0; 2], [0.0; 2]).colour * rest);
+        assert!((late.behind_front - 0.5 * rest).abs() < 1e-15 && (late.before_back - 0.5 * rest).abs() < 1e-15);
+        assert_eq!((late.front.span, late.front.weight), (Span { near: 9.5, far: 10.0 }, COVERS * 0.75));
+        assert_eq!(late.back.weight, COVERS / 2.0);
+    }
+
+    #[test]
+    fn a_late_back_is_seen_through_all() {
+        let mut late = closed([10.0, 10.0], [14.0, 14.0]);
+        let white = Arrival { colour: DVec3::ONE, ..weighing(COVERS / 4.0, at(14.5, 0.5)) };
+        with_rule(&rules(8, 0.0), |window| window.add_late(&mut late, Side::Back, &white));
+        assert_near(late.colour, closed([0.0; 2], [0.0; 2]).colour + DVec4::splat(0.25 / 6.0));
+        assert_eq!((late.behind_front, late.before_back), (0.5, 0.5));
+        assert_eq!((late.back.span, late.back.weight), (Span { near: 14.0, far: 14.5 }, COVERS * 0.75));
+    }
+
+    #[test]
+    fn what_covers_takes_no_more_colour() {
+        let mut late = closed([10.0, 10.0], [14.0, 14.0]);
+        late.front.weight = COVERS;
+        with_rule(&rules(8, 0.0), |window| window.add_late(&mut late, Side::Front, &at(10.0, 0.5)));
+        assert_eq!((late.colour, late.front.weight), (closed([0.0; 2], [0.0; 2]).colour, COVERS + 1.0));
+        // Half covered, and opaque: the other half is all that is left.
+        let mut late = closed([10.0, 10.0], [14.0, 14.0]);
+        with_rule(&rules(8, 0.0), |window| window.add_late(&mut late, Side::Front, &at(10.0, 1.0)));
+        assert_eq!((late.colour, late.behind_front), (GREY.extend(1.0), 0.0));
+    }
+
+    #[test]
+    fn what_lies_within_belongs_to_the_last_that_spans_it() {
+        let layers = [[10.0, 20.0], [12.0, 18.0], [30.0, 40.0]].map(|[near, far]| Layer::Closed(closed([near; 2], [far; 2])));
+        let around = |z| with_rule(&rules(8, 0.0), |window| window.around(z, &layers));
+        let found = [11.0, 12.0, 15.0, 18.0, 10.0, 20.0, 25.0, 35.0].map(around);
+        assert_eq!(found, [Some(0), Some(0), Some(1), Some(0), None, None, None, Some(2)]);
+    }
+
+    #[test]
+    fn a_splat_inside_hides_by_its_weight() {
+        let opacity = |weight, opacity| Window::splat_inside(&weighing(weight, at(1.0, opacity))).colour.w;
+        assert!((opacity(0.5, 0.75) - 0.75).abs() < 1e-15);
+        assert!((opacity(1.0, 0.75) - 0.9375).abs() < 1e-15);
+        assert!((opacity(0.5, 1.0) - 0.95).abs() < 1e-15);
+        assert_eq!(opacity(0.0, 1.0), 0.0);
+    }
+
+    #[test]
+    fn what_comes_inside_is_seen_through_the_front_and_hides_the_back() {
+        let white = |z| Closed::of_one(DVec4::splat(0.5), part(z, z, 1.0));
+        let mut both = closed([10.0; 2], [20.0; 2]);
+        both.put_inside(&white(12.0), false);
+        // ½ grey, then ½·½ white, then ¼·½ grey.
+        assert_near(both.colour, (GREY * 0.625 + 0.25).extend(0.875));
+        assert_eq!((both.behind_front, both.before_back), (0.5, 0.25));
+        // In the middle counts as nearer to the back: only a quarter of it is seen, and three quarters of what it hides was there.
+        both.colour = DVec4::splat(0.875);
+        both.put_inside(&white(15.0), false);
+        assert_near(both.colour, DVec4::splat(0.9375));
+        assert_eq!(both.before_back, 0.125);
+    }
+
+    #[test]
+    fn what_is_clear_takes_the_colour_of_what_comes_inside() {
+        let mut clear = Closed { colour: DVec4::ZERO, behind_front: 1.0, before_back: 1.0, ..closed([10.0; 2], [20.0; 2]) };
+        clear.put_inside(&Closed::of_one(DVec4::splat(0.5), part(12.0, 12.0, 1.0)), false);
+        assert_eq!(clear.colour, DVec4::splat(0.5));
+    }
+
+    #[test]
+    fn fronts_that_keep_their_colour_leave_it_to_themselves() {
+        // ½ red over ½ blue; white comes between and hides half of the blue.
+        let mut both = closed([10.0; 2], [20.0; 2]);
+        both.colour = DVec4::new(0.5, 0.0, 0.25, 0.75);
+        both.front_colour = DVec3::new(0.5, 0.0, 0.0);
+        both.put_inside(&Closed::of_one(DVec4::splat(0.5), part(12.0, 12.0, 1.0)), true);
+        assert_near(both.colour, DVec4::new(0.75, 0.25, 0.375, 0.875));
+    }
+
+    #[test]
+    fn a_front_that_covers_has_the_mean_colour_of_all_that_comes() {
+        let rule = rules(8, 0.0);
+        let keeping = Rules { window: WindowOptions { front_colours: true, ..rule.window }, ..rule };
+        let mut late = closed([10.0; 2], [14.0; 2]);
+        late.front.weight = COVERS;
+        let white = Arrival { colour: DVec3::ONE, ..weighing(COVERS, at(10.0, 0.5)) };
+        with_rule(&keeping, |window| window.add_late(&mut late, Side::Front, &white));
+        // As much white as there was grey.
+        assert_near(late.front_colour.extend(0.0), DVec4::new(0.375, 0.375, 0.375, 0.0));
+        assert_near(late.colour, closed([0.0; 2], [0.0; 2]).colour + DVec4::new(0.125, 0.125, 0.125, 0.0));
+        assert_eq!((late.behind_front, late.before_back), (0.5, 0.5));
+    }
+
+    // --- Step 3 ---
+
+    #[test]
+    fn slots_are_in_the_order_of_their_nearest_depths_and_equals_as_they_came() {
+        assert_eq!(last(&rules(8, 0.0), &[30.0, 10.0, 20.0], 0.0), (Decision::Inserted { slot: 1 }, vec![10.0, 20.0, 30.0]));
+        let mut layers = [open(10.0, 0.5), Layer::Closed(closed([10.0; 2], [12.0; 2])), open(9.0, 0.0), Layer::default()];
+        assert_eq!(insert(&mut layers, Open::new(at(10.0, 0.0).sums)), 3);
+        let order: Vec<bool> = layers.iter().map(|layer| matches!(layer, Layer::Open(_))).collect();
+        assert_eq!(order, [true, true, false, true]);
+    }
+
+    // --- Step 4 ---
+
+    #[test]
+    fn windows_begin_at_the_nearest_depth_and_hide_what_lies_behind() {
+        let found = seen(&[open(0.0, 0.4), open(0.75, 0.4), open(1.0, 0.9), open(2.0, 0.0)]);
+        let expected = [(0, 0.0, 1.0), (0, 0.0, 1.0), (2, 1.0, 0.5), (3, 2.0, 0.03125)];
+        assert_eq!(found, expected.map(|(first, start, transmittance)| Seen { first, start, transmittance }));
+    }
+
+    #[test]
+    fn a_cluster_belongs_where_its_mean_does() {
+        let mut wide = Open::new(at(0.5, 0.0).sums);
+        wide.add(&at(1.25, 0.0).sums);
+        assert_eq!(seen(&[open(0.0, 0.0), Layer::Open(wide)])[1].first, 0);
+        wide.add(&at(1.375, 0.0).sums);
+        assert_eq!(seen(&[open(0.0, 0.0), Layer::Open(wide)])[1].first, 1);
+    }
+
+    #[test]
+    fn a_closed_layer_ends_a_window_and_hides_by_where_the_next_lies() {
+        let layers = [open(0.0, 0.5), Layer::Closed(closed([0.25; 2], [5.0; 2])), open(0.5, 0.0), open(5.0, 0.0)];
+        let transmittances: Vec<f64> = seen(&layers).iter().map(|seen| seen.transmittance).collect();
+        assert_eq!(transmittances, [1.0, 0.5, 0.25, 0.125]);
+        assert_eq!(seen(&layers)[2].first, 2);
+    }
+
+    #[test]
+    fn what_is_seen_is_a_power_of_two_or_nothing() {
+        let rounded = [1.0, 0.9, 0.5, 0.49, 1.0 / 256.0, 0.0039, 0.0, -0.1, f64::NAN].map(power_of_two);
+        assert_eq!(rounded, [1.0, 0.5, 0.5, 0.25, 1.0 / 256.0, 0.0, 0.0, 0.0, 0.0]);
+    }
+
+    // --- Steps 5 and 6 ---
+
+    #[test]
+    fn what_nobody_sees_is_dropped() {
+        let layers = |last: f64| [at(10.0, 1.0), at(20.0, 0.5), at(last, 0.5)];
+        let (decided, near, _) = drawn(&rules(2, 0.0), &layers(15.0));
+        assert_eq!((decided[2], near), (Decision::Evicted { slot: Some(1) }, vec![10.0, 15.0]));
+        let (decided, near, _) = drawn(&rules(2, 0.0), &layers(25.0));
+        assert_eq!((decided[2], near), (Decision::Evicted { slot: None }, vec![10.0, 20.0]));
+        let (decided, ..) = drawn(&Rules { evict_hidden: false, ..rules(2, 0.0) }, &layers(25.0));
+        assert_eq!(decided[2], Decision::Closed { slot: 1, place: 2, inside: false });
+    }
+
+    #[test]
+    fn what_a_window_hides_that_may_still_move_is_kept() {
+        let decided = |sure, last| {
+            let rule = rules(2, 0.0);
+            let rule = Rules { window: WindowOptions { sure, ..rule.window }, ..rule };
+            drawn(&rule, &[at(10.0, 1.0), at(20.0, 0.5), at(last, 0.5)]).0[2]
+        };
+        let closed = Decision::Closed { slot: 1, place: 2, inside: false };
+        assert_eq!(decided(12.0, 21.9), closed);
+        assert_eq!(decided(12.0, 22.0), Decision::Evicted { slot: None });
+        assert_eq!(decided(0.0, 21.9), Decision::Evicted { slot: None });
+    }
+
+    #[test]
+    fn the_pair_that_errs_least_is_summed() {
+        // 0.25·(1 + 0.25)/2 against 0.25·(1 + 0.5)/2.
+        assert_eq!(last(&rules(2, 0.0), &[0.25, 0.0, 0.5], 0.0), (Decision::Summed { slot: 0, place: 2 }, vec![0.0, 0.5]));
+        // 0.75·1.75/2 of one window against 1 of two, though the two are nearer.
+        assert_eq!(last(&rules(2, 0.0), &[0.0, 0.75, 1.25], 0.0).0, Decision::Summed { slot: 0, place: 2 });
+        // Seen by half, the deeper pair costs half.
+        let arrivals = [at(0.0, 0.5), at(0.25, 0.5), at(5.0, 0.0), at(5.25, 0.0)];
+        assert_eq!(drawn(&rules(3, 0.0), &arrivals).0[3], Decision::Summed { slot: 2, place: 3 });
+    }
+
+    #[test]
+    fn of_pairs_that_cost_the_same_the_nearer_is_summed() {
+        let arrivals = [at(0.0, 0.0), at(0.25, 0.0), at(5.0, 0.0), at(5.25, 0.0)];
+        assert_eq!(drawn(&rules(3, 0.0), &arrivals).0[3], Decision::Summed { slot: 0, place: 3 });
+        let hidden = [at(0.0, 1.0), at(5.0, 0.0), at(5.75, 0.0), at(8.0, 0.0), at(8.25, 0.0)];
+        let rules = Rules { evict_hidden: false, ..rules(4, 0.0) };
+        assert_eq!(drawn(&rules, &hidden).0[4], Decision::Summed { slot: 1, place: 4 });
+    }
+
+    #[test]
+    fn a_sum_keeps_the_material_of_its_front_and_spans_both() {
+        let of_material = |z, material| Open::new(Fragment { material, ..at(z, 0.5).sums });
+        let sum = of_material(0.25, 1).with(&of_material(0.75, 2));
+        assert_eq!((sum.sums.material, sum.span, sum.depth, sum.sums.weight), (1, Span { near: 0.25, far: 0.75 }, 1.0, 2.0));
+    }
+
+    // --- Step 7 ---
+
+    #[test]
+    fn two_that_are_too_far_apart_are_closed() {
+        let (decision, near) = last(&rules(2, 0.0), &[10.0, 1.0, 11.0], 0.5);
+        assert_eq!((decision, near), (Decision::Closed { slot: 1, place: 2, inside: false }, vec![1.0, 10.0]));
+    }
+
+    #[test]
+    fn a_surface_that_is_closed_is_one_part() {
+        let closed = with_rule(&rules(2, 0.0), |window| window.close(&open(3.0, 0.5)));
+        assert_eq!((closed.colour, closed.behind_front, closed.before_back), ((GREY * 0.5).extend(0.5), 0.5, 1.0));
+        assert_eq!((closed.near(), closed.far(), closed.front.weight, closed.back.weight), (3.0, 3.0, 1.0, 1.0));
+    }
+
+    #[test]
+    fn over_takes_the_back_of_what_reaches_deeper() {
+        let one = |z| Closed::of_one((GREY * 0.5).extend(0.5), part(z, z, z));
+        let mut both = one(1.0);
+        both.put_over(&one(5.0));
+        assert_eq!((both.colour, both.behind_front, both.before_back), ((GREY * 0.75).extend(0.75), 0.5, 0.5));
+        assert_eq!((both.far(), both.front.weight, both.back.weight), (5.0, 1.0, 5.0));
+        both.put_over(&one(3.0));
+        assert_eq!((both.colour.w, both.before_back, both.far()), (0.875, 0.5, 5.0));
+    }
+
+    #[test]
+    fn what_a_closed_layer_encloses_comes_inside() {
+        let rule = rules(2, 0.0);
+        let arrivals = [at(10.0, 0.5), at(1.0, 0.5), at(11.5, 0.5), at(0.0, 0.5), at(5.0, 0.5)];
+        // 1 and 10 and 11.5 are closed; 5 lies within their depths.
+        let decided = drawn(&rule, &arrivals).0;
+        assert_eq!(decided[4], Decision::Inside { slot: 1 });
+        let outside = Rules { window: WindowOptions { inside: false, ..WindowOptions::default() }, ..rule };
+        assert_eq!(drawn(&outside, &arrivals).0[4], Decision::Closed { slot: 1, place: 2, inside: false });
+        let mut around = closed([10.0; 2], [20.0; 2]);
+        let within = Closed::of_one(DVec4::splat(0.5), part(12.0, 12.0, 1.0));
+        assert!(with_rule(&rule, |window| window.merge(&mut around, &within)) && around.far() == 20.0);
+        assert!(!with_rule(&outside, |window| window.merge(&mut around, &within)));
+    }
+
+    #[test]
+    fn what_comes_late_finds_its_surface() {
+        let arrivals = [at(10.0, 0.5), at(1.0, 0.5), at(20.0, 0.5), at(19.5, 0.5), at(9.5, 0.5)];
+        let rule = rules(2, 0.0);
+        assert_eq!(
+            drawn(&rule, &arrivals).0[3..],
+            [Decision::Late { slot: 1, side: Side::Back }, Decision::Late { slot: 1, side: Side::Front }]
+        );
+        let never = Rules { window: WindowOptions { late: false, ..WindowOptions::default() }, ..rule };
+        assert_eq!(drawn(&never, &arrivals).0[3], Decision::Inside { slot: 1 });
+    }
+
+    // --- Resolve ---
+
+    #[test]
+    fn a_pixel_is_its_windows_front_to_back() {
+        assert_eq!(drawn(&rules(2, 0.0), &[]).2, [0.0; 4]);
+        assert_eq!(drawn(&rules(2, 0.0), &[at(3.0, 0.5)]).2, [0.25, 0.25, 0.25, 0.5]);
+        // One window of three clusters; then two windows.
+        assert_eq!(drawn(&rules(3, 0.0), &[at(3.0, 0.5), at(3.75, 0.5), at(3.25, 0.5)]).2, [0.25, 0.25, 0.25, 0.5]);
+        assert_eq!(drawn(&rules(3, 0.0), &[at(3.0, 0.5), at(4.0, 0.5)]).2, [0.375, 0.375, 0.375, 0.75]);
+    }
+
+    #[test]
+    fn a_window_that_a_closed_layer_encloses_is_blended_inside() {
+        let white = Layer::Open(Open::new(Fragment { rgb: DVec3::ONE, ..at(12.0, 0.5).sums }));
+        let pixel = |rules: &Rules| with_rule(rules, |window| window.resolve(&mut [white, Layer::Closed(closed([10.0; 2], [20.0; 2]))]));
+        assert_eq!(pixel(&rules(2, 0.0)), [0.5625, 0.5625, 0.5625, 0.875]);
+        let window = WindowOptions { inside: false, ..WindowOptions::default() };
+        assert_eq!(pixel(&Rules { window, ..rules(2, 0.0) }), [0.5, 0.5, 0.5, 0.875]);
+    }
+
+    #[test]
+    fn the_end_of_a_window_cuts_a_cluster() {
+        let mut wide = Open::new(at(0.75, 0.5).sums);
+        wide.add(&at(1.25, 0.5).sums);
+        // Its mean is 1: half of it belongs to either side.
+        let (before, behind) = wide.cut(1.0);
+        assert_eq!([before.sums.weight, behind.sums.weight], [1.0, 1.0]);
+        assert_eq!([before.span, behind.span], [Span { near: 0.75, far: 1.0 }, Span { near: 1.0, far: 1.25 }]);
+        assert_eq!([before.depth, behind.depth], [0.875, 1.125]);
+        // Three quarters of the way: half and half of the other half.
+        assert_eq!(wide.cut(1.125).0.sums.weight, 1.5);
+        // Two at the near end to one at the far end: two thirds lie on the nearer third.
+        wide.add(&at(0.75, 0.5).sums);
+        assert!((wide.cut(wide.mean_depth()).0.sums.weight - 2.0).abs() < 1e-15);
+        // With its mean at 1 it is a window of its own, and covers; cut, half of it is of the first window, and half covers half.
+        let thin = |cut| {
+            let rule = rules(2, 0.0);
+            let rule = Rules { window: WindowOptions { cut, ..rule.window }, ..rule };
+            let mut cluster = Open::new(weighing(0.125, at(0.75, 0.5)).sums);
+            cluster.add(&weighing(0.125, at(1.25, 0.5)).sums);
+            with_rule(&rule, |window| window.resolve(&mut [open(0.0, 0.5), Layer::Open(cluster)]))
+        };
+        assert_eq!([thin(false)[3], thin(true)[3]], [0.75, 0.625]);
+    }
+
+    // --- Whatever comes ---
+
+    #[test]
+    fn no_number_is_too_odd() {
+        let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.0, 0.0, 1e-300, 1e300, -1.0, 0.5, 0.75, 10.0, 11.0, 30.0];
+        for (group, refined) in [(Group::Window, false), (Group::Interval, false), (Group::Window, true)] {
+            for layers in [1, 2, 3, 8] {
+                let shader = Shader::unlit(COVERS);
+                let mut rules = Rules { group, ..rules(layers, 0.25) };
+                if refined {
+                    rules.window = WindowOptions::REFINED;
+                }
+                let mut pixels = Pixels::new(&rules, 1.0, &shader);
+                for step in 0..2000 {
+                    let pick = |stride: usize| odd[(step * stride + step / 7) % odd.len()];
+                    let mut arrival = weighing(pick(5), at(pick(1), pick(3)));
+                    arrival.colour = DVec3::splat(pick(2));
+                    pixels.take(0, arrival);
+                }
+                pixels.finish(0);
+                assert_eq!(pixels.outcomes().total(), 2000);
+            }
+        }
+    }
+}
