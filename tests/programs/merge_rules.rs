@@ -22,7 +22,9 @@ const SCENES: [&str; 2] = ["glass-spheres", concat!(env!("CARGO_MANIFEST_DIR"), 
 const LAYERS: [usize; 5] = [2, 3, 4, 6, 8];
 
 /// The rules of the table's columns, and whether splats come near ones first.
-const RULES: [(&str, fn(usize) -> Rules, bool); 7] = [
+type Rule = (&'static str, fn(usize) -> Rules, bool);
+
+const RULES: [Rule; 7] = [
     ("nearest-pair", |layers| Rules { layers, merge: Merge::NearestPair, evict_hidden: false, ..Rules::default() }, false),
     ("farthest-pair", |layers| Rules { layers, evict_hidden: false, ..Rules::default() }, false),
     ("farthest-pair + evict-hidden", |layers| Rules { layers, ..Rules::default() }, false),
@@ -146,7 +148,7 @@ impl Random {
 fn shuffle(splats: &mut [Splat]) {
     let mut random = Random(7);
     for last in (1..splats.len()).rev() {
-        splats.swap(last, (u128::from(random.bits()) * (last as u128 + 1) >> 64) as usize);
+        splats.swap(last, ((u128::from(random.bits()) * (last as u128 + 1)) >> 64) as usize);
     }
 }
 
