@@ -21,10 +21,10 @@ use std::f64::consts::PI;
 const SCENES: [&str; 2] = ["glass-spheres", concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/glass-spheres-random.json")];
 const LAYERS: [usize; 5] = [2, 3, 4, 6, 8];
 
-/// The rules of the table's columns, and whether splats come near ones first.
-type Rule = (&'static str, fn(usize) -> Rules, bool);
+/// A column: its name, the rules at so many layers, and whether splats come near ones first.
+type Column = (&'static str, fn(usize) -> Rules, bool);
 
-const RULES: [Rule; 7] = [
+const RULES: [Column; 7] = [
     ("nearest-pair", |layers| Rules { layers, merge: Merge::NearestPair, evict_hidden: false, ..Rules::default() }, false),
     ("farthest-pair", |layers| Rules { layers, evict_hidden: false, ..Rules::default() }, false),
     ("farthest-pair + evict-hidden", |layers| Rules { layers, ..Rules::default() }, false),
@@ -50,7 +50,7 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 /// One row: dB against `ideal`, merges in thousands, cut, and where there are any, sums in thousands.
 pub fn cells(scene: &Scene, ideal: &Rendering, layers: usize) -> Vec<String> {
     let sorted = near_first(scene.clone());
-    let cell = |(_, rules, near_first): (&str, fn(usize) -> Rules, bool)| {
+    let cell = |(_, rules, near_first): Column| {
         let golden = render(if near_first { &sorted } else { scene }, &rules(layers));
         let db = metrics(&golden.picture, &ideal.picture).psnr_db.map_or("equal".into(), |db| format!("{db:.1}"));
         let [merged, summed] = [golden.outcomes.merged, golden.outcomes.summed].map(|count| count / 1000);
