@@ -22,10 +22,10 @@ mod golden_window;
 mod handmade;
 mod harmonics;
 mod layering;
-mod meshes;
 #[path = "programs/merge_rules.rs"]
 #[allow(dead_code, reason = "its `main` prints what is compared here")]
 mod merge_rules;
+mod meshes;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;
