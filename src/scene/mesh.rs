@@ -3,7 +3,7 @@
 //! A value of [`Mesh`] has no holes left in its data: every corner has a normal and a colour, every triangle an area and a material that
 //! exists. Holes in its surface are no fault. Triangles without an area are left out and counted.
 //!
-//! Readers: Wavefront OBJ with its MTL, PLY with faces, glTF 2.0 and GLB, STL. Each turns bytes, and files beside them, into [`Raw`]
+//! Readers: Wavefront OBJ with its MTL, PLY with faces, glTF 2.0 and GLB, STL. Each turns bytes, and files beside them, into `Raw`
 //! triangles; a file never names another outside of its own folder.
 
 mod gltf;
