@@ -142,7 +142,7 @@ fn a_narrow_word_takes_the_blame() {
     for (scene, settings, name) in share::mine([
         (&cloud, "splat.rgb=U1F4", "splat.rgb"),
         (&cloud, "ellipse.root.newton_steps=0 ellipse.root.table_bits=3", "ellipse.root"),
-        (&cloud, "gauss.falloff=U1F4", "gauss.falloff"),
+        (&cloud, "gauss.falloff=U1F3", "gauss.falloff"),
         (&cloud, "shade.rgb=U1F4", "shade.rgb"),
         (shells, "fragment.sheets.ratio=U1F4", "fragment.ratio"),
         (bouquet, "ellipse.ellipsoid.scale=U1F4", "ellipse.scale"),

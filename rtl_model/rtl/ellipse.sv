@@ -74,8 +74,8 @@ module ellipse #(
   // Turned towards the viewer, where n_z > 0; the least word has no opposite among the words.
   wire away = machine_pkg::FRAGMENT_TURN_NORMALS != 0 && $signed(normal[0+:NORMAL_W]) > NORMAL_W'(0);
   for (genvar i = 0; i < 3; i++) begin : g_normal
-    wire signed [NORMAL_W:0] own = $signed(normal[i*NORMAL_W+:NORMAL_W]);
-    wire signed [NORMAL_W:0] part = away ? -own : own;
+    wire signed [NORMAL_W-1:0] own = normal[i*NORMAL_W+:NORMAL_W];
+    wire signed [NORMAL_W:0] part = away ? -(NORMAL_W + 1)'(own) : (NORMAL_W + 1)'(own);
     fit #(.IN_W(NORMAL_W + 1), .PLACES(machine_pkg::ELLIPSE_NORMAL_F - machine_pkg::FRAGMENT_NORMAL_F), .W(FRAGMENT_NORMAL_W), .S(1),
         .ROUND(machine_pkg::FRAGMENT_NORMAL_ROUND), .WRAP(machine_pkg::FRAGMENT_NORMAL_WRAP))
         fit_fragment_normal (.exact(part), .word(fragment_normal[i*FRAGMENT_NORMAL_W+:FRAGMENT_NORMAL_W]));
