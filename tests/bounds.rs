@@ -52,7 +52,7 @@ fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
     for (nth, name) in scans.into_iter().enumerate() {
         let Some(path) = shared_input::find(name) else { continue };
         let scene = scene(path.to_str().unwrap(), (192, 160));
-        // Each scan in every run of CI, on each machine in one of three.
+        // Each scan on each machine in one of so many runs of CI.
         for (_, machine) in Machine::NAMES.into_iter().enumerate().filter(|(number, _)| share::is_mine(nth + number)) {
             assert_eq!(fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())), None, "{name} on {machine}");
         }

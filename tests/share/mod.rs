@@ -12,9 +12,12 @@ pub fn parse(share: Option<&str>) -> [usize; 2] {
     [k, n]
 }
 
-/// Those of some items that are this run's.
+/// Those of some items that are this run's: at least one of them, in every run.
 pub fn mine<T>(items: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
-    items.into_iter().enumerate().filter(|(number, _)| is_mine(*number)).map(|(_, item)| item)
+    let items: Vec<T> = items.into_iter().collect();
+    let [k, n] = share();
+    let n = n.min(items.len()).max(1);
+    items.into_iter().enumerate().filter(move |(number, _)| number % n == k % n).map(|(_, item)| item)
 }
 
 /// Whether the item of this number is this run's.
