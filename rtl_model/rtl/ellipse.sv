@@ -72,11 +72,12 @@ module ellipse #(
   ellipse_normal turn_normal (.frame(frame), .vector(s_data[machine_pkg::ELLIPSE_IN_NORMAL_Z_LSB+:3*WORLD_W]), .normal(normal));
   wire [3*FRAGMENT_NORMAL_W-1:0] fragment_normal;
   // Turned towards the viewer, where n_z > 0; the least word has no opposite among the words.
+  localparam int SEEN_W = NORMAL_W + 1;
   wire away = machine_pkg::FRAGMENT_TURN_NORMALS != 0 && $signed(normal[0+:NORMAL_W]) > NORMAL_W'(0);
   for (genvar i = 0; i < 3; i++) begin : g_normal
     wire signed [NORMAL_W-1:0] own = normal[i*NORMAL_W+:NORMAL_W];
-    wire signed [NORMAL_W:0] part = away ? -(NORMAL_W + 1)'(own) : (NORMAL_W + 1)'(own);
-    fit #(.IN_W(NORMAL_W + 1), .PLACES(machine_pkg::ELLIPSE_NORMAL_F - machine_pkg::FRAGMENT_NORMAL_F), .W(FRAGMENT_NORMAL_W), .S(1),
+    wire signed [SEEN_W-1:0] part = away ? -(SEEN_W'(own)) : SEEN_W'(own);
+    fit #(.IN_W(SEEN_W), .PLACES(machine_pkg::ELLIPSE_NORMAL_F - machine_pkg::FRAGMENT_NORMAL_F), .W(FRAGMENT_NORMAL_W), .S(1),
         .ROUND(machine_pkg::FRAGMENT_NORMAL_ROUND), .WRAP(machine_pkg::FRAGMENT_NORMAL_WRAP))
         fit_fragment_normal (.exact(part), .word(fragment_normal[i*FRAGMENT_NORMAL_W+:FRAGMENT_NORMAL_W]));
   end

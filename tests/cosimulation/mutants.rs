@@ -102,9 +102,9 @@ const MUTANTS: &[Mutant] = &[
     Mutant { unit: "sheets", file: "fragment_late.sv", find: "write = full[STAGES-1]", put: "write = full[0]" },
     Mutant { unit: "fragment", file: "fragment_read.sv", find: ".exact($signed({1'b0, opacity}))", put: ".exact($signed({2'b0, opacity[machine_pkg::FRAGMENT_OPACITY_SUM_W-1:1]}))" },
     Mutant { unit: "ellipse", file: "ellipse.sv", find: "backface || faint || outside ? '0", put: "faint || outside ? '0" },
-    Mutant { unit: "ellipse", file: "ellipse.sv", find: "away ? -(NORMAL_W + 1)'(own)", put: "away ? (NORMAL_W + 1)'(own)" },
+    Mutant { unit: "ellipse", file: "ellipse.sv", find: "away ? -(SEEN_W'(own))", put: "away ? SEEN_W'(own)" },
     Mutant { unit: "ellipse", file: "ellipse.sv", find: "$signed(normal[0+:NORMAL_W]) > NORMAL_W'(0)", put: "normal[0+:NORMAL_W] > NORMAL_W'(0)" },
-    Mutant { unit: "ellipsoid", file: "ellipsoid.sv", find: "away ? -(NORMAL_W + 1)'(own)", put: "away ? (NORMAL_W + 1)'(own)" },
+    Mutant { unit: "ellipsoid", file: "ellipsoid.sv", find: "away ? -(SEEN_W'(own))", put: "away ? SEEN_W'(own)" },
     Mutant { unit: "ellipsoid", file: "ellipsoid.sv", find: "backface || faint || outside ? '0", put: "backface || faint ? '0" },
     Mutant { unit: "project", file: "project.sv", find: "|culled ? '0 : point", put: "culled[FLAGS_W-1] ? '0 : point" },
 ];
