@@ -323,7 +323,7 @@ fn percent(unit: &str) -> u32 {
         "sheets" => 10,
         "project" | "shade" => 53,
         "ellipse" => 64,
-        "ellipsoid" => 75,
+        "ellipsoid" => 95,
         "fragment" => 80,
         _ => 110,
     }
