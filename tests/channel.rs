@@ -113,7 +113,7 @@ fn replayed_scenes_are_at_most_a_hundredth_off() {
 fn a_replayed_scene_of_full_size_is_at_most_a_hundredth_off() {
     let mut machines = machines();
     machines.retain(|(what, _)| ["immediate", "binned"].contains(&what.as_str()));
-    for (_, (name, _)) in SCENES.into_iter().enumerate().filter(|(number, _)| share::is_mine(*number)) {
+    for (name, _) in share::mine(SCENES) {
         check(name, &record(name, None, None), &machines);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::handmade::{Rng, confetti, scene, splat};
+use crate::handmade::{Rng, confetti, glass, scene, splat};
 use glam::{DMat3, DVec3};
 use splatsim::golden::{Decision, FragmentDepth, Group, Merge, Rendering, Rules, ideal, ideal_of, render, story};
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat};
@@ -222,16 +222,7 @@ fn ideal_does_not_depend_on_the_order_of_splats() {
 /// Five glass sheets 2ε apart, each rougher than a plane but thinner than ε.
 #[test]
 fn enough_layers_make_golden_equal_ideal() {
-    let mut rng = Rng(4);
-    let splats = (0..2000).map(|index| {
-        let sheet = 1.0 + 0.1 * f64::from(index % 5);
-        let position = [rng.within(0.6), rng.within(0.4), sheet + rng.within(0.01)];
-        let normal = DVec3::new(rng.within(0.3), rng.within(0.3), -1.0).normalize();
-        let rgb = [rng.roll(), rng.roll(), rng.roll()];
-        Splat { normal, rgb, opacity: 0.5 * rng.roll(), ..splat(position, 0.008) }
-    });
-    let mut scene = scene(40, 24, 40.0, splats.collect());
-    rng.shuffle(&mut scene.splats);
+    let scene = glass(5, 4);
     let ideal = ideal(&scene);
     assert!(ideal.outcomes.most_surfaces_in_a_pixel == 5);
     for merge in [Merge::NearestPair, Merge::FarthestPair] {

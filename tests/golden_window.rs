@@ -1,9 +1,8 @@
 //! Does the rule `window` do what an independent program measured, and does it keep its laws (docs/book/algorithm.md §6)?
 
 use crate::golden_match::{glass_spheres, permutation};
-use crate::handmade::{Rng, confetti, scene, splat};
+use crate::handmade::{Rng, confetti, glass, scene, splat};
 use crate::shared_input;
-use glam::DVec3;
 use splatsim::accuracy::metrics;
 use splatsim::golden::{Group, Merge, Rendering, Rules, WindowOptions, ideal, ideal_of, render};
 use splatsim::scene::{Overrides, Scene, Splat};
@@ -89,21 +88,6 @@ fn merges_of_the_check_scene_become_sums() {
 }
 
 // --- Laws ---
-
-/// `sheets` glass sheets 2ε apart, each rougher than a plane but thinner than ε, in random order.
-fn glass(sheets: usize, seed: u64) -> Scene {
-    let mut rng = Rng(seed);
-    let splats = (0..2000).map(|index| {
-        let sheet = 1.0 + 0.1 * (index % sheets) as f64;
-        let position = [rng.within(0.6), rng.within(0.4), sheet + rng.within(0.01)];
-        let normal = DVec3::new(rng.within(0.3), rng.within(0.3), -1.0).normalize();
-        let rgb = [rng.roll(), rng.roll(), rng.roll()];
-        Splat { normal, rgb, opacity: 0.5 * rng.roll(), ..splat(position, 0.008) }
-    });
-    let mut scene = scene(40, 24, 40.0, splats.collect());
-    rng.shuffle(&mut scene.splats);
-    scene
-}
 
 #[test]
 fn windows_equal_ideal_where_every_surface_has_a_slot() {

@@ -297,7 +297,7 @@ fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
     if !have(&["iverilog", "verilator"], "co-simulation of ellipsoids") {
         return;
     }
-    for (number, (text, machine)) in media(16, 24).into_iter().enumerate().filter(|(number, _)| share::is_mine(*number)) {
+    for (number, (text, machine)) in share::mine(media(16, 24).into_iter().enumerate()) {
         let trace = traced(&text, &machine, &Window::default());
         let made_up = traced(&text, &machine, &Window { stimulus: Some(20_000), ..Window::default() });
         let drive = |unit: Unit| {
@@ -489,7 +489,7 @@ fn the_wired_datapaths_of_ellipsoids_draw_frames_in_the_cycles_of_the_timing_mod
     if !have(&["verilator"], "the wired datapaths of ellipsoids") {
         return;
     }
-    for (_, (text, machine)) in media(32, 64).into_iter().enumerate().filter(|(number, _)| share::is_mine(*number)) {
+    for (text, machine) in share::mine(media(32, 64)) {
         draws_in_time(&text, &machine, &Window::default(), 64);
     }
 }

@@ -16,6 +16,7 @@
 mod pixel;
 mod sheets;
 mod summary;
+mod window;
 
 use crate::golden::Rules;
 use crate::golden::footprint::{Cull, Footprint, set_up_anyway};
@@ -41,6 +42,7 @@ use serde::Serialize;
 use sheets::{SheetPixel, SheetRules};
 use std::any::Any;
 use std::collections::BTreeMap;
+use window::{Own, WindowPixel, WindowRules};
 
 pub use summary::{BoundSummary, Summary};
 
@@ -61,28 +63,39 @@ pub struct Flips {
     pub eviction: u64,
     /// A contribution's normal turned by one and left by the other.
     pub turn: u64,
+    /// Of windows, as the three that follow: late for another surface, or none.
+    pub late: u64,
+    /// Inside of a closed slot or not, or nearer to its other side.
+    pub inside: u64,
+    /// Another window.
+    pub window: u64,
+    /// Another pair to sum, or none.
+    pub sum: u64,
     /// Those among them whose deciding number does not lie within its bound of the threshold. None should.
     pub unexplained: u64,
     /// Kinds at the pixel at hand, a bit each.
     #[serde(skip)]
-    here: u8,
+    here: u16,
 }
 
 /// Names of the kinds, in the order of their bits.
-pub const KINDS: [&str; 7] = ["cull", "coverage", "slot", "order", "pair", "eviction", "turn"];
+pub const KINDS: [&str; 11] = ["cull", "coverage", "slot", "order", "pair", "eviction", "turn", "late", "inside", "window", "sum"];
 
 impl Flips {
+    /// Counts of the kinds, in the order of their bits.
+    fn counts(&mut self) -> [&mut u64; KINDS.len()] {
+        let Flips { cull, coverage, slot, order, pair, eviction, turn, late, inside, window, sum, unexplained: _, here: _ } = self;
+        [cull, coverage, slot, order, pair, eviction, turn, late, inside, window, sum]
+    }
+
     /// All of them.
     pub fn total(&self) -> u64 {
-        self.cull + self.coverage + self.slot + self.order + self.pair + self.eviction + self.turn
+        let mut all = *self;
+        all.counts().into_iter().map(|count| *count).sum()
     }
 
     fn count(&mut self, kind: u8, explained: bool) {
-        let Flips { cull, coverage, slot, order, pair, eviction, turn, unexplained: _, here: _ } = self;
-        let counts = [cull, coverage, slot, order, pair, eviction, turn];
-        for (i, count) in counts.into_iter().enumerate() {
-            *count += u64::from(i == usize::from(kind));
-        }
+        *self.counts()[usize::from(kind)] += 1;
         self.unexplained += u64::from(!explained);
         self.here |= 1 << kind;
     }
@@ -110,16 +123,28 @@ impl Flips {
         self.count(6, explained);
     }
 
+    fn late(&mut self, explained: bool) {
+        self.count(7, explained);
+    }
+
+    fn inside(&mut self, explained: bool) {
+        self.count(8, explained);
+    }
+
+    fn window(&mut self, explained: bool) {
+        self.count(9, explained);
+    }
+
+    fn sum(&mut self, explained: bool) {
+        self.count(10, explained);
+    }
+
     fn absorb(&mut self, other: &Flips) {
-        let Flips { cull, coverage, slot, order, pair, eviction, turn, unexplained, here: _ } = other;
-        self.cull += cull;
-        self.coverage += coverage;
-        self.slot += slot;
-        self.order += order;
-        self.pair += pair;
-        self.eviction += eviction;
-        self.turn += turn;
-        self.unexplained += unexplained;
+        let mut other = *other;
+        for (count, more) in self.counts().into_iter().zip(other.counts()) {
+            *count += *more;
+        }
+        self.unexplained += other.unexplained;
     }
 }
 
@@ -133,7 +158,7 @@ pub struct Lockstep {
     /// |fixed − led|, of the worst channel of each pixel.
     pub error: Vec<f64>,
     /// Kinds of flips at each pixel, a bit each in the order of [`KINDS`].
-    pub flipped: Vec<u8>,
+    pub flipped: Vec<u16>,
     /// Pixels where |fixed − led| exceeds its bound in some channel. None should.
     pub violations: u64,
     /// Decisions that `golden` would have taken otherwise.
@@ -169,6 +194,8 @@ struct Stage<'a> {
     least_opacity: Option<Near>,
     /// Where fragments are grouped by sheets.
     sheets: Option<SheetRules<'a>>,
+    /// Where they are grouped by windows.
+    windows: Option<WindowRules<'a>>,
     /// Tiles a row.
     columns: usize,
     /// The splats that reach each tile in `golden`.
@@ -199,9 +226,10 @@ impl<'a> Stage<'a> {
             }
         }
         let sheets = SheetRules::new(scene, machine, quantised);
+        let windows = WindowRules::new(scene, &common, quantised);
         let least_weight = sheets.as_ref().map_or(Near::exact(0.0), SheetRules::least_weight);
         let least_opacity = registers.least_opacity(&Bounded);
-        Stage { scene, machine, quantised, view, eye, common, least_weight, least_opacity, sheets, columns, bins }
+        Stage { scene, machine, quantised, view, eye, common, least_weight, least_opacity, sheets, windows, columns, bins }
     }
 
     /// A splat, exact and as the machine may have it.
@@ -222,6 +250,12 @@ impl<'a> Stage<'a> {
         // The machine's normals against golden's own.
         let normal = [0, 1, 2].map(|axis| near.ellipse.normal[axis].around(footprint.normal[axis]));
         let mut rgb = record.rgb;
+        let opacity = footprint.opacity;
+        let own = self.windows.as_ref().map(|_| {
+            let golden = self.common.shader.emission(&footprint);
+            let emission = self.machine.real_emission(&self.common.lighting, rgb, normal, footprint.material);
+            Own { golden, light: [0, 1, 2].map(|channel| emission[channel].around(golden[channel])), opacity }
+        });
         if self.scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded) {
             let emission = self.machine.real_emission(&self.common.lighting, rgb, normal, footprint.material);
             footprint.rgb = self.common.shader.emission(&footprint);
@@ -229,7 +263,7 @@ impl<'a> Stage<'a> {
         }
         let [r, g, b] = rgb;
         let attributes = [r, g, b, record.opacity, normal[0], normal[1], normal[2]];
-        Splat { index, footprint, cull, near, record, attributes, turns_otherwise }
+        Splat { index, footprint, cull, near, record, attributes, turns_otherwise, own }
     }
 
     /// A pixel's centre from the picture's middle.
@@ -287,6 +321,8 @@ struct Splat {
     attributes: [Near; ATTRIBUTES],
     /// The machine turned its normal, or left it, as `golden` would not have.
     turns_otherwise: bool,
+    /// Of windows: what it looks like by itself.
+    own: Option<Own>,
 }
 
 impl Splat {
@@ -307,7 +343,7 @@ struct Tile {
     led: Vec<[f64; 4]>,
     bound: Vec<f64>,
     error: Vec<f64>,
-    flipped: Vec<u8>,
+    flipped: Vec<u16>,
 }
 
 impl Default for Tile {
@@ -323,6 +359,10 @@ struct Leader<'a> {
     pixels: Vec<Pixel>,
     /// The same where fragments are grouped by sheets.
     sheets: Vec<SheetPixel>,
+    /// The same where they are grouped by windows.
+    windows: Vec<WindowPixel>,
+    /// The places at which windows start of the pixel that is resolved next.
+    starts: u8,
     /// The splat at hand.
     splat: Option<Splat>,
     /// What each splat touched in the tile at hand, in order.
@@ -339,6 +379,8 @@ impl<'a> Leader<'a> {
             stage,
             pixels: Vec::new(),
             sheets: Vec::new(),
+            windows: Vec::new(),
+            starts: 0,
             splat: None,
             touched: Vec::new(),
             tile: Tile::default(),
@@ -381,6 +423,9 @@ impl<'a> Leader<'a> {
             }
             if splat.turns_otherwise && stage.sheets.is_none() {
                 flips.turn(splat.near.ellipse.facing_viewer.may_cross(Near::exact(0.0)));
+            }
+            if let (Some(rules), Some(own)) = (&stage.windows, &splat.own) {
+                return leader.windows[pixel].take(rules, &stage.common, &arrival, own, decision, flips);
             }
             match &stage.sheets {
                 None => leader.pixels[pixel].take(&stage.common, arrival, decision, flips),
@@ -505,7 +550,10 @@ impl<'a> Observer<'a> for Leader<'a> {
         if self.stage.sheets.is_some() && self.sheets.is_empty() {
             self.sheets = vec![SheetPixel::default(); TILE_AREA];
         }
-        if self.stage.sheets.is_none() && self.pixels.is_empty() {
+        if self.stage.windows.is_some() && self.windows.is_empty() {
+            self.windows = vec![WindowPixel::default(); TILE_AREA];
+        }
+        if self.stage.sheets.is_none() && self.stage.windows.is_none() && self.pixels.is_empty() {
             self.pixels = vec![Pixel::default(); TILE_AREA];
         }
         let splat = match self.splat.take() {
@@ -523,12 +571,20 @@ impl<'a> Observer<'a> for Leader<'a> {
         self.splat = Some(splat);
     }
 
+    fn windows(&mut self, starts: u8) {
+        self.starts = starts;
+    }
+
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], frame: [i64; 4]) {
         let pixel = in_tile(x, y);
         let near = self.at_pixel(pixel, |leader, flips| {
             if let Some(rules) = &leader.stage.sheets {
                 let nothing = SheetPixel::default();
                 return leader.sheets.get(pixel).unwrap_or(&nothing).resolve(rules, &leader.stage.common);
+            }
+            if let Some(rules) = &leader.stage.windows {
+                let mut held = leader.windows.get_mut(pixel).map(std::mem::take).unwrap_or_default();
+                return held.resolve(rules, &leader.stage.common, leader.starts, flips);
             }
             let nothing = Pixel::default();
             let held = leader.pixels.get(pixel).unwrap_or(&nothing);
@@ -546,6 +602,7 @@ impl<'a> Observer<'a> for Leader<'a> {
     fn tile(&mut self, x: u32, y: u32) {
         self.pixels = Vec::new();
         self.sheets = Vec::new();
+        self.windows = Vec::new();
         self.splat = None;
         let index = y as usize / TILE_PX * self.stage.columns + x as usize / TILE_PX;
         self.find_lost(index, x, y);

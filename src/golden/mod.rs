@@ -34,6 +34,7 @@ use shade::Shader;
 
 pub use fragments::{Decision, Merge, Side};
 pub use story::{Arrival, Layer, Story, story};
+pub use window::density as window_density;
 
 /// Rules of the fragment unit (docs/book/algorithm.md §6).
 #[derive(Clone, Copy, Debug, PartialEq)]

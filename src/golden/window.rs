@@ -35,6 +35,11 @@ const LEAST_OPACITY: f64 = 1e-9;
 /// What a late contribution can cover at least is never taken for less.
 const LEAST_REST: f64 = 1e-6;
 
+/// How fast a splat of some opacity hides, by its weight, what lies behind it: −ln(1 − α)/0.5, of at most 0.95.
+pub fn density(opacity: f64) -> f64 {
+    -libm::log1p(-opacity.min(MOST_INSIDE)) / FULL_INSIDE
+}
+
 /// A contribution, and what its splat looks like.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arrival {
@@ -179,8 +184,13 @@ impl Closed {
 
     /// Step 7, over: `back` comes behind it.
     pub fn put_over(&mut self, back: &Closed) {
+        self.put_over_as(back, back.far() > self.far());
+    }
+
+    /// [`Closed::put_over`], where the back reaches farther or not.
+    pub fn put_over_as(&mut self, back: &Closed, is_farther: bool) {
         let through = 1.0 - self.colour.w;
-        if back.far() > self.far() {
+        if is_farther {
             self.before_back = through * back.before_back;
             self.back = back.back;
         }
@@ -190,11 +200,21 @@ impl Closed {
     /// Step 7, inside: `x` comes between its front and its back. All of it is taken for one colour, or, where fronts keep theirs, all
     /// behind the front.
     pub fn put_inside(&mut self, x: &Closed, front_colours: bool) {
+        self.put_inside_at(x, self.is_nearer_to_the_back(x), front_colours);
+    }
+
+    /// Whether what lies inside lies nearer to the back than to the front.
+    pub fn is_nearer_to_the_back(&self, x: &Closed) -> bool {
+        x.near() + x.far() >= self.front.span.far + self.back.span.near
+    }
+
+    /// [`Closed::put_inside`], nearer to the back or not.
+    pub fn put_inside_at(&mut self, x: &Closed, nearer_to_the_back: bool, front_colours: bool) {
         let [opacity, hidden] = [self.colour.w, x.colour.w];
         let through = 1.0 - opacity;
         // What of x is seen: all that the front lets through, or, nearer to the back, what reaches the back.
         let mut seen = self.behind_front.max(through);
-        if x.near() + x.far() >= self.front.span.far + self.back.span.near {
+        if nearer_to_the_back {
             seen = self.before_back.max(through).min(seen);
         }
         let (held, of) = if front_colours {
@@ -308,7 +328,7 @@ impl<'a> Window<'a> {
 
     /// Step 2: a contribution by itself, as what lies inside a closed layer.
     pub fn splat_inside(new: &Arrival) -> Closed {
-        let opacity = 1.0 - libm::pow(1.0 - new.opacity.min(MOST_INSIDE), new.sums.weight / FULL_INSIDE);
+        let opacity = -libm::expm1(-density(new.opacity) * new.sums.weight);
         let part = Part { span: Span::at(new.sums.z), weight: new.sums.weight };
         Closed::of_one((new.colour * opacity).extend(opacity), part)
     }

@@ -49,7 +49,19 @@ pub fn rules(machine: &Machine) -> golden::Rules {
             machine::Merge::NearestPair => golden::Merge::NearestPair,
             machine::Merge::FarthestPair => golden::Merge::FarthestPair,
             machine::Merge::Replace => golden::Merge::Replace,
+            machine::Merge::Window => golden::Merge::Window,
         },
+        group: match fragment.group {
+            machine::Group::First => golden::Group::First,
+            machine::Group::Interval => golden::Group::Interval,
+            machine::Group::Window => golden::Group::Window,
+        },
+        window: fragment.window.as_ref().map_or_else(golden::WindowOptions::default, |window| golden::WindowOptions {
+            join: f64::from(window.join_permille) / 1000.0,
+            late: window.late,
+            inside: window.inside,
+            ..golden::WindowOptions::default()
+        }),
         evict_hidden: fragment.evict_hidden,
         turn_normals: fragment.turn_normals,
         opaque: f64::from(fragment.opaque_permille) / 1000.0,
@@ -57,6 +69,5 @@ pub fn rules(machine: &Machine) -> golden::Rules {
             machine::FragmentDepth::First => golden::FragmentDepth::First,
             machine::FragmentDepth::Nearest => golden::FragmentDepth::Nearest,
         },
-        ..golden::Rules::default()
     }
 }

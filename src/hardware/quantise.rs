@@ -7,12 +7,13 @@
 //! they are reported. `golden` and `ideal` never see what comes out of here.
 
 use crate::error::{Error, Result};
+use crate::golden::window_density;
 use crate::output::text::listed;
-use crate::scene::{Amplitude, Light, Material, Opacity, Orientation, Scene, Sheet, Splat, View};
+use crate::scene::{Amplitude, Light, Material, Orientation, Scene, Sheet, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use rtl_model::frame::{self, Frame, Scaled};
-use rtl_model::machine::{Interpolation, Machine};
+use rtl_model::machine::{Interpolation, Machine, TableShape};
 use rtl_model::num::{Format, Rounding, Word};
 use rtl_model::pipeline::Reach;
 use schemars::JsonSchema;
@@ -65,6 +66,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         splats: splats(scene, machine, &scale),
         ellipsoids: registers.ellipsoids(scene, &view),
         sheets: registers.sheets(scene),
+        window: registers.window(scene, &scale),
     };
     if registers.misfits.is_empty() {
         return Ok(Quantised { frame, scale, notes: registers.notes });
@@ -314,7 +316,23 @@ impl Registers<'_> {
             keeps_last: sheets.keeps_last,
             least_weight: quantised(machine.gauss.weight, sheets.least_weight),
             most_weight: self.hold("gauss.weight", machine.gauss.weight, sheets.most_weight),
-            ratio: if each == frame::Each::Slice { ratio_words(words, sheets.opacity) } else { Vec::new() },
+            ratio: if each == frame::Each::Slice {
+                table_words(words.table, words.depth_index, words.ratio, |depth| sheets.opacity.over_depth(depth))
+            } else {
+                Vec::new()
+            },
+        })
+    }
+
+    /// Registers of windows; none where the machine groups by depth or the scene by sheets.
+    fn window(&mut self, scene: &Scene, scale: &Scale) -> Option<frame::Window> {
+        let fragment = &self.machine.fragment;
+        let words = fragment.window.as_ref().filter(|_| scene.sheets.is_none())?;
+        let reach = f64::from(words.join_permille.min(1000)) / 1000.0 * scene.surface.z_threshold * scale.factor();
+        Some(frame::Window {
+            reach: quantised(fragment.depth, reach),
+            density: table_words(words.density_table, self.machine.splat.opacity, words.density, window_density),
+            hidden: table_words(words.hidden_table, words.exponent, words.hidden, |x| -libm::expm1(-x)),
         })
     }
 
@@ -366,15 +384,15 @@ impl Registers<'_> {
     }
 }
 
-/// α/x over all optical depths that the table spans, at the middles or at the ends of its steps.
-fn ratio_words(words: &rtl_model::machine::Sheets, opacity: Opacity) -> Vec<i64> {
-    let steps = 1usize << words.table.index_bits;
-    let range = f64::from(words.depth_index.format.int_bits).exp2();
-    let (count, shift) = match words.table.interpolation {
+/// A function over all that an argument's word spans, at the middles or at the ends of the table's steps.
+fn table_words(shape: TableShape, argument: Word, result: Word, function: impl Fn(f64) -> f64) -> Vec<i64> {
+    let steps = 1usize << shape.index_bits;
+    let range = f64::from(argument.format.int_bits).exp2();
+    let (count, shift) = match shape.interpolation {
         Interpolation::Nearest => (steps, 0.5),
         Interpolation::Linear => (steps + 1, 0.0),
     };
-    (0..count).map(|i| quantised(words.ratio, opacity.over_depth((i as f64 + shift) / steps as f64 * range))).collect()
+    (0..count).map(|i| quantised(result, function((i as f64 + shift) / steps as f64 * range))).collect()
 }
 
 /// How much farther than its weights count a box reaches, as a part of the radial index: what words of the conic and of the differencing

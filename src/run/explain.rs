@@ -11,7 +11,7 @@ use rtl_model::Machine;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::Observer;
-use rtl_model::units::fragment::{Contribution, Decision};
+use rtl_model::units::fragment::{Contribution, Decision, Side};
 use rtl_model::units::resolve::Layer;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
@@ -243,6 +243,12 @@ fn machine_decision(decision: Decision) -> String {
         Decision::Evicted(false) => "evict deepest".into(),
         Decision::Replaced => "replace".into(),
         Decision::Dropped => "drop".into(),
+        Decision::Late(slot, Side::Front) => format!("late, front of {slot}"),
+        Decision::Late(slot, Side::Back) => format!("late, back of {slot}"),
+        Decision::Inside(slot) => format!("inside {slot}"),
+        Decision::Summed(slot, _) => format!("sum {slot}+{}", slot + 1),
+        Decision::Closed(_, false) => "close the deepest two".into(),
+        Decision::Closed(_, true) => "close the deepest inside".into(),
     }
 }
 

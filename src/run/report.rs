@@ -139,7 +139,21 @@ pub struct Fragments {
     evicted: u64,
     replaced: u64,
     dropped: u64,
+    /// Of windows alone, as the two that follow: blended over the front or under the back of a closed slot.
+    #[serde(skip_serializing_if = "is_none")]
+    late: u64,
+    /// Blended between the front and the back of a closed slot.
+    #[serde(skip_serializing_if = "is_none")]
+    inside: u64,
+    /// Made two slots add up.
+    #[serde(skip_serializing_if = "is_none")]
+    summed: u64,
     most_in_a_pixel: u64,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde asks for")]
+fn is_none(count: &u64) -> bool {
+    *count == 0
 }
 
 impl From<Outcomes> for Fragments {
@@ -151,6 +165,9 @@ impl From<Outcomes> for Fragments {
             evicted: o.evicted,
             replaced: o.replaced,
             dropped: o.dropped,
+            late: o.late,
+            inside: o.inside,
+            summed: o.summed,
             most_in_a_pixel: o.most_in_a_pixel,
         }
     }
@@ -308,8 +325,16 @@ impl Report {
     fn work_table(&self) -> Table {
         let f = &self.fragments;
         let g = &self.golden.outcomes;
-        let mut table = plain_table(&["", "accumulated", "inserted", "merged", "evicted", "replaced", "dropped"]);
         let row = |name: &str, counts: [u64; 6]| std::iter::once(name.to_owned()).chain(counts.map(thousands)).collect::<Vec<_>>();
+        let of_windows = [f.late, f.inside, f.summed, g.late, g.inside, g.summed];
+        if of_windows.iter().any(|count| *count > 0) {
+            let mut table = plain_table(&["", "accumulated", "inserted", "late", "inside", "summed", "closed", "evicted"]);
+            let row = |name: &str, counts: [u64; 7]| std::iter::once(name.to_owned()).chain(counts.map(thousands)).collect::<Vec<_>>();
+            table.add_row(row("fixed", [f.accumulated, f.inserted, f.late, f.inside, f.summed, f.merged, f.evicted]));
+            table.add_row(row("golden", [g.accumulated, g.inserted, g.late, g.inside, g.summed, g.merged, g.evicted]));
+            return aligned(table);
+        }
+        let mut table = plain_table(&["", "accumulated", "inserted", "merged", "evicted", "replaced", "dropped"]);
         table.add_row(row("fixed", [f.accumulated, f.inserted, f.merged, f.evicted, f.replaced, f.dropped]));
         table.add_row(row("golden", [g.accumulated, g.inserted, g.merged, g.evicted, g.replaced, g.dropped]));
         aligned(table)

@@ -82,3 +82,18 @@ pub fn confetti(count: usize, seed: u64) -> Scene {
     scene.image.background = [0.2, 0.4, 0.6, 0.5];
     scene
 }
+
+/// `sheets` glass sheets 2ε apart, each rougher than a plane but thinner than ε, in random order.
+pub fn glass(sheets: usize, seed: u64) -> Scene {
+    let mut rng = Rng(seed);
+    let splats = (0..2000).map(|index| {
+        let sheet = 1.0 + 0.1 * (index % sheets) as f64;
+        let position = [rng.within(0.6), rng.within(0.4), sheet + rng.within(0.01)];
+        let normal = DVec3::new(rng.within(0.3), rng.within(0.3), -1.0).normalize();
+        let rgb = [rng.roll(), rng.roll(), rng.roll()];
+        Splat { normal, rgb, opacity: 0.5 * rng.roll(), ..splat(position, 0.008) }
+    });
+    let mut scene = scene(40, 24, 40.0, splats.collect());
+    rng.shuffle(&mut scene.splats);
+    scene
+}

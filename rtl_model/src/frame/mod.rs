@@ -174,6 +174,17 @@ pub struct Sheets {
     pub ratio: Vec<i64>,
 }
 
+/// Fragments are grouped by intervals or windows.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Window {
+    /// A contribution joins a cluster that stays narrower than this (`fragment.depth`).
+    pub reach: i64,
+    /// Words of the table of −2·ln(1 − min(α, 0.95)) by α (`fragment.window.density`).
+    pub density: Vec<i64>,
+    /// Words of the table of 1 − e^(−x) (`fragment.window.hidden`).
+    pub hidden: Vec<i64>,
+}
+
 /// One picture's work.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Frame {
@@ -199,4 +210,6 @@ pub struct Frame {
     pub ellipsoids: Option<Ellipsoids>,
     /// Grouping of fragments by sheets; none: by depth.
     pub sheets: Option<Sheets>,
+    /// Registers of windows; none where fragments are grouped otherwise.
+    pub window: Option<Window>,
 }

@@ -260,6 +260,21 @@ pub enum Merge {
     FarthestPair,
     /// None: the nearer fragment replaces the other (a z-buffer, one layer).
     Replace,
+    /// Two of one window add up, or else the two deepest close; for [`Group::Interval`] (which never adds up) and [`Group::Window`].
+    Window,
+}
+
+/// Which contributions become one fragment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Group {
+    /// Those within ε of the fragment's depth (Surface Splatting §6).
+    #[default]
+    First,
+    /// Those whose depths, all of them together, are narrower than ε.
+    Interval,
+    /// Small clusters, summed while they surely belong to one window of ε; the windows are formed at the end, from the nearest depth on.
+    Window,
 }
 
 /// Which depth stands for a fragment of many contributions.
@@ -280,6 +295,9 @@ pub struct Fragment {
     pub layers: u32,
     /// Rule for a full pixel.
     pub merge: Merge,
+    /// Rule for what a contribution is added to.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub group: Group,
     /// Before merging: drop the deepest if something lies behind an opaque fragment.
     pub evict_hidden: bool,
     /// Which depth a fragment has.
@@ -306,6 +324,48 @@ pub struct Fragment {
     /// Words for grouping by sheets; left out, the machine groups by depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheets: Option<Sheets>,
+    /// Options and words of grouping by intervals and windows; left out where `group` is `first`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub window: Option<Window>,
+}
+
+/// Of machines described before there was a choice, too.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde asks for")]
+fn is_first(group: &Group) -> bool {
+    *group == Group::First
+}
+
+/// Options and formats of the unit `fragment` for intervals and windows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Window {
+    /// A contribution joins a cluster that stays narrower than so many thousandths of ε, 0 to 1000; at 0 it joins one that spans its depth.
+    /// Intervals join at 1000, whatever this says.
+    pub join_permille: u32,
+    /// Closed slots take late contributions to their front and their back.
+    pub late: bool,
+    /// Closed slots take what lies between their front and their back.
+    pub inside: bool,
+    /// Σw·z.
+    pub depth_sum: Word,
+    /// TF, TB and T: what is seen behind the front of a closed slot, before its back, and through windows.
+    pub through: Word,
+    /// 1/max(W, τ), 1/(τ − α·W) and 1/A, one after the other.
+    pub reciprocal: FunctionUnit,
+    /// Numerators, by the power of two that normalises what divides them.
+    pub share: Word,
+    /// Quotients: a window's opacity, β, and the part of its own colour that a closed slot loses.
+    pub part: Word,
+    /// −2·ln(1 − min(α, 0.95)).
+    pub density: Word,
+    /// The same, over what `splat.opacity` holds.
+    pub density_table: TableShape,
+    /// x = w·density as the table sees it; the table spans all that this word holds.
+    pub exponent: Word,
+    /// 1 − e^(−x).
+    pub hidden_table: TableShape,
+    /// The table's words and result: what a splat hides that lies inside of a closed slot.
+    pub hidden: Word,
 }
 
 /// Of machines described before there was a choice, too.
@@ -393,11 +453,19 @@ impl FunctionUnit {
 }
 
 impl Machine {
-    /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded flag.
+    /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded flag. Of windows the larger of an open slot,
+    /// which has both ends of its span and Σw·z too, and a closed one: colour and opacity, four depths, two weights, TF and TB.
     pub fn fragment_bits(&self) -> i32 {
         let f = &self.fragment;
-        let sums = [f.weight_sum, f.opacity_sum].map(|w| w.format.width()).iter().sum::<i32>();
-        let vectors = 3 * (f.colour_sum.format.width() + f.normal_sum.format.width());
-        sums + vectors + f.depth.format.width() + 8 + 1
+        let [weight, opacity, colour, normal, depth] =
+            [f.weight_sum, f.opacity_sum, f.colour_sum, f.normal_sum, f.depth].map(|word| word.format.width());
+        let sums = weight + opacity + 3 * (colour + normal) + 8 + 1;
+        match &f.window {
+            None => sums + depth,
+            Some(words) => {
+                let closed = 3 * colour + opacity + 4 * depth + 2 * weight + 2 * words.through.format.width() + 1;
+                closed.max(sums + 2 * depth + words.depth_sum.format.width())
+            }
+        }
     }
 }

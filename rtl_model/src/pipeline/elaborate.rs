@@ -4,11 +4,13 @@
 
 use crate::elaboration::microarchitecture::{Harmonics, Latencies, Microarchitecture};
 use crate::elaboration::{Elaboration, Part, Signal};
-use crate::frame::{Kernel, View};
+use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
-use crate::machine::{Machine, Splat};
+use crate::machine::{Group, Machine, Splat};
 use crate::num::Fit;
 use crate::records::unit;
+use crate::units::fragment::FragmentRegisters;
+use crate::units::fragment::window::WindowRegisters;
 use crate::units::{colour, ellipse, fragment, gauss, project, raster, resolve, shade};
 
 /// A machine that has been checked and can draw.
@@ -68,6 +70,12 @@ impl Elaborated {
         self.ellipse.inverse_two_pi()
     }
 
+    /// Registers of windows; none where fragments are grouped otherwise.
+    pub fn windows(&self, frame: &Frame) -> Option<WindowRegisters> {
+        let Frame { z_threshold, coverage_threshold, .. } = *frame;
+        self.fragment.windows(frame.window.as_ref()?, FragmentRegisters { z_threshold, coverage_threshold })
+    }
+
     /// The table of e^(−r/2), `gauss.table`.
     pub fn gaussian(&self) -> &Table {
         self.gauss.table()
@@ -106,10 +114,10 @@ impl Machine {
         Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()))
     }
 
-    /// Only ellipsoids are lit before they are drawn.
+    /// Only ellipsoids, and splats that are grouped by windows, are lit before they are drawn.
     fn elaborate_emission(&self, e: &mut Elaboration) -> Fit {
         let (word, from) = (self.splat.rgb, self.shade.premultiplied.into());
-        if self.ellipse.ellipsoid.is_some() {
+        if self.ellipse.ellipsoid.is_some() || self.fragment.group != Group::First {
             e.copies(3, |e| e.fit(unit::ELLIPSE, "emission", word, from))
         } else {
             Fit::new(0, word, from)

@@ -1,6 +1,6 @@
 //! Fill: the second half of the pipeline, tile by tile: raster, gauss, fragment, shade and resolve.
 
-use super::shading::{input_of, layer_of, lit_layer, shade_for_merge};
+use super::shading::{input_of, layer_of, lit_layer, shade_for_merge, shade_slot};
 use super::{Drawing, Elaborated, Setup, SetupRecord};
 use crate::frame::{Each, Frame};
 use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
@@ -9,6 +9,7 @@ use crate::num::{LANES, Lanes};
 use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
+use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
 use crate::units::{raster, shade};
 use crate::work::Bins;
@@ -39,15 +40,19 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
     let lights = shade::LightRegisters::of(frame, &highlights);
     let registers = FragmentRegisters { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
     let sheets = frame.sheets.as_ref().map(|sheets| machine.fragment.sheets(sheets));
+    let windows = machine.windows(frame);
     let bins = bins(frame, setup);
     let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
     // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
-    let start = || Run { tile: Box::<Tile<L>>::default(), probe: probe.fork(), done: Vec::new() };
+    let clusters = || windows.as_ref().map(|_| Clusters::default());
+    let start = || Run { tile: Box::<Tile<L>>::default(), clusters: clusters(), probe: probe.fork(), done: Vec::new() };
     let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
-        let shared = Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref() };
+        let shared = Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref(), windows: windows.as_ref() };
         let part =
             Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
-        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile: &mut run.tile, probe: &mut run.probe });
+        let Run { tile, clusters, probe, .. } = &mut run;
+        let clusters = clusters.as_mut();
+        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile, clusters, probe });
         if let Some(ranges) = run.probe.resample(nth, touched.len()) {
             resample_tile(shared, part, ranges);
         }
@@ -83,6 +88,8 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
 /// Some tiles, one after the other.
 struct Run<L, P> {
     tile: Box<Tile<L>>,
+    /// Of windows.
+    clusters: Option<Clusters>,
     probe: P,
     done: Vec<Resolved>,
 }
@@ -125,6 +132,7 @@ struct Shared<'a> {
     setup: &'a Setup,
     registers: FragmentRegisters,
     sheets: Option<&'a SheetRegisters<'a>>,
+    windows: Option<&'a WindowRegisters>,
 }
 
 /// A tile, and the entries that touch it.
@@ -147,13 +155,16 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     shared: Shared<'a>,
     part: Part<'a>,
     tile: &'a mut Tile<L>,
+    clusters: Option<&'a mut Clusters>,
     probe: &'a mut P,
 }
 
 /// Draws a tile once more, for another to observe.
 #[inline(never)]
 fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
-    plainly(FillTile::<false, Plainly, i64, Ranges> { host: Plainly, shared, part, tile: &mut Box::default(), probe });
+    let mut clusters = shared.windows.map(|_| Clusters::default());
+    let (tile, clusters) = (&mut Box::default(), clusters.as_mut());
+    plainly(FillTile::<false, Plainly, i64, Ranges> { host: Plainly, shared, part, tile, clusters, probe });
 }
 
 impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for FillTile<'_, SIMPLE_FITS, H, L, P> {
@@ -214,7 +225,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         first: usize,
         outcomes: &mut Outcomes,
     ) {
-        let Shared { machine, lights, registers, sheets, .. } = self.shared;
+        let Shared { machine, lights, registers, sheets, windows, .. } = self.shared;
         let tile = &mut *self.tile;
         let count = (span.fragments() - first).min(Self::AT_A_TIME);
         let tap = &mut Tap::new(&mut *self.probe).first(count);
@@ -246,6 +257,17 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             let pixel = pixels[lane];
             let had_stopped = P::WORK && sheets.is_some() && has_stopped(tile, pixel);
             let decision = match sheets {
+                None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
+                    let input = window::Input {
+                        weight: weight[lane],
+                        depth: depth[lane],
+                        attributes: &record.attributes,
+                        material: record.material,
+                        light: record.light,
+                        density: record.density,
+                    };
+                    to_window(machine, lights, (tile, clusters.of(pixel)), pixel, &input, registers, tap)
+                }
                 None => {
                     let input = fragment::Input {
                         weight: weight[lane],
@@ -286,8 +308,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     /// Shades all fragments of the tile that are not shaded yet, eight at a time, where the host gains by it: in the order of pixels
     /// and slots. None otherwise, and of sheets, which are not shaded here.
     fn shade_side_by_side(&mut self) -> Vec<shade::Output> {
-        let Shared { machine, lights, sheets, .. } = self.shared;
-        if !H::VECTORISED || P::TRANSFERS || sheets.is_some() || !machine.fragment.is_narrow() {
+        let Shared { machine, lights, sheets, windows, .. } = self.shared;
+        if !H::VECTORISED || P::TRANSFERS || sheets.is_some() || windows.is_some() || !machine.fragment.is_narrow() {
             return Vec::new();
         }
         let mut inputs = Vec::with_capacity(TILE_AREA);
@@ -306,7 +328,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can be counted.
     #[inline(never)]
     fn resolve(mut self, mut outcomes: Outcomes) -> Resolved {
-        let (Shared { machine, frame, lights, sheets, .. }, corner) = (self.shared, self.part.corner);
+        let (Shared { machine, frame, lights, sheets, windows, .. }, corner) = (self.shared, self.part.corner);
         let mut resolved = Resolved { corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
         let lit = self.shade_side_by_side();
         let mut lit = lit.iter();
@@ -324,6 +346,15 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 continue;
             }
             let live = match sheets {
+                None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
+                    let shade = |slot: &Slot, tap: &mut Tap<P>| shade_slot(machine, lights, slot, tap);
+                    let slots = &mut clusters.of(at)[..live];
+                    let (count, starts) = machine.fragment.layers_of_windows(slots, registers, &mut layers, shade, tap);
+                    if P::DECISIONS {
+                        tap.probe.windows(starts);
+                    }
+                    count
+                }
                 None => {
                     for (slot, layer) in layers[..live].iter_mut().enumerate() {
                         let fragment = self.tile.slot(at, slot);
@@ -388,7 +419,7 @@ impl<P: Probe> Kernel for ShadeEight<'_, P> {
         // Beyond the last fragment, the last again: a lane that nobody looks at.
         let all: [shade::Input; LANES] = std::array::from_fn(|lane| inputs[lane.min(inputs.len() - 1)]);
         let mut outputs = [shade::Output::default(); LANES];
-        let mut left = first_bits(inputs.len());
+        let mut left = Tap::new(&mut *probe).first(inputs.len()).live;
         // Mostly one material.
         while left != 0 {
             let material = all[left.trailing_zeros() as usize].material;
@@ -404,9 +435,25 @@ impl<P: Probe> Kernel for ShadeEight<'_, P> {
     }
 }
 
-/// Eight bits of which the first few are set.
-fn first_bits(count: usize) -> u8 {
-    ((1u16 << count.min(LANES)) - 1) as u8
+/// One contribution to a pixel of windows. A call of its own, so that other fragments pay nothing for it.
+#[inline(never)]
+fn to_window<L: Accumulator, P: Probe>(
+    machine: &Elaborated,
+    lights: &shade::LightRegisters,
+    (tile, slots): (&mut Tile<L>, &mut [Cluster; MAX_LAYERS + 1]),
+    pixel: u8,
+    input: &window::Input,
+    registers: &WindowRegisters,
+    tap: &mut Tap<P>,
+) -> Decision {
+    tile.count(pixel);
+    let live = tile.live(pixel);
+    let shade = |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
+    let decision = machine.fragment.contribute_to_window(slots, live, input, registers, shade, tap);
+    if let Decision::Inserted(_) = decision {
+        tile.set_live(pixel, live as u8 + 1);
+    }
+    decision
 }
 
 /// One contribution to a sheet.

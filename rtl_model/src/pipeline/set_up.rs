@@ -9,6 +9,7 @@ use crate::num::{Fit, LANES, Lanes, Words, three, two};
 use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{Attributes, EllipseOut, PROJECTED, ProjectOut, SET_UP};
 use crate::units::ellipse::ellipsoid::Axes;
+use crate::units::fragment::window::WindowRegisters;
 use crate::units::{ellipse, project, raster, shade};
 use crate::work::CULLED;
 use rayon::prelude::*;
@@ -21,6 +22,9 @@ pub struct SetupRecord {
     pub(super) attributes: Attributes,
     pub(super) material: u32,
     pub(super) splat: u32,
+    /// Of windows alone: the splat's own colour under the lights, and how fast it hides what lies behind it.
+    pub(super) light: [i32; 3],
+    pub(super) density: i32,
 }
 
 /// Splats set up, and those that fell out.
@@ -99,8 +103,13 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         whole.culled.absorb(&part.culled);
         probe.absorb(fork);
     }
-    if let (true, Some(ellipsoids)) = (P::WORK, &frame.ellipsoids) {
-        probe.ellipsoids(ellipsoids.preshaded, ellipsoids.own.is_empty(), ellipsoids.harmonics);
+    let windows = frame.window.is_some();
+    match &frame.ellipsoids {
+        Some(ellipsoids) if P::WORK => {
+            probe.ellipsoids(ellipsoids.preshaded || windows, ellipsoids.own.is_empty(), ellipsoids.harmonics);
+        }
+        None if P::WORK && windows => probe.ellipsoids(true, false, 0),
+        _ => {}
     }
     if let (Some(sort), true) = (&machine.sort, frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted)) {
         whole.sort(sort, probe);
@@ -132,10 +141,11 @@ impl<P: Probe> Kernel for SetUp<'_, P> {
         // Copies that nobody else can see: their constants are broadcast to lanes once, outside the loop.
         let (project, ellipse, view) = (self.machine.project.clone(), self.machine.ellipse.clone(), self.frame.view.clone());
         let units = Units { project: &project, ellipse: &ellipse, view: &view, size_px: [self.frame.width, self.frame.height] };
+        let lit = self.frame.window.as_ref().map(|_| Lit::new(self.machine, self.frame));
         let mut out = Block { records: vec![SetupRecord::default(); self.splats.len()], count: 0, culled: Culled::default() };
         if P::TRANSFERS {
             for (splat, first) in self.splats.iter().zip(self.first..) {
-                units.set_up::<L::Words, P>(&[*splat; LANES], 1, first, self.probe, &mut out);
+                units.set_up::<L::Words, P>(&[*splat; LANES], 1, first, lit.as_ref(), self.probe, &mut out);
             }
             return out.done();
         }
@@ -145,7 +155,7 @@ impl<P: Probe> Kernel for SetUp<'_, P> {
         for (group, splats) in eights.iter().chain((!rest.is_empty()).then_some(&last)).enumerate() {
             let live = LANES.min(self.splats.len() - group * LANES);
             let first = self.first + (group * LANES) as u32;
-            units.set_up::<L::Words, P>(splats, live, first, self.probe, &mut out);
+            units.set_up::<L::Words, P>(splats, live, first, lit.as_ref(), self.probe, &mut out);
             if let Some(ranges) = self.probe.resample(first as usize / LANES, self.of.div_ceil(LANES)) {
                 resample_set_up(self.machine, self.frame, &splats[..live], first, ranges);
             }
@@ -172,7 +182,8 @@ impl<P: Probe> Kernel for SetUpEllipsoids<'_, P> {
     fn run<L: Lanes>(self) -> Setup {
         let Frame { view, width, height, .. } = self.frame;
         let units = Units { project: &self.machine.project, ellipse: &self.machine.ellipse, view, size_px: [*width, *height] };
-        let lit = self.ellipsoids.preshaded.then(|| Lit::new(self.machine, self.frame));
+        let is_lit = self.ellipsoids.preshaded || self.frame.window.is_some();
+        let lit = is_lit.then(|| Lit::new(self.machine, self.frame));
         let mut out = Block { records: vec![SetupRecord::default(); self.splats.len()], count: 0, culled: Culled::default() };
         let at_a_time = if P::TRANSFERS { 1 } else { LANES };
         for (group, splats) in self.splats.chunks(at_a_time).enumerate() {
@@ -210,11 +221,18 @@ struct Lit<'a> {
     machine: &'a Elaborated,
     frame: &'a Frame,
     highlights: Vec<Option<Table>>,
+    windows: Option<WindowRegisters>,
 }
 
 impl<'a> Lit<'a> {
     fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
-        Lit { machine, frame, highlights: machine.shade.highlights(&frame.lighting) }
+        Lit { machine, frame, highlights: machine.shade.highlights(&frame.lighting), windows: machine.windows(frame) }
+    }
+
+    /// Of windows, how fast a splat hides what lies behind it.
+    fn density<P: Probe>(&self, splat: &Splat, probe: &mut P) -> i32 {
+        let density = |registers: &WindowRegisters| self.machine.fragment.density(splat.opacity, registers, &mut Tap::new(probe));
+        self.windows.as_ref().map_or(0, density)
     }
 
     /// The port from setup to shade: the light that one splat sends.
@@ -263,12 +281,20 @@ impl Block {
 impl Units<'_> {
     /// Sets eight splats up, of which the first `live` are there.
     #[inline(always)]
-    fn set_up<W: Words, P: Probe>(&self, splats: &[Splat; LANES], live: usize, first: u32, probe: &mut P, out: &mut Block) {
+    fn set_up<W: Words, P: Probe>(
+        &self,
+        splats: &[Splat; LANES],
+        live: usize,
+        first: u32,
+        lit: Option<&Lit>,
+        probe: &mut P,
+        out: &mut Block,
+    ) {
         let tap = &mut Tap::new(probe).first(live);
 
         let (point, input) = self.placed::<W, P>(splats, W::splat(0), tap);
         let ellipse = self.ellipse.lanes(self.view, self.size_px, &input, tap);
-        self.keep::<W, P>(splats, live, first, (&point, &ellipse), None, tap, out);
+        self.keep::<W, P>(splats, live, first, (&point, &ellipse), lit, tap, out);
     }
 
     /// Sets eight ellipsoids up, of which the first `live` are there.
@@ -373,7 +399,11 @@ impl Units<'_> {
             }
             let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
             let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
-            let [r, g, b] = lit.map_or(own.rgb, |lit| lit.emission(own, first + lane as u32, [n, m, o], tap.probe));
+            let light = lit.map_or(own.rgb, |lit| lit.emission(own, first + lane as u32, [n, m, o], tap.probe));
+            let density = lit.map_or(0, |lit| lit.density(own, tap.probe));
+            // Of windows the sums take the splat's colour as it is, and what closed slots take is lit.
+            let windows = lit.is_some_and(|lit| lit.windows.is_some());
+            let [r, g, b] = if windows { own.rgb } else { light };
             if P::WORK {
                 tap.probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
             }
@@ -391,6 +421,8 @@ impl Units<'_> {
                 attributes: [1, r, g, b, own.opacity, n, m, o],
                 material: own.material,
                 splat: first + lane as u32,
+                light,
+                density,
             };
             out.count += 1;
         }

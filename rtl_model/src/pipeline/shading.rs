@@ -31,7 +31,7 @@ pub(super) fn shade_for_merge<P: Probe>(
 }
 
 /// The port from fragment, and from resolve, to shade.
-fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::LightRegisters, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
+pub(super) fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::LightRegisters, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
     let input = input_of(slot);
     if P::TRANSFERS {
         tap.probe.shade_in();

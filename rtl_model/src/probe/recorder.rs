@@ -45,7 +45,9 @@ impl Probe for Recorder {
         let event = match decision {
             Some(Decision::Accumulated(_)) => Event::Accumulated,
             Some(Decision::Inserted(_)) => Event::Inserted,
-            Some(Decision::Merged(..)) => Event::Merged(self.take_shaded()),
+            Some(Decision::Merged(..) | Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) | Decision::Closed(..)) => {
+                Event::Merged(self.take_shaded())
+            }
             Some(Decision::Evicted(_)) => Event::Evicted,
             Some(Decision::Replaced | Decision::Dropped) => Event::Replaced,
             None => Event::Faint,

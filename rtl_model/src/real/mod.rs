@@ -98,6 +98,8 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn fit(self, fit: &Fit, scale: Scale) -> Self;
     /// The machine's side, a number with `frac_bits` fraction bits, becomes a word, by no shift: nothing falls off where that has as many.
     fn refit(self, frac_bits: i32, fit: &Fit) -> Self;
+    /// The quotient, on machine and exact side each: exact, as what [`Real::share`] and [`Real::restored`] make words of.
+    fn divided_by(self, whole: Self) -> Self;
     /// A part of `whole`, which a power of two brings to [1, 2) on the machine's side, becomes a word that saturates, by the same power.
     fn share(self, fit: &Fit, whole: Self) -> Self;
     /// The same times `whole` and times 1/`whole` by a function unit.
@@ -293,6 +295,16 @@ impl Real for Near {
         let format = fit.word.format;
         let loss = if frac_bits <= format.frac_bits { [0.0; 2] } else { loss(fit.word.round) };
         self.in_word(fit.word, [power_of_two(-format.frac_bits); 2], loss)
+    }
+
+    fn divided_by(self, whole: Near) -> Near {
+        let value = if whole.value == 0.0 { 0.0 } else { self.value / whole.value };
+        if whole.low() <= 0.0 {
+            return Near { value, error: f64::INFINITY };
+        }
+        let ends = [self.low(), self.high()].map(|end| [end / whole.low(), end / whole.high()]);
+        let [least, most] = ends.as_flattened().iter().fold([value; 2], |[least, most], end| [least.min(*end), most.max(*end)]);
+        Near::between(value, least, most)
     }
 
     /// The word holds x·w, with w the whole in [1, 2): its last place counts 1/w. A part with no more places than the word has loses nothing.

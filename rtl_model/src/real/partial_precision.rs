@@ -161,6 +161,11 @@ impl Real for PartialPrecision<'_> {
         self.fit(fit, Scale::ONE)
     }
 
+    fn divided_by(self, whole: Self) -> Self {
+        let value = if whole.value == 0.0 { 0.0 } else { self.value / whole.value };
+        self.and(whole, value)
+    }
+
     fn share(self, fit: &Fit, whole: Self) -> Self {
         if !whole.is_on(fit) {
             return whole.with(self.value);

@@ -55,6 +55,23 @@ pub enum Decision {
     Replaced,
     /// Was dropped behind what was there (z-buffer).
     Dropped,
+    /// Came late: blended into this closed slot, over its front or under its back (windows).
+    Late(u8, Side),
+    /// Blended into this closed slot, between its front and its back (windows).
+    Inside(u8),
+    /// Made two slots add up: the place of the front one, and that of the contribution, among `layers` + 1 in depth order (windows).
+    Summed(u8, u8),
+    /// Made the two deepest close, the deeper one behind or (`true`) inside of the other; the contribution's place (windows).
+    Closed(u8, bool),
+}
+
+/// Part of a closed slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Its nearest surface.
+    Front,
+    /// Its deepest surface.
+    Back,
 }
 
 /// Count of each [`Decision`].
@@ -72,6 +89,12 @@ pub struct Outcomes {
     pub replaced: u64,
     /// Was dropped.
     pub dropped: u64,
+    /// Came late to a closed slot.
+    pub late: u64,
+    /// Blended inside of a closed slot.
+    pub inside: u64,
+    /// Made two slots add up.
+    pub summed: u64,
     /// Contributions to the busiest pixel.
     pub most_in_a_pixel: u64,
 }
@@ -83,10 +106,13 @@ impl Outcomes {
         match decision {
             Decision::Accumulated(_) => self.accumulated += 1,
             Decision::Inserted(_) => self.inserted += 1,
-            Decision::Merged(..) => self.merged += 1,
+            Decision::Merged(..) | Decision::Closed(..) => self.merged += 1,
             Decision::Evicted(_) => self.evicted += 1,
             Decision::Replaced => self.replaced += 1,
             Decision::Dropped => self.dropped += 1,
+            Decision::Late(..) => self.late += 1,
+            Decision::Inside(_) => self.inside += 1,
+            Decision::Summed(..) => self.summed += 1,
         }
     }
 
@@ -98,12 +124,15 @@ impl Outcomes {
         self.evicted += other.evicted;
         self.replaced += other.replaced;
         self.dropped += other.dropped;
+        self.late += other.late;
+        self.inside += other.inside;
+        self.summed += other.summed;
         self.most_in_a_pixel = self.most_in_a_pixel.max(other.most_in_a_pixel);
     }
 
     /// All contributions.
     pub fn total(&self) -> u64 {
-        self.accumulated + self.inserted + self.merged + self.evicted + self.replaced + self.dropped
+        self.accumulated + self.inserted + self.merged + self.evicted + self.replaced + self.dropped + self.late + self.inside + self.summed
     }
 }
 

@@ -15,15 +15,16 @@
 use crate::elaboration::latency::{PRODUCT, SUM};
 use crate::elaboration::{Elaboration, Operator};
 use crate::kernels::{Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits};
-use crate::machine::{FragmentDepth, Machine, Merge};
+use crate::machine::{FragmentDepth, Group, Machine, Merge};
 use crate::num::{Exact, Fit, Lanes, Word, three};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
 use sheets::Sheets;
 use std::cmp::Ordering;
+use window::Windows;
 
 pub use crate::records::{
-    Attributes, COLOUR, Contribution, Decision, MAX_LAYERS, NORMAL, OPACITY, Outcomes, Premultiplied, SUM_SIGNALS, SUMS, Slot, Sums,
+    Attributes, COLOUR, Contribution, Decision, MAX_LAYERS, NORMAL, OPACITY, Outcomes, Premultiplied, SUM_SIGNALS, SUMS, Side, Slot, Sums,
     TILE_AREA, TILE_PX, WEIGHT,
 };
 
@@ -73,6 +74,8 @@ impl From<Merge> for Full {
             Merge::NearestPair => Full::Merge(Pair::Nearest),
             Merge::FarthestPair => Full::Merge(Pair::Farthest),
             Merge::Replace => Full::Replace,
+            // Windows have a rule of their own, which never comes here.
+            Merge::Window => Full::Merge(Pair::Farthest),
         }
     }
 }
@@ -108,6 +111,7 @@ pub struct Fragment {
     blend: [Fit; 2],
     premultiplied_frac_bits: u32,
     sheets: Option<Sheets>,
+    windows: Option<Windows>,
     /// Of a contribution's weight.
     weight_frac_bits: u32,
 }
@@ -119,6 +123,9 @@ impl Fragment {
         let layers = e.within(UNIT, "layers", m.layers, 1, MAX_LAYERS as u32) as usize;
         e.require(Full::from(m.merge) != Full::Replace || m.layers == 1, || {
             format!("fragment.merge is replace, a z-buffer, with {} layers: it needs fragment.layers 1", m.layers)
+        });
+        e.require((m.merge == Merge::Window) == (m.group != Group::First), || {
+            "fragment.merge is window where fragment.group is interval or window, and nowhere else".into()
         });
         e.within(UNIT, "opaque_permille", m.opaque_permille, 1, 1000);
         e.port(UNIT, "normal", m.normal);
@@ -160,7 +167,7 @@ impl Fragment {
                 // A sheet's number against the open one's; each slot stays, is added to, or is begun.
                 e.adders(UNIT, 1, m.depth.format.width());
                 e.copies(layers as u32, |e| e.choice(UNIT, 3, slot));
-            } else {
+            } else if m.window.is_none() {
                 Fragment::sorter(e, machine, layers as u32, slot);
             }
         });
@@ -217,6 +224,7 @@ impl Fragment {
             blend: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, over)), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
             sheets: Sheets::new(e, machine),
+            windows: Windows::new(e, machine),
             weight_frac_bits: machine.gauss.weight.format.frac_bits.max(0) as u32,
         }
     }
@@ -490,6 +498,7 @@ fn replace<A: Accumulator>(tile: &mut Tile<A>, pixel: u8, fresh: &PackedSlot<A>)
 
 pub mod real;
 pub mod sheets;
+pub mod window;
 
 #[cfg(test)]
 mod tests;

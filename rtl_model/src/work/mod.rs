@@ -54,7 +54,7 @@ pub enum Event {
     Faint,
     /// Opened a slot.
     Inserted,
-    /// Made two fragments merge, of which so many, 0 to 2, had to be shaded for it.
+    /// Made two fragments merge, of which so many, 0 to 2, had to be shaded for it; of windows, was blended too, or made two add up.
     Merged(u8),
     /// Made the deepest fragment vanish.
     Evicted,

@@ -23,7 +23,7 @@ use rtl_model::units::shade::real::{Lighting, Sums};
 
 /// Attributes of a contribution: rgb, α, normal.
 pub const ATTRIBUTES: usize = 7;
-const OPACITY: usize = 3;
+pub const OPACITY: usize = 3;
 
 /// One contribution, exact and as the machine may have it.
 #[derive(Clone, Copy, Debug)]
@@ -55,17 +55,17 @@ pub struct Common<'a> {
 
 /// What the machine's fragment may be off by.
 #[derive(Clone, Copy, Debug)]
-struct Bounds {
+pub struct Bounds {
     /// Σ Δw, without rounding.
     weight: f64,
     /// Σ w·Δc, of each attribute.
     attribute: [f64; ATTRIBUTES],
     /// Contributions.
-    count: f64,
+    pub count: f64,
     /// Least and greatest of each attribute.
     range: [[f64; 2]; ATTRIBUTES],
     /// A sum may have left its word.
-    overflowed: bool,
+    pub overflowed: bool,
     depth: Near,
     held_depth: i64,
     /// Once it is shaded: premultiplied colour and opacity.
@@ -80,13 +80,13 @@ pub struct Pixel {
 }
 
 /// What one rounding of a sum may lose.
-fn loss(word: Word) -> f64 {
+pub fn loss(word: Word) -> f64 {
     let place = word.format.value(1);
     if word.round == Rounding::Truncate { place } else { place / 2.0 }
 }
 
 /// The words of the sums: weight, then the attributes.
-fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
+pub fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
     let f = &machine.fragment;
     let (c, n) = (f.colour_sum, f.normal_sum);
     (f.weight_sum, [c, c, c, f.opacity_sum, n, n, n])
@@ -94,7 +94,7 @@ fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
 
 impl Bounds {
     /// Of a slot that one contribution begins: it alone may leave a sum's word.
-    fn new(machine: &Machine, arrival: &Arrival) -> Self {
+    pub fn new(machine: &Machine, arrival: &Arrival) -> Self {
         let range = arrival.attributes.map(|c| [c.value, c.value]);
         let shaded = [Near::default(); 4];
         let (depth, held_depth) = (arrival.depth, arrival.held_depth);
@@ -104,7 +104,7 @@ impl Bounds {
     }
 
     /// After one more contribution; `golden` has it already.
-    fn add(&mut self, machine: &Machine, arrival: &Arrival, golden: &Fragment) {
+    pub fn add(&mut self, machine: &Machine, arrival: &Arrival, golden: &Fragment) {
         self.weight += arrival.weight.error;
         self.count += 1.0;
         for (i, c) in arrival.attributes.iter().enumerate() {
@@ -113,6 +113,18 @@ impl Bounds {
             self.range[i] = [low.min(c.value), high.max(c.value)];
         }
         self.overflowed |= self.may_overflow(machine, golden);
+    }
+
+    /// With those of another slot, whose sums were added; `golden` has both.
+    pub fn join(&mut self, machine: &Machine, other: &Bounds, golden: &Fragment) {
+        self.weight += other.weight;
+        self.count += other.count;
+        for i in 0..ATTRIBUTES {
+            self.attribute[i] += other.attribute[i];
+            let ([low, high], [other_low, other_high]) = (self.range[i], other.range[i]);
+            self.range[i] = [low.min(other_low), high.max(other_high)];
+        }
+        self.overflowed |= other.overflowed || self.may_overflow(machine, golden);
     }
 
     /// Whether a sum of the machine's may have left its word.
@@ -126,7 +138,7 @@ impl Bounds {
     }
 
     /// ΔW.
-    fn weight_error(&self, word: Word) -> f64 {
+    pub fn weight_error(&self, word: Word) -> f64 {
         self.weight + self.count * loss(word)
     }
 
@@ -136,8 +148,28 @@ impl Bounds {
         (high - centre).max(centre - low).max(0.0)
     }
 
+    /// A fragment's sums, divided by its weight.
+    pub fn sums(&self, common: &Common, golden: &Fragment) -> Sums<Near> {
+        let (weight_word, words) = words(&common.machine.machine);
+        let weight_error = self.weight_error(weight_word);
+        let least = golden.weight - weight_error;
+        let attributes = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
+        let mean = |i: usize| {
+            let centre = if golden.weight > 0.0 { attributes[i] / golden.weight } else { 0.0 };
+            let error = self.sum_error(i, centre, words[i]) + centre.abs() * self.count * loss(weight_word);
+            Near::within(centre, if self.overflowed || least <= 0.0 { f64::INFINITY } else { error / least })
+        };
+        Sums {
+            weight: Near::within(golden.weight, if self.overflowed { f64::INFINITY } else { weight_error }),
+            rgb: [mean(0), mean(1), mean(2)],
+            opacity: mean(OPACITY),
+            normal: [mean(4), mean(5), mean(6)],
+            material: golden.material,
+        }
+    }
+
     /// What Σw·c may be off by, apart from ΔW·centre.
-    fn sum_error(&self, i: usize, centre: f64, word: Word) -> f64 {
+    pub fn sum_error(&self, i: usize, centre: f64, word: Word) -> f64 {
         self.weight * self.spread(i, centre) + self.attribute[i] + self.count * loss(word)
     }
 }
@@ -170,6 +202,8 @@ impl Pixel {
             Decision::Inserted(_) => self.push(common, arrival),
             Decision::Replaced | Decision::Dropped => self.replace(common, arrival, decision, flips),
             Decision::Merged(..) | Decision::Evicted(_) => self.overflow(common, arrival, decision, flips),
+            // Of windows, which are followed elsewhere.
+            Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) | Decision::Closed(..) => {}
         }
     }
 
@@ -281,30 +315,9 @@ impl Pixel {
         if golden.shaded {
             return common.machine.real_read(bounds.shaded);
         }
-        let near = common.machine.real_shade(&common.lighting, &self.sums(common, slot));
+        let near = common.machine.real_shade(&common.lighting, &bounds.sums(common, golden));
         let exact = common.shader.premultiplied(golden).to_array();
         [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
-    }
-
-    /// A fragment's sums, divided by its weight.
-    fn sums(&self, common: &Common, slot: usize) -> Sums<Near> {
-        let (golden, bounds) = (&self.fragments[slot], &self.bounds[slot]);
-        let (weight_word, words) = words(&common.machine.machine);
-        let weight_error = bounds.weight_error(weight_word);
-        let least = golden.weight - weight_error;
-        let attributes = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
-        let mean = |i: usize| {
-            let centre = if golden.weight > 0.0 { attributes[i] / golden.weight } else { 0.0 };
-            let error = bounds.sum_error(i, centre, words[i]) + centre.abs() * bounds.count * loss(weight_word);
-            Near::within(centre, if bounds.overflowed || least <= 0.0 { f64::INFINITY } else { error / least })
-        };
-        Sums {
-            weight: Near::within(golden.weight, if bounds.overflowed { f64::INFINITY } else { weight_error }),
-            rgb: [mean(0), mean(1), mean(2)],
-            opacity: mean(OPACITY),
-            normal: [mean(4), mean(5), mean(6)],
-            material: golden.material,
-        }
     }
 
     /// The pixel, its layers blended in the order of these slots; and the bound on the machine's.

@@ -90,9 +90,20 @@ impl Lockstep {
 
     /// Where decisions flipped: a colour for each kind, on what `led` shows in grey.
     pub fn flip_picture(&self) -> Picture {
-        const COLOURS: [[f64; 3]; KINDS.len()] =
-            [[1.0, 1.0, 1.0], [0.0, 0.45, 1.0], [1.0, 0.1, 0.0], [1.0, 0.75, 0.0], [0.9, 0.1, 0.9], [0.0, 0.8, 0.2], [0.4, 0.9, 0.9]];
-        let pixel = |(rgba, kinds): (&[f64; 4], &u8)| {
+        const COLOURS: [[f64; 3]; KINDS.len()] = [
+            [1.0, 1.0, 1.0],
+            [0.0, 0.45, 1.0],
+            [1.0, 0.1, 0.0],
+            [1.0, 0.75, 0.0],
+            [0.9, 0.1, 0.9],
+            [0.0, 0.8, 0.2],
+            [0.4, 0.9, 0.9],
+            [0.6, 0.4, 0.2],
+            [1.0, 0.6, 0.7],
+            [0.5, 0.5, 1.0],
+            [0.7, 1.0, 0.4],
+        ];
+        let pixel = |(rgba, kinds): (&[f64; 4], &u16)| {
             // The rarest kind of a pixel wins.
             let kind = (0..KINDS.len()).rev().find(|kind| kinds >> kind & 1 == 1);
             let grey = 0.15 * (0.2 * rgba[0] + 0.7 * rgba[1] + 0.1 * rgba[2]).clamp(0.0, 1.0);

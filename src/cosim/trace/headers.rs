@@ -114,6 +114,8 @@ fn rule(merge: Merge) -> &'static str {
         Merge::NearestPair => "nearest-pair",
         Merge::FarthestPair => "farthest-pair",
         Merge::Replace => "replace",
+        // Without a number: such a machine has no traces.
+        Merge::Window => "window",
     }
 }
 

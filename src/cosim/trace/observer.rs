@@ -230,6 +230,8 @@ pub fn least_weight(frame: &Frame) -> i64 {
 
 /// Outcomes of contributions, in the order of their numbers in `fragment.out`.
 pub const OUTCOMES: [&str; 6] = ["accumulated", "inserted", "merged", "evicted", "replaced", "dropped"];
+/// What a machine of windows does beyond that has no number: it has no traces yet.
+const OF_WINDOWS: (u8, u8) = (OUTCOMES.len() as u8, 0);
 
 /// A decision as `fragment.out` has it: outcome and slot.
 pub fn outcome(decision: Decision) -> (u8, u8) {
@@ -240,6 +242,7 @@ pub fn outcome(decision: Decision) -> (u8, u8) {
         Decision::Evicted(itself) => (3, itself.into()),
         Decision::Replaced => (4, 0),
         Decision::Dropped => (5, 0),
+        Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) | Decision::Closed(..) => OF_WINDOWS,
     }
 }
 

@@ -191,7 +191,7 @@ mod tests {
         Picture { width: values.len(), height: 1, rgba, covered: vec![true; values.len()] }
     }
 
-    fn told(bound: f64, flipped: u8) -> Lockstep {
+    fn told(bound: f64, flipped: u16) -> Lockstep {
         let flips = Flips::default();
         Lockstep { led: grey(&[0.5]), bound: vec![bound], error: vec![0.0], flipped: vec![flipped], violations: 0, flips }
     }

@@ -1,0 +1,569 @@
+//! Window: one pixel of `golden` grouped by windows, led by the machine's decisions, with what the machine's may be off by.
+//!
+//! All that the machine decides by depths alone is known here, for its depth words are: which surface is late, what lies inside, the order.
+//! What it decides by sums (windows, what is seen through them) it tells.
+//!
+//! Every decision is also asked of `golden`, on the same slots; where that would do otherwise it is a flip, explained if a number that
+//! either decision hangs on lies within its bound of its threshold.
+
+use super::Flips;
+use super::pixel::{Arrival, Bounds, Common, OPACITY, loss, words};
+use crate::golden::Side as GoldenSide;
+use crate::golden::shade::over;
+use crate::golden::window::{self, Closed, Layer, Open, Part, Seen, Window};
+use crate::hardware::quantise::Quantised;
+use crate::scene::Scene;
+use glam::{DVec3, DVec4};
+use rtl_model::real::{Near, Real};
+use rtl_model::units::fragment::window::WindowRegisters;
+use rtl_model::units::fragment::window::real::{self, Single, Tables};
+use rtl_model::units::fragment::{Decision, Side};
+
+/// Values that the whole frame has in common.
+pub struct WindowRules<'a> {
+    rule: Window<'a>,
+    registers: WindowRegisters,
+    tables: Tables,
+    /// What a contribution joins stays narrower than this, machine units.
+    reach: Near,
+    /// ε, machine units.
+    epsilon: Near,
+    evict_hidden: bool,
+    /// Machine units a world unit.
+    scale: f64,
+}
+
+/// A contribution's splat by itself.
+#[derive(Clone, Copy, Debug)]
+pub struct Own {
+    /// The light that it sends, in golden and on the machine.
+    pub golden: DVec3,
+    pub light: [Near; 3],
+    /// α.
+    pub opacity: f64,
+}
+
+/// What the machine's slot may be off by.
+#[derive(Clone, Debug)]
+struct Slot {
+    /// Of an open one.
+    bounds: Bounds,
+    /// Of a closed one.
+    closed: Option<real::Closed<Near>>,
+    /// Σ w·Δz, machine units.
+    depth_error: f64,
+    /// Least and greatest depth of its contributions, exact, machine units.
+    depths: [f64; 2],
+    /// Ends of its front and of its back, as the machine has them.
+    held: [[i64; 2]; 2],
+    /// The same as numbers.
+    ends: [[Near; 2]; 2],
+}
+
+/// State of a pixel.
+#[derive(Clone, Debug, Default)]
+pub struct WindowPixel {
+    layers: Vec<Layer>,
+    slots: Vec<Slot>,
+}
+
+/// A slot that closes, in golden and on the machine.
+#[derive(Clone, Copy)]
+struct Pair {
+    golden: Closed,
+    near: real::Closed<Near>,
+}
+
+impl<'a> WindowRules<'a> {
+    /// None where fragments are grouped otherwise.
+    pub fn new(scene: &Scene, common: &Common<'a>, quantised: &Quantised) -> Option<Self> {
+        let (machine, frame) = (common.machine, &quantised.frame);
+        let registers = machine.windows(frame)?;
+        let (words, depth) = (machine.machine.fragment.window.as_ref()?, machine.machine.fragment.depth);
+        let opacity_range = f64::from(machine.machine.splat.opacity.format.int_bits).exp2();
+        let is_interval = machine.machine.fragment.group == rtl_model::machine::Group::Interval;
+        let exact = f64::from(words.join_permille) / 1000.0 * scene.surface.z_threshold * quantised.scale.factor();
+        Some(WindowRules {
+            rule: Window::new(common.rules, scene.surface.z_threshold, common.shader),
+            tables: Tables::new(&registers, opacity_range, window::density),
+            reach: if is_interval { common.z_threshold } else { Near::held(exact, depth, registers.reach) },
+            epsilon: common.z_threshold,
+            evict_hidden: common.rules.evict_hidden,
+            scale: quantised.scale.factor(),
+            registers,
+        })
+    }
+}
+
+impl Slot {
+    fn new(common: &Common, arrival: &Arrival) -> Self {
+        let (held, end) = ([arrival.held_depth; 2], [arrival.depth; 2]);
+        Slot {
+            bounds: Bounds::new(&common.machine.machine, arrival),
+            closed: None,
+            depth_error: arrival.weight.most() * arrival.depth.error,
+            depths: [arrival.depth.value; 2],
+            held: [held; 2],
+            ends: [end; 2],
+        }
+    }
+
+    /// Widens one side, or an open slot, to a contribution's depth.
+    fn span(&mut self, side: usize, arrival: &Arrival) {
+        let (held, z) = (&mut self.held[side], arrival.held_depth);
+        *held = [held[0].min(z), held[1].max(z)];
+        let [near, far] = self.ends[side];
+        self.ends[side] = [near.min(arrival.depth), far.max(arrival.depth)];
+    }
+
+    fn add(&mut self, common: &Common, arrival: &Arrival, golden: &Open) {
+        self.bounds.add(&common.machine.machine, arrival, &golden.sums);
+        self.depth_error += arrival.weight.most() * arrival.depth.error;
+        let z = arrival.depth.value;
+        self.depths = [self.depths[0].min(z), self.depths[1].max(z)];
+        self.span(0, arrival);
+        self.span(1, arrival);
+    }
+
+    /// With another behind it; golden has both already.
+    fn join(&mut self, common: &Common, other: &Slot, golden: &Open) {
+        self.bounds.join(&common.machine.machine, &other.bounds, &golden.sums);
+        self.depth_error += other.depth_error;
+        self.depths = [self.depths[0].min(other.depths[0]), self.depths[1].max(other.depths[1])];
+        for side in 0..2 {
+            let ([near, far], [other_near, other_far]) = (self.held[side], other.held[side]);
+            self.held[side] = [near.min(other_near), far.max(other_far)];
+            let ([near, far], [other_near, other_far]) = (self.ends[side], other.ends[side]);
+            self.ends[side] = [near.min(other_near), far.max(other_far)];
+        }
+    }
+
+    /// lo, as the machine has it.
+    fn near(&self) -> i64 {
+        self.held[0][0]
+    }
+
+    fn far(&self) -> i64 {
+        self.held[1][1]
+    }
+
+    fn is_open(&self) -> bool {
+        self.closed.is_none()
+    }
+
+    /// Σw·z/Σw, machine units.
+    fn mean_depth(&self, common: &Common, golden: &Open, scale: f64) -> Near {
+        let (weight_word, _) = words(&common.machine.machine);
+        let mean = golden.mean_depth() * scale;
+        let error = self.bounds.weight_error(weight_word);
+        let least = golden.sums.weight - error;
+        let spread = (self.depths[1] - mean).max(mean - self.depths[0]).max(0.0);
+        let fit = common.machine.fragment.depth_sum_fit().word;
+        let off = error * spread + self.depth_error + self.bounds.count * (loss(fit) + mean.abs() * loss(weight_word));
+        let most = mean * golden.sums.weight + off + error * mean.abs();
+        let outruns = self.bounds.overflowed || most.is_nan() || most > fit.format.value(fit.format.max());
+        Near::within(mean, if outruns || least <= 0.0 { f64::INFINITY } else { off / least })
+    }
+}
+
+/// The powers of two that T may be rounded down to, as places; none for 0.
+fn places(through: f64) -> Option<u32> {
+    (0..=8).find(|places| through * f64::from(1u32 << places) >= 1.0)
+}
+
+impl WindowPixel {
+    /// Takes a contribution as the machine took it; tells how `golden` would have differed.
+    pub fn take(&mut self, rules: &WindowRules, common: &Common, arrival: &Arrival, own: &Own, decision: Decision, flips: &mut Flips) {
+        self.ask(rules, arrival, decision, flips);
+        match decision {
+            Decision::Accumulated(slot) => {
+                let (Layer::Open(open), slot) = (&mut self.layers[usize::from(slot)], &mut self.slots[usize::from(slot)]) else { return };
+                open.add(&arrival.golden);
+                slot.add(common, arrival, open);
+            }
+            Decision::Late(slot, side) => self.add_late(rules, common, usize::from(slot), side, arrival, own),
+            Decision::Inside(slot) => {
+                let single = rules.single(arrival, own);
+                let x = Window::splat_inside(&own.arrival(arrival));
+                let light = common.machine.fragment.real_splat_inside(&single, own.opacity, &rules.registers, &rules.tables);
+                let x_light = around(light, x.colour);
+                let ends = [arrival.held_depth; 2];
+                self.put_inside(common, usize::from(slot), &x, x_light, ends, [arrival.depth; 2], flips);
+            }
+            Decision::Inserted(_) => {
+                self.insert(common, arrival, flips);
+            }
+            _ => self.overflow(rules, common, arrival, decision, flips),
+        }
+    }
+
+    /// What becomes of a contribution before it takes a slot: compares with what `golden` would do.
+    fn ask(&self, rules: &WindowRules, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+        let z = arrival.golden.z;
+        let rule = &rules.rule;
+        let taken = match decision {
+            Decision::Accumulated(slot) => (Some(usize::from(slot)), None, None),
+            Decision::Late(slot, side) => (None, Some((usize::from(slot), side)), None),
+            Decision::Inside(slot) => (None, None, Some(usize::from(slot))),
+            _ => (None, None, None),
+        };
+        let open = rule.taker(z, &self.layers);
+        let late = if open.is_none() && rule.late { rule.late_for(z, &self.layers) } else { None };
+        let late = late.map(|(slot, side)| (slot, if side == GoldenSide::Front { Side::Front } else { Side::Back }));
+        let inside = if open.is_none() && late.is_none() && rule.inside { rule.around(z, &self.layers) } else { None };
+        let wanted = (open, late, inside);
+        if taken == wanted {
+            return;
+        }
+        let slots =
+            |(open, late, inside): (Option<usize>, Option<(usize, Side)>, Option<usize>)| [open, late.map(|(slot, _)| slot), inside];
+        let asked: Vec<usize> = slots(taken).into_iter().chain(slots(wanted)).flatten().collect();
+        let explained = asked.iter().any(|&slot| self.hangs(rules, arrival, slot)) || self.are_as_near(arrival, &asked);
+        if taken.0 != wanted.0 {
+            flips.slot(explained);
+        } else if taken.1 != wanted.1 {
+            flips.late(explained);
+        } else {
+            flips.inside(explained);
+        }
+    }
+
+    /// Whether what a slot does with a depth hangs on less than the depths' bounds.
+    fn hangs(&self, rules: &WindowRules, arrival: &Arrival, slot: usize) -> bool {
+        let (slot, z) = (&self.slots[slot], arrival.depth);
+        let narrow = |[near, far]: [Near; 2], limit: Near| (far.max(z) - near.min(z)).may_cross(limit);
+        let at_an_end = slot.ends.iter().flatten().any(|end| z.may_cross(*end));
+        let reach = if slot.is_open() { rules.reach } else { rules.epsilon };
+        at_an_end || slot.ends.iter().any(|span| narrow(*span, reach))
+    }
+
+    /// Whether two of some slots may be equally near to a depth, or two sides of one.
+    fn are_as_near(&self, arrival: &Arrival, slots: &[usize]) -> bool {
+        let z = arrival.depth;
+        let gap = |[near, far]: [Near; 2]| (near - z).max(z - far).max(Near::exact(0.0));
+        let gaps: Vec<Near> = slots.iter().flat_map(|&slot| self.slots[slot].ends).map(gap).collect();
+        let apart = |a: usize| (a + 1..gaps.len()).any(|b| gaps[a].error + gaps[b].error > 0.0 && gaps[a].may_cross(gaps[b]));
+        (0..gaps.len()).any(apart)
+    }
+
+    fn add_late(&mut self, rules: &WindowRules, common: &Common, slot: usize, side: Side, arrival: &Arrival, own: &Own) {
+        let Layer::Closed(golden) = &mut self.layers[slot] else { return };
+        let slot = &mut self.slots[slot];
+        let Some(near) = &mut slot.closed else { return };
+        let (of_golden, number) = if side == Side::Front { (GoldenSide::Front, 0) } else { (GoldenSide::Back, 1) };
+        rules.rule.add_late(golden, of_golden, &own.arrival(arrival));
+        common.machine.fragment.real_late(near, number, &rules.single(arrival, own), common.coverage_threshold);
+        *near = near_to(near, golden);
+        slot.span(number, arrival);
+    }
+
+    /// Puts something inside of a closed slot, with its ends as the machine has them and as numbers.
+    #[expect(clippy::too_many_arguments, reason = "the same thing in golden and on the machine")]
+    fn put_inside(
+        &mut self,
+        common: &Common,
+        slot: usize,
+        x: &Closed,
+        light: [Near; 4],
+        held: [i64; 2],
+        ends: [Near; 2],
+        flips: &mut Flips,
+    ) {
+        let Layer::Closed(golden) = &mut self.layers[slot] else { return };
+        let slot = &mut self.slots[slot];
+        let Some(near) = &mut slot.closed else { return };
+        let nearer_the_back = held[0] + held[1] >= slot.held[0][1] + slot.held[1][0];
+        if nearer_the_back != golden.is_nearer_to_the_back(x) {
+            flips.inside((ends[0] + ends[1]).may_cross(slot.ends[0][1] + slot.ends[1][0]));
+        }
+        golden.put_inside_at(x, nearer_the_back, false);
+        common.machine.fragment.real_put_inside(near, light, nearer_the_back);
+        *near = near_to(near, golden);
+    }
+
+    /// Brings the slots into the machine's order, and asks whether it is golden's; whether any two may stand otherwise.
+    fn sort(&mut self, flips: &mut Flips) -> bool {
+        let mut order: Vec<usize> = (0..self.slots.len()).collect();
+        order.sort_by_key(|&slot| self.slots[slot].near());
+        self.layers = order.iter().map(|&slot| self.layers[slot]).collect();
+        self.slots = order.iter().map(|&slot| self.slots[slot].clone()).collect();
+        self.ask_for_order(flips)
+    }
+
+    fn ask_for_order(&self, flips: &mut Flips) -> bool {
+        let mut any = false;
+        for place in 1..self.slots.len() {
+            let unsure = self.slots[place - 1].ends[0][0].may_cross(self.slots[place].ends[0][0]);
+            any |= unsure;
+            if self.layers[place].near() < self.layers[place - 1].near() {
+                flips.order(unsure);
+            }
+        }
+        any
+    }
+
+    /// A slot of its own; says where, and whether the order is in doubt.
+    fn insert(&mut self, common: &Common, arrival: &Arrival, flips: &mut Flips) -> (usize, bool) {
+        self.sort(&mut Flips::default());
+        let place = self.slots.iter().filter(|slot| slot.near() <= arrival.held_depth).count();
+        self.layers.insert(place, Layer::Open(Open::new(arrival.golden)));
+        self.slots.insert(place, Slot::new(common, arrival));
+        (place, self.ask_for_order(flips))
+    }
+
+    /// What is seen of each slot, as the machine may have it, given golden's windows; and whether any window may be another.
+    fn seen(&self, rules: &WindowRules, common: &Common, windows: &[Seen]) -> (Vec<Near>, bool) {
+        let fragment = &common.machine.fragment;
+        let mut through = Near::exact(1.0);
+        let mut doubt = false;
+        let mut seen = Vec::new();
+        let mut window: Option<(Open, Slot)> = None;
+        for (place, layer) in self.layers.iter().enumerate() {
+            let slot = &self.slots[place];
+            if let (Layer::Open(open), Some((_, of_window))) = (layer, &window) {
+                let start = of_window.ends[0][0];
+                doubt |= slot.mean_depth(common, open, rules.scale).may_cross(start + rules.epsilon);
+            }
+            if windows[place].first == place
+                && let Some((open, slot)) = window.take()
+            {
+                through = fragment.real_through_window(through, slot.opacity(common, &open));
+            }
+            if let Layer::Open(open) = layer {
+                window = Some(match window.take() {
+                    None => (*open, slot.clone()),
+                    Some((whole, mut of_whole)) => {
+                        let whole = whole.with(open);
+                        of_whole.join(common, slot, &whole);
+                        (whole, of_whole)
+                    }
+                });
+            }
+            let mut seen_here = through;
+            for before in &self.slots[..place] {
+                let Some(closed) = &before.closed else { continue };
+                let rest = || fragment.real_rest(common.machine.real_read(closed.light)[3]);
+                let behind = if slot.near() < before.far() { closed.through[0] } else { rest() };
+                seen_here = fragment.real_through_closed(seen_here, behind);
+                doubt |= slot.ends[0][0].may_cross(before.ends[1][1]);
+            }
+            seen.push(seen_here);
+        }
+        (seen, doubt)
+    }
+
+    /// One too many: does with it what the machine did.
+    fn overflow(&mut self, rules: &WindowRules, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+        let (_, order_unsure) = self.insert(common, arrival, flips);
+        let deepest = self.layers.len() - 1;
+        let mut windows = Vec::new();
+        rules.rule.windows(&self.layers, &mut windows);
+        let (seen, window_unsure) = self.seen(rules, common, &windows);
+        let is_split = |seen: &Near| places(seen.low()) != places(seen.high());
+        let unsure = order_unsure || window_unsure;
+        let evicts = rules.evict_hidden && windows[deepest].transmittance == 0.0;
+        let evicted = matches!(decision, Decision::Evicted(_));
+        if evicts != evicted {
+            flips.eviction(unsure || places(seen[deepest].low()).is_some() != places(seen[deepest].high()).is_some());
+        } else if !evicted {
+            let wanted = rules.rule.sums.then(|| rules.rule.pair_to_sum(&self.layers, &windows)).flatten();
+            let taken = if let Decision::Summed(front, _) = decision { Some(usize::from(front)) } else { None };
+            if wanted != taken {
+                let split = seen.iter().any(is_split);
+                flips.sum(unsure || split || self.may_sum_others(rules, &windows, wanted, taken));
+            }
+        }
+        match decision {
+            Decision::Summed(front, _) => self.sum(common, usize::from(front)),
+            Decision::Closed(_, inside) => self.close(common, deepest - 1, inside, flips),
+            _ => {}
+        }
+        self.layers.truncate(deepest);
+        self.slots.truncate(deepest);
+    }
+
+    /// Whether one of two pairs may be too wide to be summed, or they may cost the same.
+    fn may_sum_others(&self, rules: &WindowRules, windows: &[Seen], a: Option<usize>, b: Option<usize>) -> bool {
+        let epsilon = rules.epsilon;
+        let union = |front: usize| {
+            let ([near, far], other) = ([self.slots[front].ends[0][0], self.slots[front].ends[1][1]], self.slots[front + 1].ends[1][1]);
+            (far.max(other) - near, far.max(other))
+        };
+        let cost = |front: usize| {
+            let ((width, far), Seen { first, transmittance, .. }) = (union(front), windows[front]);
+            let start = self.slots[first].ends[0][0];
+            let of_one = first == windows[front + 1].first;
+            (if of_one { width * (epsilon + far - start) } else { (epsilon * epsilon).times(2.0) }).times(transmittance)
+        };
+        let wide = [a, b].into_iter().flatten().any(|front| union(front).0.may_cross(epsilon));
+        wide || if let (Some(a), Some(b)) = (a, b) { cost(a).may_cross(cost(b)) } else { false }
+    }
+
+    fn sum(&mut self, common: &Common, front: usize) {
+        let (Layer::Open(a), Layer::Open(b)) = (self.layers[front], self.layers[front + 1]) else { return };
+        let whole = a.with(&b);
+        let other = self.slots.remove(front + 1);
+        self.layers.remove(front + 1);
+        self.layers[front] = Layer::Open(whole);
+        self.slots[front].join(common, &other, &whole);
+    }
+
+    /// Closes a slot and the one behind it, and makes one of the two.
+    fn close(&mut self, common: &Common, front: usize, inside: bool, flips: &mut Flips) {
+        let back = self.closed(common, front + 1);
+        let Pair { golden, near } = self.closed(common, front);
+        self.layers[front] = Layer::Closed(golden);
+        self.slots[front].closed = Some(near);
+        let ends = [self.slots[front + 1].ends[0][0], self.slots[front + 1].ends[1][1]];
+        let held = [self.slots[front + 1].near(), self.slots[front + 1].far()];
+        if inside != (common.rules.window.inside && golden.encloses(&back.golden)) {
+            let own = &self.slots[front];
+            flips.inside(own.ends[0][1].may_cross(ends[0]) || own.ends[1][1].may_cross(ends[1]));
+        }
+        if inside {
+            let light = common.machine.real_read(back.near.light);
+            self.put_inside(common, front, &back.golden, light, held, ends, flips);
+        } else {
+            self.put_behind(common, front, &back);
+        }
+    }
+
+    fn put_behind(&mut self, common: &Common, front: usize, back: &Pair) {
+        let behind = self.slots[front + 1].clone();
+        let Layer::Closed(golden) = &mut self.layers[front] else { return };
+        let slot = &mut self.slots[front];
+        let is_farther = behind.far() > slot.far();
+        let Some(near) = &mut slot.closed else { return };
+        golden.put_over_as(&back.golden, is_farther);
+        common.machine.fragment.real_put_behind(near, &back.near, is_farther);
+        *near = near_to(near, golden);
+        if is_farther {
+            (slot.held[1], slot.ends[1]) = (behind.held[1], behind.ends[1]);
+        }
+    }
+
+    /// A slot, closed.
+    fn closed(&self, common: &Common, place: usize) -> Pair {
+        let slot = &self.slots[place];
+        match (&self.layers[place], &slot.closed) {
+            (Layer::Closed(golden), Some(near)) => Pair { golden: *golden, near: *near },
+            (Layer::Open(open), _) => {
+                let golden = Closed::of_one(common.shader.premultiplied(&open.sums), Part { span: open.span, weight: open.sums.weight });
+                let sums = slot.bounds.sums(common, &open.sums);
+                let shaded = around(common.machine.real_shade(&common.lighting, &sums), golden.colour);
+                let near = common.machine.fragment.real_closed(shaded, sums.weight);
+                Pair { golden, near: near_to(&near, &golden) }
+            }
+            (Layer::Closed(golden), None) => Pair { golden: *golden, near: unknown() },
+        }
+    }
+
+    /// The pixel over the background, its windows starting where the machine's do, a bit each; and the bound on the machine's.
+    pub fn resolve(&mut self, rules: &WindowRules, common: &Common, starts: u8, flips: &mut Flips) -> [Near; 4] {
+        self.sort(flips);
+        let mut starts: Vec<bool> = (0..self.layers.len()).map(|place| starts >> place & 1 == 1).collect();
+        let mut place = 0;
+        while place < self.layers.len() {
+            let next = (place + 1..starts.len()).find(|at| starts[*at]).unwrap_or(starts.len());
+            self.ask_for_window(rules, common, place, next, flips);
+            (place + 1..next).for_each(|_| self.sum_ahead(common, place));
+            starts.drain(place + 1..next);
+            let window = self.closed(common, place);
+            self.layers[place] = Layer::Closed(window.golden);
+            self.slots[place].closed = Some(window.near);
+            if place > 0 {
+                let ends = [self.slots[place].ends[0][0], self.slots[place].ends[1][1]];
+                let held = [self.slots[place].near(), self.slots[place].far()];
+                let last = &self.slots[place - 1];
+                let inside = rules.rule.inside && last.held[0][1] < held[0] && held[1] < last.held[1][1];
+                let Layer::Closed(golden) = &self.layers[place - 1] else { return [Near::exact(f64::NAN); 4] };
+                if inside != (rules.rule.inside && golden.encloses(&window.golden)) {
+                    flips.inside(last.ends[0][1].may_cross(ends[0]) || last.ends[1][1].may_cross(ends[1]));
+                }
+                if inside {
+                    let light = common.machine.real_read(window.near.light);
+                    self.put_inside(common, place - 1, &window.golden, light, held, ends, flips);
+                    self.layers.remove(place);
+                    self.slots.remove(place);
+                    starts.remove(place);
+                    continue;
+                }
+            }
+            place += 1;
+        }
+        let (mut lights, mut front) = (Vec::new(), DVec4::ZERO);
+        for (layer, slot) in self.layers.iter().zip(&self.slots) {
+            if let (Layer::Closed(golden), Some(near)) = (layer, &slot.closed) {
+                front = over(front, golden.colour);
+                lights.push(common.machine.real_read(near.light));
+            }
+        }
+        let exact = over(front, DVec4::from_array(common.shader.background()));
+        around(common.machine.real_resolve(&lights, common.background), exact)
+    }
+
+    /// Adds the slot behind to one, whatever their distance.
+    fn sum_ahead(&mut self, common: &Common, front: usize) {
+        if let (Layer::Open(_), Layer::Open(_)) = (&self.layers[front], &self.layers[front + 1]) {
+            self.sum(common, front);
+        } else {
+            // What the machine cannot have done is left out, and the picture is another.
+            self.layers.remove(front + 1);
+            self.slots.remove(front + 1);
+        }
+    }
+
+    /// Whether golden's windows would have ended where the machine's did.
+    fn ask_for_window(&self, rules: &WindowRules, common: &Common, first: usize, end: usize, flips: &mut Flips) {
+        let start = self.slots[first].ends[0][0];
+        for place in first + 1..(end + 1).min(self.layers.len()) {
+            let (Layer::Open(_), Layer::Open(next)) = (&self.layers[first], &self.layers[place]) else { return };
+            let joins = rules.rule.is_of_window(self.layers[first].near(), &self.layers[place]);
+            if joins != (place < end) {
+                flips.window(self.slots[place].mean_depth(common, next, rules.scale).may_cross(start + rules.epsilon));
+            }
+        }
+    }
+}
+
+impl WindowRules<'_> {
+    fn single(&self, arrival: &Arrival, own: &Own) -> Single<Near> {
+        Single { weight: arrival.weight, opacity: arrival.attributes[OPACITY], light: own.light }
+    }
+}
+
+impl Own {
+    fn arrival(&self, arrival: &Arrival) -> window::Arrival {
+        window::Arrival { sums: arrival.golden, colour: self.golden, opacity: self.opacity }
+    }
+}
+
+impl Slot {
+    /// Opacity of an open one, as step 4 has it.
+    fn opacity(&self, common: &Common, golden: &Open) -> Near {
+        let (weight_word, words) = words(&common.machine.machine);
+        let weight = Near::within(golden.sums.weight, self.bounds.weight_error(weight_word));
+        let error = self.bounds.sum_error(OPACITY, 0.0, words[OPACITY]);
+        let opacity = Near::within(golden.sums.alpha, if self.bounds.overflowed { f64::INFINITY } else { error });
+        common.machine.fragment.real_window_opacity(weight, opacity, common.coverage_threshold)
+    }
+}
+
+/// The same bounds around golden's own slot.
+fn near_to(near: &real::Closed<Near>, golden: &Closed) -> real::Closed<Near> {
+    real::Closed {
+        light: around(near.light, golden.colour),
+        weights: [near.weights[0].around(golden.front.weight), near.weights[1].around(golden.back.weight)],
+        through: [near.through[0].around(golden.behind_front), near.through[1].around(golden.before_back)],
+    }
+}
+
+fn around(near: [Near; 4], exact: DVec4) -> [Near; 4] {
+    [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
+}
+
+/// A slot of which nothing is known.
+fn unknown() -> real::Closed<Near> {
+    let unknown = Near { value: 0.0, error: f64::INFINITY };
+    real::Closed { light: [unknown; 4], weights: [unknown; 2], through: [unknown; 2] }
+}
