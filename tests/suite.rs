@@ -52,6 +52,7 @@ mod sweep;
 mod trace;
 mod traced;
 mod volume_match;
+mod windows;
 
 #[test]
 fn no_question_is_forgotten() {

@@ -61,7 +61,7 @@ pub fn attribute(scene: &Scene, machine: &Elaborated, quantised: &Quantised, gol
     let stage = Stage::new(scene, machine, quantised);
     let bases = [false, true].map(|chosen| stage.set_up(&Choice::new(machine, |_| chosen)));
     let words = words(machine);
-    let preshaded = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded);
+    let preshaded = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded) || quantised.frame.window.is_some();
     // Those that belong to the part are words where the others are not, and the other way round.
     let measure = |alone: bool, is_part: &dyn Fn(&str) -> bool| {
         let choice = Choice::new(machine, |word| is_part(word) == alone);

@@ -10,6 +10,7 @@
 //! Laws (tests/attribution.rs): `with_no_word_it_is_golden`, `with_every_word_it_is_the_machine`.
 
 mod sheets;
+mod window;
 
 use crate::golden::footprint::pixels;
 use crate::golden::fragments::{Fragment, Pair, nearest_within};
@@ -18,7 +19,7 @@ use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
 use crate::golden::{FragmentDepth, Outcomes, Rules};
 use crate::hardware::fixed;
 use crate::hardware::quantise::Quantised;
-use crate::hardware::registers::{Chosen, INPUTS, Registers, SheetWords};
+use crate::hardware::registers::{Chosen, INPUTS, Registers, SheetWords, WindowWords};
 use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
 use glam::DVec3;
@@ -31,6 +32,7 @@ use rtl_model::units::raster::real::Input;
 use rtl_model::units::shade::real::{Lighting, Sums};
 use sheets::SheetPixels;
 use std::ops::Range;
+use window::WindowPixels;
 
 /// The units, the splat's record before them and the sort between them, in the order of the diagram.
 pub const UNITS: [&str; unit::ALL.len() + 1] = unit::all_after("splat");
@@ -91,6 +93,8 @@ pub struct Footprint {
     /// rgb, α, normal.
     attributes: [f64; ATTRIBUTES],
     material: u32,
+    /// Of windows: the splat's own colour under the lights.
+    light: [f64; 3],
     splat: u32,
     /// By which they are sorted.
     key: f64,
@@ -124,7 +128,9 @@ impl<'a> Stage<'a> {
         let (registers, hold) = (self.registers(), choice.hold());
         let view = registers.view(&hold);
         let ellipsoids = self.scene.ellipsoids.as_ref();
-        let lighting = ellipsoids.filter(|ellipsoids| ellipsoids.preshaded).map(|_| registers.lighting(&hold));
+        let preshaded = ellipsoids.is_some_and(|ellipsoids| ellipsoids.preshaded);
+        let windows = self.quantised.frame.window.is_some();
+        let lighting = (preshaded || windows).then(|| registers.lighting(&hold));
         let one = |index: usize| {
             let splat = registers.splat(&hold, index);
             let (point, ellipse) = self.machine.real_set_up(&view, &splat, registers.ellipsoid(&hold, index).as_ref());
@@ -142,7 +148,8 @@ impl<'a> Stage<'a> {
             let Input { pixel, conic, depth, depth_slope, depth_range } = walked(&point, &ellipse);
             let material = self.scene.splats[index].material;
             let lit = lighting.as_ref().map(|lighting| self.machine.real_emission(lighting, splat.rgb, ellipse.normal, material));
-            let [r, g, b] = lit.unwrap_or(splat.rgb);
+            let light = lit.unwrap_or(splat.rgb);
+            let [r, g, b] = if windows { splat.rgb } else { light };
             let [x, y, z] = ellipse.normal;
             let footprint = Footprint {
                 columns: columns?,
@@ -157,6 +164,7 @@ impl<'a> Stage<'a> {
                 amplitude: ellipse.amplitude.value,
                 attributes: [r, g, b, splat.opacity, x, y, z].map(number),
                 material,
+                light: light.map(number),
                 splat: index as u32,
                 key: self.machine.real_key(point.depth).value,
             };
@@ -182,10 +190,15 @@ impl<'a> Stage<'a> {
             lighting: registers.lighting(&hold),
             background: registers.background(&hold, &shader),
             sheets: SheetWords::new(&hold, self.scene, self.machine, self.quantised),
+            windows: WindowWords::new(&hold, self.scene, self.machine, self.quantised),
+            shader: &shader,
             switches: &choice.switches,
         };
         let drawn: Vec<Drawn> = footprints.iter().map(|footprint| Drawn { frame: &frame, footprint }).collect();
         let background = self.machine.real_resolve(&[], frame.background).map(number);
+        if let Some(words) = &frame.windows {
+            return fill(&self.scene.image, &drawn, background, || WindowPixels::new(&frame, words)).picture;
+        }
         match &frame.sheets {
             None => fill(&self.scene.image, &drawn, background, || Pixels::new(&frame)).picture,
             Some(words) => fill(&self.scene.image, &drawn, background, || SheetPixels::new(&frame, words)).picture,
@@ -208,6 +221,9 @@ struct FrameWords<'a> {
     background: [PartialPrecision<'a>; 4],
     /// None where fragments are grouped by depth.
     sheets: Option<SheetWords<'a, PartialPrecision<'a>>>,
+    /// None where they are not grouped by windows.
+    windows: Option<WindowWords<PartialPrecision<'a>>>,
+    shader: &'a Shader,
     switches: &'a Switches,
 }
 

@@ -18,7 +18,8 @@ use rayon::prelude::*;
 
 use super::footprint::Footprint;
 use super::fragments::{Fragment, Side};
-use super::intervals::{Span, nearest_that_stays_within};
+pub(crate) use super::intervals::Span;
+use super::intervals::nearest_that_stays_within;
 use super::shade::{Shader, over};
 use super::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill, footprints};
 use super::{Decision, Group, Outcomes, Rendering, Rules};

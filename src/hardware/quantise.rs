@@ -386,7 +386,8 @@ impl Registers<'_> {
 
 /// A function over all that an argument's word spans, at the middles or at the ends of the table's steps.
 fn table_words(shape: TableShape, argument: Word, result: Word, function: impl Fn(f64) -> f64) -> Vec<i64> {
-    let steps = 1usize << shape.index_bits;
+    // No table that elaborates has more.
+    let steps = 1usize << shape.index_bits.min(12);
     let range = f64::from(argument.format.int_bits).exp2();
     let (count, shift) = match shape.interpolation {
         Interpolation::Nearest => (steps, 0.5),

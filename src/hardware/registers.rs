@@ -7,11 +7,13 @@
 //! Every word has the name of its field in the machine's description.
 
 use crate::golden::shade::Shader;
+use crate::golden::window_density;
 use crate::hardware::quantise::{Quantised, quantised as constant};
 use crate::scene;
 use crate::scene::{Opacity, Scene, Sheets, View};
 use glam::{DMat3, DQuat, DVec3};
 use rtl_model::frame::{self, Scaled};
+use rtl_model::machine::Group;
 use rtl_model::num::Word;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::real::frame as real;
@@ -19,6 +21,8 @@ use rtl_model::real::frame::{Ellipsoid, Orientation, Splat};
 use rtl_model::real::{Near, PartialPrecision, Real, Switches};
 use rtl_model::units::fragment;
 use rtl_model::units::fragment::sheets::real::Ratio;
+use rtl_model::units::fragment::window::WindowRegisters;
+use rtl_model::units::fragment::window::real::Tables;
 use rtl_model::units::shade::real::{Light, Lighting, Material};
 use std::f64::consts::TAU;
 
@@ -146,6 +150,37 @@ impl<'a, R> SheetWords<'a, R> {
             stop: hold.hold("fragment.opacity_sum", sheets.stop, opacity, held.stop),
             most_weight: hold.hold("gauss.weight", sheets.most_weight, weight, held.most_weight),
             least_weight: hold.hold("gauss.weight", sheets.least_weight, weight, held.least_weight),
+        })
+    }
+}
+
+/// The registers of windows, and what their tables stand for.
+pub struct WindowWords<R> {
+    /// As the machine has them.
+    pub registers: WindowRegisters,
+    /// The functions of their tables.
+    pub tables: Tables,
+    /// What a contribution joins stays narrower than this, machine units.
+    pub reach: R,
+}
+
+impl<R> WindowWords<R> {
+    /// None where fragments are not grouped by intervals or windows.
+    pub fn new<H: Hold<Real = R>>(hold: &H, scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> Option<Self> {
+        let registers = machine.windows(&quantised.frame)?;
+        let words = &machine.machine;
+        let join = words.fragment.window.as_ref()?.join_permille;
+        // Intervals join within ε.
+        let (part, held) = match words.fragment.group {
+            Group::Interval => (1.0, quantised.frame.z_threshold),
+            _ => (f64::from(join) / 1000.0, registers.reach),
+        };
+        let exact = part * scene.surface.z_threshold * quantised.scale.factor();
+        let opacity_range = f64::from(words.splat.opacity.format.int_bits).exp2();
+        Some(WindowWords {
+            tables: Tables::new(&registers, opacity_range, window_density),
+            reach: hold.hold("fragment.depth", exact, words.fragment.depth, held),
+            registers,
         })
     }
 }

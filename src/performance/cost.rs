@@ -327,9 +327,11 @@ impl Energy {
                 let mut bits = Bits::default();
                 let lanes = if part.per_lane { machine.timing.timing.raster.lanes } else { [1, 1] };
                 bits.add(part.operator, lanes.map(u64::from).iter().product::<u64>() * u64::from(part.copies));
-                let shading = if part.unit == "shade" { items("resolve-shade") } else { 0.0 };
+                let shading = if part.unit == "shade" { items("resolve-shade") + items("setup-shade") } else { 0.0 };
+                // Parts are those of both shade units, and an item goes through one.
+                let instances = if part.unit == "shade" && machine.timing.lights_setup { 2.0 } else { 1.0 };
                 let at_work = if part.unit == "colour" { colour_at_work } else { 1.0 };
-                (items(part.unit) + shading) * at_work * bits.price(of, bits.rom_word)
+                (items(part.unit) + shading) / instances * at_work * bits.price(of, bits.rom_word)
             })
             .sum();
         let lanes: u32 = machine.timing.timing.raster.lanes.iter().product();

@@ -6,8 +6,8 @@
 //! ```
 
 use super::{Elaboration, Part, unit};
-use crate::machine::Machine;
 use crate::machine::timing::{Cache, Memory, Organisation, Setup, Tile, Timing};
+use crate::machine::{Group, Machine};
 use crate::num::Word;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -90,6 +90,9 @@ pub struct Microarchitecture {
     pub frame_bytes: u32,
     /// Bytes of a line of the frame buffer.
     pub line_bytes: u32,
+    /// Splats are lit in setup by a shade unit of its own, for fragments take theirs meanwhile: where they are grouped by windows.
+    #[serde(skip)]
+    pub lights_setup: bool,
     /// Words that wait and that are kept on the chip.
     pub storage: Storage,
     /// A unit that is infinitely fast, to see what it costs: no machine has one.
@@ -227,7 +230,8 @@ impl Machine {
             (3, self.splat.rgb),
             (1, self.splat.opacity),
             (3, f.normal),
-        ]) + 4 * 16
+        ]) + f.window.map_or(0, |window| bits(&[(3, self.splat.rgb), (1, window.density)]))
+            + 4 * 16
             + 8;
         // An ellipsoid's axes, which only a grid's splats have in common.
         let axes = l.ellipsoid.map_or(0, |ellipsoid| bits(&[(4, ellipsoid.quaternion), (3, ellipsoid.scale)]));
@@ -286,6 +290,7 @@ impl Machine {
             shade: Pace { interval: t.shade.interval.max(1), ..stage(t.shade.latency, latencies.shade, 1) },
             resolve: Pace { interval: t.resolve.interval.max(1), ..stage(t.resolve.latency, latencies.resolve, 1) },
             sort,
+            lights_setup: f.group != Group::First,
             splat_bytes: bytes(splat + axes),
             voxel_bytes: l.ellipsoid.map(|_| bytes(splat)),
             prepared_bytes: bytes(prepared),

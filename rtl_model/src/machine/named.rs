@@ -21,13 +21,15 @@ impl Machine {
     }
 
     /// The names of those for surfaces, the default first.
-    pub const NAMES: [&str; 4] = ["reference", "lean", "tiny", "window"];
+    pub const NAMES: [&str; 3] = ["reference", "lean", "tiny"];
+    /// The names of those for surfaces whose fragments are grouped by windows.
+    pub const WINDOW_NAMES: [&str; 1] = ["window"];
     /// The names of those for volumes and for Gaussians.
     pub const ELLIPSOID_NAMES: [&str; 2] = ["volume", "gaussian"];
 
     /// All names.
     pub fn names() -> impl Iterator<Item = &'static str> + Clone {
-        Self::NAMES.into_iter().chain(Self::ELLIPSOID_NAMES)
+        Self::NAMES.into_iter().chain(Self::WINDOW_NAMES).chain(Self::ELLIPSOID_NAMES)
     }
 }
 

@@ -7,7 +7,7 @@ use crate::elaboration::{Elaboration, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::{Group, Machine, Splat};
-use crate::num::Fit;
+use crate::num::{Fit, Format, MAX_WIDTH_BITS};
 use crate::records::unit;
 use crate::units::fragment::FragmentRegisters;
 use crate::units::fragment::window::WindowRegisters;
@@ -95,7 +95,8 @@ impl Machine {
             raster: raster::Raster::new(e, self),
             gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),
             fragment: fragment::Fragment::new(e, self, raster::Raster::depth_exact(self)),
-            shade: shade::Shade::new(e, self),
+            // Of windows a second one lights splats in setup.
+            shade: e.copies(if self.fragment.group == Group::First { 1 } else { 2 }, |e| shade::Shade::new(e, self)),
             resolve: resolve::Resolve::new(e, self),
             emission: self.elaborate_emission(e),
             timing: self.elaborate_timing(e, &self.latencies()),
@@ -117,11 +118,15 @@ impl Machine {
     /// Only ellipsoids, and splats that are grouped by windows, are lit before they are drawn.
     fn elaborate_emission(&self, e: &mut Elaboration) -> Fit {
         let (word, from) = (self.splat.rgb, self.shade.premultiplied.into());
-        if self.ellipse.ellipsoid.is_some() || self.fragment.group != Group::First {
-            e.copies(3, |e| e.fit(unit::ELLIPSE, "emission", word, from))
-        } else {
-            Fit::new(0, word, from)
-        }
+        let left = word.format.frac_bits - self.shade.premultiplied.format.frac_bits;
+        let is_lit = self.ellipse.ellipsoid.is_some() || self.fragment.group != Group::First;
+        e.require(!is_lit || left <= 31, || {
+            let fits = Format { frac_bits: self.shade.premultiplied.format.frac_bits, ..word.format }.within(MAX_WIDTH_BITS);
+            format!(
+                "splat.rgb is {word}, {left} fraction bits finer than shade.premultiplied, which lights splats: {fits} would hold all of it"
+            )
+        });
+        if is_lit && left <= 31 { e.copies(3, |e| e.fit(unit::ELLIPSE, "emission", word, from)) } else { Fit::new(0, word, from) }
     }
 
     /// Latency of each unit by its formats.

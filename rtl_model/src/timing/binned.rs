@@ -108,12 +108,9 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
         memory.write_later(done, Client::FrameWrite, address, bytes);
     }
-    let mut units = vec![setup.fetch, setup.project, setup.ellipse];
-    units.extend(setup.colour);
+    let (mut units, shade) = setup.units(merge.shade);
     units.push(bin);
     units.extend((!work.order.is_empty()).then_some(sort));
-    // Of sheets nothing is shaded any more.
-    let shade = setup.shade.unwrap_or(merge.shade);
     units.extend([list, fill.raster, fill.gauss, merge.fragment, shade]);
     if t.timing.tile.buffers == 2 {
         units.push(lit);

@@ -89,10 +89,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     }
     let mut resolve = Resolve::new(t, work, detail);
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
-    // Of sheets nothing is shaded any more.
-    let shade = setup.shade.unwrap_or(merge.shade);
-    let mut units = vec![setup.fetch, setup.project, setup.ellipse];
-    units.extend(setup.colour);
+    let (mut units, shade) = setup.units(merge.shade);
     units.extend([fill.raster, fill.gauss, lookup, merge.fragment, shade, resolve.unit]);
     Cycles { lookups: cache.lookups, stamps: fill.stamps, ..Cycles::of(units, memory) }
 }

@@ -72,11 +72,12 @@ impl Cycles {
 }
 
 /// Every unit that has an account of its cycles in one organisation or another, in the order of the diagrams.
-pub const UNITS: [&str; 14] = [
+pub const UNITS: [&str; 15] = [
     "fetch",
     unit::PROJECT,
     unit::ELLIPSE,
     unit::COLOUR,
+    SETUP_SHADE,
     "bin",
     unit::SORT,
     "list",
@@ -89,6 +90,8 @@ pub const UNITS: [&str; 14] = [
     unit::RESOLVE,
 ];
 
+/// The second shade unit of a machine of windows, which lights every splat in setup.
+const SETUP_SHADE: &str = "setup-shade";
 /// The second shade unit of a machine with two tile buffers, which lights what a tile holds in the end.
 const RESOLVE_SHADE: &str = "resolve-shade";
 

@@ -38,7 +38,7 @@ pub struct SetUp<'a> {
 
 impl<'a> SetUp<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &Work, behind: &'static str, detail: Detail) -> Self {
-        let shaded = work.preshaded.then_some(unit::SHADE);
+        let shaded = work.preshaded.then_some(SetUp::shade_name(timing));
         let pace = timing.colour_of(work.harmonics).map(|colour| colour.pace);
         let coloured = pace.map(|_| unit::COLOUR);
         let after_ellipse = coloured.or(shaded).unwrap_or(behind);
@@ -125,10 +125,27 @@ impl<'a> SetUp<'a> {
         Some(here)
     }
 
+    /// The name of its shade unit: the only one, or, of windows, beside that of fragments.
+    fn shade_name(timing: &Microarchitecture) -> &'static str {
+        if timing.lights_setup { super::SETUP_SHADE } else { unit::SHADE }
+    }
+
+    /// Its units, and that which shades fragments where it has none of its own.
+    pub fn units(self, of_fragments: Unit) -> (Vec<Unit>, Unit) {
+        let mut units = vec![self.fetch, self.project, self.ellipse];
+        units.extend(self.colour);
+        if self.timing.lights_setup {
+            units.extend(self.shade);
+            return (units, of_fragments);
+        }
+        // Of sheets nothing is shaded any more.
+        (units, self.shade.unwrap_or(of_fragments))
+    }
+
     /// The name of its last unit.
     pub fn last_name(timing: &Microarchitecture, work: &Work) -> &'static str {
         let coloured = timing.colour_of(work.harmonics).map(|_| unit::COLOUR);
-        let shaded = work.preshaded.then_some(unit::SHADE);
+        let shaded = work.preshaded.then_some(SetUp::shade_name(timing));
         shaded.or(coloured).unwrap_or(unit::ELLIPSE)
     }
 

@@ -64,7 +64,7 @@ proptest! {
 
 #[test]
 fn meters_read_what_ranges_count() {
-    for name in Machine::NAMES {
+    for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
         for rows in [Rows::Seeded, Rows::Differenced] {
             let mut machine = Machine::named(name).unwrap();
             machine.raster.rows = rows;
@@ -113,7 +113,7 @@ fn crowd(machine: &Machine) -> Frame {
 /// Where they count a sample, only what is counted is less.
 #[test]
 fn meters_measure_all_and_count_a_sample() {
-    for name in Machine::NAMES {
+    for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
         let machine = Machine::named(name).unwrap();
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
         let (read, counted) = (draw_measured(&elaborated, &frame).1, counted(&elaborated, &frame));
@@ -126,7 +126,9 @@ fn meters_measure_all_and_count_a_sample() {
             assert!(read.words <= words && read.inexact <= inexact && read.bins.iter().zip(&bins).all(|(read, all)| read <= all), "{name}");
             if words > 10_000 {
                 let share = |range: &Range| range.inexact as f64 / range.words as f64;
-                assert!((share(read) - share(counted)).abs() < 0.05, "{name}: {} and {}", share(read), share(counted));
+                // Windows that cover little divide by τ, all of a tile alike: so tiles differ.
+                let apart = if name.contains("window.reciprocal") { 0.1 } else { 0.05 };
+                assert!((share(read) - share(counted)).abs() < apart, "{name}: {} and {}", share(read), share(counted));
                 most_left_out = most_left_out.max(1.0 - read.words as f64 / words as f64);
             }
         }
@@ -137,7 +139,7 @@ fn meters_measure_all_and_count_a_sample() {
 /// The same frame by one, two and three threads, watched and not.
 #[test]
 fn threads_and_watchers_change_no_bit() {
-    for name in Machine::NAMES {
+    for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
         let machine = Machine::named(name).unwrap();
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
         let watched = |threads: usize| {

@@ -15,10 +15,11 @@ fn built(name: &str) -> Elaborated {
 
 #[test]
 fn the_named_machines_elaborate() {
-    for name in Machine::NAMES {
+    for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
         let machine = built(name);
         let fragment = machine.machine.fragment;
-        assert_eq!((fragment.layers, fragment.merge, fragment.evict_hidden), (3, Merge::FarthestPair, true), "{name}");
+        let rules = if name == "window" { (4, Merge::Window, true) } else { (3, Merge::FarthestPair, true) };
+        assert_eq!((fragment.layers, fragment.merge, fragment.evict_hidden), rules, "{name}");
         assert_eq!(machine.machine.name, name);
     }
     assert!(Machine::named("nobody").is_none());
@@ -26,7 +27,7 @@ fn the_named_machines_elaborate() {
 
 #[test]
 fn a_named_machine_reads_back_from_its_json() {
-    for name in Machine::NAMES {
+    for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
         let machine = Machine::named(name).unwrap();
         let text = serde_json::to_string(&machine).unwrap();
         assert_eq!(serde_json::from_str::<Machine>(&text).unwrap(), machine);

@@ -1,7 +1,9 @@
 //! Small frames for any machine: a plausible scene in its words, in which any word may be replaced by any other of its format.
 
-use rtl_model::frame::{Amplitude, Each, Ellipsoids, Frame, Kernel, Light, Lighting, Material, Orientation, Scaled, Sheets, Splat, View};
-use rtl_model::machine::{Interpolation, Machine};
+use rtl_model::frame::{
+    Amplitude, Each, Ellipsoids, Frame, Kernel, Light, Lighting, Material, Orientation, Scaled, Sheets, Splat, View, Window,
+};
+use rtl_model::machine::{self, Interpolation, Machine};
 use rtl_model::num::{Format, Word};
 
 /// SplitMix64: small, and the same everywhere.
@@ -82,6 +84,7 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         background: std::array::from_fn(|_| w.between(machine.resolve.frame, 0.0, 1.0)),
         lighting,
         splats: (0..w.rng.below(40)).map(|_| splat(machine, materials, &mut w)).collect(),
+        window: machine.fragment.window.map(|words| window(machine, &words, &mut w)),
         ..Frame::default()
     }
 }
@@ -127,6 +130,16 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         ratio: (0..ratio).map(|_| w.between(sheets.ratio, 0.1, 1.0)).collect(),
     });
     frame
+}
+
+fn window(machine: &Machine, words: &machine::Window, w: &mut Words) -> Window {
+    let entries = |shape: machine::TableShape| (1usize << shape.index_bits) + usize::from(shape.interpolation == Interpolation::Linear);
+    let (densities, hidden) = (entries(words.density_table), entries(words.hidden_table));
+    Window {
+        reach: w.between(machine.fragment.depth, 0.0, 0.05),
+        density: (0..densities).map(|i| w.near(words.density, 6.0 * i as f64 / densities as f64)).collect(),
+        hidden: (0..hidden).map(|i| w.near(words.hidden, i as f64 / hidden as f64)).collect(),
+    }
 }
 
 fn view(machine: &Machine, width: u32, w: &mut Words) -> View {

@@ -20,7 +20,7 @@ pub fn mutations(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Mut
 }
 
 pub fn named() -> impl Strategy<Value = &'static str> {
-    prop::sample::select(Machine::NAMES.to_vec())
+    prop::sample::select([&Machine::NAMES[..], &Machine::WINDOW_NAMES].concat())
 }
 
 /// The fields in which a machine differs from the one that it is named after, for whoever has to find out why it failed.
@@ -79,7 +79,8 @@ fn change(leaf: &Value, pointer: &str, m: &Mutation) -> Value {
         Value::Number(number) if m.kind < 6 => json!((number.as_i64().unwrap() + i64::from(m.first % 4)).max(0)),
         Value::Number(_) => json!(m.first.unsigned_abs() * 20),
         Value::String(_) if pointer.ends_with("/rows") => choice(&["seeded", "differenced"]),
-        Value::String(_) if pointer.ends_with("/merge") => choice(&["nearest-pair", "farthest-pair", "replace"]),
+        Value::String(_) if pointer.ends_with("/merge") => choice(&["nearest-pair", "farthest-pair", "replace", "window"]),
+        Value::String(_) if pointer.ends_with("/group") => choice(&["first", "interval", "window"]),
         Value::String(_) if pointer.ends_with("/fragment_depth") => choice(&["first", "nearest"]),
         Value::String(_) if pointer.ends_with("/interpolation") => choice(&["nearest", "linear"]),
         Value::String(text) => word(text.parse().unwrap(), None, m),

@@ -79,7 +79,8 @@ fn is_same(event: Event, decision: Decision) -> bool {
     match decision {
         Decision::Accumulated(_) => event == Event::Accumulated,
         Decision::Inserted(_) => event == Event::Inserted,
-        Decision::Merged(..) => matches!(event, Event::Merged(0..=2)),
+        Decision::Merged(..) | Decision::Closed(..) => matches!(event, Event::Merged(0..=2)),
+        Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) => event == Event::Merged(0),
         Decision::Evicted(_) => event == Event::Evicted,
         Decision::Replaced | Decision::Dropped => event == Event::Replaced,
     }
@@ -87,9 +88,10 @@ fn is_same(event: Event, decision: Decision) -> bool {
 
 fn crowds() -> Vec<(Elaborated, Frame)> {
     let mut all = Vec::new();
-    for name in Machine::NAMES {
+    for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
         for (layers, merge) in [(3, Merge::FarthestPair), (2, Merge::NearestPair), (1, Merge::Replace)] {
             let mut machine = Machine::named(name).unwrap();
+            let merge = if machine.fragment.window.is_some() { Merge::Window } else { merge };
             (machine.fragment.layers, machine.fragment.merge, machine.fragment.evict_hidden) = (layers, merge, layers == 3);
             let mut frame = frame(&machine, 5, 10_000);
             (frame.width, frame.height) = (75, 40);

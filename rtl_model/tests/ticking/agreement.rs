@@ -107,11 +107,13 @@ impl Seen {
 }
 
 /// What cannot happen to the units of an immediate machine.
-const NEVER: [&str; 6] = ["ellipse memory", "colour memory", "raster memory", "gauss memory", "shade memory", "resolve blocked"];
+const NEVER: [&str; 7] =
+    ["ellipse memory", "colour memory", "setup-shade memory", "raster memory", "gauss memory", "shade memory", "resolve blocked"];
 /// And to those of a binned one, which looks nothing up.
-const NEVER_BINNED: [&str; 13] = [
+const NEVER_BINNED: [&str; 14] = [
     "ellipse memory",
     "colour memory",
+    "setup-shade memory",
     "gauss memory",
     "shade memory",
     "fragment memory",
@@ -159,10 +161,13 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
 fn compare_drawn(organisation: Organisation, never: &[&str]) {
     let mut seen = Seen::default();
     let sorting = (organisation == Organisation::Binned).then_some(("gaussian", 160));
-    for (name, frames) in Machine::NAMES.into_iter().map(|name| (name, 80)).chain([("volume", 240)]).chain(sorting) {
+    for (name, frames) in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES).map(|name| (name, 80)).chain([("volume", 240)]).chain(sorting) {
         for seed in 0..frames {
             let mut machine = Machine::named(name).unwrap();
             machine.timing = of(organisation, &mut Rng(seed));
+            if machine.fragment.window.is_some() {
+                machine.timing.fragment.merge += 20;
+            }
             if machine.sort.is_some() {
                 machine = machines::sorting(&mut Rng(seed), machine.timing);
             }

@@ -271,7 +271,7 @@ impl<'a> SetUp<'a> {
             ellipses: Link::new(places(timing.ellipse)),
             colour: Unit::new("colour", colour_pace(timing, scene).units),
             coloured: Link::new(places(colour_pace(timing, scene))),
-            shade: Unit::new("shade", timing.shade.units),
+            shade: Unit::new(if timing.lights_setup { "setup-shade" } else { "shade" }, timing.shade.units),
             lit: Link::new(places(timing.shade)),
         }
     }
@@ -404,12 +404,17 @@ impl<'a> SetUp<'a> {
             && [&self.fetch, &self.project, &self.ellipse, &self.colour, &self.shade].iter().all(|unit| unit.is_idle(self.now))
     }
 
-    /// Fetch, project and ellipse, and colour, if splats have any to be worked out; and shade, if it is one of them.
+    /// Fetch, project and ellipse, colour, if splats have any to be worked out, and a shade of its own; and shade, if it is the only one.
     pub fn units(self) -> (Vec<Unit>, Option<Unit>) {
         let colours = self.colours();
         let mut units = vec![self.fetch.before(self.records), self.project.before(self.projected), self.ellipse.before(self.ellipses)];
         units.extend(colours.then(|| self.colour.before(self.coloured)));
-        (units, self.scene.preshaded.then(|| self.shade.before(self.lit)))
+        let shade = self.scene.preshaded.then(|| self.shade.before(self.lit));
+        if self.timing.lights_setup {
+            units.extend(shade);
+            return (units, None);
+        }
+        (units, shade)
     }
 }
 

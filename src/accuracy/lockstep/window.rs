@@ -12,20 +12,17 @@ use crate::golden::Side as GoldenSide;
 use crate::golden::shade::over;
 use crate::golden::window::{self, Closed, Layer, Open, Part, Seen, Window};
 use crate::hardware::quantise::Quantised;
+use crate::hardware::registers::{Bounded, WindowWords};
 use crate::scene::Scene;
 use glam::{DVec3, DVec4};
 use rtl_model::real::{Near, Real};
-use rtl_model::units::fragment::window::WindowRegisters;
-use rtl_model::units::fragment::window::real::{self, Single, Tables};
+use rtl_model::units::fragment::window::real::{self, Single};
 use rtl_model::units::fragment::{Decision, Side};
 
 /// Values that the whole frame has in common.
 pub struct WindowRules<'a> {
     rule: Window<'a>,
-    registers: WindowRegisters,
-    tables: Tables,
-    /// What a contribution joins stays narrower than this, machine units.
-    reach: Near,
+    words: WindowWords<Near>,
     /// ε, machine units.
     epsilon: Near,
     evict_hidden: bool,
@@ -77,20 +74,12 @@ struct Pair {
 impl<'a> WindowRules<'a> {
     /// None where fragments are grouped otherwise.
     pub fn new(scene: &Scene, common: &Common<'a>, quantised: &Quantised) -> Option<Self> {
-        let (machine, frame) = (common.machine, &quantised.frame);
-        let registers = machine.windows(frame)?;
-        let (words, depth) = (machine.machine.fragment.window.as_ref()?, machine.machine.fragment.depth);
-        let opacity_range = f64::from(machine.machine.splat.opacity.format.int_bits).exp2();
-        let is_interval = machine.machine.fragment.group == rtl_model::machine::Group::Interval;
-        let exact = f64::from(words.join_permille) / 1000.0 * scene.surface.z_threshold * quantised.scale.factor();
         Some(WindowRules {
             rule: Window::new(common.rules, scene.surface.z_threshold, common.shader),
-            tables: Tables::new(&registers, opacity_range, window::density),
-            reach: if is_interval { common.z_threshold } else { Near::held(exact, depth, registers.reach) },
+            words: WindowWords::new(&Bounded, scene, common.machine, quantised)?,
             epsilon: common.z_threshold,
             evict_hidden: common.rules.evict_hidden,
             scale: quantised.scale.factor(),
-            registers,
         })
     }
 }
@@ -185,7 +174,7 @@ impl WindowPixel {
             Decision::Inside(slot) => {
                 let single = rules.single(arrival, own);
                 let x = Window::splat_inside(&own.arrival(arrival));
-                let light = common.machine.fragment.real_splat_inside(&single, own.opacity, &rules.registers, &rules.tables);
+                let light = common.machine.fragment.real_splat_inside(&single, own.opacity, &rules.words.registers, &rules.words.tables);
                 let x_light = around(light, x.colour);
                 let ends = [arrival.held_depth; 2];
                 self.put_inside(common, usize::from(slot), &x, x_light, ends, [arrival.depth; 2], flips);
@@ -233,7 +222,7 @@ impl WindowPixel {
         let (slot, z) = (&self.slots[slot], arrival.depth);
         let narrow = |[near, far]: [Near; 2], limit: Near| (far.max(z) - near.min(z)).may_cross(limit);
         let at_an_end = slot.ends.iter().flatten().any(|end| z.may_cross(*end));
-        let reach = if slot.is_open() { rules.reach } else { rules.epsilon };
+        let reach = if slot.is_open() { rules.words.reach } else { rules.epsilon };
         at_an_end || slot.ends.iter().any(|span| narrow(*span, reach))
     }
 

@@ -153,8 +153,8 @@ pub(super) struct Windows {
     inside: bool,
     depth_sum: Fit,
     /// Two slots in one.
-    sums: [Fit; SUMS],
-    depth_of_two: Fit,
+    pub(super) sums: [Fit; SUMS],
+    pub(super) depth_of_two: Fit,
     /// Left shifts that align Σw·z with w·z.
     depth_align: [u32; 2],
     /// Those that align Σw·z with Σw times a depth, to compare.
@@ -269,7 +269,7 @@ impl Windows {
         let ends = e.times(UNIT, weight, m.depth);
         e.copies(layers, |e| e.sum(UNIT, [ends, words.depth_sum.into()]));
         let (_, mean_align) = aligned(words.depth_sum.format.frac_bits, ends.frac_bits);
-        e.holds_exact("fragment.weight_sum · fragment.depth", ends);
+        e.holds_exact("fragment.weight_sum · fragment.depth, to compare it with fragment.window.depth_sum,", ends.plus(words.depth_sum));
         // Opacities: sums of up to nine slots, over max(W, τ).
         let sum_words = [m.weight_sum, m.colour_sum, m.colour_sum, m.colour_sum, m.opacity_sum, m.normal_sum, m.normal_sum, m.normal_sum];
         let mut of_two = |name: &str, word: crate::num::Word| {

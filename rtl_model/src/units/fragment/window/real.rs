@@ -130,6 +130,16 @@ impl Fragment {
         (sum + weight * depth).fit(&self.real_windows().depth_sum, Scale::ONE)
     }
 
+    /// A sum of two slots.
+    pub fn real_two<R: Real>(&self, lane: usize, sum: R) -> R {
+        sum.fit(&self.real_windows().sums[lane], Scale::ONE)
+    }
+
+    /// Σw·z of two slots.
+    pub fn real_depth_of_two<R: Real>(&self, sum: R) -> R {
+        sum.fit(&self.real_windows().depth_of_two, Scale::ONE)
+    }
+
     /// The fit of Σw·z.
     pub fn depth_sum_fit(&self) -> &Fit {
         &self.real_windows().depth_sum
