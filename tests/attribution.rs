@@ -79,7 +79,8 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
 }
 
 fn surfaces(size: (usize, usize)) -> Vec<(Scene, Machine)> {
-    let on = |name| Machine::NAMES.map(|machine| (scene(name, size), Machine::named(machine).unwrap()));
+    let names = Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES);
+    let on = |name| names.clone().map(move |machine| (scene(name, size), Machine::named(machine).unwrap()));
     SCENES.into_iter().flat_map(on).collect()
 }
 

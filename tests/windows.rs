@@ -9,6 +9,7 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
 use rtl_model::machine::Group;
+use splatsim::accuracy::partial::{Choice, Stage};
 use splatsim::accuracy::{Lockstep, lockstep, metrics};
 use splatsim::golden::{ideal, render};
 use splatsim::hardware::{fixed, machines, quantise};
@@ -90,6 +91,27 @@ fn the_machine_draws_what_golden_draws() {
         let other = Machine { fragment: Machine::named("reference").unwrap().fragment, ..machine.clone() };
         let paper = render(&scene, &fixed::rules(&other));
         assert!(metrics(&picture, &paper.picture).psnr_db.unwrap() < db - 15.0, "scene {nth}");
+    }
+}
+
+/// With no word chosen it is golden; with all, the machine, bit for bit: a second opinion on every step.
+#[test]
+fn in_partial_precision_it_is_golden_and_the_machine() {
+    for settings in VARIANTS {
+        let machine = machine(settings);
+        let elaborated = machine.elaborate().unwrap();
+        for (nth, scene) in scenes().into_iter().enumerate() {
+            let quantised = quantise::quantise(&scene, &machine).unwrap();
+            let stage = Stage::new(&scene, &elaborated, &quantised);
+            let drawn = |all: bool| {
+                let choice = Choice::new(&elaborated, |_| all);
+                stage.fill(&choice, &stage.set_up(&choice))
+            };
+            let found = metrics(&drawn(false), &render(&scene, &fixed::rules(&machine)).picture);
+            assert!(found.max_error < 1e-9, "{settings:?} on scene {nth}: {found:?}");
+            let picture = fixed::picture(&elaborated, &fixed::draw(&elaborated, &quantised));
+            assert_eq!(drawn(true).rgba, picture.rgba, "{settings:?} on scene {nth}");
+        }
     }
 }
 
