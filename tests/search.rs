@@ -1,9 +1,14 @@
 //! Does a search find a machine that is as narrow as can be, and holds on cameras that it never saw?
 
+use crate::handmade::glass;
 use crate::program::PROGRAM;
 use crate::share;
 use assert_cmd::Command;
+use rtl_model::Machine;
 use serde_json::{Value, json};
+use splatsim::explore::search::over_fragment;
+use splatsim::hardware::{fixed, machines};
+use splatsim::performance::cost::Prices;
 use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
@@ -394,4 +399,34 @@ fn what_cannot_be_searched_is_refused_in_a_sentence() {
     let rows = folder.path().join("rows");
     ok(&splatsim(&["sweep", plan.to_str().unwrap(), "--out", rows.to_str().unwrap()]));
     refused(&["search", &path, "--size", "8x8", "--target-psnr", "20", "--out", rows.to_str().unwrap()], "has other columns");
+}
+
+/// By brute force: of all rules and layers, the one of least area, or bytes, whose golden has the target.
+#[test]
+fn the_cheapest_rule_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = glass(5, 4);
+    let base = Machine::named("reference").unwrap();
+    let target = 60.0;
+    for by in [over_fragment::By::Area, over_fragment::By::Bytes] {
+        let scenes = std::slice::from_ref(&scene);
+        let found = over_fragment::run(scenes, &base, folder.path(), target, by, &Prices::default(), false).unwrap();
+        let told = read(&folder.path().join("choices.json"));
+        let choices = told["choices"].as_array().unwrap();
+        assert_eq!(choices.len(), 32);
+        let cost = |choice: &Value| choice[if by == over_fragment::By::Area { "area" } else { "pixel_bytes" }].as_f64().unwrap();
+        let reaching = choices.iter().filter(|choice| choice["psnr_db"][0].as_f64().is_none_or(|db| db >= target));
+        let least = reaching.clone().map(cost).fold(f64::INFINITY, f64::min);
+        let best = &choices[told["found_for_all"].as_u64().unwrap() as usize];
+        assert!(cost(best) == least && (1..32).contains(&reaching.count()), "{}", found.summary());
+        // Its figure is that of the machine that is written.
+        let machine = machines::load(folder.path().join("machine.json").to_str().unwrap(), &[]).unwrap();
+        assert_eq!(machine.fragment.layers, best["layers"].as_u64().unwrap() as u32);
+        let drawn = splatsim::golden::render(&scene, &fixed::rules(&machine));
+        let db = splatsim::accuracy::metrics(&drawn.picture, &splatsim::golden::ideal(&scene).picture).psnr_db;
+        assert_eq!(db, best["psnr_db"][0].as_f64());
+    }
+    let refused =
+        over_fragment::run(std::slice::from_ref(&scene), &base, folder.path(), 400.0, over_fragment::By::Area, &Prices::default(), false);
+    assert!(refused.unwrap_err().to_string().contains("no rule with up to 8 layers reaches 400 dB"));
 }

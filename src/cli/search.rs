@@ -3,7 +3,7 @@
 use super::arguments::{Common, folder_for, positive, written};
 use crate::error::Result;
 use crate::explore::search;
-use crate::explore::search::{Options, Target};
+use crate::explore::search::{Options, Target, over_fragment};
 use crate::hardware::searched;
 use crate::performance::cost::Prices;
 use crate::scene::Scene;
@@ -26,6 +26,13 @@ pub(super) struct Typed {
     /// Both against golden or ideal
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Against::Golden)]
     against: Against,
+    /// Instead of words: the cheapest rule and layers of `fragment` whose golden − ideal has --target-psnr
+    #[arg(long, value_name = "UNIT", value_enum, hide_possible_values = true, requires = "target_psnr",
+        conflicts_with_all = ["max_error", "against", "no_saturation", "views", "only", "tries", "seed"])]
+    over: Option<Over>,
+    /// Cheapest by `area` or `bytes` (a pixel), with --over
+    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "over")]
+    by: Option<By>,
     /// No word may leave its range
     #[arg(long)]
     no_saturation: bool,
@@ -61,8 +68,23 @@ enum Against {
     Ideal,
 }
 
+/// What is searched instead of words.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Over {
+    Fragment,
+}
+
+/// [`over_fragment::By`] as typed.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum By {
+    Area,
+    Bytes,
+}
+
 /// A search that can be done.
 pub(super) struct Job {
+    /// What is to be least, where rules are searched and not words.
+    over_fragment: Option<over_fragment::By>,
     scenes: Vec<Scene>,
     machine: Machine,
     folder: PathBuf,
@@ -89,12 +111,23 @@ impl Typed {
             progress: !self.quiet,
         };
         let folder = self.out.unwrap_or_else(|| folder_for(&self.scenes[0], "-search"));
-        Ok(Job { scenes, machine, folder, options, quiet: self.quiet })
+        let by = match self.by {
+            Some(By::Bytes) => over_fragment::By::Bytes,
+            _ => over_fragment::By::Area,
+        };
+        let over_fragment = self.over.map(|Over::Fragment| by);
+        Ok(Job { over_fragment, scenes, machine, folder, options, quiet: self.quiet })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
+        if let (Some(by), Some(target)) = (self.over_fragment, self.options.target.psnr_db) {
+            let Options { prices, progress, .. } = &self.options;
+            let outcome = over_fragment::run(&self.scenes, &self.machine, &self.folder, target, by, prices, *progress)?;
+            let end = written(&self.folder, &outcome.files);
+            return Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) });
+        }
         let outcome = search::run(&self.scenes, &self.machine, &self.folder, &self.options)?;
         let end = written(&self.folder, &outcome.files);
         Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) })

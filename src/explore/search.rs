@@ -13,6 +13,7 @@
 
 mod descent;
 mod knobs;
+pub mod over_fragment;
 
 use crate::accuracy::distance;
 use crate::error::{Error, Result};

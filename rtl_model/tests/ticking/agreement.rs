@@ -161,7 +161,9 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
 fn compare_drawn(organisation: Organisation, never: &[&str]) {
     let mut seen = Seen::default();
     let sorting = (organisation == Organisation::Binned).then_some(("gaussian", 160));
-    for (name, frames) in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES).map(|name| (name, 80)).chain([("volume", 240)]).chain(sorting) {
+    for (name, frames) in
+        Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES).map(|name| (name, 80)).chain([("volume", 240)]).chain(sorting)
+    {
         for seed in 0..frames {
             let mut machine = Machine::named(name).unwrap();
             machine.timing = of(organisation, &mut Rng(seed));

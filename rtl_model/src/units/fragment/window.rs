@@ -297,8 +297,8 @@ impl Windows {
         let by_part = e.copies(places, |e| e.times(UNIT, words.through, words.part));
         let by_through = e.copies(places, |e| e.times(UNIT, words.through, words.through));
         let through = [by_part, by_through].map(|from| e.fit(UNIT, "window.through", words.through, from));
-        // 6: u·(ε + hi − start), shifted by T; the least.
-        e.copies(layers, |e| {
+        // 6: u·(ε + hi − start), shifted by T; the least. Intervals are not summed before the end.
+        e.copies(if m.group == Group::Window { layers } else { 0 }, |e| {
             let cost = e.times(UNIT, m.depth, m.depth);
             e.adders(UNIT, 4, depth_bits);
             e.shifter(UNIT, cost.bits() + LEAST_SEEN as i32);

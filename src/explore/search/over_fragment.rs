@@ -1,0 +1,207 @@
+//! Over fragment: which rule, and how many layers, does a scene need? Every rule with 1 to 8 layers is drawn by `golden`, and the cheapest that
+//! reaches the target is found, for each scene and for all.
+//!
+//! ```text
+//! scenes ─► ideal ─┐
+//! rules × layers ─► golden ─► golden − ideal ─► the least area, or bytes a pixel, at the target
+//! ```
+//! No word matters here: what is asked is what the method can reach. `search` without `--over` then finds the words.
+//!
+//! Law (tests/search.rs): `the_cheapest_rule_is_found`.
+
+use crate::accuracy::distance;
+use crate::error::{Error, Result};
+use crate::golden;
+use crate::hardware::{fixed, machines};
+use crate::output::files::{Folder, write_beside};
+use crate::output::picture::Picture;
+use crate::output::progress::Progress;
+use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::performance::cost::{Cost, Prices};
+use crate::scene::Scene;
+use rtl_model::Machine;
+use rtl_model::machine::{Group, Merge};
+use rtl_model::units::fragment::MAX_LAYERS;
+use rtl_model::units::fragment::window::overflow_cycles;
+use serde::Serialize;
+use serde_json::json;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// What is to be least.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum By {
+    /// LUT equivalents of the whole machine.
+    Area,
+    /// Bytes of a pixel's fragments.
+    Bytes,
+}
+
+/// Rules that are tried, each with what makes a fragment of one.
+const RULES: [(&str, Group, Merge); 4] = [
+    ("nearest-pair", Group::First, Merge::NearestPair),
+    ("farthest-pair", Group::First, Merge::FarthestPair),
+    ("interval", Group::Interval, Merge::Window),
+    ("window", Group::Window, Merge::Window),
+];
+
+/// A rule with so many layers.
+#[derive(Clone, Debug, Serialize)]
+pub struct Choice {
+    /// Its name.
+    pub rule: &'static str,
+    /// Layers a pixel.
+    pub layers: u32,
+    /// Bytes of a pixel's fragments.
+    pub pixel_bytes: u32,
+    /// LUT equivalents of the machine with it.
+    pub area: f64,
+    /// golden − ideal of each scene, dB; none where they are equal.
+    pub psnr_db: Vec<Option<f64>>,
+    /// Whether each scene reaches the target.
+    pub reaches: Vec<bool>,
+}
+
+impl Choice {
+    fn costs(&self, by: By) -> f64 {
+        match by {
+            By::Area => self.area,
+            By::Bytes => self.pixel_bytes.into(),
+        }
+    }
+}
+
+/// What was found.
+#[derive(Debug)]
+pub struct Outcome {
+    scenes: Vec<String>,
+    target_db: f64,
+    by: By,
+    choices: Vec<Choice>,
+    /// The cheapest for each scene, and for all; none where no choice reaches the target.
+    found: Vec<Option<usize>>,
+    found_for_all: Option<usize>,
+    /// Files written.
+    pub files: Vec<PathBuf>,
+}
+
+/// The machine with another fragment: its own words where it has such, else those of the named machine that has.
+fn with_rule(base: &Machine, (_, group, merge): (&str, Group, Merge), layers: u32) -> Option<Machine> {
+    let is_first = |machine: &Machine| machine.fragment.group == Group::First;
+    let named = Machine::named(if group == Group::First { "reference" } else { "window" })?;
+    let from = if is_first(base) == (group == Group::First) { base } else { &named };
+    let mut machine = Machine { fragment: from.fragment, ..base.clone() };
+    (machine.fragment.group, machine.fragment.merge, machine.fragment.layers) = (group, merge, layers);
+    machine.timing.fragment.merge = machine.timing.fragment.merge.max(overflow_cycles(&machine));
+    Some(machine)
+}
+
+/// Tries all rules, and writes `machine.json`, the cheapest for all scenes, and `choices.json`.
+///
+/// # Errors
+/// [`Error::Input`] where the machine draws sheets, whose rule is their order, or cannot be built; [`Error::Job`] where no rule reaches the
+/// target on all scenes: the table is in `choices.json` all the same.
+pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: By, prices: &Prices, show: bool) -> Result<Outcome> {
+    if let Some(scene) = scenes.iter().find(|scene| scene.sheets.is_some()) {
+        return Err(Error::input(format!("{}: sheets are blended one after the other, and have no rule to search for", scene.name)));
+    }
+    let _open = Folder::open(folder)?;
+    let choices: Vec<_> = RULES.into_iter().flat_map(|rule| (1..=MAX_LAYERS as u32).map(move |layers| (rule, layers))).collect();
+    let progress = Progress::of_steps(show, (choices.len() * scenes.len()) as u64, "rules");
+    let ideals: Vec<Picture> = scenes.iter().map(|scene| golden::ideal(scene).picture).collect();
+    let mut tried = Vec::new();
+    let mut built = Vec::new();
+    for (rule, layers) in choices {
+        let Some(machine) = with_rule(base, rule, layers) else { continue };
+        let elaborated = fixed::elaborate(&machine)?;
+        let rules = fixed::rules(&machine);
+        let psnr_db: Vec<Option<f64>> = (scenes.iter().zip(&ideals))
+            .map(|(scene, ideal)| {
+                let apart = distance(&golden::render(scene, &rules).picture, ideal);
+                progress.step();
+                // What is no number reaches nothing.
+                if apart.not_finite > 0 { Some(f64::NEG_INFINITY) } else { apart.psnr_db }
+            })
+            .collect();
+        let reaches = psnr_db.iter().map(|db| db.is_none_or(|db| db >= target_db)).collect();
+        tried.push(Choice {
+            rule: rule.0,
+            layers,
+            pixel_bytes: elaborated.timing.fragment_bytes * layers,
+            area: Cost::new(&elaborated, prices).area,
+            psnr_db,
+            reaches,
+        });
+        built.push(machine);
+    }
+    drop(progress);
+    let cheapest = |reaches: &dyn Fn(&Choice) -> bool| {
+        let reaching = tried.iter().enumerate().filter(|(_, choice)| reaches(choice));
+        reaching.min_by(|(_, a), (_, b)| a.costs(by).total_cmp(&b.costs(by))).map(|(nth, _)| nth)
+    };
+    let found = (0..scenes.len()).map(|scene| cheapest(&|choice| choice.reaches[scene])).collect();
+    let found_for_all = cheapest(&|choice| choice.reaches.iter().all(|reaches| *reaches));
+    let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
+    let mut outcome = Outcome { scenes: names, target_db, by, choices: tried, found, found_for_all, files: Vec::new() };
+    let path = folder.join("choices.json");
+    let told = json!({"scenes": outcome.scenes, "target_psnr_db": target_db, "by": by, "choices": outcome.choices,
+        "found": outcome.found, "found_for_all": found_for_all});
+    write_beside(&path, |file| serde_json::to_writer_pretty(file, &told).map_err(|e| e.to_string()))?;
+    outcome.files.push(path);
+    let Some(nth) = found_for_all else {
+        return Err(Error::job(outcome.without_end()));
+    };
+    let name = format!("{}-{}", outcome.choices[nth].rule, outcome.choices[nth].layers);
+    let machine = machines::File { machine: Machine { name, ..built[nth].clone() }, searched: None };
+    let path = folder.join("machine.json");
+    write_beside(&path, |file| serde_json::to_writer_pretty(file, &machine).map_err(|e| e.to_string()))?;
+    outcome.files.insert(0, path);
+    Ok(outcome)
+}
+
+impl Outcome {
+    fn cost(&self, nth: usize) -> String {
+        let choice = &self.choices[nth];
+        let Choice { rule, layers, pixel_bytes, area, .. } = choice;
+        let s = if *layers == 1 { "" } else { "s" };
+        format!("{rule} with {layers} layer{s}: {pixel_bytes} bytes a pixel, {} LUT equivalents", thousands(*area as u64))
+    }
+
+    /// The best that there is, where no choice reaches the target on all scenes.
+    fn without_end(&self) -> String {
+        let worst = |choice: &Choice| choice.psnr_db.iter().map(|db| db.unwrap_or(f64::INFINITY)).fold(f64::INFINITY, f64::min);
+        let best = (0..self.choices.len()).max_by(|a, b| worst(&self.choices[*a]).total_cmp(&worst(&self.choices[*b])));
+        let nearest =
+            best.map_or(String::new(), |nth| format!("; the nearest, {}, has {:.1} dB", self.cost(nth), worst(&self.choices[nth])));
+        format!("no rule with up to {MAX_LAYERS} layers reaches {} dB, golden − ideal, on every scene{nearest}", self.target_db)
+    }
+
+    /// All choices, and the cheapest, at most 80 columns wide where scenes are few.
+    pub fn summary(&self) -> String {
+        let what = if self.by == By::Area { "area" } else { "bytes a pixel" };
+        let head = format!("{}: at least {} dB, golden − ideal, by {what}", self.scenes.join(", "), self.target_db);
+        let mut heads = vec!["rule", "l", "bytes a pixel", "area"];
+        heads.extend(self.scenes.iter().map(String::as_str));
+        let mut table = plain_table(&heads);
+        for choice in &self.choices {
+            let cells = choice.psnr_db.iter().zip(&choice.reaches).map(|(db, reaches)| {
+                let db = db.map_or("equal".into(), |db| format!("{db:.1}"));
+                if *reaches { format!("{db} *") } else { format!("{db}  ") }
+            });
+            let own = [choice.rule.to_owned(), choice.layers.to_string(), choice.pixel_bytes.to_string(), thousands(choice.area as u64)];
+            table.add_row(own.into_iter().chain(cells));
+        }
+        let mut text = format!("{}\n\n{}\n* reaches the target\n", wrapped(&head), aligned(table).trim_fmt());
+        if self.scenes.len() > 1 {
+            for (name, found) in self.scenes.iter().zip(&self.found) {
+                let _ = write!(text, "\n{}", wrapped(&format!("{name}: {}", found.map_or("none".into(), |nth| self.cost(nth)))));
+            }
+        }
+        if let Some(nth) = self.found_for_all {
+            let whose = if self.scenes.len() > 1 { "all: " } else { "" };
+            let _ = write!(text, "\n{}", wrapped(&format!("{whose}{}", self.cost(nth))));
+        }
+        text
+    }
+}
