@@ -189,7 +189,7 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
         let Some(path) = find(&row[0]) else { continue };
         let scene = load(&path);
         let mut now = vec![row[0].clone()];
-        for name in ["reference", "lean"] {
+        for name in ["reference", "lean", "window"] {
             let machine = Machine::named(name).unwrap();
             let elaborated = fixed::elaborate(&machine).unwrap();
             let drawing = fixed::draw(&elaborated, &quantise::quantise(&scene, &machine).unwrap());
