@@ -496,6 +496,8 @@ fn traces_and_comparisons_that_cannot_be_are_refused() {
         refused(&[&["trace", "checkerboard", "--out", inside], &SMALL[..], arguments].concat(), part);
         assert!(!Path::new(inside).exists(), "{arguments:?}");
     }
+    refused(&[&["trace", "checkerboard", "--out", inside, "--machine", "window"], &SMALL[..2]].concat(), "groups fragments by windows");
+    assert!(!Path::new(inside).exists());
     refused(&["trace", "checkerboard"], "--out");
     refused(&["diff", inside, "gauss.out", "x"], "a folder that `trace` wrote is needed");
     refused(&["diff", inside, "gauss.out"], "STREAM");

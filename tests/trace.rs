@@ -218,6 +218,7 @@ fn replay_fragments(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &
             Decision::Evicted(itself) => [3, itself.into()],
             Decision::Replaced => [4, 0],
             Decision::Dropped => [5, 0],
+            other => panic!("{other:?} of a fragment"),
         };
         assert_eq!([&input[..2], &told[..]].concat(), decisions[i]);
     }

@@ -101,6 +101,12 @@ const CHUNK: usize = 16_384;
 pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
+    if frame.window.is_some() {
+        return Err(Error::input(format!(
+            "the machine {} groups fragments by windows (fragment.group), and such a machine has no traces",
+            machine.name
+        )));
+    }
     let kind = Kind::of(&frame);
     let rectangle = window.check(&frame)?;
     let _open = files::Folder::open(folder)?;
