@@ -101,12 +101,6 @@ const CHUNK: usize = 16_384;
 pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
-    if frame.window.is_some() {
-        return Err(Error::input(format!(
-            "the machine {} groups fragments by windows (fragment.group), and such a machine has no traces",
-            machine.name
-        )));
-    }
     let kind = Kind::of(&frame);
     let rectangle = window.check(&frame)?;
     let _open = files::Folder::open(folder)?;
@@ -285,6 +279,14 @@ impl Window {
             return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));
         }
         let of_all = self.units.iter().find(|unit| OF_ALL_SPLATS.contains(&unit.as_str()));
+        if let (true, Some(_), Some(unit)) = (Kind::of(frame).windows, self.splats, of_all) {
+            return Err(Error::input(format!(
+                "--splats with --units {unit}: these fragments are grouped by windows, and what it does depends on the splats before too; --pixels has all of some"
+            )));
+        }
+        if Kind::of(frame).windows && self.waves.is_some() {
+            return Err(Error::input("--waves: fragments are grouped by windows, whose cycles no wave shows; left out, there are records"));
+        }
         if let (true, Some(_), Some(unit)) = (Kind::of(frame).sorted, self.splats, of_all) {
             return Err(Error::input(format!(
                 "--splats with --units {unit}: these splats are sorted, and what it does depends on the others too; --pixels has all of some"
@@ -329,8 +331,8 @@ impl Window {
         // A part of a frame is no frame.
         let whole = self.splats.is_none() && self.pixels.is_none() && self.sample.is_none();
         let unit = stream.unit().unwrap_or_default();
-        // What is drawn in the order of depth meets at a pixel only as a whole.
-        let alone = !kind.sorted || self.splats.is_none() || !OF_ALL_SPLATS.contains(&unit);
+        // What is drawn in the order of depth meets at a pixel only as a whole; what pixels of windows held before has no record.
+        let alone = !(kind.sorted || kind.windows) || self.splats.is_none() || !OF_ALL_SPLATS.contains(&unit);
         alone && self.wants_any(&[unit]) && (whole || unit != "pipeline") && (self.splats.is_some() || stream.name != "fragment.start")
     }
 
@@ -374,7 +376,8 @@ impl Whole<'_> {
         }
         let [first, end] = window.splats.unwrap_or([0, u32::MAX]);
         splats.retain(|splat| *splat < end);
-        if Kind::of(self.frame).sorted {
+        let Kind { sorted, windows, .. } = Kind::of(self.frame);
+        if sorted || windows {
             splats.retain(|splat| *splat >= first);
         }
         let before = splats.partition_point(|splat| *splat < first);
