@@ -335,13 +335,13 @@ fn the_twin_of_windows_gives_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation of windows on Icarus") {
         return;
     }
-    for machine in windows().into_iter().take(4) {
+    for (_, machine) in share::mine(windows().into_iter().take(4).enumerate()) {
         let trace = traced(&cloud(200, 16), &machine, &Window::default());
         let units = vec!["fragment".to_owned()];
         let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(100), units, ..Window::default() });
         let given = [(&trace, &STALLS[..]), (&made_up, &[])].map(|(trace, stalls)| drive(Simulator::Icarus, trace, OF_WINDOWS, 16, stalls));
         println!("{:?}, {} layers: {given:?} records", machine.fragment.group, machine.fragment.layers);
-        assert!(given[0] > 500 && given[1] > 4000, "{given:?}");
+        assert!(given[0] > 500 && given[1] > 1000, "{given:?}");
     }
 }
 
@@ -891,7 +891,7 @@ fn every_mutant_of_windows_is_caught() {
         return;
     }
     let of = |machine: Machine| {
-        let window = Window { stimulus: Some(1000), units: vec!["fragment".into()], ..Window::default() };
+        let window = Window { stimulus: Some(600), units: vec!["fragment".into()], ..Window::default() };
         [traced(&cloud(200, 16), &machine, &Window::default()), traced(&cloud(20, 16), &machine, &window)]
     };
     let traces: Vec<Traced> = windows().into_iter().flat_map(of).collect();
@@ -1019,7 +1019,7 @@ struct Told {
     taken: Vec<u64>,
     /// When each result is due.
     due: Vec<u64>,
-    /// Of `fragment` and `sheets`: how many waited for their pixel, and how many made fragments merge of which none, one or two were to
+    /// Of `fragment`, `sheets` and `windows`: how many waited for their pixel, and how many made fragments merge of which none, one or two were to
     /// be shaded.
     waits: usize,
     merges: [usize; 3],
@@ -1066,6 +1066,9 @@ fn walk(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
 /// A merge takes longer, by the light of what it shades, and a pixel that was taken is under way for a while.
 fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     const MERGED: i64 = 2;
+    /// The first outcome of windows alone, and the first of those that form them.
+    const LATE: i64 = 6;
+    const SUMMED: i64 = 9;
     const PARENT: usize = 4;
     let [hazard, merge, light, next_light] =
         ["FRAGMENT_HAZARD", "FRAGMENT_MERGE_CYCLES", "SHADE_LATENCY", "SHADE_INTERVAL"].map(|name| constant(trace, name));
@@ -1073,15 +1076,21 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     let decisions = trace.records("fragment.out");
     let mut shades = vec![0; decisions.len()];
     let is_sheets = trace.stream("fragment.in")["fields"].as_array().unwrap().iter().any(|field| field["name"] == "sheet");
+    let is_windows = has(trace, "fragment.in", "density");
     if !is_sheets {
-        trace.keys("fragment.request").iter().for_each(|key| shades[key[PARENT] as usize] += 1);
+        // In the end windows are asked for too, which no contribution has made.
+        let asked = trace.keys("fragment.request").into_iter().map(|key| key[PARENT] as usize);
+        asked.filter(|record| *record < decisions.len()).for_each(|record| shades[record] += 1);
     }
+    // Windows are formed a slot a cycle, and judged, before anything is decided by them: the first of a merge's cycles.
+    let forms = constant(trace, "FRAGMENT_LAYERS") + 2;
     // A splat that is a sheet of its own is blended as fast as it would be added.
     let blends_at_once = is_sheets && trace.records("frame")[0][trace.field("frame", "each_splat")] == 1;
     let mut told = Told::default();
     let mut under_way: HashMap<[i64; 2], u64> = HashMap::new();
     for (decision, shades) in decisions.iter().zip(shades) {
-        let merges = decision[outcome] == MERGED && !blends_at_once;
+        let merges = if is_windows { decision[outcome] >= LATE } else { decision[outcome] == MERGED && !blends_at_once };
+        let forms = if is_windows && decision[outcome] >= SUMMED { forms } else { 0 };
         let merge = if merges { merge } else { 0 };
         let cycles = 1 + merge + if shades > 0 { light + (shades - 1) * next_light } else { 0 };
         let pixel = under_way.entry([decision[0], decision[1]]).or_default();
@@ -1092,7 +1101,7 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
         *pixel = now + cycles - 1 + hazard;
         told.taken.push(now);
         // What a merge does once its light has come, it does after it was decided. A decision is made in one cycle and told in another.
-        told.due.push(now + cycles - 1 - merge + stage.latency.max(2));
+        told.due.push(now + cycles - 1 - merge + forms + stage.latency.max(2));
     }
     told
 }
@@ -1196,6 +1205,25 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
             assert_eq!(told.merges[0] > 0, *number < 3);
         }
     });
+}
+
+#[test]
+fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
+    if !have(&["iverilog"], "accept times of windows") {
+        return;
+    }
+    let one_lane = ["timing.raster.lanes=[1,1]", "fragment.evict_hidden=false", "fragment.layers=2", "timing.shade.interval=2"];
+    let mut merges = [0; 3];
+    for more in [&["timing.fragment.hazard=1"][..], &["timing.fragment.merge=31"]] {
+        let machine = machine("window", &[&one_lane[..], more].concat());
+        let units = vec!["fragment".to_owned()];
+        for window in [Window::default(), Window { stimulus: Some(1), units, ..Window::default() }] {
+            let told = accepts_in_time(&traced(&cloud(100, 16), &machine, &window), OF_WINDOWS, 16, &[]);
+            println!("windows {more:?}: {} waits, {:?} merges", told.waits, told.merges);
+            told.merges.iter().zip(&mut merges).for_each(|(more, merges)| *merges += more);
+        }
+    }
+    assert!(merges.iter().all(|merges| *merges > 0), "of none, one and two to be shaded: {merges:?}");
 }
 
 /// A layer after the other, whether it was merged, and so shaded, before or not; a pixel takes a cycle at least.

@@ -237,11 +237,12 @@ macro_rules! chapter {
     };
 }
 
-/// What files, records and units are, in words: chapters of the book; of ellipsoids one more, with what is different there.
+/// What files, records and units are, in words: chapters of the book; of ellipsoids and of windows one more, with what is different there.
 fn explained(kind: Kind) -> String {
     let (_, files) = chapter!("trace-files.md").split_once("<!-- a trace's README begins below this line -->\n\n").unwrap_or_default();
     let ellipsoids = (kind.ellipsoids || kind.sheets).then_some(chapter!("ellipsoids.md"));
-    let chapters = [Some(files), Some(chapter!("numbers.md")), Some(chapter!("units.md")), ellipsoids, Some("# This machine\n")];
+    let windows = kind.windows.then_some(chapter!("windows.md"));
+    let chapters = [Some(files), Some(chapter!("numbers.md")), Some(chapter!("units.md")), ellipsoids, windows, Some("# This machine\n")];
     chapters.into_iter().flatten().collect::<Vec<_>>().join("\n")
 }
 

@@ -25,7 +25,7 @@ impl Maker<'_> {
         let sides = [self.frame.width, self.frame.height].map(|size| i64::from(size).min(TILE_PX as i64));
         let mut at = [0, 0];
         self.fill_cluster(&mut unit, &formats);
-        for _ in 0..self.cases + 4096 {
+        for _ in 0..self.cases + 1024 {
             if !self.random.one_in(3) {
                 at = sides.map(|side| self.random.below(side));
             }
