@@ -496,6 +496,13 @@ fn traces_and_comparisons_that_cannot_be_are_refused() {
         refused(&[&["trace", "checkerboard", "--out", inside], &SMALL[..], arguments].concat(), part);
         assert!(!Path::new(inside).exists(), "{arguments:?}");
     }
+    for (arguments, part) in [
+        (&["--waves", "0..9"][..], "fragments are grouped by windows, whose cycles no wave shows"),
+        (&["--splats", "5..9", "--units", "gauss,fragment"], "--units fragment: these fragments are grouped by windows"),
+    ] {
+        refused(&[&["trace", "checkerboard", "--out", inside, "--machine", "window"], &SMALL[..2], arguments].concat(), part);
+        assert!(!Path::new(inside).exists(), "{arguments:?}");
+    }
     refused(&["trace", "checkerboard"], "--out");
     refused(&["diff", inside, "gauss.out", "x"], "a folder that `trace` wrote is needed");
     refused(&["diff", inside, "gauss.out"], "STREAM");

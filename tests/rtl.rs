@@ -5,7 +5,7 @@ mod share;
 mod traced;
 
 use cosimulation::{
-    Device, Given, OF_ELLIPSOIDS, PIPELINE, PIPELINES_OF_ELLIPSOIDS, Simulator, UNITS, Unit, have, run, sources, verilator,
+    Device, Given, OF_ELLIPSOIDS, OF_WINDOWS, PIPELINE, PIPELINES_OF_ELLIPSOIDS, Simulator, UNITS, Unit, have, run, sources, verilator,
 };
 use rayon::prelude::*;
 use rtl_model::frame::Frame;
@@ -46,7 +46,7 @@ fn media(size: u32, side: u32) -> Vec<(String, rtl_model::Machine)> {
 }
 
 fn unit(name: &str) -> Unit {
-    *UNITS.iter().chain(&OF_ELLIPSOIDS).find(|unit| unit.name == name).unwrap()
+    *UNITS.iter().chain(&OF_ELLIPSOIDS).chain([&OF_WINDOWS]).find(|unit| unit.name == name).unwrap()
 }
 
 /// Whether a stream's records have a field.
@@ -67,9 +67,11 @@ fn wired(trace: &Traced) -> Unit {
 /// The twins that a trace has streams for.
 fn twins(trace: &Traced) -> Vec<Unit> {
     let [ellipsoids, sheets] = [has(trace, "ellipse.in", "quaternion_w"), has(trace, "fragment.in", "sheet")];
+    let windows = has(trace, "fragment.in", "density");
     let replaced = |unit: &Unit| match unit.name {
         "ellipse" if ellipsoids => OF_ELLIPSOIDS[0],
         "fragment" if sheets => OF_ELLIPSOIDS[1],
+        "fragment" if windows => OF_WINDOWS,
         _ => *unit,
     };
     UNITS.iter().map(replaced).collect()
@@ -78,7 +80,7 @@ fn twins(trace: &Traced) -> Vec<Unit> {
 /// The streams of what a unit gave, each with the file of its records.
 fn outputs(unit: Unit, given: &Given) -> Vec<(String, PathBuf)> {
     let mut outputs = vec![(format!("{}.out", unit.stream), given.out.clone())];
-    if unit.name == "fragment" {
+    if ["fragment", "windows"].contains(&unit.name) {
         outputs.push(("fragment.request".into(), given.requests.clone()));
     }
     if unit.stream == "fragment" {
@@ -135,8 +137,11 @@ fn twins_are_clean_and_can_be_synthesised() {
     let one_lane = machine("volume", &["timing.raster.lanes=[1,1]"]);
     let volume = traced(&shells(12, 16, &json!({})), &one_lane, &Window::default());
     let surface = traced(&isosurface(8, 16), &one_lane, &Window::default());
-    for unit in UNITS.iter().chain([&PIPELINE]).chain(&OF_ELLIPSOIDS).chain(&PIPELINES_OF_ELLIPSOIDS) {
+    let windows =
+        traced(&cloud(20, 16), &machine("window", &["timing.raster.lanes=[1,1]"]), &Window { stimulus: Some(1), ..Window::default() });
+    for unit in UNITS.iter().chain([&PIPELINE]).chain(&OF_ELLIPSOIDS).chain(&PIPELINES_OF_ELLIPSOIDS).chain([&OF_WINDOWS]) {
         let trace = match unit.name {
+            "windows" => &windows,
             "pipeline_ellipsoids" => &surface,
             "ellipsoid" | "sheets" | "pipeline_sheets" => &volume,
             _ => &trace,
@@ -289,6 +294,73 @@ fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
         println!("scene {number}: {given:?} records");
         assert!(given.iter().all(|records| *records > 100), "{given:?}");
     }
+}
+
+/// Machines that group by windows: the named one, one of intervals, one and eight layers, few bits, and splats that join from afar.
+fn windows() -> Vec<Machine> {
+    let words = [
+        "depth=U1F10",
+        "weight_sum=U3F10",
+        "colour_sum=U2F8",
+        "opacity_sum=U3F9",
+        "normal_sum=I4F6",
+        "window.depth_sum=U4F10",
+        "window.through=U1F5",
+        "window.share=U2F8",
+        "window.part=U1F7",
+        "window.density=U3F5",
+        "window.exponent=U1F6",
+        "window.hidden=U1F6",
+        "window.hidden_table.index_bits=4",
+        "window.hidden_table.interpolation=nearest",
+        "window.reciprocal.bits=8",
+        "window.reciprocal.table_bits=4",
+        "layers=3",
+    ];
+    let narrow: Vec<String> = words.iter().map(|word| format!("fragment.{word}")).collect();
+    let afar = ["fragment.layers=2", "fragment.window.join_permille=300", "fragment.evict_hidden=false", "timing.fragment.hazard=1"];
+    let of = |more: &[&str]| machine("window", &[&["timing.raster.lanes=[1,1]"], more].concat());
+    vec![
+        of(&[]),
+        of(&["fragment.group=interval", "fragment.layers=3"]),
+        of(&["fragment.layers=1"]),
+        of(&narrow.iter().map(String::as_str).collect::<Vec<_>>()),
+        of(&["fragment.layers=8", "timing.fragment.merge=24"]),
+        of(&afar),
+    ]
+}
+
+#[test]
+fn the_twin_of_windows_gives_every_record_on_icarus() {
+    if !have(&["iverilog"], "co-simulation of windows on Icarus") {
+        return;
+    }
+    for (_, machine) in share::mine(windows().into_iter().take(4).enumerate()) {
+        let trace = traced(&cloud(200, 16), &machine, &Window::default());
+        let units = vec!["fragment".to_owned()];
+        let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(100), units, ..Window::default() });
+        let given = [(&trace, &STALLS[..]), (&made_up, &[])].map(|(trace, stalls)| drive(Simulator::Icarus, trace, OF_WINDOWS, 16, stalls));
+        println!("{:?}, {} layers: {given:?} records", machine.fragment.group, machine.fragment.layers);
+        assert!(given[0] > 500 && given[1] > 1000, "{given:?}");
+    }
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn the_twin_of_windows_gives_every_record_on_both_simulators() {
+    if !have(&["iverilog", "verilator"], "co-simulation of windows") {
+        return;
+    }
+    share::mine(windows().into_iter().enumerate()).collect::<Vec<_>>().into_par_iter().for_each(|(number, machine)| {
+        let of = |stimulus: Option<u32>| Window { stimulus, units: vec!["fragment".into()], ..Window::default() };
+        let trace = traced(&cloud(600, 24), &machine, &of(None));
+        let made_up = traced(&cloud(20, 24), &machine, &of(Some(20_000)));
+        let seen = drive(Simulator::Icarus, &trace, OF_WINDOWS, 24, &STALLS);
+        let given =
+            drive(Simulator::Verilator, &trace, OF_WINDOWS, 24, &STALLS) + drive(Simulator::Verilator, &made_up, OF_WINDOWS, 24, &[]);
+        println!("machine {number}: {seen} records on Icarus, {given} on Verilator");
+        assert!(given > 20_000, "{given}");
+    });
 }
 
 #[test]
@@ -814,6 +886,25 @@ fn every_mutant_is_caught() {
 
 #[test]
 #[ignore = "minutes; CI runs it"]
+fn every_mutant_of_windows_is_caught() {
+    if !have(&["iverilog"], "mutants of the twin of windows") {
+        return;
+    }
+    let of = |machine: Machine| {
+        let window = Window { stimulus: Some(600), units: vec!["fragment".into()], ..Window::default() };
+        [traced(&cloud(200, 16), &machine, &Window::default()), traced(&cloud(20, 16), &machine, &window)]
+    };
+    let traces: Vec<Traced> = windows().into_iter().flat_map(of).collect();
+    all_are_caught(WINDOWS, |_, sources| {
+        traces.iter().any(|trace| {
+            let device = Device::new(Simulator::Icarus, sources, &trace.folder, OF_WINDOWS, 16);
+            fault(trace, OF_WINDOWS, &device.drive(None, expected(trace, OF_WINDOWS), &STALLS)).is_some()
+        })
+    });
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
 fn every_mutant_of_a_frame_s_end_is_caught() {
     if !have(&["iverilog"], "mutants of the twins") {
         return;
@@ -928,7 +1019,7 @@ struct Told {
     taken: Vec<u64>,
     /// When each result is due.
     due: Vec<u64>,
-    /// Of `fragment` and `sheets`: how many waited for their pixel, and how many made fragments merge of which none, one or two were to
+    /// Of `fragment`, `sheets` and `windows`: how many waited for their pixel, and how many made fragments merge of which none, one or two were to
     /// be shaded.
     waits: usize,
     merges: [usize; 3],
@@ -975,6 +1066,9 @@ fn walk(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
 /// A merge takes longer, by the light of what it shades, and a pixel that was taken is under way for a while.
 fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     const MERGED: i64 = 2;
+    /// The first outcome of windows alone, and the first of those that form them.
+    const LATE: i64 = 6;
+    const SUMMED: i64 = 9;
     const PARENT: usize = 4;
     let [hazard, merge, light, next_light] =
         ["FRAGMENT_HAZARD", "FRAGMENT_MERGE_CYCLES", "SHADE_LATENCY", "SHADE_INTERVAL"].map(|name| constant(trace, name));
@@ -982,15 +1076,21 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     let decisions = trace.records("fragment.out");
     let mut shades = vec![0; decisions.len()];
     let is_sheets = trace.stream("fragment.in")["fields"].as_array().unwrap().iter().any(|field| field["name"] == "sheet");
+    let is_windows = has(trace, "fragment.in", "density");
     if !is_sheets {
-        trace.keys("fragment.request").iter().for_each(|key| shades[key[PARENT] as usize] += 1);
+        // In the end windows are asked for too, which no contribution has made.
+        let asked = trace.keys("fragment.request").into_iter().map(|key| key[PARENT] as usize);
+        asked.filter(|record| *record < decisions.len()).for_each(|record| shades[record] += 1);
     }
+    // Windows are formed a slot a cycle, and judged, before anything is decided by them: the first of a merge's cycles.
+    let forms = constant(trace, "FRAGMENT_LAYERS") + 2;
     // A splat that is a sheet of its own is blended as fast as it would be added.
     let blends_at_once = is_sheets && trace.records("frame")[0][trace.field("frame", "each_splat")] == 1;
     let mut told = Told::default();
     let mut under_way: HashMap<[i64; 2], u64> = HashMap::new();
     for (decision, shades) in decisions.iter().zip(shades) {
-        let merges = decision[outcome] == MERGED && !blends_at_once;
+        let merges = if is_windows { decision[outcome] >= LATE } else { decision[outcome] == MERGED && !blends_at_once };
+        let forms = if is_windows && decision[outcome] >= SUMMED { forms } else { 0 };
         let merge = if merges { merge } else { 0 };
         let cycles = 1 + merge + if shades > 0 { light + (shades - 1) * next_light } else { 0 };
         let pixel = under_way.entry([decision[0], decision[1]]).or_default();
@@ -1001,7 +1101,7 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
         *pixel = now + cycles - 1 + hazard;
         told.taken.push(now);
         // What a merge does once its light has come, it does after it was decided. A decision is made in one cycle and told in another.
-        told.due.push(now + cycles - 1 - merge + stage.latency.max(2));
+        told.due.push(now + cycles - 1 - merge + forms + stage.latency.max(2));
     }
     told
 }
@@ -1105,6 +1205,25 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
             assert_eq!(told.merges[0] > 0, *number < 3);
         }
     });
+}
+
+#[test]
+fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
+    if !have(&["iverilog"], "accept times of windows") {
+        return;
+    }
+    let one_lane = ["timing.raster.lanes=[1,1]", "fragment.evict_hidden=false", "fragment.layers=2", "timing.shade.interval=2"];
+    let mut merges = [0; 3];
+    for more in [&["timing.fragment.hazard=1"][..], &["timing.fragment.merge=31"]] {
+        let machine = machine("window", &[&one_lane[..], more].concat());
+        let units = vec!["fragment".to_owned()];
+        for window in [Window::default(), Window { stimulus: Some(1), units, ..Window::default() }] {
+            let told = accepts_in_time(&traced(&cloud(100, 16), &machine, &window), OF_WINDOWS, 16, &[]);
+            println!("windows {more:?}: {} waits, {:?} merges", told.waits, told.merges);
+            told.merges.iter().zip(&mut merges).for_each(|(more, merges)| *merges += more);
+        }
+    }
+    assert!(merges.iter().all(|merges| *merges > 0), "of none, one and two to be shaded: {merges:?}");
 }
 
 /// A layer after the other, whether it was merged, and so shaded, before or not; a pixel takes a cycle at least.

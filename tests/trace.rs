@@ -6,7 +6,7 @@ use proptest::prelude::*;
 use rtl_model::pipeline::ports::{Kind, project_out_words};
 use rtl_model::pipeline::unit_replay;
 use rtl_model::probe::NoProbe;
-use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
+use rtl_model::units::fragment::{Decision, Premultiplied, Side, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
 use serde_json::json;
@@ -113,8 +113,9 @@ fn replay_shade(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_
     }
 }
 
-/// What is lit before it is drawn: asked of shade by the splat and its normal, and drawn in the colour that came back.
-fn replay_emission(trace: &Traced, elaborated: &rtl_model::Elaborated) {
+/// What is lit before it is drawn: asked of shade by the splat and its normal, and drawn in the colour that came back, which contributions
+/// have in these fields from this one on.
+fn replay_emission(trace: &Traced, elaborated: &rtl_model::Elaborated, light: &str) {
     let unwatched = &mut NoProbe;
     let (splats, set_up) = (trace.records("pipeline.in"), trace.records("ellipse.out"));
     let [red, material] = ["red", "material"].map(|name| trace.field("pipeline.in", name));
@@ -127,9 +128,15 @@ fn replay_emission(trace: &Traced, elaborated: &rtl_model::Elaborated) {
         assert_eq!(&made, request);
         colours.insert(key[SPLAT], unit_replay::emitted_colour(elaborated, array(&answer[..3]), unwatched));
     }
-    assert_eq!([requests, answers], ["shade.in", "shade.out"].map(|stream| trace.records(stream)));
+    // Of windows fragment's requests follow; voxels have none.
+    let asked = |of_setup: Vec<Vec<i64>>, stream: &str| {
+        let has = trace.manifest["streams"].as_array().unwrap().iter().any(|other| other["name"] == stream);
+        [of_setup, if has { trace.records(stream) } else { Vec::new() }].concat()
+    };
+    assert_eq!(asked(requests, "fragment.request"), trace.records("shade.in"));
+    assert_eq!(asked(answers, "fragment.answer"), trace.records("shade.out"));
     assert_eq!(colours.len(), trace.lines("raster.in").len());
-    let red = trace.field("fragment.in", "red");
+    let red = trace.field("fragment.in", light);
     for (key, record) in trace.keys("fragment.in").iter().zip(trace.records("fragment.in")) {
         assert_eq!(record[red..red + 3], colours[&key[SPLAT]]);
     }
@@ -187,9 +194,80 @@ fn replay_resolve(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rt
     assert_eq!(pixels.next(), None);
 }
 
+/// A stream's records of each pixel, as far as they have been looked at.
+type ByPixel = BTreeMap<[i64; 2], std::vec::IntoIter<Vec<i64>>>;
+
+fn by_pixel(trace: &Traced, stream: &str) -> ByPixel {
+    let mut all: BTreeMap<[i64; 2], Vec<Vec<i64>>> = BTreeMap::new();
+    trace.records(stream).into_iter().for_each(|record| all.entry([record[0], record[1]]).or_default().push(record));
+    all.into_iter().map(|(at, records)| (at, records.into_iter())).collect()
+}
+
+/// `fragment` where it groups by intervals or windows.
+fn replay_windows(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
+    let side = TILE_PX as i64;
+    let mut asked = trace.records("fragment.request").into_iter().zip(trace.records("fragment.answer"));
+    let mut answer = |slot: &Slot| {
+        let (request, answer) = asked.next().expect("a request that the trace does not have");
+        assert_eq!(request, [&slot.sums[..], &[slot.material.into()]].concat());
+        let [r, g, b, opacity] = array(&answer);
+        Premultiplied { colour: [r, g, b], opacity }
+    };
+    let deepest = i64::from(elaborated.machine.fragment.layers) - 1;
+    let mut tiles = BTreeMap::new();
+    for (input, told) in trace.records("fragment.in").into_iter().zip(trace.records("fragment.out")) {
+        let tile = tiles.entry([input[0] / side, input[1] / side]);
+        let tile = tile.or_insert_with(|| unit_replay::Windows::new(elaborated, frame).unwrap());
+        let [outcome, slot, place] = match tile.take(array(&input), &mut answer, &mut NoProbe) {
+            Decision::Accumulated(slot) => [0, slot.into(), 0],
+            Decision::Inserted(slot) => [1, slot.into(), 0],
+            Decision::Evicted(itself) => [3, itself.into(), 0],
+            Decision::Late(slot, Side::Front) => [6, slot.into(), 0],
+            Decision::Late(slot, Side::Back) => [7, slot.into(), 0],
+            Decision::Inside(slot) => [8, slot.into(), 0],
+            Decision::Summed(front, place) => [9, front.into(), place.into()],
+            Decision::Closed(place, false) => [10, deepest, place.into()],
+            Decision::Closed(place, true) => [11, deepest, place.into()],
+            other => panic!("{other:?} of a window"),
+        };
+        assert_eq!(vec![input[0], input[1], outcome, slot, place], told);
+    }
+    let mut held = by_pixel(trace, "fragment.held");
+    for (y, x) in (0..i64::from(frame.height)).flat_map(|y| (0..i64::from(frame.width)).map(move |x| (y, x))) {
+        let Some(tile) = tiles.get_mut(&[x / side, y / side]) else { continue };
+        for layer in tile.layers((y % side * side + x % side) as usize, &mut answer, &mut NoProbe) {
+            let [r, g, b] = layer.colour;
+            let made = vec![x, y, layer.slot as i64, layer.depth, r, g, b, layer.opacity];
+            assert_eq!(held.get_mut(&[x, y]).and_then(Iterator::next), Some(made));
+        }
+    }
+    assert!(held.into_values().all(|rest| rest.len() == 0), "layers of the trace that were not made");
+    assert_eq!(asked.count(), 0, "requests of the trace that were not made");
+}
+
+/// What a contribution to windows brings along beside its light: its splat's own colour, and a density that grows with its opacity.
+fn replay_densities(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
+    let mut densities = BTreeMap::new();
+    for (record, key) in trace.records("fragment.in").into_iter().zip(trace.keys("fragment.in")) {
+        let splat = &frame.splats[key[SPLAT] as usize];
+        assert_eq!(record[4..8], [splat.rgb[0], splat.rgb[1], splat.rgb[2], splat.opacity].map(i64::from));
+        densities.insert(record[7], record[15]);
+    }
+    let one = elaborated.machine.fragment.window.unwrap().density.format.one() as f64;
+    let opaque = elaborated.machine.splat.opacity.format.one() as f64;
+    for (opacity, density) in &densities {
+        let exact = -2.0 * (-(*opacity as f64 / opaque).min(0.95)).ln_1p();
+        assert!((*density as f64 / one - exact).abs() < 0.02, "{density} of {opacity}: {exact} is exact");
+    }
+    assert!(densities.len() > 20 && densities.values().is_sorted());
+}
+
 fn replay_fragments(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
     if let Some(sheets) = &frame.sheets {
         return replay_sheets(trace, elaborated, sheets);
+    }
+    if frame.window.is_some() {
+        return replay_windows(trace, elaborated, frame);
     }
     let side = TILE_PX as i64;
     let (decisions, requests) = (trace.records("fragment.out"), trace.records("fragment.request"));
@@ -218,7 +296,7 @@ fn replay_fragments(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &
             Decision::Evicted(itself) => [3, itself.into()],
             Decision::Replaced => [4, 0],
             Decision::Dropped => [5, 0],
-            other => panic!("{other:?} of fragments that no window groups"),
+            other => panic!("{other:?} of a fragment"),
         };
         assert_eq!([&input[..2], &told[..]].concat(), decisions[i]);
     }
@@ -242,6 +320,68 @@ fn a_trace_replays_through_the_units() {
     }
 }
 
+/// Machines that group by windows: the named one, one of intervals, and one of few bits.
+fn windows() -> Vec<rtl_model::Machine> {
+    let interval = ["fragment.group=interval", "fragment.layers=3"];
+    let few_bits = ["fragment.depth=U1F12", "fragment.window.through=U1F5", "fragment.window.join_permille=400", "fragment.layers=2"];
+    vec![machine("window", &[]), machine("window", &interval), machine("window", &few_bits)]
+}
+
+#[test]
+fn a_trace_of_windows_replays_through_the_units() {
+    let text = cloud(800, 32);
+    for machine in windows() {
+        let trace = traced(&text, &machine, &Window::default());
+        let (elaborated, frame) = (machine.elaborate().unwrap(), frame(&text, &machine));
+        replay(&trace, &elaborated, &frame);
+        replay_emission(&trace, &elaborated, "light_r");
+        replay_densities(&trace, &elaborated, &frame);
+        let mut outcomes: Vec<i64> = trace.records("fragment.out").iter().map(|record| record[2]).collect();
+        outcomes.sort_unstable();
+        outcomes.dedup();
+        let sums = machine.fragment.group == rtl_model::machine::Group::Window;
+        // Nothing hides enough here; made-up cases do.
+        let expected: &[i64] = if sums { &[0, 1, 6, 7, 8, 9, 10] } else { &[0, 1, 6, 7, 8, 10] };
+        assert_eq!(outcomes, expected);
+    }
+}
+
+#[test]
+fn made_up_cases_of_windows_replay_and_meet_all_that_can_become_of_them() {
+    let text = cloud(10, 40);
+    for machine in windows() {
+        let trace = traced(&text, &machine, &Window { stimulus: Some(2000), ..Window::default() });
+        replay(&trace, &machine.elaborate().unwrap(), &frame(&text, &machine));
+        let coverage = std::fs::read_to_string(trace.path("coverage.csv")).unwrap();
+        let met = |case: &str| coverage.lines().any(|line| line.starts_with(&format!("fragment,\"{case}")) && !line.ends_with(",0"));
+        let sums = machine.fragment.group == rtl_model::machine::Group::Window;
+        let outcomes = ["accumulated", "inserted", "evicted", "late-front", "late-back", "inside", "closed-behind"];
+        assert!(outcomes.iter().all(|outcome| met(outcome)), "{coverage}");
+        assert_eq!(met("summed"), sums);
+        for case in
+            ["an open slot would be as wide as ε", "an open slot would be one narrower", "depth at the nearest end of a closed slot"]
+        {
+            assert!(met(case), "{case}: {coverage}");
+        }
+    }
+}
+
+/// What pixels held before a window of splats has no record: such a trace has none of what depends on it.
+#[test]
+fn a_window_of_splats_that_are_grouped_by_windows_ends_before_fragment() {
+    let machine = machine("window", &[]);
+    let whole = traced(&cloud(300, 24), &machine, &Window::default());
+    let part = traced(&cloud(300, 24), &machine, &Window { splats: Some([100, 200]), ..Window::default() });
+    let names: Vec<&str> = part.manifest["streams"].as_array().unwrap().iter().map(|stream| stream["name"].as_str().unwrap()).collect();
+    assert!(
+        names.contains(&"gauss.out")
+            && names.iter().all(|name| !["fragment", "shade", "resolve"].iter().any(|unit| name.starts_with(unit)))
+    );
+    let weights = whole.keys("gauss.out").into_iter().zip(whole.lines("gauss.out"));
+    let weights: Vec<String> = weights.filter(|(key, _)| (100..200).contains(&key[SPLAT])).map(|(_, line)| line).collect();
+    assert_eq!(part.lines("gauss.out"), weights);
+}
+
 #[test]
 fn a_trace_of_ellipsoids_replays_through_the_units() {
     for (number, (text, machine)) in media().into_iter().enumerate() {
@@ -250,7 +390,7 @@ fn a_trace_of_ellipsoids_replays_through_the_units() {
         replay(&trace, &elaborated, &frame);
         let ellipsoids = frame.ellipsoids.as_ref().unwrap();
         if ellipsoids.preshaded {
-            replay_emission(&trace, &elaborated);
+            replay_emission(&trace, &elaborated, "red");
         }
         if ellipsoids.sorted {
             replay_sort(&trace, &elaborated);

@@ -237,11 +237,12 @@ macro_rules! chapter {
     };
 }
 
-/// What files, records and units are, in words: chapters of the book; of ellipsoids one more, with what is different there.
+/// What files, records and units are, in words: chapters of the book; of ellipsoids and of windows one more, with what is different there.
 fn explained(kind: Kind) -> String {
     let (_, files) = chapter!("trace-files.md").split_once("<!-- a trace's README begins below this line -->\n\n").unwrap_or_default();
     let ellipsoids = (kind.ellipsoids || kind.sheets).then_some(chapter!("ellipsoids.md"));
-    let chapters = [Some(files), Some(chapter!("numbers.md")), Some(chapter!("units.md")), ellipsoids, Some("# This machine\n")];
+    let windows = kind.windows.then_some(chapter!("windows.md"));
+    let chapters = [Some(files), Some(chapter!("numbers.md")), Some(chapter!("units.md")), ellipsoids, windows, Some("# This machine\n")];
     chapters.into_iter().flatten().collect::<Vec<_>>().join("\n")
 }
 
@@ -279,6 +280,14 @@ impl Window {
             return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));
         }
         let of_all = self.units.iter().find(|unit| OF_ALL_SPLATS.contains(&unit.as_str()));
+        if let (true, Some(_), Some(unit)) = (Kind::of(frame).windows, self.splats, of_all) {
+            return Err(Error::input(format!(
+                "--splats with --units {unit}: these fragments are grouped by windows, and what it does depends on the splats before too; --pixels has all of some"
+            )));
+        }
+        if Kind::of(frame).windows && self.waves.is_some() {
+            return Err(Error::input("--waves: fragments are grouped by windows, whose cycles no wave shows; left out, there are records"));
+        }
         if let (true, Some(_), Some(unit)) = (Kind::of(frame).sorted, self.splats, of_all) {
             return Err(Error::input(format!(
                 "--splats with --units {unit}: these splats are sorted, and what it does depends on the others too; --pixels has all of some"
@@ -323,8 +332,8 @@ impl Window {
         // A part of a frame is no frame.
         let whole = self.splats.is_none() && self.pixels.is_none() && self.sample.is_none();
         let unit = stream.unit().unwrap_or_default();
-        // What is drawn in the order of depth meets at a pixel only as a whole.
-        let alone = !kind.sorted || self.splats.is_none() || !OF_ALL_SPLATS.contains(&unit);
+        // What is drawn in the order of depth meets at a pixel only as a whole; what pixels of windows held before has no record.
+        let alone = !(kind.sorted || kind.windows) || self.splats.is_none() || !OF_ALL_SPLATS.contains(&unit);
         alone && self.wants_any(&[unit]) && (whole || unit != "pipeline") && (self.splats.is_some() || stream.name != "fragment.start")
     }
 
@@ -368,7 +377,8 @@ impl Whole<'_> {
         }
         let [first, end] = window.splats.unwrap_or([0, u32::MAX]);
         splats.retain(|splat| *splat < end);
-        if Kind::of(self.frame).sorted {
+        let Kind { sorted, windows, .. } = Kind::of(self.frame);
+        if sorted || windows {
             splats.retain(|splat| *splat >= first);
         }
         let before = splats.partition_point(|splat| *splat < first);

@@ -33,6 +33,7 @@ const DRAIN: &str = "HAS_DRAIN";
 /// For the assertions within.
 const FRAGMENT: &str = "HAS_FRAGMENT";
 const SHEETS: &str = "HAS_SHEETS";
+const WINDOWS: &str = "HAS_WINDOWS";
 const RESOLVE: &str = "HAS_RESOLVE";
 
 const fn of_itself(name: &'static str, macros: &'static [&'static str]) -> Unit {
@@ -55,6 +56,9 @@ pub const OF_ELLIPSOIDS: [Unit; 2] = [
     Unit { name: "ellipsoid", stream: "ellipse", macros: &[FRAME] },
     Unit { name: "sheets", stream: "fragment", macros: &[FRAME, DRAIN, SHEETS] },
 ];
+
+/// What a frame has in the place of fragment whose fragments are grouped by intervals or windows.
+pub const OF_WINDOWS: Unit = Unit { name: "windows", stream: "fragment", macros: &[FRAME, DRAIN, WINDOWS] };
 
 /// All of them wired together.
 pub const PIPELINE: Unit = wired("pipeline", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]);
@@ -237,7 +241,7 @@ impl Device {
     pub fn with(simulator: Simulator, sources: &Path, trace: &Path, unit: Unit, side: u32, roms: Option<&str>) -> Device {
         let kept = tempfile::tempdir().unwrap();
         let bench = match unit.name {
-            "fragment" => "bench_fragment",
+            "fragment" | "windows" => "bench_fragment",
             "sheets" => "bench_sheets",
             name => name,
         };
@@ -260,14 +264,17 @@ impl Device {
             files.extend(["handshake", "handshakes"].map(|name| sources.join("bench").join(name).with_extension("sv")));
         }
         if bench != unit.name {
-            files.extend([bench, "bench_start"].map(|name| sources.join("bench").join(name).with_extension("sv")));
+            let starts = if unit.name == "windows" { &[][..] } else { &["bench_start"] };
+            files.extend(starts.iter().chain([&bench]).map(|name| sources.join("bench").join(name).with_extension("sv")));
         }
         let program = match simulator {
             Simulator::Icarus => vec!["vvp".into(), compiled(simulator, sources, &defines, &files, kept.path())],
             Simulator::Verilator => vec![compiled(simulator, sources, &defines, &files, kept.path())],
         };
         // Of all units wired together nothing is seen while the splats under way are drawn, each of which may be as large as the picture.
-        let patience = if unit.stream == "pipeline" { 20_000 + 128 * side * side } else { 20_000 };
+        // Windows have each pixel's layers shaded in the end, when nothing comes any more.
+        let is_long = unit.stream == "pipeline" || unit.name == "windows";
+        let patience = if is_long { 20_000 + 512 * side * side } else { 20_000 };
         Device { program, trace: trace.to_owned(), unit, patience, kept }
     }
 
@@ -288,7 +295,7 @@ impl Device {
         given("in", &input);
         given("out", &out);
         given("times", &times);
-        if self.unit.name == "fragment" {
+        if ["fragment", "windows"].contains(&self.unit.name) {
             given("answers", &self.trace.join("fragment.answer.hex"));
             given("requests", &requests);
         }

@@ -109,6 +109,37 @@ const MUTANTS: &[Mutant] = &[
     Mutant { unit: "project", file: "project.sv", find: "|culled ? '0 : point", put: "culled[FLAGS_W-1] ? '0 : point" },
 ];
 
+/// Those of windows.
+const WINDOWS: &[Mutant] = &[
+    Mutant { unit: "windows", file: "windows.sv", find: "apart == '0 || ", put: "" },
+    Mutant { unit: "windows", file: "windows.sv", find: "nearer(near, z) < reach", put: "nearer(near, z) <= reach" },
+    Mutant { unit: "windows", file: "windows.sv", find: "nearer(back_near, z) < z_threshold", put: "nearer(back_near, z) <= z_threshold" },
+    Mutant { unit: "windows", file: "windows.sv", find: "closed && near < z && z < far", put: "closed && near < z" },
+    Mutant { unit: "windows", file: "windows.sv", find: "+:DEPTH_W] < word", put: "+:DEPTH_W] <= word" },
+    Mutant { unit: "windows", file: "windows.sv", find: "other < one)", put: "other > one)" },
+    Mutant { unit: "windows", file: "windows.sv", find: "mean < least_beyond", put: "mean <= least_beyond" },
+    Mutant { unit: "windows", file: "windows.sv", find: "growing && !joins ? through_window", put: "growing ? through_window" },
+    Mutant { unit: "windows", file: "windows.sv", find: "near_now < its[FAR+:DEPTH_W]", put: "near_now <= its[NEAR+:DEPTH_W]" },
+    Mutant { unit: "windows", file: "windows.sv", find: "for (power = POWERS - 1;", put: "for (power = POWERS - 2;" },
+    Mutant { unit: "windows", file: "windows.sv", find: "words[at*COST_W+:COST_W] < word", put: "words[at*COST_W+:COST_W] <= word" },
+    Mutant { unit: "windows", file: "windows.sv", find: "wire [COST_W-1:0] whole = of_one ?", put: "wire [COST_W-1:0] whole = !of_one ?" },
+    Mutant { unit: "windows", file: "windows.sv", find: "width < z_threshold;", put: "width <= z_threshold;" },
+    Mutant { unit: "windows", file: "windows.sv", find: "asks_back ? deepest : shaded", put: "asks_front ? shaded : deepest" },
+    Mutant { unit: "windows", file: "windows.sv", find: "here_back ? light_back : a_data", put: "a_data" },
+    Mutant { unit: "windows", file: "windows.sv", find: "ends_behind ? before_back : ", put: "" },
+    Mutant { unit: "windows", file: "windows.sv", find: "QUOTIENT_W'(window_weight) > QUOTIENT_W'(coverage_threshold)", put: "1'b1" },
+    Mutant { unit: "windows", file: "windows.sv", find: "to_back ? late_weight : was_late[BACK_WEIGHT", put: "to_back ? was_late[BACK_WEIGHT+:WEIGHT_W] : was_late[BACK_WEIGHT" },
+    Mutant { unit: "windows", file: "windows.sv", find: "twice_inner >= twice_middle", put: "twice_inner > twice_middle" },
+    Mutant { unit: "windows", file: "windows.sv", find: "joins && !window[CLOSED]", put: "joins" },
+    Mutant { unit: "windows", file: "windows_late.sv", find: "weighs < lacks ? weighs : lacks", put: "weighs" },
+    Mutant { unit: "windows", file: "windows_late.sv", find: "back ? had_through : dimmed", put: "dimmed" },
+    Mutant { unit: "windows", file: "windows_inside.sv", find: "before_back > through ? before_back : through", put: "before_back" },
+    Mutant { unit: "windows", file: "windows_inside.sv", find: "kept = ONE - lost", put: "kept = ONE" },
+    Mutant { unit: "windows", file: "windows_quotient.sv", find: "fitted > ONE ? ONE : fitted", put: "fitted" },
+    Mutant { unit: "windows", file: "windows_close.sv", find: "weight, through, ONE}", put: "weight, ONE, through}" },
+    Mutant { unit: "windows", file: "windows_splat.sv", find: ".ROUND(machine_pkg::FRAGMENT_WINDOW_EXPONENT_ROUND)", put: ".ROUND(0)" },
+];
+
 /// Those that only the end of a frame shows, or the next frame.
 const FRAME_ENDS: &[Mutant] = &[
     Mutant { unit: "pipeline", file: "silence.sv", find: "cycles == COUNT_W'(SLOWEST)", put: "cycles == COUNT_W'(SLOWEST - 1)" },

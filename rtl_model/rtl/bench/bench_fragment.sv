@@ -1,10 +1,10 @@
-// Bench_fragment: fragment with a recorded shade behind it, as a unit with one input and one output that bench.sv can drive.
+// Bench_fragment: fragment, or windows, with a recorded shade behind it, as a unit with one input and one output that bench.sv can drive.
 //
 //   s ->( fragment )-> m
 //        q -> +requests=FILE   +answers=FILE -> a      h -> +held=FILE
 //
 // Compile with bench.sv, bench_start.sv, -DDUT=bench_fragment -DHAS_FRAME -DHAS_DRAIN -DIN_W=machine_pkg::FRAGMENT_IN_W
-// -DOUT_W=machine_pkg::FRAGMENT_OUT_W and '-DDUT_PARAMETERS=.WIDTH(64),.HEIGHT(64)'.
+// -DOUT_W=machine_pkg::FRAGMENT_OUT_W and '-DDUT_PARAMETERS=.WIDTH(64),.HEIGHT(64)'; for windows -DHAS_WINDOWS too, without bench_start.sv.
 // Arguments, besides those of bench.sv and bench_start.sv
 //   +answers=FILE    what shade says, a line of hex a request
 //   +requests=FILE   where to write what it is asked
@@ -17,6 +17,9 @@
 // A program, not hardware: what a cycle counts, the same cycle reads.
 // verilator lint_off BLKSEQ
 module bench_fragment #(
+`ifdef HAS_WINDOWS
+  parameter ROMS = "rom/",  // folder of the tables, with its slash
+`endif
   parameter int WIDTH = 16, // columns of pixels
   parameter int HEIGHT = 16 // rows of pixels
 ) (
@@ -37,6 +40,10 @@ module bench_fragment #(
   localparam int REQUEST_W = machine_pkg::FRAGMENT_REQUEST_W;
   localparam int HELD_W = machine_pkg::FRAGMENT_HELD_W;
 
+`ifdef HAS_WINDOWS
+  // No window of splats begins with what pixels held.
+  wire loaded = 1'b1;
+`else
   wire loaded, loads;
   wire [machine_pkg::FRAGMENT_START_W-1:0] start;
   wire [31:0] start_pixel;
@@ -48,6 +55,7 @@ module bench_fragment #(
     .record(start),
     .pixel(start_pixel)
   );
+`endif
 
   wire takes;
   assign s_ready = takes && loaded;
@@ -62,10 +70,15 @@ module bench_fragment #(
   reg h_ready = 1'b0;
   wire [HELD_W-1:0] h_data;
 
+`ifdef HAS_WINDOWS
+  windows #(
+    .ROMS(ROMS),
+`else
   fragment #(
+`endif
     .WIDTH(WIDTH),
     .HEIGHT(HEIGHT)
-  ) fragment (
+  ) unit (
     .clk(clk),
     .rst(rst),
     .frame(frame),
@@ -92,6 +105,7 @@ module bench_fragment #(
     .h_data(h_data)
   );
 
+`ifndef HAS_WINDOWS
   // What pixels hold at the start goes straight into their memory.
   localparam int MATERIAL_W = machine_pkg::FRAGMENT_START_MATERIAL_W;
   localparam int MATERIAL = machine_pkg::FRAGMENT_START_MATERIAL_LSB;
@@ -100,15 +114,16 @@ module bench_fragment #(
   // In a slot the material comes last.
   wire [SLOT_W-1:0] start_word = {start[SLOT_W-1:MATERIAL+MATERIAL_W], start[MATERIAL-1:0], start[MATERIAL+:MATERIAL_W]};
   for (genvar slot = 0; slot < machine_pkg::FRAGMENT_LAYERS; slot++) begin : g_load
-    always @(posedge clk) if (loads && start_slot == slot) fragment.g_slots[slot].memory[start_pixel] <= start_word;
+    always @(posedge clk) if (loads && start_slot == slot) unit.g_slots[slot].memory[start_pixel] <= start_word;
   end
   // A pixel's slots come in their order.
   always @(posedge clk) begin
     if (loads) begin
-      fragment.lives[start_pixel] <= ($bits(fragment.live))'(start_slot + 1);
-      fragment.touched[start_pixel] <= 1'b1;
+      unit.lives[start_pixel] <= ($bits(unit.live))'(start_slot + 1);
+      unit.touched[start_pixel] <= 1'b1;
     end
   end
+`endif
 
   reg [8*NAME_CHARS-1:0] name;
   integer answers_file = 0;

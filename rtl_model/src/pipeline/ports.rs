@@ -7,6 +7,8 @@
 //! ```
 //! Ellipsoids bring their axes along, and may be lit before they are drawn (`ellipse.request`, `ellipse.answer`) and sorted by depth
 //! (`sort.in`, `sort.out`); where fragments are grouped by sheets, they have the number of one in the place of depth, normal and opacity.
+//! Where they are grouped by windows every splat is lit before it is drawn, a contribution brings its light and its density along, and
+//! what a pixel holds in the end are its layers, lit.
 //!
 //! A record is one transfer through a port: words side by side, the first field in the most significant bits, two's complement.
 //! Fields that mean nothing in a record (a culled splat's pixel) are 0, and [`Field::unless`] says when.
@@ -14,11 +16,12 @@
 //! Law: `records_have_the_widths_of_their_fields`.
 
 use crate::frame::Frame;
-use crate::machine::Machine;
+use crate::machine::{Machine, Window};
 use crate::num::{Format, Word};
 use crate::pipeline::Elaborated;
 use crate::records::{
     DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, PROJECT_FLAGS, PROJECTED, ProjectOut, RasterIn, RasterOut, SheetIn, TRANSPARENT,
+    WindowIn,
 };
 use crate::units::raster::Raster;
 
@@ -30,6 +33,8 @@ const EXPONENT_BITS: i32 = 8;
 pub const MATERIAL_BITS: i32 = 8;
 /// Bits of what a splat is called on its way through the raster.
 const TAG_BITS: i32 = 32;
+/// Bits of a slot's number.
+const SLOT_BITS: i32 = 4;
 /// Bits of a sheet's number.
 pub const SHEET_BITS: i32 = 31;
 
@@ -44,17 +49,21 @@ pub struct Kind {
     pub sorted: bool,
     /// Fragments are grouped by sheets; else by depth.
     pub sheets: bool,
+    /// Of those that are grouped by depth, by intervals or windows.
+    pub windows: bool,
 }
 
 impl Kind {
     /// That of a frame.
     pub fn of(frame: &Frame) -> Self {
         let ellipsoids = frame.ellipsoids.as_ref();
+        let windows = frame.window.is_some();
         Kind {
             ellipsoids: ellipsoids.is_some(),
-            preshaded: ellipsoids.is_some_and(|ellipsoids| ellipsoids.preshaded),
+            preshaded: windows || ellipsoids.is_some_and(|ellipsoids| ellipsoids.preshaded),
             sorted: ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted),
             sheets: frame.sheets.is_some(),
+            windows,
         }
     }
 }
@@ -234,7 +243,7 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
         .words(&["background_r", "background_g", "background_b", "background_a"], "resolve.frame", m.resolve.frame);
     let light = axes(Stream::new("light"), "direction", "shade.light", s.light).naturals(&["has_half_way"], 1);
     vec![
-        sheet_registers(kernel(frame, m, kind), m, kind),
+        window_registers(sheet_registers(kernel(frame, m, kind), m, kind), m, kind),
         axes(light, "half_way", "shade.light", s.light),
         Stream::new("material").naturals(&["unlit"], 1).word("ambient", "shade.reflectance", s.reflectance),
         Stream::new("reflection").words(
@@ -269,6 +278,11 @@ fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
         .naturals(&["has_ratio"], 1)
 }
 
+/// Registers that all windows have in common.
+fn window_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
+    if kind.windows { frame.word("reach", "fragment.depth", m.fragment.depth) } else { frame }
+}
+
 /// The ports of the units, in the order of the diagram.
 pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let m = &elaborated.machine;
@@ -288,11 +302,22 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
         raster_out(m),
         gauss_in(m),
         Stream::new("gauss.out").word("weight", "gauss.weight", m.gauss.weight),
-        if kind.sheets { sheet_in(m) } else { fragment_in(m) },
-        Stream::new("fragment.out").naturals(&["x", "y"], PIXEL_BITS).naturals(&["outcome"], 3).naturals(&["slot"], 4).per_pixel(),
+        match (kind.sheets, kind.windows, &m.fragment.window) {
+            (true, ..) => sheet_in(m),
+            (false, true, Some(words)) => window_in(m, words),
+            _ => fragment_in(m),
+        },
+        fragment_out(kind),
     ]);
     if kind.sheets {
         streams.extend([composite("fragment.start", m).per_pixel(), lit(composite("fragment.held", m), m).per_pixel()]);
+    } else if kind.windows {
+        let layer = Stream::new("fragment.held").naturals(&["x", "y"], PIXEL_BITS).naturals(&["slot"], SLOT_BITS);
+        streams.extend([
+            sums(Stream::new("fragment.request"), m),
+            premultiplied(Stream::new("fragment.answer"), m),
+            lit(layer.word("depth", "fragment.depth", m.fragment.depth), m).per_pixel(),
+        ]);
     } else {
         streams.extend([
             sums(Stream::new("fragment.request"), m),
@@ -508,6 +533,25 @@ fn fragment_in(m: &Machine) -> Stream {
     Stream::new("fragment.in").record(FragmentIn::NAMES, wires.into_words()).per_pixel()
 }
 
+/// A contribution to windows: with its splat's light, and how fast that hides what lies behind it.
+fn window_in(m: &Machine, words: &Window) -> Stream {
+    let fragment = fragment_in(m);
+    let light = fragment.words(&WindowIn::NAMES[FragmentIn::WORDS..][..3], "splat.rgb", m.splat.rgb);
+    light.word("density", "fragment.window.density", words.density)
+}
+
+/// What became of a contribution; of windows its place among the slots too, where it was one too many.
+fn fragment_out(kind: Kind) -> Stream {
+    let pixel = Stream::new("fragment.out").naturals(&["x", "y"], PIXEL_BITS);
+    let decision = pixel.naturals(&["outcome"], outcome_bits(kind)).naturals(&["slot"], SLOT_BITS).per_pixel();
+    if kind.windows { decision.naturals(&["place"], SLOT_BITS) } else { decision }
+}
+
+/// Bits of what became of a contribution.
+pub fn outcome_bits(kind: Kind) -> i32 {
+    if kind.windows { 4 } else { 3 }
+}
+
 /// A contribution to a sheet.
 fn sheet_in(m: &Machine) -> Stream {
     let rgb = wire("splat.rgb", m.splat.rgb);
@@ -542,7 +586,7 @@ fn premultiplied(stream: Stream, m: &Machine) -> Stream {
 
 /// A fragment in its slot; where it is shaded, `colour` and `opacity` are those of its light.
 fn slot(name: &'static str, m: &Machine) -> Stream {
-    let key = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["slot"], 4).naturals(&["shaded"], 1);
+    let key = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["slot"], SLOT_BITS).naturals(&["shaded"], 1);
     all_sums(key.word("depth", "fragment.depth", m.fragment.depth).naturals(&["material"], MATERIAL_BITS), m)
 }
 

@@ -15,11 +15,12 @@ use crate::num::words::PlainWords;
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Observer, Probe, Tap};
 use crate::records::{
-    Contribution, Decision, DiscIn, EllipsoidIn, FragmentIn, GaussIn, Held, Layer, PROJECTED, Premultiplied, RasterIn, RasterOut, SET_UP,
-    SheetIn, Slot, TILE_AREA, TILE_PX,
+    Contribution, Decision, DiscIn, EllipsoidIn, FragmentIn, GaussIn, Held, Layer, MAX_LAYERS, PROJECTED, Premultiplied, RasterIn,
+    RasterOut, SET_UP, SheetIn, Slot, TILE_AREA, TILE_PX, WindowIn,
 };
 use crate::units::ellipse::ellipsoid::Axes;
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters};
+use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
 use crate::units::{ellipse, raster, shade};
 
@@ -284,5 +285,70 @@ impl<'a> Sheets<'a> {
     pub fn lit(&self, pixel: usize, observer: &mut dyn Observer<'_>) -> Option<Premultiplied> {
         let at = (pixel % TILE_AREA) as u8;
         self.machine.fragment.composite(&self.tile, at, &self.registers, &mut Tap::new(&mut DynProbe::new(observer)))
+    }
+}
+
+/// `fragment` with intervals or windows, with pixels of one tile.
+pub struct Windows<'a> {
+    machine: &'a Elaborated,
+    registers: WindowRegisters,
+    clusters: Clusters,
+    live: [u8; TILE_AREA],
+}
+
+impl<'a> Windows<'a> {
+    /// All pixels empty; none where the frame's fragments are grouped otherwise.
+    pub fn new(machine: &'a Elaborated, frame: &Frame) -> Option<Self> {
+        let registers = machine.windows(frame)?;
+        Some(Windows { machine, registers, clusters: Clusters::default(), live: [0; TILE_AREA] })
+    }
+
+    /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
+    pub fn take(
+        &mut self,
+        input: [i64; WindowIn::WORDS],
+        mut answer: impl FnMut(&Slot) -> Premultiplied,
+        observer: &mut dyn Observer<'_>,
+    ) -> Decision {
+        let WindowIn { x, y, red, green, blue, opacity, normal_x, normal_y, normal_z, light_r, light_g, light_b, .. } =
+            WindowIn::from_words(input).map(narrow);
+        let WindowIn { weight, depth: exact_depth, material, density, .. } = WindowIn::from_words(input);
+        let unit = &self.machine.fragment;
+        let probe = &mut DynProbe::new(observer);
+        let depth = unit.depth::<false, Plain, DynProbe>(Plain::splat(exact_depth), &mut Tap::new(probe).first(1)).to_array()[0];
+        let attributes = [1, red, green, blue, opacity, normal_x, normal_y, normal_z];
+        let input = window::Input {
+            weight,
+            depth,
+            attributes: &attributes,
+            material: material as u32,
+            light: [light_r, light_g, light_b],
+            density: narrow(density),
+        };
+        let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
+        let live = &mut self.live[usize::from(pixel)];
+        let answers = std::cell::RefCell::new(&mut answer);
+        let shade = |slot: &Slot, _: &mut Tap<DynProbe>| (answers.borrow_mut())(slot);
+        let slots = self.clusters.of(pixel);
+        let decision = unit.contribute_to_window(slots, usize::from(*live), &input, &self.registers, shade, &mut Tap::new(probe));
+        *live += u8::from(matches!(decision, Decision::Inserted(_)));
+        decision
+    }
+
+    /// Slots that a pixel of the tile holds.
+    pub fn held(&mut self, pixel: usize) -> &mut [Cluster] {
+        let at = (pixel % TILE_AREA) as u8;
+        &mut self.clusters.of(at)[..usize::from(self.live[usize::from(at)])]
+    }
+
+    /// The layers that they come to in the end; `answer` stands in for shade.
+    pub fn layers(&mut self, pixel: usize, mut answer: impl FnMut(&Slot) -> Premultiplied, observer: &mut dyn Observer<'_>) -> Vec<Layer> {
+        let mut layers = [Layer::default(); MAX_LAYERS];
+        let answers = std::cell::RefCell::new(&mut answer);
+        let shade = |slot: &Slot, _: &mut Tap<DynProbe>| (answers.borrow_mut())(slot);
+        let (machine, registers) = (self.machine, self.registers.clone());
+        let probe = &mut DynProbe::new(observer);
+        let (count, _) = machine.fragment.layers_of_windows(self.held(pixel), &registers, &mut layers, shade, &mut Tap::new(probe));
+        layers[..count].to_vec()
     }
 }

@@ -95,6 +95,13 @@ record! {
 }
 
 record! {
+    /// `fragment.in` where they are grouped by intervals or windows.
+    WindowIn {
+        x, y, weight, depth, red, green, blue, opacity, normal_x, normal_y, normal_z, material, light_r, light_g, light_b, density,
+    }
+}
+
+record! {
     /// `fragment.in` where they are grouped by sheets.
     SheetIn { x, y, weight, sheet, red, green, blue }
 }

@@ -14,6 +14,7 @@
 
 use crate::elaboration::latency::{PRODUCT, SUM};
 use crate::elaboration::{Elaboration, Operator};
+use crate::functions::Reciprocal;
 use crate::kernels::{Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits};
 use crate::machine::{FragmentDepth, Group, Machine, Merge};
 use crate::num::{Exact, Fit, Lanes, Word, three};
@@ -278,6 +279,11 @@ impl Fragment {
     /// The opacity (`fragment.opacity_sum`) from which a shaded fragment counts as opaque.
     pub fn opaque_shaded(&self) -> i64 {
         self.opaque_shaded
+    }
+
+    /// 1/x of windows, `fragment.window.reciprocal`; none where fragments are grouped otherwise.
+    pub fn window_reciprocal(&self) -> Option<&Reciprocal> {
+        self.windows.as_ref().map(|windows| &windows.reciprocal)
     }
 
     /// Signals of its sums.

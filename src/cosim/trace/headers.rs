@@ -1,6 +1,6 @@
 //! Headers: a machine's formats and records as SystemVerilog, C and Markdown, so that nobody slices bits by hand.
 
-use super::observer::OUTCOMES;
+use super::observer::outcomes;
 use rtl_model::frame::Frame;
 use rtl_model::machine::{Interpolation, Merge, Rows};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
@@ -24,7 +24,8 @@ fn words(machine: &Elaborated, kind: Kind) -> BTreeMap<String, Word> {
         for (name, value) in fields.as_object().into_iter().flatten() {
             if let Ok(word) = serde_json::from_value(value.clone()) {
                 words.insert(format!("{unit}.{name}"), word);
-            } else if kind != Kind::default() {
+            } else if kind != Kind::default() && name != "window" {
+                // Words of windows are signals, each of them.
                 let nested = value.as_object().into_iter().flatten();
                 let own = nested.filter_map(|(name, value)| Some((name, serde_json::from_value(value.clone()).ok()?)));
                 words.extend(own.map(|(name, word)| (format!("{unit}.{name}"), word)));
@@ -42,7 +43,8 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         .map(|(name, unit)| (name, unit.shape()))
         .into_iter()
         .chain(machine.roots().map(|(name, unit)| (name, unit.shape())))
-        .chain(machine.ray_root().filter(|_| frame.ellipsoids.is_some()).map(|unit| ("ellipse.ray_root", unit.shape())));
+        .chain(machine.ray_root().filter(|_| frame.ellipsoids.is_some()).map(|unit| ("ellipse.ray_root", unit.shape())))
+        .chain(machine.fragment.window_reciprocal().filter(|_| frame.window.is_some()).map(|unit| (RECIPROCAL_OF_WINDOWS, unit.shape())));
     for (name, shape) in functions {
         let sizes = [("TABLE_BITS", shape.table_bits), ("NEWTON_STEPS", shape.newton_steps), ("BITS", shape.bits)];
         all.extend(sizes.map(|(size, value)| (format!("{}_{size}", constant(name)), i64::from(value))));
@@ -50,7 +52,11 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
     let m = &machine.machine;
     let f = &m.fragment;
     let sheets = f.sheets.as_ref().filter(|_| frame.sheets.is_some()).map(|words| ("FRAGMENT_RATIO_TABLE", words.table));
-    for (name, table) in [("GAUSS_TABLE", m.gauss.table), ("SHADE_HIGHLIGHT_TABLE", m.shade.highlight_table)].into_iter().chain(sheets) {
+    let window = f.window.as_ref().filter(|_| frame.window.is_some());
+    let of_windows =
+        window.map(|words| [("FRAGMENT_WINDOW_DENSITY_TABLE", words.density_table), ("FRAGMENT_WINDOW_HIDDEN_TABLE", words.hidden_table)]);
+    let tables = [("GAUSS_TABLE", m.gauss.table), ("SHADE_HIGHLIGHT_TABLE", m.shade.highlight_table)];
+    for (name, table) in tables.into_iter().chain(sheets).chain(of_windows.into_iter().flatten()) {
         all.push((format!("{name}_BITS"), table.index_bits.into()));
         all.push((format!("{name}_LINEAR"), (table.interpolation == Interpolation::Linear).into()));
     }
@@ -76,7 +82,9 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         ("LIGHTS", frame.lighting.lights.len() as i64),
         ("MATERIALS", frame.lighting.materials.len() as i64),
     ];
-    all.extend(rules.map(|(name, value)| (name.to_owned(), value)));
+    let of_windows = window
+        .map(|words| [("FRAGMENT_GROUP", f.group as i64), ("FRAGMENT_LATE", words.late.into()), ("FRAGMENT_INSIDE", words.inside.into())]);
+    all.extend(rules.into_iter().chain(of_windows.into_iter().flatten()).map(|(name, value)| (name.to_owned(), value)));
     let t = &machine.timing;
     let paces = [
         ("PROJECT", t.project),
@@ -114,19 +122,30 @@ fn rule(merge: Merge) -> &'static str {
         Merge::NearestPair => "nearest-pair",
         Merge::FarthestPair => "farthest-pair",
         Merge::Replace => "replace",
-        // Without a number: such a machine has no traces.
         Merge::Window => "window",
     }
 }
 
+/// The reciprocal of windows among the function units.
+const RECIPROCAL_OF_WINDOWS: &str = "fragment.window.reciprocal";
+
 fn codes(kind: Kind) -> Vec<Codes> {
-    let merges = [Merge::NearestPair, Merge::FarthestPair, Merge::Replace].map(rule);
+    let merges = [Merge::NearestPair, Merge::FarthestPair, Merge::Replace, Merge::Window].map(rule);
+    let merges = &merges[..if kind.windows { merges.len() } else { 3 }];
     let mut all = vec![
-        Codes { name: "outcome", of: &["fragment.out.outcome"], bits: Some(3), names: OUTCOMES.to_vec() },
+        Codes {
+            name: "outcome",
+            of: &["fragment.out.outcome"],
+            bits: Some(ports::outcome_bits(kind) as u32),
+            names: outcomes(kind).to_vec(),
+        },
         Codes { name: "merge", of: &["FRAGMENT_MERGE"], bits: None, names: merges.to_vec() },
         Codes { name: "round", of: &["_ROUND"], bits: None, names: vec!["truncate", "nearest", "nearest-even"] },
         Codes { name: "overflow", of: &["_WRAP"], bits: None, names: vec!["saturate", "wrap"] },
     ];
+    if kind.windows {
+        all.push(Codes { name: "group", of: &["FRAGMENT_GROUP"], bits: None, names: vec!["first", "interval", "window"] });
+    }
     if kind.ellipsoids {
         all.push(Codes { name: "amplitude", of: &["frame.amplitude"], bits: Some(2), names: vec!["disc", "line-integral", "peak"] });
     }

@@ -1,12 +1,14 @@
 //! Observer: notes every transfer while the machine draws, as the units make them; order is brought in afterwards.
 
 use super::coverage::Coverage;
+use rtl_model::elaboration::unit;
 use rtl_model::frame::Frame;
 use rtl_model::num::Fit;
 use rtl_model::pipeline::Elaborated;
+use rtl_model::pipeline::ports::Kind;
 use rtl_model::probe;
 use rtl_model::records::{PROJECT_FLAGS, PROJECTED, SET_UP, Weighed};
-use rtl_model::units::fragment::{Contribution, Decision, Slot};
+use rtl_model::units::fragment::{Contribution, Decision, Side, Slot};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
 use std::any::Any;
@@ -59,7 +61,7 @@ pub fn parts(key: u64) -> [u32; 3] {
 }
 
 /// Nothing was decided: the weight is too small.
-pub const NO_OUTCOME: u8 = 7;
+pub const NO_OUTCOME: u8 = u8::MAX;
 
 /// A fragment from raster to its slot.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +73,8 @@ pub struct Arrival {
     /// As `fragment.out` has it, or [`NO_OUTCOME`].
     pub outcome: u8,
     pub slot: u8,
+    /// Of windows.
+    pub place: u8,
     pub gauss_flags: u8,
     pub fragment_flags: u8,
 }
@@ -136,6 +140,12 @@ pub struct Observations {
     project_cases: &'static [&'static str],
     /// Words of this signal reach nobody.
     unread: Option<usize>,
+    /// Words of this signal cross no port.
+    unseen: Option<usize>,
+    /// What may become of a contribution.
+    outcomes: &'static [&'static str],
+    /// Number of a full pixel's last slot.
+    deepest: u8,
     /// What was observed since the last transfer.
     observed: u8,
     /// What was observed before shade began.
@@ -157,6 +167,9 @@ impl Observations {
             least_weight: least_weight(frame),
             project_cases: project_cases(frame),
             unread: frame.sheets.as_ref().map(|_| machine.fragment.depth_fit().signal),
+            unseen: machine.signals.iter().position(|signal| signal.unit == unit::FRAGMENT && signal.name == "window.density"),
+            outcomes: outcomes(Kind::of(frame)),
+            deepest: machine.machine.fragment.layers.saturating_sub(1) as u8,
             ..Observations::default()
         }
     }
@@ -202,7 +215,7 @@ impl Observations {
                 let below = (1..self.least_weight).contains(&arrival.weight.into());
                 coverage.count_if(below, "gauss", "weight below the least");
             }
-            for (number, outcome) in OUTCOMES.iter().enumerate() {
+            for (number, outcome) in self.outcomes.iter().enumerate() {
                 coverage.count_if(usize::from(arrival.outcome) == number, "fragment", outcome);
             }
         }
@@ -228,21 +241,41 @@ pub fn least_weight(frame: &Frame) -> i64 {
     frame.sheets.as_ref().map_or(1, |sheets| sheets.least_weight.max(1))
 }
 
-/// Outcomes of contributions, in the order of their numbers in `fragment.out`.
-pub const OUTCOMES: [&str; 6] = ["accumulated", "inserted", "merged", "evicted", "replaced", "dropped"];
-/// What a machine of windows does beyond that has no number: it has no traces yet.
-const OF_WINDOWS: (u8, u8) = (OUTCOMES.len() as u8, 0);
+/// Outcomes of contributions, in the order of their numbers in `fragment.out`: first those that have nothing to do with windows.
+const OUTCOMES: [&str; 12] = [
+    "accumulated",
+    "inserted",
+    "merged",
+    "evicted",
+    "replaced",
+    "dropped",
+    "late-front",
+    "late-back",
+    "inside",
+    "summed",
+    "closed-behind",
+    "closed-inside",
+];
 
-/// A decision as `fragment.out` has it: outcome and slot.
-pub fn outcome(decision: Decision) -> (u8, u8) {
+/// Outcomes that contributions may have in a frame of this kind.
+pub fn outcomes(kind: Kind) -> &'static [&'static str] {
+    &OUTCOMES[..if kind.windows { OUTCOMES.len() } else { 6 }]
+}
+
+/// A decision as `fragment.out` has it: outcome, slot, and of windows the place. `deepest` is the number of a full pixel's last slot.
+pub fn outcome(decision: Decision, deepest: u8) -> [u8; 3] {
     match decision {
-        Decision::Accumulated(slot) => (0, slot),
-        Decision::Inserted(slot) => (1, slot),
-        Decision::Merged(front, _) => (2, front),
-        Decision::Evicted(itself) => (3, itself.into()),
-        Decision::Replaced => (4, 0),
-        Decision::Dropped => (5, 0),
-        Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) | Decision::Closed(..) => OF_WINDOWS,
+        Decision::Accumulated(slot) => [0, slot, 0],
+        Decision::Inserted(slot) => [1, slot, 0],
+        Decision::Merged(front, _) => [2, front, 0],
+        Decision::Evicted(itself) => [3, itself.into(), 0],
+        Decision::Replaced => [4, 0, 0],
+        Decision::Dropped => [5, 0, 0],
+        Decision::Late(slot, Side::Front) => [6, slot, 0],
+        Decision::Late(slot, Side::Back) => [7, slot, 0],
+        Decision::Inside(slot) => [8, slot, 0],
+        Decision::Summed(front, place) => [9, front, place],
+        Decision::Closed(place, inside) => [10 + u8::from(inside), deepest, place],
     }
 }
 
@@ -254,6 +287,9 @@ impl probe::Observer<'static> for Observations {
             least_weight: self.least_weight,
             project_cases: self.project_cases,
             unread: self.unread,
+            unseen: self.unseen,
+            outcomes: self.outcomes,
+            deepest: self.deepest,
             ..Observations::default()
         })
     }
@@ -279,6 +315,9 @@ impl probe::Observer<'static> for Observations {
             return;
         }
         self.coverage.fitted(fit, exact, more);
+        if self.unseen == Some(fit.signal) {
+            return;
+        }
         let loss = fit.loss(exact, more);
         let losses = [
             (loss.inexact, flag::INEXACT),
@@ -329,8 +368,17 @@ impl probe::Observer<'static> for Observations {
         self.taking = counts.then_some((key, 0));
         if weighed.splat >= self.first_splat {
             let Weighed { radial, depth, weight, .. } = *weighed;
-            let arrival =
-                Arrival { key, radial, depth, weight: weight as u32, outcome: NO_OUTCOME, slot: 0, gauss_flags, fragment_flags: 0 };
+            let arrival = Arrival {
+                key,
+                radial,
+                depth,
+                weight: weight as u32,
+                outcome: NO_OUTCOME,
+                slot: 0,
+                place: 0,
+                gauss_flags,
+                fragment_flags: 0,
+            };
             self.arrivals.push(arrival);
         }
     }
@@ -342,9 +390,9 @@ impl probe::Observer<'static> for Observations {
             return;
         }
         if let Some(arrival) = self.arrivals.last_mut() {
-            (arrival.outcome, arrival.slot) = outcome(decision);
+            [arrival.outcome, arrival.slot, arrival.place] = outcome(decision, self.deepest);
             let flag = match decision {
-                Decision::Merged(..) => flag::MERGED,
+                Decision::Merged(..) | Decision::Summed(..) | Decision::Closed(..) => flag::MERGED,
                 Decision::Evicted(_) => flag::EVICTED,
                 _ => 0,
             };

@@ -45,6 +45,9 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
     if let (Some(_), Some(unit)) = (&frame.ellipsoids, machine.ray_root()) {
         all.push(first_guesses("ellipse.ray_root", unit.shape(), unit.guesses()));
     }
+    if let (Some(_), Some(unit)) = (&frame.window, machine.fragment.window_reciprocal()) {
+        all.push(first_guesses("fragment.window.reciprocal", unit.shape(), unit.guesses()));
+    }
     let m = &machine.machine;
     if let (Some(ellipsoids), Some(bits)) = (&frame.ellipsoids, m.ellipse.ellipsoid.and_then(|words| words.reach_bits)) {
         // Where boxes have the frame's cutoff it is there all the same.
@@ -61,6 +64,12 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
     let highlights = machine.shade.highlights(&frame.lighting);
     let lines = highlights.iter().flat_map(|table| table.as_ref().map_or_else(|| vec![vec![0, 0]; size], lines_of)).collect();
     all.push(Rom { name: "shade.highlights".into(), fields: LINE, layout: line(m.shade.highlight.format.width()), lines });
+    if let (Some(registers), Some(words)) = (machine.windows(frame), &m.fragment.window) {
+        for (name, table, word) in [("density", &registers.density, words.density), ("hidden", &registers.hidden, words.hidden)] {
+            let name = format!("fragment.window.{name}");
+            all.push(Rom { name, fields: LINE, layout: line(word.format.width()), lines: lines_of(table) });
+        }
+    }
     if let (Some(sheets), Some(words)) = (&frame.sheets, &m.fragment.sheets) {
         // Where it is not used its ROM is there all the same.
         let empty = || vec![vec![0, 0]; 1 << words.table.index_bits];

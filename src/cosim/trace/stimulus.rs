@@ -4,9 +4,10 @@
 //! itself, so what it is given need not be what another unit could make.
 
 mod ellipsoids;
+mod windows;
 
 use super::coverage::Coverage;
-use super::observer::{OUTCOMES, least_weight, project_cases};
+use super::observer::{least_weight, outcome, outcomes, project_cases};
 use super::transfers::{Key, NONE};
 use rtl_model::frame::Frame;
 use rtl_model::num::Format;
@@ -113,12 +114,17 @@ pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, want
         out: Stimulus { made, coverage: Coverage::new(machine), tags: Vec::new() },
         cases: cases as usize,
     };
+    let of_fragments = match Kind::of(frame) {
+        Kind { sheets: true, .. } => Maker::sheets,
+        Kind { windows: true, .. } => Maker::windows,
+        _ => Maker::fragments,
+    };
     let makers: [(&[&str], Make<'_>); 7] = [
         (&["project", "ellipse"], Maker::splats),
         (&["sort"], Maker::sort),
         (&["raster"], Maker::raster),
         (&["gauss"], Maker::gauss),
-        (&["fragment"], if frame.sheets.is_some() { Maker::sheets } else { Maker::fragments }),
+        (&["fragment"], of_fragments),
         (&["shade"], Maker::shade),
         (&["resolve"], Maker::resolve),
     ];
@@ -502,11 +508,11 @@ impl Maker<'_> {
             let [r, g, b] = answer.colour;
             self.push("fragment.answer", vec![r, g, b, answer.opacity], pixel_key(at, request));
         }
-        let (outcome, slot) = super::observer::outcome(decision);
+        let [outcome, slot, _] = outcome(decision, 0);
         let full = held.len() == self.machine.machine.fragment.layers as usize;
         let shaded = held.iter().filter(|slot| slot.shaded).count();
         let meet = &mut self.out.coverage;
-        meet.count("fragment", &format!("{}, slot {slot}", OUTCOMES[usize::from(outcome)]));
+        meet.count("fragment", &format!("{}, slot {slot}", outcomes(Kind::of(self.frame))[usize::from(outcome)]));
         if full {
             meet.count("fragment", &format!("full, {shaded} of them shaded"));
         }

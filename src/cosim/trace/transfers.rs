@@ -12,6 +12,7 @@ use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{Kind, project_out_words};
 use rtl_model::pipeline::unit_replay;
 use rtl_model::units::fragment::Slot;
+use rtl_model::units::fragment::window::WindowRegisters;
 use slots::{light, light_of, pixel_words, slot_words, sums_of};
 
 /// Of a key's parts: there is none.
@@ -88,6 +89,8 @@ pub struct Transfers<'a> {
     pub observer: Observations,
     /// What records depend on.
     kind: Kind,
+    /// Of windows.
+    windows: Option<WindowRegisters>,
     /// Pixels that held something before, with their slots.
     pub start: Vec<([u32; 2], Vec<Slot>)>,
     /// Of `start` the places of each record: the pixel's and the slot's.
@@ -169,7 +172,10 @@ impl<'a> Transfers<'a> {
                 (&held.slots[..], held.layers.len())
             });
             let mut order: Vec<u8> = (0..count as u8).collect();
-            order.sort_by_key(|&slot| slots[usize::from(slot)].depth);
+            // Layers of windows are in order.
+            if !kind.windows {
+                order.sort_by_key(|&slot| slots[usize::from(slot)].depth);
+            }
             layers.extend(order.into_iter().map(|slot| (pixel, slot)));
             first_layers.push(records);
             records += count.max(1) as u32;
@@ -186,6 +192,7 @@ impl<'a> Transfers<'a> {
             splats,
             observer,
             kind,
+            windows: machine.windows(frame),
             start,
             start_records,
             projected,
@@ -290,18 +297,31 @@ impl<'a> Transfers<'a> {
                     words.extend(self.normal(index));
                     words.push(s.material.into());
                 }
+                if let Some(registers) = &self.windows {
+                    let probe = &mut rtl_model::probe::NoProbe;
+                    let density = self.machine.fragment.density(s.opacity, registers, &mut rtl_model::probe::Tap::new(probe));
+                    words.extend(self.light(index).map(i64::from));
+                    words.push(density.into());
+                }
                 self.of_arrival(a, nth(&self.weighed, self.taken[i]), 0)
             }),
             source("fragment.out", self.taken.len(), move |i, words| {
                 let a = arrival(self.taken[i]);
                 let [_, x, y] = parts(a.key);
                 words.extend([x, y, a.outcome.into(), a.slot.into()].map(i64::from));
+                if self.kind.windows {
+                    words.push(a.place.into());
+                }
                 let key = self.of_arrival(a, i as u32, a.fragment_flags);
                 Key { slot: a.slot.into(), ..key }
             }),
         ];
         all.extend(self.of_setup());
-        all.extend(if self.kind.sheets { self.of_sheets() } else { self.of_slots() });
+        all.extend(match self.kind {
+            Kind { sheets: true, .. } => self.of_sheets(),
+            Kind { windows: true, .. } => self.of_windows(),
+            _ => self.of_slots(),
+        });
         all.extend([
             source("shade.in", self.shaded_records(), move |i, words| {
                 sums_of(self.shaded(i), words);
@@ -389,6 +409,40 @@ impl<'a> Transfers<'a> {
         vec![start, held]
     }
 
+    /// What `fragment` asks and holds where it groups by windows: in the end it has them shaded, pixel by pixel.
+    fn of_windows(&self) -> Vec<Source<'_>> {
+        let emitted = self.observer.emitted.len();
+        let asked = self.merged.len() + self.resolved.len();
+        let key = move |i: usize, parent: u32, flags: u8| match self.merged.get(i) {
+            Some(shaded) => self.of_merge(shaded, if parent == NONE { self.contribution(shaded.key) } else { parent }, flags),
+            None => {
+                let [_, x, y] = parts(self.shaded(emitted + i).key);
+                Key::of_pixel([x, y], 0xff, parent, flags)
+            }
+        };
+        vec![
+            source("fragment.request", asked, move |i, words| {
+                sums_of(self.shaded(emitted + i), words);
+                key(i, NONE, 0)
+            }),
+            source("fragment.answer", asked, move |i, words| {
+                light_of(self.shaded(emitted + i), words);
+                key(i, i as u32, self.shaded(emitted + i).flags)
+            }),
+            source("fragment.held", self.layers.len(), move |i, words| {
+                let (pixel, number) = self.layers[i];
+                let place = self.pixels[pixel as usize].0;
+                let slot = self.held(pixel).map_or(0, |held| {
+                    let layer = &held.layers[usize::from(number)];
+                    words.extend([place[0].into(), place[1].into(), layer.slot as i64, layer.depth]);
+                    words.extend(light(layer));
+                    layer.slot as u32
+                });
+                Key::of_pixel(place, slot, NONE, 0)
+            }),
+        ]
+    }
+
     /// What `fragment` asks and holds where it groups by depth.
     fn of_slots(&self) -> Vec<Source<'_>> {
         vec![
@@ -450,8 +504,13 @@ impl<'a> Transfers<'a> {
         i64::from(number) & ((1 << rtl_model::pipeline::ports::SHEET_BITS) - 1)
     }
 
-    /// A splat's colour, as it is drawn.
+    /// A splat's colour, as it is drawn: windows sum up the one that it has.
     fn rgb(&self, splat: u32) -> [i32; 3] {
+        if self.kind.windows { self.frame.splats[splat as usize].rgb } else { self.light(splat) }
+    }
+
+    /// A splat's own light, or its colour where it is not lit before it is drawn.
+    fn light(&self, splat: u32) -> [i32; 3] {
         let lit = self.observer.emitted.binary_search_by_key(&splat, |emitted| emitted.splat);
         lit.map_or(self.frame.splats[splat as usize].rgb, |place| self.observer.emitted[place].rgb)
     }

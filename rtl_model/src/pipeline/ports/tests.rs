@@ -6,7 +6,11 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
     let can = [m.ellipse.ellipsoid.is_some(), m.ellipse.ellipsoid.is_some(), m.sort.is_some(), m.fragment.sheets.is_some()];
     let all = (0..16u8).map(|bits| [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1));
     let kinds = all.filter(|kind| kind.iter().zip(can).all(|(wanted, can)| can || !wanted));
-    kinds.map(|[ellipsoids, preshaded, sorted, sheets]| Kind { ellipsoids, preshaded, sorted, sheets }).collect()
+    // A machine that groups by windows does so whatever it draws, and has all splats lit before.
+    let windows = m.fragment.window.is_some();
+    let kind =
+        |[ellipsoids, preshaded, sorted, sheets]: [bool; 4]| Kind { ellipsoids, preshaded: preshaded || windows, sorted, sheets, windows };
+    kinds.map(kind).collect()
 }
 
 /// All streams of all machines, and which of them a frame has.
@@ -57,7 +61,8 @@ fn what_discs_have_is_there_for_ellipsoids_too_but_what_sheets_replace() {
             let here = names(kind);
             let gone: Vec<&String> = discs.iter().filter(|name| !here.contains(name)).collect();
             assert!(kind == Kind::default() || here != discs, "{kind:?} has what discs have");
-            assert!(gone.iter().all(|name| kind.sheets && name.starts_with("fragment.")), "{kind:?} lacks {gone:?}");
+            let is_grouped = kind.sheets || kind.windows;
+            assert!(gone.iter().all(|name| is_grouped && name.starts_with("fragment.")), "{kind:?} lacks {gone:?}");
         }
     }
 }

@@ -1,10 +1,10 @@
 //! Ellipsoids: made-up cases of axes, of the sort, and of sheets: where a sheet changes, and where a pixel stops.
 
-use super::super::observer::{OUTCOMES, least_weight, outcome};
+use super::super::observer::{least_weight, outcome, outcomes};
 use super::{Maker, UNKNOWN, key, pixel_key};
 use rtl_model::frame::Each;
 use rtl_model::num::Format;
-use rtl_model::pipeline::ports;
+use rtl_model::pipeline::ports::{self, Kind};
 use rtl_model::pipeline::unit_replay::{self, Sheets};
 use rtl_model::units::fragment::sheets::Held;
 use rtl_model::units::fragment::{OPACITY, TILE_PX, WEIGHT};
@@ -256,7 +256,7 @@ impl Maker<'_> {
         let (tile, pixel) = tiles.of(at);
         let decision = tile.take(words.clone().try_into().unwrap_or_default(), &mut self.out.coverage);
         let after = tile.held(pixel).unwrap_or_default();
-        let (outcome, slot) = outcome(decision);
+        let [outcome, slot, _] = outcome(decision, 0);
         self.cover_sheet(before, after, words[3], outcome);
         self.push("fragment.out", vec![at[0], at[1], outcome.into(), slot.into()], pixel_key(at, input));
     }
@@ -264,7 +264,7 @@ impl Maker<'_> {
     fn cover_sheet(&mut self, before: Option<Held>, after: Held, sheet: i64, outcome: u8) {
         let Some(registers) = &self.frame.sheets else { return };
         let meet = &mut self.out.coverage;
-        meet.count("fragment", OUTCOMES[usize::from(outcome)]);
+        meet.count("fragment", outcomes(Kind::of(self.frame))[usize::from(outcome)]);
         let stopped = before.is_some_and(|before| before.stopped);
         meet.count_if(stopped, "fragment", "stopped before");
         meet.count_if(after.stopped && !stopped, "fragment", "stops");

@@ -16,6 +16,7 @@ pub fn constants(frame: &Frame) -> Vec<(&'static str, Vec<Vec<i64>>)> {
     words.extend(frame.background);
     words.extend(frame.ellipsoids.iter().flat_map(kernel));
     words.extend(frame.sheets.iter().flat_map(registers));
+    words.extend(frame.window.iter().map(|window| window.reach));
     let lights = frame.lighting.lights.iter().map(|light| {
         let half_way = light.half_way;
         [&light.direction[..], &[half_way.is_some().into()], &half_way.unwrap_or_default()].concat()

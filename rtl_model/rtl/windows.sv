@@ -1,0 +1,1041 @@
+// Windows: keeps at most `layers` slots a pixel as clusters of depth, and groups them into windows as late as it can. Twin of
+// units/fragment/window.rs.
+//
+//   s ->[ read the pixel ]->[ 1 a cluster spans it? ]-+- yes -> accumulate: sums += weight * attributes
+//                           [ 2 its surface closed? ]-+- yes -> late: over its front, under its back (windows_late); or inside of it
+//                           [ 3 slot free?          ]-+- yes -> insert, in the order of nearest depths
+//                                                     +- no --> 4 windows, a slot a cycle -> 5 evict | 6 sum a pair | 7 close the two deepest
+//   q -> shade -> a <-- what is closed
+//
+//   m <- what became of each contribution        h <- after the last one: the windows of all pixels, lit, each of them a layer
+//
+// A contribution is taken in one cycle, its pixel is there and is decided upon in the next, and HAZARD - 2 registers later it is written:
+// so the same pixel can be taken again after HAZARD cycles, any other one in the next cycle. What finds no slot free takes a cycle more for
+// each of the slots and its own, and one to judge; all of them share one quotient. What is blended, summed or closed keeps the unit for
+// MERGE_CYCLES cycles more, as the timing model has it, and for as long as shade takes.
+//
+// Losses: each sum is rounded once a contribution (fragment_sum); so is what two slots add up to, what is blended into a closed slot, and
+// each transmittance and quotient on the way.
+`timescale 1ns / 1ps
+`default_nettype none
+
+module windows #(
+    parameter int WIDTH = 16,  // columns of pixels that it keeps
+    parameter int HEIGHT = 16, // rows of pixels that it keeps
+    parameter ROMS = "rom/"    // folder of the tables, with its slash
+) (
+    input wire clk,                                               // everything happens at its rising edge
+    input wire rst,                                               // empties all pixels
+    // The frame's constants are every unit's: this one looks at its thresholds.
+    // verilator lint_off UNUSEDSIGNAL
+    input wire [machine_pkg::FRAME_W-1:0] frame,                  // constant while a frame is drawn
+    // verilator lint_on UNUSEDSIGNAL
+    input wire s_valid,                                           // a contribution is there
+    output wire s_ready,                                          // and is taken
+    input wire [machine_pkg::FRAGMENT_IN_W-1:0] s_data,           // the contribution
+    output wire m_valid,                                          // a decision is there
+    input wire m_ready,                                           // and is taken
+    output wire [machine_pkg::FRAGMENT_OUT_W-1:0] m_data,         // the decision
+    output wire q_valid,                                          // a slot wants to be shaded
+    input wire q_ready,                                           // and is taken
+    output wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] q_data,     // the slot
+    input wire a_valid,                                           // its light is there
+    output wire a_ready,                                          // and is taken
+    input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] a_data,       // the light
+    input wire drain,                                             // no contribution comes any more: hand out what is held
+    output wire drained,                                          // all is handed out and all pixels are empty, until drain falls
+    output wire h_valid,                                          // a layer, or a pixel that has none
+    input wire h_ready,                                           // and is taken
+    output wire h_last,                                           // it is its pixel's last
+    output wire h_empty,                                          // it is none: but for x and y it says nothing
+    output wire [machine_pkg::FRAGMENT_HELD_W-1:0] h_data         // the layer
+);
+  localparam int LAYERS = machine_pkg::FRAGMENT_LAYERS;
+  localparam int LIVE_W = $clog2(LAYERS + 1);
+  localparam int PIXELS = WIDTH * HEIGHT;
+  localparam int PIXEL_W = PIXELS > 1 ? $clog2(PIXELS) : 1;
+  localparam int X_W = machine_pkg::FRAGMENT_IN_X_W;
+  localparam int Y_W = machine_pkg::FRAGMENT_IN_Y_W;
+  localparam int SLOT_NUMBER_W = machine_pkg::FRAGMENT_OUT_SLOT_W;
+  localparam int HAZARD = machine_pkg::FRAGMENT_HAZARD;
+  localparam int MERGE_CYCLES = machine_pkg::FRAGMENT_MERGE_CYCLES;
+  localparam bit INTERVAL = machine_pkg::FRAGMENT_GROUP == machine_pkg::GROUP_INTERVAL;
+  localparam bit LATE = machine_pkg::FRAGMENT_LATE != 0;
+  localparam bit INSIDE = machine_pkg::FRAGMENT_INSIDE != 0;
+  localparam bit EVICTS = machine_pkg::FRAGMENT_EVICT_HIDDEN != 0;
+
+  localparam int GAUSS_W = machine_pkg::GAUSS_WEIGHT_W;
+  localparam int RGB_W = machine_pkg::SPLAT_RGB_W;
+  localparam int ALPHA_W = machine_pkg::SPLAT_OPACITY_W;
+  localparam int ALPHA_F = machine_pkg::SPLAT_OPACITY_F;
+  localparam int N_W = machine_pkg::FRAGMENT_NORMAL_W;
+  localparam int DENSITY_W = machine_pkg::FRAGMENT_WINDOW_DENSITY_W;
+  localparam int MATERIAL_W = machine_pkg::FRAGMENT_IN_MATERIAL_W;
+  localparam int DEPTH_W = machine_pkg::FRAGMENT_DEPTH_W;
+  localparam int DEPTH_F = machine_pkg::FRAGMENT_DEPTH_F;
+  localparam int WEIGHT_W = machine_pkg::FRAGMENT_WEIGHT_SUM_W;
+  localparam int WEIGHT_F = machine_pkg::FRAGMENT_WEIGHT_SUM_F;
+  localparam int COLOUR_W = machine_pkg::FRAGMENT_COLOUR_SUM_W;
+  localparam int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W;
+  localparam int OPACITY_F = machine_pkg::FRAGMENT_OPACITY_SUM_F;
+  localparam int NORMAL_W = machine_pkg::FRAGMENT_NORMAL_SUM_W;
+  localparam int DEPTHS_W = machine_pkg::FRAGMENT_WINDOW_DEPTH_SUM_W;
+  localparam int DEPTHS_F = machine_pkg::FRAGMENT_WINDOW_DEPTH_SUM_F;
+  localparam int THROUGH_W = machine_pkg::FRAGMENT_WINDOW_THROUGH_W;
+  localparam int THROUGH_F = machine_pkg::FRAGMENT_WINDOW_THROUGH_F;
+  localparam int PART_W = machine_pkg::FRAGMENT_WINDOW_PART_W;
+  localparam int PART_F = machine_pkg::FRAGMENT_WINDOW_PART_F;
+  localparam int SHARE_F = machine_pkg::FRAGMENT_WINDOW_SHARE_F;
+  localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
+  localparam int LIGHT_F = machine_pkg::SHADE_PREMULTIPLIED_F;
+  localparam [THROUGH_W-1:0] THROUGH_ONE = THROUGH_W'(1) << THROUGH_F;
+  localparam [PART_W-1:0] PART_ONE = PART_W'(1) << PART_F;
+  localparam [LIGHT_W-1:0] LIGHT_ONE = LIGHT_W'(1) << LIGHT_F;
+
+  // A slot: whether it is closed, its nearest and farthest depth, material, weight, colours and opacity; of an open one sums, of a closed
+  // one those of its light, and the weight is its front's. Then of an open one the sums of depths and normals; of a closed one the end of
+  // its front and the beginning of its back, the back's weight, and what is seen behind the front and before the back.
+  localparam int OPEN_W = DEPTHS_W + 3 * NORMAL_W;
+  localparam int SHUT_W = 2 * DEPTH_W + WEIGHT_W + 2 * THROUGH_W;
+  localparam int REST_W = OPEN_W > SHUT_W ? OPEN_W : SHUT_W;
+  localparam int DEPTHS = 3 * NORMAL_W;
+  localparam int BEHIND_FRONT = THROUGH_W;
+  localparam int BACK_WEIGHT = 2 * THROUGH_W;
+  localparam int BACK_NEAR = BACK_WEIGHT + WEIGHT_W;
+  localparam int FRONT_FAR = BACK_NEAR + DEPTH_W;
+  localparam int OPACITY = REST_W;
+  localparam int COLOURS = OPACITY + OPACITY_W;
+  localparam int WEIGHT = COLOURS + 3 * COLOUR_W;
+  localparam int MATERIAL = WEIGHT + WEIGHT_W;
+  localparam int FAR = MATERIAL + MATERIAL_W;
+  localparam int NEAR = FAR + DEPTH_W;
+  localparam int CLOSED = NEAR + DEPTH_W;
+  localparam int SLOT_W = CLOSED + 1;
+  localparam int SLOTS_W = LAYERS * SLOT_W;
+  // The slots and the fresh one.
+  localparam int PLACES = LAYERS + 1;
+  localparam int PLACE_W = $clog2(PLACES + 1);
+  localparam int STACK_W = PLACES * SLOT_W;
+  // Fronts and backs.
+  localparam int SIDES = 2 * LAYERS;
+
+  localparam int OUTCOME_W = machine_pkg::FRAGMENT_OUT_OUTCOME_W;
+  localparam [OUTCOME_W-1:0] ACCUMULATED = machine_pkg::OUTCOME_ACCUMULATED, INSERTED = machine_pkg::OUTCOME_INSERTED,
+      EVICTED = machine_pkg::OUTCOME_EVICTED, LATE_FRONT = machine_pkg::OUTCOME_LATE_FRONT, LATE_BACK = machine_pkg::OUTCOME_LATE_BACK,
+      LIES_INSIDE = machine_pkg::OUTCOME_INSIDE, SUMMED = machine_pkg::OUTCOME_SUMMED,
+      CLOSED_BEHIND = machine_pkg::OUTCOME_CLOSED_BEHIND, CLOSED_INSIDE = machine_pkg::OUTCOME_CLOSED_INSIDE;
+
+  // The slot of a stack that one bit says, or 0 where none does.
+  function [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
+    integer at;
+    begin
+      chosen = '0;
+      for (at = 0; at < PLACES; at = at + 1) if (choice[at]) chosen = chosen | stack[at*SLOT_W+:SLOT_W];
+    end
+  endfunction
+
+  // Which of the words that count is the least: one bit, of equals the first one's.
+  function [SIDES-1:0] least(input [SIDES-1:0] counts, input [SIDES*DEPTH_W-1:0] words);
+    integer at;
+    reg any;
+    reg [DEPTH_W-1:0] word;
+    begin
+      least = '0;
+      any = 1'b0;
+      word = '0;
+      for (at = 0; at < SIDES; at = at + 1) begin
+        if (counts[at] && (!any || words[at*DEPTH_W+:DEPTH_W] < word)) begin
+          least = SIDES'(1) << at;
+          any = 1'b1;
+          word = words[at*DEPTH_W+:DEPTH_W];
+        end
+      end
+    end
+  endfunction
+
+  // The number of one bit's place.
+  function [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
+    integer at;
+    begin
+      number = '0;
+      for (at = 0; at < PLACES; at = at + 1) if (choice[at]) number = number | SLOT_NUMBER_W'(at);
+    end
+  endfunction
+
+  // How many bits are set.
+  function [PLACE_W-1:0] count(input [PLACES-1:0] bits);
+    integer at;
+    begin
+      count = '0;
+      for (at = 0; at < PLACES; at = at + 1) count = count + PLACE_W'(bits[at]);
+    end
+  endfunction
+
+  function [DEPTH_W-1:0] nearer(input [DEPTH_W-1:0] one, input [DEPTH_W-1:0] other);
+    nearer = one < other ? one : other;
+  endfunction
+
+  function [DEPTH_W-1:0] farther(input [DEPTH_W-1:0] one, input [DEPTH_W-1:0] other);
+    farther = one > other ? one : other;
+  endfunction
+
+  // How far a depth lies outside of a span.
+  function [DEPTH_W-1:0] gap(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] z);
+    gap = z < near ? near - z : z > far ? z - far : '0;
+  endfunction
+
+  // Whether one closed slot lies behind the front of another and before its farthest depth.
+  function encloses(input [DEPTH_W-1:0] front_far, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] its_near, input [DEPTH_W-1:0] its_far);
+    encloses = INSIDE && front_far < its_near && its_far < far;
+  endfunction
+
+  // The greatest power of two, from 1 down to 2^-8, that what is seen reaches: one bit, the first for 1; none where it is less than all.
+  localparam int POWERS = 9;
+  function [POWERS-1:0] power_of(input [THROUGH_W-1:0] seen);
+    integer power;
+    begin
+      power_of = '0;
+      for (power = POWERS - 1; power >= 0; power = power - 1) begin
+        if (((THROUGH_W + POWERS)'(seen) << power) >= (THROUGH_W + POWERS)'(THROUGH_ONE)) power_of = POWERS'(1) << power;
+      end
+    end
+  endfunction
+
+  wire [DEPTH_W-1:0] z_threshold = frame[machine_pkg::FRAME_Z_THRESHOLD_LSB+:DEPTH_W];
+  wire [DEPTH_W-1:0] reach = INTERVAL ? z_threshold : frame[machine_pkg::FRAME_REACH_LSB+:DEPTH_W];
+  wire [WEIGHT_W-1:0] coverage_threshold = frame[machine_pkg::FRAME_COVERAGE_THRESHOLD_LSB+:WEIGHT_W];
+
+  // Read: the pixel of a contribution, or in the end one after the other.
+
+  wire take = s_valid && s_ready;
+  wire [X_W-1:0] s_x = s_data[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
+  wire [Y_W-1:0] s_y = s_data[machine_pkg::FRAGMENT_IN_Y_LSB+:Y_W];
+  wire walk_on;
+  logic walking;
+  logic [X_W-1:0] next_x;
+  logic [Y_W-1:0] next_y;
+  wire read = take || walk_on;
+  wire [X_W-1:0] read_x = walking ? next_x : s_x;
+  wire [Y_W-1:0] read_y = walking ? next_y : s_y;
+  wire [PIXEL_W-1:0] read_pixel = PIXEL_W'((X_W + Y_W)'(read_y) * (X_W + Y_W)'(WIDTH) + (X_W + Y_W)'(read_x));
+
+  // How many slots are in use, and the slots.
+  localparam int STATE_W = LIVE_W + SLOTS_W;
+  wire write;
+  wire [PIXEL_W-1:0] write_pixel;
+  wire [STATE_W-1:0] write_state;
+
+  // A memory cannot be emptied at once: which pixels have been touched at all is kept in registers.
+  logic [STATE_W-1:0] memory[0:PIXELS-1];
+  logic [STATE_W-1:0] out;
+  logic [PIXELS-1:0] touched;
+  logic touched_out;
+  wire empty_all;
+  always_ff @(posedge clk) begin
+    if (write) memory[write_pixel] <= write_state;
+    if (read) out <= memory[read_pixel];
+    if (read) touched_out <= touched[read_pixel];
+    if (rst || empty_all) touched <= '0;
+    else if (write) touched[write_pixel] <= 1'b1;
+  end
+
+  // With a hazard of 1 a pixel is read in the cycle in which it is written.
+  wire [STATE_W-1:0] state;
+  if (HAZARD == 1) begin : g_forward
+    logic [STATE_W-1:0] late_state;
+    logic late_one;
+    always_ff @(posedge clk) begin
+      if (read) begin
+        late_one <= write && write_pixel == read_pixel;
+        late_state <= write_state;
+      end
+    end
+    assign state = late_one ? late_state : touched_out ? out : '0;
+  end else begin : g_stall
+    assign state = touched_out ? out : '0;
+  end
+  wire [SLOTS_W-1:0] held = state[SLOTS_W-1:0];
+  wire [LIVE_W-1:0] live = state[SLOTS_W+:LIVE_W];
+
+  // Contribute: the contribution, and its pixel as it is.
+
+  logic taken;
+  logic [machine_pkg::FRAGMENT_IN_W-1:0] contribution;
+  logic [PIXEL_W-1:0] pixel;
+  wire leave;
+  always_ff @(posedge clk) begin
+    taken <= !rst && (take || taken && !leave);
+    if (take) contribution <= s_data;
+    if (take) pixel <= read_pixel;
+  end
+
+  wire [X_W-1:0] x = contribution[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
+  wire [Y_W-1:0] y = contribution[machine_pkg::FRAGMENT_IN_Y_LSB+:Y_W];
+  wire [GAUSS_W-1:0] weight = contribution[machine_pkg::FRAGMENT_IN_WEIGHT_LSB+:GAUSS_W];
+  wire [ALPHA_W-1:0] opacity = contribution[machine_pkg::FRAGMENT_IN_OPACITY_LSB+:ALPHA_W];
+  wire [3*RGB_W-1:0] colour = contribution[machine_pkg::FRAGMENT_IN_BLUE_LSB+:3*RGB_W];
+  wire [3*N_W-1:0] normal = contribution[machine_pkg::FRAGMENT_IN_NORMAL_Z_LSB+:3*N_W];
+  wire [MATERIAL_W-1:0] material = contribution[machine_pkg::FRAGMENT_IN_MATERIAL_LSB+:MATERIAL_W];
+  wire [3*RGB_W-1:0] own_light = contribution[machine_pkg::FRAGMENT_IN_LIGHT_B_LSB+:3*RGB_W];
+  wire [DENSITY_W-1:0] density = contribution[machine_pkg::FRAGMENT_IN_DENSITY_LSB+:DENSITY_W];
+  wire [DEPTH_W-1:0] z;
+  fit #(
+      .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
+      .PLACES(machine_pkg::RASTER_EXACT_DEPTH_F - DEPTH_F),
+      .W(DEPTH_W),
+      .S(machine_pkg::FRAGMENT_DEPTH_S),
+      .ROUND(machine_pkg::FRAGMENT_DEPTH_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_DEPTH_WRAP)
+  ) fit_depth (
+      .exact($signed(contribution[machine_pkg::FRAGMENT_IN_DEPTH_LSB+:machine_pkg::FRAGMENT_IN_DEPTH_W])),
+      .word(z)
+  );
+
+  // 1, 2: the first of the nearest open slots that it joins; of the nearest sides that it is late for; and the last slot around it.
+  wire [LAYERS-1:0] there, joins_open, lies_in;
+  wire [SIDES-1:0] late_sides;
+  wire [LAYERS*DEPTH_W-1:0] open_gaps;
+  wire [SIDES*DEPTH_W-1:0] side_gaps;
+  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_match
+    wire [SLOT_W-1:0] its = held[slot*SLOT_W+:SLOT_W];
+    wire [DEPTH_W-1:0] near = its[NEAR+:DEPTH_W];
+    wire [DEPTH_W-1:0] far = its[FAR+:DEPTH_W];
+    wire [DEPTH_W-1:0] front_far = its[FRONT_FAR+:DEPTH_W];
+    wire [DEPTH_W-1:0] back_near = its[BACK_NEAR+:DEPTH_W];
+    wire [DEPTH_W-1:0] apart = gap(near, far, z);
+    wire closed = there[slot] && its[CLOSED];
+    assign there[slot] = live > LIVE_W'(slot);
+    assign open_gaps[slot*DEPTH_W+:DEPTH_W] = apart;
+    assign joins_open[slot] = there[slot] && !its[CLOSED] && (apart == '0 || farther(far, z) - nearer(near, z) < reach);
+    assign side_gaps[2*slot*DEPTH_W+:2*DEPTH_W] = {gap(back_near, far, z), gap(near, front_far, z)};
+    assign late_sides[2*slot] = LATE && closed && farther(front_far, z) - nearer(near, z) < z_threshold;
+    assign late_sides[2*slot+1] = LATE && closed && farther(far, z) - nearer(back_near, z) < z_threshold;
+    assign lies_in[slot] = INSIDE && closed && near < z && z < far;
+  end
+  wire [LAYERS-1:0] found = LAYERS'(least(SIDES'(joins_open), (SIDES * DEPTH_W)'(open_gaps)));
+  wire [SIDES-1:0] late_side = least(late_sides, side_gaps);
+  wire [LAYERS-1:0] late_front, late_back, around;
+  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_side
+    assign {late_back[slot], late_front[slot]} = late_side[2*slot+:2];
+    // The last of those that it lies in: none behind it.
+    assign around[slot] = lies_in[slot] && (lies_in >> (slot + 1)) == '0;
+  end
+  wire matched = found != '0;
+  wire is_late = !matched && late_side != '0;
+  wire is_inside = !matched && !is_late && around != '0;
+  wire full = there[LAYERS-1];
+
+  // Accumulate: the sums of what was found, or of a fresh slot.
+  // A slot goes about as a whole, whatever is looked at of it.
+  // verilator lint_off UNUSEDSIGNAL
+  wire [SLOT_W-1:0] was = chosen({1'b0, found}, {SLOT_W'(0), held});
+  // verilator lint_on UNUSEDSIGNAL
+  wire [SLOT_W-1:0] becomes;
+  wire [DEPTHS_W-1:0] depths_become;
+  wire [3*NORMAL_W-1:0] normals_become;
+  fragment_sum #(
+      .ATTRIBUTE_W(1),
+      .W(WEIGHT_W),
+      .F(WEIGHT_F),
+      .S(machine_pkg::FRAGMENT_WEIGHT_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_WEIGHT_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_WEIGHT_SUM_WRAP)
+  ) weight_sum (
+      .sum(was[WEIGHT+:WEIGHT_W]),
+      .weight(weight),
+      .attribute(1'b1),
+      .next(becomes[WEIGHT+:WEIGHT_W])
+  );
+  fragment_sum #(
+      .ATTRIBUTE_W(ALPHA_W),
+      .ATTRIBUTE_F(ALPHA_F),
+      .ATTRIBUTE_S(machine_pkg::SPLAT_OPACITY_S),
+      .W(OPACITY_W),
+      .F(OPACITY_F),
+      .S(machine_pkg::FRAGMENT_OPACITY_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_OPACITY_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_OPACITY_SUM_WRAP)
+  ) opacity_sum (
+      .sum(was[OPACITY+:OPACITY_W]),
+      .weight(weight),
+      .attribute(opacity),
+      .next(becomes[OPACITY+:OPACITY_W])
+  );
+  fragment_sum #(
+      .ATTRIBUTE_W(DEPTH_W),
+      .ATTRIBUTE_F(DEPTH_F),
+      .W(DEPTHS_W),
+      .F(DEPTHS_F),
+      .S(machine_pkg::FRAGMENT_WINDOW_DEPTH_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_WINDOW_DEPTH_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_WINDOW_DEPTH_SUM_WRAP)
+  ) depth_sum (
+      .sum(was[DEPTHS+:DEPTHS_W]),
+      .weight(weight),
+      .attribute(z),
+      .next(depths_become)
+  );
+  for (genvar part = 0; part < 3; part++) begin : g_accumulate
+    fragment_sum #(
+        .ATTRIBUTE_W(RGB_W),
+        .ATTRIBUTE_F(machine_pkg::SPLAT_RGB_F),
+        .ATTRIBUTE_S(machine_pkg::SPLAT_RGB_S),
+        .W(COLOUR_W),
+        .F(machine_pkg::FRAGMENT_COLOUR_SUM_F),
+        .S(machine_pkg::FRAGMENT_COLOUR_SUM_S),
+        .ROUND(machine_pkg::FRAGMENT_COLOUR_SUM_ROUND),
+        .WRAP(machine_pkg::FRAGMENT_COLOUR_SUM_WRAP)
+    ) colour_sum (
+        .sum(was[COLOURS+part*COLOUR_W+:COLOUR_W]),
+        .weight(weight),
+        .attribute(colour[part*RGB_W+:RGB_W]),
+        .next(becomes[COLOURS+part*COLOUR_W+:COLOUR_W])
+    );
+    fragment_sum #(
+        .ATTRIBUTE_W(N_W),
+        .ATTRIBUTE_F(machine_pkg::FRAGMENT_NORMAL_F),
+        .ATTRIBUTE_S(machine_pkg::FRAGMENT_NORMAL_S),
+        .W(NORMAL_W),
+        .F(machine_pkg::FRAGMENT_NORMAL_SUM_F),
+        .S(machine_pkg::FRAGMENT_NORMAL_SUM_S),
+        .ROUND(machine_pkg::FRAGMENT_NORMAL_SUM_ROUND),
+        .WRAP(machine_pkg::FRAGMENT_NORMAL_SUM_WRAP)
+    ) normal_sum (
+        .sum(was[part*NORMAL_W+:NORMAL_W]),
+        .weight(weight),
+        .attribute(normal[part*N_W+:N_W]),
+        .next(normals_become[part*NORMAL_W+:NORMAL_W])
+    );
+  end
+  assign becomes[CLOSED] = 1'b0;
+  assign becomes[NEAR+:DEPTH_W] = matched ? nearer(was[NEAR+:DEPTH_W], z) : z;
+  assign becomes[FAR+:DEPTH_W] = matched ? farther(was[FAR+:DEPTH_W], z) : z;
+  assign becomes[MATERIAL+:MATERIAL_W] = matched ? was[MATERIAL+:MATERIAL_W] : material;
+  assign becomes[REST_W-1:0] = REST_W'({depths_become, normals_become});
+
+  // 3: all in the order of their nearest depths. Stable: the fresh one, the last, comes after its equals.
+  wire [PLACES-1:0] stacked = {taken, there};
+  wire [STACK_W-1:0] unsorted = {becomes, held};
+  wire [PLACES*PLACES-1:0] comes;
+  wire [PLACES-1:0] fresh_place;
+  for (genvar one = 0; one < PLACES; one++) begin : g_rank
+    wire [DEPTH_W-1:0] its_depth = unsorted[one*SLOT_W+NEAR+:DEPTH_W];
+    wire [PLACES-1:0] in_front;
+    for (genvar other = 0; other < PLACES; other++) begin : g_in_front
+      wire [DEPTH_W-1:0] other_depth = unsorted[other*SLOT_W+NEAR+:DEPTH_W];
+      assign in_front[other] = stacked[other] && (other_depth < its_depth || other_depth == its_depth && other < one);
+    end
+    wire [PLACE_W-1:0] rank = count(in_front);
+    for (genvar place = 0; place < PLACES; place++) begin : g_place
+      assign comes[place*PLACES+one] = stacked[one] && rank == PLACE_W'(place);
+      if (one == LAYERS) begin : g_fresh
+        assign fresh_place[place] = rank == PLACE_W'(place);
+      end
+    end
+  end
+  wire [STACK_W-1:0] sorted;
+  for (genvar place = 0; place < PLACES; place++) begin : g_sorted
+    assign sorted[place*SLOT_W+:SLOT_W] = chosen(comes[place*PLACES+:PLACES], unsorted);
+  end
+
+  // What takes several cycles has its slots here: an overflow, and the windows of a pixel in the end.
+  localparam [1:0] DECIDES = 2'd0, WALKS = 2'd1, JUDGES = 2'd2;
+  localparam [1:0] FORMS = 2'd0, LIGHTS = 2'd1, PUTS = 2'd2, OFFERS = 2'd3;
+  logic [1:0] phase;
+  logic [1:0] ends;
+  logic busy;
+  logic [STACK_W-1:0] stack;
+  logic [SLOT_NUMBER_W-1:0] place;
+  logic [PLACE_W-1:0] step;
+  wire loads;
+  wire steps;
+  wire deciding = taken && phase == DECIDES;
+  wire judging = taken && phase == JUDGES;
+  wire overflows = !matched && !is_late && !is_inside && full;
+  always_ff @(posedge clk) begin
+    if (rst || leave) phase <= DECIDES;
+    else if (deciding && overflows) phase <= WALKS;
+    else if (phase == WALKS && step == PLACE_W'(LAYERS)) phase <= JUDGES;
+    if (deciding || loads) begin
+      stack <= sorted;
+      place <= number(fresh_place);
+      step <= '0;
+    end else if (phase == WALKS || steps) step <= step + PLACE_W'(1);
+  end
+  wire [PLACES-1:0] at_step = PLACES'(1) << step;
+  wire [SLOT_W-1:0] slot_now = chosen(at_step, stack);
+  wire [DEPTH_W-1:0] near_now = slot_now[NEAR+:DEPTH_W];
+
+  // 4: whether it joins the window before it: its mean depth lies before the window's end.
+  localparam int ENDS_F = WEIGHT_F + DEPTH_F;
+  localparam int MEAN_UP = ENDS_F > DEPTHS_F ? ENDS_F - DEPTHS_F : 0;
+  localparam int ENDS_UP = DEPTHS_F > ENDS_F ? DEPTHS_F - ENDS_F : 0;
+  localparam int MEAN_W = WEIGHT_W + DEPTH_W + 1 + ENDS_UP > DEPTHS_W + MEAN_UP ? WEIGHT_W + DEPTH_W + 1 + ENDS_UP : DEPTHS_W + MEAN_UP;
+  logic growing;
+  logic [DEPTH_W-1:0] start;
+  logic [PLACE_W-1:0] first;
+  wire [WEIGHT_W-1:0] weight_now = slot_now[WEIGHT+:WEIGHT_W];
+  wire [DEPTH_W:0] end_of_window = (DEPTH_W + 1)'(start) + (DEPTH_W + 1)'(z_threshold);
+  wire [MEAN_W-1:0] mean = MEAN_W'(slot_now[DEPTHS+:DEPTHS_W]) << MEAN_UP;
+  wire [MEAN_W-1:0] least_beyond = (MEAN_W'(weight_now) * MEAN_W'(end_of_window)) << ENDS_UP;
+  wire joins = growing && !slot_now[CLOSED] && (weight_now == '0 ? (DEPTH_W + 1)'(near_now) < end_of_window : mean < least_beyond);
+  wire [PLACE_W-1:0] first_now = joins ? first : step;
+  wire [DEPTH_W-1:0] start_now = joins ? start : near_now;
+
+  // What is seen: of a window through those before it, and of a slot through the closed ones before it.
+  wire [PART_W-1:0] part;
+  logic [THROUGH_W-1:0] through;
+  logic [WEIGHT_W+3:0] window_weight;
+  logic [OPACITY_W+3:0] window_opacity;
+  wire [THROUGH_W-1:0] through_window;
+  wire [PART_W-1:0] clear_part = PART_ONE - part;
+  wire signed [THROUGH_W+PART_W+1:0] exact_through = $signed({1'b0, through}) * $signed({1'b0, clear_part});
+  fit #(
+      .IN_W(THROUGH_W + PART_W + 2),
+      .PLACES(PART_F),
+      .W(THROUGH_W),
+      .S(0),
+      .ROUND(machine_pkg::FRAGMENT_WINDOW_THROUGH_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_WINDOW_THROUGH_WRAP)
+  ) fit_through (
+      .exact(exact_through),
+      .word(through_window)
+  );
+  wire [THROUGH_W-1:0] through_now = growing && !joins ? through_window : through;
+  for (genvar earlier = 0; earlier < LAYERS; earlier++) begin : g_seen
+    wire [SLOT_W-1:0] its = stack[earlier*SLOT_W+:SLOT_W];
+    wire [4*LIGHT_W-1:0] lit;
+    wire [THROUGH_W-1:0] rest, seen_fitted;
+    fragment_read read_slot (.colours(its[COLOURS+:3*COLOUR_W]), .opacity(its[OPACITY+:OPACITY_W]), .lit(lit));
+    windows_rest of_light (.opacity(lit[LIGHT_W-1:0]), .through(rest));
+    wire unused_colours = &{1'b0, lit[4*LIGHT_W-1:LIGHT_W]};
+    wire [THROUGH_W-1:0] behind = near_now < its[FAR+:DEPTH_W] ? its[BEHIND_FRONT+:THROUGH_W] : rest;
+    wire [THROUGH_W-1:0] seen_so_far, seen_on;
+    if (earlier == 0) begin : g_first
+      assign seen_so_far = through_now;
+    end else begin : g_next
+      assign seen_so_far = g_seen[earlier-1].seen_on;
+    end
+    wire signed [2*THROUGH_W+1:0] exact = $signed({1'b0, seen_so_far}) * $signed({1'b0, behind});
+    fit #(
+        .IN_W(2 * THROUGH_W + 2),
+        .PLACES(THROUGH_F),
+        .W(THROUGH_W),
+        .S(0),
+        .ROUND(machine_pkg::FRAGMENT_WINDOW_THROUGH_ROUND),
+        .WRAP(machine_pkg::FRAGMENT_WINDOW_THROUGH_WRAP)
+    ) fit_seen (
+        .exact(exact),
+        .word(seen_fitted)
+    );
+    assign seen_on = PLACE_W'(earlier) < step && its[CLOSED] ? seen_fitted : seen_so_far;
+  end
+  logic [PLACES*PLACE_W-1:0] firsts;
+  // Where the deepest window starts matters to no pair.
+  // verilator lint_off UNUSEDSIGNAL
+  logic [PLACES*DEPTH_W-1:0] starts;
+  // verilator lint_on UNUSEDSIGNAL
+  logic [PLACES*POWERS-1:0] powers;
+  always_ff @(posedge clk) begin
+    if (deciding || loads) begin
+      growing <= 1'b0;
+      through <= THROUGH_ONE;
+    end else if (phase == WALKS) begin
+      growing <= !slot_now[CLOSED];
+      through <= through_now;
+    end else if (steps) growing <= 1'b1;
+    else if (walking && ends == LIGHTS) growing <= 1'b0;
+    if (phase == WALKS || steps) begin
+      first <= first_now;
+      start <= start_now;
+      window_weight <= (joins ? window_weight : '0) + (WEIGHT_W + 4)'(weight_now);
+      window_opacity <= (joins ? window_opacity : '0) + (OPACITY_W + 4)'(slot_now[OPACITY+:OPACITY_W]);
+    end
+    if (phase == WALKS) begin
+      firsts[step*PLACE_W+:PLACE_W] <= first_now;
+      starts[step*DEPTH_W+:DEPTH_W] <= start_now;
+      powers[step*POWERS+:POWERS] <= power_of(g_seen[LAYERS-1].seen_on);
+    end
+  end
+
+  // 5: whether nothing is seen of the deepest.
+  wire evicts = EVICTS && powers[LAYERS*POWERS+:POWERS] == '0;
+
+  // 6: the pair that costs least, of equals the one nearer to the eye.
+  localparam int COST_W = 2 * DEPTH_W + 2 + POWERS - 1;
+  function [COST_W-1:0] times_power(input [COST_W-1:0] whole, input [POWERS-1:0] power);
+    integer at;
+    begin
+      times_power = '0;
+      for (at = 0; at < POWERS; at = at + 1) if (power[at]) times_power = times_power | (whole << (POWERS - 1 - at));
+    end
+  endfunction
+  wire [LAYERS-1:0] may_sum;
+  wire [LAYERS*COST_W-1:0] costs;
+  for (genvar front = 0; front < LAYERS; front++) begin : g_cost
+    wire [SLOT_W-1:0] a = stack[front*SLOT_W+:SLOT_W];
+    wire [SLOT_W-1:0] b = stack[(front+1)*SLOT_W+:SLOT_W];
+    wire [DEPTH_W-1:0] far = farther(a[FAR+:DEPTH_W], b[FAR+:DEPTH_W]);
+    wire [DEPTH_W-1:0] width = far - a[NEAR+:DEPTH_W];
+    wire of_one = firsts[front*PLACE_W+:PLACE_W] == firsts[(front+1)*PLACE_W+:PLACE_W];
+    wire [DEPTH_W:0] reaches = (DEPTH_W + 1)'(z_threshold) + (DEPTH_W + 1)'(far - starts[front*DEPTH_W+:DEPTH_W]);
+    wire [COST_W-1:0] whole = of_one ? COST_W'(width) * COST_W'(reaches) : (COST_W'(z_threshold) * COST_W'(z_threshold)) << 1;
+    assign costs[front*COST_W+:COST_W] = times_power(whole, powers[front*POWERS+:POWERS]);
+    assign may_sum[front] = !INTERVAL && !a[CLOSED] && !b[CLOSED] && width < z_threshold;
+  end
+  function [LAYERS-1:0] cheapest(input [LAYERS-1:0] counts, input [LAYERS*COST_W-1:0] words);
+    integer at;
+    reg any;
+    reg [COST_W-1:0] word;
+    begin
+      cheapest = '0;
+      any = 1'b0;
+      word = '0;
+      for (at = 0; at < LAYERS; at = at + 1) begin
+        if (counts[at] && (!any || words[at*COST_W+:COST_W] < word)) begin
+          cheapest = LAYERS'(1) << at;
+          any = 1'b1;
+          word = words[at*COST_W+:COST_W];
+        end
+      end
+    end
+  endfunction
+  wire [LAYERS-1:0] pair = cheapest(may_sum, costs);
+  wire sums_up = !evicts && pair != '0;
+
+  // Two open slots in one: a pair, or in the end a window and the slot that joins it.
+  logic [SLOT_W-1:0] window;
+  // verilator lint_off UNUSEDSIGNAL
+  wire [SLOT_W-1:0] addend = walking ? window : chosen({1'b0, pair}, stack);
+  wire [SLOT_W-1:0] adder = walking ? slot_now : chosen({pair, 1'b0}, stack);
+  // verilator lint_on UNUSEDSIGNAL
+  wire [SLOT_W-1:0] summed;
+  wire [DEPTHS_W-1:0] depths_summed;
+  wire [3*NORMAL_W-1:0] normals_summed;
+  windows_sum #(
+      .W(WEIGHT_W),
+      .S(machine_pkg::FRAGMENT_WEIGHT_SUM_S),
+      .WRAP(machine_pkg::FRAGMENT_WEIGHT_SUM_WRAP)
+  ) weight_of_two (
+      .one(addend[WEIGHT+:WEIGHT_W]),
+      .other(adder[WEIGHT+:WEIGHT_W]),
+      .sum(summed[WEIGHT+:WEIGHT_W])
+  );
+  windows_sum #(
+      .W(OPACITY_W),
+      .S(machine_pkg::FRAGMENT_OPACITY_SUM_S),
+      .WRAP(machine_pkg::FRAGMENT_OPACITY_SUM_WRAP)
+  ) opacity_of_two (
+      .one(addend[OPACITY+:OPACITY_W]),
+      .other(adder[OPACITY+:OPACITY_W]),
+      .sum(summed[OPACITY+:OPACITY_W])
+  );
+  windows_sum #(
+      .W(DEPTHS_W),
+      .S(machine_pkg::FRAGMENT_WINDOW_DEPTH_SUM_S),
+      .WRAP(machine_pkg::FRAGMENT_WINDOW_DEPTH_SUM_WRAP)
+  ) depth_of_two (
+      .one(addend[DEPTHS+:DEPTHS_W]),
+      .other(adder[DEPTHS+:DEPTHS_W]),
+      .sum(depths_summed)
+  );
+  for (genvar lane = 0; lane < 3; lane++) begin : g_of_two
+    windows_sum #(
+        .W(COLOUR_W),
+        .S(machine_pkg::FRAGMENT_COLOUR_SUM_S),
+        .WRAP(machine_pkg::FRAGMENT_COLOUR_SUM_WRAP)
+    ) colour_of_two (
+        .one(addend[COLOURS+lane*COLOUR_W+:COLOUR_W]),
+        .other(adder[COLOURS+lane*COLOUR_W+:COLOUR_W]),
+        .sum(summed[COLOURS+lane*COLOUR_W+:COLOUR_W])
+    );
+    windows_sum #(
+        .W(NORMAL_W),
+        .S(machine_pkg::FRAGMENT_NORMAL_SUM_S),
+        .WRAP(machine_pkg::FRAGMENT_NORMAL_SUM_WRAP)
+    ) normal_of_two (
+        .one(addend[lane*NORMAL_W+:NORMAL_W]),
+        .other(adder[lane*NORMAL_W+:NORMAL_W]),
+        .sum(normals_summed[lane*NORMAL_W+:NORMAL_W])
+    );
+  end
+  assign summed[CLOSED] = 1'b0;
+  assign summed[NEAR+:DEPTH_W] = nearer(addend[NEAR+:DEPTH_W], adder[NEAR+:DEPTH_W]);
+  assign summed[FAR+:DEPTH_W] = farther(addend[FAR+:DEPTH_W], adder[FAR+:DEPTH_W]);
+  assign summed[MATERIAL+:MATERIAL_W] = addend[MATERIAL+:MATERIAL_W];
+  assign summed[REST_W-1:0] = REST_W'({depths_summed, normals_summed});
+
+  // 7: the two deepest are shaded, the back one first, once each; in the end each window.
+  wire closes = judging && !evicts && !sums_up;
+  wire [SLOT_W-1:0] deepest = stack[LAYERS*SLOT_W+:SLOT_W];
+  wire [SLOT_W-1:0] shaded = walking ? window : stack[(LAYERS-1)*SLOT_W+:SLOT_W];
+  wire ask_back = !deepest[CLOSED];
+  wire ask_front = !shaded[CLOSED];
+  logic asked_back, asked_front, here_back;
+  logic [machine_pkg::FRAGMENT_ANSWER_W-1:0] light_back;
+  wire lighting = walking && busy && ends == LIGHTS;
+  wire asks_back = closes && ask_back && !asked_back;
+  wire asks_front = (closes || lighting) && ask_front && !asked_front;
+  assign q_valid = asks_back || asks_front;
+  // verilator lint_off UNUSEDSIGNAL
+  wire [SLOT_W-1:0] asked = asks_back ? deepest : shaded;
+  // verilator lint_on UNUSEDSIGNAL
+  // Weight, colours and opacity lie side by side.
+  assign q_data = {asked[MATERIAL-1:OPACITY], asked[3*NORMAL_W-1:0], asked[MATERIAL+:MATERIAL_W]};
+
+  // An answer is the back one's as long as that is missing.
+  wire awaits_back = closes && ask_back && !here_back;
+  wire complete = awaits_back ? a_valid && !ask_front : a_valid || !ask_front;
+  wire lit_up = lighting && (a_valid || !ask_front);
+  assign a_ready = lighting || closes && (awaits_back && ask_front || leave && (awaits_back || ask_front));
+  always_ff @(posedge clk) begin
+    if (rst || leave || lit_up) begin
+      asked_back <= 1'b0;
+      asked_front <= 1'b0;
+      here_back <= 1'b0;
+    end else begin
+      if (q_valid && q_ready) begin
+        if (asks_back) asked_back <= 1'b1;
+        else asked_front <= 1'b1;
+      end
+      if (closes && a_valid && a_ready) here_back <= 1'b1;
+    end
+    if (a_valid && a_ready) light_back <= a_data;
+  end
+  // verilator lint_off UNUSEDSIGNAL
+  wire [SLOT_W-1:0] shut_back, shut_front;
+  // verilator lint_on UNUSEDSIGNAL
+  windows_close #(
+      .SLOT_W(SLOT_W),
+      .REST_W(REST_W)
+  ) close_back (
+      .slot(deepest),
+      .light(here_back ? light_back : a_data),
+      .shut(shut_back)
+  );
+  windows_close #(
+      .SLOT_W(SLOT_W),
+      .REST_W(REST_W)
+  ) close_front (
+      .slot(shaded),
+      .light(a_data),
+      .shut(shut_front)
+  );
+
+  // One closed slot behind another.
+  wire [4*LIGHT_W-1:0] over, under;
+  fragment_read read_over (.colours(shut_front[COLOURS+:3*COLOUR_W]), .opacity(shut_front[OPACITY+:OPACITY_W]), .lit(over));
+  fragment_read read_under (.colours(shut_back[COLOURS+:3*COLOUR_W]), .opacity(shut_back[OPACITY+:OPACITY_W]), .lit(under));
+  wire [SLOT_W-1:0] behind;
+  for (genvar channel = 0; channel < 3; channel++) begin : g_blend
+    fragment_over #(
+        .W(COLOUR_W),
+        .F(machine_pkg::FRAGMENT_COLOUR_SUM_F),
+        .S(machine_pkg::FRAGMENT_COLOUR_SUM_S),
+        .ROUND(machine_pkg::FRAGMENT_COLOUR_SUM_ROUND),
+        .WRAP(machine_pkg::FRAGMENT_COLOUR_SUM_WRAP)
+    ) blend_colour (
+        .front(over[(channel+1)*LIGHT_W+:LIGHT_W]),
+        .back(under[(channel+1)*LIGHT_W+:LIGHT_W]),
+        .opacity(over[LIGHT_W-1:0]),
+        .word(behind[COLOURS+channel*COLOUR_W+:COLOUR_W])
+    );
+  end
+  fragment_over #(
+      .W(OPACITY_W),
+      .F(OPACITY_F),
+      .S(machine_pkg::FRAGMENT_OPACITY_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_OPACITY_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_OPACITY_SUM_WRAP)
+  ) blend_opacity (
+      .front(over[LIGHT_W-1:0]),
+      .back(under[LIGHT_W-1:0]),
+      .opacity(over[LIGHT_W-1:0]),
+      .word(behind[OPACITY+:OPACITY_W])
+  );
+  wire [LIGHT_W-1:0] clear_over = over[LIGHT_W-1:0] > LIGHT_ONE ? '0 : LIGHT_ONE - over[LIGHT_W-1:0];
+  wire [THROUGH_W-1:0] before_back;
+  windows_dimmed dimmed (.through(shut_back[THROUGH_W-1:0]), .clear(clear_over), .next(before_back));
+  // Its back is that of the deeper one, if that ends behind it.
+  wire ends_behind = shut_back[FAR+:DEPTH_W] > shut_front[FAR+:DEPTH_W];
+  assign behind[CLOSED] = 1'b1;
+  assign behind[NEAR+:DEPTH_W] = shut_front[NEAR+:DEPTH_W];
+  assign behind[FAR+:DEPTH_W] = ends_behind ? shut_back[FAR+:DEPTH_W] : shut_front[FAR+:DEPTH_W];
+  assign behind[MATERIAL-1:WEIGHT] = shut_front[MATERIAL-1:WEIGHT];
+  assign behind[MATERIAL+:MATERIAL_W] = shut_front[MATERIAL+:MATERIAL_W];
+  assign behind[REST_W-1:0] = REST_W'({
+    shut_front[FRONT_FAR+:DEPTH_W],
+    ends_behind ? shut_back[BACK_WEIGHT+:DEPTH_W+WEIGHT_W] : shut_front[BACK_WEIGHT+:DEPTH_W+WEIGHT_W],
+    shut_front[BEHIND_FRONT+:THROUGH_W],
+    ends_behind ? before_back : shut_front[THROUGH_W-1:0]
+  });
+
+  // The quotient: of a window's opacity, of a late contribution, and of what lies inside.
+  localparam int NINE_W = (WEIGHT_W > OPACITY_W ? WEIGHT_W : OPACITY_W) + 4;
+  localparam int OF_LATE_W = WEIGHT_W + ALPHA_W + ALPHA_F;
+  localparam int OF_INSIDE_W = LIGHT_W + THROUGH_W;
+  localparam int BOTH_W = NINE_W > OF_LATE_W ? NINE_W : OF_LATE_W;
+  localparam int QUOTIENT_W = BOTH_W > OF_INSIDE_W ? BOTH_W : OF_INSIDE_W;
+  localparam int PLACES_W = 9;
+  localparam signed [PLACES_W-1:0] OF_WINDOW = PLACES_W'(OPACITY_F - SHARE_F - WEIGHT_F), OF_LATE = PLACES_W'(-SHARE_F),
+      OF_INSIDE = PLACES_W'(THROUGH_F - SHARE_F);
+  wire [QUOTIENT_W-1:0] numerator_late, denominator_late, numerator_inside, denominator_inside;
+  wire [QUOTIENT_W-1:0] most = QUOTIENT_W'(window_weight) > QUOTIENT_W'(coverage_threshold)
+      ? QUOTIENT_W'(window_weight) : QUOTIENT_W'(coverage_threshold);
+  wire is_window = phase == WALKS;
+  wire is_late_one = deciding && is_late;
+  windows_quotient #(
+      .W(QUOTIENT_W),
+      .PLACES_W(PLACES_W),
+      .ROM({ROMS, "fragment.window.reciprocal.hex"})
+  ) quotient (
+      .numerator(is_window ? QUOTIENT_W'(window_opacity) : is_late_one ? numerator_late : numerator_inside),
+      .denominator(is_window ? most : is_late_one ? denominator_late : denominator_inside),
+      .places(is_window ? OF_WINDOW : is_late_one ? OF_LATE : OF_INSIDE),
+      .part(part)
+  );
+
+  // 2: a late contribution to one side of a closed slot.
+  wire [LAYERS-1:0] late_slot = late_front | late_back;
+  wire to_back = late_back != '0;
+  // verilator lint_off UNUSEDSIGNAL
+  wire [SLOT_W-1:0] was_late = chosen({1'b0, late_slot}, {SLOT_W'(0), held});
+  // verilator lint_on UNUSEDSIGNAL
+  wire [SLOT_W-1:0] becomes_late;
+  wire [WEIGHT_W-1:0] late_weight;
+  wire [2*THROUGH_W-1:0] late_through;
+  windows_late #(
+      .QUOTIENT_W(QUOTIENT_W)
+  ) late (
+      .back(to_back),
+      .weight(weight),
+      .alpha(opacity),
+      .light(own_light),
+      .threshold(coverage_threshold),
+      .had(to_back ? was_late[BACK_WEIGHT+:WEIGHT_W] : was_late[WEIGHT+:WEIGHT_W]),
+      .colours(was_late[COLOURS+:3*COLOUR_W]),
+      .opacity(was_late[OPACITY+:OPACITY_W]),
+      .through(was_late[2*THROUGH_W-1:0]),
+      .numerator(numerator_late),
+      .denominator(denominator_late),
+      .share(part),
+      .next_weight(late_weight),
+      .next_colours(becomes_late[COLOURS+:3*COLOUR_W]),
+      .next_opacity(becomes_late[OPACITY+:OPACITY_W]),
+      .next_through(late_through)
+  );
+  assign becomes_late[CLOSED] = 1'b1;
+  assign becomes_late[NEAR+:DEPTH_W] = to_back ? was_late[NEAR+:DEPTH_W] : nearer(was_late[NEAR+:DEPTH_W], z);
+  assign becomes_late[FAR+:DEPTH_W] = to_back ? farther(was_late[FAR+:DEPTH_W], z) : was_late[FAR+:DEPTH_W];
+  assign becomes_late[MATERIAL+:MATERIAL_W] = was_late[MATERIAL+:MATERIAL_W];
+  assign becomes_late[WEIGHT+:WEIGHT_W] = to_back ? was_late[WEIGHT+:WEIGHT_W] : late_weight;
+  assign becomes_late[REST_W-1:0] = REST_W'({
+    to_back ? was_late[FRONT_FAR+:DEPTH_W] : farther(was_late[FRONT_FAR+:DEPTH_W], z),
+    to_back ? nearer(was_late[BACK_NEAR+:DEPTH_W], z) : was_late[BACK_NEAR+:DEPTH_W],
+    to_back ? late_weight : was_late[BACK_WEIGHT+:WEIGHT_W],
+    late_through
+  });
+
+  // 2, 7: what lies inside of a closed slot: a contribution, the deepest slot, or in the end a window.
+  logic [SLOT_W-1:0] last;
+  wire [4*LIGHT_W-1:0] splat_lit;
+  windows_splat #(.ROMS(ROMS)) splat (.weight(weight), .density(density), .light(own_light), .lit(splat_lit));
+  wire [SLOT_W-1:0] outer = walking ? last : judging ? shut_front : chosen({1'b0, around}, {SLOT_W'(0), held});
+  wire [DEPTH_W-1:0] inner_near = walking ? window[NEAR+:DEPTH_W] : judging ? shut_back[NEAR+:DEPTH_W] : z;
+  wire [DEPTH_W-1:0] inner_far = walking ? window[FAR+:DEPTH_W] : judging ? shut_back[FAR+:DEPTH_W] : z;
+  wire [DEPTH_W:0] twice_inner = (DEPTH_W + 1)'(inner_near) + (DEPTH_W + 1)'(inner_far);
+  wire [DEPTH_W:0] twice_middle = (DEPTH_W + 1)'(outer[FRONT_FAR+:DEPTH_W]) + (DEPTH_W + 1)'(outer[BACK_NEAR+:DEPTH_W]);
+  wire [SLOT_W-1:0] becomes_inside;
+  wire [THROUGH_W-1:0] inside_before_back;
+  windows_inside #(
+      .QUOTIENT_W(QUOTIENT_W)
+  ) inside_of (
+      .colours(outer[COLOURS+:3*COLOUR_W]),
+      .opacity(outer[OPACITY+:OPACITY_W]),
+      .behind_front(outer[BEHIND_FRONT+:THROUGH_W]),
+      .before_back(outer[THROUGH_W-1:0]),
+      .nearer_back(twice_inner >= twice_middle),
+      .x(walking ? over : judging ? under : splat_lit),
+      .numerator(numerator_inside),
+      .denominator(denominator_inside),
+      .lost(part),
+      .next_colours(becomes_inside[COLOURS+:3*COLOUR_W]),
+      .next_opacity(becomes_inside[OPACITY+:OPACITY_W]),
+      .next_before_back(inside_before_back)
+  );
+  assign becomes_inside[SLOT_W-1:WEIGHT] = outer[SLOT_W-1:WEIGHT];
+  assign becomes_inside[REST_W-1:0] = {outer[REST_W-1:THROUGH_W], inside_before_back};
+
+  // What becomes of the contribution.
+  wire is_closed_inside = encloses(
+      shut_front[FRONT_FAR+:DEPTH_W], shut_front[FAR+:DEPTH_W], shut_back[NEAR+:DEPTH_W], shut_back[FAR+:DEPTH_W]);
+  wire [OUTCOME_W-1:0] outcome_at_once =
+      matched ? ACCUMULATED : is_late ? (to_back ? LATE_BACK : LATE_FRONT) : is_inside ? LIES_INSIDE : INSERTED;
+  wire [OUTCOME_W-1:0] outcome_in_the_end = evicts ? EVICTED : sums_up ? SUMMED : is_closed_inside ? CLOSED_INSIDE : CLOSED_BEHIND;
+  wire [OUTCOME_W-1:0] outcome = judging ? outcome_in_the_end : outcome_at_once;
+  wire [LAYERS-1:0] changed_slot = matched ? found : is_late ? late_slot : around;
+  wire [SLOT_NUMBER_W-1:0] slot_at_once = matched || is_late || is_inside ? number({1'b0, changed_slot}) : number(fresh_place);
+  wire [SLOT_NUMBER_W-1:0] slot_in_the_end =
+      evicts ? SLOT_NUMBER_W'(place == SLOT_NUMBER_W'(LAYERS)) : sums_up ? number({1'b0, pair}) : SLOT_NUMBER_W'(LAYERS - 1);
+  wire [SLOT_NUMBER_W-1:0] decided_slot = judging ? slot_in_the_end : slot_at_once;
+  wire [SLOT_NUMBER_W-1:0] decided_place = judging && !evicts ? place : '0;
+
+  wire [SLOTS_W-1:0] decided_slots;
+  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_decided
+    // Behind a pair that was summed all move up by one.
+    wire behind_pair = sums_up && (pair & LAYERS'((1 << slot) - 1)) != '0;
+    wire [SLOT_W-1:0] stays = behind_pair ? stack[(slot+1)*SLOT_W+:SLOT_W] : stack[slot*SLOT_W+:SLOT_W];
+    wire [SLOT_W-1:0] deepest_now = is_closed_inside ? becomes_inside : behind;
+    wire [SLOT_W-1:0] in_the_end = sums_up && pair[slot] ? summed : !evicts && !sums_up && slot == LAYERS - 1 ? deepest_now : stays;
+    wire [SLOT_W-1:0] changed = matched ? becomes : is_late ? becomes_late : becomes_inside;
+    wire [SLOT_W-1:0] at_once = outcome_at_once == INSERTED ? sorted[slot*SLOT_W+:SLOT_W]
+        : changed_slot[slot] ? changed : held[slot*SLOT_W+:SLOT_W];
+    assign decided_slots[slot*SLOT_W+:SLOT_W] = judging ? in_the_end : at_once;
+  end
+  wire [LIVE_W-1:0] decided_live = outcome == INSERTED ? live + LIVE_W'(1) : live;
+
+  wire under_way;
+  fragment_late #(
+      .W(PIXEL_W + STATE_W),
+      .HAZARD(HAZARD)
+  ) write_late (
+      .clk(clk),
+      .rst(rst),
+      .decided(leave),
+      .decision({pixel, decided_live, decided_slots}),
+      .write(write),
+      .written({write_pixel, write_state}),
+      .under_way(under_way)
+  );
+
+  // What is blended, summed or closed keeps the unit until its last cycle; anything else is gone when the next one comes.
+  wire merges = outcome != ACCUMULATED && outcome != INSERTED && outcome != EVICTED;
+  wire free = leave && (!merges || MERGE_CYCLES == 0);
+  wire waits;
+  wire rests;
+  fragment_hazard #(
+      .PIXEL_W(PIXEL_W),
+      .HAZARD(HAZARD)
+  ) hazard (
+      .clk(clk),
+      .rst(rst),
+      .take(take),
+      .next(read_pixel),
+      .stays(taken && !free || rests),
+      .pixel(pixel),
+      .waits(waits)
+  );
+  // Of its cycles those are over that windows took.
+  localparam int SPENT = LAYERS + 2;
+  localparam int REST_AT_ONCE = MERGE_CYCLES > 1 ? MERGE_CYCLES - 1 : 0;
+  localparam int REST_IN_THE_END = REST_AT_ONCE > SPENT ? REST_AT_ONCE - SPENT : 0;
+  localparam int REST_COUNT_W = $clog2(REST_AT_ONCE + 2);
+  logic [REST_COUNT_W-1:0] rest_cycles;
+  always_ff @(posedge clk) begin
+    if (rst) rest_cycles <= '0;
+    else if (leave && merges) rest_cycles <= judging ? REST_COUNT_W'(REST_IN_THE_END) : REST_COUNT_W'(REST_AT_ONCE);
+    else if (rests) rest_cycles <= rest_cycles - REST_COUNT_W'(1);
+  end
+  assign rests = rest_cycles != '0;
+
+  // The decision's way out: the rest of the unit's latency.
+  localparam int REST_OF_LATENCY = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_LATENCY - 1 : 1;
+  localparam int REST_OF_ROOM = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_ROOM - 1 : machine_pkg::FRAGMENT_ROOM;
+  wire decided = deciding && !overflows || judging && (!closes || complete);
+  wire room;
+  pipe #(
+      .W(machine_pkg::FRAGMENT_OUT_W),
+      .LATENCY(REST_OF_LATENCY),
+      .INTERVAL(1),
+      .ROOM(REST_OF_ROOM)
+  ) decisions (
+      .clk(clk),
+      .rst(rst),
+      .s_valid(decided),
+      .s_ready(room),
+      .s_keeps(1'b1),
+      .s_data({x, y, outcome, decided_slot, decided_place}),
+      .m_valid(m_valid),
+      .m_ready(m_ready),
+      .m_data(m_data)
+  );
+  assign leave = decided && room;
+  logic done;
+  assign s_ready = !walking && !done && !rests && !(s_valid && waits) && (!taken || free);
+
+  // Walk: the windows of all pixels, row by row. A pixel is read and sorted; slots join a window as long as they can; the window is shaded,
+  // and is either blended inside of the layer before it, or a layer itself, for which the one before is offered.
+
+  wire begins = drain && !s_valid && !taken && !under_way && !walking && !done;
+  logic [X_W-1:0] at_x;
+  logic [Y_W-1:0] at_y;
+  logic here;
+  logic has_last;
+  logic [PLACE_W-1:0] last_first;
+  wire [PLACE_W-1:0] live_places = PLACE_W'(live);
+  wire empty = walking && here && live == '0;
+  wire forms = walking && busy && ends == FORMS;
+  wire puts = walking && busy && ends == PUTS;
+  wire offers = walking && busy && ends == OFFERS;
+  wire goes_on = forms && step < live_places && (!growing || joins && !window[CLOSED]);
+  wire is_within =
+      has_last && encloses(last[FRONT_FAR+:DEPTH_W], last[FAR+:DEPTH_W], window[NEAR+:DEPTH_W], window[FAR+:DEPTH_W]);
+  wire hands_out = puts && has_last && !is_within;
+  wire put = puts && (!hands_out || h_ready);
+  assign loads = walking && here && !busy && live != '0;
+  assign steps = goes_on;
+  assign h_valid = empty || hands_out || offers;
+  assign h_empty = empty;
+  assign h_last = empty || offers;
+  wire next = walking && (!here || h_ready && h_valid && h_last);
+  wire over_all = next_y == Y_W'(HEIGHT);
+  assign walk_on = next && !over_all;
+  assign empty_all = next && over_all;
+  assign drained = done;
+  always_ff @(posedge clk) begin
+    if (rst) begin
+      walking <= 1'b0;
+      done <= 1'b0;
+      busy <= 1'b0;
+    end else begin
+      walking <= begins || walking && !empty_all;
+      done <= drain && (done || empty_all);
+      busy <= loads || busy && !next;
+    end
+    if (begins) begin
+      next_x <= '0;
+      next_y <= '0;
+      here <= 1'b0;
+    end
+    if (walk_on) begin
+      at_x <= next_x;
+      at_y <= next_y;
+      here <= 1'b1;
+      next_x <= next_x == X_W'(WIDTH - 1) ? '0 : next_x + X_W'(1);
+      if (next_x == X_W'(WIDTH - 1)) next_y <= next_y + Y_W'(1);
+    end
+    if (loads) begin
+      ends <= FORMS;
+      has_last <= 1'b0;
+    end
+    if (forms) begin
+      if (goes_on) window <= growing ? summed : slot_now;
+      else ends <= LIGHTS;
+    end
+    if (lit_up) begin
+      window <= shut_front;
+      ends <= PUTS;
+    end
+    if (put) begin
+      has_last <= 1'b1;
+      last <= is_within ? becomes_inside : window;
+      if (!is_within) last_first <= first;
+      ends <= step < live_places ? FORMS : OFFERS;
+    end
+  end
+  wire [4*LIGHT_W-1:0] lit_last;
+  fragment_read read_last (.colours(last[COLOURS+:3*COLOUR_W]), .opacity(last[OPACITY+:OPACITY_W]), .lit(lit_last));
+  assign h_data = {at_x, at_y, SLOT_NUMBER_W'(last_first), last[NEAR+:DEPTH_W], lit_last};
+endmodule
+
+`default_nettype wire
