@@ -296,7 +296,8 @@ fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
     }
 }
 
-/// Machines that group by windows: the named one, one of intervals, one and eight layers, few bits, and splats that join from afar.
+/// Machines that group by windows: the named one, one of intervals, few bits, splats that join from afar but closed slots that take none,
+/// one layer, eight, and closed slots that take none and may be evicted.
 fn windows() -> Vec<Machine> {
     let words = [
         "depth=U1F10",
@@ -318,15 +319,23 @@ fn windows() -> Vec<Machine> {
         "layers=3",
     ];
     let narrow: Vec<String> = words.iter().map(|word| format!("fragment.{word}")).collect();
-    let afar = ["fragment.layers=2", "fragment.window.join_permille=300", "fragment.evict_hidden=false", "timing.fragment.hazard=1"];
+    let afar = [
+        "fragment.layers=3",
+        "fragment.window.join_permille=300",
+        "fragment.window.late=false",
+        "fragment.window.inside=false",
+        "fragment.evict_hidden=false",
+        "timing.fragment.hazard=1",
+    ];
     let of = |more: &[&str]| machine("window", &[&["timing.raster.lanes=[1,1]"], more].concat());
     vec![
         of(&[]),
         of(&["fragment.group=interval", "fragment.layers=3"]),
-        of(&["fragment.layers=1"]),
         of(&narrow.iter().map(String::as_str).collect::<Vec<_>>()),
-        of(&["fragment.layers=8", "timing.fragment.merge=24"]),
         of(&afar),
+        of(&["fragment.layers=1"]),
+        of(&["fragment.layers=8", "timing.fragment.merge=24"]),
+        of(&["fragment.layers=3", "fragment.window.late=false", "fragment.window.inside=false"]),
     ]
 }
 

@@ -85,7 +85,7 @@ pub struct Written {
     pub coverage: [u64; 2],
 }
 
-/// Where splats are sorted, what these units do depends on all splats that meet at a pixel.
+/// Where splats are sorted, or fragments grouped by windows, what these units do depends on all splats that meet at a pixel.
 const OF_ALL_SPLATS: [&str; 4] = ["sort", "fragment", "shade", "resolve"];
 
 /// Most cycles of waves.
