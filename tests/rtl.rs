@@ -1075,7 +1075,8 @@ fn walk(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
 /// A merge takes longer, by the light of what it shades, and a pixel that was taken is under way for a while.
 fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     const MERGED: i64 = 2;
-    /// The first outcome of windows alone, and the first of those that form them.
+    /// What is evicted, where windows say so; the first outcome of windows alone, and the first of those that form them.
+    const EVICTED: i64 = 3;
     const LATE: i64 = 6;
     const SUMMED: i64 = 9;
     const PARENT: usize = 4;
@@ -1098,8 +1099,9 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     let mut told = Told::default();
     let mut under_way: HashMap<[i64; 2], u64> = HashMap::new();
     for (decision, shades) in decisions.iter().zip(shades) {
-        let merges = if is_windows { decision[outcome] >= LATE } else { decision[outcome] == MERGED && !blends_at_once };
-        let forms = if is_windows && decision[outcome] >= SUMMED { forms } else { 0 };
+        let evicts = is_windows && decision[outcome] == EVICTED;
+        let merges = if is_windows { evicts || decision[outcome] >= LATE } else { decision[outcome] == MERGED && !blends_at_once };
+        let forms = if evicts || is_windows && decision[outcome] >= SUMMED { forms } else { 0 };
         let merge = if merges { merge } else { 0 };
         let cycles = 1 + merge + if shades > 0 { light + (shades - 1) * next_light } else { 0 };
         let pixel = under_way.entry([decision[0], decision[1]]).or_default();
@@ -1221,7 +1223,7 @@ fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
     if !have(&["iverilog"], "accept times of windows") {
         return;
     }
-    let one_lane = ["timing.raster.lanes=[1,1]", "fragment.evict_hidden=false", "fragment.layers=2", "timing.shade.interval=2"];
+    let one_lane = ["timing.raster.lanes=[1,1]", "fragment.layers=2", "timing.shade.interval=2"];
     let mut merges = [0; 3];
     for more in [&["timing.fragment.hazard=1"][..], &["timing.fragment.merge=31"]] {
         let machine = machine("window", &[&one_lane[..], more].concat());

@@ -908,8 +908,8 @@ module windows #(
       .under_way(under_way)
   );
 
-  // What is blended, summed or closed keeps the unit until its last cycle; anything else is gone when the next one comes.
-  wire merges = outcome != ACCUMULATED && outcome != INSERTED && outcome != EVICTED;
+  // What is blended, summed, closed or evicted keeps the unit until its last cycle; anything else is gone when the next one comes.
+  wire merges = outcome != ACCUMULATED && outcome != INSERTED;
   wire free = leave && (!merges || MERGE_CYCLES == 0);
   wire waits;
   wire rests;

@@ -293,7 +293,16 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                     // A Gaussian that is blended at once takes no longer than one that is added; nor does what a stopped pixel drops.
                     let each = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat);
                     let plain = had_stopped || each && decision == Decision::Merged(0, 1);
-                    tap.probe.became(Some(if plain { Decision::Accumulated(0) } else { decision }));
+                    // Windows are formed before it is known that the deepest is hidden: that takes as long as a sum.
+                    let is_formed = windows.is_some() && matches!(decision, Decision::Evicted(_));
+                    let took_as_long_as = if plain {
+                        Decision::Accumulated(0)
+                    } else if is_formed {
+                        Decision::Summed(0, 0)
+                    } else {
+                        decision
+                    };
+                    tap.probe.became(Some(took_as_long_as));
                 }
             }
             if P::DECISIONS {
