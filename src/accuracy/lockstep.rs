@@ -88,10 +88,16 @@ impl Flips {
         [cull, coverage, slot, order, pair, eviction, turn, late, inside, window, sum]
     }
 
+    /// Each kind and how many there are of it.
+    pub fn by_kind(&self) -> [(&'static str, u64); KINDS.len()] {
+        let mut all = *self;
+        let counts = all.counts();
+        std::array::from_fn(|kind| (KINDS[kind], *counts[kind]))
+    }
+
     /// All of them.
     pub fn total(&self) -> u64 {
-        let mut all = *self;
-        all.counts().into_iter().map(|count| *count).sum()
+        self.by_kind().into_iter().map(|(_, count)| count).sum()
     }
 
     fn count(&mut self, kind: u8, explained: bool) {

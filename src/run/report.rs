@@ -299,17 +299,9 @@ impl Report {
     fn lockstep_summary(&self) -> String {
         let l = &self.accuracy.lockstep;
         let f = &l.flips;
-        let kinds = [
-            ("cull", f.cull),
-            ("coverage", f.coverage),
-            ("slot", f.slot),
-            ("order", f.order),
-            ("pair", f.pair),
-            ("eviction", f.eviction),
-            ("unexplained", f.unexplained),
-        ];
+        let kinds = f.by_kind().into_iter().chain([("unexplained", f.unexplained)]);
         let kinds: Vec<String> =
-            kinds.iter().filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{} {kind}", thousands(*count))).collect();
+            kinds.filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{} {kind}", thousands(count))).collect();
         let kinds = if kinds.is_empty() { String::new() } else { format!(" ({})", kinds.join(", ")) };
         let db = db_text(l.psnr_db, l.not_finite, |db| format!("{db:.1} dB"));
         let bound = l.bound.nine_in_ten.map_or("infinite".into(), |bound| format!("{:.2}/255", 255.0 * bound));
