@@ -398,7 +398,7 @@ fn window() -> Machine {
             }),
             ..base.fragment
         },
-        timing: timing::Timing { fragment: timing::Fragment { merge: 20, ..timing::DEFAULT.fragment }, ..timing::DEFAULT },
+        timing: timing::Timing { fragment: timing::Fragment { merge: 23, ..timing::DEFAULT.fragment }, ..timing::DEFAULT },
         ..base
     }
 }

@@ -354,14 +354,17 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 }
                 continue;
             }
+            // Of windows all slots are gone through, and what lies inside of another is shaded too.
+            let mut formed = None;
             let live = match sheets {
                 None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
                     let shade = |slot: &Slot, tap: &mut Tap<P>| shade_slot(machine, lights, slot, tap);
                     let slots = &mut clusters.of(at)[..live];
-                    let (count, starts) = machine.fragment.layers_of_windows(slots, registers, &mut layers, shade, tap);
+                    let (count, starts, shaded) = machine.fragment.layers_of_windows(slots, registers, &mut layers, shade, tap);
                     if P::DECISIONS {
                         tap.probe.windows(starts);
                     }
+                    formed = Some([live as u8, shaded]);
                     count
                 }
                 None => {
@@ -386,7 +389,9 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 }
             };
             if P::WORK {
-                tap.probe.held(live as u8, layers[..live].iter().filter(|layer| !layer.merged).count() as u8);
+                let left = layers[..live].iter().filter(|layer| !layer.merged).count();
+                let [fragments, shades] = formed.unwrap_or([live as u8, left as u8]);
+                tap.probe.held(fragments, shades);
             }
             if P::TRANSFERS {
                 // Of sheets the open one too, which is no layer yet.

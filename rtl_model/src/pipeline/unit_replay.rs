@@ -348,7 +348,7 @@ impl<'a> Windows<'a> {
         let shade = |slot: &Slot, _: &mut Tap<DynProbe>| (answers.borrow_mut())(slot);
         let (machine, registers) = (self.machine, self.registers.clone());
         let probe = &mut DynProbe::new(observer);
-        let (count, _) = machine.fragment.layers_of_windows(self.held(pixel), &registers, &mut layers, shade, &mut Tap::new(probe));
+        let (count, ..) = machine.fragment.layers_of_windows(self.held(pixel), &registers, &mut layers, shade, &mut Tap::new(probe));
         layers[..count].to_vec()
     }
 }

@@ -168,7 +168,7 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
             let mut machine = Machine::named(name).unwrap();
             machine.timing = of(organisation, &mut Rng(seed));
             if machine.fragment.window.is_some() {
-                machine.timing.fragment.merge += 20;
+                machine.timing.fragment.merge += 24;
             }
             if machine.sort.is_some() {
                 machine = machines::sorting(&mut Rng(seed), machine.timing);

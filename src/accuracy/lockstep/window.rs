@@ -204,10 +204,9 @@ impl WindowPixel {
         if taken == wanted {
             return;
         }
-        let slots =
-            |(open, late, inside): (Option<usize>, Option<(usize, Side)>, Option<usize>)| [open, late.map(|(slot, _)| slot), inside];
-        let asked: Vec<usize> = slots(taken).into_iter().chain(slots(wanted)).flatten().collect();
-        let explained = asked.iter().any(|&slot| self.hangs(rules, arrival, slot)) || self.are_as_near(arrival, &asked);
+        let asked = [taken, wanted].map(|(open, late, inside)| open.or(late.map(|(slot, _)| slot)).or(inside));
+        let hangs = asked.into_iter().flatten().any(|slot| self.hangs(rules, arrival, slot));
+        let explained = hangs || self.are_as_near(arrival, [taken.0, wanted.0], [taken.1, wanted.1]);
         if taken.0 != wanted.0 {
             flips.slot(explained);
         } else if taken.1 != wanted.1 {
@@ -226,13 +225,16 @@ impl WindowPixel {
         at_an_end || slot.ends.iter().any(|span| narrow(*span, reach))
     }
 
-    /// Whether two of some slots may be equally near to a depth, or two sides of one.
-    fn are_as_near(&self, arrival: &Arrival, slots: &[usize]) -> bool {
+    /// Whether two open slots, or two surfaces of closed ones, may be equally near to a depth.
+    fn are_as_near(&self, arrival: &Arrival, open: [Option<usize>; 2], late: [Option<(usize, Side)>; 2]) -> bool {
         let z = arrival.depth;
         let gap = |[near, far]: [Near; 2]| (near - z).max(z - far).max(Near::exact(0.0));
-        let gaps: Vec<Near> = slots.iter().flat_map(|&slot| self.slots[slot].ends).map(gap).collect();
-        let apart = |a: usize| (a + 1..gaps.len()).any(|b| gaps[a].error + gaps[b].error > 0.0 && gaps[a].may_cross(gaps[b]));
-        (0..gaps.len()).any(apart)
+        let spans = match (open, late) {
+            ([Some(a), Some(b)], _) => [self.slots[a].ends[0], self.slots[b].ends[0]],
+            (_, [Some(a), Some(b)]) => [a, b].map(|(slot, side)| self.slots[slot].ends[usize::from(side == Side::Back)]),
+            _ => return false,
+        };
+        gap(spans[0]).may_cross(gap(spans[1]))
     }
 
     fn add_late(&mut self, rules: &WindowRules, common: &Common, slot: usize, side: Side, arrival: &Arrival, own: &Own) {
@@ -358,7 +360,8 @@ impl WindowPixel {
             let wanted = rules.rule.sums.then(|| rules.rule.pair_to_sum(&self.layers, &windows)).flatten();
             let taken = if let Decision::Summed(front, _) = decision { Some(usize::from(front)) } else { None };
             if wanted != taken {
-                let split = seen.iter().any(is_split);
+                // What the two pairs cost hangs on what is seen of their fronts.
+                let split = [wanted, taken].into_iter().flatten().any(|front| is_split(&seen[front]));
                 flips.sum(unsure || split || self.may_sum_others(rules, &windows, wanted, taken));
             }
         }
@@ -413,16 +416,20 @@ impl WindowPixel {
             let light = common.machine.real_read(back.near.light);
             self.put_inside(common, front, &back.golden, light, held, ends, flips);
         } else {
-            self.put_behind(common, front, &back);
+            self.put_behind(common, front, &back, flips);
         }
     }
 
-    fn put_behind(&mut self, common: &Common, front: usize, back: &Pair) {
+    fn put_behind(&mut self, common: &Common, front: usize, back: &Pair, flips: &mut Flips) {
         let behind = self.slots[front + 1].clone();
         let Layer::Closed(golden) = &mut self.layers[front] else { return };
         let slot = &mut self.slots[front];
         let is_farther = behind.far() > slot.far();
+        let unsure = behind.ends[1][1].may_cross(slot.ends[1][1]);
         let Some(near) = &mut slot.closed else { return };
+        if is_farther != (back.golden.far() > golden.far()) {
+            flips.order(unsure);
+        }
         golden.put_over_as(&back.golden, is_farther);
         common.machine.fragment.real_put_behind(near, &back.near, is_farther);
         *near = near_to(near, golden);
@@ -531,9 +538,9 @@ impl Slot {
     /// Opacity of an open one, as step 4 has it.
     fn opacity(&self, common: &Common, golden: &Open) -> Near {
         let (weight_word, words) = words(&common.machine.machine);
-        let weight = Near::within(golden.sums.weight, self.bounds.weight_error(weight_word));
-        let error = self.bounds.sum_error(OPACITY, 0.0, words[OPACITY]);
-        let opacity = Near::within(golden.sums.alpha, if self.bounds.overflowed { f64::INFINITY } else { error });
+        let known = |error: f64| if self.bounds.overflowed { f64::INFINITY } else { error };
+        let weight = Near::within(golden.sums.weight, known(self.bounds.weight_error(weight_word)));
+        let opacity = Near::within(golden.sums.alpha, known(self.bounds.sum_error(OPACITY, 0.0, words[OPACITY])));
         common.machine.fragment.real_window_opacity(weight, opacity, common.coverage_threshold)
     }
 }

@@ -5,7 +5,8 @@
 //! scenes ─► ideal ─┐
 //! rules × layers ─► golden ─► golden − ideal ─► the least area, or bytes a pixel, at the target
 //! ```
-//! No word matters here: what is asked is what the method can reach. `search` without `--over` then finds the words.
+//! What the method reaches depends on no word; what it costs is of the base's words, or of the named machine's where it has none for a rule.
+//! `search` without `--over` then finds the words.
 //!
 //! Law (tests/search.rs): `the_cheapest_rule_is_found`.
 

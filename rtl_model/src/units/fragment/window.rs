@@ -206,11 +206,17 @@ fn aligned(a: i32, b: i32) -> (i32, [u32; 2]) {
     (most, [most - a, most - b].map(|bits| bits.clamp(0, 62) as u32))
 }
 
-/// Cycles that a full pixel takes after its match, at least: opacities by one reciprocal, one after the other, T, costs, and what is blended.
+/// Cycles that a contribution takes after its match, at least, which finds no room or comes to a closed slot: the longer of two ways.
+///
+/// Windows: opacities by one reciprocal, a slot a cycle, T, and the cost of a sum. Inside: weight times density, the table, the splat's own
+/// light, what is seen of it, the reciprocal, and the blend. Late is shorter than that.
 pub fn overflow_cycles(machine: &Machine) -> u32 {
     let m = &machine.fragment;
     let Some(words) = &m.window else { return 0 };
-    reciprocal::latency(words.reciprocal) + m.layers + 2 * PRODUCT + PRODUCT + 2 * SUM
+    let divide = reciprocal::latency(words.reciprocal) + PRODUCT;
+    let windows = divide + m.layers + 2 * PRODUCT + 2 * SUM;
+    let inside = PRODUCT + table::latency(words.hidden_table) + 2 * PRODUCT + divide + PRODUCT + SUM;
+    if words.inside { windows.max(inside) } else { windows }
 }
 
 impl Windows {
@@ -241,6 +247,7 @@ impl Windows {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
         }
+        e.holds_one(UNIT, "window.hidden", words.hidden);
         e.signedness(UNIT, "window.depth_sum", words.depth_sum, false);
         let (weight, shaded, light) = (m.weight_sum, machine.shade.premultiplied, machine.splat.rgb);
         let layers = m.layers;
@@ -259,6 +266,9 @@ impl Windows {
             e.adders(UNIT, places * layers / 2, depth_bits);
             e.copies(places, |e| e.choice(UNIT, places, machine.fragment_bits()));
             e.copies(layers, |e| e.choice(UNIT, 4, machine.fragment_bits()));
+            // 6: both of a pair; what lies behind it moves up.
+            e.copies(2, |e| e.choice(UNIT, places, machine.fragment_bits()));
+            e.copies(layers, |e| e.choice(UNIT, 2, machine.fragment_bits()));
         });
         let product = e.per_lane(|e| e.times(UNIT, machine.gauss.weight, m.depth));
         let depth_sum = e.per_lane(|e| {
@@ -295,7 +305,9 @@ impl Windows {
         let part = e.fit(UNIT, "window.part", words.part, divided);
         // T: after a window, and behind a closed slot.
         let by_part = e.copies(places, |e| e.times(UNIT, words.through, words.part));
-        let by_through = e.copies(places, |e| e.times(UNIT, words.through, words.through));
+        // Of each place and each closed slot before it.
+        let by_through = e.copies(places * layers / 2, |e| e.times(UNIT, words.through, words.through));
+        e.adders(UNIT, layers, shaded.format.width());
         let through = [by_part, by_through].map(|from| e.fit(UNIT, "window.through", words.through, from));
         // 6: u·(ε + hi − start), shifted by T; the least. Intervals are not summed before the end.
         e.copies(if m.group == Group::Window { layers } else { 0 }, |e| {
@@ -727,8 +739,8 @@ impl Fragment {
         rule.overflow(&mut slots[..=live], place, shade, tap)
     }
 
-    /// A pixel's windows, each shaded and blended behind or inside of those before it, in the order of depth; and at which places a window
-    /// starts, a bit each, the first in the last place.
+    /// A pixel's windows, each shaded and blended behind or inside of those before it, in the order of depth: how many layers they are, at
+    /// which places a window starts, a bit each, the first in the last place, and how many were shaded.
     pub fn layers_of_windows<P: Probe>(
         &self,
         slots: &mut [Cluster],
@@ -736,10 +748,10 @@ impl Fragment {
         layers: &mut [Layer; MAX_LAYERS],
         shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
-    ) -> (usize, u8) {
-        let Some(rule) = self.rule(registers) else { return (0, 0) };
+    ) -> (usize, u8, u8) {
+        let Some(rule) = self.rule(registers) else { return (0, 0, 0) };
         slots.sort_by_key(Cluster::near);
-        let (mut count, mut starts) = (0, 0);
+        let (mut count, mut starts, mut shaded) = (0, 0, 0);
         let mut last = Cluster::default();
         let mut place = 0;
         while place < slots.len() {
@@ -751,6 +763,7 @@ impl Fragment {
                 place += 1;
             }
             let was_closed = window.closed;
+            shaded += u8::from(!was_closed);
             let window = rule.closed(&window, &shade, tap);
             if count > 0 && rule.own.inside && last.encloses(&window) {
                 let (light, x) = (rule.read(&last, tap), rule.read(&window, tap));
@@ -765,7 +778,7 @@ impl Fragment {
             let Premultiplied { colour, opacity } = rule.read(&last, tap);
             (layers[count - 1].colour, layers[count - 1].opacity) = (colour, opacity);
         }
-        (count, starts)
+        (count, starts, shaded)
     }
 }
 
