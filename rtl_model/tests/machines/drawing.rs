@@ -126,8 +126,9 @@ fn meters_measure_all_and_count_a_sample() {
             assert!(read.words <= words && read.inexact <= inexact && read.bins.iter().zip(&bins).all(|(read, all)| read <= all), "{name}");
             if words > 10_000 {
                 let share = |range: &Range| range.inexact as f64 / range.words as f64;
-                // Windows are formed anew for each contribution that finds no room, from slots that hardly change: so tiles differ.
-                let apart = if name.contains(".window.") { 0.1 } else { 0.05 };
+                // Windows are formed anew for each contribution that finds no room, from slots that hardly change, so tiles differ; and shade
+                // lights splats too, of which fewer are counted than of fragments.
+                let apart = if name.ends_with(" of window") { 0.1 } else { 0.05 };
                 assert!((share(read) - share(counted)).abs() < apart, "{name}: {} and {}", share(read), share(counted));
                 most_left_out = most_left_out.max(1.0 - read.words as f64 / words as f64);
             }
