@@ -14,7 +14,7 @@ use std::str::FromStr;
 /// Names of scenes and machines, for the end of a help text.
 pub(super) const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
     volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
-    Named machines: reference, lean, tiny; volume; gaussian";
+    Named machines: reference, lean, tiny, window; volume; gaussian";
 
 /// Machine and picture of whatever draws.
 #[derive(Args, Debug)]

@@ -26,11 +26,11 @@ pub(super) struct Typed {
     /// Both against golden or ideal
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Against::Golden)]
     against: Against,
-    /// Instead of words: the cheapest rule and layers of `fragment` whose golden − ideal has --target-psnr
+    /// Rules and layers instead of words: `fragment`
     #[arg(long, value_name = "UNIT", value_enum, hide_possible_values = true, requires = "target_psnr",
         conflicts_with_all = ["max_error", "against", "no_saturation", "views", "only", "tries", "seed"])]
     over: Option<Over>,
-    /// Cheapest by `area` or `bytes` (a pixel), with --over
+    /// Least `area` (default) or `bytes` a pixel
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "over")]
     by: Option<By>,
     /// No word may leave its range
