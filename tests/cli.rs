@@ -355,7 +355,7 @@ fn the_listed_machines_can_be_shown_and_what_is_shown_is_a_machine_file() {
     let list = says(&["machine", "list"]);
     assert!(list.lines().all(|line| line.chars().count() <= 80), "{list}");
     let names: Vec<&str> = list.lines().skip(1).map(|line| line.split(' ').next().unwrap()).collect();
-    assert_eq!(names, ["reference", "lean", "tiny", "volume", "gaussian"]);
+    assert_eq!(names, ["reference", "lean", "tiny", "window", "volume", "gaussian"]);
     let folder = folder();
     let scene = write(&folder, "knot.json", r#"{"splats": {"builtin": "torus-knot", "count": 2000}}"#);
     for name in names {

@@ -91,7 +91,7 @@ fn list() -> Result<String> {
         "its picture counts as exact; the default",
         "the cheapest whose picture is still good",
         "coarse and quick, to see errors",
-        "four small slots, grouped late: nearer to ideal",
+        "four small slots, grouped late",
         "draws ellipsoids too, sheet by sheet",
         "the same, sorted: trained Gaussians",
     ];

@@ -16,7 +16,7 @@ pub(super) const HELP: &str = "Units: pipeline, project, ellipse, sort (of Gauss
     shade, resolve\n\
     Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
     volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
-    Named machines: reference, lean, tiny; volume; gaussian";
+    Named machines: reference, lean, tiny, window; volume; gaussian";
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
