@@ -329,7 +329,7 @@ pub struct Fragment {
     pub window: Option<Window>,
 }
 
-/// Of machines described before there was a choice, too.
+/// Whether a description need not say it: those from before there was a choice do not.
 #[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde asks for")]
 fn is_first(group: &Group) -> bool {
     *group == Group::First

@@ -15,7 +15,8 @@
 //! Losses: what is written into a slot is rounded once, by the fits of sums and of TF, TB; T, β and the mean of a splat that lies inside
 //! have words of their own.
 //!
-//! Laws: `every_contribution_to_a_window_has_one_outcome`, `slots_of_a_window_span_what_they_took`.
+//! Laws (tests/windows.rs of the program): `every_option_is_drawn_within_its_bound`,
+//! `in_partial_precision_it_is_golden_and_the_machine`.
 
 use super::{
     Attributes, COLOUR, Decision, Fragment, FragmentRegisters, MAX_LAYERS, NORMAL, OPACITY, Premultiplied, SUM_SIGNALS, SUMS, Side, Slot,
@@ -27,7 +28,7 @@ use crate::frame;
 use crate::functions::{Reciprocal, Table, reciprocal, table};
 use crate::kernels::PackedSums;
 use crate::machine::{Group, Machine, TableShape};
-use crate::num::{Exact, Fit, three};
+use crate::num::{Exact, Fit, Word, align, three};
 use crate::probe::{Probe, Tap};
 use crate::records::Layer;
 use crate::records::unit;
@@ -200,12 +201,6 @@ struct Fractions {
     opacity: i32,
 }
 
-/// Greater of two numbers of fraction bits, and the left shifts that bring both there.
-fn aligned(a: i32, b: i32) -> (i32, [u32; 2]) {
-    let most = a.max(b);
-    (most, [most - a, most - b].map(|bits| bits.clamp(0, 62) as u32))
-}
-
 /// Cycles that a contribution takes after its match, at least, which finds no room or comes to a closed slot: the longer of two ways.
 ///
 /// Windows: opacities by one reciprocal, a slot a cycle, T, and the cost of a sum. Inside: weight times density, the table, the splat's own
@@ -278,11 +273,11 @@ impl Windows {
         // 4: does the next join: Σw·z against Σw times where the window ends.
         let ends = e.times(UNIT, weight, m.depth);
         e.copies(layers, |e| e.sum(UNIT, [ends, words.depth_sum.into()]));
-        let (_, mean_align) = aligned(words.depth_sum.format.frac_bits, ends.frac_bits);
+        let mean_align = align([words.depth_sum.format.frac_bits, ends.frac_bits]);
         e.holds_exact("fragment.weight_sum · fragment.depth, to compare it with fragment.window.depth_sum,", ends.plus(words.depth_sum));
         // Opacities: sums of up to nine slots, over max(W, τ).
         let sum_words = [m.weight_sum, m.colour_sum, m.colour_sum, m.colour_sum, m.opacity_sum, m.normal_sum, m.normal_sum, m.normal_sum];
-        let mut of_two = |name: &str, word: crate::num::Word| {
+        let mut of_two = |name: &str, word: Word| {
             let sum = e.sum(UNIT, [word.into(), word.into()]);
             e.fit(UNIT, name, word, sum)
         };
@@ -290,7 +285,7 @@ impl Windows {
         let depth_of_two = of_two("window.depth_sum", words.depth_sum);
         let reciprocal = Reciprocal::new(e, UNIT, "window.reciprocal", words.reciprocal, 0);
         e.normaliser(UNIT, weight.format.width());
-        let nine = |word: crate::num::Word| Exact { int_bits: Exact::from(word).int_bits + 4, ..word.into() };
+        let nine = |word: Word| Exact { int_bits: Exact::from(word).int_bits + 4, ..word.into() };
         e.copies(layers, |e| {
             e.adders(UNIT, 1, nine(weight).bits());
             e.adders(UNIT, 1, nine(m.opacity_sum).bits());
@@ -344,7 +339,7 @@ impl Windows {
         e.part(UNIT, Operator::Rom([1 << hidden_shape.index_bits, words.hidden.format.width()]));
         table::interpolator(e, UNIT, hidden_shape, words.hidden, hidden_bits);
         let coloured = e.copies(3, |e| e.times(UNIT, light, shaded));
-        let (_, depth_align) = aligned(words.depth_sum.format.frac_bits, product.frac_bits);
+        let depth_align = align([words.depth_sum.format.frac_bits, product.frac_bits]);
         Some(Windows {
             interval: m.group == Group::Interval,
             late: words.late,
@@ -571,7 +566,7 @@ impl Rule<'_> {
             seen = slot.sums[BEFORE_BACK].max(through).min(seen);
         }
         let lost = self.quotient([x.opacity * (seen - through), light.opacity], of_shaded, &self.own.shares[2], tap);
-        let [kept_up, seen_up] = aligned(of_part, of_through).1;
+        let [kept_up, seen_up] = align([of_part, of_through]);
         for channel in 0..3 {
             let exact = ((light.colour[channel] * (part_one - lost)) << kept_up) + ((x.colour[channel] * seen) << seen_up);
             slot.sums[COLOUR + channel] = tap.fit_one(&self.own.within[0], exact);
@@ -606,7 +601,7 @@ impl Rule<'_> {
         let part_one = own.part.word.format.one();
         match side {
             Side::Front => {
-                let [lit_up, kept_up] = aligned(of_light, of_shaded).1;
+                let [lit_up, kept_up] = align([of_light, of_shaded]);
                 for channel in 0..3 {
                     let (own_light, behind) = (i64::from(input.light[channel]), light.colour[channel]);
                     let exact = ((own_light * share) << lit_up) + ((behind * (part_one - share)) << kept_up);
@@ -621,12 +616,12 @@ impl Rule<'_> {
             }
             Side::Back => {
                 let seen = tap.fit_one(&own.under, share * (self.one() - light.opacity).max(0)).min(part_one);
-                let [lit_up, held_up] = aligned(of_light + of_part, of_shaded).1;
+                let [lit_up, held_up] = align([of_light + of_part, of_shaded]);
                 for channel in 0..3 {
                     let exact = ((i64::from(input.light[channel]) * seen) << lit_up) + (light.colour[channel] << held_up);
                     slot.sums[COLOUR + channel] = tap.fit_one(&own.beneath[0], exact);
                 }
-                let [seen_up, held_up] = aligned(of_part, of_shaded).1;
+                let [seen_up, held_up] = align([of_part, of_shaded]);
                 slot.sums[OPACITY] = tap.fit_one(&own.beneath[1], (seen << seen_up) + (light.opacity << held_up));
                 slot.back = with(slot.back, input.depth);
             }
@@ -798,6 +793,3 @@ fn width_with(span: [i64; 2], z: i64) -> i64 {
 }
 
 pub mod real;
-
-#[cfg(test)]
-mod tests;
