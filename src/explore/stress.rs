@@ -18,6 +18,7 @@ mod point;
 pub use cases::{CASES, Case, FOCAL_PX, Variant};
 pub use point::{Beyond, Bounded, Found, Outcome, Pictures};
 
+use crate::accuracy::Flips;
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::machines;
@@ -152,9 +153,14 @@ pub fn run(cases: &[&'static Case], others: &[Machine]) -> Result<Catalogue> {
     Ok(catalogue)
 }
 
-/// The named machines that draw a scene, the best first.
+/// The named machines that draw a scene; a case's variant changes the first.
 fn names(scene: &Scene) -> Vec<&'static str> {
-    if scene.ellipsoids.is_some() { vec![machines::usual(scene)] } else { Machine::NAMES.to_vec() }
+    if scene.ellipsoids.is_some() { vec![machines::usual(scene)] } else { surface_names().collect() }
+}
+
+/// The named machines that draw surfaces.
+fn surface_names() -> impl Iterator<Item = &'static str> {
+    Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES)
 }
 
 /// A case at one value on all machines.
@@ -320,13 +326,14 @@ impl Catalogue {
 
     /// One line a point.
     fn csv(&self) -> String {
-        let mut text = COLUMNS.join(",") + "\n";
+        let columns = columns();
+        let mut text = columns.join(",") + "\n";
         for (case, machine) in self.machines() {
             for point in &machine.points {
                 let mut cells = vec![case.name.to_owned(), machine.machine.clone(), point.value.to_string()];
                 cells.extend(match &point.outcome {
                     Outcome::Refused(sentence) => {
-                        let mut cells = vec![String::new(); COLUMNS.len() - 4];
+                        let mut cells = vec![String::new(); columns.len() - 4];
                         cells.push(format!("\"{}\"", sentence.replace('"', "\"\"")));
                         cells
                     }
@@ -350,32 +357,24 @@ bound > 1   greatest share of the covered pixels whose bound says nothing
 flipped     decisions that golden takes otherwise, over all values";
 
 /// Columns of the CSV file.
-const COLUMNS: [&str; 24] = [
-    "case",
-    "machine",
-    "value",
-    "golden_ideal_max",
-    "golden_ideal_db",
-    "fixed_golden_max",
-    "fixed_golden_db",
-    "fixed_led_max",
-    "bound_max",
-    "bound_share_over_1",
-    "violations",
-    "flips_cull",
-    "flips_coverage",
-    "flips_slot",
-    "flips_order",
-    "flips_pair",
-    "flips_eviction",
-    "flips_turn",
-    "flips_unexplained",
-    "silent",
-    "covered_pixels",
-    "saturated",
-    "wrapped",
-    "refused",
-];
+fn columns() -> Vec<String> {
+    let before = [
+        "case",
+        "machine",
+        "value",
+        "golden_ideal_max",
+        "golden_ideal_db",
+        "fixed_golden_max",
+        "fixed_golden_db",
+        "fixed_led_max",
+        "bound_max",
+        "bound_share_over_1",
+        "violations",
+    ];
+    let kinds = Flips::default().by_kind().map(|(kind, _)| format!("flips_{kind}"));
+    let after = ["flips_unexplained", "silent", "covered_pixels", "saturated", "wrapped", "refused"];
+    before.map(String::from).into_iter().chain(kinds).chain(after.map(String::from)).collect()
+}
 
 impl Found {
     fn cells(&self) -> Vec<String> {
@@ -390,8 +389,9 @@ impl Found {
             number(l.max_bound),
             l.share_over_1.to_string(),
         ];
-        let counts = [l.violations, f.cull, f.coverage, f.slot, f.order, f.pair, f.eviction, f.turn, f.unexplained, self.beyond.silent];
-        cells.extend(counts.iter().chain(&[self.covered_pixels, self.saturated, self.wrapped]).map(u64::to_string));
+        let flips = f.by_kind().map(|(_, count)| count);
+        let counts = [f.unexplained, self.beyond.silent, self.covered_pixels, self.saturated, self.wrapped];
+        cells.extend([l.violations].iter().chain(&flips).chain(&counts).map(u64::to_string));
         cells.push(String::new());
         cells
     }

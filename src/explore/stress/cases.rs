@@ -60,8 +60,8 @@ const UNLIT: u32 = 0;
 const LIT: u32 = 1;
 
 /// The catalogue: surfaces, then volumes and Gaussians.
-pub const CASES: [Case; 35] = {
-    let mut all = [SURFACES[0]; 35];
+pub const CASES: [Case; 38] = {
+    let mut all = [SURFACES[0]; 38];
     let mut nth = 0;
     while nth < all.len() {
         all[nth] = if nth < SURFACES.len() { SURFACES[nth] } else { ellipsoids::CASES[nth - SURFACES.len()] };
@@ -71,7 +71,7 @@ pub const CASES: [Case; 35] = {
 };
 
 /// The cases of surfaces.
-const SURFACES: [Case; 28] = [
+const SURFACES: [Case; 31] = [
     Case {
         name: "grazing",
         trouble: "discs turned until they are seen edge-on: amplitude to 0, depth slope without limit",
@@ -367,6 +367,39 @@ const SURFACES: [Case; 28] = [
         log: true,
         telling: (0.03, "tiny"),
         scene: faint_merge,
+        variant: None,
+    },
+    Case {
+        name: "nested-shells",
+        trouble: "translucent spheres around each other in random order, each with gaps: what is closed is never complete",
+        parameter: "spheres",
+        unit: "",
+        values: &[1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0],
+        log: true,
+        telling: (6.0, "window"),
+        scene: nested_shells,
+        variant: None,
+    },
+    Case {
+        name: "noisy-scan",
+        trouble: "a translucent scan whose depths scatter: how many windows of ε a surface falls into decides its opacity",
+        parameter: "scatter",
+        unit: "ε",
+        values: &[0.01, 0.1, 0.3, 0.5, 1.0, 2.0, 4.0, 8.0],
+        log: true,
+        telling: (1.0, "window"),
+        scene: noisy_scan,
+        variant: None,
+    },
+    Case {
+        name: "lone-splats",
+        trouble: "translucent discs of which each is a surface: nothing to gather, and late ones belong to nothing",
+        parameter: "discs on a pixel",
+        unit: "",
+        values: &[1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 16.0, 32.0],
+        log: true,
+        telling: (8.0, "window"),
+        scene: lone_splats,
         variant: None,
     },
     Case {
@@ -696,6 +729,65 @@ fn layers(surfaces: f64) -> Scene {
 
 fn faint_merge(opacity: f64) -> Scene {
     stacked(16, opacity)
+}
+
+/// Half of each sphere faces away; a disc reaches its neighbours, no farther.
+fn nested_shells(spheres: f64) -> Scene {
+    let golden_angle = std::f64::consts::PI * (1.0 + sqrt(5.0));
+    let sphere = |i: usize| {
+        let size = 0.8 * (1.0 - 0.07 * i as f64);
+        let count = (3200.0 * size * size) as usize;
+        let spacing = size * sqrt(4.0 * std::f64::consts::PI / count as f64);
+        (0..count).map(move |point| {
+            let (z, turn) = (1.0 - (2.0 * point as f64 + 1.0) / count as f64, golden_angle * point as f64);
+            let ring = sqrt(1.0 - z * z);
+            let normal = DVec3::new(ring * cos(turn), ring * sin(turn), z);
+            let place = DVec3::new(0.0, 0.0, DEPTH) + size * normal;
+            Splat { normal, material: LIT, opacity: 0.3, ..disc(place, 0.8 * spacing, COLOURS[i % 4]) }
+        })
+    };
+    let mut scene = square(shuffled((0..spheres as usize).flat_map(sphere).collect()));
+    (scene.surface.z_threshold, scene.surface.coverage_threshold) = (0.04, 0.4);
+    scene
+}
+
+/// Two leaning sheets, far more than ε from each other, each splat off its place along the ray.
+fn noisy_scan(scatter: f64) -> Scene {
+    let z_threshold = 0.05;
+    let sheet = |depth: f64, colours| plane(DVec3::new(0.0, 0.0, depth), leaning(20.0), 26, 2.0 * PX, colours);
+    let mut splats = sheet(DEPTH + 1.0, [BLUE, PALE]);
+    splats.extend(sheet(DEPTH, [RED, GREEN]));
+    // Places in the shuffled list are as good as chance, and the same everywhere.
+    let mut splats = shuffled(with_opacity(splats, 0.5));
+    let count = splats.len() as f64;
+    for (i, splat) in splats.iter_mut().enumerate() {
+        let off = ((i as f64 * 0.618_033_988_749_895).fract() + i as f64 / count).fract() - 0.5;
+        splat.position *= 1.0 + scatter * z_threshold * off / splat.position.z;
+        splat.material = LIT;
+    }
+    let mut scene = square(splats);
+    scene.surface.z_threshold = z_threshold;
+    scene
+}
+
+/// Discs that face every way, each at a depth of its own.
+fn lone_splats(on_a_pixel: f64) -> Scene {
+    let (radius, step) = (3.0 * PX, 0.618_033_988_749_895);
+    // A disc of radius r that faces us covers 2πr² within its cutoff; turned, half of that.
+    let count = (on_a_pixel * (SIDE * SIDE) as f64 / (std::f64::consts::PI * 9.0)).ceil() as usize;
+    let splat = |i: usize| {
+        let part = |of: f64| (i as f64 * of).fract();
+        let place = |of: f64| (part(of) - 0.5) * (SIDE as f64 + 6.0);
+        let (z, turn) = (-0.2 - 0.8 * part(0.754_877_666_246_693), std::f64::consts::TAU * part(0.569_840_290_998_053));
+        let ring = sqrt(1.0 - z * z);
+        let normal = DVec3::new(ring * cos(turn), ring * sin(turn), z);
+        let depth = DEPTH + part(0.819_172_513_396_164);
+        let flat = disc(at(place(step), place(0.324_717_957_244_746), depth), radius, COLOURS[i % 4]);
+        Splat { normal, material: LIT, opacity: 0.6, ..flat }
+    };
+    let mut scene = square(shuffled((0..count).map(splat).collect()));
+    (scene.surface.z_threshold, scene.surface.coverage_threshold) = (0.002, 0.1);
+    scene
 }
 
 fn parallel(tilt: f64) -> Scene {

@@ -1,6 +1,6 @@
 //! Pictures: the catalogue as a grid of charts, and as a gallery.
 
-use super::{CASES, Case, CaseReport, Catalogue, Exhibit, Failure, Found, MachineReport, Point, SHARE_FAILS, short};
+use super::{CASES, Case, CaseReport, Catalogue, Exhibit, Failure, Found, MachineReport, Point, SHARE_FAILS, short, surface_names};
 use crate::error::Result;
 use crate::output::chart::{Axis, Chart, Mark, Panel, Series, Tile, Words, write_png};
 use crate::output::picture::Picture;
@@ -23,7 +23,7 @@ const CEILING: f64 = 2.0;
 const ENLARGED: f64 = 16.0;
 /// Colour numbers: the method, and machines in their order.
 const METHOD: usize = 6;
-const MACHINES: [usize; 5] = [0, 2, 1, 3, 4];
+const MACHINES: [usize; 6] = [0, 2, 1, 5, 3, 4];
 
 fn colour(machine: usize) -> usize {
     MACHINES[machine % MACHINES.len()]
@@ -46,9 +46,12 @@ pub fn write_chart(catalogue: &Catalogue, path: &Path) -> Result<()> {
 }
 
 fn key() -> Words {
-    let mut lines = vec![(Some((Mark::Line, METHOD)), "golden − ideal: the method's error".to_owned())];
-    let names = [Machine::NAMES[0], Machine::NAMES[1], Machine::NAMES[2], "the case's own variant of reference"];
-    lines.extend(names.iter().enumerate().map(|(i, name)| (Some((Mark::Line, colour(i))), format!("fixed − led on {name}"))));
+    let mut lines = vec![
+        (Some((Mark::Line, METHOD)), "golden − ideal: the method's error".to_owned()),
+        (Some((Mark::Dashed, METHOD)), "that of window, whose rule is another".to_owned()),
+    ];
+    let names = surface_names().chain(["the case's own variant of reference"]);
+    lines.extend(names.enumerate().map(|(i, name)| (Some((Mark::Line, colour(i))), format!("fixed − led on {name}"))));
     lines.push((None, "(of ellipsoids: volume or gaussian as reference,".into()));
     lines.push((None, "its variant as lean)".into()));
     let rest = [
@@ -80,9 +83,13 @@ fn panel(report: &CaseReport) -> Panel {
             points.sort_by(|a, b| a[0].total_cmp(&b[0]));
             Series { name: String::new(), points, mark, colour }
         };
-        if i == 0 {
-            series.push(line(Mark::Line, METHOD, &|point| Some(point.found()?.golden_vs_ideal.max_error)));
-            limits.extend(machine.method_fails_at.map(|value| (place(case, value), "method".to_owned(), METHOD)));
+        // Machines with the same rules have the same method.
+        if i == 0 || Machine::WINDOW_NAMES.contains(&machine.machine.as_str()) {
+            series.push(line(if i == 0 { Mark::Line } else { Mark::Dashed }, METHOD, &|point| {
+                Some(point.found()?.golden_vs_ideal.max_error)
+            }));
+            let whose = if i == 0 { "method".to_owned() } else { format!("{}'s method", machine.machine) };
+            limits.extend(machine.method_fails_at.map(|value| (place(case, value), whose, METHOD)));
         }
         series.push(line(Mark::Dots, colour(i), &|point| Some(point.found()?.fixed_vs_golden.max_error)));
         series.push(line(Mark::Dashed, colour(i), &|point| Some(told_bound(point.found()?))));
