@@ -5,10 +5,12 @@ use crate::program::PROGRAM;
 use crate::share;
 use assert_cmd::Command;
 use rtl_model::Machine;
+use rtl_model::timing::{self, Detail};
 use serde_json::{Value, json};
 use splatsim::explore::search::over_fragment;
 use splatsim::hardware::{fixed, machines};
 use splatsim::performance::cost::Prices;
+use splatsim::run::evaluation::Evaluation;
 use std::collections::HashSet;
 use std::fs;
 use std::path::Path;
@@ -413,18 +415,25 @@ fn the_cheapest_rule_is_found() {
         let found = over_fragment::run(scenes, &base, folder.path(), target, by, &Prices::default(), false).unwrap();
         let told = read(&folder.path().join("choices.json"));
         let choices = told["choices"].as_array().unwrap();
-        assert_eq!(choices.len(), 32);
+        assert_eq!(choices.len(), 40);
         let cost = |choice: &Value| choice[if by == over_fragment::By::Area { "area" } else { "pixel_bytes" }].as_f64().unwrap();
         let reaching = choices.iter().filter(|choice| choice["psnr_db"][0].as_f64().is_none_or(|db| db >= target));
         let least = reaching.clone().map(cost).fold(f64::INFINITY, f64::min);
         let best = &choices[told["found_for_all"].as_u64().unwrap() as usize];
-        assert!(cost(best) == least && (1..32).contains(&reaching.count()), "{}", found.summary());
+        assert!(cost(best) == least && (1..40).contains(&reaching.count()), "{}", found.summary());
         // Its figure is that of the machine that is written.
         let machine = machines::load(folder.path().join("machine.json").to_str().unwrap(), &[]).unwrap();
         assert_eq!(machine.fragment.layers, best["layers"].as_u64().unwrap() as u32);
         let drawn = splatsim::golden::render(&scene, &fixed::rules(&machine));
         let db = splatsim::accuracy::metrics(&drawn.picture, &splatsim::golden::ideal(&scene).picture).psnr_db;
         assert_eq!(db, best["psnr_db"][0].as_f64());
+        // So are its frames/s, whatever rule it has.
+        let evaluation = Evaluation::new(&scene, &machine).unwrap();
+        let cycles = timing::replay(&evaluation.machine.timing, &evaluation.observe().work, Detail::Histograms).total;
+        let frames = machine.timing.clock_hz as f64 / cycles as f64;
+        assert_eq!(Some(frames), best["frames_per_second"][0].as_f64());
+        let picture = image::open(folder.path().join("rules.png")).unwrap().into_rgb8();
+        assert_eq!(picture.dimensions(), (1920, 400));
     }
     let refused =
         over_fragment::run(std::slice::from_ref(&scene), &base, folder.path(), 400.0, over_fragment::By::Area, &Prices::default(), false);

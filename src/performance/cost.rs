@@ -175,7 +175,7 @@ pub struct Cost {
     pub units: Vec<UnitCost>,
     /// Bits of all FIFOs.
     pub fifo_bits: u64,
-    /// Bits of tiles, or of the cache.
+    /// Bits of tiles, or of the cache, and of the counts of the sort's digits.
     pub memory_bits: u64,
     /// Bits of a pixel in the frame buffer.
     pub frame_bits_per_pixel: u64,

@@ -120,11 +120,14 @@ pub struct ColourPace {
 pub struct Storage {
     /// All FIFOs, in the order of the diagram.
     pub fifos: [Fifo; 8],
-    /// Tiles, or the cache.
+    /// Tiles, or the cache, and counts of the sort's digits.
     pub memory_bits: u64,
     /// A pixel of the frame buffer: frame words, or all fragments of an immediate machine.
     pub frame_bits_per_pixel: u64,
 }
+
+/// Width of the sort's counts: as many entries as an index of 4 bytes tells apart.
+pub const SORT_COUNT_BITS: u64 = 32;
 
 /// A radix sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
@@ -340,10 +343,13 @@ impl Machine {
             [t.tile.side_px, t.tile.side_px, t.tile.buffers]
         };
         let kept_px = kept.map(u64::from).into_iter().fold(1, u64::saturating_mul);
+        // While entries go where one digit has them, the next digit is counted.
+        let sort_counts = self.sort.map_or(0, |sort| 2 * SORT_COUNT_BITS << sort.digit_bits.clamp(1, 16));
+        // Of a tile beside its fragments which pixels have stopped, if any can.
+        let pixels = kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some()));
         Storage {
             fifos,
-            // Of a tile beside its fragments which pixels have stopped, if any can.
-            memory_bits: kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some())),
+            memory_bits: pixels.saturating_add(sort_counts),
             frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
         }
     }

@@ -2,7 +2,7 @@
 //!
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
-use crate::elaboration::microarchitecture::{Harmonics, Latencies, Microarchitecture};
+use crate::elaboration::microarchitecture::{Harmonics, Latencies, Microarchitecture, SORT_COUNT_BITS};
 use crate::elaboration::{Elaboration, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
@@ -112,6 +112,8 @@ impl Machine {
         e.port(unit::SORT, "key", sort.key);
         e.signedness(unit::SORT, "key", sort.key, false);
         e.within(unit::SORT, "digit_bits", sort.digit_bits, 1, 16);
+        // One counts the next digit's values, one counts where the next entry of this digit's value goes, or sums up.
+        e.adders(unit::SORT, 2, SORT_COUNT_BITS as i32);
         Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()))
     }
 

@@ -4,6 +4,7 @@
 //! ```text
 //! scenes ─► ideal ─┐
 //! rules × layers ─► golden ─► golden − ideal ─► the least area, or bytes a pixel, at the target
+//!               └─► machine ─► frames/s, told beside it
 //! ```
 //! What the method reaches depends on no word; what it costs is of the base's words, or of the named machine's where it has none for a rule.
 //! `search` without `--over` then finds the words.
@@ -14,14 +15,18 @@ use crate::accuracy::distance;
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::{fixed, machines};
+use crate::output::chart::{Axis, Chart, Mark, Panel, Series, write_png};
 use crate::output::files::{Folder, write_beside};
 use crate::output::picture::Picture;
 use crate::output::progress::Progress;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
+use crate::run::evaluation::Evaluation;
 use crate::scene::Scene;
 use rtl_model::Machine;
+use rtl_model::elaboration::unit;
 use rtl_model::machine::{Group, Merge};
+use rtl_model::timing::{self, Detail};
 use rtl_model::units::fragment::MAX_LAYERS;
 use rtl_model::units::fragment::window::overflow_cycles;
 use serde::Serialize;
@@ -39,12 +44,29 @@ pub enum By {
     Bytes,
 }
 
-/// Rules that are tried, each with what makes a fragment of one.
-const RULES: [(&str, Group, Merge); 4] = [
-    ("nearest-pair", Group::First, Merge::NearestPair),
-    ("farthest-pair", Group::First, Merge::FarthestPair),
-    ("interval", Group::Interval, Merge::Window),
-    ("window", Group::Window, Merge::Window),
+/// Size of a panel of the chart.
+const CELL_PX: [u32; 2] = [480, 400];
+
+/// A rule that is tried.
+#[derive(Clone, Copy, Debug)]
+struct Rule {
+    name: &'static str,
+    group: Group,
+    merge: Merge,
+    /// `fragment.window.join_permille`, where there are windows.
+    join_permille: u32,
+}
+
+const fn rule(name: &'static str, group: Group, merge: Merge, join_permille: u32) -> Rule {
+    Rule { name, group, merge, join_permille }
+}
+
+const RULES: [Rule; 5] = [
+    rule("nearest-pair", Group::First, Merge::NearestPair, 0),
+    rule("farthest-pair", Group::First, Merge::FarthestPair, 0),
+    rule("interval", Group::Interval, Merge::Window, 0),
+    rule("window", Group::Window, Merge::Window, 0),
+    rule("window-join-0.1", Group::Window, Merge::Window, 100),
 ];
 
 /// A rule with so many layers.
@@ -58,10 +80,18 @@ pub struct Choice {
     pub pixel_bytes: u32,
     /// LUT equivalents of the machine with it.
     pub area: f64,
+    /// LUT equivalents of its units `fragment` and `shade`, which rules have two of or one.
+    pub fragment_and_shade_area: f64,
     /// golden − ideal of each scene, dB; none where they are equal.
     pub psnr_db: Vec<Option<f64>>,
     /// Whether each scene reaches the target.
     pub reaches: Vec<bool>,
+    /// Fragments that `golden` composites at overflows, of each scene.
+    pub merged: Vec<u64>,
+    /// Pairs that it adds up there.
+    pub summed: Vec<u64>,
+    /// Frames a second that the machine draws of each scene.
+    pub frames_per_second: Vec<f64>,
 }
 
 impl Choice {
@@ -88,17 +118,28 @@ pub struct Outcome {
 }
 
 /// The machine with another fragment: its own words where it has such, else those of the named machine that has.
-fn with_rule(base: &Machine, (_, group, merge): (&str, Group, Merge), layers: u32) -> Option<Machine> {
+fn with_rule(base: &Machine, rule: Rule, layers: u32) -> Option<Machine> {
     let is_first = |machine: &Machine| machine.fragment.group == Group::First;
-    let named = Machine::named(if group == Group::First { "reference" } else { "window" })?;
-    let from = if is_first(base) == (group == Group::First) { base } else { &named };
+    let named = Machine::named(if rule.group == Group::First { "reference" } else { "window" })?;
+    let from = if is_first(base) == (rule.group == Group::First) { base } else { &named };
     let mut machine = Machine { fragment: from.fragment, ..base.clone() };
-    (machine.fragment.group, machine.fragment.merge, machine.fragment.layers) = (group, merge, layers);
+    (machine.fragment.group, machine.fragment.merge, machine.fragment.layers) = (rule.group, rule.merge, layers);
+    if let Some(window) = &mut machine.fragment.window {
+        window.join_permille = rule.join_permille;
+    }
     machine.timing.fragment.merge = machine.timing.fragment.merge.max(overflow_cycles(&machine));
     Some(machine)
 }
 
-/// Tries all rules, and writes `machine.json`, the cheapest for all scenes, and `choices.json`.
+/// Frames a second of the machine, by a replay of what it draws.
+fn frames_per_second(evaluation: &Evaluation) -> f64 {
+    let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
+    let machine = &evaluation.machine.timing;
+    let cycles = timing::replay(machine, &work, Detail::Accounts).total;
+    machine.timing.clock_hz as f64 / cycles.max(1) as f64
+}
+
+/// Tries all rules, and writes `machine.json`, the cheapest for all scenes, `choices.json` and a chart, `rules.png`.
 ///
 /// # Errors
 /// [`Error::Input`] where the machine draws sheets, whose rule is their order, or cannot be built; [`Error::Job`] where no rule reaches the
@@ -116,24 +157,34 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
     for (rule, layers) in choices {
         let Some(machine) = with_rule(base, rule, layers) else { continue };
         let elaborated = fixed::elaborate(&machine)?;
-        let rules = fixed::rules(&machine);
-        let psnr_db: Vec<Option<f64>> = (scenes.iter().zip(&ideals))
-            .map(|(scene, ideal)| {
-                let apart = distance(&golden::render(scene, &rules).picture, ideal);
-                progress.step();
-                // What is no number reaches nothing.
-                if apart.not_finite > 0 { Some(f64::NEG_INFINITY) } else { apart.psnr_db }
-            })
-            .collect();
-        let reaches = psnr_db.iter().map(|db| db.is_none_or(|db| db >= target_db)).collect();
-        tried.push(Choice {
-            rule: rule.0,
+        let cost = Cost::new(&elaborated, prices);
+        let of_rule = cost.units.iter().filter(|unit| [unit::FRAGMENT, unit::SHADE].contains(&unit.name));
+        let mut choice = Choice {
+            rule: rule.name,
             layers,
             pixel_bytes: elaborated.timing.fragment_bytes * layers,
-            area: Cost::new(&elaborated, prices).area,
-            psnr_db,
-            reaches,
-        });
+            area: cost.area,
+            fragment_and_shade_area: of_rule.map(|unit| unit.area).sum(),
+            psnr_db: Vec::new(),
+            reaches: Vec::new(),
+            merged: Vec::new(),
+            summed: Vec::new(),
+            frames_per_second: Vec::new(),
+        };
+        for (scene, ideal) in scenes.iter().zip(&ideals) {
+            let evaluation = Evaluation::on(scene, &elaborated)?;
+            let (golden, frames) = rayon::join(|| evaluation.golden(), || frames_per_second(&evaluation));
+            let apart = distance(&golden.picture, ideal);
+            // What is no number reaches nothing.
+            let db = if apart.not_finite > 0 { Some(f64::NEG_INFINITY) } else { apart.psnr_db };
+            choice.psnr_db.push(db);
+            choice.reaches.push(db.is_none_or(|db| db >= target_db));
+            choice.merged.push(golden.outcomes.merged);
+            choice.summed.push(golden.outcomes.summed);
+            choice.frames_per_second.push(frames);
+            progress.step();
+        }
+        tried.push(choice);
         built.push(machine);
     }
     drop(progress);
@@ -149,6 +200,9 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
     let told = json!({"scenes": outcome.scenes, "target_psnr_db": target_db, "by": by, "choices": outcome.choices,
         "found": outcome.found, "found_for_all": found_for_all});
     write_beside(&path, |file| serde_json::to_writer_pretty(file, &told).map_err(|e| e.to_string()))?;
+    outcome.files.push(path);
+    let path = folder.join("rules.png");
+    outcome.write_chart(&path)?;
     outcome.files.push(path);
     let Some(nth) = found_for_all else {
         return Err(Error::job(outcome.without_end()));
@@ -184,6 +238,7 @@ impl Outcome {
         let head = format!("{}: at least {} dB, golden − ideal, by {what}", self.scenes.join(", "), self.target_db);
         let mut heads = vec!["rule", "l", "bytes a pixel", "area"];
         heads.extend(self.scenes.iter().map(String::as_str));
+        heads.push(if self.scenes.len() > 1 { "least frames/s" } else { "frames/s" });
         let mut table = plain_table(&heads);
         for choice in &self.choices {
             let cells = choice.psnr_db.iter().zip(&choice.reaches).map(|(db, reaches)| {
@@ -191,7 +246,8 @@ impl Outcome {
                 if *reaches { format!("{db} *") } else { format!("{db}  ") }
             });
             let own = [choice.rule.to_owned(), choice.layers.to_string(), choice.pixel_bytes.to_string(), thousands(choice.area as u64)];
-            table.add_row(own.into_iter().chain(cells));
+            let slowest = choice.frames_per_second.iter().copied().fold(f64::INFINITY, f64::min);
+            table.add_row(own.into_iter().chain(cells).chain([format!("{slowest:.1}")]));
         }
         let mut text = format!("{}\n\n{}\n* reaches the target\n", wrapped(&head), aligned(table).trim_fmt());
         if self.scenes.len() > 1 {
@@ -204,5 +260,44 @@ impl Outcome {
             let _ = write!(text, "\n{}", wrapped(&format!("{whose}{}", self.cost(nth))));
         }
         text
+    }
+
+    /// golden − ideal of each scene against what layers and rules cost: a row of four panels a scene.
+    fn write_chart(&self, path: &Path) -> Result<()> {
+        let panels: Vec<Panel> = (0..self.scenes.len()).flat_map(|scene| self.panels(scene)).collect();
+        let charts: Vec<&dyn Chart> = panels.iter().map(|panel| panel as &dyn Chart).collect();
+        write_png(&charts, 4, CELL_PX, path)
+    }
+
+    fn panels(&self, scene: usize) -> [Panel; 4] {
+        type Figure = fn(&Choice, usize) -> f64;
+        // A logarithm needs one merge at least.
+        let axes: [(Axis, Figure); 4] = [
+            (Axis::linear("bytes a pixel"), |choice, _| choice.pixel_bytes.into()),
+            (Axis::log("merges, at least 1"), |choice, scene| choice.merged[scene].max(1) as f64),
+            (Axis::linear("area of fragment and shade, LUT equivalents"), |choice, _| choice.fragment_and_shade_area),
+            (Axis::linear("frames/s"), |choice, scene| choice.frames_per_second[scene]),
+        ];
+        axes.map(|(x, figure)| {
+            let of_rule = |name: &'static str| self.choices.iter().filter(move |choice| choice.rule == name);
+            // A picture that equals ideal has no place.
+            let point = |choice: &Choice| Some([figure(choice, scene), choice.psnr_db[scene].filter(|db| db.is_finite())?]);
+            let series = RULES.iter().enumerate().map(|(colour, rule)| Series {
+                name: rule.name.into(),
+                points: of_rule(rule.name).filter_map(point).collect(),
+                mark: Mark::Rings,
+                colour,
+            });
+            let notes = RULES.iter().flat_map(|rule| of_rule(rule.name));
+            let notes = notes.filter_map(|choice| Some((point(choice)?, choice.layers.to_string())));
+            Panel {
+                title: self.scenes[scene].clone(),
+                x,
+                y: Axis::linear("golden − ideal, dB"),
+                series: series.collect(),
+                notes: notes.collect(),
+                ..Panel::default()
+            }
+        })
     }
 }
