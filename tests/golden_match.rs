@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use splatsim::accuracy::metrics;
 use splatsim::golden::{Merge, Outcomes, Rendering, Rules, ideal, ideal_of, render};
-use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat, Surface};
+use splatsim::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
 
 const UNLIT: u32 = 0;
 const GLOSSY: u32 = 1;
@@ -27,7 +27,7 @@ pub fn glass_spheres() -> Scene {
             near: 0.05,
         },
         image: Image { width: 512, height: 512, background: [1.0; 4], encoded: false },
-        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3 },
+        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa },
         ellipsoids: None,
         sheets: None,
         surface: Surface { z_threshold: 0.06, coverage_threshold: 0.4, cull_backfaces: false },

@@ -13,6 +13,7 @@ mod cli;
 mod cosimulation;
 mod diff;
 mod edge_cases;
+mod filters;
 mod fixed_laws;
 mod fixed_match;
 mod gaussian_match;

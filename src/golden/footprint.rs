@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use glam::{DMat3, DVec3};
 
-use crate::scene::{Amplitude, Orientation, Scene, Sheet, View};
+use crate::scene::{Amplitude, Filter, Orientation, Scene, Sheet, View};
 
 /// A splat as the picture sees it, in pixels; depths and normals are in camera space.
 #[derive(Clone, Debug)]
@@ -34,6 +34,67 @@ pub(crate) struct Footprint {
     pub least_weight: f64,
     /// Where splats are grouped by sheets: which one it belongs to.
     pub sheet: u32,
+    /// The disc in space, where its filter lies there.
+    disc: Option<Disc>,
+}
+
+/// A disc on whose plane pixels are filtered (Heckbert's source-space EWA).
+#[derive(Clone, Debug)]
+struct Disc {
+    /// Centre and normal, camera space.
+    position: DVec3,
+    normal: DVec3,
+    /// Variance of the splat.
+    variance: f64,
+    /// Variance of the low-pass filter, pixel².
+    low_pass: f64,
+    /// Focal length and the picture's middle, pixels.
+    focal_px: f64,
+    middle_px: [f64; 2],
+}
+
+impl Disc {
+    /// What it gives to the pixel with this centre: the ray meets the plane at x = s·d, where a pixel is as large as ∂x, and the filter of
+    /// variance r² + v·∂x ∂xᵀ is as high as its area is small.
+    fn contribution(&self, pixel: [f64; 2]) -> Option<Contribution> {
+        let ray = DVec3::new((pixel[0] - self.middle_px[0]) / self.focal_px, (pixel[1] - self.middle_px[1]) / self.focal_px, 1.0);
+        let along = self.normal.dot(ray);
+        let depth = self.normal.dot(self.position) / along;
+        // Behind the eye, or along the plane.
+        if !(depth > 0.0 && depth.is_finite()) {
+            return None;
+        }
+        let offset = depth * ray - self.position;
+        let (u, v) = self.normal.any_orthonormal_pair();
+        // ∂x/∂px: as the ray turns, s changes too, for x stays on the plane.
+        let step = |axis: DVec3| depth / self.focal_px * (axis - ray * (self.normal.dot(axis) / along));
+        let [right, down] = [step(DVec3::X), step(DVec3::Y)].map(|step| [step.dot(u), step.dot(v)]);
+        let term = |i: usize, j: usize| self.low_pass * (right[i] * right[j] + down[i] * down[j]);
+        let [v00, v01, v11] = [self.variance + term(0, 0), term(0, 1), self.variance + term(1, 1)];
+        // v·|∂x|² and what it adds to the square of r²: no difference of products.
+        let area = self.low_pass * (right[0] * down[1] - right[1] * down[0]);
+        let determinant = self.variance * self.variance + self.variance * (term(0, 0) + term(1, 1)) + area * area;
+        let [a, b] = [offset.dot(u), offset.dot(v)];
+        let radial_index = (v11 * a * a - 2.0 * v01 * a * b + v00 * b * b) / determinant;
+        let amplitude = self.variance / determinant.sqrt() / TAU;
+        radial_index.is_finite().then(|| Contribution { radial_index, weight: amplitude * libm::exp(-0.5 * radial_index), z: depth })
+    }
+
+    /// Half sides of a box around the disc's centre on screen that holds what its filter reaches, or all of the picture where the disc comes
+    /// near the eye's plane.
+    fn reach(&self, cutoff: f64) -> [f64; 2] {
+        let radius = (cutoff * self.variance).sqrt();
+        let nearest = self.position.z - radius;
+        if nearest <= 0.1 * self.position.z {
+            return [f64::INFINITY; 2];
+        }
+        let filter = (cutoff * self.low_pass).sqrt();
+        [self.position.x, self.position.y].map(|side| {
+            let of_disc = self.focal_px * radius * (1.0 + side.abs() / self.position.z) / nearest;
+            // Towards the horizon a pixel's filter reaches farther than at the disc itself.
+            of_disc + 4.0 * filter + 1.0
+        })
+    }
 }
 
 /// Why a splat leaves no footprint.
@@ -92,6 +153,13 @@ impl Variance {
         }
     }
 
+    /// A circle as wide as the major axis.
+    fn of_major_axis(self) -> Self {
+        let [v00, v01, v11] = self.entries;
+        let major = (v00 + v11) / 2.0 + ((v00 - v11) / 2.0).hypot(v01);
+        Variance { entries: [major, 0.0, major], determinant: major * major }
+    }
+
     /// `V = V_r + v·I`, its determinant as three terms none of which is negative.
     fn low_passed(self, v: f64) -> Self {
         let [v00, v01, v11] = self.entries;
@@ -135,12 +203,22 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
             Variance::of_ellipsoid(k, clamped(ray, scene, view), axes * DMat3::from_diagonal(scales))
         }
     };
+    let reconstruction = if scene.kernel.filter == Filter::Circular { reconstruction.of_major_axis() } else { reconstruction };
     let c_n = plane.dot(ray);
+    let disc = (scene.kernel.filter == Filter::SourceEwa).then_some(Disc {
+        position: t,
+        normal,
+        variance: splat.radius * splat.radius,
+        low_pass: scene.kernel.low_pass,
+        focal_px: view.focal_px,
+        middle_px: view.half_px,
+    });
     let variance = reconstruction.low_passed(scene.kernel.low_pass);
     let centre = [0, 1].map(|axis| view.focal_px * ray[axis] + view.half_px[axis]);
     let is_peak = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
     let box_cutoff = if is_peak { cutoff.min(counts_within(splat.opacity, least_weight)) } else { cutoff };
     let reach = [variance.entries[0], variance.entries[2]].map(|entry| (box_cutoff * entry).sqrt());
+    let reach = disc.as_ref().map_or(reach, |disc| disc.reach(cutoff));
     let columns = pixels(centre[0], reach[0], scene.image.width);
     let rows = pixels(centre[1], reach[1], scene.image.height);
     let amplitude = match &scene.ellipsoids {
@@ -203,6 +281,7 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
             Some(Sheet::Splat) => index as u32,
             None => 0,
         },
+        disc,
     };
     (footprint, cull)
 }
@@ -249,6 +328,10 @@ impl Footprint {
 
     /// Number of pixels that it gives something to: in each row those between the roots of r − r₀.
     pub fn area(&self) -> u64 {
+        if self.disc.is_some() {
+            let row = |y: u32| self.columns.clone().filter(|x| self.row(y).at(*x).is_some()).count() as u64;
+            return self.rows.clone().map(row).sum();
+        }
         let least = if self.least_weight > 0.0 { 2.0 * libm::log(self.amplitude / self.least_weight) } else { f64::INFINITY };
         let limit = self.cutoff.min(least);
         let row = |y: u32| {
@@ -266,13 +349,16 @@ impl Footprint {
     pub fn row(&self, y: u32) -> Row<'_> {
         let dy = f64::from(y) + 0.5 - self.centre[1];
         let [_, q01, q11] = self.conic;
-        Row { footprint: self, linear: 2.0 * q01 * dy, constant: q11 * dy * dy, z: self.z + self.slope[1] * dy }
+        let z = self.z + self.slope[1] * dy;
+        Row { footprint: self, middle: f64::from(y) + 0.5, linear: 2.0 * q01 * dy, constant: q11 * dy * dy, z }
     }
 }
 
 /// One row of a footprint: `r = Q00·dx² + linear·dx + constant`.
 pub(crate) struct Row<'a> {
     footprint: &'a Footprint,
+    /// Where the row's centres are, pixels.
+    middle: f64,
     linear: f64,
     constant: f64,
     z: f64,
@@ -282,6 +368,10 @@ impl Row<'_> {
     /// Contribution of the footprint to the pixel in column `x`, if it reaches it.
     #[inline]
     pub fn at(&self, x: u32) -> Option<Contribution> {
+        if let Some(disc) = &self.footprint.disc {
+            let contribution = disc.contribution([f64::from(x) + 0.5, self.middle])?;
+            return (contribution.radial_index < self.footprint.cutoff).then_some(contribution);
+        }
         let (dx, radial_index) = self.radial_index(x);
         if radial_index >= self.footprint.cutoff {
             return None;

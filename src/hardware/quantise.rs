@@ -9,7 +9,7 @@
 use crate::error::{Error, Result};
 use crate::golden::window_density;
 use crate::output::text::listed;
-use crate::scene::{Amplitude, Light, Material, Orientation, Scene, Sheet, Splat, View};
+use crate::scene::{Amplitude, Filter, Light, Material, Orientation, Scene, Sheet, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use rtl_model::frame::{self, Frame, Scaled};
@@ -51,6 +51,11 @@ pub struct Quantised {
 /// # Errors
 /// [`Error::Input`] where a register cannot hold a constant of the scene: every such register, and what would hold it.
 pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
+    if scene.kernel.filter != Filter::Ewa {
+        let filter = if scene.kernel.filter == Filter::Circular { "circular" } else { "source-ewa" };
+        let says = "which golden and ideal draw for comparison: no machine has it";
+        return Err(Error::input(format!("machine {} cannot draw {}: kernel.filter is \"{filter}\", {says}", machine.name, scene.name)));
+    }
     let view = scene.view();
     let scale = fit_scale(scene, &view, machine);
     let mut registers = Registers { machine, misfits: Vec::new(), notes: Vec::new() };

@@ -1,6 +1,6 @@
 //! Digest: names a text, or all that is drawn of a scene, by its SHA-256.
 
-use super::{Ellipsoids, Orientation, Scene, Sheet, Sheets, Splat};
+use super::{Ellipsoids, Filter, Kernel, Orientation, Scene, Sheet, Sheets, Splat};
 use crate::output::text::hex;
 use sha2::{Digest, Sha256};
 
@@ -27,7 +27,13 @@ pub fn digest_of(scene: &Scene) -> String {
         materials,
     } = scene;
     let mut sha = Sha256::new();
-    sha.update(format!("{camera:?}{image:?}{kernel:?}{surface:?}{lights:?}{materials:?}"));
+    let Kernel { cutoff, low_pass, guard, jacobian, filter } = kernel;
+    let mut kernel = format!("Kernel {{ cutoff: {cutoff:?}, low_pass: {low_pass:?}, guard: {guard:?}, jacobian: {jacobian:?} }}");
+    // The papers' own is said by no word: scenes keep their digests.
+    if *filter != Filter::Ewa {
+        kernel += &format!("{filter:?}");
+    }
+    sha.update(format!("{camera:?}{image:?}{kernel}{surface:?}{lights:?}{materials:?}"));
     if let Some(Ellipsoids { orientations, amplitude, preshaded, sorted, harmonics }) = ellipsoids {
         sha.update(format!("{amplitude:?}{preshaded}{sorted}"));
         // It changes no picture, but what is read.

@@ -19,7 +19,7 @@ use super::{
 };
 use crate::error::{Error, Result};
 use crate::output::text::one_line;
-use crate::scene::{gaussian_cutoff, strict_json, validate};
+use crate::scene::{Filter, gaussian_cutoff, strict_json, validate};
 use glam::DVec3;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -315,12 +315,28 @@ struct KernelFields {
     low_pass: Option<f64>,
     /// How a volume's kernels are filtered.
     low_pass_by: LowPass,
+    /// What is drawn of a splat; others than the papers' are for comparison.
+    filter: FilterField,
     /// Splats whose centres lie farther to the side than this, in half pictures, are not drawn; left out: 1.5, for Gaussians 100.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     guard: Option<f64>,
     /// Farther to the side than this, in half pictures, an ellipsoid is projected as if it were there.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     jacobian: f64,
+}
+
+#[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+enum FilterField {
+    /// The projected ellipse with the low-pass filter: the papers' own.
+    Ewa,
+    /// The ellipse without the filter: as if `low_pass` were 0.
+    Elliptical,
+    /// A circle as wide as the ellipse's major axis, with the filter. `golden` and `ideal` alone draw it.
+    Circular,
+    /// Heckbert's source-space EWA: the filter is brought onto the splat's plane along each pixel's ray. `golden` and `ideal` alone draw it,
+    /// of discs.
+    SourceEwa,
 }
 
 #[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
@@ -414,7 +430,14 @@ impl Default for ImageFields {
 
 impl Default for KernelFields {
     fn default() -> Self {
-        KernelFields { cutoff: None, low_pass: None, low_pass_by: LowPass::Convolution, guard: None, jacobian: 1.3 }
+        KernelFields {
+            cutoff: None,
+            low_pass: None,
+            low_pass_by: LowPass::Convolution,
+            filter: FilterField::Ewa,
+            guard: None,
+            jacobian: 1.3,
+        }
     }
 }
 
@@ -484,6 +507,12 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     if fields.kernel.low_pass_by == LowPass::Scaling && kind != Kind::Volume {
         return Err(input_error("kernel.low_pass_by is \"scaling\", and only the kernels of a volume are scaled".into()));
     }
+    if fields.kernel.filter == FilterField::Elliptical && fields.kernel.low_pass.is_some_and(|variance| variance > 0.0) {
+        return Err(input_error("kernel.filter is \"elliptical\", which has no low-pass filter, and kernel.low_pass is not 0".into()));
+    }
+    if fields.kernel.filter == FilterField::SourceEwa && gathered.medium.is_some() {
+        return Err(input_error("kernel.filter is \"source-ewa\", which is of discs, and these splats are none".into()));
+    }
     if surface.cull_backfaces && matches!(gathered.medium, Some(Medium::Volume(_) | Medium::Gaussians(_))) {
         return Err(input_error("surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into()));
     }
@@ -516,7 +545,12 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
     };
     Kernel {
         cutoff: fields.cutoff.unwrap_or(cutoff),
-        low_pass: fields.low_pass.unwrap_or(low_pass),
+        low_pass: if fields.filter == FilterField::Elliptical { 0.0 } else { fields.low_pass.unwrap_or(low_pass) },
+        filter: match fields.filter {
+            FilterField::Ewa | FilterField::Elliptical => Filter::Ewa,
+            FilterField::Circular => Filter::Circular,
+            FilterField::SourceEwa => Filter::SourceEwa,
+        },
         guard: fields.guard.unwrap_or(guard),
         jacobian: fields.jacobian,
     }

@@ -102,6 +102,20 @@ pub struct Kernel {
     pub guard: f64,
     /// No slope a or b beyond this, in half pictures, counts in an ellipsoid's Jacobian. Above 0.
     pub jacobian: f64,
+    /// What is drawn of a splat: for comparison, other filters than the papers'.
+    pub filter: Filter,
+}
+
+/// How a splat is filtered (SS Fig. 8). Splats without a low-pass filter are [`Filter::Ewa`] with a variance of 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// The projected ellipse, convolved with the low-pass filter in the picture: the affine approximation at the splat's centre.
+    Ewa,
+    /// A circle as wide as that ellipse's major axis. No machine has it.
+    Circular,
+    /// Heckbert's: the pixel's low-pass filter brought onto the splat's plane, where the pixel's own ray meets it, and convolved there with
+    /// the splat. Of discs; no machine has it.
+    SourceEwa,
 }
 
 /// Meaning of an ellipsoid's amplitude.

@@ -2,7 +2,7 @@
 #![allow(dead_code, reason = "each test file uses some of it")]
 
 use glam::DVec3;
-use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat, Surface};
+use splatsim::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
 
 /// A scene seen along +z, x right, y down, with `s` pixels to a unit of `t_x/t_z`; black transparent background.
 pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
@@ -17,7 +17,7 @@ pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
             near: 0.01,
         },
         image: Image { width, height, background: [0.0; 4], encoded: false },
-        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3 },
+        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa },
         ellipsoids: None,
         sheets: None,
         surface: Surface { z_threshold: 0.05, coverage_threshold: 0.4, cull_backfaces: false },

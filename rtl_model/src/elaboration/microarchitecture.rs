@@ -344,7 +344,7 @@ impl Machine {
         };
         let kept_px = kept.map(u64::from).into_iter().fold(1, u64::saturating_mul);
         // While entries go where one digit has them, the next digit is counted.
-        let sort_counts = self.sort.map_or(0, |sort| 2 * SORT_COUNT_BITS << sort.digit_bits.clamp(1, 16));
+        let sort_counts = self.sort.map_or(0, |sort| (2 * SORT_COUNT_BITS) << sort.digit_bits.clamp(1, 16));
         // Of a tile beside its fragments which pixels have stopped, if any can.
         let pixels = kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some()));
         Storage {

@@ -5,7 +5,7 @@
 
 mod ellipsoids;
 
-use crate::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat, Surface};
+use crate::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
 use glam::DVec3;
 use libm::{atan, cos, sin, sqrt};
 use std::f64::consts::SQRT_2;
@@ -434,7 +434,7 @@ fn picture(width: usize, height: usize, splats: Vec<Splat>) -> Scene {
             near: 0.01,
         },
         image: Image { width, height, background: [0.25, 0.25, 0.25, 1.0], encoded: false },
-        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3 },
+        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa },
         ellipsoids: None,
         sheets: None,
         surface: Surface { z_threshold: 0.05, coverage_threshold: 0.4, cull_backfaces: false },

@@ -1,0 +1,163 @@
+//! Compares four filters of splats on a checkerboard up to the horizon (SS Fig. 8), each against the board itself: convolved with the
+//! low-pass filter as a picture, from 512 rays a pixel.
+//!
+//! ```sh
+//! cargo run --release --example filters -- [FOLDER]
+//! ```
+//! Prints a table and writes `filters.png`. Rows near the eye show blur: there the pixel grid could hold the board, and what a filter takes
+//! of its contrast is lost. Rows near the horizon show aliases: there two fields are lower than two pixels, and whatever contrast differs
+//! from the filtered board's is false.
+
+use glam::DVec3;
+use splatsim::accuracy::metrics;
+use splatsim::error::{Error, Result};
+use splatsim::golden::{Rules, render};
+use splatsim::hardware::{fixed, quantise};
+use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::picture::Picture;
+use splatsim::scene::{Camera, Filter, Image, Kernel, Material, Overrides, Scene, Splat};
+use std::path::PathBuf;
+
+const WIDTH: usize = 256;
+const HEIGHT: usize = 128;
+/// Full vertical angle of view, degrees.
+const FOV_Y: f64 = 60.0;
+/// The board: side of a field, distance of splats, depths at which it begins and ends; the eye is 1 above it.
+const FIELD: f64 = 0.2;
+const SPACING: f64 = 0.05;
+const DEPTHS: [f64; 2] = [0.8, 40.0];
+/// Colours of fields, linear light.
+const LIGHT: f64 = 0.9;
+const DARK: f64 = 0.1;
+/// Rays of a pixel across and down: fields are flatter than wide.
+const RAYS: [usize; 2] = [8, 64];
+
+fn field(x: f64, z: f64) -> f64 {
+    if ((x / FIELD).floor() + (z / FIELD).floor()).rem_euclid(2.0) < 1.0 { LIGHT } else { DARK }
+}
+
+/// The board as splats.
+fn board(focal_px: f64) -> Vec<Splat> {
+    let rows = ((DEPTHS[1] - DEPTHS[0]) / SPACING) as usize;
+    let row = |j: usize| {
+        let z = DEPTHS[0] + (j as f64 + 0.5) * SPACING;
+        let half = ((z * (WIDTH as f64 / 2.0 + 12.0) / focal_px) / SPACING).ceil() as i64;
+        (-half..half).map(move |i| {
+            let x = (i as f64 + 0.5) * SPACING;
+            let rgb = [field(x, z); 3];
+            Splat { position: DVec3::new(x, 0.0, z), normal: DVec3::Y, radius: SPACING, rgb, opacity: 1.0, material: 0 }
+        })
+    };
+    (0..rows).flat_map(row).collect()
+}
+
+/// The scene, its middle row on the horizon; one surface, whose every pixel counts as covered.
+fn scene() -> Result<Scene> {
+    let mut scene = Scene::load("checkerboard", &Overrides::default())?;
+    scene.image = Image { width: WIDTH, height: HEIGHT, background: [0.5, 0.5, 0.5, 1.0], encoded: false };
+    scene.camera = Camera { eye: DVec3::Y, target: DVec3::new(0.0, 1.0, 1.0), up: DVec3::Y, fov_y_degrees: FOV_Y, near: 0.01 };
+    scene.materials = vec![Material::Unlit];
+    (scene.surface.z_threshold, scene.surface.coverage_threshold) = (100.0, 1e-3);
+    scene.splats = board(scene.view().focal_px);
+    Ok(scene)
+}
+
+/// The board itself, convolved with a Gaussian of a pixel's variance: rays by rows and columns, then both sums. `right` is the board's x to the
+/// right of the picture.
+fn reference(focal_px: f64, right: f64) -> Picture {
+    const REACH: usize = 5;
+    let [across, down] = RAYS;
+    let (width, height) = ((WIDTH + 2 * REACH) * across, (HEIGHT + 2 * REACH) * down);
+    let place = |i: usize, rays: usize| (i as f64 + 0.5) / rays as f64 - REACH as f64;
+    let weights = |rays: usize| -> Vec<f64> {
+        let all: Vec<f64> = (0..(2 * REACH + 1) * rays).map(|i| libm::exp(-0.5 * (place(i, rays) - 0.5).powi(2))).collect();
+        let sum: f64 = all.iter().sum();
+        all.into_iter().map(|weight| weight / sum).collect()
+    };
+    let (of_row, of_column) = (weights(across), weights(down));
+    let columns: Vec<f64> = (0..height)
+        .flat_map(|j| {
+            let below = place(j, down) - HEIGHT as f64 / 2.0;
+            let z = focal_px / below;
+            let colour = |i: usize| {
+                let x = right * (place(i, across) - WIDTH as f64 / 2.0) / focal_px * z;
+                if below > 0.0 && z < DEPTHS[1] { field(x, z) } else { 0.5 }
+            };
+            let row: Vec<f64> = (0..width).map(colour).collect();
+            let sum = |x: usize| of_row.iter().zip(&row[x * across..]).map(|(weight, colour)| weight * colour).sum::<f64>();
+            (0..WIDTH).map(sum).collect::<Vec<_>>()
+        })
+        .collect();
+    let pixel = |index: usize| {
+        let (x, y) = (index % WIDTH, index / WIDTH);
+        let grey = (of_column.iter().enumerate()).map(|(j, weight)| weight * columns[(y * down + j) * WIDTH + x]).sum::<f64>();
+        [grey, grey, grey, 1.0]
+    };
+    Picture { width: WIDTH, height: HEIGHT, rgba: (0..WIDTH * HEIGHT).map(pixel).collect(), covered: vec![true; WIDTH * HEIGHT] }
+}
+
+/// Some rows of a picture.
+fn rows(picture: &Picture, [first, end]: [usize; 2]) -> Picture {
+    let rgba = picture.rgba[first * WIDTH..end * WIDTH].to_vec();
+    Picture { width: WIDTH, height: end - first, covered: vec![true; rgba.len()], rgba }
+}
+
+fn difference(a: &Picture, b: &Picture) -> Picture {
+    let rgba = a.rgba.iter().zip(&b.rgba).map(|(a, b)| [0, 1, 2, 3].map(|i| a[i] - b[i])).collect();
+    Picture { rgba, ..a.clone() }
+}
+
+/// Standard deviation of grey: what contrast there is.
+fn contrast(picture: &Picture) -> f64 {
+    let count = picture.rgba.len() as f64;
+    let mean = picture.rgba.iter().map(|pixel| pixel[1]).sum::<f64>() / count;
+    (picture.rgba.iter().map(|pixel| (pixel[1] - mean).powi(2)).sum::<f64>() / count).sqrt()
+}
+
+fn main() -> Result<()> {
+    let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "out".into()));
+    std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
+    let scene = scene()?;
+    let focal_px = scene.view().focal_px;
+    // A field is four pixels high, and two fields two pixels: below the horizon by these.
+    let below = |field_px: f64| HEIGHT / 2 + (field_px * focal_px / FIELD).sqrt() as usize;
+    let last = HEIGHT / 2 + (focal_px / DEPTHS[1]).ceil() as usize + 4;
+    let (near, far) = ([below(4.0), HEIGHT - 2], [last, below(1.0)]);
+    let reference = reference(focal_px, scene.view().rotation.row(0).x);
+    println!("| filter | near: dB | contrast kept | far: dB | false contrast |");
+    println!("|---|---|---|---|---|");
+    let figures = |picture: &Picture| {
+        let db =
+            |of: [usize; 2]| metrics(&rows(picture, of), &rows(&reference, of)).psnr_db.map_or("equal".into(), |db| format!("{db:.1}"));
+        let kept = 100.0 * contrast(&rows(picture, near)) / contrast(&rows(&reference, near));
+        let left = 100.0 * contrast(&difference(&rows(picture, far), &rows(&reference, far))) / ((LIGHT - DARK) / 2.0);
+        [db(near), format!("{kept:.0} %"), db(far), format!("{left:.1} %")]
+    };
+    let mut tiles = vec![Tile { caption: "the board, convolved".into(), picture: reference.clone() }];
+    let machine = machines()?;
+    let ways = [
+        ("EWA", Filter::Ewa, 1.0),
+        ("source-space EWA", Filter::SourceEwa, 1.0),
+        ("elliptical, no low-pass", Filter::Ewa, 0.0),
+        ("circular", Filter::Circular, 1.0),
+    ];
+    for (name, filter, low_pass) in ways {
+        let scene = Scene { kernel: Kernel { filter, low_pass, ..scene.kernel }, ..scene.clone() };
+        let golden = render(&scene, &Rules::default()).picture;
+        let figures_of = figures(&golden);
+        println!("| {name} | {} |", figures_of.join(" | "));
+        if filter == Filter::Ewa {
+            let quantised = quantise::quantise(&scene, &machine.machine)?;
+            let fixed = fixed::picture(&machine, &fixed::draw(&machine, &quantised));
+            println!("| {name}, on `reference` | {} |", figures(&fixed).join(" | "));
+        }
+        tiles.push(Tile { caption: format!("{name}: near {}, far {} dB", figures_of[0], figures_of[2]), picture: golden });
+    }
+    let tiles: Vec<&dyn Chart> = tiles.iter().map(|tile| tile as &dyn Chart).collect();
+    write_png(&tiles, 1, [WIDTH as u32 + 12, HEIGHT as u32 + 30], &folder.join("filters.png"))
+}
+
+/// The machine `reference`, whose table and words hold a plane up to its horizon.
+fn machines() -> Result<rtl_model::pipeline::Elaborated> {
+    fixed::elaborate(&splatsim::hardware::machines::load("reference", &[])?)
+}
