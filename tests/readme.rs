@@ -53,11 +53,12 @@ fn is_run(arguments: &str) -> bool {
 }
 
 /// Commands of other programs, which CI runs, or which set up what CI runs.
-const OTHERS: [&str; 7] = [
+const OTHERS: [&str; 8] = [
     "cargo test --workspace",
     "cargo fmt --all --check",
     "cargo clippy --workspace --all-targets -- -D warnings",
     ".ci/run",
+    "python3 tests/programs/table_2.py target/release/splatsim ../shared/data",
     "pip install -r docs/requirements.txt",
     "mkdocs build --strict --config-file docs/mkdocs.yml",
     "fusesoc --cores-root rtl_model/rtl --cores-root traces/knot run --target lint splatsim:rtl:twins",
