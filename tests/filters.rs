@@ -49,10 +49,11 @@ fn source_space(splat: &Splat, low_pass: f64, x: f64, y: f64) -> Option<(f64, f6
 }
 
 prop_compose! {
-    fn slanted()(x in -0.2_f64..0.2, y in -0.2_f64..0.2, depth in 1.5_f64..4.0, radius in 0.02_f64..0.25,
-        lean in 0.0_f64..1.2, turn in 0.0..TAU) -> Splat {
+    /// Some so near that they reach behind the eye's plane, some with their back to us.
+    fn slanted()(x in -0.2_f64..0.2, y in -0.2_f64..0.2, depth in 0.3_f64..4.0, radius in 0.02_f64..0.25,
+        lean in 0.0_f64..1.2, turn in 0.0..TAU, back in any::<bool>()) -> Splat {
         let normal = DVec3::new(lean.sin() * turn.cos(), lean.sin() * turn.sin(), -lean.cos());
-        Splat { normal, ..splat([x * depth, y * depth, depth], radius) }
+        Splat { normal: if back { -normal } else { normal }, ..splat([x * depth, y * depth, depth], radius) }
     }
 }
 
@@ -115,6 +116,28 @@ proptest! {
     }
 }
 
+/// A pixel beyond a disc's rim has the rim's depth, not that of the plane that goes on: the disc stays before a sheet that stands just
+/// behind it, and hides it as far as it covers.
+#[test]
+fn no_disc_reaches_farther_in_depth_than_its_radius() {
+    let lean = 1.45_f64;
+    let radius = 0.1;
+    let red = Splat { normal: DVec3::new(lean.sin(), 0.0, -lean.cos()), rgb: [1.0, 0.0, 0.0], ..splat([0.0, 0.0, 2.0], radius) };
+    let behind = Splat { rgb: [0.0, 1.0, 0.0], ..splat([0.0, 0.0, 2.0 + radius * 6.0_f64.sqrt() + 0.02], 3.0) };
+    let picture = |splats: Vec<Splat>| {
+        let mut scene = alone(red, 2.0, Filter::SourceEwa);
+        scene.splats = splats;
+        (scene.surface.z_threshold, scene.surface.coverage_threshold) = (0.01, 1e-9);
+        ideal(&scene).picture.rgba
+    };
+    let (lone, both) = (picture(vec![red]), picture(vec![red, behind]));
+    let covered = lone.iter().filter(|pixel| pixel[3] > 0.5).count();
+    assert!(covered > 10);
+    for (lone, both) in lone.iter().zip(&both).filter(|(lone, _)| lone[3] > 0.5) {
+        assert!(both[0] == lone[0] && both[1] == 0.0, "{lone:?} {both:?}");
+    }
+}
+
 /// A scene file with a kernel.
 fn file(kernel: &serde_json::Value, splats: &serde_json::Value) -> tempfile::NamedTempFile {
     let text = json!({"splats": splats, "kernel": kernel, "image": {"width": 16, "height": 16}});
@@ -143,6 +166,7 @@ fn machines_refuse_what_golden_alone_draws_and_what_makes_no_sense_is_refused() 
         (json!({"filter": "source-ewa"}), &knot, "kernel.filter is \"source-ewa\", which golden and ideal draw for comparison"),
         (json!({"filter": "elliptical", "low_pass": 1}), &knot, "which has no low-pass filter"),
         (json!({"filter": "source-ewa"}), &volume, "which is of discs"),
+        (json!({"filter": "circular"}), &volume, "which is of discs"),
         (json!({"filter": "round"}), &knot, "it must be one of ewa, elliptical, circular, source-ewa"),
     ] {
         let file = file(&kernel, splats);

@@ -435,6 +435,14 @@ fn the_cheapest_rule_is_found() {
         let picture = image::open(folder.path().join("rules.png")).unwrap().into_rgb8();
         assert_eq!(picture.dimensions(), (1920, 400));
     }
+    // Whatever rule the base has: each rule's figures are those of the same machine.
+    let choices = |base: &str| {
+        let base = Machine::named(base).unwrap();
+        over_fragment::run(std::slice::from_ref(&scene), &base, folder.path(), target, over_fragment::By::Area, &Prices::default(), false)
+            .unwrap();
+        read(&folder.path().join("choices.json"))["choices"].clone()
+    };
+    assert_eq!(choices("reference"), choices("window"));
     let refused =
         over_fragment::run(std::slice::from_ref(&scene), &base, folder.path(), 400.0, over_fragment::By::Area, &Prices::default(), false);
     assert!(refused.unwrap_err().to_string().contains("no rule with up to 8 layers reaches 400 dB"));

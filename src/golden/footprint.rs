@@ -44,6 +44,8 @@ struct Disc {
     /// Centre and normal, camera space.
     position: DVec3,
     normal: DVec3,
+    /// It reaches no further than this from its centre in z.
+    z_reach: f64,
     /// Variance of the splat.
     variance: f64,
     /// Variance of the low-pass filter, pixel².
@@ -77,11 +79,13 @@ impl Disc {
         let [a, b] = [offset.dot(u), offset.dot(v)];
         let radial_index = (v11 * a * a - 2.0 * v01 * a * b + v00 * b * b) / determinant;
         let amplitude = self.variance / determinant.sqrt() / TAU;
-        radial_index.is_finite().then(|| Contribution { radial_index, weight: amplitude * libm::exp(-0.5 * radial_index), z: depth })
+        // Beyond its rim the plane goes on, and the disc does not.
+        let z = depth.max(self.position.z - self.z_reach).min(self.position.z + self.z_reach);
+        radial_index.is_finite().then(|| Contribution { radial_index, weight: amplitude * libm::exp(-0.5 * radial_index), z })
     }
 
-    /// Half sides of a box around the disc's centre on screen that holds what its filter reaches, or all of the picture where the disc comes
-    /// near the eye's plane.
+    /// Half sides of a box around the disc's centre on screen that holds what its filter reaches, but what lies by the horizon, or all of the
+    /// picture where the disc comes near the eye's plane.
     fn reach(&self, cutoff: f64) -> [f64; 2] {
         let radius = (cutoff * self.variance).sqrt();
         let nearest = self.position.z - radius;
@@ -208,6 +212,7 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
     let disc = (scene.kernel.filter == Filter::SourceEwa).then_some(Disc {
         position: t,
         normal,
+        z_reach: splat.radius * cutoff.sqrt(),
         variance: splat.radius * splat.radius,
         low_pass: scene.kernel.low_pass,
         focal_px: view.focal_px,

@@ -53,7 +53,7 @@ pub struct Quantised {
 pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
     if scene.kernel.filter != Filter::Ewa {
         let filter = if scene.kernel.filter == Filter::Circular { "circular" } else { "source-ewa" };
-        let says = "which golden and ideal draw for comparison: no machine has it";
+        let says = "which golden and ideal draw for comparison (the example `filters`): no machine has it";
         return Err(Error::input(format!("machine {} cannot draw {}: kernel.filter is \"{filter}\", {says}", machine.name, scene.name)));
     }
     let view = scene.view();

@@ -332,10 +332,9 @@ enum FilterField {
     Ewa,
     /// The ellipse without the filter: as if `low_pass` were 0.
     Elliptical,
-    /// A circle as wide as the ellipse's major axis, with the filter. `golden` and `ideal` alone draw it.
+    /// A circle as wide as the ellipse's major axis, with the filter. Of discs; `golden` and `ideal` alone draw it, in the example `filters`.
     Circular,
-    /// Heckbert's source-space EWA: the filter is brought onto the splat's plane along each pixel's ray. `golden` and `ideal` alone draw it,
-    /// of discs.
+    /// Heckbert's source-space EWA: the filter is brought onto the splat's plane along each pixel's ray. Of discs; drawn as `circular` is.
     SourceEwa,
 }
 
@@ -510,8 +509,10 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     if fields.kernel.filter == FilterField::Elliptical && fields.kernel.low_pass.is_some_and(|variance| variance > 0.0) {
         return Err(input_error("kernel.filter is \"elliptical\", which has no low-pass filter, and kernel.low_pass is not 0".into()));
     }
-    if fields.kernel.filter == FilterField::SourceEwa && gathered.medium.is_some() {
-        return Err(input_error("kernel.filter is \"source-ewa\", which is of discs, and these splats are none".into()));
+    let of_discs = [FilterField::Circular, FilterField::SourceEwa];
+    if of_discs.contains(&fields.kernel.filter) && gathered.medium.is_some() {
+        let name = if fields.kernel.filter == FilterField::Circular { "circular" } else { "source-ewa" };
+        return Err(input_error(format!("kernel.filter is \"{name}\", which is of discs, and these splats are none")));
     }
     if surface.cull_backfaces && matches!(gathered.medium, Some(Medium::Volume(_) | Medium::Gaussians(_))) {
         return Err(input_error("surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into()));

@@ -111,7 +111,7 @@ pub struct Kernel {
 pub enum Filter {
     /// The projected ellipse, convolved with the low-pass filter in the picture: the affine approximation at the splat's centre.
     Ewa,
-    /// A circle as wide as that ellipse's major axis. No machine has it.
+    /// A circle as wide as that ellipse's major axis. Of discs; no machine has it.
     Circular,
     /// Heckbert's: the pixel's low-pass filter brought onto the splat's plane, where the pixel's own ray meets it, and convolved there with
     /// the splat. Of discs; no machine has it.

@@ -2,8 +2,10 @@
 //! low-pass filter as a picture, from 512 rays a pixel.
 //!
 //! ```sh
-//! cargo run --release --example filters -- [FOLDER]
+//! cargo run --release --example filters -- [FOLDER] [SCENE]
 //! ```
+//! With a scene it draws that instead, by its own `kernel.filter`: `golden.png` and `ideal.png`, and how far the two are apart.
+//!
 //! Prints a table and writes `filters.png`. Rows near the eye show blur: there the pixel grid could hold the board, and what a filter takes
 //! of its contrast is lost. Rows near the horizon show aliases: there two fields are lower than two pixels, and whatever contrast differs
 //! from the filtered board's is false.
@@ -11,12 +13,12 @@
 use glam::DVec3;
 use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
-use splatsim::golden::{Rules, render};
+use splatsim::golden::{Rules, ideal, render};
 use splatsim::hardware::{fixed, quantise};
 use splatsim::output::chart::{Chart, Tile, write_png};
 use splatsim::output::picture::Picture;
 use splatsim::scene::{Camera, Filter, Image, Kernel, Material, Overrides, Scene, Splat};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
@@ -29,6 +31,8 @@ const DEPTHS: [f64; 2] = [0.8, 40.0];
 /// Colours of fields, linear light.
 const LIGHT: f64 = 0.9;
 const DARK: f64 = 0.1;
+/// Nothing like the board's mean, so that holes show.
+const BACKGROUND: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 /// Rays of a pixel across and down: fields are flatter than wide.
 const RAYS: [usize; 2] = [8, 64];
 
@@ -54,7 +58,7 @@ fn board(focal_px: f64) -> Vec<Splat> {
 /// The scene, its middle row on the horizon; one surface, whose every pixel counts as covered.
 fn scene() -> Result<Scene> {
     let mut scene = Scene::load("checkerboard", &Overrides::default())?;
-    scene.image = Image { width: WIDTH, height: HEIGHT, background: [0.5, 0.5, 0.5, 1.0], encoded: false };
+    scene.image = Image { width: WIDTH, height: HEIGHT, background: BACKGROUND, encoded: false };
     scene.camera = Camera { eye: DVec3::Y, target: DVec3::new(0.0, 1.0, 1.0), up: DVec3::Y, fov_y_degrees: FOV_Y, near: 0.01 };
     scene.materials = vec![Material::Unlit];
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (100.0, 1e-3);
@@ -81,7 +85,7 @@ fn reference(focal_px: f64, right: f64) -> Picture {
             let z = focal_px / below;
             let colour = |i: usize| {
                 let x = right * (place(i, across) - WIDTH as f64 / 2.0) / focal_px * z;
-                if below > 0.0 && z < DEPTHS[1] { field(x, z) } else { 0.5 }
+                if below > 0.0 && z < DEPTHS[1] { field(x, z) } else { BACKGROUND[0] }
             };
             let row: Vec<f64> = (0..width).map(colour).collect();
             let sum = |x: usize| of_row.iter().zip(&row[x * across..]).map(|(weight, colour)| weight * colour).sum::<f64>();
@@ -117,6 +121,9 @@ fn contrast(picture: &Picture) -> f64 {
 fn main() -> Result<()> {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "out".into()));
     std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
+    if let Some(path) = std::env::args().nth(2) {
+        return draw(&path, &folder);
+    }
     let scene = scene()?;
     let focal_px = scene.view().focal_px;
     // A field is four pixels high, and two fields two pixels: below the horizon by these.
@@ -133,6 +140,7 @@ fn main() -> Result<()> {
         let left = 100.0 * contrast(&difference(&rows(picture, far), &rows(&reference, far))) / ((LIGHT - DARK) / 2.0);
         [db(near), format!("{kept:.0} %"), db(far), format!("{left:.1} %")]
     };
+    let (mut of_ewa, mut between): (Option<Picture>, Option<f64>) = (None, None);
     let mut tiles = vec![Tile { caption: "the board, convolved".into(), picture: reference.clone() }];
     let machine = machines()?;
     let ways = [
@@ -146,6 +154,11 @@ fn main() -> Result<()> {
         let golden = render(&scene, &Rules::default()).picture;
         let figures_of = figures(&golden);
         println!("| {name} | {} |", figures_of.join(" | "));
+        match (filter, &of_ewa) {
+            (Filter::Ewa, None) => of_ewa = Some(golden.clone()),
+            (Filter::SourceEwa, Some(ewa)) => between = metrics(&golden, ewa).psnr_db,
+            _ => {}
+        }
         if filter == Filter::Ewa {
             let quantised = quantise::quantise(&scene, &machine.machine)?;
             let fixed = fixed::picture(&machine, &fixed::draw(&machine, &quantised));
@@ -153,8 +166,19 @@ fn main() -> Result<()> {
         }
         tiles.push(Tile { caption: format!("{name}: near {}, far {} dB", figures_of[0], figures_of[2]), picture: golden });
     }
+    println!("\nEWA and source-space EWA are {:.1} dB apart", between.unwrap_or(f64::INFINITY));
     let tiles: Vec<&dyn Chart> = tiles.iter().map(|tile| tile as &dyn Chart).collect();
     write_png(&tiles, 1, [WIDTH as u32 + 12, HEIGHT as u32 + 30], &folder.join("filters.png"))
+}
+
+/// A scene's `golden` and `ideal`, by whatever filter it names.
+fn draw(path: &str, folder: &Path) -> Result<()> {
+    let scene = Scene::load(path, &Overrides::default())?;
+    let (golden, ideal) = (render(&scene, &Rules::default()).picture, ideal(&scene).picture);
+    let db = metrics(&golden, &ideal).psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB"));
+    println!("{}: golden − ideal {db}", scene.name);
+    golden.write_png(&folder.join("golden.png"))?;
+    ideal.write_png(&folder.join("ideal.png"))
 }
 
 /// The machine `reference`, whose table and words hold a plane up to its horizon.

@@ -1,12 +1,12 @@
 //! Over fragment: which rule, and how many layers, does a scene need? Every rule with 1 to 8 layers is drawn by `golden`, and the cheapest that
-//! reaches the target is found, for each scene and for all.
+//! reaches the target is found, for each scene and for all; of equally cheap ones the fastest.
 //!
 //! ```text
 //! scenes ─► ideal ─┐
 //! rules × layers ─► golden ─► golden − ideal ─► the least area, or bytes a pixel, at the target
 //!               └─► machine ─► frames/s, told beside it
 //! ```
-//! What the method reaches depends on no word; what it costs is of the base's words, or of the named machine's where it has none for a rule.
+//! What the method reaches depends on no word, but a scene must fit the words. What it costs is of the base's words, or of the named machine's where it has none for a rule.
 //! `search` without `--over` then finds the words.
 //!
 //! Law (tests/search.rs): `the_cheapest_rule_is_found`.
@@ -14,6 +14,7 @@
 use crate::accuracy::distance;
 use crate::error::{Error, Result};
 use crate::golden;
+use crate::hardware::quantise::quantise;
 use crate::hardware::{fixed, machines};
 use crate::output::chart::{Axis, Chart, Mark, Panel, Series, write_png};
 use crate::output::files::{Folder, write_beside};
@@ -101,6 +102,11 @@ impl Choice {
             By::Bytes => self.pixel_bytes.into(),
         }
     }
+
+    /// Frames a second of the scene that takes longest.
+    fn slowest(&self) -> f64 {
+        self.frames_per_second.iter().copied().fold(f64::INFINITY, f64::min)
+    }
 }
 
 /// What was found.
@@ -127,7 +133,8 @@ fn with_rule(base: &Machine, rule: Rule, layers: u32) -> Option<Machine> {
     if let Some(window) = &mut machine.fragment.window {
         window.join_permille = rule.join_permille;
     }
-    machine.timing.fragment.merge = machine.timing.fragment.merge.max(overflow_cycles(&machine));
+    // As long as the fragment's own machine takes, whatever the base's rule was.
+    machine.timing.fragment.merge = from.timing.fragment.merge.max(overflow_cycles(&machine));
     Some(machine)
 }
 
@@ -142,7 +149,7 @@ fn frames_per_second(evaluation: &Evaluation) -> f64 {
 /// Tries all rules, and writes `machine.json`, the cheapest for all scenes, `choices.json` and a chart, `rules.png`.
 ///
 /// # Errors
-/// [`Error::Input`] where the machine draws sheets, whose rule is their order, or cannot be built; [`Error::Job`] where no rule reaches the
+/// [`Error::Input`] where a scene is of sheets, whose rule is their order, or a machine cannot be built or cannot hold a scene; [`Error::Job`] where no rule reaches the
 /// target on all scenes: the table is in `choices.json` all the same.
 pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: By, prices: &Prices, show: bool) -> Result<Outcome> {
     if let Some(scene) = scenes.iter().find(|scene| scene.sheets.is_some()) {
@@ -151,6 +158,10 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
     let _open = Folder::open(folder)?;
     let choices: Vec<_> = RULES.into_iter().flat_map(|rule| (1..=MAX_LAYERS as u32).map(move |layers| (rule, layers))).collect();
     let progress = Progress::of_steps(show, (choices.len() * scenes.len()) as u64, "rules");
+    // First, for drawing takes long.
+    for scene in scenes {
+        quantise(scene, base)?;
+    }
     let ideals: Vec<Picture> = scenes.iter().map(|scene| golden::ideal(scene).picture).collect();
     let mut tried = Vec::new();
     let mut built = Vec::new();
@@ -190,7 +201,8 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
     drop(progress);
     let cheapest = |reaches: &dyn Fn(&Choice) -> bool| {
         let reaching = tried.iter().enumerate().filter(|(_, choice)| reaches(choice));
-        reaching.min_by(|(_, a), (_, b)| a.costs(by).total_cmp(&b.costs(by))).map(|(nth, _)| nth)
+        let better = |a: &Choice, b: &Choice| a.costs(by).total_cmp(&b.costs(by)).then(b.slowest().total_cmp(&a.slowest()));
+        reaching.min_by(|(_, a), (_, b)| better(a, b)).map(|(nth, _)| nth)
     };
     let found = (0..scenes.len()).map(|scene| cheapest(&|choice| choice.reaches[scene])).collect();
     let found_for_all = cheapest(&|choice| choice.reaches.iter().all(|reaches| *reaches));
@@ -246,8 +258,7 @@ impl Outcome {
                 if *reaches { format!("{db} *") } else { format!("{db}  ") }
             });
             let own = [choice.rule.to_owned(), choice.layers.to_string(), choice.pixel_bytes.to_string(), thousands(choice.area as u64)];
-            let slowest = choice.frames_per_second.iter().copied().fold(f64::INFINITY, f64::min);
-            table.add_row(own.into_iter().chain(cells).chain([format!("{slowest:.1}")]));
+            table.add_row(own.into_iter().chain(cells).chain([format!("{:.1}", choice.slowest())]));
         }
         let mut text = format!("{}\n\n{}\n* reaches the target\n", wrapped(&head), aligned(table).trim_fmt());
         if self.scenes.len() > 1 {

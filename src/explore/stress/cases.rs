@@ -773,8 +773,8 @@ fn noisy_scan(scatter: f64) -> Scene {
 /// Discs that face every way, each at a depth of its own.
 fn lone_splats(on_a_pixel: f64) -> Scene {
     let (radius, step) = (3.0 * PX, 0.618_033_988_749_895);
-    // A disc of radius r that faces us covers 2πr² within its cutoff; turned, half of that.
-    let count = (on_a_pixel * (SIDE * SIDE) as f64 / (std::f64::consts::PI * 9.0)).ceil() as usize;
+    // Turned every way, and partly outside, a disc covers 24 pixels of the picture.
+    let count = (on_a_pixel * (SIDE * SIDE) as f64 / 24.0).ceil() as usize;
     let splat = |i: usize| {
         let part = |of: f64| (i as f64 * of).fract();
         let place = |of: f64| (part(of) - 0.5) * (SIDE as f64 + 6.0);
