@@ -113,6 +113,8 @@ pub struct Fragment {
     premultiplied_frac_bits: u32,
     sheets: Option<Sheets>,
     windows: Option<Windows>,
+    /// Whether [`Fragment::is_simple`]; asked at every contribution to a window.
+    simple: bool,
     /// Of a contribution's weight.
     weight_frac_bits: u32,
 }
@@ -203,7 +205,7 @@ impl Fragment {
         // From the middle's depth as far as a splat reaches.
         let farthest = machine.project.depth.format.int_bits.max(machine.ellipse.depth_range.format.int_bits) + 1;
         let right = align.map(|[right, _]: [u32; 2]| right);
-        Fragment {
+        let mut fragment = Fragment {
             layers,
             full: m.merge.into(),
             evict_hidden: m.evict_hidden,
@@ -227,7 +229,10 @@ impl Fragment {
             sheets: Sheets::new(e, machine),
             windows: Windows::new(e, machine),
             weight_frac_bits: machine.gauss.weight.format.frac_bits.max(0) as u32,
-        }
+            simple: false,
+        };
+        fragment.simple = fragment.is_simple();
+        fragment
     }
 
     /// What finds a contribution's slot, or makes room for it: all slots and the fresh one are ranked, for any of them may be evicted.
@@ -348,6 +353,15 @@ impl Fragment {
             }
         }
         self.accumulate_one_by_one(sums, weight, attributes, tap);
+    }
+
+    /// Sums of 64 bits, where nobody watches all lanes at once.
+    fn accumulate_wide<P: Probe>(&self, sums: &mut PackedSums<i64>, weight: i64, attributes: &Attributes, tap: &mut Tap<P>) {
+        if !P::WORDS && self.simple {
+            i64::accumulate::<crate::num::lanes::Plain>(sums, attributes, weight, i64::limits(&self.limits));
+        } else {
+            self.accumulate_one_by_one(sums, weight, attributes, tap);
+        }
     }
 
     fn accumulate_one_by_one<A: Accumulator, P: Probe>(

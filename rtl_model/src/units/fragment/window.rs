@@ -33,6 +33,7 @@ use crate::probe::{Probe, Tap};
 use crate::records::Layer;
 use crate::records::unit;
 use std::array::from_fn;
+use std::ops::{Mul, Shl};
 
 /// Where a closed slot keeps Wh, TF and TB: in the places of the normal's sums.
 const BACK_WEIGHT: usize = NORMAL;
@@ -156,6 +157,8 @@ pub(super) struct Windows {
     /// Two slots in one.
     pub(super) sums: [Fit; SUMS],
     pub(super) depth_of_two: Fit,
+    /// Whether 63 bits hold all that is compared.
+    narrow: bool,
     /// Left shifts that align Σw·z with w·z.
     depth_align: [u32; 2],
     /// Those that align Σw·z with Σw times a depth, to compare.
@@ -349,6 +352,12 @@ impl Windows {
             depth_of_two,
             depth_align,
             mean_align,
+            narrow: {
+                let means = words.depth_sum.format.width() + mean_align[0] as i32;
+                let ends = weight.format.width() + depth_bits + 1 + mean_align[1] as i32;
+                // The product of two widths of up to three ranges, shifted by as many places as are seen.
+                means.max(ends).max(2 * depth_bits + 3 + LEAST_SEEN as i32) < 63
+            },
             reciprocal,
             shares,
             part,
@@ -400,9 +409,16 @@ impl Rule<'_> {
     /// 1: the open slot that a depth joins; of equally near ones the first.
     fn taker(&self, z: i64, slots: &[Cluster]) -> Option<usize> {
         let reach = if self.own.interval { self.epsilon() } else { self.registers.reach };
-        let open = slots.iter().enumerate().filter(|(_, slot)| !slot.closed).map(|(place, slot)| (place, [slot.near(), slot.far()]));
-        let joined = open.filter(|(_, span)| gap(*span, z) == 0 || width_with(*span, z) < reach);
-        joined.min_by_key(|(_, span)| gap(*span, z)).map(|(place, _)| place)
+        let mut nearest: Option<(i64, usize)> = None;
+        for (place, slot) in slots.iter().enumerate().filter(|(_, slot)| !slot.closed) {
+            let span = [slot.near(), slot.far()];
+            let gap = gap(span, z);
+            let joins = gap == 0 || width_with(span, z) < reach;
+            if joins && nearest.is_none_or(|(least, _)| gap < least) {
+                nearest = Some((gap, place));
+            }
+        }
+        nearest.map(|(_, place)| place)
     }
 
     /// 2: the closed slot, and its side, that a depth is late for; of equally near ones the first, its front before its back.
@@ -419,10 +435,12 @@ impl Rule<'_> {
         let [of_mean, of_end] = self.own.mean_align;
         if slot.closed {
             false
-        } else if weight > 0 {
-            i128::from(slot.depth_sum) << of_mean < (i128::from(weight) * i128::from(end)) << of_end
-        } else {
+        } else if weight <= 0 {
             slot.near() < end
+        } else if self.own.narrow {
+            slot.depth_sum << of_mean < (weight * end) << of_end
+        } else {
+            i128::from(slot.depth_sum) << of_mean < (i128::from(weight) * i128::from(end)) << of_end
         }
     }
 
@@ -483,25 +501,45 @@ impl Rule<'_> {
                 let behind = if slot.near() < before.far() { before.sums[BEHIND_FRONT] } else { self.rest(&self.read(before, tap), tap) };
                 seen = tap.fit_one(&own.through[1], seen * behind);
             }
-            windows[place] = Window { first, start, seen: (0..=LEAST_SEEN).find(|places| seen << places >= one) };
+            windows[place] = Window { first, start, seen: self.places_below(seen, one) };
         }
         windows
     }
 
-    /// 6: the front of the pair that is best summed, if any two may be; of equals the one nearer to the eye. Costs are 2^9·ε times those of
-    /// RULES: T·u·(ε + hi − start)/(2ε), or T·ε where the two are of two windows.
+    /// By how many places a part of one lies below it, at least, as a power of two; none of less than is seen.
+    fn places_below(&self, part: i64, one: i64) -> Seen {
+        let below = one.leading_zeros() as i32 - part.leading_zeros() as i32;
+        let places = (-below).max(0) as u32;
+        (part > 0 && places <= LEAST_SEEN).then_some(places)
+    }
+
+    /// 6: the front of the pair that is best summed, if any two may be; of equals the one nearer to the eye.
     fn pair_to_sum(&self, slots: &[Cluster], windows: &[Window]) -> Option<usize> {
-        let epsilon = i128::from(self.epsilon());
-        let cost = |front: usize| {
+        if self.own.narrow { self.cheapest::<i64>(slots, windows) } else { self.cheapest::<i128>(slots, windows) }
+    }
+
+    /// Costs are 2^9·ε times those of RULES: T·u·(ε + hi − start)/(2ε), or T·ε where the two are of two windows.
+    fn cheapest<N>(&self, slots: &[Cluster], windows: &[Window]) -> Option<usize>
+    where
+        N: Copy + Ord + Default + From<i64> + Mul<Output = N> + Shl<u32, Output = N>,
+    {
+        let epsilon = self.epsilon();
+        let mut least: Option<(N, usize)> = None;
+        for front in 0..slots.len() - 1 {
             let (a, b) = (&slots[front], &slots[front + 1]);
-            let far = i128::from(a.far().max(b.far()));
-            let width = far - i128::from(a.near());
+            let far = a.far().max(b.far());
+            let width = far - a.near();
+            if a.closed || b.closed || width >= epsilon {
+                continue;
+            }
             let of_one = windows[front].first == windows[front + 1].first;
-            let cost = if of_one { width * (epsilon + far - i128::from(windows[front].start)) } else { 2 * epsilon * epsilon };
-            let seen = windows[front].seen.map_or(0, |places| cost << (LEAST_SEEN - places));
-            (!a.closed && !b.closed && width < epsilon).then_some((seen, front))
-        };
-        (0..slots.len() - 1).filter_map(cost).min().map(|(_, front)| front)
+            let [one, other] = if of_one { [width, epsilon + far - windows[front].start] } else { [2 * epsilon, epsilon] };
+            let seen = windows[front].seen.map_or(N::default(), |places| (N::from(one) * N::from(other)) << (LEAST_SEEN - places));
+            if least.is_none_or(|(cost, _)| seen < cost) {
+                least = Some((seen, front));
+            }
+        }
+        least.map(|(_, front)| front)
     }
 
     /// 6: one open slot with another behind it; the material is the front's. Sums saturate.
@@ -637,7 +675,7 @@ impl Rule<'_> {
     /// 1: adds a contribution to an open slot.
     fn accumulate<P: Probe>(&self, slot: &mut Cluster, input: &Input, tap: &mut Tap<P>) {
         let mut sums = PackedSums(slot.sums);
-        self.fragment.accumulate_one_by_one(&mut sums, input.weight, input.attributes, tap);
+        self.fragment.accumulate_wide(&mut sums, input.weight, input.attributes, tap);
         slot.sums = sums.0;
         let [of_sum, of_product] = self.own.depth_align;
         let exact = (slot.depth_sum << of_sum) + ((input.weight * input.depth) << of_product);
