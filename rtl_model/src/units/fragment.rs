@@ -113,8 +113,6 @@ pub struct Fragment {
     premultiplied_frac_bits: u32,
     sheets: Option<Sheets>,
     windows: Option<Windows>,
-    /// Whether [`Fragment::is_simple`]; asked at every contribution to a window.
-    simple: bool,
     /// Of a contribution's weight.
     weight_frac_bits: u32,
 }
@@ -229,9 +227,9 @@ impl Fragment {
             sheets: Sheets::new(e, machine),
             windows: Windows::new(e, machine),
             weight_frac_bits: machine.gauss.weight.format.frac_bits.max(0) as u32,
-            simple: false,
         };
-        fragment.simple = fragment.is_simple();
+        let simple = fragment.is_simple();
+        fragment.windows.iter_mut().for_each(|windows| windows.simple = simple);
         fragment
     }
 
@@ -353,15 +351,6 @@ impl Fragment {
             }
         }
         self.accumulate_one_by_one(sums, weight, attributes, tap);
-    }
-
-    /// Sums of 64 bits, where nobody watches all lanes at once.
-    fn accumulate_wide<P: Probe>(&self, sums: &mut PackedSums<i64>, weight: i64, attributes: &Attributes, tap: &mut Tap<P>) {
-        if !P::WORDS && self.simple {
-            i64::accumulate::<crate::num::lanes::Plain>(sums, attributes, weight, i64::limits(&self.limits));
-        } else {
-            self.accumulate_one_by_one(sums, weight, attributes, tap);
-        }
     }
 
     fn accumulate_one_by_one<A: Accumulator, P: Probe>(

@@ -26,8 +26,9 @@ use crate::elaboration::latency::{PRODUCT, SUM};
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame;
 use crate::functions::{Reciprocal, Table, reciprocal, table};
-use crate::kernels::PackedSums;
+use crate::kernels::{Accumulator, PackedSums};
 use crate::machine::{Group, Machine, TableShape};
+use crate::num::lanes::Plain;
 use crate::num::{Exact, Fit, Word, align, three};
 use crate::probe::{Probe, Tap};
 use crate::records::Layer;
@@ -159,6 +160,8 @@ pub(super) struct Windows {
     pub(super) depth_of_two: Fit,
     /// Whether 63 bits hold all that is compared.
     narrow: bool,
+    /// Whether [`Fragment::is_simple`].
+    pub(super) simple: bool,
     /// Left shifts that align Σw·z with w·z.
     depth_align: [u32; 2],
     /// Those that align Σw·z with Σw times a depth, to compare.
@@ -358,6 +361,7 @@ impl Windows {
                 // The product of two widths of up to three ranges, shifted by as many places as are seen.
                 means.max(ends).max(2 * depth_bits + 3 + LEAST_SEEN as i32) < 63
             },
+            simple: false,
             reciprocal,
             shares,
             part,
@@ -675,7 +679,11 @@ impl Rule<'_> {
     /// 1: adds a contribution to an open slot.
     fn accumulate<P: Probe>(&self, slot: &mut Cluster, input: &Input, tap: &mut Tap<P>) {
         let mut sums = PackedSums(slot.sums);
-        self.fragment.accumulate_wide(&mut sums, input.weight, input.attributes, tap);
+        if !P::WORDS && self.own.simple {
+            i64::accumulate::<Plain>(&mut sums, input.attributes, input.weight, i64::limits(&self.fragment.limits));
+        } else {
+            self.fragment.accumulate_one_by_one(&mut sums, input.weight, input.attributes, tap);
+        }
         slot.sums = sums.0;
         let [of_sum, of_product] = self.own.depth_align;
         let exact = (slot.depth_sum << of_sum) + ((input.weight * input.depth) << of_product);
