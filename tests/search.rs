@@ -430,11 +430,19 @@ fn the_cheapest_rule_is_found() {
         // So are its frames/s, whatever rule it has.
         let evaluation = Evaluation::new(&scene, &machine).unwrap();
         let cycles = timing::replay(&evaluation.machine.timing, &evaluation.observe().work, Detail::Histograms).total;
-        let frames = machine.timing.clock_hz as f64 / cycles as f64;
+        let seconds = cycles as f64 / machine.timing.clock_hz as f64;
+        let frames = 1.0 / seconds;
         assert_eq!(Some(frames), best["frames_per_second"][0].as_f64());
         let picture = image::open(folder.path().join("rules.png")).unwrap().into_rgb8();
         assert_eq!(picture.dimensions(), (1920, 400));
     }
+    // What does not fit the words of every rule is refused before anything is written.
+    let mut wide = scene.clone();
+    wide.kernel.cutoff = 5.0;
+    let nowhere = folder.path().join("nowhere");
+    let wide = std::slice::from_ref(&wide);
+    let refused = over_fragment::run(wide, &base, &nowhere, target, over_fragment::By::Area, &Prices::default(), false);
+    assert!(refused.unwrap_err().to_string().contains("gauss.radial_index") && !nowhere.exists());
     // Whatever rule the base has: each rule's figures are those of the same machine.
     let choices = |base: &str| {
         let base = Machine::named(base).unwrap();

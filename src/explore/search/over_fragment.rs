@@ -22,6 +22,7 @@ use crate::output::picture::Picture;
 use crate::output::progress::Progress;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
+use crate::performance::cycles::CyclesReport;
 use crate::run::evaluation::Evaluation;
 use crate::scene::Scene;
 use rtl_model::Machine;
@@ -142,26 +143,25 @@ fn with_rule(base: &Machine, rule: Rule, layers: u32) -> Option<Machine> {
 fn frames_per_second(evaluation: &Evaluation) -> f64 {
     let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
     let machine = &evaluation.machine.timing;
-    let cycles = timing::replay(machine, &work, Detail::Accounts).total;
-    machine.timing.clock_hz as f64 / cycles.max(1) as f64
+    CyclesReport::new(machine, &work, &timing::replay(machine, &work, Detail::Accounts)).frames_per_second
 }
 
 /// Tries all rules, and writes `machine.json`, the cheapest for all scenes, `choices.json` and a chart, `rules.png`.
 ///
 /// # Errors
-/// [`Error::Input`] where a scene is of sheets, whose rule is their order, or a machine cannot be built or cannot hold a scene; [`Error::Job`] where no rule reaches the
-/// target on all scenes: the table is in `choices.json` all the same.
+/// [`Error::Input`] where a scene is of sheets, whose rule is their order, or a machine cannot be built or cannot hold a scene: nothing is
+/// written then. [`Error::Job`] where no rule reaches the target on all scenes: the table is in `choices.json` all the same.
 pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: By, prices: &Prices, show: bool) -> Result<Outcome> {
     if let Some(scene) = scenes.iter().find(|scene| scene.sheets.is_some()) {
         return Err(Error::input(format!("{}: sheets are blended one after the other, and have no rule to search for", scene.name)));
     }
+    // First, for nothing may be written where a scene does not fit. How many layers there are changes no word.
+    for machine in RULES.into_iter().filter_map(|rule| with_rule(base, rule, 1)) {
+        scenes.iter().try_for_each(|scene| quantise(scene, &machine).map(drop))?;
+    }
     let _open = Folder::open(folder)?;
     let choices: Vec<_> = RULES.into_iter().flat_map(|rule| (1..=MAX_LAYERS as u32).map(move |layers| (rule, layers))).collect();
     let progress = Progress::of_steps(show, (choices.len() * scenes.len()) as u64, "rules");
-    // First, for drawing takes long.
-    for scene in scenes {
-        quantise(scene, base)?;
-    }
     let ideals: Vec<Picture> = scenes.iter().map(|scene| golden::ideal(scene).picture).collect();
     let mut tried = Vec::new();
     let mut built = Vec::new();
