@@ -38,6 +38,32 @@ fn fit() -> (Vec<Row>, [f64; 3]) {
     read(block.split("\n```").next().unwrap())
 }
 
+/// Delays of operators by the model are within a quarter of what the standard cells take, and those of a unit that is no part of the fit.
+#[test]
+fn operators_take_as_long_as_the_model_of_the_clock_says() {
+    if !have(&["yosys"], "delays of operators") {
+        return;
+    }
+    let cells = "/usr/share/qflow/tech/osu018/osu018_stdcells.lib";
+    if !std::path::Path::new(cells).exists() {
+        assert!(std::env::var_os("CI").is_none(), "{cells} is missing");
+        println!("skipped: {cells} is missing (apt-get install qflow-tech-osu018)");
+        return;
+    }
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/delays.sh");
+    let output = run(Command::new("sh").args([script, "--splatsim", &PROGRAM, "--units", "gauss", "tiny"]));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let ratios: Vec<f64> = (printed.lines())
+        .filter_map(|line| Some((line.split_whitespace().nth(2)?.parse::<f64>().ok()?, line.split_whitespace().last()?.parse().ok()?)))
+        .map(|(_, ratio)| ratio)
+        .collect();
+    assert_eq!(ratios.len(), 14, "{printed}");
+    assert!(ratios.iter().all(|ratio| (0.75..1.25).contains(ratio)), "{printed}");
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock.md"));
+    let operators = printed.split("\n\n").next().unwrap();
+    assert!(text.contains(operators), "the book's table of operators is another: {printed}");
+}
+
 #[test]
 fn the_fit_is_what_the_book_says() {
     let (rows, told) = fit();

@@ -1196,7 +1196,13 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
     let (seen, made_up) = (Window::default(), Window { stimulus: Some(200), ..Window::default() });
     let rules = |more: &[&str]| machine("tiny", &[&["timing.raster.lanes=[1,1]", "fragment.layers=3"], more].concat());
     let long = ["timing.fragment.merge=3", "timing.shade.interval=2", "fragment.merge=nearest-pair"];
-    let short = ["timing.fragment.merge=0", "timing.fragment.hazard=1", "timing.fragment.latency=1", "timing.shade.latency=1"];
+    let short = [
+        "timing.technology=ideal",
+        "timing.fragment.merge=0",
+        "timing.fragment.hazard=1",
+        "timing.fragment.latency=1",
+        "timing.shade.latency=1",
+    ];
     let mut merges = [0; 3];
     for more in [&long[..], &short, &[]] {
         for window in [&seen, &made_up] {

@@ -7,6 +7,7 @@ use crate::hardware::machines::File;
 use crate::hardware::{fixed, machines};
 use crate::output::files::Folder;
 use crate::output::text::{aligned, plain_table};
+use crate::performance::clock;
 use crate::performance::cost;
 use crate::performance::cost::{Cost, Prices};
 use crate::run::report::MachineReport;
@@ -24,6 +25,8 @@ pub(super) enum Typed {
     Show(Which),
     /// A machine's timing as JSON, with all that follows from its formats
     Timing(Which),
+    /// The longest way through each unit, and the clock that it allows
+    Clock(Which),
     /// Area of a machine, unit by unit
     Cost {
         #[command(flatten)]
@@ -75,6 +78,7 @@ impl Typed {
             Typed::List => list(),
             Typed::Show(which) => show(&which.load_file()?),
             Typed::Timing(which) => pretty(&fixed::elaborate(&which.load()?)?.timing),
+            Typed::Clock(which) => Ok(clock::table(&fixed::elaborate(&which.load()?)?)),
             Typed::Cost { which, prices } => {
                 let elaborated = fixed::elaborate(&which.load()?)?;
                 Ok(Cost::new(&elaborated, &Prices::load_or_default(prices.as_deref())?).table())

@@ -246,6 +246,17 @@ fn side_by_side(machine: &Elaborated, unit: &str) -> (u64, Option<u64>) {
     }
 }
 
+/// Bits of the words of a unit.
+fn registers(machine: &Elaborated, unit: &str) -> u64 {
+    let lanes: u64 = machine.timing.timing.raster.lanes.map(u64::from).iter().product();
+    let parts = machine.parts.iter().filter(|part| part.unit == unit);
+    let bits = |part: &Part| match part.operator {
+        Operator::Register(bits) => u64::from(part.copies) * bits.max(0) as u64 * if part.per_lane { lanes } else { 1 },
+        _ => 0,
+    };
+    parts.map(bits).sum()
+}
+
 /// What units of a name are built of.
 fn built(machine: &Elaborated, unit: &str) -> Bits {
     let lanes: u64 = machine.timing.timing.raster.lanes.map(u64::from).iter().product();
@@ -267,6 +278,9 @@ fn built(machine: &Elaborated, unit: &str) -> Bits {
         bits.add(Operator::Multiplier([a, b]), units * copies.min(left));
         left = left.saturating_sub(copies);
     }
+    // Each word has a register, and each stage as many as are live in it.
+    let stages = machine.timing.pipelines.iter().find(|pipeline| pipeline.unit == unit);
+    bits.register = bits.register.max(stages.map_or(0, |of| of.bits * u64::from(of.units)));
     bits
 }
 
@@ -316,7 +330,11 @@ pub struct Energy {
 impl Energy {
     /// Of a frame that took these cycles on a machine of that cost. Every lane of a slot counts, whether it keeps a pixel or not.
     pub fn new(machine: &Elaborated, cost: &Cost, cycles: &Cycles, prices: &Prices) -> Self {
-        let items = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>() as f64;
+        let counted = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>() as f64;
+        let items = |name: &str| match name {
+            "shade" => counted("shade") + counted("resolve-shade") + counted("setup-shade"),
+            name => counted(name),
+        };
         let of = &prices.energy_pj;
         // Harmonics of a lesser degree than the greatest take fewer products, and fewer bits wait.
         let (most, own) = (machine.timing.colour.last(), machine.timing.colour_of(cycles.harmonics));
@@ -327,13 +345,21 @@ impl Energy {
                 let mut bits = Bits::default();
                 let lanes = if part.per_lane { machine.timing.timing.raster.lanes } else { [1, 1] };
                 bits.add(part.operator, lanes.map(u64::from).iter().product::<u64>() * u64::from(part.copies));
-                let shading = if part.unit == "shade" { items("resolve-shade") + items("setup-shade") } else { 0.0 };
-                // Parts are those of both shade units, and an item goes through one.
-                let instances = if part.unit == "shade" && machine.timing.lights_setup { 2.0 } else { 1.0 };
+                // Parts are those of all shade units, and an item goes through one.
+                let instances = if part.unit == "shade" { f64::from(machine.timing.shade_units) } else { 1.0 };
                 let at_work = if part.unit == "colour" { colour_at_work } else { 1.0 };
-                (items(part.unit) + shading) / instances * at_work * bits.price(of, bits.rom_word)
+                items(part.unit) / instances * at_work * bits.price(of, bits.rom_word)
             })
             .sum();
+        // An item goes through every stage.
+        let stages: f64 = (machine.timing.pipelines.iter())
+            .filter(|stages| stages.units > 0)
+            .map(|stages| {
+                let own = registers(machine, stages.unit) / u64::from(if stages.unit == "shade" { stages.units } else { 1 });
+                items(stages.unit) * stages.bits.saturating_sub(own) as f64 * of.register
+            })
+            .sum();
+        let units = units + stages;
         let lanes: u32 = machine.timing.timing.raster.lanes.iter().product();
         let read_and_written = items("fragment") * f64::from(2 * lanes * 8 * machine.timing.fragment_bytes);
         let moved = |fifo: Fifo| {

@@ -1,5 +1,6 @@
 //! Performance: cycles, area and energy of recorded work.
 
+pub mod clock;
 pub mod cost;
 pub mod cycles;
 pub mod recording;

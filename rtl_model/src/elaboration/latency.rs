@@ -1,6 +1,18 @@
-//! Latency: cycles of operators, all pipelined. A unit's own is the sum of those on its longest way.
+//! Latency: the longest way through a unit, and the cycles that it takes.
+//!
+//! ```text
+//! operators, one after the other ─┬─► cycles, where each has registers of its own
+//!                                 └─► delay, FO4 ─►( ÷ what a clock period leaves )─► least cycles
+//! ```
+//! A unit declares its longest way once, with the widths of its operators. Delays are in tenths of FO4, the delay of an inverter that
+//! drives four of its like, so that they hold in any technology. They are round numbers near what Yosys and ABC map to open 180 nm standard
+//! cells (`sh tests/programs/delays.sh`, docs/book/clock.md).
+//!
+//! Laws: `a_wider_operator_is_never_faster`, `a_faster_clock_never_takes_fewer_cycles`.
 
-/// A product.
+use crate::machine::timing::{Technology, Timing};
+
+/// Cycles of a product with registers of its own.
 pub const PRODUCT: u32 = 2;
 /// A sum.
 pub const SUM: u32 = 1;
@@ -8,3 +20,180 @@ pub const SUM: u32 = 1;
 pub const TABLE: u32 = 1;
 /// A normalisation: count zeros, shift.
 pub const NORMALISE: u32 = 2;
+
+/// What a register takes of each cycle, tenths of FO4: set-up, clock to output, skew.
+pub const REGISTER: u32 = 50;
+
+/// A way through operators, one after the other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Path {
+    /// Cycles, where every operator has registers of its own.
+    pub cycles: u32,
+    /// Tenths of FO4.
+    pub delay: u32,
+}
+
+/// log2 of a width, sixteenths, straight between powers of two; 0 of 1 or less.
+fn log2(bits: i32) -> u32 {
+    let bits = bits.max(1) as u32;
+    let below = bits.ilog2();
+    16 * below + ((bits - (1 << below)) << 4 >> below)
+}
+
+/// A sum: carries as a tree.
+fn adder(bits: i32) -> u32 {
+    (35 * log2(bits) / 16).saturating_sub(26)
+}
+
+impl Path {
+    /// Goes on through an operator.
+    fn step(self, cycles: u32, delay: u32) -> Path {
+        Path { cycles: self.cycles + cycles, delay: self.delay + delay }
+    }
+
+    /// A product: rows of adders, as a tree, and the carries of the sum that is left.
+    pub fn product(self, a: i32, b: i32) -> Path {
+        self.step(PRODUCT, (75 * log2(a.min(b)) / 16).saturating_sub(105) + adder(a.max(0) + b.max(0)))
+    }
+
+    /// A sum, a difference or a comparison.
+    pub fn sum(self, bits: i32) -> Path {
+        self.step(SUM, adder(bits))
+    }
+
+    /// Sums of three terms.
+    pub fn sum_of_three(self, bits: i32) -> Path {
+        self.sum(bits).sum(bits)
+    }
+
+    /// A table of 2^`index_bits` words.
+    pub fn table(self, index_bits: i32) -> Path {
+        self.step(TABLE, 5 + 12 * index_bits.max(0) as u32)
+    }
+
+    /// Shifts the leading one to the front.
+    pub fn normalise(self, bits: i32) -> Path {
+        self.step(NORMALISE, adder(bits)).shift(bits)
+    }
+
+    /// Shifts by any number of places; in the cycles of what it comes after.
+    pub fn shift(self, bits: i32) -> Path {
+        self.step(0, log2(bits))
+    }
+
+    /// One of so many words; in the cycles of what it comes after.
+    pub fn choose(self, words: u32) -> Path {
+        self.step(0, log2(words as i32))
+    }
+
+    /// Rounds to a word, and limits it; in the cycles of what it comes after.
+    pub fn fit(self, bits: i32) -> Path {
+        self.step(0, adder(bits) / 2 + 16)
+    }
+
+    /// Compares, and takes one of two words; in the cycles of what it comes after.
+    pub fn limit(self, bits: i32) -> Path {
+        self.step(0, adder(bits)).choose(2)
+    }
+
+    /// Reads or writes a memory.
+    pub fn memory(self) -> Path {
+        self.step(1, 150)
+    }
+
+    /// Waits: registers without an operator.
+    pub fn wait(self, cycles: u32) -> Path {
+        self.step(cycles, 0)
+    }
+
+    /// Goes on along another way.
+    pub fn then(self, other: Path) -> Path {
+        self.step(other.cycles, other.delay)
+    }
+
+    /// The longer of two ways side by side.
+    pub fn beside(self, other: Path) -> Path {
+        Path { cycles: self.cycles.max(other.cycles), delay: self.delay.max(other.delay) }
+    }
+
+    /// So many times, one after the other.
+    pub fn times(self, count: u32) -> Path {
+        Path { cycles: self.cycles * count, delay: self.delay * count }
+    }
+
+    /// Least cycles at a clock, if its registers lie where they cut it evenly; none where a cycle leaves nothing beside its register.
+    pub fn least_cycles(self, technology: Technology, clock_hz: u64) -> Option<u32> {
+        let Some(fo4_fs) = technology.fo4_fs() else { return Some(1) };
+        let period = period(fo4_fs, clock_hz);
+        let left = period.checked_sub(u64::from(REGISTER)).filter(|left| *left > 0)?;
+        Some(u64::from(self.delay).div_ceil(left).clamp(1, u64::from(u32::MAX)) as u32)
+    }
+
+    /// Cycles where nothing is said of them: as many as its operators have, or as the clock asks for.
+    pub fn cycles_at(self, timing: &Timing) -> u32 {
+        self.cycles.max(self.least_cycles(timing.technology, timing.clock_hz).unwrap_or(1))
+    }
+
+    /// Highest clock at which it takes at most so many cycles, Hz; none where that is any.
+    pub fn highest_clock(self, technology: Technology, cycles: u32) -> Option<u64> {
+        let fo4_fs = technology.fo4_fs()?;
+        let period = self.delay.div_ceil(cycles.max(1)) + REGISTER;
+        Some(10_000_000_000_000_000 / (u64::from(period) * fo4_fs))
+    }
+}
+
+/// A clock period, tenths of FO4.
+fn period(fo4_fs: u64, clock_hz: u64) -> u64 {
+    10_000_000_000_000_000 / (clock_hz.max(1) * fo4_fs).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wider_operator_is_never_faster() {
+        let operators: [fn(i32) -> Path; 6] = [
+            |bits| Path::default().product(bits, 18),
+            |bits| Path::default().product(18, bits),
+            |bits| Path::default().sum(bits),
+            |bits| Path::default().table(bits),
+            |bits| Path::default().normalise(bits),
+            |bits| Path::default().fit(bits),
+        ];
+        for operator in operators {
+            for bits in -2..62 {
+                let [narrow, wide] = [bits, bits + 1].map(operator);
+                assert!(narrow.delay <= wide.delay && narrow.cycles == wide.cycles, "{bits} bits: {narrow:?}, {wide:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_faster_clock_never_takes_fewer_cycles() {
+        let path = Path::default().product(24, 24).sum(48).normalise(48);
+        for technology in [Technology::Nm180, Technology::Nm65, Technology::Nm28, Technology::Nm7, Technology::Fpga] {
+            let mut before = 0;
+            for megahertz in 1..4000 {
+                let Some(cycles) = path.least_cycles(technology, megahertz * 1_000_000) else {
+                    assert_eq!(path.least_cycles(technology, (megahertz + 1) * 1_000_000), None);
+                    continue;
+                };
+                assert!(cycles >= before, "{technology:?} at {megahertz} MHz");
+                before = cycles;
+            }
+            assert!(before > 0);
+        }
+    }
+
+    #[test]
+    fn the_least_cycles_are_those_that_the_period_has_room_for() {
+        // 100 FO4 at 10 ps and a register of 5 are 1.05 ns in one cycle, 0.55 ns in two.
+        let path = Path { cycles: 1, delay: 1000 };
+        let at = |megahertz: u64| path.least_cycles(Technology::Nm28, megahertz * 1_000_000);
+        assert_eq!([at(952), at(953), at(1818), at(1819)], [Some(1), Some(2), Some(2), Some(3)]);
+        assert_eq!(at(20_000), None);
+        assert_eq!(path.highest_clock(Technology::Nm28, 1).map(|hz| hz / 1_000_000), Some(952));
+        assert_eq!(path.least_cycles(Technology::Ideal, u64::MAX), Some(1));
+    }
+}

@@ -5,6 +5,7 @@
 //!                                          └► every misfit, a sentence each
 //! ```
 
+use super::latency::Path;
 use super::{Elaboration, Part, unit};
 use crate::machine::timing::{Cache, Memory, Organisation, Setup, Tile, Timing};
 use crate::machine::{Group, Machine};
@@ -93,6 +94,15 @@ pub struct Microarchitecture {
     /// Splats are lit in setup by a shade unit of its own, for fragments take theirs meanwhile: where they are grouped by windows.
     #[serde(skip)]
     pub lights_setup: bool,
+    /// Shade units: one for fragments; where windows are formed, another for setup; where tiles have two buffers, another for resolving.
+    #[serde(skip)]
+    pub shade_units: u32,
+    /// Longest way through each unit.
+    #[serde(skip)]
+    pub paths: Paths,
+    /// Bits of the registers between the stages of each unit, of all that work side by side.
+    #[serde(skip)]
+    pub pipelines: [Pipeline; 8],
     /// Words that wait and that are kept on the chip.
     pub storage: Storage,
     /// A unit that is infinitely fast, to see what it costs: no machine has one.
@@ -115,12 +125,30 @@ pub struct ColourPace {
     pub more_bits: u32,
 }
 
+/// Registers between the stages of a unit: of each stage half of what comes in and half of what goes out, on average.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pipeline {
+    /// The unit.
+    pub unit: &'static str,
+    /// Bits of one such unit: stages that hold an item at a time, times bits of each.
+    pub bits: u64,
+    /// How many work side by side.
+    pub units: u32,
+}
+
+impl Pipeline {
+    fn new(unit: &'static str, pace: &Pace, units: u32, [comes_in, goes_out]: [i64; 2]) -> Self {
+        let stages = u64::from(pace.latency.div_ceil(pace.interval));
+        Pipeline { unit, bits: (stages * (comes_in.max(0) + goes_out.max(0)) as u64).div_ceil(2), units }
+    }
+}
+
 /// Words kept on the chip, besides the registers of the units: bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Storage {
     /// All FIFOs, in the order of the diagram.
     pub fifos: [Fifo; 8],
-    /// Tiles, or the cache, and counts of the sort's digits.
+    /// Tiles, or the cache with its tags and the lines that are on their way; counts of the sort's digits; requests to memory under way.
     pub memory_bits: u64,
     /// A pixel of the frame buffer: frame words, or all fragments of an immediate machine.
     pub frame_bits_per_pixel: u64,
@@ -140,32 +168,34 @@ pub struct SortShape {
     pub entry_bytes: u32,
 }
 
-/// Cycles that each unit takes by its formats, from an item to its result.
+/// Longest way through each unit, from an item to its result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Latencies {
+pub struct Paths {
     /// Of a splat.
-    pub project: u32,
+    pub project: Path,
     /// Of a splat.
-    pub ellipse: u32,
+    pub ellipse: Path,
     /// Of a splat's colour, and the products that it takes, by degree of harmonics from 1 on.
     pub colour: [Harmonics; 3],
     /// Of a stamp.
-    pub raster: u32,
+    pub raster: Path,
     /// Of a stamp.
-    pub gauss: u32,
+    pub gauss: Path,
     /// Of a stamp.
-    pub fragment: u32,
+    pub fragment: Path,
     /// Of a fragment.
-    pub shade: u32,
+    pub shade: Path,
     /// Of a pixel.
-    pub resolve: u32,
+    pub resolve: Path,
+    /// Of what takes one cycle by its nature, or as the twins are built: its name, its unit.
+    pub one_cycle: [(&'static str, &'static str, Path); 3],
 }
 
 /// What colours of one degree of harmonics ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Harmonics {
-    /// Cycles from a splat to its colour.
-    pub latency: u32,
+    /// From a splat to its colour.
+    pub path: Path,
     /// Products for each splat.
     pub products: u32,
     /// Bits of its coefficients.
@@ -185,6 +215,10 @@ pub struct Fifo {
 
 /// Bytes of an entry of a tile's list: which splat.
 pub const ENTRY_BYTES: u32 = 4;
+/// Bits of a pixel's place among those under way.
+const PIXEL_BITS: i32 = 28;
+/// Bits of a cache line's tag: an address, whether it was written, when it was used.
+const TAG_BITS: u64 = 32;
 /// The most that a field of memory may say.
 const MOST: u32 = 1 << 20;
 
@@ -198,18 +232,17 @@ fn bits(words: &[(i32, Word)]) -> i32 {
 }
 
 impl Machine {
-    /// Elaborates the microarchitecture, from what each unit takes by its formats; misfits are added to those of the formats.
-    pub fn elaborate_timing(&self, e: &mut Elaboration, latencies: &Latencies) -> Microarchitecture {
+    /// Elaborates the microarchitecture, from the longest way through each unit; misfits are added to those of the formats.
+    pub fn elaborate_timing(&self, e: &mut Elaboration, paths: &Paths) -> Microarchitecture {
         let t = &self.timing;
         check(t, e);
-        let setup = |setup: Setup, latency: u32, products: u32| Pace {
-            units: setup.units.max(1),
-            latency: setup.latency.unwrap_or(latency).max(1),
-            interval: setup
-                .interval
-                .unwrap_or_else(|| setup.multipliers.map_or(1, |multipliers| products.div_ceil(multipliers.max(1))))
-                .max(1),
-            fifo: setup.fifo,
+        check_paths(t, paths, self.colour.as_ref().map_or(0, |colour| colour.degree), e);
+        let setup = |setup: Setup, path: Path, products: u32| {
+            let least = setup.multipliers.map_or(1, |multipliers| products.div_ceil(multipliers.max(1)));
+            let interval = setup.interval.unwrap_or(least).max(1);
+            // Where products take turns, a splat is as long under way as the next one waits.
+            let latency = setup.latency.unwrap_or_else(|| path.cycles_at(t).max(least)).max(1);
+            Pace { units: setup.units.max(1), latency, interval, fifo: setup.fifo }
         };
         let stage = |latency: Option<u32>, derived: u32, fifo: u32| Pace {
             units: 1,
@@ -219,8 +252,11 @@ impl Machine {
         };
         let products = |unit: &str| e.parts.iter().filter(|part| part.unit == unit).map(Part::products).sum();
         let [project_products, ellipse_products] = [unit::PROJECT, unit::ELLIPSE].map(products);
+        for (name, of, products) in [("project", t.project, project_products), ("ellipse", t.ellipse, ellipse_products)] {
+            check_turns(name, [of.interval, of.latency], of.multipliers, products, e);
+        }
         let (p, l) = (&self.project, &self.ellipse);
-        let fragment = stage(t.fragment.latency, latencies.fragment, 1);
+        let fragment = stage(t.fragment.latency, paths.fragment.cycles_at(t), 1);
         let f = &self.fragment;
         let prepared = bits(&[
             (2, p.pixel),
@@ -242,15 +278,17 @@ impl Machine {
             bits(&[(3, self.splat.position), (3, self.splat.normal), (1, self.splat.radius), (3, self.splat.rgb), (1, self.splat.opacity)])
                 + 8;
         let colour: Vec<ColourPace> = (self.colour.iter())
-            .flat_map(|colour| &latencies.colour[..colour.degree.min(3) as usize])
+            .flat_map(|colour| &paths.colour[..colour.degree.min(3) as usize])
             .map(|harmonics| {
                 let of = t.colour.unwrap_or_default();
                 let more = (harmonics.bits - bits(&[(3, self.splat.rgb)])).max(0);
-                let interval = of.interval.unwrap_or_else(|| harmonics.products.div_ceil(of.multipliers.max(1)));
+                check_turns("colour", [of.interval, of.latency], Some(of.multipliers), harmonics.products, e);
+                let least = harmonics.products.div_ceil(of.multipliers.max(1));
+                let interval = of.interval.unwrap_or(least);
                 ColourPace {
                     pace: Pace {
                         units: of.units.max(1),
-                        latency: of.latency.unwrap_or(harmonics.latency).max(1),
+                        latency: of.latency.unwrap_or_else(|| harmonics.path.cycles_at(t).max(least)).max(1),
                         interval: interval.max(1),
                         fifo: of.fifo,
                     },
@@ -278,20 +316,56 @@ impl Machine {
                 t.cache.line_px[0], t.cache.line_px[1]
             )
         });
+        let project = setup(t.project, paths.project, project_products);
+        let ellipse = setup(t.ellipse, paths.ellipse, ellipse_products);
+        let raster = stage(t.raster.latency, paths.raster.cycles_at(t), t.raster.fifo);
+        let gauss = stage(t.gauss.latency, paths.gauss.cycles_at(t), t.gauss.fifo);
+        let shade = Pace { interval: t.shade.interval.max(1), ..stage(t.shade.latency, paths.shade.cycles_at(t), 1) };
+        let resolve = Pace { interval: t.resolve.interval.max(1), ..stage(t.resolve.latency, paths.resolve.cycles_at(t), 1) };
+        let hazard = t.fragment.hazard.unwrap_or(fragment.latency).max(1);
+        // What is forwarded is compared with the pixels that come, and taken in the place of what is read, at every stage it skips.
+        let slots = f.layers.min(64) as i32 * self.fragment_bits();
+        e.per_lane(|e| {
+            e.copies(fragment.latency.saturating_sub(hazard), |e| {
+                e.adders(unit::FRAGMENT, 1, PIXEL_BITS);
+                e.choice(unit::FRAGMENT, 2, slots);
+            });
+        });
+        let widths = self.widths(splat, prepared, colour.last());
+        let [light, frame] = [self.shade.premultiplied, self.resolve.frame].map(|word| 4 * i64::from(word.format.width()));
+        let fragment_bits = i64::from(self.fragment_bits());
+        // Of a pixel's slots one is changed.
+        let held = widths.weighed + widths.lanes * fragment_bits;
+        let shade_units = self.shade_units();
+        let coloured = colour.last().map_or(Pace { units: 0, latency: 1, interval: 1, fifo: 0 }, |of| of.pace);
+        let [setup_in, setup_out] = [widths.point, widths.prepared + widths.more];
+        let pipelines = [
+            Pipeline::new(unit::PROJECT, &project, project.units, [widths.splat, setup_in]),
+            Pipeline::new(unit::ELLIPSE, &ellipse, ellipse.units, [setup_in, setup_out]),
+            Pipeline::new(unit::COLOUR, &coloured, coloured.units, [setup_out, widths.prepared]),
+            Pipeline::new(unit::RASTER, &raster, 1, [widths.prepared, widths.rastered]),
+            Pipeline::new(unit::GAUSS, &gauss, 1, [widths.rastered, widths.weighed]),
+            Pipeline::new(unit::FRAGMENT, &fragment, 1, [held, held]),
+            Pipeline::new(unit::SHADE, &shade, shade_units, [fragment_bits, light]),
+            Pipeline::new(unit::RESOLVE, &resolve, 1, [light, frame]),
+        ];
         Microarchitecture {
             timing: *t,
             fetch: stage(Some(1), 1, t.fetch.fifo),
-            project: setup(t.project, latencies.project, project_products),
-            ellipse: setup(t.ellipse, latencies.ellipse, ellipse_products),
-            storage: self.storage([splat, prepared], [fragment_bytes, frame_bytes], colour.last()),
+            project,
+            ellipse,
+            storage: self.storage(&widths, [fragment_bytes, frame_bytes], colour.last().map(|of| of.pace)),
             colour,
-            raster: stage(t.raster.latency, latencies.raster, t.raster.fifo),
-            gauss: stage(t.gauss.latency, latencies.gauss, t.gauss.fifo),
+            raster,
+            gauss,
             cache: stage(Some(t.cache.latency), 1, t.cache.fifo),
             fragment,
-            hazard: t.fragment.hazard.unwrap_or(fragment.latency).max(1),
-            shade: Pace { interval: t.shade.interval.max(1), ..stage(t.shade.latency, latencies.shade, 1) },
-            resolve: Pace { interval: t.resolve.interval.max(1), ..stage(t.resolve.latency, latencies.resolve, 1) },
+            hazard,
+            shade,
+            resolve,
+            shade_units,
+            paths: *paths,
+            pipelines,
             sort,
             lights_setup: f.group != Group::First,
             splat_bytes: bytes(splat + axes),
@@ -305,10 +379,31 @@ impl Machine {
     }
 }
 
+/// Bits of what goes from unit to unit.
+struct Widths {
+    /// A splat's record, with its harmonics.
+    splat: i64,
+    /// A point with the rest of its record.
+    point: i64,
+    /// A splat that is set up.
+    prepared: i64,
+    /// Harmonics beyond one colour.
+    more: i64,
+    /// A stamp of radial indices, and of weights; a lane carries a depth beside that, and its splat's attributes go with it.
+    rastered: i64,
+    weighed: i64,
+    /// Lanes of a stamp.
+    lanes: i64,
+}
+
 impl Machine {
-    /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps. A stamp's lanes carry a
-    /// radial index or a weight, and a depth; its splat's attributes go with it.
-    fn storage(&self, [splat, prepared]: [i32; 2], [fragment_bytes, frame_bytes]: [u32; 2], colour: Option<&ColourPace>) -> Storage {
+    /// Shade units: see [`Microarchitecture::shade_units`].
+    pub fn shade_units(&self) -> u32 {
+        let t = &self.timing;
+        1 + u32::from(self.fragment.group != Group::First) + u32::from(t.organisation == Organisation::Binned && t.tile.buffers == 2)
+    }
+
+    fn widths(&self, splat: i32, prepared: i32, colour: Option<&ColourPace>) -> Widths {
         let (t, p, f) = (&self.timing, &self.project, &self.fragment);
         let exponent = 8;
         let reciprocal = p.reciprocal.format().width();
@@ -318,41 +413,118 @@ impl Machine {
         // What is out of range is a misfit already: here it must do no harm.
         let lanes = t.raster.lanes[0].saturating_mul(t.raster.lanes[1]).min(64) as i32;
         let stamp = |word: Word| lanes * bits(&[(1, word), (1, f.depth)]) + attributes;
-        let fragments = u64::from(f.layers) * u64::from(fragment_bytes) * 8;
-        let fifo = |to, places: u32, units: u32, bits: i32| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
-        let immediate = t.organisation == Organisation::Immediate;
         // Coefficients wait with what they belong to until they are a colour.
-        let (coloured, more) = (colour.map(|of| of.pace), colour.map_or(0, |of| of.more_bits as i32));
+        let more = colour.map_or(0, |of| of.more_bits as i32);
+        let [splat, point, prepared, more, rastered, weighed, lanes] = [
+            splat + more,
+            point + rest + more,
+            prepared,
+            more,
+            stamp(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)]),
+            stamp(self.gauss.weight),
+            lanes,
+        ]
+        .map(i64::from);
+        Widths { splat, point, prepared, more, rastered, weighed, lanes }
+    }
+
+    /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps.
+    fn storage(&self, w: &Widths, [fragment_bytes, frame_bytes]: [u32; 2], coloured: Option<Pace>) -> Storage {
+        let t = &self.timing;
+        let fragments = u64::from(self.fragment.layers) * u64::from(fragment_bytes) * 8;
+        let fifo = |to, places: u32, units: u32, bits: i64| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
+        let immediate = t.organisation == Organisation::Immediate;
         let (set_up, weighed) = if immediate { (unit::RASTER, "cache") } else { ("bin", unit::FRAGMENT) };
         let fifos = [
-            fifo(unit::PROJECT, t.fetch.fifo, 1, splat + more),
-            fifo(unit::ELLIPSE, t.project.fifo, t.project.units, point + rest + more),
-            fifo(unit::COLOUR, if coloured.is_some() { t.ellipse.fifo } else { 0 }, t.ellipse.units, prepared + more),
+            fifo(unit::PROJECT, t.fetch.fifo, 1, w.splat),
+            fifo(unit::ELLIPSE, t.project.fifo, t.project.units, w.point),
+            fifo(unit::COLOUR, if coloured.is_some() { t.ellipse.fifo } else { 0 }, t.ellipse.units, w.prepared + w.more),
             match coloured {
-                Some(pace) => fifo(set_up, pace.fifo, pace.units, prepared),
-                None => fifo(set_up, t.ellipse.fifo, t.ellipse.units, prepared),
+                Some(pace) => fifo(set_up, pace.fifo, pace.units, w.prepared),
+                None => fifo(set_up, t.ellipse.fifo, t.ellipse.units, w.prepared),
             },
-            fifo(unit::RASTER, if immediate { 0 } else { t.fetch.fifo }, 1, prepared),
-            fifo(unit::GAUSS, t.raster.fifo, 1, stamp(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)])),
-            fifo(weighed, t.gauss.fifo, 1, stamp(self.gauss.weight)),
-            fifo(unit::FRAGMENT, if immediate { t.cache.fifo } else { 0 }, 1, stamp(self.gauss.weight)),
+            fifo(unit::RASTER, if immediate { 0 } else { t.fetch.fifo }, 1, w.prepared),
+            fifo(unit::GAUSS, t.raster.fifo, 1, w.rastered),
+            fifo(weighed, t.gauss.fifo, 1, w.weighed),
+            fifo(unit::FRAGMENT, if immediate { t.cache.fifo } else { 0 }, 1, w.weighed),
         ];
+        // Lines that are on their way have a place of their own.
         let kept = if immediate {
-            [t.cache.line_px[0], t.cache.line_px[1], t.cache.lines]
+            [t.cache.line_px[0], t.cache.line_px[1], t.cache.lines.saturating_add(t.cache.misses)]
         } else {
             [t.tile.side_px, t.tile.side_px, t.tile.buffers]
         };
         let kept_px = kept.map(u64::from).into_iter().fold(1, u64::saturating_mul);
+        let tags = if immediate { u64::from(kept[2]) * TAG_BITS } else { 0 };
         // While entries go where one digit has them, the next digit is counted.
         let sort_counts = self.sort.map_or(0, |sort| (2 * SORT_COUNT_BITS) << sort.digit_bits.clamp(1, 16));
         // Of a tile beside its fragments which pixels have stopped, if any can.
         let pixels = kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some()));
+        // What fetch has asked for, and what resolve writes, waits in whole requests.
+        let requests = 2 * u64::from(t.memory.outstanding) * u64::from(t.memory.burst_bytes) * 8;
         Storage {
             fifos,
-            memory_bits: pixels.saturating_add(sort_counts),
+            memory_bits: pixels.saturating_add(tags + sort_counts + requests),
             frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
         }
     }
+}
+
+/// Refuses products that share fewer multipliers than their interval, or their latency, has turns for.
+fn check_turns(unit: &str, [interval, latency]: [Option<u32>; 2], multipliers: Option<u32>, products: u32, e: &mut Elaboration) {
+    let Some(multipliers) = multipliers else { return };
+    let least = products.div_ceil(multipliers.max(1));
+    for (name, cycles) in [("interval", interval), ("latency", latency)] {
+        let cycles = cycles.unwrap_or(least);
+        e.require(cycles >= least, || {
+            format!("timing.{unit}.{name} is {cycles}, but {products} products that share {multipliers} multipliers take {least} cycles")
+        });
+    }
+}
+
+/// Refuses latencies that the clock does not leave time for.
+fn check_paths(t: &Timing, paths: &Paths, degree: u32, e: &mut Elaboration) {
+    let colour = degree.checked_sub(1).map(|place| paths.colour[place.min(2) as usize].path);
+    let at = format!("at {} in {}", hertz(t.clock_hz), t.technology.name());
+    // The next layer waits for the transmittance behind this one, the next stamp for what becomes of this one.
+    let slowest = paths.one_cycle.into_iter().max_by_key(|(_, _, path)| path.delay);
+    if let Some((item, unit, path)) = slowest.filter(|(_, _, path)| path.least_cycles(t.technology, t.clock_hz) != Some(1)) {
+        let highest = path.highest_clock(t.technology, 1).unwrap_or(u64::MAX);
+        e.misfits.push(format!(
+            "timing.clock_hz is {}, but {item} takes {unit} {}, and has one cycle: {} would do in {}",
+            t.clock_hz,
+            fo4(path.delay),
+            hertz(highest),
+            t.technology.name()
+        ));
+        return;
+    }
+    for (name, given, path) in [
+        ("project.latency", t.project.latency, Some(paths.project)),
+        ("ellipse.latency", t.ellipse.latency, Some(paths.ellipse)),
+        ("colour.latency", t.colour.and_then(|colour| colour.latency), colour),
+        ("raster.latency", t.raster.latency, Some(paths.raster)),
+        ("gauss.latency", t.gauss.latency, Some(paths.gauss)),
+        ("fragment.latency", t.fragment.latency, Some(paths.fragment)),
+        ("shade.latency", t.shade.latency, Some(paths.shade)),
+        ("resolve.latency", t.resolve.latency, Some(paths.resolve)),
+    ] {
+        let (Some(given), Some(path)) = (given, path) else { continue };
+        let least = path.least_cycles(t.technology, t.clock_hz).unwrap_or(u32::MAX);
+        e.require(given >= least, || {
+            format!("timing.{name} is {given}, but its longest way takes {}: {least} cycles {at}", fo4(path.delay))
+        });
+    }
+}
+
+/// A delay in a sentence.
+fn fo4(tenths: u32) -> String {
+    format!("{}.{} FO4", tenths / 10, tenths % 10)
+}
+
+/// A clock in a sentence, MHz, rounded down.
+fn hertz(clock_hz: u64) -> String {
+    if clock_hz < 1_000_000 { format!("{clock_hz} Hz") } else { format!("{} MHz", clock_hz / 1_000_000) }
 }
 
 /// Refuses what no machine can be.

@@ -8,7 +8,7 @@
 //!
 //! Laws: `a_reciprocal_is_within_its_bound`, `normalisation_restores_the_operand`.
 
-use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM, TABLE};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::machine::FunctionUnit;
 use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
@@ -26,9 +26,11 @@ pub struct Scientific<L> {
     pub exponent: L,
 }
 
-/// Cycles: normalise, look up, and two products and a sum for each Newton step.
-pub fn latency(unit: FunctionUnit) -> u32 {
-    NORMALISE + TABLE + unit.newton_steps * (2 * PRODUCT + SUM)
+/// Longest way from an operand of so many bits: normalise, look up, and two products and a sum for each Newton step.
+pub fn path(unit: FunctionUnit, operand_bits: i32) -> Path {
+    let bits = unit.bits as i32;
+    let step = Path::default().product(bits, bits).sum(2 * bits).product(bits, bits).fit(bits);
+    Path::default().normalise(operand_bits).table(unit.table_bits as i32).then(step.times(unit.newton_steps))
 }
 
 /// An elaborated reciprocal unit.

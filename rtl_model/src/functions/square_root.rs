@@ -10,15 +10,17 @@
 //! Law: `a_reciprocal_root_is_within_its_bound`.
 
 use super::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
-use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM, TABLE};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::machine::FunctionUnit;
 use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
 use crate::probe::{Probe, Tap};
 
-/// Cycles: those of a [reciprocal](super::reciprocal::latency) with the square of the guess before each step.
-pub fn latency(unit: FunctionUnit) -> u32 {
-    NORMALISE + TABLE + unit.newton_steps * (3 * PRODUCT + SUM)
+/// Longest way from an operand of so many bits: that of a [reciprocal](super::reciprocal::path) with the square of the guess before each step.
+pub fn path(unit: FunctionUnit, operand_bits: i32) -> Path {
+    let bits = unit.bits as i32;
+    let step = Path::default().product(bits, bits).fit(bits).product(bits, bits).sum(2 * bits).product(bits, bits).fit(bits);
+    Path::default().normalise(operand_bits).table(unit.table_bits as i32).then(step.times(unit.newton_steps))
 }
 
 /// An elaborated reciprocal square root unit.

@@ -8,7 +8,7 @@
 //!
 //! Laws: `a_table_is_within_its_bound`, `the_exponential_table_is_right_to_the_last_place`.
 
-use crate::elaboration::latency::{PRODUCT, SUM, TABLE};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::machine::{Interpolation, TableShape};
 use crate::num::{Exact, Exacts, Fit, Format, Lanes, Word, Words};
@@ -154,11 +154,12 @@ pub fn interpolator(e: &mut Elaboration, unit: &'static str, shape: TableShape, 
     }
 }
 
-/// Cycles: look up, and a product and a sum where there are straight lines between the words.
-pub fn latency(shape: TableShape) -> u32 {
+/// Longest way from an argument to a word of so many bits: look up, and a product and a sum where there are straight lines between the words.
+pub fn path(shape: TableShape, word_bits: i32) -> Path {
+    let found = Path::default().table(shape.index_bits as i32);
     match shape.interpolation {
-        Interpolation::Nearest => TABLE,
-        Interpolation::Linear => TABLE + PRODUCT + SUM,
+        Interpolation::Nearest => found,
+        Interpolation::Linear => found.product(word_bits, word_bits).sum(word_bits).fit(word_bits),
     }
 }
 

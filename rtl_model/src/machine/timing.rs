@@ -15,12 +15,70 @@ pub enum Organisation {
     Binned,
 }
 
+/// What the machine is built in: how long an FO4 takes, the delay of an inverter that drives four of its like.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Technology {
+    /// Every operator takes no time, and any clock and latency will do: for asking what latency costs. No machine is built in it.
+    Ideal,
+    /// 180 nm: 98 ps.
+    #[serde(rename = "180nm")]
+    Nm180,
+    /// 65 nm: 23.4 ps.
+    #[serde(rename = "65nm")]
+    Nm65,
+    /// 28 nm: 10 ps.
+    #[default]
+    #[serde(rename = "28nm")]
+    Nm28,
+    /// 7 nm: 2.5 ps.
+    #[serde(rename = "7nm")]
+    Nm7,
+    /// An FPGA of the kind of a Xilinx 7, its wires included: 200 ps.
+    Fpga,
+}
+
+impl Technology {
+    /// An FO4, femtoseconds, in the typical corner; none where operators take no time. That of 180 nm is of the open cells that delays were
+    /// measured with. Otherwise 0.36 ps a nanometre of the gate (Ho, Mai and Horowitz, "The future of wires", 2001; in the worst corner 0.5);
+    /// that it goes on like this below 100 nm, and an FPGA's, are assumptions. Wires are not counted.
+    pub fn fo4_fs(self) -> Option<u64> {
+        match self {
+            Technology::Ideal => None,
+            Technology::Nm180 => Some(98_000),
+            Technology::Nm65 => Some(23_400),
+            Technology::Nm28 => Some(10_000),
+            Technology::Nm7 => Some(2_500),
+            Technology::Fpga => Some(200_000),
+        }
+    }
+
+    /// Its name in a sentence.
+    pub fn name(self) -> &'static str {
+        match self {
+            Technology::Ideal => "ideal gates",
+            Technology::Nm180 => "180 nm",
+            Technology::Nm65 => "65 nm",
+            Technology::Nm28 => "28 nm",
+            Technology::Nm7 => "7 nm",
+            Technology::Fpga => "an FPGA",
+        }
+    }
+
+    fn is_default(&self) -> bool {
+        *self == Technology::default()
+    }
+}
+
 /// Where time goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
     /// Cycles a second.
     pub clock_hz: u64,
+    /// What it is built in; left out, 28 nm. With the clock it says how few cycles a unit can take.
+    #[serde(default, skip_serializing_if = "Technology::is_default")]
+    pub technology: Technology,
     /// Order in which a frame is gone through.
     pub organisation: Organisation,
     /// Reads splat records; in the second pass of a binned machine, lists and what they point to.
@@ -66,7 +124,7 @@ pub struct Fetch {
 pub struct Setup {
     /// Units side by side; splats take turns.
     pub units: u32,
-    /// Cycles from a splat to its result; left out, what the formats ask for.
+    /// Cycles from a splat to its result; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Cycles from one splat to the next; left out, what the multipliers ask for.
@@ -86,7 +144,7 @@ pub struct Setup {
 pub struct Colour {
     /// Units side by side; splats take turns.
     pub units: u32,
-    /// Cycles from a splat to its colour; left out, what the degree of its harmonics asks for.
+    /// Cycles from a splat to its colour; left out, what the degree of its harmonics and the clock ask for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Cycles from one splat to the next; left out, what its products and the multipliers ask for.
@@ -111,7 +169,7 @@ impl Default for Colour {
 pub struct Raster {
     /// Pixels tested in a cycle: columns and rows of a slot. One covered pixel costs the whole slot.
     pub lanes: [u32; 2],
-    /// Cycles from a slot to its contributions; left out, what the formats ask for.
+    /// Cycles from a slot to its contributions; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Slots that can wait behind it.
@@ -123,7 +181,7 @@ pub struct Raster {
 #[schemars(rename = "StageTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
-    /// Cycles from a slot to its result; left out, what the formats ask for.
+    /// Cycles from a slot to its result; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Slots that can wait behind it.
@@ -165,7 +223,7 @@ pub struct Tile {
 #[schemars(rename = "FragmentTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Fragment {
-    /// Cycles from reading a fragment to having written it; left out, what the formats ask for.
+    /// Cycles from reading a fragment to having written it; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Cycles before the same pixel can be taken again; left out, the latency. 1 with forwarding.
@@ -180,7 +238,7 @@ pub struct Fragment {
 #[schemars(rename = "ShadeTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Shade {
-    /// Cycles from a fragment to its light; left out, what the formats ask for.
+    /// Cycles from a fragment to its light; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Cycles from one fragment to the next.
@@ -192,7 +250,7 @@ pub struct Shade {
 #[schemars(rename = "ResolveTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Resolve {
-    /// Cycles from the last light of a pixel to its word; left out, what the formats ask for.
+    /// Cycles from the last light of a pixel to its word; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Cycles from one pixel to the next, if its fragments, one a cycle, or shading them take no longer.
@@ -226,6 +284,7 @@ pub struct Memory {
 /// The default microarchitecture: tiles, one slot of 4×1 pixels a cycle, everything pipelined, memory of 6.4 GB/s.
 pub const DEFAULT: Timing = Timing {
     clock_hz: 400_000_000,
+    technology: Technology::Nm28,
     organisation: Organisation::Binned,
     fetch: Fetch { fifo: 16 },
     project: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 4 },

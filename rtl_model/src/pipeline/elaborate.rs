@@ -2,7 +2,7 @@
 //!
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
-use crate::elaboration::microarchitecture::{Harmonics, Latencies, Microarchitecture, SORT_COUNT_BITS};
+use crate::elaboration::microarchitecture::{Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS};
 use crate::elaboration::{Elaboration, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
@@ -95,11 +95,11 @@ impl Machine {
             raster: raster::Raster::new(e, self),
             gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),
             fragment: fragment::Fragment::new(e, self, raster::Raster::depth_exact(self)),
-            // Of windows a second one lights splats in setup.
-            shade: e.copies(if self.fragment.group == Group::First { 1 } else { 2 }, |e| shade::Shade::new(e, self)),
+            // Of windows a second one lights splats in setup, of two tile buffers one what a tile holds in the end.
+            shade: e.copies(self.shade_units(), |e| shade::Shade::new(e, self)),
             resolve: resolve::Resolve::new(e, self),
             emission: self.elaborate_emission(e),
-            timing: self.elaborate_timing(e, &self.latencies()),
+            timing: self.elaborate_timing(e, &self.paths()),
             machine: self.clone(),
             signals: std::mem::take(&mut e.signals),
             parts: std::mem::take(&mut e.parts),
@@ -131,21 +131,26 @@ impl Machine {
         if is_lit && left <= 31 { e.copies(3, |e| e.fit(unit::ELLIPSE, "emission", word, from)) } else { Fit::new(0, word, from) }
     }
 
-    /// Latency of each unit by its formats.
-    fn latencies(&self) -> Latencies {
-        Latencies {
-            project: project::latency(self),
-            ellipse: ellipse::latency(self),
+    /// Longest way through each unit.
+    fn paths(&self) -> Paths {
+        Paths {
+            project: project::path(self),
+            ellipse: ellipse::path(self),
             colour: [1, 2, 3].map(|degree| Harmonics {
-                latency: colour::latency(degree),
+                path: colour::path(degree),
                 products: colour::products(degree),
                 bits: 3 * ((degree + 1) * (degree + 1)) as i32 * colour::COEFFICIENT_BITS[0],
             }),
-            raster: raster::latency(),
-            gauss: gauss::latency(self),
-            fragment: fragment::latency(),
-            shade: shade::latency(self),
-            resolve: resolve::latency(self),
+            raster: raster::path(self),
+            gauss: gauss::path(self),
+            fragment: fragment::path(self),
+            shade: shade::path(self),
+            resolve: resolve::path(self),
+            one_cycle: [
+                ("a stamp", unit::RASTER, raster::path(self)),
+                ("a stamp", unit::FRAGMENT, fragment::stamp(self)),
+                ("a layer", unit::RESOLVE, resolve::layer(self)),
+            ],
         }
     }
 }

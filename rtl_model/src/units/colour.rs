@@ -7,7 +7,7 @@
 //! So far this is what the unit is built of and how long it takes: its datapath is not there yet, and colours are worked out in f64 before
 //! they become words (the bench's `quantise`). Constants of the basis are taken to lie in the coefficients.
 
-use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM, TABLE};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::machine::Machine;
 use crate::records::unit;
@@ -34,11 +34,15 @@ pub fn products(degree: u32) -> u32 {
     3 + 3 + 3 + monomials + 3 * ((degree + 1) * (degree + 1) - 1)
 }
 
-/// Cycles: length, inverse root, direction, monomials one after the other, the coefficients' products and a tree of their sums.
-pub fn latency(degree: u32) -> u32 {
-    let length = PRODUCT + 2 * SUM + NORMALISE + TABLE + 3 * PRODUCT + PRODUCT;
+/// Longest way: length, inverse root, direction, monomials one after the other, the coefficients' products and a tree of their sums.
+pub fn path(degree: u32) -> Path {
+    let [_, bits] = COEFFICIENT_BITS;
+    let product = Path::default().product(bits, bits);
+    let sum = Path::default().sum(bits);
+    let length = product.sum_of_three(2 * bits).normalise(2 * bits).table(8).then(product.times(3)).then(product);
+    let monomials = product.then(sum).times(degree.saturating_sub(1));
     let coefficients = (degree + 1) * (degree + 1);
-    length + degree.saturating_sub(1) * (PRODUCT + SUM) + PRODUCT + coefficients.next_power_of_two().ilog2() * SUM
+    length.then(monomials).then(product).then(sum.times(coefficients.next_power_of_two().ilog2()))
 }
 
 /// Declares what the unit is built of, on a machine that has it.
@@ -63,6 +67,6 @@ mod tests {
     #[test]
     fn a_degree_takes_the_products_of_its_formulas() {
         assert_eq!([0, 1, 2, 3].map(products), [0, 9 + 9, 9 + 6 + 24, 9 + 13 + 45]);
-        assert!((1..MOST_DEGREE).all(|degree| latency(degree) < latency(degree + 1)));
+        assert!((1..MOST_DEGREE).all(|degree| path(degree).cycles < path(degree + 1).cycles));
     }
 }

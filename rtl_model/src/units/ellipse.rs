@@ -19,7 +19,7 @@
 //!
 //! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside* where the box misses the picture.
 
-use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM};
+use crate::elaboration::latency::{PRODUCT, Path};
 use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator};
 use crate::frame::View;
 use crate::functions::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
@@ -77,10 +77,39 @@ pub struct Output<W> {
     pub outside: W,
 }
 
-/// Cycles: normal, facing; radius to variance; determinant, root, inverse, conic, amplitude. Extents and slopes beside that.
-pub fn latency(machine: &Machine) -> u32 {
-    let variance = (PRODUCT + 2 * SUM) * 2 + (PRODUCT + SUM) * 2 + PRODUCT + SUM + (PRODUCT + SUM);
-    variance + NORMALISE + square_root::latency(machine.ellipse.root) + 3 * PRODUCT
+/// Longest way: normal, tilt, shape, variance, determinant, root, inverse, conic; visibility and amplitude, extents and slopes beside that.
+pub fn path(machine: &Machine) -> Path {
+    let (m, p) = (&machine.ellipse, &machine.project);
+    let bits = |word: Word| word.format.width();
+    let root = m.root.bits as i32;
+    Path::default()
+        .product(bits(p.rotation), bits(machine.splat.normal))
+        .sum_of_three(bits(p.rotation) + bits(machine.splat.normal))
+        .fit(bits(m.normal))
+        .product(bits(p.slope), bits(m.normal))
+        .sum_of_three(bits(p.slope) + bits(m.normal))
+        .fit(bits(m.tilt))
+        .product(bits(m.tilt), bits(m.tilt))
+        .sum(2 * bits(m.tilt))
+        .fit(bits(m.shape))
+        .product(bits(m.size_squared), bits(m.shape))
+        .sum(bits(m.size_squared) + bits(m.shape))
+        .fit(bits(m.variance))
+        .sum(bits(m.variance))
+        .product(bits(m.low_pass), bits(m.variance))
+        .sum(bits(m.determinant))
+        .fit(bits(m.determinant))
+        // Registers that the squares of an area have.
+        .wait(PRODUCT)
+        .normalise(bits(m.determinant))
+        .then(square_root::path(m.root, bits(m.determinant)))
+        .product(root, root)
+        .fit(bits(m.inverse))
+        .product(bits(m.variance), bits(m.inverse))
+        .shift(bits(m.conic))
+        .fit(bits(m.conic))
+        // And those of an amplitude.
+        .wait(PRODUCT)
 }
 
 /// The elaborated unit.

@@ -12,7 +12,7 @@
 //!
 //! Laws: `every_contribution_has_one_outcome`, `slots_are_in_depth_order_after_a_merge`.
 
-use crate::elaboration::latency::{PRODUCT, SUM};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::Reciprocal;
 use crate::kernels::{Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits};
@@ -81,9 +81,56 @@ impl From<Merge> for Full {
     }
 }
 
-/// Cycles: read, compare depths, product, sum, write.
-pub fn latency() -> u32 {
-    1 + 1 + PRODUCT + SUM + 1
+/// Longest way: read, compare depths, product, sum, write.
+pub fn path(machine: &Machine) -> Path {
+    let m = &machine.fragment;
+    let bits = |word: Word| word.format.width();
+    let (weight, sum) = (bits(machine.gauss.weight), bits(m.colour_sum).max(bits(m.normal_sum)));
+    // The product does not wait for the match, but has its registers behind it.
+    let product = Path::default().product(weight, bits(machine.splat.rgb).max(bits(m.normal)));
+    let matched = Path::default().sum(bits(m.depth)).choose(m.layers + 1);
+    Path::default()
+        .memory()
+        .then(Path { cycles: product.cycles + matched.cycles, ..product.beside(matched) })
+        .sum(sum)
+        .fit(sum)
+        .choose(m.layers + 1)
+        .memory()
+}
+
+/// What a stamp takes in the one cycle that it holds the unit, as the twin is built: read, the nearest slot, the sum, what is opaque, the order
+/// of all slots, write. Only then does the twin know whether it can take another.
+pub fn stamp(machine: &Machine) -> Path {
+    let m = &machine.fragment;
+    let bits = |word: Word| word.format.width();
+    let (depth, sum) = (bits(m.depth), bits(m.colour_sum).max(bits(m.normal_sum)));
+    let limit = bits(m.opaque) + bits(m.weight_sum);
+    let nearer = Path::default().sum(depth).choose(2);
+    Path::default()
+        .memory()
+        .sum(depth)
+        .sum(depth)
+        .choose(2)
+        .then(nearer.times(m.layers.next_power_of_two().ilog2()))
+        .sum(sum)
+        .fit(sum)
+        .product(bits(m.opaque), bits(m.weight_sum))
+        .sum(limit)
+        .sum(depth)
+        .choose(m.layers + 1)
+        .choose(3)
+        .memory()
+}
+
+/// What of the longest way lies between reading and writing: forwarded, a pixel can be taken again after it.
+pub fn accumulate(machine: &Machine) -> Path {
+    let m = &machine.fragment;
+    let bits = |word: Word| word.format.width();
+    let (weight, sum) = (bits(machine.gauss.weight), bits(m.colour_sum).max(bits(m.normal_sum)));
+    // The product does not wait for the match, but has its registers behind it.
+    let product = Path::default().product(weight, bits(machine.splat.rgb).max(bits(m.normal)));
+    let matched = Path::default().sum(bits(m.depth)).choose(m.layers + 1);
+    Path { cycles: product.cycles + matched.cycles, ..product.beside(matched) }.sum(sum).fit(sum).choose(m.layers + 1)
 }
 
 /// The elaborated unit.

@@ -9,7 +9,7 @@
 //!
 //! Law: `a_weight_never_exceeds_its_amplitude`.
 
-use crate::elaboration::latency::PRODUCT;
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Table, table};
 use crate::machine::Machine;
@@ -19,9 +19,12 @@ use crate::records::unit;
 
 const UNIT: &str = unit::GAUSS;
 
-/// Cycles: table, product.
-pub fn latency(machine: &Machine) -> u32 {
-    table::latency(machine.gauss.table) + PRODUCT
+/// Longest way: table, product.
+pub fn path(machine: &Machine) -> Path {
+    let m = &machine.gauss;
+    let [index, falloff, weight, amplitude] =
+        [m.radial_index, m.falloff, m.weight, machine.ellipse.amplitude].map(|word| word.format.width());
+    Path::default().fit(index).then(table::path(m.table, falloff)).product(amplitude, falloff).fit(weight)
 }
 
 /// The elaborated unit.

@@ -18,12 +18,12 @@
 //! Law: `a_projected_point_is_within_its_last_places`.
 
 use crate::elaboration::Elaboration;
-use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM};
+use crate::elaboration::latency::Path;
 use crate::frame::{Kernel, View};
 use crate::functions::reciprocal::Scientific;
 use crate::functions::{Reciprocal, reciprocal};
 use crate::machine::Machine;
-use crate::num::{Exact, Exacts, Fit, Words, align, three, two};
+use crate::num::{Exact, Exacts, Fit, Word, Words, align, three, two};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
 
@@ -32,9 +32,27 @@ const UNIT: &str = unit::PROJECT;
 /// Fraction bits of a difference shifted left until its largest part fills 62 bits.
 const NORMALISED_FRAC_BITS: i32 = 62;
 
-/// Cycles: difference, normalise, rotate, 1/t_z, quotient, pixel.
-pub fn latency(machine: &Machine) -> u32 {
-    SUM + NORMALISE + (PRODUCT + 2 * SUM) + reciprocal::latency(machine.project.reciprocal) + 2 * PRODUCT
+/// Longest way: difference, normalise, rotate, 1/t_z, quotient, pixel.
+pub fn path(machine: &Machine) -> Path {
+    let m = &machine.project;
+    let bits = |word: Word| word.format.width();
+    let difference = Exact::from(machine.splat.position).plus(m.eye).bits();
+    let reciprocal = m.reciprocal.bits as i32;
+    Path::default()
+        .sum(difference)
+        // The largest of three magnitudes says how far all go.
+        .limit(difference)
+        .normalise(difference)
+        .fit(bits(m.relative))
+        .product(bits(m.rotation), bits(m.relative))
+        .sum_of_three(bits(m.rotation) + bits(m.relative))
+        .fit(bits(m.camera))
+        .then(reciprocal::path(m.reciprocal, bits(m.camera)))
+        .product(bits(m.camera), reciprocal)
+        .shift(bits(m.slope))
+        .fit(bits(m.slope))
+        .product(bits(m.focal), bits(m.slope))
+        .fit(bits(m.pixel))
 }
 
 /// The elaborated unit.

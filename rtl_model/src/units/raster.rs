@@ -19,7 +19,7 @@
 //! Laws: `stepping_equals_the_closed_form`, `seeded_and_differenced_rows_agree_within_their_guard_bits`,
 //! `a_radial_index_below_zero_is_zero`.
 
-use crate::elaboration::latency::{PRODUCT, SUM};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::machine::{Machine, Rows};
 use crate::num::register::Held;
@@ -208,9 +208,21 @@ const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [0, 0, 1, 3, 6, 10, 15, 21, 28, 36, 45,
 /// Bits of a column or a row: a picture has up to 16384.
 const PIXEL_BITS: i32 = 14;
 
-/// Cycles: offset, gradient, seed, compare.
-pub fn latency() -> u32 {
-    SUM + (PRODUCT + SUM) * 2 + SUM
+/// Longest way: offset, gradient, seed, compare.
+pub fn path(machine: &Machine) -> Path {
+    let m = &machine.raster;
+    let bits = |word: Word| word.format.width();
+    let (offset, gradient, conic) = (bits(m.offset), bits(m.gradient), bits(machine.ellipse.conic));
+    Path::default()
+        .sum(bits(machine.project.pixel))
+        .fit(offset)
+        .product(conic, offset)
+        .sum(conic + offset)
+        .fit(gradient)
+        .product(offset, gradient)
+        .sum(offset + gradient)
+        .fit(bits(m.radial))
+        .sum(bits(m.radial))
 }
 
 /// The elaborated unit.

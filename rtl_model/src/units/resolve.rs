@@ -9,7 +9,7 @@
 //!
 //! Laws: `an_empty_pixel_is_background`, `an_opaque_layer_hides_all_behind_it`.
 
-use crate::elaboration::latency::{PRODUCT, SUM};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::machine::Machine;
 use crate::num::{Fit, three};
@@ -20,9 +20,15 @@ pub use crate::records::Layer;
 
 const UNIT: &str = unit::RESOLVE;
 
-/// Cycles: a product and a sum for each layer.
-pub fn latency(machine: &Machine) -> u32 {
-    machine.fragment.layers * (PRODUCT + SUM)
+/// Longest way of a layer: a product and a sum, in which the next layer waits for its transmittance.
+pub fn layer(machine: &Machine) -> Path {
+    let (transmittance, premultiplied) = (machine.resolve.transmittance.format.width(), machine.shade.premultiplied.format.width());
+    Path::default().product(transmittance, premultiplied).sum(transmittance + premultiplied).fit(transmittance)
+}
+
+/// Longest way: a product and a sum for each layer.
+pub fn path(machine: &Machine) -> Path {
+    layer(machine).times(machine.fragment.layers)
 }
 
 /// The elaborated unit.

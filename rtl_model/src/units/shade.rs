@@ -12,12 +12,12 @@
 //!
 //! Laws: `white_stays_white`, `shading_ignores_the_length_of_a_normal`.
 
-use crate::elaboration::latency::{NORMALISE, PRODUCT, SUM};
+use crate::elaboration::latency::{Path, SUM};
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{Frame, Light, Lighting, Material, Scaled};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table, reciprocal, square_root, table};
 use crate::machine::Machine;
-use crate::num::{Fit, three};
+use crate::num::{Fit, Word, three};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
 
@@ -46,16 +46,36 @@ impl<'a> LightRegisters<'a> {
     }
 }
 
-/// Cycles: 1/W beside the unit normal; cosine, highlight, irradiance, colour, coverage and opacity.
-pub fn latency(machine: &Machine) -> u32 {
-    let m = &machine.shade;
-    let normal = NORMALISE + PRODUCT + 2 * SUM + square_root::latency(m.root) + PRODUCT;
-    reciprocal::latency(m.reciprocal).max(normal)
-        + (PRODUCT + 2 * SUM)
-        + table::latency(m.highlight_table)
-        + (PRODUCT + SUM)
-        + 2 * (PRODUCT + SUM)
-        + PRODUCT
+/// Longest way: 1/W beside the unit normal; cosine; highlight beside irradiance and colour; coverage and opacity.
+pub fn path(machine: &Machine) -> Path {
+    let (m, f) = (&machine.shade, &machine.fragment);
+    let bits = |word: Word| word.format.width();
+    let [share, normal, root] = [bits(m.normal_share), bits(m.normal), m.root.bits as i32];
+    let unit_normal = Path::default()
+        .normalise(bits(f.weight_sum))
+        .product(share, share)
+        .sum_of_three(2 * share)
+        .then(square_root::path(m.root, 2 * share))
+        .product(share, root)
+        .shift(normal)
+        .fit(normal);
+    let shining = table::path(m.highlight_table, bits(m.highlight)).product(bits(m.highlight), bits(m.reflectance));
+    let lighting = Path::default()
+        .product(bits(m.cosine), bits(m.reflectance))
+        .sum(bits(m.irradiance))
+        .fit(bits(m.irradiance))
+        .product(bits(m.rgb), bits(m.irradiance));
+    reciprocal::path(m.reciprocal, bits(f.weight_sum))
+        .beside(unit_normal)
+        .product(normal, bits(m.light))
+        .sum_of_three(normal + bits(m.light))
+        .fit(bits(m.cosine))
+        // Each has registers of its own, and coverage some.
+        .then(Path { cycles: shining.cycles + lighting.cycles + SUM, ..shining.beside(lighting) })
+        .sum(bits(m.colour))
+        .fit(bits(m.colour))
+        .product(bits(m.colour), bits(m.premultiplied))
+        .fit(bits(m.premultiplied))
 }
 
 /// The elaborated unit.

@@ -3,7 +3,7 @@
 use crate::frames::frame;
 use proptest::prelude::*;
 use rtl_model::Machine;
-use rtl_model::machine::timing::Organisation;
+use rtl_model::machine::timing::{Organisation, Technology};
 use rtl_model::pipeline::draw_measured;
 use rtl_model::timing::{Cycles, Detail, Limited, limit, replay};
 use rtl_model::work::Work;
@@ -48,6 +48,7 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
         ("tile/buffers", json!(3), "timing.tile.buffers is 3: it can be 1 or 2"),
         ("project/units", json!(0), "timing.project.units is 0: it can be 1 to 16"),
         ("ellipse/interval", json!(0), "timing.ellipse.interval is 0: it can be 1 to 4096"),
+        ("shade/latency", json!(2), "timing.shade.latency is 2, but its longest way takes 565.0 FO4: 3 cycles at 400 MHz in 28 nm"),
     ];
     let mut all = reference();
     for (field, value, sentence) in wrong {
@@ -58,6 +59,42 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
     all.timing.clock_hz = 0;
     let misfits = all.elaborate().unwrap_err();
     assert!(misfits.len() >= 9 && misfits.iter().any(|misfit| misfit.starts_with("timing.clock_hz is 0")), "{misfits:#?}");
+}
+
+/// What a faster clock asks for, and what multipliers in turns do, is not had for nothing.
+#[test]
+fn a_machine_cannot_be_faster_than_its_operators() {
+    let built = |change: &dyn Fn(&mut Machine)| {
+        let mut machine = reference();
+        change(&mut machine);
+        machine.elaborate().map(|elaborated| elaborated.timing)
+    };
+    let refused = |change: &dyn Fn(&mut Machine)| built(change).unwrap_err();
+    // In open 180 nm cells a stamp takes fragment 17.4 ns and its register half a one.
+    let misfits = refused(&|m| m.timing.technology = Technology::Nm180);
+    assert_eq!(
+        misfits,
+        ["timing.clock_hz is 400000000, but a stamp takes fragment 177.3 FO4, and has one cycle: 55 MHz would do in 180 nm"]
+    );
+    assert!(built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 55_000_000)).is_ok());
+    let misfits = refused(&|m| m.timing.clock_hz = 2_500_000_000);
+    assert!(misfits.len() == 1 && misfits[0].ends_with("548 MHz would do in 28 nm"), "{misfits:?}");
+    // A latency that would do at a slow clock does not at a fast one.
+    let three = |clock_hz| move |m: &mut Machine| (m.timing.shade.latency, m.timing.clock_hz) = (Some(3), clock_hz);
+    assert!(built(&three(500_000_000)).is_ok());
+    assert!(refused(&three(540_000_000))[0].ends_with("takes 565.0 FO4: 4 cycles at 540 MHz in 28 nm"));
+    // 19 products of project share one multiplier.
+    let one = |interval, latency| {
+        move |m: &mut Machine| {
+            (m.timing.project.multipliers, m.timing.project.interval, m.timing.project.latency) = (Some(1), interval, latency)
+        }
+    };
+    let turns = built(&one(None, None)).unwrap().project;
+    assert_eq!([turns.interval, turns.latency], [19, 24]);
+    assert_eq!(refused(&one(Some(18), None)), ["timing.project.interval is 18, but 19 products that share 1 multipliers take 19 cycles"]);
+    assert_eq!(refused(&one(None, Some(18))).len(), 1);
+    // Ideal gates are for asking.
+    assert!(built(&|m| (m.timing.technology, m.timing.clock_hz, m.timing.shade.latency) = (Technology::Ideal, 1 << 39, Some(1))).is_ok());
 }
 
 /// The four counts of every unit sum to the total, whatever it waits for.
@@ -113,6 +150,7 @@ proptest! {
             }
         }
         value["timing"]["organisation"] = json!(if binned { "binned" } else { "immediate" });
+        value["timing"]["technology"] = json!(if numbers[63] % 2 == 0 { "28nm" } else { "ideal" });
         let machine: Machine = serde_json::from_value(value).unwrap();
         match machine.elaborate() {
             Ok(elaborated) => accounts_for_all(&replay(&elaborated.timing, &work(), Detail::Histograms)),
@@ -139,6 +177,7 @@ fn a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth() {
         let mut machine = reference();
         machine.timing.organisation = organisation;
         machine.timing.memory.bytes_per_cycle = 1;
+        machine.timing.technology = Technology::Ideal;
         (machine.timing.shade.latency, machine.timing.cache.lines, machine.timing.cache.misses) = (Some(1), 4, 64);
         let cycles = replay(&machine.elaborate().unwrap().timing, &work(), Detail::Histograms);
         let bytes = cycles.memory.total_bytes();
@@ -152,6 +191,7 @@ fn a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth() {
 /// Merging takes no longer than anything else.
 fn quick() -> Machine {
     let mut machine = reference();
+    machine.timing.technology = Technology::Ideal;
     (machine.timing.fragment.merge, machine.timing.shade.latency) = (0, Some(1));
     machine
 }

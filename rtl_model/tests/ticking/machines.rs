@@ -4,7 +4,9 @@ use crate::frames::Rng;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
-use rtl_model::machine::timing::{Cache, Colour, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Timing};
+use rtl_model::machine::timing::{
+    Cache, Colour, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Technology, Timing,
+};
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
 pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
@@ -48,17 +50,18 @@ pub fn random(rng: &mut Rng) -> Timing {
     let [project, ellipse] = [setup(rng), setup(rng)];
     // Of numbers of its own: all else is as it would be without.
     let rng_of_colour = &mut Rng(rng.0 ^ 0xc010);
-    let colour = (rng_of_colour.below(4) > 0).then(|| Colour {
-        units: to(rng_of_colour, 3),
-        latency: (rng_of_colour.below(4) > 0).then(|| to(rng_of_colour, 3)),
-        interval: (rng_of_colour.below(3) > 0).then(|| to(rng_of_colour, 2)),
-        multipliers: to(rng_of_colour, 80),
-        fifo: to(rng_of_colour, 2),
+    let colour = (rng_of_colour.below(4) > 0).then(|| {
+        let latency = (rng_of_colour.below(4) > 0).then(|| to(rng_of_colour, 3));
+        let interval = (rng_of_colour.below(3) > 0).then(|| to(rng_of_colour, 2));
+        // Where it is said how long it takes, no product waits for a multiplier.
+        let multipliers = if latency.is_some() || interval.is_some() { 80 } else { to(rng_of_colour, 80) };
+        Colour { units: to(rng_of_colour, 3), latency, interval, multipliers, fifo: to(rng_of_colour, 2) }
     });
     let lines = of(rng, &[1, 2, 4, 8, 16, 16, 64, 512]);
     let lanes = [[1, 1], [2, 2], [4, 1], [4, 4], [8, 1], [1, 3], [3, 2]][rng.below(7) as usize];
     Timing {
         organisation: Organisation::Immediate,
+        technology: Technology::Ideal,
         fetch: Fetch { fifo: to(rng, 6) },
         project,
         ellipse,

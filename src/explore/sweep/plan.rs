@@ -165,7 +165,7 @@ pub const READY: [(&str, &str); 5] = [
             {"field": "timing.raster.lanes", "values": [[1, 1], [2, 2], [4, 1], [8, 1], [4, 4]]},
             {"field": "timing.raster.fifo", "values": [1, 4, 16, 64]},
             {"field": "timing.tile.side_px", "values": [16, 32]},
-            {"field": "timing.shade.latency", "values": [1, 10, 20, 30, 40]}]}"#,
+            {"field": "timing.shade.latency", "values": [3, 10, 20, 30, 40]}]}"#,
     ),
     (
         "layers",

@@ -47,9 +47,42 @@ fn a_wider_word_costs_more_and_more_lanes_cost_lanes_alone() {
         cost.units.iter().find(|unit| unit.name == name).unwrap().area
     };
     let [one, two] = ["timing.raster.lanes=[1,1]", "timing.raster.lanes=[2,1]"];
-    assert_eq!(unit(two, "gauss"), 2.0 * unit(one, "gauss"));
+    // All but what a splat's attributes take in the pipeline, which go with both lanes.
+    let [lane, both] = [unit(one, "gauss"), unit(two, "gauss")];
+    assert!(both < 2.0 * lane && both > 1.8 * lane, "{lane}, {both}");
     assert_eq!(unit(two, "shade"), unit(one, "shade"));
     assert!(unit(two, "raster") > unit(one, "raster") && unit(two, "raster") < 2.0 * unit(one, "raster"));
+}
+
+/// What makes a machine faster and is no operator takes area too.
+#[test]
+fn speed_is_paid_for() {
+    let reference = area(&[]);
+    for faster in ["timing.fragment.hazard=1", "timing.tile.buffers=2", "timing.memory.outstanding=32", "timing.memory.burst_bytes=128"] {
+        assert!(area(&[faster]) > reference + 1.0, "{faster}");
+    }
+    // More stages hold more.
+    assert!(area(&["timing.shade.latency=60"]) > reference);
+    let immediate = |more: &str| area(&["timing.organisation=immediate", more]);
+    assert!(immediate("timing.cache.misses=16") > immediate("timing.cache.misses=8"));
+    // Of two tile buffers a shade unit of their own lights what a tile holds.
+    let shade = |settings: &[&str]| Cost::new(&built_with(settings), &DEFAULT).units.iter().find(|unit| unit.name == "shade").unwrap().area;
+    // But for what reads a fragment that was shaded before.
+    let more = shade(&["timing.tile.buffers=2"]) / shade(&[]);
+    assert!(more > 1.98 && more <= 2.0, "{more}");
+}
+
+/// Registers of 37 stages of shade: half of a fragment and half of a light in each.
+#[test]
+fn a_pipeline_has_as_many_registers_as_stages_times_live_bits() {
+    let machine = built_with(&["timing.shade.latency=37"]);
+    let fragment = machine.machine.fragment_bits() as u64;
+    let light = 4 * machine.machine.shade.premultiplied.format.width() as u64;
+    assert_eq!(built(&machine, "shade").register, (37 * (fragment + light)).div_ceil(2));
+    // A stage of a unit that takes an item in two cycles holds one in two.
+    let slow = built_with(&["timing.project.interval=2", "timing.project.latency=200"]);
+    let quick = built_with(&["timing.project.interval=1", "timing.project.latency=100"]);
+    assert_eq!(built(&slow, "project").register, built(&quick, "project").register);
 }
 
 #[test]
@@ -69,8 +102,8 @@ fn a_price_of_nothing_but_one_kind_counts_that_kind() {
     let cost = of(PerBit { register: 1.0, ..nothing });
     assert_eq!(cost.area, cost.units.iter().map(|unit| unit.bits.register as f64).sum::<f64>());
     let cost = of(PerBit { memory: 1.0, ..nothing });
-    // 16 × 16 pixels of three fragments.
-    assert_eq!(cost.area, f64::from(16 * 16 * 3 * 8 * machine.timing.fragment_bytes));
+    // 16 × 16 pixels of three fragments, and requests of 64 bytes, 16 each way.
+    assert_eq!(cost.area, f64::from(16 * 16 * 3 * 8 * machine.timing.fragment_bytes + 2 * 16 * 64 * 8));
 }
 
 #[test]

@@ -22,7 +22,7 @@ use super::{
     Attributes, COLOUR, Decision, Fragment, FragmentRegisters, MAX_LAYERS, NORMAL, OPACITY, Premultiplied, SUM_SIGNALS, SUMS, Side, Slot,
     Sums, TILE_AREA, UNIT, WEIGHT,
 };
-use crate::elaboration::latency::{PRODUCT, SUM};
+use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame;
 use crate::functions::{Reciprocal, Table, reciprocal, table};
@@ -207,17 +207,34 @@ struct Fractions {
     opacity: i32,
 }
 
-/// Cycles that a contribution takes after its match, at least, which finds no room or comes to a closed slot: the longer of two ways.
+/// Longest way of a contribution after its match which finds no room or comes to a closed slot: the longer of two.
 ///
 /// Windows: opacities by one reciprocal, a slot a cycle, T, and the cost of a sum. Inside: weight times density, the table, the splat's own
 /// light, what is seen of it, the reciprocal, and the blend. Late is shorter than that.
-pub fn overflow_cycles(machine: &Machine) -> u32 {
+pub fn overflow_path(machine: &Machine) -> Path {
     let m = &machine.fragment;
-    let Some(words) = &m.window else { return 0 };
-    let divide = reciprocal::latency(words.reciprocal) + PRODUCT;
-    let windows = divide + m.layers + 2 * PRODUCT + 2 * SUM;
-    let inside = PRODUCT + table::latency(words.hidden_table) + 2 * PRODUCT + divide + PRODUCT + SUM;
-    if words.inside { windows.max(inside) } else { windows }
+    let Some(words) = &m.window else { return Path::default() };
+    let bits = |word: Word| word.format.width();
+    let (share, through, part, light) = (bits(words.share), bits(words.through), bits(words.part), bits(machine.splat.rgb));
+    let inverse = words.reciprocal.bits as i32;
+    let divide = reciprocal::path(words.reciprocal, bits(m.weight_sum)).product(share, inverse);
+    // T goes on from slot to slot, a slot a cycle.
+    let slots = Path { cycles: 1, ..Path::default().product(part, through) }.times(m.layers);
+    let windows = divide.then(slots).product(part, through).sum(part).product(bits(m.weight_sum), part).sum(bits(m.weight_sum));
+    let inside = Path::default()
+        .product(bits(machine.gauss.weight), bits(words.density))
+        .then(table::path(words.hidden_table, bits(words.hidden)))
+        .product(light, bits(words.hidden))
+        .product(light, through)
+        .then(divide)
+        .product(bits(m.colour_sum), share)
+        .sum(bits(m.colour_sum));
+    if words.inside { windows.beside(inside) } else { windows }
+}
+
+/// Cycles of that way: as many as its operators have, or as the clock asks for.
+pub fn overflow_cycles(machine: &Machine) -> u32 {
+    overflow_path(machine).cycles_at(&machine.timing)
 }
 
 impl Windows {
