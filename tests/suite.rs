@@ -22,6 +22,7 @@ mod golden_match;
 mod golden_window;
 mod handmade;
 mod harmonics;
+mod irregular;
 mod layering;
 #[path = "programs/merge_rules.rs"]
 #[allow(dead_code, reason = "its `main` prints what is compared here")]

@@ -3,8 +3,9 @@
 //! The types below are the file format: the JSON Schema is derived from them, and a file is held against that schema
 //! before it is read into them. What a schema cannot say (directions that are zero, indices out of range) comes after.
 
+use super::cells::{Cells, Sampled, Slices};
 use super::gaussians::{Gaussian, Gaussians};
-use super::volume::RawDescription;
+use super::volume::{Arrays, RawDescription, Samples};
 use super::voxels::{Classification, TransferPoint, Voxels, depth_of_layer};
 use super::{
     Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets,
@@ -105,11 +106,21 @@ struct FileSource {
     opacity: f64,
 }
 
-/// A scalar field on a grid, seen through a transfer function or along an isosurface.
+/// A scalar field on a grid or at points, seen through a transfer function or along an isosurface.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct VolumeSource {
     volume: VolumeFile,
+    /// Which of a file's arrays at points has the samples; left out: the one that the file names, else the first of one component. Of `.vtr`,
+    /// `.vts`, `.vtu` and `.vtp`.
+    array: Option<String>,
+    /// Which array has the variance of each point's kernel, world units²: of 1 component, the same in all directions, of 3, along x, y and
+    /// z, or of 6, xx, yy, zz, xy, yz and xz. Left out: from the distance to the 6 nearest points. Of `.vtu` and `.vtp`.
+    variance: Option<String>,
+    /// How thick the layer is that `opacity` is of, world units; left out: the shortest step of the grid, or where steps differ the median of
+    /// each sample's shortest.
+    #[schemars(range(min = 1e-30, max = 1e30))]
+    layer: Option<f64>,
     /// Colour and opacity by value, in ascending order; between two values colour and optical depth, −ln(1 − opacity), are linear. Left out:
     /// a white ramp.
     #[schemars(length(min = 1))]
@@ -117,7 +128,8 @@ struct VolumeSource {
     /// Factor on optical depth by gradient magnitude, in ascending order; left out: 1.
     #[serde(default)]
     gradient: Vec<GradientFields>,
-    /// Standard deviation of the kernel along each axis, in steps of the grid along it. Thinner than the least, no light would meet one.
+    /// Standard deviation of the kernel along each axis, in steps of the grid along it, or in the mean distance to the nearest points. Thinner
+    /// than the least, no light would meet one. With `variance`, which says how wide kernels are, what part of a step that is.
     #[serde(default = "kernel_steps")]
     #[schemars(range(min = 1e-6, max = 100))]
     radius: f64,
@@ -181,7 +193,7 @@ struct TransferFields {
     #[serde(default = "white")]
     #[schemars(inner(range(min = 0, max = 1)))]
     rgb: [f64; 3],
-    /// Of a layer as thick as the shortest step of the grid: what part of the light behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
+    /// Of a layer as thick as the shortest step of the grid, or `layer`: what part of the light behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
     #[schemars(range(min = 0, max = 1))]
     opacity: f64,
 }
@@ -497,7 +509,7 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     gathered.complete(camera.eye);
     let lights = lights(fields.lights, &camera).map_err(input_error)?;
     let surface = surface(&fields.surface, &gathered.splats);
-    if matches!(gathered.medium, Some(Medium::Volume(_))) && surface.coverage_threshold > 1.0 {
+    if kind == Kind::Volume && surface.coverage_threshold > 1.0 {
         return Err(input_error(format!(
             "surface.coverage_threshold is {}; a volume's splats are lit with weight 1, so at most 1 is right",
             surface.coverage_threshold
@@ -514,8 +526,11 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
         let name = if fields.kernel.filter == FilterField::Circular { "circular" } else { "source-ewa" };
         return Err(input_error(format!("kernel.filter is \"{name}\", which is of discs, and these splats are none")));
     }
-    if surface.cull_backfaces && matches!(gathered.medium, Some(Medium::Volume(_) | Medium::Gaussians(_))) {
+    if surface.cull_backfaces && kind != Kind::Surfaces {
         return Err(input_error("surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into()));
+    }
+    if matches!(gathered.medium, Some(Medium::Cells(_, None))) && fields.sheets.order == Some(SheetOrder::BackToFront) {
+        return Err(input_error("sheets.order is \"back-to-front\", and samples that are sorted by depth come front-to-back".into()));
     }
     let Gathered { splats, materials, notes, medium, .. } = gathered;
     // What is written of a scene may be a comment of one line.
@@ -563,10 +578,30 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
 enum Medium {
     /// Splats are voxels, in the order of the samples until the view is known.
     Volume(Voxels),
+    /// Splats are samples with kernels of their own, in the order of the samples; of a rectilinear grid with its slices.
+    Cells(Vec<Orientation>, Option<Slices>),
     /// Splats lie on a surface and are flat.
     Isosurface(Vec<Orientation>),
     /// Splats are trained; colours wait for the eye.
     Gaussians(Gaussians),
+}
+
+impl SheetFields {
+    /// Of what emits.
+    fn of_volume(&self, of: Sheet, back_to_front: bool) -> Sheets {
+        Sheets {
+            of,
+            back_to_front,
+            opacity: match self.opacity {
+                Some(OpacityLaw::Linear) => Opacity::Linear,
+                Some(OpacityLaw::Exponential) | None => Opacity::Exponential,
+            },
+            stop: self.stop.unwrap_or(1.0 / 1024.0),
+            keeps_last: self.keep_last.unwrap_or(true),
+            least_weight: self.least_weight.unwrap_or(0.0),
+            most_weight: self.most_weight.unwrap_or(1.0),
+        }
+    }
 }
 
 impl Medium {
@@ -576,19 +611,26 @@ impl Medium {
                 let back_to_front = fields.order == Some(SheetOrder::BackToFront);
                 let (splats, orientation, of) = voxels.ordered(std::mem::take(&mut scene.splats), &scene.view(), back_to_front);
                 scene.splats = splats;
-                scene.ellipsoids = Some(Ellipsoids::of_volume(orientation));
-                scene.sheets = Some(Sheets {
-                    of,
-                    back_to_front,
-                    opacity: match fields.opacity {
-                        Some(OpacityLaw::Linear) => Opacity::Linear,
-                        Some(OpacityLaw::Exponential) | None => Opacity::Exponential,
-                    },
-                    stop: fields.stop.unwrap_or(1.0 / 1024.0),
-                    keeps_last: fields.keep_last.unwrap_or(true),
-                    least_weight: fields.least_weight.unwrap_or(0.0),
-                    most_weight: fields.most_weight.unwrap_or(1.0),
-                });
+                scene.ellipsoids = Some(Ellipsoids::of_volume(vec![orientation], false));
+                scene.sheets = Some(fields.of_volume(of, back_to_front));
+            }
+            Medium::Cells(orientations, slices) => {
+                let sorted = slices.is_none();
+                let (mut orientations, numbers, back_to_front) = match slices {
+                    // A sample by itself is a sheet, as a Gaussian is.
+                    None => (orientations, (0..scene.splats.len() as u32).collect(), false),
+                    Some(slices) => {
+                        let back_to_front = fields.order == Some(SheetOrder::BackToFront);
+                        let (order, numbers) = slices.ordered(&scene.view(), back_to_front);
+                        scene.splats = order.iter().map(|splat| scene.splats[*splat as usize]).collect();
+                        (order.iter().map(|splat| orientations[*splat as usize]).collect(), numbers, back_to_front)
+                    }
+                };
+                if orientations.iter().all(|orientation| *orientation == orientations[0]) {
+                    orientations.truncate(1);
+                }
+                scene.ellipsoids = Some(Ellipsoids::of_volume(orientations, sorted));
+                scene.sheets = Some(fields.of_volume(Sheet::Slice(numbers), back_to_front));
             }
             Medium::Isosurface(orientations) => {
                 scene.ellipsoids =
@@ -689,7 +731,7 @@ impl<'a> Gathered<'a> {
 
     fn kind(&self) -> Kind {
         match &self.medium {
-            Some(Medium::Volume(_)) => Kind::Volume,
+            Some(Medium::Volume(_) | Medium::Cells(..)) => Kind::Volume,
             Some(Medium::Gaussians(_)) => Kind::Gaussians,
             Some(Medium::Isosurface(_)) | None => Kind::Surfaces,
         }
@@ -698,7 +740,9 @@ impl<'a> Gathered<'a> {
     /// What is wrong where there are no splats.
     fn nothing(&self) -> &'static str {
         match &self.medium {
-            Some(Medium::Volume(_)) => "shows nothing of the volume; a transfer function must give some of its values an opacity above 0",
+            Some(Medium::Volume(_) | Medium::Cells(..)) => {
+                "shows nothing of the volume; a transfer function must give some of its values an opacity above 0"
+            }
             Some(Medium::Isosurface(_)) => {
                 "has no surface of this isovalue; it must lie between the least and the greatest value of the volume"
             }
@@ -715,15 +759,22 @@ impl<'a> Gathered<'a> {
 
     fn add_volume(&mut self, source: &VolumeSource, path: &str) -> Result<()> {
         let material = self.known_material(source.material, path)?;
+        let arrays = Arrays { values: source.array.as_deref(), variance: source.variance.as_deref() };
         let (file, read) = match &source.volume {
             VolumeFile::Path(file) => {
                 let file = self.folder.join(file);
-                (file.clone(), volume::read(&file))
+                (file.clone(), volume::read_samples(&file, &arrays))
             }
-            VolumeFile::Raw(raw) => (self.folder.join(&raw.file), volume::read_raw(raw, self.folder)),
-            VolumeFile::Builtin(BuiltinField { builtin, samples }) => (PathBuf::from("built-in field"), Ok(builtin.volume(*samples))),
+            _ if arrays.values.or(arrays.variance).is_some() => {
+                let field = if arrays.values.is_some() { "array" } else { "variance" };
+                return Err(self.input_error(format!("{path}.{field} names an array of a file of VTK's, and this is none")));
+            }
+            VolumeFile::Raw(raw) => (self.folder.join(&raw.file), volume::read_raw(raw, self.folder).map(Samples::Even)),
+            VolumeFile::Builtin(BuiltinField { builtin, samples }) => {
+                (PathBuf::from("built-in field"), Ok(Samples::Even(builtin.volume(*samples))))
+            }
         };
-        let volume = read.map_err(|sentence| match &source.volume {
+        let samples = read.map_err(|sentence| match &source.volume {
             VolumeFile::Raw(_) => self.input_error(format!("{path}.volume: {sentence}")),
             _ => Error::input(format!("{}: {sentence}", file.display())),
         })?;
@@ -737,37 +788,66 @@ impl<'a> Gathered<'a> {
                     .map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, depth: depth_of_layer(opacity, cutoff) })
                     .collect()
             }
-            None => Classification::usual(&volume, cutoff),
+            None => Classification::usual(samples.values(), cutoff),
         };
         let magnitudes = source.gradient.iter().map(|point| point.magnitude);
         ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.input_error(sentence))?;
         let gradient = source.gradient.iter().map(|point| [point.magnitude, point.factor]).collect();
         let classification = Classification { transfer, gradient, radius: source.radius, material };
-        let sigma = classification.sigma(&volume);
-        if !(LEAST_RADIUS..=ply::FARTHEST).contains(&sigma) || source.radius < LEAST_STEPS {
-            return Err(self.input_error(format!(
+        let is_thin = source.radius < LEAST_STEPS;
+        let of_kernels = |sigma: f64| {
+            if (LEAST_RADIUS..=ply::FARTHEST).contains(&sigma) && !is_thin {
+                return Ok(());
+            }
+            Err(self.input_error(format!(
                 "{path} has kernels of {:e} steps, {sigma:e} world units; they must have {LEAST_STEPS:e} steps and {LEAST_RADIUS:e} world units or more, \
                  and at most {:e} world units",
                 source.radius,
                 ply::FARTHEST
-            )));
-        }
-        self.medium = Some(match source.isovalue {
-            Some(isovalue) => {
-                let (splats, orientations) = classification.isosurface(&volume, isovalue, source.flatten);
-                self.splats = splats;
-                Medium::Isosurface(orientations)
+            )))
+        };
+        let memory = |what: &str, bytes_each: u64| {
+            memory::check(classification.seen(samples.values()), what, bytes_each)
+                .map_err(|sentence| self.input_error(format!("{path}: {sentence}")))
+        };
+        let (splats, medium, what) = match (&samples, source.isovalue) {
+            (Samples::Even(volume), isovalue) => {
+                of_kernels(classification.sigma(volume))?;
+                let [x, y, z] = volume.size;
+                let what = format!("voxels are seen ({x} × {y} × {z})");
+                match isovalue {
+                    Some(isovalue) => {
+                        let (splats, orientations) = classification.isosurface(volume, isovalue, source.flatten);
+                        (splats, Medium::Isosurface(orientations), what)
+                    }
+                    None => {
+                        memory("voxels", memory::DISC_BYTES)?;
+                        let (splats, voxels) = classification.voxels(volume, source.layer);
+                        (splats, Medium::Volume(voxels), what)
+                    }
+                }
             }
-            None => {
-                memory::check(classification.seen(&volume), "voxels", memory::DISC_BYTES)
-                    .map_err(|sentence| self.input_error(format!("{path}: {sentence}")))?;
-                let (splats, voxels) = classification.voxels(&volume);
-                self.splats = splats;
-                Medium::Volume(voxels)
+            (Samples::Uneven(_), Some(_)) => {
+                return Err(
+                    self.input_error(format!("{path}.isovalue is of evenly spaced grids, and this one is not; `transfer` shows it"))
+                );
             }
-        });
-        let [x, y, z] = volume.size;
-        self.notes.push(format!("{} of {} voxels are seen ({x} × {y} × {z})", self.splats.len(), volume.values.len()));
+            (Samples::Uneven(field), None) => {
+                memory("samples", memory::GAUSSIAN_BYTES)?;
+                let cells = Cells::new(field, source.radius);
+                // Where no sample has a cell, none is seen either.
+                let layer = source.layer.or_else(|| cells.usual_layer()).unwrap_or(1.0);
+                let (Sampled { splats, orientations, slices }, flat) = cells.samples(&classification, layer);
+                splats.iter().try_for_each(|splat| of_kernels(splat.radius))?;
+                if flat > 0 {
+                    self.notes.push(format!("{}: {flat} samples have a cell of no volume and were left out", file.display()));
+                }
+                (splats, Medium::Cells(orientations, slices), "samples are seen".to_string())
+            }
+        };
+        self.notes.push(format!("{} of {} {what}", splats.len(), samples.values().len()));
+        self.splats = splats;
+        self.medium = Some(medium);
         Ok(())
     }
 
@@ -813,7 +893,7 @@ impl<'a> Gathered<'a> {
         let input_error = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
         let parse = match formats::reader(&file).unwrap_or(formats::default_reader()) {
             Reader::Splats(parse) => parse,
-            Reader::Volume(_) => {
+            Reader::Volume(_) | Reader::Irregular(_) => {
                 self.is_alone(path, "a volume")?;
                 return self.add_volume(&VolumeSource::of(source), path);
             }
@@ -901,6 +981,9 @@ impl VolumeSource {
     fn of(source: &FileSource) -> Self {
         VolumeSource {
             volume: VolumeFile::Path(source.file.clone()),
+            array: None,
+            variance: None,
+            layer: None,
             transfer: None,
             gradient: Vec::new(),
             radius: kernel_steps() * source.radius_scale,

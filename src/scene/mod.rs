@@ -4,6 +4,7 @@
 
 mod builtin;
 mod camera;
+mod cells;
 pub mod digest;
 mod fields;
 mod formats;

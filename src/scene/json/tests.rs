@@ -119,7 +119,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/splats/1",
             json!({"positon": [1, 0, 0]}),
-            "splats[1].positon is no known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, transfer, gradient, isovalue, flatten, gaussians)",
+            "splats[1].positon is no known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, array, variance, layer, transfer, gradient, isovalue, flatten, gaussians)",
         ),
         ("/splats/1", json!({}), "splats[1] must have one of the fields `position`, `file`, `builtin`, `volume`, `gaussians`"),
         ("/splats/1", json!(7), "splats[1] is a number; it must be an object or an array"),
