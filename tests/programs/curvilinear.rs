@@ -125,14 +125,14 @@ fn scene(file: &str) -> String {
             "volume": file,
             "layer": 0.05,
             "transfer": [
-                {"value": 0.04, "rgb": [0.25, 0.45, 0.9], "opacity": 0}, {"value": 0.3, "rgb": [0.25, 0.45, 0.9], "opacity": 0.03},
-                {"value": 0.4, "rgb": [1, 0.55, 0.15], "opacity": 0.04}, {"value": 1, "rgb": [1, 0.75, 0.3], "opacity": 0.35},
+                {"value": 0.04, "rgb": [0.25, 0.45, 0.9], "opacity": 0}, {"value": 0.3, "rgb": [0.25, 0.45, 0.9], "opacity": 0.05},
+                {"value": 0.4, "rgb": [1, 0.5, 0.12], "opacity": 0.1}, {"value": 1, "rgb": [1, 0.75, 0.3], "opacity": 0.7},
             ],
         },
         "materials": [{"ambient": 0.45, "diffuse": 0.6, "specular": 0.1, "shininess": 20}],
-        "lights": [{"direction": [0.3, 1, -0.4]}],
-        "camera": {"eye": [0.6, 5.2, -4.4], "target": [0.1, -0.1, 1.45], "fov_y_degrees": 38},
-        "image": {"width": SIDE, "height": SIDE, "background": [1, 1, 1, 1]},
+        "lights": [{"direction": [0.3, 1, 0.6]}],
+        "camera": {"eye": [0.4, 5.6, 6.4], "target": [0.2, -0.2, 1.2], "fov_y_degrees": 43},
+        "image": {"width": SIDE, "height": SIDE, "background": [0.02, 0.03, 0.06, 1]},
     });
     let mut text = String::new();
     let _ = writeln!(text, "{scene:#}");

@@ -1,8 +1,8 @@
 //! Vtk: cuts a VTK XML file into tags, and its arrays into numbers (docs.vtk.org, "VTK XML File Formats").
 //!
 //! A scanner of our own for tags and attributes: a file with raw appended samples is not XML. Arrays are ascii, base64, or appended as
-//! base64 or raw, plain or packed by zlib, of any integer or float type and byte order; a file is in one piece. The crate `vtkio` was
-//! tried and not taken (docs/book/volumes.md says what it does with broken files).
+//! base64 or raw, plain or packed by zlib, of any integer or float type and byte order; a file is in one piece. The crate `vtkio` panics
+//! at broken files and refuses some sound ones (docs/book/volumes.md).
 
 use super::decode::{FARTHEST, Layout, Parsed, clip, number, numbers, take_all, unpacker};
 use super::{ByteOrder, SampleType, skip_bytes};
