@@ -28,6 +28,7 @@ mod layering;
 #[allow(dead_code, reason = "its `main` prints what is compared here")]
 mod merge_rules;
 mod meshes;
+mod mixed;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;

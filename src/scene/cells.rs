@@ -13,6 +13,7 @@
 //! median of the samples' shortest steps.
 
 use super::neighbours::{self, Surroundings};
+use super::placement::Placement;
 use super::volume::{Irregular, Places};
 use super::voxels::{Classification, ranks};
 use super::{Orientation, Splat, View};
@@ -50,6 +51,8 @@ pub struct Slices {
     /// Of each splat.
     at: Vec<[u32; 3]>,
     coordinates: [Vec<f64>; 3],
+    /// Where the grid was brought since.
+    place: Placement,
 }
 
 /// A cell by its principal axes.
@@ -265,7 +268,7 @@ impl<'a> Cells<'a> {
             at.push(self.at(index).map(|index| index as u32));
         }
         let slices = match &self.field.places {
-            Places::Rectilinear(coordinates) => Some(Slices { at, coordinates: coordinates.clone() }),
+            Places::Rectilinear(coordinates) => Some(Slices { at, coordinates: coordinates.clone(), place: Placement::NONE }),
             _ => None,
         };
         (Sampled { splats, orientations, slices }, flat)
@@ -273,13 +276,19 @@ impl<'a> Cells<'a> {
 }
 
 impl Slices {
+    /// Brings the grid to another place.
+    pub fn put(&mut self, place: &Placement) {
+        self.place = place.after(&self.place);
+    }
+
     /// The splats' order in a view, by their numbers: slice after slice along the axis nearest to where it looks, as of a volume; and the
     /// sheet of each in that order.
     pub fn ordered(&self, view: &View, back_to_front: bool) -> (Vec<u32>, Vec<u32>) {
-        let forward = view.rotation.row(2);
+        let back = self.place.turn.conjugate();
+        let (forward, eye) = (back * view.rotation.row(2), back * (view.eye - self.place.way) / self.place.scale);
         let axis = (0..3).max_by(|a, b| forward[*a].abs().total_cmp(&forward[*b].abs())).unwrap_or(0);
         let along = &self.coordinates[axis];
-        let rank = ranks(along.len() as u32, |slice| (along[slice as usize] - view.eye[axis]).abs(), back_to_front);
+        let rank = ranks(along.len() as u32, |slice| (along[slice as usize] - eye[axis]).abs(), back_to_front);
         let mut order: Vec<u32> = (0..self.at.len() as u32).collect();
         let rank_of = |splat: &u32| rank[self.at[*splat as usize][axis] as usize];
         order.sort_by_key(rank_of);

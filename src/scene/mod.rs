@@ -13,6 +13,7 @@ mod json;
 pub(crate) mod memory;
 pub mod mesh;
 mod neighbours;
+mod placement;
 mod ply;
 mod volume;
 mod voxels;

@@ -12,6 +12,7 @@
 //!
 //! Law: `a_slab_is_as_opaque_as_it_says` (tests/regressions_promises.rs).
 
+use super::placement::Placement;
 use super::volume::Volume;
 use super::{Ellipsoids, Orientation, Scene, Sheet, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
@@ -200,9 +201,9 @@ impl Classification {
         (splats, Voxels { at, axes: field.axes, origin: vector(volume.origin) })
     }
 
-    /// Splats on the surface where the field has this value, and their axes: σ is `radius` of the longest step, and `flatten` times less
+    /// Splats on the surface where the field has this value, their axes, and the area that each stands for: σ is `radius` of the longest step, and `flatten` times less
     /// along the gradient (EWA §6.4).
-    pub fn isosurface(&self, volume: &Volume, isovalue: f64, flatten: f64) -> (Vec<Splat>, Vec<Orientation>) {
+    pub fn isosurface(&self, volume: &Volume, isovalue: f64, flatten: f64) -> (Vec<Splat>, Vec<Orientation>, f64) {
         let field = Field::new(volume);
         let longest = field.longest_step();
         let rgb = self.colour(isovalue).0;
@@ -227,7 +228,9 @@ impl Classification {
         };
         let slices: Vec<Vec<(Splat, Orientation)>> =
             (0..volume.size[2]).into_par_iter().map(|z| field.slice(z).filter_map(splat).collect()).collect();
-        slices.into_iter().flatten().unzip()
+        let (splats, orientations) = slices.into_iter().flatten().unzip();
+        // Those within half of the longest step on both sides: a layer so thick of cells.
+        (splats, orientations, field.steps().iter().product::<f64>() / longest)
     }
 }
 
@@ -244,8 +247,14 @@ pub(super) fn ranks(slices: u32, distance: impl Fn(u32) -> f64, back_to_front: b
 }
 
 impl Voxels {
+    /// Brings the grid to another place.
+    pub(super) fn put(&mut self, place: &Placement) {
+        self.axes = self.axes.map(|axis| place.vector(axis));
+        self.origin = place.point(self.origin);
+    }
+
     /// The kernel that all of them have.
-    fn orientation(&self) -> Orientation {
+    pub(super) fn orientation(&self) -> Orientation {
         let longest = self.axes.iter().map(|axis| axis.length()).fold(0.0, f64::max);
         let [x, y, z] = self.axes.map(DVec3::normalize);
         // A kernel looks the same from both ends: a mirrored grid has the kernel of the other.
