@@ -4,7 +4,7 @@
 //! ```sh
 //! cargo run --release --example zebra -- [FOLDER]
 //! ```
-//! Prints a table and writes `zebra.png`, and slabs, surface and scenes beside it. Each is held to the coat itself, convolved with the
+//! Prints a table and writes `zebra.png` (near and far dB over each tile), and slabs, surface and scenes beside it. Each is held to the coat itself, convolved with the
 //! low-pass filter as a picture, from 64 rays a pixel. *Near* are rows in which two stripes are six pixels wide and more, *far* those in
 //! which they are less than two: the pixel grid cannot hold them, and contrast there is false.
 
@@ -71,7 +71,7 @@ fn scene(splats: &serde_json::Value, low_pass: f64, by: &str) -> String {
         "materials": [{"unlit": true}],
         "camera": {"eye": [512, -70, 130], "target": [512, 110, 0], "up": [0, 0, 1], "fov_y_degrees": 34},
         "image": {"width": WIDTH, "height": HEIGHT, "background": [0, 0, 0, 1]},
-        "surface": {"z_threshold": 40},
+        "surface": {"z_threshold": 40, "coverage_threshold": 1e-3},
         "kernel": {"low_pass": low_pass, "low_pass_by": by},
     })
     .to_string()
@@ -164,7 +164,7 @@ fn main() -> Result<()> {
         let kept = 100.0 * contrast(&rows(&picture, near)) / contrast(&rows(reference, near));
         let left = 100.0 * contrast(&difference(&rows(&picture, far), &rows(reference, far))) / ((LIGHT - DARK) / 2.0);
         println!("| {name} | {} | {kept:.0} % | {} | {left:.1} % |", db(near), db(far));
-        tiles.push(Tile { caption: format!("{name}: near {}, far {} dB", db(near), db(far)), picture });
+        tiles.push(Tile { caption: format!("{name}: {}, {} dB", db(near), db(far)), picture });
     };
     for count in [512, 256] {
         let file = format!("zebra-{count}.raw");
@@ -191,5 +191,5 @@ fn main() -> Result<()> {
     let picture = render(&scene, &Rules::default()).picture;
     told("surface, 1024×512", &scene, &reference(&scene, TOP), picture);
     let tiles: Vec<&dyn Chart> = tiles.iter().map(|tile| tile as &dyn Chart).collect();
-    write_png(&tiles, 3, [WIDTH as u32 + 12, HEIGHT as u32 + 30], &folder.join("zebra.png"))
+    write_png(&tiles, 3, [WIDTH as u32 + 24, HEIGHT as u32 + 30], &folder.join("zebra.png"))
 }

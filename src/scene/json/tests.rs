@@ -121,7 +121,11 @@ fn every_error_names_the_field_and_says_what_is_right() {
             json!({"positon": [1, 0, 0]}),
             "splats[1].positon is no known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, array, variance, layer, transfer, gradient, isovalue, flatten, gaussians, splats, place)",
         ),
-        ("/splats/1", json!({}), "splats[1] must have one of the fields `position`, `file`, `builtin`, `volume`, `gaussians`"),
+        (
+            "/splats/1",
+            json!({}),
+            "splats[1] must have one of the fields `position`, `file`, `builtin`, `volume`, `gaussians`, `splats`, `place`",
+        ),
         ("/splats/1", json!(7), "splats[1] is a number; it must be an object or an array"),
         (
             "/splats/2/builtin",
@@ -234,7 +238,10 @@ fn what_is_wrong_with_a_volume_or_with_gaussians_is_said() {
             of(json!([{"builtin": "terrain", "count": 9}, {"splats": {"volume": shells}, "place": {"axis": [0, 0, 0]}}])),
             "splats[1].place.axis is zero; it must point somewhere",
         ),
-        (of(json!({"splats": {"volume": shells}, "place": {"scale": 0}})), "splats.place.scale is 0; it must be at least 1e-30"),
+        (
+            of(json!({"splats": {"volume": shells}, "place": {"scale": 0}})),
+            "splats.place.scale is 0; it must be at least 1e-30 and at most 1e30",
+        ),
         (
             of(json!({"splats": {"splats": {"volume": shells}, "place": {"scale": 1e20}}, "place": {"scale": 1e20}})),
             "splats.place brings splats beyond what a scene holds: positions lie within ±1e30, radii from 1e-30",
