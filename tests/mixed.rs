@@ -172,10 +172,10 @@ fn what_is_placed_with_the_eye_looks_the_same() {
         let told = source.to_string();
         let here = golden(&load(&scene(source.clone(), [eye, target, up], 1.0), folder.path()));
         // In two steps.
-        let first = json!({"splats": source, "place": {"scale": 1.5, "move": [1, 2, 3]}});
+        let first = json!({"splats": source, "place": {"scale": 1.5, "move": [20, -30, 40]}});
         let placed =
             json!({"splats": first, "place": {"scale": 2, "axis": axis.to_array(), "degrees": TURN_DEGREES, "move": way.to_array()}});
-        let bring = |point: DVec3| turn * ((point * 1.5 + DVec3::new(1.0, 2.0, 3.0)) * 2.0) + way;
+        let bring = |point: DVec3| turn * ((point * 1.5 + DVec3::new(20.0, -30.0, 40.0)) * 2.0) + way;
         let brought = [bring(eye), bring(target), turn * up];
         let there = golden(&load(&scene(placed, brought, 3.0), folder.path()));
         let apart = here.rgba.as_flattened().iter().zip(there.rgba.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
