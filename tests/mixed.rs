@@ -154,7 +154,7 @@ fn what_is_placed_with_the_eye_looks_the_same() {
     let shells = json!({"volume": {"builtin": "nested-shells", "samples": 20}});
     let sources = [
         shells.clone(),
-        json!({"volume": "x.vtr"}),
+        json!({"volume": "x.vtr", "transfer": [{"value": 0, "rgb": [1, 0, 0], "opacity": 0.1}, {"value": 35, "rgb": [0, 1, 0.5], "opacity": 0.6}]}),
         json!({"gaussians": "bouquet", "count": 400}),
         json!({"builtin": "torus-knot", "count": 3000}),
         json!({"volume": {"builtin": "nested-shells", "samples": 20}, "isovalue": 0.2}),
