@@ -274,7 +274,7 @@ fn what_is_wrong_is_said_and_nothing_is_written() {
             std::fs::write(folder.path().join("s.json"), scene.to_string()).unwrap();
             "s.json".into()
         });
-        let run = Command::cargo_bin("splatsim").unwrap().current_dir(&folder).args(["run", &input, "--out", "out"]).output().unwrap();
+        let run = Command::new(env!("CARGO_BIN_EXE_splatsim")).current_dir(&folder).args(["run", &input, "--out", "out"]).output().unwrap();
         let told = String::from_utf8(run.stderr).unwrap();
         assert_eq!(run.status.code(), Some(2), "{name}: {told}");
         assert!(!folder.path().join("out").exists() && told.trim_end().lines().count() == 1 && told.len() < 500, "{name}: {told}");
