@@ -22,11 +22,13 @@ mod golden_match;
 mod golden_window;
 mod handmade;
 mod harmonics;
+mod irregular;
 mod layering;
 #[path = "programs/merge_rules.rs"]
 #[allow(dead_code, reason = "its `main` prints what is compared here")]
 mod merge_rules;
 mod meshes;
+mod mixed;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;

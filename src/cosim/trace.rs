@@ -249,10 +249,16 @@ fn explained(kind: Kind) -> String {
 /// Whether a scene's text needs no other file.
 fn is_complete(text: &str) -> bool {
     let scene: Value = serde_json::from_str(text).unwrap_or_default();
-    let splats = &scene["splats"];
-    let mut sources = splats.as_array().map_or_else(|| std::slice::from_ref(splats), Vec::as_slice).iter();
+    scene.is_object() && !reads_files(&scene["splats"])
+}
+
+/// Whether a source, or one of several, or one at another place, is in a file.
+fn reads_files(source: &Value) -> bool {
     let is_read = |of: &Value| of.is_string() || of.get("file").is_some();
-    scene.is_object() && !sources.any(|source| is_read(source) || is_read(&source["volume"]))
+    match source {
+        Value::Array(sources) => sources.iter().any(reads_files),
+        _ => is_read(source) || is_read(&source["volume"]) || source.get("place").is_some() && reads_files(&source["splats"]),
+    }
 }
 
 fn key_fields() -> Vec<Value> {

@@ -4,7 +4,7 @@
 
 use super::gaussians::{self, Gaussians};
 use super::ply::{self, Cloud};
-use super::volume::{self, Volume};
+use super::volume::{self, Arrays, Irregular, Volume};
 use std::path::Path;
 
 type Parsed<T> = Result<T, String>;
@@ -21,6 +21,8 @@ pub(super) enum Reader {
     Splats(fn(&[u8]) -> Parsed<Splats>),
     /// A header may name a second file, which lies in that folder.
     Volume(fn(&[u8], &Path) -> Parsed<Volume>),
+    /// A scene may ask for arrays by name.
+    Irregular(fn(&[u8], &Arrays) -> Parsed<Irregular>),
 }
 
 /// Contents that a format can have.
@@ -42,6 +44,10 @@ const FORMATS: &[(&str, &[Kind], Reader)] = &[
     (".nii", &[Kind::Volume], Reader::Volume(|bytes, _| volume::nifti::read(bytes))),
     (".nii.gz", &[Kind::Volume], Reader::Volume(|bytes, _| volume::nifti::read(bytes))),
     (".vti", &[Kind::Volume], Reader::Volume(|bytes, _| volume::vti::read(bytes))),
+    (".vtr", &[Kind::Volume], Reader::Irregular(volume::irregular::read_rectilinear)),
+    (".vts", &[Kind::Volume], Reader::Irregular(volume::irregular::read_curvilinear)),
+    (".vtu", &[Kind::Volume], Reader::Irregular(volume::irregular::read_unstructured)),
+    (".vtp", &[Kind::Volume], Reader::Irregular(volume::irregular::read_poly_data)),
 ];
 
 /// A PLY's header says which it has.

@@ -3,8 +3,9 @@
 //! The types below are the file format: the JSON Schema is derived from them, and a file is held against that schema
 //! before it is read into them. What a schema cannot say (directions that are zero, indices out of range) comes after.
 
+use super::cells::{Cells, Sampled, Slices};
 use super::gaussians::{Gaussian, Gaussians};
-use super::volume::RawDescription;
+use super::volume::{Arrays, RawDescription, Samples};
 use super::voxels::{Classification, TransferPoint, Voxels, depth_of_layer};
 use super::{
     Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets,
@@ -15,15 +16,19 @@ use super::{
     camera::Ball,
     fields,
     formats::{self, Reader, Splats},
-    gaussians, memory, neighbours, ply, unit, volume,
+    gaussians, memory, neighbours,
+    placement::Placement,
+    ply, unit, volume,
 };
 use crate::error::{Error, Result};
-use crate::output::text::one_line;
+use crate::output::{colour::srgb_decode, text::one_line};
 use crate::scene::{Filter, gaussian_cutoff, strict_json, validate};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use schemars::JsonSchema;
 use serde::Deserialize;
 use serde_json::Value;
+use std::f64::consts::TAU;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// ε, left out, is this many times the median radius: served well on three scans (docs/book/algorithm.md §2).
@@ -41,6 +46,11 @@ const NEAREST_TARGET: f64 = 1e-100;
 const LEAST_STEPS: f64 = 1e-6;
 /// Sine of the least angle between the view and up; below it rounding would turn the picture.
 const LEAST_SINE: f64 = 1e-9;
+
+/// No Gaussian is more opaque than this where a scene says nothing else.
+const MOST_WEIGHT: f64 = 0.99;
+/// How many times flatter discs are than wide where ellipsoids are drawn beside them: as far as a scene may flatten any.
+const FLATTEST: f64 = 1e6;
 
 /// A scene: splats, and how they are looked at. All numbers in world units, linear light and degrees.
 #[derive(Deserialize, JsonSchema)]
@@ -71,7 +81,7 @@ struct SceneFields {
     materials: Option<Vec<MaterialFields>>,
 }
 
-/// A splat, a file, a built-in cloud, or an array of these; or a volume, alone.
+/// A splat, a file, a built-in cloud, a volume, Gaussians, any of these at another place, or an array of all these.
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum Source {
@@ -81,10 +91,38 @@ enum Source {
     Builtin(BuiltinSource),
     Volume(VolumeSource),
     Gaussians(GaussianSource),
+    Placed(PlacedSource),
     Several(Vec<Source>),
 }
 
-/// Points, trained Gaussians or a volume, by the end of the file's name. Gaussians and volumes are a scene's only source.
+/// Sources at another place.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct PlacedSource {
+    splats: Box<Source>,
+    place: PlaceFields,
+}
+
+/// Another place: made larger about the origin, then turned about it, then moved.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct PlaceFields {
+    /// Factor on all positions and radii.
+    #[schemars(range(min = 1e-30, max = 1e30))]
+    scale: f64,
+    /// What it is turned about, of any length but 0.
+    #[schemars(inner(range(min = -1e30, max = 1e30)))]
+    axis: [f64; 3],
+    /// How far, counter-clockwise seen from where the axis points to.
+    #[schemars(range(min = -360, max = 360))]
+    degrees: f64,
+    /// How far it is moved.
+    #[serde(rename = "move")]
+    #[schemars(inner(range(min = -1e30, max = 1e30)))]
+    way: [f64; 3],
+}
+
+/// Points, trained Gaussians or a volume, by the end of the file's name.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FileSource {
@@ -105,11 +143,21 @@ struct FileSource {
     opacity: f64,
 }
 
-/// A scalar field on a grid, seen through a transfer function or along an isosurface.
+/// A scalar field on a grid or at points, seen through a transfer function or along an isosurface.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct VolumeSource {
     volume: VolumeFile,
+    /// Which of a file's arrays at points has the samples; left out: the one that the file names, else the first of one component. Of `.vtr`,
+    /// `.vts`, `.vtu` and `.vtp`.
+    array: Option<String>,
+    /// Which array has the variance of each point's kernel, world units²: of 1 component, the same in all directions, of 3, along x, y and
+    /// z, or of 6, xx, yy, zz, xy, yz and xz. Left out: from the distance to the 6 nearest points. Of `.vtu` and `.vtp`.
+    variance: Option<String>,
+    /// How thick the layer is that `opacity` is of, world units; left out: the shortest step of the grid, or where steps differ the median of
+    /// each sample's shortest.
+    #[schemars(range(min = 1e-30, max = 1e30))]
+    layer: Option<f64>,
     /// Colour and opacity by value, in ascending order; between two values colour and optical depth, −ln(1 − opacity), are linear. Left out:
     /// a white ramp.
     #[schemars(length(min = 1))]
@@ -117,7 +165,8 @@ struct VolumeSource {
     /// Factor on optical depth by gradient magnitude, in ascending order; left out: 1.
     #[serde(default)]
     gradient: Vec<GradientFields>,
-    /// Standard deviation of the kernel along each axis, in steps of the grid along it. Thinner than the least, no light would meet one.
+    /// Standard deviation of the kernel along each axis, in steps of the grid along it, or in the mean distance to the nearest points. Thinner
+    /// than the least, no light would meet one. With `variance`, which says how wide kernels are, what part of a step that is.
     #[serde(default = "kernel_steps")]
     #[schemars(range(min = 1e-6, max = 100))]
     radius: f64,
@@ -181,7 +230,7 @@ struct TransferFields {
     #[serde(default = "white")]
     #[schemars(inner(range(min = 0, max = 1)))]
     rgb: [f64; 3],
-    /// Of a layer as thick as the shortest step of the grid: what part of the light behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
+    /// Of a layer as thick as the shortest step of the grid, or `layer`: what part of the light behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
     #[schemars(range(min = 0, max = 1))]
     opacity: f64,
 }
@@ -446,6 +495,12 @@ impl Default for SurfaceFields {
     }
 }
 
+impl Default for PlaceFields {
+    fn default() -> Self {
+        PlaceFields { scale: 1.0, axis: [0.0, 1.0, 0.0], degrees: 0.0, way: [0.0; 3] }
+    }
+}
+
 impl Default for MaterialFields {
     fn default() -> Self {
         MaterialFields { unlit: false, ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0 }
@@ -497,7 +552,7 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     gathered.complete(camera.eye);
     let lights = lights(fields.lights, &camera).map_err(input_error)?;
     let surface = surface(&fields.surface, &gathered.splats);
-    if matches!(gathered.medium, Some(Medium::Volume(_))) && surface.coverage_threshold > 1.0 {
+    if [Kind::Volume, Kind::Mixed].contains(&kind) && surface.coverage_threshold > 1.0 {
         return Err(input_error(format!(
             "surface.coverage_threshold is {}; a volume's splats are lit with weight 1, so at most 1 is right",
             surface.coverage_threshold
@@ -510,19 +565,26 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
         return Err(input_error("kernel.filter is \"elliptical\", which has no low-pass filter, and kernel.low_pass is not 0".into()));
     }
     let of_discs = [FilterField::Circular, FilterField::SourceEwa];
-    if of_discs.contains(&fields.kernel.filter) && gathered.medium.is_some() {
+    if of_discs.contains(&fields.kernel.filter) && !gathered.media.is_empty() {
         let name = if fields.kernel.filter == FilterField::Circular { "circular" } else { "source-ewa" };
         return Err(input_error(format!("kernel.filter is \"{name}\", which is of discs, and these splats are none")));
     }
-    if surface.cull_backfaces && matches!(gathered.medium, Some(Medium::Volume(_) | Medium::Gaussians(_))) {
+    if surface.cull_backfaces && kind != Kind::Surfaces {
         return Err(input_error("surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into()));
     }
-    let Gathered { splats, materials, notes, medium, .. } = gathered;
+    if gathered.comes_by_depth() && fields.sheets.order == Some(SheetOrder::BackToFront) {
+        return Err(input_error("sheets.order is \"back-to-front\", and samples that are sorted by depth come front-to-back".into()));
+    }
+    let Gathered { splats, materials, notes, media, .. } = gathered;
     // What is written of a scene may be a comment of one line.
     let name = one_line(&Path::new(name).file_name().unwrap_or_default().to_string_lossy());
     let kernel = kernel(&fields.kernel, kind);
     let mut scene = Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, notes };
-    medium.into_iter().for_each(|medium| medium.complete(&fields.sheets, &mut scene));
+    match kind {
+        Kind::Mixed => mixed(media, &fields.sheets, &mut scene),
+        Kind::Surfaces => surfaces(media, &mut scene),
+        Kind::Volume | Kind::Gaussians => media.into_iter().for_each(|part| part.medium.complete(&fields.sheets, &mut scene)),
+    }
     if fields.kernel.low_pass_by == LowPass::Scaling {
         scene.scale_kernels();
     }
@@ -535,12 +597,14 @@ enum Kind {
     Surfaces,
     Volume,
     Gaussians,
+    /// Several of these in one frame.
+    Mixed,
 }
 
 fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
     let (cutoff, low_pass, guard) = match kind {
         Kind::Surfaces => (2.0, 1.0, 1.5),
-        Kind::Volume => (4.0, 1.0, 1.5),
+        Kind::Volume | Kind::Mixed => (4.0, 1.0, 1.5),
         // Programs that train draw what lies far to the side as well.
         Kind::Gaussians => (gaussian_cutoff(), 0.3, 100.0),
     };
@@ -563,47 +627,92 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
 enum Medium {
     /// Splats are voxels, in the order of the samples until the view is known.
     Volume(Voxels),
-    /// Splats lie on a surface and are flat.
-    Isosurface(Vec<Orientation>),
-    /// Splats are trained; colours wait for the eye.
-    Gaussians(Gaussians),
+    /// Splats are samples with kernels of their own, in the order of the samples; of a rectilinear grid with its slices.
+    Cells(Vec<Orientation>, Option<Slices>),
+    /// Splats lie on a surface and are flat; and the area that each stands for, world units².
+    Isosurface(Vec<Orientation>, f64),
+    /// Splats are trained; colours wait for the eye. All are turned by this since they were read.
+    Gaussians(Gaussians, DQuat),
+}
+
+/// Some of a scene's splats that are more than discs.
+struct Part {
+    splats: Range<usize>,
+    medium: Medium,
+}
+
+impl SheetFields {
+    /// Of what emits.
+    fn of_volume(&self, of: Sheet, back_to_front: bool) -> Sheets {
+        Sheets {
+            of,
+            back_to_front,
+            opacity: match self.opacity {
+                Some(OpacityLaw::Linear) => Opacity::Linear,
+                Some(OpacityLaw::Exponential) | None => Opacity::Exponential,
+            },
+            stop: self.stop.unwrap_or(1.0 / 1024.0),
+            keeps_last: self.keep_last.unwrap_or(true),
+            least_weight: self.least_weight.unwrap_or(0.0),
+            most_weight: self.most_weight.unwrap_or(1.0),
+        }
+    }
 }
 
 impl Medium {
+    /// Brings it to another place, without its splats.
+    fn put(&mut self, place: &Placement) {
+        match self {
+            Medium::Volume(voxels) => voxels.put(place),
+            Medium::Cells(orientations, slices) => {
+                orientations.iter_mut().for_each(|orientation| place.turn(orientation));
+                slices.iter_mut().for_each(|slices| slices.put(place));
+            }
+            Medium::Isosurface(orientations, area) => {
+                orientations.iter_mut().for_each(|orientation| place.turn(orientation));
+                *area *= place.scale * place.scale;
+            }
+            Medium::Gaussians(_, turn) => *turn = place.turn * *turn,
+        }
+    }
+
     fn complete(self, fields: &SheetFields, scene: &mut Scene) {
         match self {
             Medium::Volume(voxels) => {
                 let back_to_front = fields.order == Some(SheetOrder::BackToFront);
                 let (splats, orientation, of) = voxels.ordered(std::mem::take(&mut scene.splats), &scene.view(), back_to_front);
                 scene.splats = splats;
-                scene.ellipsoids = Some(Ellipsoids::of_volume(orientation));
-                scene.sheets = Some(Sheets {
-                    of,
-                    back_to_front,
-                    opacity: match fields.opacity {
-                        Some(OpacityLaw::Linear) => Opacity::Linear,
-                        Some(OpacityLaw::Exponential) | None => Opacity::Exponential,
-                    },
-                    stop: fields.stop.unwrap_or(1.0 / 1024.0),
-                    keeps_last: fields.keep_last.unwrap_or(true),
-                    least_weight: fields.least_weight.unwrap_or(0.0),
-                    most_weight: fields.most_weight.unwrap_or(1.0),
-                });
+                scene.ellipsoids = Some(Ellipsoids::of_volume(vec![orientation], false));
+                scene.sheets = Some(fields.of_volume(of, back_to_front));
             }
-            Medium::Isosurface(orientations) => {
+            Medium::Cells(orientations, slices) => {
+                let sorted = slices.is_none();
+                let (mut orientations, numbers, back_to_front) = match slices {
+                    // A sample by itself is a sheet, as a Gaussian is.
+                    None => (orientations, (0..scene.splats.len() as u32).collect(), false),
+                    Some(slices) => {
+                        let back_to_front = fields.order == Some(SheetOrder::BackToFront);
+                        let (order, numbers) = slices.ordered(&scene.view(), back_to_front);
+                        scene.splats = order.iter().map(|splat| scene.splats[*splat as usize]).collect();
+                        (order.iter().map(|splat| orientations[*splat as usize]).collect(), numbers, back_to_front)
+                    }
+                };
+                if orientations.iter().all(|orientation| *orientation == orientations[0]) {
+                    orientations.truncate(1);
+                }
+                scene.ellipsoids = Some(Ellipsoids::of_volume(orientations, sorted));
+                scene.sheets = Some(fields.of_volume(Sheet::Slice(numbers), back_to_front));
+            }
+            Medium::Isosurface(orientations, _) => {
                 scene.ellipsoids =
                     Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false, harmonics: 0 });
             }
-            Medium::Gaussians(gaussians) => {
+            Medium::Gaussians(gaussians, turn) => {
                 let eye = scene.camera.eye;
                 for (index, splat) in scene.splats.iter_mut().enumerate() {
-                    splat.rgb = gaussians::colour(gaussians.harmonics(index), unit(splat.position - eye).unwrap_or(DVec3::Z));
+                    splat.rgb = seen_colour(&gaussians, index, turn, splat.position - eye);
                 }
-                let orientation = |gaussian: &Gaussian| Orientation {
-                    rotation: gaussian.rotation,
-                    scales: gaussian.scale / gaussian.scale.max_element(),
-                };
-                let orientations = gaussians.all.iter().map(orientation).collect();
+                let orientations = gaussians.all.iter().map(|gaussian| of_gaussian(gaussian, turn)).collect();
                 let harmonics = gaussians.degree as u8;
                 scene.ellipsoids = Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true, harmonics });
                 scene.sheets = Some(Sheets {
@@ -613,12 +722,89 @@ impl Medium {
                     stop: fields.stop.unwrap_or(1e-4),
                     keeps_last: fields.keep_last.unwrap_or(false),
                     least_weight: fields.least_weight.unwrap_or(1.0 / 255.0),
-                    most_weight: fields.most_weight.unwrap_or(0.99),
+                    most_weight: fields.most_weight.unwrap_or(MOST_WEIGHT),
                 });
                 scene.image.encoded = true;
             }
         }
     }
+}
+
+/// Colour of a Gaussian that was turned, seen along a way from the eye.
+fn seen_colour(gaussians: &Gaussians, index: usize, turn: DQuat, way: DVec3) -> [f64; 3] {
+    gaussians::colour(gaussians.harmonics(index), turn.conjugate() * unit(way).unwrap_or(DVec3::Z))
+}
+
+fn of_gaussian(gaussian: &Gaussian, turn: DQuat) -> Orientation {
+    // A turn by nothing is no product: old scenes keep their last bits.
+    let rotation = if turn == DQuat::IDENTITY { gaussian.rotation } else { turn * gaussian.rotation };
+    Orientation { rotation, scales: gaussian.scale / gaussian.scale.max_element() }
+}
+
+/// A disc as an ellipsoid that is `flatten` times thinner along its normal.
+fn of_disc(normal: DVec3, flatten: f64) -> Orientation {
+    Orientation { rotation: DQuat::from_rotation_arc(DVec3::Z, normal), scales: DVec3::new(1.0, 1.0, 1.0 / flatten) }
+}
+
+/// Surfaces alone: where one is of flattened kernels, all are.
+fn surfaces(media: Vec<Part>, scene: &mut Scene) {
+    if media.is_empty() {
+        return;
+    }
+    let mut all: Vec<Orientation> = scene.splats.iter().map(|splat| of_disc(splat.normal, FLATTEST)).collect();
+    for Part { splats, medium } in media {
+        if let Medium::Isosurface(orientations, _) = medium {
+            all[splats].copy_from_slice(&orientations);
+        }
+    }
+    Medium::Isosurface(all, 0.0).complete(&SheetFields::default(), scene);
+}
+
+/// Everything in one frame: each splat is a sheet of its own, sorted by depth, that emits and absorbs as a volume's do (EWA Fig. 16).
+///
+/// A surface is a thin layer of that depth: its kernels, flattened, share the optical depth of its opacity, by the area that each stands for;
+/// a disc of σ stands for σ². A Gaussian is as deep along the way to the eye as its peak is opaque, and sends the light that its colour is on
+/// a screen.
+fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
+    let cutoff = scene.kernel.cutoff;
+    // Peak of a flattened kernel seen from the front, which stands for a part of σ².
+    let layer = |opacity: f64, part: f64| depth_of_layer(opacity, cutoff) * part / TAU;
+    let mut all: Vec<Orientation> = scene.splats.iter().map(|splat| of_disc(splat.normal, flat())).collect();
+    let mut is_disc = vec![true; scene.splats.len()];
+    let eye = scene.camera.eye;
+    let unlit = scene.materials.len() as u32;
+    for Part { splats: range, medium } in media {
+        is_disc[range.clone()].fill(false);
+        let splats = &mut scene.splats[range.clone()];
+        match medium {
+            Medium::Volume(voxels) => all[range].fill(voxels.orientation()),
+            Medium::Cells(orientations, _) => all[range].copy_from_slice(&orientations),
+            Medium::Isosurface(orientations, area) => {
+                all[range].copy_from_slice(&orientations);
+                splats.iter_mut().for_each(|splat| splat.opacity = layer(splat.opacity, area / (splat.radius * splat.radius)));
+            }
+            Medium::Gaussians(gaussians, turn) => {
+                for (index, splat) in splats.iter_mut().enumerate() {
+                    let (way, of) = (splat.position - eye, of_gaussian(&gaussians.all[index], turn));
+                    splat.rgb = seen_colour(&gaussians, index, turn, way).map(srgb_decode);
+                    splat.material = unlit;
+                    // Of a ball the depth through its middle is the opacity; an ellipsoid has 1/(Πsᵢ·√Σ(dᵢ/sᵢ)²) of that along d.
+                    let along = of.rotation.conjugate() * unit(way).unwrap_or(DVec3::Z) / of.scales;
+                    let depth = -libm::log1p(-splat.opacity.min(fields.most_weight.unwrap_or(MOST_WEIGHT)));
+                    splat.opacity = depth * of.scales.element_product() * along.length();
+                    all[range.start + index] = of;
+                }
+                if scene.materials.len() as u32 == unlit {
+                    scene.materials.push(Material::Unlit);
+                }
+            }
+        }
+    }
+    let discs = scene.splats.iter_mut().zip(is_disc).filter(|(_, is_disc)| *is_disc);
+    discs.for_each(|(splat, _)| splat.opacity = layer(splat.opacity, 1.0));
+    scene.ellipsoids = Some(Ellipsoids::of_volume(all, true));
+    let numbers = (0..scene.splats.len() as u32).collect();
+    scene.sheets = Some(fields.of_volume(Sheet::Slice(numbers), false));
 }
 
 /// Points that must ascend.
@@ -641,7 +827,8 @@ struct Gathered<'a> {
     clouds: Vec<(usize, f64)>,
     materials: Vec<Material>,
     materials_are_given: bool,
-    medium: Option<Medium>,
+    /// What is more than discs, in the order of the splats.
+    media: Vec<Part>,
     /// Where a volume's kernels end.
     volume_cutoff: f64,
     notes: Vec<String>,
@@ -663,7 +850,7 @@ impl<'a> Gathered<'a> {
             clouds: vec![],
             materials,
             materials_are_given,
-            medium: None,
+            media: vec![],
             volume_cutoff,
             notes: vec![],
         }
@@ -674,56 +861,96 @@ impl<'a> Gathered<'a> {
             Source::File(file) => self.add_file(file, path),
             Source::Builtin(builtin) => self.add_builtin(builtin, path),
             Source::Splat(splat) => self.add_splat(splat, path),
-            Source::Volume(volume) => {
-                self.is_alone(path, "a volume")?;
-                self.add_volume(volume, path)
-            }
+            Source::Volume(volume) => self.add_volume(volume, path),
             Source::Gaussians(GaussianSource { gaussians: BuiltinGaussians::Bouquet, count }) => {
-                self.is_alone(path, "a set of Gaussians")?;
                 self.take_gaussians(gaussians::bouquet(*count), [1.0; 2]);
                 Ok(())
             }
+            Source::Placed(source) => self.add_placed(source, path),
             Source::Several(sources) => self.add_several(sources, path),
         }
     }
 
     fn kind(&self) -> Kind {
-        match &self.medium {
-            Some(Medium::Volume(_)) => Kind::Volume,
-            Some(Medium::Gaussians(_)) => Kind::Gaussians,
-            Some(Medium::Isosurface(_)) | None => Kind::Surfaces,
+        match self.media.as_slice() {
+            parts if parts.iter().all(|part| matches!(part.medium, Medium::Isosurface(..))) => Kind::Surfaces,
+            [part] if part.splats == (0..self.splats.len()) => match part.medium {
+                Medium::Volume(_) | Medium::Cells(..) => Kind::Volume,
+                Medium::Gaussians(..) => Kind::Gaussians,
+                Medium::Isosurface(..) => Kind::Surfaces,
+            },
+            _ => Kind::Mixed,
         }
+    }
+
+    /// Whether splats are sheets of their own, drawn by depth, that may also be drawn as a volume.
+    fn comes_by_depth(&self) -> bool {
+        self.kind() == Kind::Mixed || matches!(self.media.as_slice(), [Part { medium: Medium::Cells(_, None), .. }])
     }
 
     /// What is wrong where there are no splats.
     fn nothing(&self) -> &'static str {
-        match &self.medium {
-            Some(Medium::Volume(_)) => "shows nothing of the volume; a transfer function must give some of its values an opacity above 0",
-            Some(Medium::Isosurface(_)) => {
+        match self.media.first().map(|part| &part.medium) {
+            Some(Medium::Volume(_) | Medium::Cells(..)) => {
+                "shows nothing of the volume; a transfer function must give some of its values an opacity above 0"
+            }
+            Some(Medium::Isosurface(..)) => {
                 "has no surface of this isovalue; it must lie between the least and the greatest value of the volume"
             }
             _ => "holds no splats; a scene needs at least one",
         }
     }
 
-    fn is_alone(&self, path: &str, what: &str) -> Result<()> {
-        if path == "splats" {
+    /// Adds splats that are more than discs.
+    fn add_medium(&mut self, splats: Vec<Splat>, medium: Medium) {
+        self.end_cloud(1.0);
+        let start = self.splats.len();
+        self.splats.extend(splats);
+        self.media.push(Part { splats: start..self.splats.len(), medium });
+        self.end_cloud(1.0);
+    }
+
+    fn add_placed(&mut self, source: &PlacedSource, path: &str) -> Result<()> {
+        let (first, media) = (self.splats.len(), self.media.len());
+        let PlaceFields { scale, axis, degrees, way } = source.place;
+        let axis = direction(axis, &format!("{path}.place.axis")).map_err(|sentence| self.input_error(sentence))?;
+        let place = Placement { scale, turn: DQuat::from_axis_angle(axis, degrees.to_radians()), way: DVec3::from_array(way) };
+        self.add(&source.splats, &format!("{path}.splats"))?;
+        self.end_cloud(1.0);
+        self.splats[first..].iter_mut().for_each(|splat| place.put(splat));
+        self.media[media..].iter_mut().for_each(|part| part.medium.put(&place));
+        let is_sound = |splat: &Splat| {
+            // A radius of 0 is fitted later.
+            let radius = splat.radius == 0.0 || (LEAST_RADIUS..=ply::FARTHEST).contains(&splat.radius);
+            radius && splat.position.abs().max_element() <= ply::FARTHEST
+        };
+        if self.splats[first..].iter().all(is_sound) {
             return Ok(());
         }
-        Err(self.input_error(format!("{path} is {what}, which can only be a scene's one source: `splats` itself")))
+        Err(self.input_error(format!(
+            "{path}.place brings splats beyond what a scene holds: positions lie within ±{:e}, radii from {LEAST_RADIUS:e}",
+            ply::FARTHEST
+        )))
     }
 
     fn add_volume(&mut self, source: &VolumeSource, path: &str) -> Result<()> {
         let material = self.known_material(source.material, path)?;
+        let arrays = Arrays { values: source.array.as_deref(), variance: source.variance.as_deref() };
         let (file, read) = match &source.volume {
             VolumeFile::Path(file) => {
                 let file = self.folder.join(file);
-                (file.clone(), volume::read(&file))
+                (file.clone(), volume::read_samples(&file, &arrays))
             }
-            VolumeFile::Raw(raw) => (self.folder.join(&raw.file), volume::read_raw(raw, self.folder)),
-            VolumeFile::Builtin(BuiltinField { builtin, samples }) => (PathBuf::from("built-in field"), Ok(builtin.volume(*samples))),
+            _ if arrays.values.or(arrays.variance).is_some() => {
+                let field = if arrays.values.is_some() { "array" } else { "variance" };
+                return Err(self.input_error(format!("{path}.{field} names an array of a file of VTK's, and this is none")));
+            }
+            VolumeFile::Raw(raw) => (self.folder.join(&raw.file), volume::read_raw(raw, self.folder).map(Samples::Even)),
+            VolumeFile::Builtin(BuiltinField { builtin, samples }) => {
+                (PathBuf::from("built-in field"), Ok(Samples::Even(builtin.volume(*samples))))
+            }
         };
-        let volume = read.map_err(|sentence| match &source.volume {
+        let samples = read.map_err(|sentence| match &source.volume {
             VolumeFile::Raw(_) => self.input_error(format!("{path}.volume: {sentence}")),
             _ => Error::input(format!("{}: {sentence}", file.display())),
         })?;
@@ -737,37 +964,65 @@ impl<'a> Gathered<'a> {
                     .map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, depth: depth_of_layer(opacity, cutoff) })
                     .collect()
             }
-            None => Classification::usual(&volume, cutoff),
+            None => Classification::usual(samples.values(), cutoff),
         };
         let magnitudes = source.gradient.iter().map(|point| point.magnitude);
         ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.input_error(sentence))?;
         let gradient = source.gradient.iter().map(|point| [point.magnitude, point.factor]).collect();
         let classification = Classification { transfer, gradient, radius: source.radius, material };
-        let sigma = classification.sigma(&volume);
-        if !(LEAST_RADIUS..=ply::FARTHEST).contains(&sigma) || source.radius < LEAST_STEPS {
-            return Err(self.input_error(format!(
+        let is_thin = source.radius < LEAST_STEPS;
+        let of_kernels = |sigma: f64| {
+            if (LEAST_RADIUS..=ply::FARTHEST).contains(&sigma) && !is_thin {
+                return Ok(());
+            }
+            Err(self.input_error(format!(
                 "{path} has kernels of {:e} steps, {sigma:e} world units; they must have {LEAST_STEPS:e} steps and {LEAST_RADIUS:e} world units or more, \
                  and at most {:e} world units",
                 source.radius,
                 ply::FARTHEST
-            )));
-        }
-        self.medium = Some(match source.isovalue {
-            Some(isovalue) => {
-                let (splats, orientations) = classification.isosurface(&volume, isovalue, source.flatten);
-                self.splats = splats;
-                Medium::Isosurface(orientations)
+            )))
+        };
+        let memory = |what: &str, bytes_each: u64| {
+            memory::check(classification.seen(samples.values()), what, bytes_each)
+                .map_err(|sentence| self.input_error(format!("{path}: {sentence}")))
+        };
+        let (splats, medium, what) = match (&samples, source.isovalue) {
+            (Samples::Even(volume), isovalue) => {
+                of_kernels(classification.sigma(volume))?;
+                let [x, y, z] = volume.size;
+                let what = format!("voxels are seen ({x} × {y} × {z})");
+                match isovalue {
+                    Some(isovalue) => {
+                        let (splats, orientations, area) = classification.isosurface(volume, isovalue, source.flatten);
+                        (splats, Medium::Isosurface(orientations, area), what)
+                    }
+                    None => {
+                        memory("voxels", memory::DISC_BYTES)?;
+                        let (splats, voxels) = classification.voxels(volume, source.layer);
+                        (splats, Medium::Volume(voxels), what)
+                    }
+                }
             }
-            None => {
-                memory::check(classification.seen(&volume), "voxels", memory::DISC_BYTES)
-                    .map_err(|sentence| self.input_error(format!("{path}: {sentence}")))?;
-                let (splats, voxels) = classification.voxels(&volume);
-                self.splats = splats;
-                Medium::Volume(voxels)
+            (Samples::Uneven(_), Some(_)) => {
+                return Err(
+                    self.input_error(format!("{path}.isovalue is of evenly spaced grids, and this one is not; `transfer` shows it"))
+                );
             }
-        });
-        let [x, y, z] = volume.size;
-        self.notes.push(format!("{} of {} voxels are seen ({x} × {y} × {z})", self.splats.len(), volume.values.len()));
+            (Samples::Uneven(field), None) => {
+                memory("samples", memory::GAUSSIAN_BYTES)?;
+                let cells = Cells::new(field, source.radius);
+                // Where no sample has a cell, none is seen either.
+                let layer = source.layer.or_else(|| cells.usual_layer()).unwrap_or(1.0);
+                let (Sampled { splats, orientations, slices }, flat) = cells.samples(&classification, layer);
+                splats.iter().try_for_each(|splat| of_kernels(splat.radius))?;
+                if flat > 0 {
+                    self.notes.push(format!("{}: {flat} samples have a cell of no volume and were left out", file.display()));
+                }
+                (splats, Medium::Cells(orientations, slices), "samples are seen".to_string())
+            }
+        };
+        self.notes.push(format!("{} of {} {what}", splats.len(), samples.values().len()));
+        self.add_medium(splats, medium);
         Ok(())
     }
 
@@ -791,8 +1046,8 @@ impl<'a> Gathered<'a> {
             opacity: gaussian.opacity * opacity,
             material: 0,
         };
-        self.splats = gaussians.all.iter().map(splat).collect();
-        self.medium = Some(Medium::Gaussians(gaussians));
+        let splats = gaussians.all.iter().map(splat).collect();
+        self.add_medium(splats, Medium::Gaussians(gaussians, DQuat::IDENTITY));
     }
 
     /// Splats that follow each other in an array are one cloud; every other source is one of its own.
@@ -813,15 +1068,13 @@ impl<'a> Gathered<'a> {
         let input_error = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
         let parse = match formats::reader(&file).unwrap_or(formats::default_reader()) {
             Reader::Splats(parse) => parse,
-            Reader::Volume(_) => {
-                self.is_alone(path, "a volume")?;
+            Reader::Volume(_) | Reader::Irregular(_) => {
                 return self.add_volume(&VolumeSource::of(source), path);
             }
         };
         let bytes = std::fs::read(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
         match parse(&bytes).map_err(input_error)? {
             Splats::Gaussians(gaussians) => {
-                self.is_alone(path, "a file of Gaussians")?;
                 self.add_gaussians(gaussians, &file, source);
             }
             Splats::Points(cloud) => {
@@ -882,15 +1135,14 @@ impl<'a> Gathered<'a> {
 
     /// Fills in what files leave out of their splats, cloud by cloud.
     fn complete(&mut self, eye: DVec3) {
-        if self.medium.is_some() {
-            return;
-        }
         self.end_cloud(1.0);
         let mut start = 0;
         for &(end, radius_scale) in &self.clouds {
-            let cloud = &mut self.splats[start..end];
-            neighbours::fit(cloud, eye);
-            cloud.iter_mut().for_each(|s| s.radius = (s.radius * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST));
+            if !self.media.iter().any(|part| part.splats == (start..end)) {
+                let cloud = &mut self.splats[start..end];
+                neighbours::fit(cloud, eye);
+                cloud.iter_mut().for_each(|s| s.radius = (s.radius * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST));
+            }
             start = end;
         }
     }
@@ -901,6 +1153,9 @@ impl VolumeSource {
     fn of(source: &FileSource) -> Self {
         VolumeSource {
             volume: VolumeFile::Path(source.file.clone()),
+            array: None,
+            variance: None,
+            layer: None,
             transfer: None,
             gradient: Vec::new(),
             radius: kernel_steps() * source.radius_scale,
@@ -927,6 +1182,7 @@ impl Source {
             Source::Builtin(source) => source.count.unwrap_or(0) as u64,
             Source::Gaussians(source) => source.count as u64,
             Source::Several(sources) => sources.iter().map(Source::promised).sum(),
+            Source::Placed(source) => source.splats.promised(),
             // A file vouches for its own by its length.
             Source::File(_) | Source::Splat(_) | Source::Volume(_) => 0,
         }
@@ -936,6 +1192,7 @@ impl Source {
         match self {
             Source::Builtin(_) => true,
             Source::Several(sources) => sources.iter().all(Source::is_only_builtin),
+            Source::Placed(source) => source.splats.is_only_builtin(),
             Source::File(_) | Source::Splat(_) | Source::Volume(_) | Source::Gaussians(_) => false,
         }
     }

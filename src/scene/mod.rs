@@ -4,6 +4,7 @@
 
 mod builtin;
 mod camera;
+mod cells;
 pub mod digest;
 mod fields;
 mod formats;
@@ -12,6 +13,7 @@ mod json;
 pub(crate) mod memory;
 pub mod mesh;
 mod neighbours;
+mod placement;
 mod ply;
 mod volume;
 mod voxels;

@@ -17,6 +17,8 @@ use std::num::NonZero;
 
 /// How many neighbours make a radius and a normal.
 const NEIGHBOURS: usize = 6;
+/// The number of no point.
+pub(super) const NONE: u32 = u32::MAX;
 /// A fitted radius is at most this many times the median one.
 const LARGEST_OF_MEDIAN: f64 = 4.0;
 /// Variances further apart than this (as a ratio) count as "none" beside the larger: rounding of f64, squared, with room.
@@ -33,23 +35,65 @@ pub(super) fn fit(splats: &mut [Splat], eye: DVec3) {
     if splats.iter().all(|s| s.radius > 0.0 && s.normal != DVec3::ZERO) {
         return;
     }
-    let places = Places::of(splats);
+    let places = Places::of(splats.len(), |i| splats[i].position);
     let fits = places.fit();
-    let spacings = places.place_of_splat.iter().map(|&place| fits[place as usize].spacing);
-    let (typical, largest) = match median(spacings.filter(|&spacing| spacing > 0.0).collect()) {
-        Some(median) => (median, median * LARGEST_OF_MEDIAN),
-        None => (0.0, f64::INFINITY),
-    };
+    let radius = Spacings::of(&places, &fits);
     splats.par_iter_mut().zip(&places.place_of_splat).for_each(|(splat, &place)| {
         let fit = &fits[place as usize];
         if splat.radius == 0.0 {
-            let radius = if fit.spacing > 0.0 { fit.spacing.min(largest) } else { typical };
-            splat.radius = if radius > 0.0 { radius } else { lone_radius(splat.position) };
+            splat.radius = radius.at(fit, splat.position);
         }
         if splat.normal == DVec3::ZERO {
             splat.normal = least_variance(&fit.variance, eye - splat.position);
         }
     });
+}
+
+/// What lies around a point.
+#[derive(Clone, Debug)]
+pub(super) struct Surroundings {
+    /// Mean distance to the nearest points, as a radius is fitted; above 0.
+    pub spacing: f64,
+    /// The nearest points at other places, by number: one of each place, and [`NONE`] where there are fewer.
+    pub nearest: [u32; NEIGHBOURS],
+}
+
+/// What lies around each of the points, which are finite.
+pub(super) fn surroundings(points: &[DVec3]) -> Vec<Surroundings> {
+    let places = Places::of(points.len(), |i| points[i]);
+    let fits = places.fit();
+    let radius = Spacings::of(&places, &fits);
+    let mut first = vec![NONE; places.points.len()];
+    places.place_of_splat.iter().zip(0..).for_each(|(&place, i)| first[place as usize] = first[place as usize].min(i));
+    let of_point = |(point, &place): (&DVec3, &u32)| {
+        let fit = &fits[place as usize];
+        Surroundings {
+            spacing: radius.at(fit, *point),
+            nearest: fit.nearest.map(|other| first.get(other as usize).copied().unwrap_or(NONE)),
+        }
+    };
+    points.par_iter().zip(&places.place_of_splat).map(of_point).collect()
+}
+
+/// Bounds on the radii of a cloud.
+struct Spacings {
+    typical: f64,
+    largest: f64,
+}
+
+impl Spacings {
+    fn of(places: &Places, fits: &[Fit]) -> Spacings {
+        let spacings = places.place_of_splat.iter().map(|&place| fits[place as usize].spacing);
+        match median(spacings.filter(|&spacing| spacing > 0.0).collect()) {
+            Some(median) => Spacings { typical: median, largest: median * LARGEST_OF_MEDIAN },
+            None => Spacings { typical: 0.0, largest: f64::INFINITY },
+        }
+    }
+
+    fn at(&self, fit: &Fit, position: DVec3) -> f64 {
+        let radius = if fit.spacing > 0.0 { fit.spacing.min(self.largest) } else { self.typical };
+        if radius > 0.0 { radius } else { lone_radius(position) }
+    }
 }
 
 /// The middle of the values, or the mean of the two middle ones; none of none.
@@ -79,15 +123,17 @@ struct Fit {
     spacing: f64,
     /// Covariance of the place and its neighbours, up to a factor.
     variance: DMat3,
+    /// Places of those, and [`NONE`] where there are fewer.
+    nearest: [u32; NEIGHBOURS],
 }
 
 impl Places {
-    fn of(splats: &[Splat]) -> Places {
-        let at = |i: u32| splats[i as usize].position.to_array();
+    fn of(count: usize, position: impl Fn(usize) -> DVec3 + Sync) -> Places {
+        let at = |i: u32| position(i as usize).to_array();
         let order = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne());
-        let mut sorted: Vec<u32> = (0..splats.len() as u32).collect();
+        let mut sorted: Vec<u32> = (0..count as u32).collect();
         sorted.par_sort_unstable_by(|&i, &j| order(&at(i), &at(j)).unwrap_or(i.cmp(&j)));
-        let mut places = Places { points: Vec::new(), copies: Vec::new(), place_of_splat: vec![0; splats.len()] };
+        let mut places = Places { points: Vec::new(), copies: Vec::new(), place_of_splat: vec![0; count] };
         for i in sorted {
             if places.points.last() != Some(&at(i)) {
                 places.points.push(at(i));
@@ -106,7 +152,8 @@ impl Places {
             let near = tree.query(&self.points[place]).nearest_n::<SquaredEuclidean<f64>>(found).execute();
             let others: Vec<(usize, f64)> =
                 near.iter().map(|n| (n.item as usize, n.distance)).filter(|n| n.0 != place).take(NEIGHBOURS).collect();
-            Fit { spacing: self.spacing(place, &others), variance: self.variance(place, &others) }
+            let nearest = std::array::from_fn(|i| others.get(i).map_or(NONE, |(other, _)| *other as u32));
+            Fit { spacing: self.spacing(place, &others), variance: self.variance(place, &others), nearest }
         };
         (0..self.points.len()).into_par_iter().map(fit_at).collect()
     }

@@ -1,23 +1,26 @@
-//! Volume: reads a scalar field on a grid from NRRD, MetaImage, NIfTI-1, VTI or plain samples.
+//! Volume: reads a scalar field on a grid from NRRD, MetaImage, NIfTI-1, VTK's XML or plain samples; or at points, from VTK's XML.
 //!
 //! Readers of our own, because the files come in few, simple layouts and every fault must end in a sentence. Nothing is
 //! reserved that the file's length does not vouch for, so a header cannot ask for memory. World coordinates are those of
 //! the file: formats that count towards the left (NRRD, MetaImage) and towards the right (NIfTI-1) are not reconciled.
 
 mod decode;
+pub(super) mod irregular;
 pub(super) mod metaimage;
 pub(super) mod nifti;
 pub(super) mod nrrd;
 #[cfg(test)]
 mod tests;
 pub(super) mod vti;
+mod vtk;
 
 use super::formats::{self, Reader};
 pub use decode::{ByteOrder, SampleType};
 use decode::{Layout, Parsed, check_grid, clip, diagonal, in_data_file, positive, read_beside, read_file};
+pub use irregular::{Arrays, Irregular, Places};
 use std::path::Path;
 
-/// A scalar field on a regular or rectilinear grid.
+/// A scalar field on an evenly spaced grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Volume {
     /// Samples along each axis, x fastest; at least 1 each, at most 2³¹ in all.
@@ -28,6 +31,24 @@ pub struct Volume {
     pub origin: [f64; 3],
     /// The samples, x fastest; all finite.
     pub values: Vec<f32>,
+}
+
+/// A scalar field.
+pub enum Samples {
+    /// On an evenly spaced grid.
+    Even(Volume),
+    /// On any other, or at points.
+    Uneven(Irregular),
+}
+
+impl Samples {
+    /// All samples.
+    pub fn values(&self) -> &[f32] {
+        match self {
+            Samples::Even(volume) => &volume.values,
+            Samples::Uneven(field) => &field.values,
+        }
+    }
 }
 
 /// Description of a file of plain samples.
@@ -57,6 +78,19 @@ pub struct RawDescription {
 
 fn unit_spacing() -> [f64; 3] {
     [1.0; 3]
+}
+
+/// Reads a field in the format that the extension names. Arrays have names in VTK's formats of uneven grids and points alone.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_samples(path: &Path, arrays: &Arrays) -> Result<Samples, String> {
+    if let Some(Reader::Irregular(parse)) = formats::reader(path) {
+        return parse(&read_file(path)?, arrays).map(Samples::Uneven);
+    }
+    let volume = read(path)?;
+    let field = arrays.values.map(|_| "array").or(arrays.variance.map(|_| "variance"));
+    field.map_or(Ok(Samples::Even(volume)), |field| Err(format!("has no arrays with names, and `{field}` asks for one")))
 }
 
 /// Reads a volume in the format that the extension names.

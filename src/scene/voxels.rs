@@ -12,6 +12,7 @@
 //!
 //! Law: `a_slab_is_as_opaque_as_it_says` (tests/regressions_promises.rs).
 
+use super::placement::Placement;
 use super::volume::Volume;
 use super::{Ellipsoids, Orientation, Scene, Sheet, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
@@ -137,21 +138,21 @@ fn piecewise<const N: usize>(points: impl Iterator<Item = (f64, [f64; N])>, at: 
 
 impl Classification {
     /// A ramp over a field's upper three quarters, for kernels that end at a cutoff.
-    pub fn usual(volume: &Volume, cutoff: f64) -> Vec<TransferPoint> {
-        let (low, high) = volume.values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    pub fn usual(values: &[f32], cutoff: f64) -> Vec<TransferPoint> {
+        let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
         let (low, high) = (f64::from(low), f64::from(high));
         let at =
             |part: f64, opacity| TransferPoint { value: low + (high - low) * part, rgb: [1.0; 3], depth: depth_of_layer(opacity, cutoff) };
         vec![at(0.25, 0.0), at(1.0, USUAL_OPACITY)]
     }
 
-    fn colour(&self, value: f64) -> ([f64; 3], f64) {
+    pub(super) fn colour(&self, value: f64) -> ([f64; 3], f64) {
         let points = self.transfer.iter().map(|p| (p.value, [p.rgb[0], p.rgb[1], p.rgb[2], p.depth]));
         let [r, g, b, depth] = piecewise(points, value);
         ([r, g, b], depth)
     }
 
-    fn factor(&self, magnitude: f64) -> f64 {
+    pub(super) fn factor(&self, magnitude: f64) -> f64 {
         if self.gradient.is_empty() {
             return 1.0;
         }
@@ -159,8 +160,8 @@ impl Classification {
     }
 
     /// Counts the samples that the transfer function shows, a gradient apart.
-    pub fn seen(&self, volume: &Volume) -> u64 {
-        volume.values.par_iter().filter(|value| self.colour(f64::from(**value)).1 > 0.0).count() as u64
+    pub fn seen(&self, values: &[f32]) -> u64 {
+        values.par_iter().filter(|value| self.colour(f64::from(**value)).1 > 0.0).count() as u64
     }
 
     /// The largest standard deviation of a kernel, world units.
@@ -168,11 +169,11 @@ impl Classification {
         self.radius * Field::new(volume).longest_step()
     }
 
-    /// Every voxel that is seen, in the order of the samples.
-    pub fn voxels(&self, volume: &Volume) -> (Vec<Splat>, Voxels) {
+    /// Every voxel that is seen, in the order of the samples. A layer is `layer` world units thick, or the shortest step.
+    pub fn voxels(&self, volume: &Volume, layer: Option<f64>) -> (Vec<Splat>, Voxels) {
         let field = Field::new(volume);
         let steps = field.steps();
-        let step = steps.into_iter().fold(f64::INFINITY, f64::min);
+        let step = layer.unwrap_or(steps.into_iter().fold(f64::INFINITY, f64::min));
         let sigma = self.sigma(volume);
         // Optical depth of a layer to that through a ball of radius σ.
         let through = steps.iter().product::<f64>() / (step * TAU * sigma * sigma);
@@ -200,9 +201,9 @@ impl Classification {
         (splats, Voxels { at, axes: field.axes, origin: vector(volume.origin) })
     }
 
-    /// Splats on the surface where the field has this value, and their axes: σ is `radius` of the longest step, and `flatten` times less
+    /// Splats on the surface where the field has this value, their axes, and the area that each stands for: σ is `radius` of the longest step, and `flatten` times less
     /// along the gradient (EWA §6.4).
-    pub fn isosurface(&self, volume: &Volume, isovalue: f64, flatten: f64) -> (Vec<Splat>, Vec<Orientation>) {
+    pub fn isosurface(&self, volume: &Volume, isovalue: f64, flatten: f64) -> (Vec<Splat>, Vec<Orientation>, f64) {
         let field = Field::new(volume);
         let longest = field.longest_step();
         let rgb = self.colour(isovalue).0;
@@ -227,13 +228,33 @@ impl Classification {
         };
         let slices: Vec<Vec<(Splat, Orientation)>> =
             (0..volume.size[2]).into_par_iter().map(|z| field.slice(z).filter_map(splat).collect()).collect();
-        slices.into_iter().flatten().unzip()
+        let (splats, orientations) = slices.into_iter().flatten().unzip();
+        // Those within half of the longest step on both sides: a layer so thick of cells.
+        (splats, orientations, field.steps().iter().product::<f64>() / longest)
     }
 }
 
+/// The place of each slice in the order of distances from the eye, nearest first, or last.
+pub(super) fn ranks(slices: u32, distance: impl Fn(u32) -> f64, back_to_front: bool) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..slices).collect();
+    order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
+    if back_to_front {
+        order.reverse();
+    }
+    let mut rank = vec![0; slices as usize];
+    order.iter().zip(0..).for_each(|(slice, nth)| rank[*slice as usize] = nth);
+    rank
+}
+
 impl Voxels {
+    /// Brings the grid to another place.
+    pub(super) fn put(&mut self, place: &Placement) {
+        self.axes = self.axes.map(|axis| place.vector(axis));
+        self.origin = place.point(self.origin);
+    }
+
     /// The kernel that all of them have.
-    fn orientation(&self) -> Orientation {
+    pub(super) fn orientation(&self) -> Orientation {
         let longest = self.axes.iter().map(|axis| axis.length()).fold(0.0, f64::max);
         let [x, y, z] = self.axes.map(DVec3::normalize);
         // A kernel looks the same from both ends: a mirrored grid has the kernel of the other.
@@ -253,14 +274,7 @@ impl Voxels {
         let direction = self.axes[axis];
         let eye = (view.eye - self.origin).dot(direction) / direction.length_squared();
         let slices = self.at.iter().map(|at| at[axis] + 1).max().unwrap_or(0);
-        let mut order: Vec<u32> = (0..slices).collect();
-        let distance = |slice: &u32| (f64::from(*slice) - eye).abs();
-        order.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        if back_to_front {
-            order.reverse();
-        }
-        let mut rank = vec![0; slices as usize];
-        order.iter().zip(0..).for_each(|(slice, nth)| rank[*slice as usize] = nth);
+        let rank = ranks(slices, |slice| (f64::from(slice) - eye).abs(), back_to_front);
         let orientation = self.orientation();
         let mut ranked: Vec<(u32, Splat)> = self.at.iter().zip(splats).map(|(at, splat)| (rank[at[axis] as usize], splat)).collect();
         ranked.sort_by_key(|(rank, _)| *rank);
@@ -270,15 +284,9 @@ impl Voxels {
 }
 
 impl Ellipsoids {
-    /// Splats that emit, all with the same kernel.
-    pub(super) fn of_volume(orientation: Orientation) -> Self {
-        Ellipsoids {
-            orientations: vec![orientation],
-            amplitude: super::Amplitude::LineIntegral,
-            preshaded: true,
-            sorted: false,
-            harmonics: 0,
-        }
+    /// Splats that emit: all with the same kernel, or each with its own.
+    pub(super) fn of_volume(orientations: Vec<Orientation>, sorted: bool) -> Self {
+        Ellipsoids { orientations, amplitude: super::Amplitude::LineIntegral, preshaded: true, sorted, harmonics: 0 }
     }
 }
 

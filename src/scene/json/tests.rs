@@ -119,9 +119,13 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/splats/1",
             json!({"positon": [1, 0, 0]}),
-            "splats[1].positon is no known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, transfer, gradient, isovalue, flatten, gaussians)",
+            "splats[1].positon is no known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, array, variance, layer, transfer, gradient, isovalue, flatten, gaussians, splats, place)",
         ),
-        ("/splats/1", json!({}), "splats[1] must have one of the fields `position`, `file`, `builtin`, `volume`, `gaussians`"),
+        (
+            "/splats/1",
+            json!({}),
+            "splats[1] must have one of the fields `position`, `file`, `builtin`, `volume`, `gaussians`, `splats`, `place`",
+        ),
         ("/splats/1", json!(7), "splats[1] is a number; it must be an object or an array"),
         (
             "/splats/2/builtin",
@@ -230,8 +234,22 @@ fn what_is_wrong_with_a_volume_or_with_gaussians_is_said() {
         |size: [u64; 3], spacing: f64| of(json!({"volume": {"file": "x.raw", "size": size, "type": "u8", "spacing": [spacing, 1, 1]}}));
     let falling = json!([{"value": 2, "opacity": 0.1}, {"value": 1, "opacity": 1}]);
     let cases = [
-        (of(json!([{"volume": shells}])), "splats[0] is a volume, which can only be a scene's one source: `splats` itself"),
-        (of(json!([{"gaussians": "bouquet"}])), "splats[0] is a set of Gaussians, which can only be a scene's one source: `splats` itself"),
+        (
+            of(json!([{"builtin": "terrain", "count": 9}, {"splats": {"volume": shells}, "place": {"axis": [0, 0, 0]}}])),
+            "splats[1].place.axis is zero; it must point somewhere",
+        ),
+        (
+            of(json!({"splats": {"volume": shells}, "place": {"scale": 0}})),
+            "splats.place.scale is 0; it must be at least 1e-30 and at most 1e30",
+        ),
+        (
+            of(json!({"splats": {"splats": {"volume": shells}, "place": {"scale": 1e20}}, "place": {"scale": 1e20}})),
+            "splats.place brings splats beyond what a scene holds: positions lie within ±1e30, radii from 1e-30",
+        ),
+        (
+            of(json!([{"volume": shells}, {"splats": {"gaussians": "rose"}, "place": {}}])),
+            "splats[1].splats.gaussians is `rose`; it must be one of bouquet",
+        ),
         (of(json!({"gaussians": "rose"})), "splats.gaussians is `rose`; it must be one of bouquet"),
         (of(json!({"volume": shells, "transfer": falling})), "splats.transfer[1].value is 1, which does not lie above the 2 before it"),
         (

@@ -71,6 +71,34 @@ pub(super) struct Layout {
     count: usize,
 }
 
+/// The samples of a layout as numbers of this float type.
+macro_rules! decoded {
+    ($layout:expr, $samples:expr, $real:ty) => {{
+        let samples: &[u8] = $samples;
+        macro_rules! decode {
+            ($type:ty) => {{
+                let (words, _) = samples.as_chunks::<{ size_of::<$type>() }>();
+                match $layout.order {
+                    ByteOrder::Little => words.iter().map(|&word| <$type>::from_le_bytes(word) as $real).collect::<Vec<$real>>(),
+                    ByteOrder::Big => words.iter().map(|&word| <$type>::from_be_bytes(word) as $real).collect(),
+                }
+            }};
+        }
+        match $layout.sample_type {
+            SampleType::U8 => decode!(u8),
+            SampleType::I8 => decode!(i8),
+            SampleType::U16 => decode!(u16),
+            SampleType::I16 => decode!(i16),
+            SampleType::U32 => decode!(u32),
+            SampleType::I32 => decode!(i32),
+            SampleType::U64 => decode!(u64),
+            SampleType::I64 => decode!(i64),
+            SampleType::F32 => decode!(f32),
+            SampleType::F64 => decode!(f64),
+        }
+    }};
+}
+
 impl Layout {
     /// Checks the size, which stands in `field`.
     pub fn new(size: [usize; 3], sample_type: SampleType, order: ByteOrder, field: &str) -> Parsed<Layout> {
@@ -90,56 +118,51 @@ impl Layout {
 
     /// Decodes the first samples of `bytes`; what follows them is ignored.
     pub fn values(&self, bytes: &[u8]) -> Parsed<Vec<f32>> {
-        let samples = bytes.get(..self.bytes()).ok_or_else(|| {
+        self.finite(decoded!(self, self.samples(bytes)?, f32))
+    }
+
+    /// [`Layout::values`], as precise as the file has them: for positions.
+    pub fn reals(&self, bytes: &[u8]) -> Parsed<Vec<f64>> {
+        self.finite(decoded!(self, self.samples(bytes)?, f64))
+    }
+
+    /// The bytes of the samples.
+    fn samples<'a>(&self, bytes: &'a [u8]) -> Parsed<&'a [u8]> {
+        bytes.get(..self.bytes()).ok_or_else(|| {
             let [x, y, z] = self.size;
             let (each, all) = (self.sample_type.bytes(), self.bytes());
             format!("there are {} bytes of samples, but {x} × {y} × {z} samples of {each} bytes take {all}", bytes.len())
-        })?;
-        macro_rules! decode {
-            ($type:ty) => {{
-                let (words, _) = samples.as_chunks::<{ size_of::<$type>() }>();
-                match self.order {
-                    ByteOrder::Little => words.iter().map(|&word| <$type>::from_le_bytes(word) as f32).collect(),
-                    ByteOrder::Big => words.iter().map(|&word| <$type>::from_be_bytes(word) as f32).collect(),
-                }
-            }};
-        }
-        self.finite(match self.sample_type {
-            SampleType::U8 => decode!(u8),
-            SampleType::I8 => decode!(i8),
-            SampleType::U16 => decode!(u16),
-            SampleType::I16 => decode!(i16),
-            SampleType::U32 => decode!(u32),
-            SampleType::I32 => decode!(i32),
-            SampleType::U64 => decode!(u64),
-            SampleType::I64 => decode!(i64),
-            SampleType::F32 => decode!(f32),
-            SampleType::F64 => decode!(f64),
         })
     }
 
     /// Reads the first samples of a text of numbers with white space between them; what follows them is ignored.
     pub fn text_values(&self, text: &[u8]) -> Parsed<Vec<f32>> {
+        self.finite(self.text_reals(text)?.into_iter().map(|n| n as f32).collect())
+    }
+
+    /// [`Layout::text_values`], as precise as f64 has them, which need not be finite.
+    pub fn text_reals(&self, text: &[u8]) -> Parsed<Vec<f64>> {
         let words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(self.count);
         let number = |(i, word): (usize, &[u8])| {
             let number = str::from_utf8(word).ok().and_then(|word| word.parse::<f64>().ok());
-            number
-                .map(|n| n as f32)
-                .ok_or_else(|| format!("sample {}: `{}` is no number", self.place(i), clip(&String::from_utf8_lossy(word))))
+            number.ok_or_else(|| format!("sample {}: `{}` is no number", self.place(i), clip(&String::from_utf8_lossy(word))))
         };
-        let values: Vec<f32> = words.enumerate().map(number).collect::<Parsed<_>>()?;
+        let values: Vec<f64> = words.enumerate().map(number).collect::<Parsed<_>>()?;
         if values.len() < self.count {
             let [x, y, z] = self.size;
             return Err(format!("there are {} numbers, but {x} × {y} × {z} samples are {}", values.len(), self.count));
         }
-        self.finite(values)
+        Ok(values)
     }
 
     /// Hands the values back if all are finite.
-    pub fn finite(&self, values: Vec<f32>) -> Parsed<Vec<f32>> {
-        match values.iter().position(|value| !value.is_finite()) {
+    pub fn finite<T: Copy + Into<f64>>(&self, values: Vec<T>) -> Parsed<Vec<T>> {
+        match values.iter().position(|value| !(*value).into().is_finite()) {
             None => Ok(values),
-            Some(i) => Err(format!("sample {} is {}; all samples must be finite 32-bit floats", self.place(i), values[i])),
+            Some(i) => {
+                let kind = if size_of::<T>() == size_of::<f32>() { "32-bit" } else { "64-bit" };
+                Err(format!("sample {} is {}; all samples must be finite {kind} floats", self.place(i), values[i].into()))
+            }
         }
     }
 
@@ -306,7 +329,7 @@ pub(super) fn positive(spacing: [f64; 3], field: &str) -> Parsed<()> {
 }
 
 /// Steps and positions past this (or below its inverse) are no world units; squares and products of others stay finite.
-const FARTHEST: f64 = 1e30;
+pub(super) const FARTHEST: f64 = 1e30;
 
 pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
