@@ -52,6 +52,7 @@ mod stress;
 mod sweep;
 mod trace;
 mod traced;
+mod view;
 mod volume_match;
 mod windows;
 
