@@ -7,6 +7,7 @@ mod attribution;
 mod bad_input;
 mod book;
 mod bounds;
+mod browser;
 mod channel;
 mod chart;
 mod cli;

@@ -219,6 +219,7 @@ const framePage = folder => {
     next = pixel;
     if (asking || !pixel) return;
     asking = true;
+    const waiting = setTimeout(() => values.replaceChildren(h('p', { class: 'faint', role: 'status' }, 'Drawing the frame again, for exact values …')), 250);
     while (next) {
       const [x, y] = next;
       next = null;
@@ -227,6 +228,7 @@ const framePage = folder => {
       } catch (error) {
         values.replaceChildren(h('p', { class: 'wrong' }, 'No exact values: ' + error.message), ...await shown(x, y));
       }
+      clearTimeout(waiting);
     }
     asking = false;
   };
@@ -273,13 +275,16 @@ const framePage = folder => {
       return;
     }
     story.setAttribute('aria-busy', 'true');
+    const waiting = setTimeout(() => { if (mine === latest) story.replaceChildren(h('p', { class: 'faint', role: 'status' }, `Pixel ${x},${y}: drawing the frame again, to watch it …`)); }, 250);
     try {
       const found = await source.json(`story?x=${x}&y=${y}`);
+      clearTimeout(waiting);
       if (mine !== latest) return;
       story.replaceChildren(...storyOf(found), h('h3', {}, 'To repeat it'), repeated(x, y));
     } catch (error) {
       if (mine === latest) story.replaceChildren(h('p', { class: 'wrong' }, 'No story: ' + error.message));
     }
+    clearTimeout(waiting);
     story.removeAttribute('aria-busy');
   };
   const machineFile = report.machine.description.name.replace(/[^\w.-]/g, '_') + '.json';
@@ -295,7 +300,7 @@ const framePage = folder => {
   const key = at => String((at + 1) % 10);
   const choices = [0, 1].map(side => new Map(names.map((name, at) => [name, h('button', { onclick: () => pick(side, name) }, name, h('kbd', {}, (side ? '⇧' : '') + key(at)))])));
   const pick = (side, name) => { state.show[side] = name; if (side && state.mode === 'one') state.mode = 'two'; layout(); };
-  const sides = choices.map((buttons, side) => h('div', { class: 'tools', role: 'group', 'aria-label': side ? 'right picture' : 'left picture' }, h('span', {}, side ? 'right' : 'left'), ...buttons.values()));
+  const sides = choices.map((buttons, side) => h('div', { class: 'tools choices', role: 'group', 'aria-label': side ? 'right picture' : 'left picture' }, h('span', {}, side ? 'right' : 'left'), ...buttons.values()));
   const setMode = mode => { state.mode = mode; state.scale = 0; layout(); };
   const modes = new Map([['one', 'o'], ['two', 't'], ['slider', 's']].map(([mode, letter]) => [mode, h('button', { onclick: () => setMode(mode) }, mode === 'two' ? 'side by side' : mode === 'one' ? 'one' : 'slider', h('kbd', {}, letter))]));
   // The brightest pixels of the error, one after another.

@@ -27,13 +27,14 @@ const machinePage = (report, cycles) => {
   let chosen = kinds.includes(cycles.bottleneck) ? cycles.bottleneck : kinds[0];
   const diagram = h('div', { id: 'diagram' });
   const drawDiagram = () => {
-    const chain = [...kinds.filter(kind => kind !== 'shade'), 'frame'], BOX = 122, GAP = 108, HIGH = 66, ROW = 152;
+    const chain = [...kinds.filter(kind => kind !== 'shade'), 'frame'], BOX = 122, GAP = 108, HIGH = 66, ROW = 164;
     const across = Math.max(1, Math.floor((diagram.clientWidth + GAP - 30) / (BOX + GAP)));
     const upright = across === 1, wide = upright ? diagram.clientWidth : across * (BOX + GAP) - GAP + 30;
-    const hasShade = kinds.includes('shade'), below = hasShade ? 116 : 0;
-    const at = nth => upright ? [12, 12 + nth * 112] : [14 + (nth % across) * (BOX + GAP), 26 + Math.floor(nth / across) * ROW];
+    const hasShade = kinds.includes('shade');
+    const at = nth => upright ? [12, 12 + nth * 126] : [14 + (nth % across) * (BOX + GAP), 26 + Math.floor(nth / across) * ROW];
     const rows = Math.ceil(chain.length / across);
-    const high = upright ? 12 + chain.length * 112 : 26 + rows * ROW + (hasShade && Math.floor(chain.indexOf('fragment') / across) === rows - 1 ? below - 50 : 0);
+    const isLast = hasShade && Math.floor(chain.indexOf('fragment') / across) === rows - 1;
+    const high = upright ? chain.length * 126 - 50 : 26 + (rows - 1) * ROW + (isLast ? 170 : 74);
     const picture = svg('svg', { viewBox: `0 0 ${wide} ${high}`, width: wide, height: high, role: 'group', 'aria-label': 'block diagram' },
       svg('defs', {}, svg('marker', { id: 'head', viewBox: '0 0 8 8', refX: 7, refY: 4, markerWidth: 7, markerHeight: 7, orient: 'auto' }, svg('path', { d: 'M0,0L8,4L0,8Z', fill: 'var(--faint)' }))));
     const line = d => svg('path', { d, fill: 'none', stroke: 'var(--faint)', 'stroke-width': 1.5, 'marker-end': 'url(#head)' });
@@ -46,9 +47,9 @@ const machinePage = (report, cycles) => {
       if (nth) {
         const [fromX, fromY] = at(nth - 1);
         if (upright) picture.append(line(`M${x + 26},${fromY + HIGH}V${y - 1}`), ...words(kind, x + 38, fromY + HIGH + 16, 'start'));
-        else if (fromY === y) picture.append(line(`M${fromX + BOX},${y + HIGH / 2}H${x - 1}`), ...words(kind, x - GAP / 2, y + HIGH / 2 - 20 + (wires(kind).length < 2 ? 13 : 0) - (fifo(kind) ? 0 : 0), 'middle').map((text, at, all) => { if (at === all.length - 1 && fifo(kind)) text.setAttribute('y', y + HIGH / 2 + 16); return text; }));
+        else if (fromY === y) picture.append(line(`M${fromX + BOX},${y + HIGH / 2}H${x - 1}`), ...words(kind, x - GAP / 2, y + HIGH / 2 - 20 + (wires(kind).length < 2 ? 13 : 0), 'middle').map((text, at, all) => { if (at === all.length - 1 && fifo(kind)) text.setAttribute('y', y + HIGH / 2 + 16); return text; }));
         else {
-          const turn = y - 36;
+          const turn = y - 56;
           picture.append(line(`M${fromX + BOX / 2},${fromY + HIGH}V${turn}H${x + BOX / 2}V${y - 1}`), ...words(kind, x + BOX / 2 + 8, turn + 14, 'start'));
         }
       }
@@ -61,8 +62,6 @@ const machinePage = (report, cycles) => {
       const [x, y] = at(chain.indexOf('fragment'));
       picture.append(line(`M${x + BOX},${y + 26}H${x + BOX + 34}`), line(`M${x + BOX + 35},${y + 42}H${x + BOX + 1}`), box('shade', x + BOX + 36, y, BOX, HIGH));
     }
-    picture.setAttribute('height', high + (hasShade && !upright ? 24 : 0));
-    picture.setAttribute('viewBox', `0 0 ${wide} ${high + (hasShade && !upright ? 24 : 0)}`);
     diagram.replaceChildren(picture);
   };
   const box = (kind, x, y, wide, high) => {
@@ -136,9 +135,9 @@ const machinePage = (report, cycles) => {
 
   // ---- What each unit does ----
 
-  const stacks = () => {
-    const W = 760, ROW = 22, LEFT = 86;
-    const picture = svg('svg', { viewBox: `0 0 ${W} ${ROW * units.length + 22}`, role: 'img', 'aria-label': 'what each unit does' });
+  const stacks = width => {
+    const W = Math.min(width, 860), ROW = 22, LEFT = 86;
+    const picture = svg('svg', { viewBox: `0 0 ${W} ${ROW * units.length + 22}`, width: W, height: ROW * units.length + 22, role: 'img', 'aria-label': 'what each unit does' });
     units.forEach((unit, nth) => {
       const y = nth * ROW + 4;
       let left = LEFT;
@@ -177,28 +176,28 @@ const machinePage = (report, cycles) => {
 
   // ---- Roofline ----
 
-  const roofline = () => {
+  const roofline = width => {
     const { memory } = cycles, contributions = report?.scene.fragments ?? sum('gauss', 'items');
     if (!memory?.bytes || !contributions || !total) return null;
     const rate = contributions * cycles.clock_hz / total, intensity = contributions / memory.bytes;
     const roofs = kinds.map(kind => [kind, sum(kind, 'busy') && contributions * cycles.clock_hz * of(kind).length / sum(kind, 'busy')]).filter(([, roof]) => roof).sort((a, b) => a[1] - b[1]).slice(0, 3);
     const peak = memory.peak_bytes_per_second;
-    const W = 760, H = 330, box = { left: 74, right: W - 20, top: 16, bottom: H - 42 };
+    const W = Math.min(width, 860), H = 330, box = { left: 74, right: W - 20, top: 16, bottom: H - 42 };
     const xs = [intensity / 30, intensity * 30].map(Math.log10), tops = [rate, ...roofs.map(([, roof]) => roof), peak ? peak * intensity : rate];
     const ys = [Math.log10(Math.min(...tops) / 12), Math.log10(Math.max(...tops) * 2.5)];
     const X = value => box.left + (box.right - box.left) * (Math.log10(value) - xs[0]) / (xs[1] - xs[0]), Y = value => box.bottom - (box.bottom - box.top) * (Math.log10(value) - ys[0]) / (ys[1] - ys[0]);
-    const picture = svg('svg', { viewBox: `0 0 ${W} ${H}`, role: 'img', 'aria-label': 'roofline' }, svg('clipPath', { id: 'inside' }, svg('rect', { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top })), svg('rect', { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top, fill: 'none', stroke: 'var(--line)' }));
+    const picture = svg('svg', { viewBox: `0 0 ${W} ${H}`, width: W, height: H, role: 'img', 'aria-label': 'roofline' }, svg('clipPath', { id: 'inside' }, svg('rect', { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top })), svg('rect', { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top, fill: 'none', stroke: 'var(--line)' }));
     const decades = ([from, to]) => Array.from({ length: Math.floor(to) - Math.ceil(from) + 1 }, (_, nth) => Math.pow(10, Math.ceil(from) + nth));
     decades(xs).forEach(value => picture.append(textAt(X(value), box.bottom + 15, told(value, 2), 'faint', 'middle')));
     decades(ys).forEach(value => picture.append(textAt(box.left - 6, Y(value) + 4, value.toExponential(0), 'faint', 'end'), svg('line', { x1: box.left, x2: box.right, y1: Y(value), y2: Y(value), stroke: 'var(--line)', opacity: 0.6 })));
     const [least, most] = xs.map(power => Math.pow(10, power));
     if (peak) picture.append(svg('line', { x1: X(least), y1: Y(least * peak), x2: X(most), y2: Y(most * peak), stroke: 'var(--c4)', 'stroke-width': 2.5, 'clip-path': 'url(#inside)' }), textAt(box.left + 8, box.top + 16, `slope: memory, ${told(peak / 1e9, 3)} GB/s`, 'faint'));
-    roofs.forEach(([kind, roof], nth) => picture.append(svg('line', { x1: box.left, x2: box.right, y1: Y(roof), y2: Y(roof), stroke: `var(--c${[0, 2, 3][nth]})`, 'stroke-width': 2, 'stroke-dasharray': nth ? '6 4' : '' }), textAt(box.right - 6, Y(roof) + (nth === 0 ? 14 : -5), `${kind} always busy: ${told(roof / 1e6, 3)} M/s`, 'faint', 'end')));
+    roofs.forEach(([kind, roof], nth) => picture.append(svg('line', { x1: box.left, x2: box.right, y1: Y(roof), y2: Y(roof), stroke: `var(--c${[0, 2, 3][nth]})`, 'stroke-width': 2, 'stroke-dasharray': nth ? '6 4' : '' }), textAt(nth === 1 ? box.left + 8 : box.right - 6, Y(roof) + (nth < 2 ? 14 : -5), `${kind} always busy: ${told(roof / 1e6, 3)} M/s`, 'faint', nth === 1 ? 'start' : 'end')));
     picture.append(svg('circle', { cx: X(intensity), cy: Y(rate), r: 6, fill: 'var(--c1)' }), textAt(X(intensity), Y(rate) + 22, `this frame: ${told(rate / 1e6, 3)} M/s at ${told(intensity, 3)} a byte`, '', 'middle'));
     picture.append(textAt((box.left + box.right) / 2, H - 8, 'contributions a byte of memory', 'faint', 'middle'), textAt(4, 12, 'contributions/s', 'faint'));
     return picture;
   };
-  const roof = roofline();
+  const roof = roofline(600) && fitted(roofline);
 
   choose(chosen);
   onWidth(diagram, drawDiagram);
@@ -208,7 +207,7 @@ const machinePage = (report, cycles) => {
   return [
     h('p', {}, `${described ? described.name + ': ' : ''}${told(total)} cycles at ${told(cycles.clock_hz / 1e6)} MHz, ${told(cycles.frames_per_second, 4)} frames/s; limited by ${cycles.bottleneck}${area}.`),
     h('p', { class: 'faint' }, 'Wires have the formats of their words; the bar in a box is what the unit does in the frame’s cycles. A unit opens below.'), legend.cloneNode(true), diagram, detail,
-    h('h2', {}, 'What each unit does'), legend, stacks(),
+    h('h2', {}, 'What each unit does'), legend, fitted(stacks),
     ...(timed.length ? [h('h2', {}, 'Units over time'), h('p', { class: 'faint' }, 'Dragging from left to right looks nearer, a double click shows all; a click on a name hides its line.'), timeline] : []),
     ...(roof ? [h('h2', {}, 'Roofline'), h('p', { class: 'faint' }, 'No frame is above the slope, which memory sets, nor above a line, which a unit sets.'), roof] : []),
     ...(described ? [h('h2', {}, 'Its description'), h('p', {}, h('button', { onclick: () => save(described.name.replace(/[^\w.-]/g, '_') + '.json', JSON.stringify(described, null, 2)) }, 'save as a file'))] : []),

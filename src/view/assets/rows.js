@@ -229,7 +229,7 @@ const rowsPage = ({ columns, machine, title }) => {
       return h('tr', { class: differs(name) ? 'flip' : null }, h('td', {}, name), ...cells.map(text => h('td', { class: 'long' }, text)), picked.length > 1 ? h('td', { class: 'n' }, step) : null);
     });
     const next = h('button', { 'aria-pressed': String(state.beside), onclick: () => { state.beside = !state.beside; next.setAttribute('aria-pressed', String(state.beside)); } }, 'compare: put the next one beside it');
-    const folded = h('details', { open: true }, h('summary', {}, picked.length > 1 ? 'Compared; what differs comes first' : 'All figures'), h('div', { class: 'scroll', tabindex: '0' }, h('table', { id: 'figures' }, h('thead', {}, h('tr', {}, h('th', {}, ''), ...picked.map((row, nth) => h('th', {}, picked.length > 1 ? 'AB'[nth] : nameOf(row))), picked.length > 1 ? h('th', { class: 'n' }, 'B − A') : null)), h('tbody', {}, rows))));
+    const folded = h('details', { open: true }, h('summary', {}, picked.length > 1 ? 'Compared; what differs comes first' : 'All figures'), h('div', { class: 'figures', tabindex: '0' }, h('table', { id: 'figures' }, h('thead', {}, h('tr', {}, h('th', {}, ''), ...picked.map((row, nth) => h('th', {}, picked.length > 1 ? 'AB'[nth] : nameOf(row))), picked.length > 1 ? h('th', { class: 'n' }, 'B − A') : null)), h('tbody', {}, rows))));
     const close = h('button', { onclick: () => { state.picked = []; show(); plots.forEach(plot => plot.redraw()); fill(); } }, 'close');
     detail.replaceChildren(h('div', { class: 'panel' }, ...about.flat().filter(Boolean), h('div', { class: 'tools' }, next, close), folded));
   };

@@ -74,6 +74,13 @@ const onWidth = (element, draw) => {
   }).observe(element);
 };
 
+// A picture that is drawn for the width that there is.
+const fitted = draw => {
+  const holder = h('div');
+  onWidth(holder, () => holder.replaceChildren(draw(Math.min(holder.clientWidth, 1100))));
+  return holder;
+};
+
 const tip = (() => {
   const box = h('div', { class: 'tip', hidden: true, role: 'tooltip' });
   document.body.append(box);

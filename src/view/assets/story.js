@@ -28,12 +28,13 @@ const storyOf = story => {
   const flipped = (x, y) => svg('circle', { cx: x, cy: y, r: 9, fill: 'none', stroke: 'var(--c1)', 'stroke-width': 2, class: 'flip' });
 
   // ---- Along depth: the machine above, golden below ----
-  const W = 900, H = 300, LEFT = 62, RIGHT = 16, MIDDLE = 150, TALL = 112;
+  const H = 300, LEFT = 62, RIGHT = 16, MIDDLE = 150, TALL = 112;
   const arrivals = contributions.flatMap(one => [one.fixed, one.golden].filter(Boolean));
   const depths = arrivals.map(one => one.z);
   const [near, far] = [Math.min(...depths), Math.max(...depths)];
   const margin = far > near ? 0.03 * (far - near) : Math.max(Math.abs(near) * 1e-3, 1e-6);
   const heaviest = Math.max(...arrivals.map(one => one.weight), 1e-12);
+  const alongDepth = fitted(W => {
   const x = z => LEFT + (W - LEFT - RIGHT) * (z - near + margin) / (far - near + 2 * margin);
   const stem = (one, nth, whose, sign) => {
     const arrival = one[whose];
@@ -43,19 +44,22 @@ const storyOf = story => {
   };
   const ticks = [0, 0.25, 0.5, 0.75, 1].map(part => near - margin + part * (far - near + 2 * margin));
   const layerLines = (whose, from, to) => layers[whose].map(layer => svg('line', { x1: x(layer.z), x2: x(layer.z), y1: from, y2: to, stroke: 'var(--c7)', 'stroke-dasharray': '3 4', opacity: 0.55 }));
-  const alongDepth = svg('svg', { viewBox: `0 0 ${W} ${H}`, role: 'img', 'aria-label': 'contributions along depth, fixed above and golden below' },
+  return svg('svg', { viewBox: `0 0 ${W} ${H}`, width: W, height: H, role: 'img', 'aria-label': 'contributions along depth, fixed above and golden below' },
     svg('line', { x1: LEFT, x2: W - RIGHT, y1: MIDDLE, y2: MIDDLE, stroke: 'var(--faint)' }),
     textAt(8, 70, 'fixed'), textAt(8, 236, 'golden'), textAt(8, MIDDLE + 4, 'w = 0', 'faint'),
     layerLines('fixed', 22, MIDDLE), layerLines('golden', MIDDLE, H - 24),
     contributions.map((one, nth) => stem(one, nth, 'fixed', 1)), contributions.map((one, nth) => stem(one, nth, 'golden', -1)),
-    ticks.map((z, nth) => textAt(x(z), H - 6, told(z, 5), 'faint', nth === 0 ? 'start' : nth === 4 ? 'end' : 'middle')),
-    textAt(8, H - 6, 'depth z', 'faint'), textAt(W - RIGHT, 14, `greatest w ${told(heaviest, 4)}`, 'faint', 'end'));
+    ticks.filter((_, nth) => W > 600 || nth % 2 === 0).map((z, nth, all) => textAt(x(z), H - 6, told(z, 5), 'faint', nth === 0 ? 'start' : nth === all.length - 1 ? 'end' : 'middle')),
+    textAt(4, H - 22, 'depth z', 'faint'), textAt(W - RIGHT, 14, `greatest w ${told(heaviest, 4)}`, 'faint', 'end'));
+  });
 
   // ---- Over time: which slot each went into ----
   const lanes = [...Array(slots).keys()].map(String).concat('–');
-  const ROW = 20, TOP = 18, high = TOP + 2 * lanes.length * ROW + 34, step = Math.min(34, (W - LEFT - RIGHT) / contributions.length);
+  const ROW = 20, TOP = 18, high = TOP + 2 * lanes.length * ROW + 34;
+  const overTime = fitted(W => {
+  const step = Math.min(34, (W - LEFT - RIGHT) / contributions.length);
   const lane = (arrival, whose) => TOP + (whose === 'golden' ? lanes.length * ROW + 12 : 0) + ROW * (arrival.slot === null ? lanes.length - 1 : Math.min(arrival.slot, lanes.length - 1)) + ROW / 2;
-  const overTime = svg('svg', { viewBox: `0 0 ${W} ${high}`, role: 'img', 'aria-label': 'slots over time, fixed above and golden below' },
+  return svg('svg', { viewBox: `0 0 ${W} ${high}`, width: W, height: high, role: 'img', 'aria-label': 'slots over time, fixed above and golden below' },
     ['fixed', 'golden'].map(whose => [
       ...lanes.map((name, nth) => { const y = lane({ slot: nth }, whose); return svg('g', {}, svg('line', { x1: LEFT, x2: W - RIGHT, y1: y, y2: y, stroke: 'var(--line)' }), textAt(LEFT - 8, y + 4, name, 'faint', 'end')); }),
       textAt(4, lane({ slot: 0 }, whose) + 4, whose),
@@ -66,6 +70,7 @@ const storyOf = story => {
       return tipped(svg('g', {}, one.flip ? flipped(px, py) : null, mark(px, py, one[whose])), one, nth);
     })),
     textAt(LEFT, high - 4, 'order of arrival →', 'faint'), textAt(4, TOP - 6, 'slot; – where it is none by number', 'faint'));
+  });
 
   const used = new Set(arrivals.map(arrival => kindOf(arrival.decision)));
   const legend = h('div', { class: 'legend' }, Object.entries(KINDS).filter(([kind]) => used.has(kind)).map(([kind, text]) => {
