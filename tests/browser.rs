@@ -10,7 +10,8 @@ use std::process::Command;
 /// A Python that has Playwright: that of `.ci/run`, or the system's.
 fn python() -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/playwright/bin/python");
-    let has_it = |python: &PathBuf| Command::new(python).args(["-c", "import playwright"]).output().is_ok_and(|output| output.status.success());
+    let has_it =
+        |python: &PathBuf| Command::new(python).args(["-c", "import playwright"]).output().is_ok_and(|output| output.status.success());
     let named = std::env::var_os("SPLATSIM_PLAYWRIGHT").map(PathBuf::from);
     named.into_iter().chain([own, "python3".into()]).find(has_it)
 }

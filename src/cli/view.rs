@@ -20,7 +20,7 @@ pub(super) struct Typed {
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Write the page into this file instead, all in one
-    #[arg(long, value_name = "FILE.html", conflicts_with_all = ["no_open", "seconds", "scene"])]
+    #[arg(long, value_name = "FILE.html", conflicts_with_all = ["seconds", "scene"])]
     export: Option<PathBuf>,
     /// Open no browser
     #[arg(long)]

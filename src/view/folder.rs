@@ -11,7 +11,7 @@
 
 use crate::error::{Error, Result};
 use crate::explore::sweep::table::Table;
-use crate::hardware::machines;
+use crate::hardware::{fixed, machines};
 use rtl_model::Machine;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -39,7 +39,7 @@ pub struct Folder {
 /// What `run` drew.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// The scene's name: a file as it was typed, or a built-in one.
+    /// The scene's file, or a built-in name.
     pub scene: String,
     /// Columns and rows of the picture.
     pub size: [usize; 2],
@@ -113,7 +113,7 @@ impl Folder {
             "version": env!("CARGO_PKG_VERSION"),
             "name": name,
             "run": run.as_ref().map(|run| json!({
-                "report": report, "pictures": pictures, "machine_name": run.machine_flag(), "preview_of": run.preview_of,
+                "report": report, "pictures": pictures, "scene": run.scene, "machine_name": run.machine_flag(), "preview_of": run.preview_of,
             })),
             "cycles": cycles,
             "tables": tables,
@@ -138,12 +138,13 @@ impl Run {
         let scene = report.pointer("/scene/name").and_then(Value::as_str).ok_or_else(|| lacks("scene.name"))?;
         let described = report.pointer("/machine/description").ok_or_else(|| lacks("machine.description"))?;
         let machine = machines::from_value(described, &format!("{whose}: machine.description"))?;
+        fixed::elaborate(&machine).map_err(|error| Error::input(format!("{whose}: {error}")))?;
         for part in ["/accuracy/fixed_vs_golden", "/cycles/units", "/cost/units", "/signals", "/fragments", "/scene/camera"] {
             report.pointer(part).ok_or_else(|| lacks(&part[1..].replace('/', ".")))?;
         }
         let pair = |value: &Value| Some([value[0].as_u64()? as usize, value[1].as_u64()? as usize]);
         Ok(Run {
-            scene: scene.into(),
+            scene: report.pointer("/host/scene_file").and_then(Value::as_str).unwrap_or(scene).into(),
             size: [count("/scene/width")? as usize, count("/scene/height")? as usize],
             preview_of: report.pointer("/preview/of").and_then(pair),
             machine,

@@ -59,17 +59,19 @@ impl View {
     }
 
     fn computed(&self, name: &str, request: &Request) -> std::result::Result<Response, Response> {
+        if !["drawn", "pixel", "story"].contains(&name) {
+            return Err(Response::refusal(404));
+        }
         let redraw = self.redraw()?;
         let pixel = || request.number("x").zip(request.number("y")).map(|(x, y)| [x, y]).ok_or(Response::refusal(400));
         let json = |value: &serde_json::Value| Response::json(value.to_string());
         match name {
             "drawn" => Ok(json(&serde_json::json!({"maps": redraw::MAPS}))),
             "pixel" => Ok(json(&redraw.pixel(pixel()?).ok_or(Response::refusal(404))?)),
-            "story" => {
+            _ => {
                 let story = redraw.story(pixel()?).map_err(|error| Response::sentence(404, &error.to_string()))?;
                 Ok(json(&serde_json::json!(story)))
             }
-            _ => Err(Response::refusal(404)),
         }
     }
 

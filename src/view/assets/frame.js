@@ -2,7 +2,7 @@
 'use strict';
 
 const framePage = folder => {
-  const { report, pictures: files, machine_name: machineName, preview_of: previewOf } = folder.run;
+  const { report, pictures: files, machine_name: machineName, scene, preview_of: previewOf } = folder.run;
   const { width, height } = report.scene;
   const maps = source.live ? ['bound', 'covered', 'contributions', 'layers', 'merges'] : [];
   const names = [...files, ...maps];
@@ -280,7 +280,7 @@ const framePage = folder => {
       const found = await source.json(`story?x=${x}&y=${y}`);
       clearTimeout(waiting);
       if (mine !== latest) return;
-      story.replaceChildren(...storyOf(found), h('h3', {}, 'To repeat it'), repeated(x, y));
+      story.replaceChildren(...storyOf(found, repeated(x, y)));
     } catch (error) {
       if (mine === latest) story.replaceChildren(h('p', { class: 'wrong' }, 'No story: ' + error.message));
     }
@@ -290,9 +290,9 @@ const framePage = folder => {
   const machineFile = report.machine.description.name.replace(/[^\w.-]/g, '_') + '.json';
   const repeated = (x, y) => {
     const whole = previewOf ? [Math.floor(previewOf[0] / 4), Math.floor(previewOf[1] / 4)] : [width, height];
-    const command = `splatsim explain ${quoted(report.scene.name)} --pixel ${x},${y} --size ${whole.join('x')} --machine ${quoted(machineName ?? machineFile)}`;
-    const file = machineName ? [] : [' ', h('button', { onclick: () => save(machineFile, JSON.stringify(report.machine.description, null, 2)) }, `save ${machineFile}`)];
-    return h('div', {}, h('div', { class: 'code', id: 'command' }, command), copying(command), ...file);
+    const command = `splatsim explain ${quoted(scene)} --pixel ${x},${y} --size ${whole.join('x')} --machine ${quoted(machineName ?? machineFile)}`;
+    const file = machineName ? [] : [h('button', { onclick: () => save(machineFile, JSON.stringify(report.machine.description, null, 2)) }, `save ${machineFile}`)];
+    return h('div', {}, h('div', { class: 'code', id: 'command' }, command), h('div', { class: 'tools' }, copying(command), ...file));
   };
 
   // ---- Buttons and keys ----

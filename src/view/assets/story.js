@@ -1,10 +1,10 @@
 // Story: what happened at a pixel, as pictures: contributions along depth, slots over time, decisions of machine and golden beside each other.
 'use strict';
 
-const storyOf = story => {
+const storyOf = (story, repeated) => {
   const { pixel, contributions, layers, slots } = story;
   const title = h('h2', {}, `Pixel ${pixel.join(',')}: ${contributions.length} contributions`);
-  if (!contributions.length) return [title, h('p', {}, 'No splat touches this pixel: it is background.')];
+  if (!contributions.length) return [title, h('p', {}, 'No splat touches this pixel: it is background.'), repeated];
   const flips = contributions.filter(one => one.flip).length;
   const kindOf = decision => decision === undefined ? 'none' : /^add/.test(decision) ? 'add' : /^open|^blend/.test(decision) ? 'open' : /^merge|^sum|^close/.test(decision) ? 'merge' : /^late|^inside/.test(decision) ? 'late' : 'drop';
   const KINDS = { open: 'opens a slot', add: 'adds to one', merge: 'makes two merge', late: 'blended into a closed one', drop: 'evicted, replaced or dropped' };
@@ -83,12 +83,12 @@ const storyOf = story => {
   const lines = contributions.slice(0, MOST).map((one, nth) => h('tr', { class: one.flip ? 'flip' : null, 'data-splat': String(one.splat) },
     [nth + 1, one.splat, ...cells(one.fixed), ...cells(one.golden), one.flip ? '◄ flip' : ''].map((cell, at) => h('td', { class: at === 5 || at >= 9 ? null : 'n' }, String(cell)))));
   const heads = ['', 'splat', 'r', 'w', 'z', 'fixed', 'golden r', 'w', 'z', 'golden', ''];
-  const all = h('div', { class: 'scroll', tabindex: '0' }, h('table', { id: 'contributions' }, h('thead', {}, h('tr', {}, heads.map(head => h('th', {}, head)))), h('tbody', {}, lines)));
+  const all = h('div', { class: 'scroll long-table', tabindex: '0' }, h('table', { id: 'contributions' }, h('thead', {}, h('tr', {}, heads.map(head => h('th', {}, head)))), h('tbody', {}, lines)));
   const more = contributions.length > MOST ? [h('p', { class: 'faint' }, `The first ${MOST} of ${contributions.length} contributions.`)] : [];
   const kept = ['fixed', 'golden'].flatMap(whose => layers[whose].map((layer, nth) => [`${whose} ${nth}`, String(layer.slot), layer.z.toFixed(5), layer.weight === null ? 'merged' : layer.weight.toFixed(5), ...layer.rgb.map(value => value.toFixed(5)), layer.opacity.toFixed(5)]));
   const end = [['fixed', ...story.fixed.map(value => value.toFixed(6))], ['golden', ...story.golden.map(value => value.toFixed(6))],
     [`word, ${story.frame_format}`, ...story.frame_words.map(word => word.toString(16))]];
-  return [title, h('p', {}, flips ? `${flips} decided otherwise by the machine than by golden: marked.` : 'The machine decided as golden did.'), legend,
+  return [title, h('p', {}, flips ? `${flips} decided otherwise by the machine than by golden: marked.` : 'The machine decided as golden did.'), repeated, legend,
     h('h3', {}, 'Contributions along depth'), alongDepth, h('h3', {}, 'Slots over time'), overTime,
     h('h3', {}, 'Decisions'), all, ...more, h('h3', {}, 'Layers at the end, front to back'),
     table(['layer', 'slot', 'z', 'weight', 'red', 'green', 'blue', 'opacity'], kept), h('h3', {}, 'Blended'), table(['', 'red', 'green', 'blue', 'alpha'], end)];
