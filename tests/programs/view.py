@@ -53,7 +53,7 @@ class Pages:
         context = self.browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, offline=offline, accept_downloads=True)
         page = context.new_page()
         page.set_default_timeout(120_000)
-        page.on("console", lambda message: self.wrong.append(message.text) if message.type in ("error", "warning") else None)
+        page.on("console", lambda message: self.wrong.append(message.text) if message.type == "error" else None)
         page.on("pageerror", lambda error: self.wrong.append(str(error)))
         page.on("request", lambda request: self.asked.append(request.url))
         page.goto(address)

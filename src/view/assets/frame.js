@@ -243,7 +243,7 @@ const framePage = folder => {
       four('… in 1/255', pixel.error_255, value => told(value, 3)),
       four(`word, ${pixel.format}`, pixel.words, word => word.toString(16)),
     ]),
-    h('p', {}, `${pixel.contributions} contributions, ${pixel.layers} layers, ${pixel.merges} merges; bound ${pixel.bound === null ? 'none' : told(255 * pixel.bound, 3) + '/255'}; flips: ${pixel.flips.join(', ') || 'none'}.`),
+    h('p', {}, `Contributions ${pixel.contributions}, layers ${pixel.layers}, merges ${pixel.merges}; bound ${pixel.bound === null ? 'none' : told(255 * pixel.bound, 3) + '/255'}; flips: ${pixel.flips.join(', ') || 'none'}.`),
   ];
   const linear = code => code <= 0.04045 ? code / 12.92 : Math.pow((code + 0.055) / 1.055, 2.4);
   const shown = async (x, y) => {

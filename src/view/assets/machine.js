@@ -164,7 +164,7 @@ const machinePage = (report, cycles) => {
     if (!timeline.clientWidth || !timed.length) return;
     plot?.destroy();
     const POINTS = 600, x = Array.from({ length: POINTS }, (_, nth) => total * (nth + 0.5) / POINTS);
-    const busy = timed.map(({ over_time: { window, busy } }) => x.map(cycle => 100 * (busy[Math.min(busy.length - 1, Math.floor(cycle / window))] ?? 0) / window));
+    const busy = timed.map(({ over_time: { window, busy } }) => x.map(cycle => 100 * (busy[Math.floor(cycle / window)] ?? 0) / window));
     const axis = { stroke: ink('ink'), grid: { stroke: ink('line'), width: 1 }, ticks: { stroke: ink('line') } };
     const dashes = [[], [6, 3], [2, 2]];
     plot = new uPlot({

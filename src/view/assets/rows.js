@@ -98,7 +98,8 @@ const rowsPage = ({ columns, machine, title }) => {
       };
       const ends = [range(0), range(1)];
       const look = { stroke: ink('ink'), grid: { stroke: ink('line'), width: 1 }, ticks: { stroke: ink('line') } };
-      const short = ticks => ticks.map(tick => tick === null ? '' : Math.abs(tick) >= 1e4 || (tick && Math.abs(tick) < 1e-3) ? tick.toExponential(1).replace('.0e', 'e').replace('e+', 'e') : String(Number(tick.toPrecision(6))));
+      const compact = new Intl.NumberFormat('en', { notation: 'compact', maximumSignificantDigits: 4 });
+      const short = ticks => ticks.map(tick => tick === null ? '' : Math.abs(tick) >= 1e4 ? compact.format(tick) : tick && Math.abs(tick) < 1e-3 ? Number(tick.toPrecision(4)).toExponential() : String(Number(tick.toPrecision(6))));
       plot = new uPlot({
         width: holder.clientWidth, height: 320, legend: { show: false },
         scales: { x: { time: false, distr: logs[0] ? 3 : 1, range: () => ends[0] }, y: { distr: logs[1] ? 3 : 1, range: () => ends[1] } },

@@ -44,9 +44,9 @@ const told = (value, digits = 5) => {
   if (value === null || value === undefined) return '–';
   if (typeof value !== 'number') return String(value);
   if (!Number.isFinite(value)) return value > 0 ? '∞' : '–';
-  if (Number.isInteger(value)) return Math.abs(value) < 1e15 ? value.toLocaleString('en') : value.toExponential(3);
+  if (Number.isInteger(value)) return Math.abs(value) < 1e15 ? value.toLocaleString('en') : Number(value.toPrecision(digits)).toExponential();
   const size = Math.abs(value);
-  return size >= 1e-3 && size < 1e7 ? String(Number(value.toPrecision(digits))) : value.toExponential(Math.max(digits - 3, 1));
+  return size >= 1e-3 && size < 1e7 ? String(Number(value.toPrecision(digits))) : Number(value.toPrecision(digits)).toExponential();
 };
 
 const share = (part, whole) => whole ? (100 * part / whole).toFixed(part && part < whole / 100 ? 1 : 0) + '%' : '–';
