@@ -207,7 +207,7 @@ fn rows_of(value: &Value, path: &[&str]) -> Option<Vec<Map<String, Value>>> {
     let Some((list, rest)) = path.split_first() else {
         let mut row = Map::new();
         flatten(value, "", &mut row);
-        return Some(vec![row]);
+        return value.is_object().then_some(vec![row]);
     };
     let mut own = Map::new();
     let scalars = value.as_object()?.iter().filter(|(_, value)| !value.is_array() && !value.is_object());

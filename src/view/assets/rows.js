@@ -278,7 +278,7 @@ const rowsPage = ({ columns, machine, title }) => {
   };
   document.addEventListener('keydown', event => { if (event.key === 'Escape' && body.offsetParent) reset(); });
 
-  const pairs = [['area', 'fixed_vs_ideal_psnr_db'], ['frames_per_second', 'fixed_vs_ideal_psnr_db'], ['area', 'frames_per_second'], ['area', 'psnr_db'], ['pixel_bytes', 'area'], ['value', 'fixed_vs_golden.psnr_db']].filter(pair => pair.every(name => axes.includes(name)));
+  const pairs = [['area', 'fixed_vs_ideal_psnr_db'], ['frames_per_second', 'fixed_vs_ideal_psnr_db'], ['area', 'frames_per_second'], ['area', 'psnr_db'], ['pixel_bytes', 'area'], ['value', 'drawn.fixed_vs_golden.psnr_db'], ['value', 'drawn.golden_vs_ideal.psnr_db'], ['value', 'drawn.lockstep.max_error']].filter(pair => pair.every(name => axes.includes(name)));
   while (pairs.length < 2 && axes.length > 1) pairs.push([axes[0], axes[Math.min(axes.length - 1, 1 + pairs.length)]]);
   const page = [
     h('p', {}, `${told(count)} rows${machine ? `, machines made from ${machine.name}` : ''}.`),
