@@ -148,6 +148,8 @@ def frame_is_shown(pages, folder, scene):
         keep(page, "pixel-light-1280", book="frame", full=False)
         page.locator("#story").scroll_into_view_if_needed()
         page.evaluate("document.querySelector('#story').scrollIntoView()")
+        # Where the scene lies on this computer is nobody's business.
+        page.evaluate("folder => { const shown = document.querySelector('#command'); shown.textContent = shown.textContent.replace(folder, ''); }", f"{scene.parent}/")
         keep(page, "story-light-1280", book="pixel", full=False)
         # A map, with the greatest count that it has.
         page.keyboard.press("8")
