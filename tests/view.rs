@@ -317,19 +317,28 @@ fn a_story_is_what_explain_says() {
 fn a_scene_that_is_another_now_is_told_and_draws_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("few.json");
-    let write = |count: u32| std::fs::write(&scene, format!(r#"{{"splats": {{"builtin": "checkerboard", "count": {count}}}}}"#)).unwrap();
-    write(2000);
+    let write = |count: u32, fov: u32, cutoff: f64| {
+        let camera = format!(r#"{{"eye": [0, 2, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": {fov}, "near": 0.05}}"#);
+        let splats = format!(r#"{{"builtin": "checkerboard", "count": {count}}}"#);
+        std::fs::write(&scene, format!(r#"{{"splats": {splats}, "camera": {camera}, "kernel": {{"cutoff": {cutoff}}}}}"#)).unwrap();
+    };
+    write(2000, 60, 2.0);
     let out = folder.path().join("out");
     let arguments = ["run", scene.to_str().unwrap(), "--size", "24x20", "--machine", "tiny", "--quiet", "--out", out.to_str().unwrap()];
     assert!(splatsim(&arguments).status.success());
-    write(1000);
-    let changed = served(View::new(&out, None).unwrap());
-    let (status, sentence) = changed.get("pixel?x=1&y=1");
-    let sentence = String::from_utf8(sentence).unwrap();
-    assert!(status == 503 && sentence.contains("few.json: is not the scene of report.json any more"), "{status} {sentence}");
-    assert_eq!(changed.get("file/fixed.png").0, 200);
+    for ((count, fov, cutoff), what) in
+        [((1000, 60, 2.0), "splats, and "), ((2000, 50, 2.0), "another camera"), ((2000, 60, 1.0), "contributions, and ")]
+    {
+        write(count, fov, cutoff);
+        let changed = served(View::new(&out, None).unwrap());
+        let (status, sentence) = changed.get("pixel?x=1&y=1");
+        let sentence = String::from_utf8(sentence).unwrap();
+        let is_told = sentence.contains("few.json: is not the scene of report.json any more") && sentence.contains(what);
+        assert!(status == 503 && is_told, "{status} {sentence}");
+        assert_eq!(changed.get("file/fixed.png").0, 200);
+    }
     // Where it lies now can be said.
-    write(2000);
+    write(2000, 60, 2.0);
     let other = folder.path().join("other.json");
     std::fs::rename(&scene, &other).unwrap();
     assert!(String::from_utf8(served(View::new(&out, None).unwrap()).get("pixel?x=1&y=1").1).unwrap().contains("no such file"));

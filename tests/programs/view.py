@@ -245,7 +245,7 @@ def sweep_is_shown(pages, folder, machine):
             """() => { const { over, scales: { x, y } } = rowsPlots[0].uplot(), { left, top, width, height } = over.getBoundingClientRect();
             return [[left, top, width, height], [x.min, x.max, y.min, y.max]]; }"""
         )
-        parts = (0.05, 0.15, 0.62, 0.8)
+        parts = (0.05, 0.01, 0.62, 0.8)
         from_x, from_y, to_x, to_y = (box[axis % 2] + part * box[2 + axis % 2] for axis, part in enumerate(parts))
         page.mouse.move(from_x, from_y)
         page.mouse.down()
@@ -264,6 +264,8 @@ def sweep_is_shown(pages, folder, machine):
         assert len(shown()) == len(rows)
         # Words, and a number.
         middle = sorted(float(row["area"]) for row in rows)[len(rows) // 2]
+        page.locator("input[type=search]").fill(f"area<{middle}")
+        assert shown() == {nth for nth, row in enumerate(rows) if float(row["area"]) < middle}
         page.locator("input[type=search]").fill(f"area<{middle} fragment.layers=1")
         assert shown() == {nth for nth, row in enumerate(rows) if float(row["area"]) < middle and row["fragment.layers"] == "1"}
         page.get_by_role("button", name="all rows").click()
@@ -275,6 +277,7 @@ def sweep_is_shown(pages, folder, machine):
         # A machine by keyboard: its flags and its file are one machine.
         page.locator(".rows tbody tr").first.focus()
         page.keyboard.press("Enter")
+        assert "--set 'timing.raster.lanes=[" in page.locator(".flags").text_content()
         flags = shlex.split(page.locator(".flags").text_content())
         with page.expect_download() as download:
             page.locator(".save").click()
