@@ -4,6 +4,8 @@
 
 pub mod cli;
 
+pub mod view;
+
 pub mod explore;
 
 pub mod run;

@@ -423,6 +423,7 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["sweep", "--help"],
         vec!["search", "--help"],
         vec!["chart", "--help"],
+        vec!["view", "--help"],
         vec!["machine", "--help"],
         vec!["machine", "cost", "--help"],
         vec!["machine", "show", "--help"],
@@ -545,11 +546,12 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(
         &[],
-        "a command is missing: run, replay, stress, sweep, search, chart, trace, diff, explain, machine, scene, sample, completions, man (see --help)",
+        "a command is missing: run, replay, stress, sweep, search, chart, view, trace, diff, explain, machine, scene, sample, completions, man (see --help)",
     );
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "PLAN");
     refused(&["chart"], "DIR");
+    refused(&["view"], "DIR");
     refused(&["search"], "SCENE");
     refused(&["machine"], "a command is missing: list, show, timing, cost, prices, prove, schema (see --help)");
     refused(&["machine", "lits"], "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'");

@@ -284,7 +284,21 @@ const THE_MACHINE: Layers = Layers {
 
 const THE_BENCH: Layers = Layers {
     folder: "src/",
-    layers: &["cli", "explore", "run", "cosim", "performance", "accuracy", "hardware", "golden", "sampling", "scene", "output", "error"],
+    layers: &[
+        "cli",
+        "view",
+        "explore",
+        "run",
+        "cosim",
+        "performance",
+        "accuracy",
+        "hardware",
+        "golden",
+        "sampling",
+        "scene",
+        "output",
+        "error",
+    ],
     files: &["lib", "main", "error"],
 };
 

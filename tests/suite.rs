@@ -7,6 +7,7 @@ mod attribution;
 mod bad_input;
 mod book;
 mod bounds;
+mod browser;
 mod channel;
 mod chart;
 mod cli;
@@ -54,6 +55,7 @@ mod stress;
 mod sweep;
 mod trace;
 mod traced;
+mod view;
 mod volume_match;
 mod windows;
 

@@ -1,8 +1,8 @@
 //! Explain: tells one pixel's whole story, the machine beside golden.
 
-use super::arguments::{Common, Pair};
+use super::arguments::{Common, Pair, pretty};
 use crate::error::Result;
-use crate::run::explain::explain;
+use crate::run::explain::{explain, explained};
 use clap::Args;
 use std::ffi::OsString;
 
@@ -15,6 +15,9 @@ pub(super) struct Typed {
     pixel: Pair<','>,
     #[command(flatten)]
     pub common: Common,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
 }
 
 impl Typed {
@@ -22,6 +25,6 @@ impl Typed {
         let scene = self.common.scene(&self.scene)?;
         let machine = self.common.machine(&scene)?;
         let Pair(x, y) = self.pixel;
-        explain(&scene, &machine, [x, y])
+        if self.json { pretty(&explained(&scene, &machine, [x, y])?) } else { explain(&scene, &machine, [x, y]) }
     }
 }

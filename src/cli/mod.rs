@@ -15,6 +15,7 @@ mod stress;
 mod style;
 mod sweep;
 mod trace;
+mod view;
 
 use crate::error::{Error, Result};
 use crate::output::text::one_line;
@@ -50,6 +51,9 @@ enum Command {
     Search(search::Typed),
     /// Draw charts of what a sweep or a search found, and a page of them
     Chart(chart::Typed),
+    /// Show a folder's pictures, pixels, machine and rows in a browser
+    #[command(after_help = view::HELP)]
+    View(view::Typed),
     /// Dump what crosses the wires between units, to check hardware
     #[command(after_help = trace::HELP)]
     Trace(trace::Typed),
@@ -83,6 +87,7 @@ impl Command {
             Command::Sweep(typed) => typed.threads.run(|| typed.check()?.run()),
             Command::Search(typed) => typed.common.threads.run(|| typed.check()?.run()),
             Command::Chart(typed) => typed.run(),
+            Command::View(typed) => typed.run(),
             Command::Trace(typed) => typed.common.threads.run(|| typed.check()?.run()),
             Command::Diff(typed) => typed.check()?.run(),
             Command::Explain(typed) => typed.common.threads.run(|| typed.run()),

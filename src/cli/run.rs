@@ -93,6 +93,7 @@ impl Typed {
             record: self.record.is_some(),
             prices,
             outside_of_search,
+            scene_file: std::path::absolute(&self.scene).ok().filter(|path| path.exists()),
         };
         // Last, for nothing may be written where anything is wrong.
         let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;

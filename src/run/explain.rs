@@ -13,6 +13,7 @@ use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::Observer;
 use rtl_model::units::fragment::{Contribution, Decision, Side};
 use rtl_model::units::resolve::Layer;
+use serde::Serialize;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
@@ -62,28 +63,134 @@ impl Observer<'static> for Witness {
 /// # Errors
 /// [`Error::Input`] where the pixel lies outside the picture, the machine cannot be built or cannot hold the scene.
 pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<String> {
-    let (width, height) = (scene.image.width, scene.image.height);
-    if x >= width || y >= height {
-        return Err(Error::input(format!(
-            "--pixel {x},{y}: the picture is {width}×{height}, so X is 0 to {} and Y 0 to {}",
-            width - 1,
-            height - 1
-        )));
-    }
-    let elaborated = fixed::elaborate(machine)?;
-    let quantised = quantise(scene, machine)?;
-    let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
-    let drawing = pipeline::draw_with_decisions(&elaborated, &quantised.frame, &mut witness);
-    let story = golden::story(scene, &fixed::rules(machine), x, y);
-    let side_by_side =
-        Told { machine: &elaborated, scale: quantised.scale, fixed: &witness, golden: &story, sheet: scene.sheets.as_ref().map(|s| &s.of) };
-
+    let seen = Seen::new(scene, machine, [x, y])?;
+    let side_by_side = seen.told(scene);
     let mut text = format!("pixel {x},{y} of {} on {}\n\n", scene.name, machine.name);
     let _ = writeln!(text, "{}\n", side_by_side.contributions());
     let _ = writeln!(text, "{}\n", side_by_side.layers());
-    let word = drawing.frame[y * width + x].map(i64::from);
-    let _ = write!(text, "{}", side_by_side.end(word));
+    let _ = write!(text, "{}", side_by_side.end(seen.word));
     Ok(text)
+}
+
+/// The same in numbers.
+///
+/// # Errors
+/// As [`explain`].
+pub fn explained(scene: &Scene, machine: &Machine, pixel: [usize; 2]) -> Result<Explained> {
+    let seen = Seen::new(scene, machine, pixel)?;
+    Ok(seen.told(scene).numbers(scene, pixel, seen.word))
+}
+
+/// A pixel's story in numbers: depths in world units, colours in linear light, premultiplied.
+#[derive(Clone, Debug, Serialize)]
+pub struct Explained {
+    /// The scene's name.
+    pub scene: String,
+    /// The machine's name.
+    pub machine: String,
+    /// Column and row; 0,0 is top left.
+    pub pixel: [usize; 2],
+    /// Slots of a pixel.
+    pub slots: u64,
+    /// Contributions in the machine's order; what only `golden` has comes before what follows it there.
+    pub contributions: Vec<ExplainedContribution>,
+    /// Layers at the end, front to back.
+    pub layers: ExplainedLayers,
+    /// The machine's pixel.
+    pub fixed: [f64; 4],
+    /// `golden`'s.
+    pub golden: [f64; 4],
+    /// Format of the frame word.
+    pub frame_format: String,
+    /// The frame word, channel by channel.
+    pub frame_words: [i64; 4],
+}
+
+/// One contribution, on the machine and in `golden`.
+#[derive(Clone, Debug, Serialize)]
+pub struct ExplainedContribution {
+    /// Number of its splat in the scene.
+    pub splat: usize,
+    /// None where only `golden` has it.
+    pub fixed: Option<ExplainedArrival>,
+    /// None where only the machine has it.
+    pub golden: Option<ExplainedArrival>,
+    /// Whether the two decided otherwise.
+    pub flip: bool,
+}
+
+/// What one of the two has of a contribution.
+#[derive(Clone, Debug, Serialize)]
+pub struct ExplainedArrival {
+    /// `r` at the pixel's centre.
+    pub radial_index: f64,
+    /// `w`.
+    pub weight: f64,
+    /// Depth, world units.
+    pub z: f64,
+    /// What became of it, in words.
+    pub decision: String,
+    /// The slot that it went into, where it went into one that is known by number.
+    pub slot: Option<usize>,
+}
+
+/// Layers of both.
+#[derive(Clone, Debug, Serialize)]
+pub struct ExplainedLayers {
+    /// The machine's.
+    pub fixed: Vec<ExplainedLayer>,
+    /// `golden`'s.
+    pub golden: Vec<ExplainedLayer>,
+}
+
+/// One layer.
+#[derive(Clone, Debug, Serialize)]
+pub struct ExplainedLayer {
+    /// Slot that it held.
+    pub slot: usize,
+    /// Its depth, world units.
+    pub z: f64,
+    /// Sum of its weights; none of a layer that was merged.
+    pub weight: Option<f64>,
+    /// Colour times opacity.
+    pub rgb: [f64; 3],
+    /// Opacity.
+    pub opacity: f64,
+}
+
+/// Everything that was seen of a pixel.
+struct Seen {
+    machine: Elaborated,
+    scale: Scale,
+    witness: Witness,
+    story: Story,
+    /// The frame word.
+    word: [i64; 4],
+}
+
+impl Seen {
+    fn new(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<Self> {
+        let (width, height) = (scene.image.width, scene.image.height);
+        if x >= width || y >= height {
+            return Err(Error::input(format!(
+                "--pixel {x},{y}: the picture is {width}×{height}, so X is 0 to {} and Y 0 to {}",
+                width - 1,
+                height - 1
+            )));
+        }
+        let elaborated = fixed::elaborate(machine)?;
+        let quantised = quantise(scene, machine)?;
+        let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
+        let drawing = pipeline::draw_with_decisions(&elaborated, &quantised.frame, &mut witness);
+        let story = golden::story(scene, &fixed::rules(machine), x, y);
+        let word = drawing.frame[y * width + x].map(i64::from);
+        Ok(Seen { machine: elaborated, scale: quantised.scale, witness, story, word })
+    }
+
+    fn told<'a>(&'a self, scene: &'a Scene) -> Told<'a> {
+        let Seen { machine, scale, witness, story, .. } = self;
+        Told { machine, scale: *scale, fixed: witness, golden: story, sheet: scene.sheets.as_ref().map(|s| &s.of) }
+    }
 }
 
 struct Told<'a> {
@@ -145,20 +252,85 @@ impl Told<'_> {
     }
 
     fn machine_row(&self, c: &Contribution, decision: Decision) -> [String; 4] {
-        let gauss = &self.machine.machine.gauss;
-        let decision = self.sheet_decision(c.splat as usize, machine_fate(decision)).unwrap_or_else(|| machine_decision(decision));
-        [
-            format!("{:.5}", gauss.radial_index.format.value(c.radial_index)),
-            format!("{:.6}", gauss.weight.format.value(c.weight)),
-            format!("{:.5}", self.world_depth(c.depth)),
-            decision,
-        ]
+        row_of(self.machine_arrival(c, decision))
     }
 
     fn golden_row(&self, arrival: &Arrival) -> [String; 4] {
+        row_of(self.golden_arrival(arrival))
+    }
+
+    fn machine_arrival(&self, c: &Contribution, decision: Decision) -> ExplainedArrival {
+        let gauss = &self.machine.machine.gauss;
+        let of_sheet = self.sheet_decision(c.splat as usize, machine_fate(decision));
+        let slot = match decision {
+            Decision::Accumulated(slot) | Decision::Inserted(slot) | Decision::Late(slot, _) | Decision::Inside(slot) => Some(slot.into()),
+            _ => None,
+        };
+        ExplainedArrival {
+            radial_index: gauss.radial_index.format.value(c.radial_index),
+            weight: gauss.weight.format.value(c.weight),
+            z: self.world_depth(c.depth),
+            slot: slot.filter(|_| of_sheet.is_none()),
+            decision: of_sheet.unwrap_or_else(|| machine_decision(decision)),
+        }
+    }
+
+    fn golden_arrival(&self, arrival: &Arrival) -> ExplainedArrival {
         let of_sheet = self.sheet_decision(arrival.splat, golden_fate(arrival.decision));
-        let decision = of_sheet.unwrap_or_else(|| golden_decision(arrival.decision));
-        [format!("{:.5}", arrival.radial_index), format!("{:.6}", arrival.weight), format!("{:.5}", arrival.z), decision]
+        let slot = match arrival.decision {
+            golden::Decision::Accumulated { slot }
+            | golden::Decision::Inserted { slot }
+            | golden::Decision::Late { slot, .. }
+            | golden::Decision::Inside { slot } => Some(slot),
+            _ => None,
+        };
+        ExplainedArrival {
+            radial_index: arrival.radial_index,
+            weight: arrival.weight,
+            z: arrival.z,
+            slot: slot.filter(|_| of_sheet.is_none()),
+            decision: of_sheet.unwrap_or_else(|| golden_decision(arrival.decision)),
+        }
+    }
+
+    fn numbers(&self, scene: &Scene, pixel: [usize; 2], word: [i64; 4]) -> Explained {
+        let machine = &self.machine.machine;
+        let contribution = |(fixed, golden): (Option<&(Contribution, Decision)>, Option<&Arrival>)| {
+            let splat = fixed.map(|(c, _)| c.splat as usize).or(golden.map(|arrival| arrival.splat)).unwrap_or_default();
+            let fixed = fixed.map(|(c, decision)| self.machine_arrival(c, *decision));
+            let golden = golden.map(|arrival| self.golden_arrival(arrival));
+            let decision = |arrival: &Option<ExplainedArrival>| arrival.as_ref().map(|arrival| arrival.decision.clone());
+            let flip = decision(&fixed) != decision(&golden);
+            ExplainedContribution { splat, fixed, golden, flip }
+        };
+        let premultiplied = machine.shade.premultiplied.format;
+        let fixed = self.fixed.layers.iter().map(|layer| ExplainedLayer {
+            slot: layer.slot,
+            z: self.world_depth(layer.depth),
+            weight: (!layer.merged).then(|| machine.fragment.weight_sum.format.value(layer.weight)),
+            rgb: layer.colour.map(|channel| premultiplied.value(channel)),
+            opacity: premultiplied.value(layer.opacity),
+        });
+        let golden = self.golden.layers.iter().map(|layer| ExplainedLayer {
+            slot: layer.slot,
+            z: layer.z,
+            weight: (!layer.shaded).then_some(layer.weight),
+            rgb: layer.colour,
+            opacity: layer.coverage,
+        });
+        let format = machine.resolve.frame.format;
+        Explained {
+            scene: scene.name.clone(),
+            machine: machine.name.clone(),
+            pixel,
+            slots: machine.fragment.layers.into(),
+            contributions: self.pairs().into_iter().map(contribution).collect(),
+            layers: ExplainedLayers { fixed: fixed.collect(), golden: golden.collect() },
+            fixed: word.map(|channel| format.value(channel)),
+            golden: self.golden.rgba,
+            frame_format: format.to_string(),
+            frame_words: word,
+        }
     }
 
     /// None where fragments are grouped by depth.
@@ -228,6 +400,12 @@ impl Told<'_> {
         let words = word.map(|word| format!("{word:x}")).join(" ");
         format!("{}\n\nframe word ({format}, hexadecimal): {words}", aligned(table))
     }
+}
+
+/// A contribution in a table.
+fn row_of(arrival: ExplainedArrival) -> [String; 4] {
+    let ExplainedArrival { radial_index, weight, z, decision, .. } = arrival;
+    [format!("{radial_index:.5}"), format!("{weight:.6}"), format!("{z:.5}"), decision]
 }
 
 fn nothing() -> [String; 4] {

@@ -48,6 +48,8 @@ pub struct Options {
     pub prices: Prices,
     /// How the scene lies outside of what the machine was searched for, where it was.
     pub outside_of_search: Option<Vec<String>>,
+    /// The file that the scene was read from; none of a built-in one.
+    pub scene_file: Option<PathBuf>,
 }
 
 /// Three pictures, their difference, and what was found.
@@ -128,6 +130,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         error_scale: error.scale,
         host: Host {
             threads: rayon::current_num_threads(),
+            scene_file: options.scene_file.as_ref().map(|path| path.to_string_lossy().into_owned()),
             load_seconds,
             quantise_seconds,
             fixed_seconds,

@@ -185,10 +185,13 @@ pub struct Golden {
 }
 
 /// Wall-clock figures of this computer; nothing else in a report depends on it.
-#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Host {
     /// Threads that were used.
     pub threads: usize,
+    /// The file that the scene was read from, from the root on: `view` draws it again. None of a built-in scene.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scene_file: Option<String>,
     /// Reading the scene, neighbours included.
     pub load_seconds: f64,
     /// Bringing it to bits.

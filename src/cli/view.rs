@@ -1,0 +1,68 @@
+//! View: shows a folder in a browser, or writes the page as a file.
+
+use crate::error::{Error, Result};
+use crate::view::server::Server;
+use crate::view::{View, export};
+use clap::Args;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+/// End of the help text.
+pub(super) const HELP: &str = "Only this computer can reach the page, and only with the token in its address.\n\
+    Exact values, counts a pixel and stories are drawn again from the scene when\n\
+    they are asked for; an exported page goes without them";
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// The folder that run, replay, sweep, search or stress wrote
+    #[arg(value_name = "DIR")]
+    folder: PathBuf,
+    /// Write the page into this file instead, all in one
+    #[arg(long, value_name = "FILE.html", conflicts_with_all = ["seconds", "scene"])]
+    export: Option<PathBuf>,
+    /// Open no browser
+    #[arg(long)]
+    no_open: bool,
+    /// Stop after so many seconds [default: with Ctrl-C]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    seconds: Option<u32>,
+    /// The scene, if it is not where `run` found it
+    #[arg(long, value_name = "NAME|FILE")]
+    scene: Option<OsString>,
+}
+
+impl Typed {
+    pub fn run(self) -> Result<String> {
+        let view = View::new(&self.folder, self.scene)?;
+        if let Some(path) = self.export {
+            export::write(&view, &path)?;
+            return Ok(format!("written: {}", path.display()));
+        }
+        let server = Server::open()?;
+        let address = server.address();
+        super::print(&format!("{address}\nCtrl-C ends it"))?;
+        if !self.no_open {
+            open(&address)?;
+        }
+        server.serve(view, self.seconds.map(|seconds| Duration::from_secs(seconds.into())));
+        Ok(String::new())
+    }
+}
+
+/// Opens an address in the browser that the system would take.
+fn open(address: &str) -> Result<()> {
+    let (program, arguments): (_, &[&str]) = match std::env::consts::OS {
+        "macos" => ("open", &[]),
+        "windows" => ("cmd", &["/C", "start", ""]),
+        _ => ("xdg-open", &[]),
+    };
+    let quiet = Command::new(program).args(arguments).arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    match quiet {
+        Ok(_) => Ok(()),
+        // Whoever has no such program opens the address that was printed.
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
+        Err(e) => Err(Error::job(format!("{program}: cannot be started: {e}; --no-open opens no browser"))),
+    }
+}

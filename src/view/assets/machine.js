@@ -1,0 +1,215 @@
+// Machine: the block diagram with formats and utilisation, a unit's stalls, ranges and area, units over time, the roofline.
+'use strict';
+
+const machinePage = (report, cycles) => {
+  const { total, units } = cycles;
+  const described = report?.machine.description;
+  const base = unit => unit.name.replace(/\.\d+$/, '');
+  const kinds = [...new Set(units.map(base))];
+  const of = kind => units.filter(unit => base(unit) === kind);
+  const sum = (kind, what) => of(kind).reduce((all, unit) => all + unit[what], 0);
+  const STATES = ['busy', 'starved', 'blocked', 'memory'];
+  const SHADES = { busy: 'var(--c0)', starved: 'var(--line)', blocked: 'var(--c1)', memory: 'var(--c4)' };
+  const DOES = {
+    fetch: 'reads splats from memory', project: 'world point → camera → pixel', ellipse: 'normal and radius, or three axes → ellipse, box, depth slopes', sort: 'sorts splats by depth', colour: 'colours from harmonics',
+    bin: 'lists splats tile by tile', list: 'reads the lists of tiles', raster: 'walks the box: radial index and depth of each pixel', gauss: 'radial index → weight', cache: 'keeps lines of the frame buffer',
+    fragment: 'at most l fragments a pixel: accumulate, insert, merge, evict', shade: 'divides by the weight, normalises, lights', resolve: 'blends front to back into the frame word',
+  };
+  // Words that cross to a unit.
+  const WIRES = { project: ['splat.position', 'splat.radius'], ellipse: ['project.pixel', 'project.depth'], raster: ['ellipse.conic', 'ellipse.amplitude'], gauss: ['gauss.radial_index'], fragment: ['gauss.weight', 'fragment.depth'], shade: ['fragment.weight_sum', 'fragment.colour_sum'], resolve: ['shade.premultiplied'], frame: ['resolve.frame'] };
+  const formatOf = path => { const value = path.split('.').reduce((at, name) => at?.[name], described); return typeof value === 'string' ? value : value?.format; };
+  const wires = to => (WIRES[to] ?? []).map(path => [path, formatOf(path)]).filter(([, format]) => format).map(([path, format]) => `${path.split('.')[1]} ${format}`);
+  const fifo = to => report?.machine.timing.storage?.fifos?.find(one => one.to === to && one.places > 0);
+
+  // ---- The diagram ----
+
+  const detail = h('div', { class: 'panel', id: 'unit', 'aria-live': 'polite' });
+  let chosen = kinds.includes(cycles.bottleneck) ? cycles.bottleneck : kinds[0];
+  const diagram = h('div', { id: 'diagram' });
+  const drawDiagram = () => {
+    const chain = [...kinds.filter(kind => kind !== 'shade'), 'frame'], BOX = 122, GAP = 108, HIGH = 66, ROW = 164;
+    const across = Math.max(1, Math.floor((diagram.clientWidth + GAP - 30) / (BOX + GAP)));
+    const upright = across === 1, wide = upright ? diagram.clientWidth : across * (BOX + GAP) - GAP + 30;
+    const hasShade = kinds.includes('shade');
+    const at = nth => upright ? [12, 12 + nth * 126] : [14 + (nth % across) * (BOX + GAP), 26 + Math.floor(nth / across) * ROW];
+    const rows = Math.ceil(chain.length / across);
+    const isLast = hasShade && Math.floor(chain.indexOf('fragment') / across) === rows - 1;
+    const high = upright ? chain.length * 126 - 50 : 26 + (rows - 1) * ROW + (isLast ? 170 : 74);
+    const picture = svg('svg', { viewBox: `0 0 ${wide} ${high}`, width: wide, height: high, role: 'group', 'aria-label': 'block diagram' },
+      svg('defs', {}, svg('marker', { id: 'head', viewBox: '0 0 8 8', refX: 7, refY: 4, markerWidth: 7, markerHeight: 7, orient: 'auto' }, svg('path', { d: 'M0,0L8,4L0,8Z', fill: 'var(--faint)' }))));
+    const line = d => svg('path', { d, fill: 'none', stroke: 'var(--faint)', 'stroke-width': 1.5, 'marker-end': 'url(#head)' });
+    const words = (to, x, y, anchor) => {
+      const waits = fifo(to);
+      return [...wires(to), waits ? `FIFO ${waits.places} × ${waits.bits} bit` : null].filter(Boolean).map((text, nth) => textAt(x, y + 13 * nth, text, 'faint', anchor));
+    };
+    chain.forEach((kind, nth) => {
+      const [x, y] = at(nth);
+      if (nth) {
+        const [fromX, fromY] = at(nth - 1);
+        if (upright) picture.append(line(`M${x + 26},${fromY + HIGH}V${y - 1}`), ...words(kind, x + 38, fromY + HIGH + 16, 'start'));
+        else if (fromY === y) picture.append(line(`M${fromX + BOX},${y + HIGH / 2}H${x - 1}`), ...words(kind, x - GAP / 2, y + HIGH / 2 - 20 + (wires(kind).length < 2 ? 13 : 0), 'middle').map((text, at, all) => { if (at === all.length - 1 && fifo(kind)) text.setAttribute('y', y + HIGH / 2 + 16); return text; }));
+        else {
+          const turn = y - 56;
+          picture.append(line(`M${fromX + BOX / 2},${fromY + HIGH}V${turn}H${x + BOX / 2}V${y - 1}`), ...words(kind, x + BOX / 2 + 8, turn + 14, 'start'));
+        }
+      }
+      picture.append(kind === 'frame' ? svg('g', {}, textAt(x + 8, y + HIGH / 2 + 5, 'frame')) : box(kind, x, y, BOX, HIGH));
+      if (kind === 'fragment' && hasShade && !upright) {
+        picture.append(line(`M${x + BOX / 2 - 14},${y + HIGH}V${y + 103}`), line(`M${x + BOX / 2 + 14},${y + 104}V${y + HIGH + 1}`), ...words('shade', x + BOX / 2 + 22, y + HIGH + 14, 'start'), box('shade', x, y + 104, BOX, HIGH - 8));
+      }
+    });
+    if (upright && hasShade) {
+      const [x, y] = at(chain.indexOf('fragment'));
+      picture.append(line(`M${x + BOX},${y + 26}H${x + BOX + 34}`), line(`M${x + BOX + 35},${y + 42}H${x + BOX + 1}`), box('shade', x + BOX + 36, y, BOX, HIGH));
+    }
+    diagram.replaceChildren(picture);
+  };
+  const box = (kind, x, y, wide, high) => {
+    const copies = of(kind).length, parts = STATES.map(state => sum(kind, state) / Math.max(1, copies * total));
+    const group = svg('g', { class: 'unit', tabindex: 0, role: 'button', 'aria-pressed': String(kind === chosen), 'aria-label': `${kind}, busy ${share(parts[0], 1)}`, 'data-unit': kind },
+      svg('rect', { x, y, width: wide, height: high, rx: 6, fill: 'var(--raised)', stroke: kind === cycles.bottleneck ? 'var(--c1)' : 'var(--line)', 'stroke-width': kind === cycles.bottleneck ? 2.5 : 1 }),
+      textAt(x + 9, y + 20, kind + (copies > 1 ? ` ×${copies}` : '')), textAt(x + 9, y + 37, `busy ${share(parts[0], 1)}`, 'faint'));
+    let left = x + 8;
+    parts.forEach((part, nth) => {
+      const long = (wide - 16) * part;
+      group.append(svg('rect', { x: left, y: y + high - 17, width: Math.max(0, long), height: 9, fill: SHADES[STATES[nth]] }));
+      left += long;
+    });
+    group.addEventListener('click', () => choose(kind));
+    group.addEventListener('keydown', event => { if (event.key === 'Enter' || event.key === ' ') { event.preventDefault(); choose(kind); diagram.querySelector(`[data-unit="${kind}"]`)?.focus(); } });
+    return group;
+  };
+
+  // ---- A unit ----
+
+  const choose = kind => {
+    chosen = kind;
+    diagram.querySelectorAll('.unit').forEach(unit => unit.setAttribute('aria-pressed', String(unit.dataset.unit === kind)));
+    detail.replaceChildren(...unitOf(kind));
+  };
+  const unitOf = kind => {
+    const cost = report?.cost.units.find(unit => unit.name === kind), area = report?.cost.area;
+    const signals = report?.signals.filter(signal => signal.unit === kind) ?? [];
+    const timing = report?.machine.timing[kind];
+    const stalls = of(kind).map(unit => [unit.name, told(unit.items), ...STATES.map(state => `${told(unit[state])} (${share(unit[state], total)})`), unit.starved_by ?? '–', unit.blocked_by.map(one => `${one.by} ${told(one.cycles)}`).join(', ') || '–']);
+    const deepest = of(kind).map(unit => unit.occupancy ?? []).reduce((a, b) => a.length > b.length ? a : b, []);
+    return [h('h2', {}, kind), h('p', { class: 'faint' }, DOES[kind] ?? ''),
+      timing ? h('p', {}, `Latency ${told(timing.latency)} cycles, interval ${told(timing.interval)}${timing.units > 1 ? `, ${timing.units} side by side` : ''}.`) : null,
+      h('h3', {}, 'Stalls'), table(['', 'items', ...STATES, 'starved by', 'blocked by'], stalls),
+      deepest.length > 1 ? [h('h3', {}, 'Results that waited behind it'), bars(deepest.map((count, nth) => [String(nth), count]))] : [],
+      cost ? [h('h3', {}, 'Area'), h('p', {}, `${told(Math.round(cost.area))} LUT equivalents, ${share(cost.area, area)} of the machine: ${['multiplier', 'adder', 'multiplexer', 'register', 'rom'].map(part => `${part} ${told(cost[part])}`).join(', ')} bits; ${told(cost.blocks_18)} blocks of 18×18.`)] : [],
+      signals.length ? [h('h3', {}, 'Ranges'), h('p', { class: 'faint' }, 'Words by powers of two of their magnitude; zeros at the left. A line marks what the format can hold.'), ...signals.map(rangeOf)] : [],
+    ].flat().filter(Boolean);
+  };
+  const bars = entries => {
+    const most = Math.max(...entries.map(([, count]) => count), 1), step = Math.min(26, 700 / entries.length), wide = step * entries.length + 20;
+    return svg('svg', { viewBox: `0 0 ${wide} 92`, width: wide, height: 92, role: 'img', 'aria-label': 'histogram' }, entries.map(([name, count], nth) => {
+      const high = 66 * count / most, made = svg('g', {}, svg('rect', { x: 10 + nth * step, y: 72 - high, width: Math.max(1, step - 2), height: high, fill: 'var(--c0)' }), step > 16 || nth % 4 === 0 ? textAt(10 + nth * step + step / 2 - 1, 86, name, 'faint', 'middle') : null);
+      made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, `${name}: ${told(count)}`));
+      made.addEventListener('pointerleave', tip.hide);
+      return made;
+    }));
+  };
+  const rangeOf = signal => {
+    const { counts, first_log2: first, zeros } = signal.histogram;
+    const [, signed, integer, fraction] = /^([UI])(-?\d+)F(-?\d+)$/.exec(signal.format) ?? [];
+    const low = -Number(fraction), high = Number(integer) - (signed === 'I' ? 1 : 0);
+    const outside = signal.saturated_low + signal.saturated_high + signal.wrapped;
+    const facts = [`${told(signal.words)} words`, signal.min === null ? null : `${told(signal.min)} to ${told(signal.max)}`, signal.narrowest && signal.narrowest !== signal.format ? `${signal.narrowest} would do` : null, outside ? `${told(outside)} outside of the range` : null].filter(Boolean).join('; ');
+    const head = h('summary', {}, h('b', {}, signal.name), ` ${signal.format}: ${facts}`);
+    if (!counts.length && !zeros) return h('div', {}, head.textContent);
+    const from = Math.min(low, first), to = Math.max(high, first + counts.length), places = to - from, step = Math.min(22, 620 / places), most = Math.max(zeros, ...counts);
+    const tall = count => count ? Math.max(1, 54 * Math.log(1 + count) / Math.log(1 + most)) : 0;
+    const bar = (nth, count, says) => {
+      const made = svg('rect', { x: 34 + nth * step, y: 62 - tall(count), width: Math.max(1, step - 1.5), height: tall(count), fill: nth < 0 ? 'var(--c6)' : 'var(--c0)' });
+      made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, `${says}: ${told(count)}`));
+      made.addEventListener('pointerleave', tip.hide);
+      return made;
+    };
+    const edge = power => svg('line', { x1: 34 + (power - from) * step - 1, x2: 34 + (power - from) * step - 1, y1: 4, y2: 66, stroke: 'var(--c1)', 'stroke-width': 1.5 });
+    const wide = 44 + places * step + 20;
+    const picture = svg('svg', { viewBox: `0 0 ${wide} 84`, width: wide, height: 84, role: 'img', 'aria-label': `range of ${signal.name}` }, bar(-1.2, zeros, 'zero'), counts.map((count, nth) => bar(first - from + nth, count, `2^${first + nth}`)), edge(low), edge(high),
+      textAt(34, 80, `2^${from}`, 'faint'), textAt(34 + places * step, 80, `2^${to}`, 'faint', 'end'), textAt(4, 80, '0', 'faint'));
+    return h('details', { open: outside > 0 }, head, picture);
+  };
+
+  // ---- What each unit does ----
+
+  const stacks = width => {
+    const W = Math.min(width, 860), ROW = 22, LEFT = 86;
+    const picture = svg('svg', { viewBox: `0 0 ${W} ${ROW * units.length + 22}`, width: W, height: ROW * units.length + 22, role: 'img', 'aria-label': 'what each unit does' });
+    units.forEach((unit, nth) => {
+      const y = nth * ROW + 4;
+      let left = LEFT;
+      picture.append(textAt(LEFT - 8, y + 13, unit.name, '', 'end'));
+      STATES.forEach(state => {
+        const long = (W - LEFT - 8) * unit[state] / Math.max(1, total), made = svg('rect', { x: left, y, width: long, height: ROW - 6, fill: SHADES[state] });
+        made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, h('b', {}, unit.name), `${state}: ${told(unit[state])} cycles, ${share(unit[state], total)}`));
+        made.addEventListener('pointerleave', tip.hide);
+        picture.append(made);
+        left += long;
+      });
+    });
+    [0, 50, 100].forEach(part => picture.append(textAt(LEFT + (W - LEFT - 8) * part / 100, ROW * units.length + 18, part + '%', 'faint', part === 100 ? 'end' : part ? 'middle' : 'start')));
+    return picture;
+  };
+  const legend = h('div', { class: 'legend' }, STATES.map(state => { const swatch = h('i'); swatch.style.background = SHADES[state]; return h('span', {}, swatch, state); }));
+
+  // ---- Over time ----
+
+  const timed = units.filter(unit => unit.over_time?.busy.length);
+  const timeline = h('div', { id: 'timeline' });
+  let plot = null;
+  const drawTimeline = () => {
+    if (!timeline.clientWidth || !timed.length) return;
+    plot?.destroy();
+    const POINTS = 600, x = Array.from({ length: POINTS }, (_, nth) => total * (nth + 0.5) / POINTS);
+    const busy = timed.map(({ over_time: { window, busy } }) => x.map(cycle => 100 * (busy[Math.floor(cycle / window)] ?? 0) / window));
+    const axis = { stroke: ink('ink'), grid: { stroke: ink('line'), width: 1 }, ticks: { stroke: ink('line') } };
+    const dashes = [[], [6, 3], [2, 2]];
+    plot = new uPlot({
+      width: timeline.clientWidth, height: 300, scales: { x: { time: false }, y: { range: [0, 100] } },
+      axes: [{ ...axis, label: 'cycle', values: (_, ticks) => ticks.map(tick => told(tick)) }, { ...axis, label: '% of cycles busy', size: 56 }],
+      series: [{ label: 'cycle', value: (_, value) => value === null ? '' : told(Math.round(value)) }, ...timed.map((unit, nth) => ({ label: unit.name, stroke: colour(nth % 7), dash: dashes[Math.floor(nth / 7) % 3], width: 1.6, show: sum(base(unit), 'busy') / total > 0.02, value: (_, value) => value === null ? '' : value.toFixed(0) + '%' }))],
+    }, [x, ...busy], timeline);
+  };
+
+  // ---- Roofline ----
+
+  const roofline = width => {
+    const { memory } = cycles, contributions = report?.scene.fragments ?? sum('gauss', 'items');
+    if (!memory?.bytes || !contributions || !total) return null;
+    const rate = contributions * cycles.clock_hz / total, intensity = contributions / memory.bytes;
+    const roofs = kinds.map(kind => [kind, sum(kind, 'busy') && contributions * cycles.clock_hz * of(kind).length / sum(kind, 'busy')]).filter(([, roof]) => roof).sort((a, b) => a[1] - b[1]).slice(0, 3);
+    const peak = memory.peak_bytes_per_second;
+    const W = Math.min(width, 860), H = 330, box = { left: 74, right: W - 20, top: 16, bottom: H - 42 };
+    const xs = [intensity / 30, intensity * 30].map(Math.log10), tops = [rate, ...roofs.map(([, roof]) => roof), peak ? peak * intensity : rate];
+    const ys = [Math.log10(Math.min(...tops) / 12), Math.log10(Math.max(...tops) * 2.5)];
+    const X = value => box.left + (box.right - box.left) * (Math.log10(value) - xs[0]) / (xs[1] - xs[0]), Y = value => box.bottom - (box.bottom - box.top) * (Math.log10(value) - ys[0]) / (ys[1] - ys[0]);
+    const picture = svg('svg', { viewBox: `0 0 ${W} ${H}`, width: W, height: H, role: 'img', 'aria-label': 'roofline' }, svg('clipPath', { id: 'inside' }, svg('rect', { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top })), svg('rect', { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top, fill: 'none', stroke: 'var(--line)' }));
+    const decades = ([from, to]) => Array.from({ length: Math.floor(to) - Math.ceil(from) + 1 }, (_, nth) => Math.pow(10, Math.ceil(from) + nth));
+    decades(xs).forEach(value => picture.append(textAt(X(value), box.bottom + 15, told(value, 2), 'faint', 'middle')));
+    decades(ys).forEach(value => picture.append(textAt(box.left - 6, Y(value) + 4, value.toExponential(0), 'faint', 'end'), svg('line', { x1: box.left, x2: box.right, y1: Y(value), y2: Y(value), stroke: 'var(--line)', opacity: 0.6 })));
+    const [least, most] = xs.map(power => Math.pow(10, power));
+    if (peak) picture.append(svg('line', { x1: X(least), y1: Y(least * peak), x2: X(most), y2: Y(most * peak), stroke: 'var(--c4)', 'stroke-width': 2.5, 'clip-path': 'url(#inside)' }), textAt(box.left + 8, box.top + 16, `slope: memory, ${told(peak / 1e9, 3)} GB/s`, 'faint'));
+    roofs.forEach(([kind, roof], nth) => picture.append(svg('line', { x1: box.left, x2: box.right, y1: Y(roof), y2: Y(roof), stroke: `var(--c${[0, 2, 3][nth]})`, 'stroke-width': 2, 'stroke-dasharray': nth ? '6 4' : '' }), textAt(nth === 1 ? box.left + 8 : box.right - 6, Y(roof) + (nth < 2 ? 14 : -5), `${kind} always busy: ${told(roof / 1e6, 3)} M/s`, 'faint', nth === 1 ? 'start' : 'end')));
+    picture.append(svg('circle', { cx: X(intensity), cy: Y(rate), r: 6, fill: 'var(--c1)' }), textAt(X(intensity), Y(rate) + 22, `this frame: ${told(rate / 1e6, 3)} M/s at ${told(intensity, 3)} a byte`, '', 'middle'));
+    picture.append(textAt((box.left + box.right) / 2, H - 8, 'contributions a byte of memory', 'faint', 'middle'), textAt(4, 12, 'contributions/s', 'faint'));
+    return picture;
+  };
+  const roof = roofline(600) && fitted(roofline);
+
+  choose(chosen);
+  onWidth(diagram, drawDiagram);
+  onWidth(timeline, drawTimeline);
+  onColours(drawTimeline);
+  const area = report ? `; ${told(Math.round(report.cost.area))} LUT equivalents, ${told(1e3 * report.cost.energy.total, 3)} mJ a frame` : '';
+  return [
+    h('p', {}, `${described ? described.name + ': ' : ''}${told(total)} cycles at ${told(cycles.clock_hz / 1e6)} MHz, ${told(cycles.frames_per_second, 4)} frames/s; limited by ${cycles.bottleneck}${area}.`),
+    h('p', { class: 'faint' }, 'Wires have the formats of their words; the bar in a box is what the unit does in the frame’s cycles. A unit opens below.'), legend.cloneNode(true), diagram, detail,
+    h('h2', {}, 'What each unit does'), legend, fitted(stacks),
+    ...(timed.length ? [h('h2', {}, 'Units over time'), h('p', { class: 'faint' }, 'Dragging from left to right looks nearer, a double click shows all; a click on a name hides its line.'), timeline] : []),
+    ...(roof ? [h('h2', {}, 'Roofline'), h('p', { class: 'faint' }, 'No frame is above the slope, which memory sets, nor above a line, which a unit sets.'), roof] : []),
+    ...(described ? [h('h2', {}, 'Its description'), h('p', {}, h('button', { onclick: () => save(described.name.replace(/[^\w.-]/g, '_') + '.json', JSON.stringify(described, null, 2)) }, 'save as a file'))] : []),
+  ];
+};

@@ -1,0 +1,44 @@
+//! Export: the same page as one file that needs no server and no network; what is computed on demand is left out.
+//!
+//! Law (tests/view.rs): `an_export_names_nothing_outside_of_itself`.
+
+use super::View;
+use super::assets;
+use crate::error::{Error, Result};
+use crate::output::files::write_beside;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::{Map, Value};
+use std::io::Write;
+use std::path::Path;
+
+/// Writes a folder's page into a file.
+///
+/// # Errors
+/// [`Error::Input`] where there is no place for it, [`Error::Job`] where it cannot be written.
+pub fn write(view: &View, path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let input_error = |what: &str| Err(Error::input(format!("--export {}: cannot be written: {what}", path.display())));
+    if folder.is_some_and(|folder| !folder.is_dir()) {
+        return input_error("there is no such folder");
+    }
+    if path.is_dir() {
+        return input_error("it is a folder, and a file is needed");
+    }
+    let page = html(view);
+    write_beside(path, |file| file.write_all(page.as_bytes()).map_err(|e| e.to_string()))
+}
+
+/// The page, with pictures as data URLs.
+pub fn html(view: &View) -> String {
+    let folder = view.folder();
+    let mut told = folder.told.clone();
+    let names = folder.files.keys().filter(|name| name.ends_with(".png"));
+    let pictures = names.filter_map(|name| {
+        let bytes = folder.file(name)?;
+        Some((name.clone(), Value::from(format!("data:image/png;base64,{}", STANDARD.encode(bytes)))))
+    });
+    told["files"] = Value::Object(pictures.collect::<Map<_, _>>());
+    // Inside of a script element only its end, or a comment's beginning, would be read as something else.
+    assets::page_with(&told.to_string().replace('<', "\\u003c"))
+}

@@ -1,0 +1,112 @@
+//! View: shows what is in a folder in a browser: the frame and each pixel's story, the machine, rows of a sweep.
+//!
+//! ```text
+//! DIR ─► folder ─┬─► server ─► answers: page, assets, files, pixels, maps, stories ─► browser
+//!                └─► export ─► one HTML file with all but what is computed on demand
+//! redraw ────────────► pixels, maps, stories (drawn when first asked for)
+//! assets/            HTML, CSS and JavaScript as they are; uPlot draws charts
+//! ```
+//! The page is plain HTML, CSS and JavaScript and asks this program for data alone. Charts with axes are uPlot's (1.6.32, 51 KB, MIT): it
+//! draws 10,000 points in a few milliseconds on a canvas, where Observable Plot and Vega-Lite bring ten times as many bytes.
+//!
+//! Laws: tests/view.rs (the server), tests/browser.rs (the page).
+
+pub mod assets;
+pub mod export;
+pub mod folder;
+pub mod http;
+pub mod redraw;
+pub mod server;
+
+use crate::error::Result;
+use folder::Folder;
+use http::{Request, Response};
+use redraw::Redraw;
+use server::Answers;
+use std::borrow::Cow;
+use std::ffi::OsString;
+use std::path::Path;
+use std::sync::OnceLock;
+
+/// A folder, and what is computed of it on demand.
+#[derive(Debug)]
+pub struct View {
+    folder: Folder,
+    /// Where the scene lies, if not where it lay.
+    scene: Option<OsString>,
+    /// Drawn when it is first asked for; or why it cannot be.
+    redraw: OnceLock<std::result::Result<Redraw, String>>,
+}
+
+impl View {
+    /// Reads a folder.
+    ///
+    /// # Errors
+    /// As [`Folder::read`].
+    pub fn new(folder: &Path, scene: Option<OsString>) -> Result<Self> {
+        Ok(View { folder: Folder::read(folder)?, scene, redraw: OnceLock::new() })
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Folder {
+        &self.folder
+    }
+
+    fn redraw(&self) -> std::result::Result<&Redraw, Response> {
+        let run = self.folder.run.as_ref().ok_or(Response::refusal(404))?;
+        let drawn = self.redraw.get_or_init(|| Redraw::new(run, self.scene.as_deref()).map_err(|error| error.to_string()));
+        drawn.as_ref().map_err(|sentence| Response::sentence(503, sentence))
+    }
+
+    fn computed(&self, name: &str, request: &Request) -> std::result::Result<Response, Response> {
+        if !["drawn", "pixel", "story"].contains(&name) {
+            return Err(Response::refusal(404));
+        }
+        let redraw = self.redraw()?;
+        let pixel = || request.number("x").zip(request.number("y")).map(|(x, y)| [x, y]).ok_or(Response::refusal(400));
+        let json = |value: &serde_json::Value| Response::json(value.to_string());
+        match name {
+            "drawn" => Ok(json(&serde_json::json!({"maps": redraw::MAPS}))),
+            "pixel" => Ok(json(&redraw.pixel(pixel()?).ok_or(Response::refusal(404))?)),
+            _ => {
+                let story = redraw.story(pixel()?).map_err(|error| Response::sentence(404, &error.to_string()))?;
+                Ok(json(&serde_json::json!(story)))
+            }
+        }
+    }
+
+    fn map(&self, name: &str) -> std::result::Result<Response, Response> {
+        let values = self.redraw()?.map(name).ok_or(Response::refusal(404))?;
+        Ok(Response { status: 200, kind: "application/octet-stream", body: Cow::Owned(values) })
+    }
+}
+
+impl Answers for View {
+    fn answer(&self, path: &[&str], request: &Request) -> Response {
+        let either = |answer: std::result::Result<Response, Response>| answer.unwrap_or_else(|refusal| refusal);
+        match path {
+            [""] => Response { status: 200, kind: "text/html; charset=utf-8", body: Cow::Owned(assets::page().into_bytes()) },
+            ["folder"] => Response::json(self.folder.told.to_string()),
+            ["assets", name] => assets::ALL.iter().find(|asset| asset.name == *name).map_or_else(
+                || Response::refusal(404),
+                |asset| Response { status: 200, kind: asset.kind, body: Cow::Borrowed(asset.text.as_bytes()) },
+            ),
+            ["file", name] => self
+                .folder
+                .file(name)
+                .map_or_else(|| Response::refusal(404), |bytes| Response { status: 200, kind: kind_of(name), body: Cow::Owned(bytes) }),
+            ["map", name] => either(self.map(name)),
+            [name] => either(self.computed(name, request)),
+            _ => Response::refusal(404),
+        }
+    }
+}
+
+/// Media type of a file of a folder.
+fn kind_of(name: &str) -> &'static str {
+    match name.rsplit_once('.').map(|(_, end)| end) {
+        Some("png") => "image/png",
+        Some("json") => "application/json",
+        _ => "text/plain; charset=utf-8",
+    }
+}

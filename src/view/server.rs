@@ -1,0 +1,154 @@
+//! Server: answers requests on 127.0.0.1, of whoever knows the token in the address, for as long as it is wanted.
+//!
+//! ```text
+//! connection ─┬─► more than 32 at once: 503
+//!             └─► thread ─► head ─► Host is ours? ─► token is ours? ─► Answers ─► response, connection closed
+//! ```
+//! A page of another origin cannot read answers, for it has no token, and cannot reach them under another name (DNS rebinding), for
+//! `Host` must be this address. What is behind the token decides what there is to be had: no path of a request is ever a path of a file.
+//!
+//! Laws (tests/view.rs): `who_has_no_token_gets_nothing`, `no_path_leads_out_of_the_folder`, `hostile_requests_end_in_an_error_and_the_rest_goes_on`.
+
+use super::http::{self, Request, Response};
+use crate::error::{Error, Result};
+use std::io::Read;
+use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Connections at once; a browser opens six.
+const MOST_CONNECTIONS: usize = 32;
+/// Time for the other end to take a part of an answer.
+const TAKE_TIME: Duration = Duration::from_secs(30);
+/// What is still read of a refused request, so that its sender sees the refusal: bytes, and time.
+const MOST_DRAINED_BYTES: usize = 64 * 1024;
+const DRAIN_TIME: Duration = Duration::from_millis(200);
+
+/// What stands behind the token.
+pub trait Answers: Send + Sync + 'static {
+    /// The answer to a request, of whose path the token is taken away.
+    fn answer(&self, path: &[&str], request: &Request) -> Response;
+}
+
+/// A server that listens.
+#[derive(Debug)]
+pub struct Server {
+    listener: TcpListener,
+    port: u16,
+    token: String,
+}
+
+impl Server {
+    /// Listens on a free port of this computer, which no other one can reach.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where there is none, or no randomness for the token.
+    pub fn open() -> Result<Self> {
+        let failed = |what: &str| Error::job(format!("127.0.0.1: cannot be listened on: {what}"));
+        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| failed(&e.to_string()))?;
+        let port = listener.local_addr().map_err(|e| failed(&e.to_string()))?.port();
+        let mut random = [0; 16];
+        getrandom::fill(&mut random).map_err(|e| failed(&format!("no random token: {e}")))?;
+        Ok(Server { listener, port, token: crate::output::text::hex(&random) })
+    }
+
+    /// What a browser is given to open.
+    pub fn address(&self) -> String {
+        format!("http://127.0.0.1:{}/{}/", self.port, self.token)
+    }
+
+    /// Answers until the time is over; without one, until the process ends.
+    pub fn serve(self, answers: impl Answers, time: Option<Duration>) {
+        let thread = thread::spawn(move || {
+            let (shared, open) = (Arc::new((self.port, self.token, answers)), Arc::new(AtomicUsize::new(0)));
+            for stream in self.listener.incoming() {
+                let Ok(stream) = stream else {
+                    // Out of handles, say: what is open will close.
+                    thread::sleep(Duration::from_millis(50));
+                    continue;
+                };
+                let Some(place) = Place::take(&open) else {
+                    refuse(stream, 503);
+                    continue;
+                };
+                let shared = Arc::clone(&shared);
+                let started = thread::Builder::new().spawn(move || {
+                    let (port, token, answers) = &*shared;
+                    converse(stream, *port, token, answers);
+                    drop(place);
+                });
+                // One that cannot be started took its connection with it.
+                drop(started);
+            }
+        });
+        match time {
+            Some(time) => thread::sleep(time),
+            None => _ = thread.join(),
+        }
+    }
+}
+
+/// One of the connections that may be open.
+struct Place(Arc<AtomicUsize>);
+
+impl Place {
+    fn take(open: &Arc<AtomicUsize>) -> Option<Self> {
+        let place = Place(Arc::clone(open));
+        (open.fetch_add(1, Ordering::SeqCst) < MOST_CONNECTIONS).then_some(place)
+    }
+}
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+/// Reads a request and answers it. Whatever goes wrong with the connection is its other end's.
+fn converse(mut stream: TcpStream, port: u16, token: &str, answers: &impl Answers) {
+    let request = http::read_head(&mut stream, |stream, left| _ = stream.set_read_timeout(Some(left))).and_then(|head| http::parse(&head));
+    let request = match request {
+        Ok(request) => request,
+        Err(status) => return refuse(stream, status),
+    };
+    if ![format!("127.0.0.1:{port}"), format!("localhost:{port}")].contains(&request.host) {
+        return refuse(stream, 421);
+    }
+    let path: Vec<&str> = request.path.iter().map(String::as_str).collect();
+    let Some((_, rest)) = path.split_first().filter(|(first, _)| is_equal(first.as_bytes(), token.as_bytes())) else {
+        return refuse(stream, 403);
+    };
+    let response = answers.answer(rest, &request);
+    let _ = stream.set_write_timeout(Some(TAKE_TIME));
+    if response.write(&mut stream, request.head_only).is_ok() {
+        let _ = stream.shutdown(Shutdown::Both);
+    }
+}
+
+/// Sends a status and closes. A little of what still comes is read: else the system would tell the sender of lost bytes, not of the status.
+fn refuse(mut stream: TcpStream, status: u16) {
+    let _ = stream.set_write_timeout(Some(DRAIN_TIME));
+    if Response::refusal(status).write(&mut stream, false).is_err() || stream.shutdown(Shutdown::Write).is_err() || status == 503 {
+        return;
+    }
+    let end = Instant::now() + DRAIN_TIME;
+    let mut left = MOST_DRAINED_BYTES;
+    let mut part = [0; 4096];
+    while left > 0 {
+        let time = end.saturating_duration_since(Instant::now());
+        if time.is_zero() || stream.set_read_timeout(Some(time)).is_err() {
+            return;
+        }
+        match stream.read(&mut part) {
+            Ok(length) if length > 0 => left = left.saturating_sub(length),
+            _ => return,
+        }
+    }
+}
+
+/// Whether two texts are equal, in a time that does not depend on where they differ.
+fn is_equal(a: &[u8], b: &[u8]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).fold(0, |different, (a, b)| different | a ^ b) == 0
+}

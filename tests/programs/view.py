@@ -1,0 +1,402 @@
+"""View: asks the page of `splatsim view` in Chromium what docs/book/view.md promises.
+
+    python tests/programs/view.py PROGRAM SCREENSHOTS [PICTURES_OF_THE_BOOK]
+
+Needs Playwright's library (tests/programs/requirements.txt) and Debian's chromium. Ends with an AssertionError where a promise is
+broken. What is compared comes from files and commands, never from the page's own code; seconds are printed, and judged by nobody.
+"""
+
+import contextlib
+import csv
+import hashlib
+import json
+import pathlib
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+from playwright.sync_api import sync_playwright
+
+PROGRAM, SCREENSHOTS = sys.argv[1], pathlib.Path(sys.argv[2])
+BOOK = pathlib.Path(sys.argv[3]) if len(sys.argv) > 3 else None
+SIZE = "96x80"
+
+
+def splatsim(*arguments, cwd=None):
+    done = subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, cwd=cwd)
+    assert done.returncode == 0, (arguments, done.stderr)
+    return done.stdout
+
+
+@contextlib.contextmanager
+def serving(folder):
+    """The address of a folder's page."""
+    with subprocess.Popen([PROGRAM, "view", folder, "--no-open", "--seconds", "600"], stdout=subprocess.PIPE, text=True) as process:
+        try:
+            yield process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+class Pages:
+    """Opens pages of a browser, and keeps what they complain about."""
+
+    def __init__(self, browser):
+        self.browser, self.wrong, self.asked = browser, [], []
+
+    @contextlib.contextmanager
+    def open(self, address, width=1280, scheme="light", offline=False):
+        context = self.browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, offline=offline, accept_downloads=True)
+        page = context.new_page()
+        page.set_default_timeout(120_000)
+        page.on("console", lambda message: self.wrong.append(message.text) if message.type == "error" else None)
+        page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        page.on("request", lambda request: self.asked.append(request.url))
+        page.goto(address)
+        page.wait_for_selector("[role=tab]")
+        yield page
+        assert not self.wrong, self.wrong
+        context.close()
+
+
+def keep(page, name, book=None, full=True):
+    SCREENSHOTS.mkdir(parents=True, exist_ok=True)
+    page.wait_for_timeout(250)
+    page.screenshot(path=SCREENSHOTS / f"{name}.png", full_page=full)
+    if BOOK and book:
+        BOOK.mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=BOOK / f"{book}.png", full_page=False)
+
+
+def fits(page):
+    # Pictures are drawn anew for another width.
+    until(page, lambda: page.evaluate("document.scrollingElement.scrollWidth <= innerWidth"))
+
+
+def pressed(page, side):
+    return page.locator(f"[aria-label='{side} picture'][role=group] [aria-pressed=true]").evaluate("button => button.firstChild.textContent")
+
+
+def painted(page, nth=0):
+    """Whether a pane shows more than one colour in its middle row."""
+    return page.evaluate(
+        """nth => { const canvas = document.querySelectorAll('.stage canvas')[nth];
+        if (!canvas || !canvas.width) return false;
+        const { data } = canvas.getContext('2d').getImageData(0, canvas.height / 2, canvas.width, 1);
+        return new Set(new Uint32Array(data.buffer)).size > 3; }""",
+        nth,
+    )
+
+
+def until(page, holds):
+    end = time.monotonic() + 60
+    while not holds():
+        assert time.monotonic() < end, "waited in vain"
+        page.wait_for_timeout(30)
+
+
+def frame_is_shown(pages, folder, scene):
+    report = json.loads((folder / "report.json").read_text())
+    with serving(folder) as address, pages.open(address) as page:
+        until(page, lambda: painted(page, 0) and painted(page, 1))
+        assert [pressed(page, "left"), pressed(page, "right")] == ["fixed", "golden"]
+        # Keys.
+        page.keyboard.press("3")
+        page.keyboard.press("Shift+Digit5")
+        assert [pressed(page, "left"), pressed(page, "right")] == ["ideal", "flips"]
+        for letter, mode in [("s", "slider"), ("o", "one"), ("t", "side by side")]:
+            page.keyboard.press(letter)
+            assert page.locator("button[aria-pressed=true]", has_text=mode).count() == 1, mode
+        page.keyboard.press("1")
+        page.keyboard.press("Shift+Digit2")
+        # A click tells the story that `explain --json` tells.
+        left, top, side = page.evaluate(
+            """() => { const box = document.querySelector('.stage canvas').getBoundingClientRect();
+            const scale = Math.min(box.width / %d, box.height / %d);
+            return [box.left + box.width / 2 - scale * %d / 2, box.top + box.height / 2 - scale * %d / 2, scale]; }"""
+            % (96, 80, 96, 80)
+        )
+        x, y = 50, 44
+        page.mouse.click(left + (x + 0.5) * side, top + (y + 0.5) * side)
+        page.wait_for_selector("#contributions")
+        told = lambda x, y: json.loads(splatsim("explain", scene, "--size", SIZE, "--machine", "tiny", "--pixel", f"{x},{y}", "--json"))
+        story_is(page, told(x, y))
+        values = page.locator("#values table tr").evaluate_all("rows => rows.map(row => [...row.cells].map(cell => cell.textContent))")
+        values = {row[0]: row[1:] for row in values}
+        assert [float(value) for value in values["fixed"]] == [round(value, 6) for value in told(x, y)["fixed"]], values
+        assert values["word, U1F8"] == [f"{word:x}" for word in told(x, y)["frame_words"]], values
+        # The command repeats it.
+        command = shlex.split(page.locator("#command").text_content())
+        assert command[:2] == ["splatsim", "explain"] and json.loads(splatsim(*command[1:], "--json")) == told(x, y)
+        # Neighbours.
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("ArrowDown")
+        page.wait_for_selector(f"#story h2:has-text('Pixel {x + 1},{y + 1}:')")
+        story_is(page, told(x + 1, y + 1))
+        # The worst pixel is where the error's picture is brightest.
+        page.keyboard.press("w")
+        until(page, lambda: page.evaluate("document.querySelector('#story h2')?.textContent.includes('Pixel 51,45:') === false"))
+        worst = [int(number) for number in re.match(r"Pixel (\d+),(\d+)", page.locator("#story h2").text_content()).groups()]
+        story = told(*worst)
+        off = max(abs(a - b) for a, b in zip(story["fixed"][:3], story["golden"][:3]))
+        assert off > 0.3 * report["accuracy"]["fixed_vs_golden"]["max_error"], (worst, off)
+        until(page, lambda: painted(page))
+        keep(page, "pixel-light-1280", book="frame", full=False)
+        page.locator("#story").scroll_into_view_if_needed()
+        page.evaluate("document.querySelector('#story').scrollIntoView()")
+        # Where the scene lies on this computer is nobody's business.
+        page.evaluate("folder => { const shown = document.querySelector('#command'); shown.textContent = shown.textContent.replace(folder, ''); }", f"{scene.parent}/")
+        keep(page, "story-light-1280", book="pixel", full=False)
+        # A map, with the greatest count that it has.
+        page.keyboard.press("8")
+        page.wait_for_selector(".legend:has-text('contributions: 0')")
+        most = page.evaluate("async () => Math.max(...new Float32Array(await (await fetch('map/contributions')).arrayBuffer()))")
+        assert f" {most:.0f}" in page.locator(".legend", has_text="contributions: 0").first.text_content()
+        keep(page, "map-light-1280")
+        # The machine.
+        page.get_by_role("tab", name="Machine").click()
+        units = page.locator("#diagram .unit").evaluate_all("units => units.map(unit => unit.dataset.unit)")
+        assert sorted(units) == sorted(unit["name"] for unit in report["cycles"]["units"]), units
+        assert "weight U-2F10" in page.locator("#diagram svg").text_content()
+        page.locator("#diagram [data-unit=raster]").focus()
+        page.keyboard.press("Enter")
+        area = next(unit["area"] for unit in report["cost"]["units"] if unit["name"] == "raster")
+        told_of = page.locator("#unit").text_content()
+        assert told_of.startswith("raster") and f"{area:,.0f} LUT equivalents" in told_of and "Ranges" in told_of, told_of
+        assert page.locator("#unit details").count() == sum(1 for signal in report["signals"] if signal["unit"] == "raster" and signal["words"])
+        assert page.locator("#timeline canvas").count() == 1 and page.locator("svg[aria-label=roofline]").count() == 1
+        keep(page, "machine-light-1280")
+        # Tabs by keyboard.
+        page.get_by_role("tab", name="Machine").focus()
+        page.keyboard.press("ArrowRight")
+        page.wait_for_selector("#charts img")
+        page.keyboard.press("ArrowLeft")
+        page.keyboard.press("ArrowLeft")
+        assert page.locator("#frame").is_visible()
+        # Narrow, and wide again.
+        page.set_viewport_size({"width": 390, "height": 900})
+        page.evaluate("scrollTo(0, 0)")
+        until(page, lambda: painted(page))
+        fits(page)
+        keep(page, "frame-light-390")
+        for scheme in ["dark", "light"]:
+            page.emulate_media(color_scheme=scheme)
+            page.get_by_role("tab", name="Machine").click()
+            fits(page)
+            keep(page, f"machine-{scheme}-390")
+        page.set_viewport_size({"width": 1280, "height": 900})
+        page.emulate_media(color_scheme="dark")
+        keep(page, "machine-dark-1280")
+        page.get_by_role("tab", name="Frame").click()
+        until(page, lambda: painted(page))
+        keep(page, "frame-dark-1280")
+    # Nobody else reads it.
+    with serving(folder) as address:
+        context = pages.browser.new_context()
+        page = context.new_page()
+        assert page.goto(address.rsplit("/", 2)[0] + "/").status == 403
+        page.goto("data:text/html,<p>elsewhere")
+        assert page.evaluate("address => fetch(address).then(() => 'read', () => 'refused')", address + "folder") == "refused"
+        context.close()
+
+
+def story_is(page, story):
+    """Whether the page tells what `explain --json` told."""
+    rows = page.locator("#contributions tbody tr").evaluate_all("rows => rows.map(row => [row.className, ...[...row.cells].map(cell => cell.textContent)])")
+    assert len(rows) == min(500, len(story["contributions"])) and rows, len(rows)
+    for row, one in zip(rows, story["contributions"]):
+        expected = [str(one["splat"])]
+        for whose in ["fixed", "golden"]:
+            of = one[whose]
+            expected += [f"{of['radial_index']:.5f}", f"{of['weight']:.6f}", f"{of['z']:.5f}", of["decision"]] if of else ["–", "–", "–", "none"]
+        close = all(a == b or abs(float(a) - float(b)) < 2e-5 for a, b in zip(row[2:-1], expected))
+        assert close and (row[0] == "flip") == one["flip"], (row, expected)
+    rings = page.locator("#story svg[aria-label^='slots over time'] .flip").count()
+    drawn = sum((one["fixed"] is not None) + (one["golden"] is not None) for one in story["contributions"] if one["flip"])
+    assert rings == drawn, (rings, drawn)
+
+
+LESS, MORE = "area", ["fixed_vs_ideal_psnr_db", "frames_per_second"]
+
+
+def beats(a, b):
+    """Whether one row is as good as another in all three figures, and better in one."""
+    pairs = [(-float(a[LESS]), -float(b[LESS]))] + [(float(a[name]), float(b[name])) for name in MORE]
+    return all(x >= y for x, y in pairs) and any(x > y for x, y in pairs)
+
+
+def sweep_is_shown(pages, folder, machine):
+    with (folder / "sweep.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    with serving(folder) as address, pages.open(address) as page:
+        page.wait_for_selector(".rows tbody tr")
+        until(page, lambda: page.evaluate("rowsPlots.every(plot => plot.uplot())"))
+        page.wait_for_timeout(150)
+        shown = lambda: set(page.locator(".rows tbody tr").evaluate_all("rows => rows.map(row => Number(row.dataset.row))"))
+        assert shown() == set(range(len(rows)))
+        front = [row for row in rows if not any(beats(other, row) for other in rows)]
+        assert page.get_by_role("button", name=f"front of three ({len(front)})").count() == 1, len(front)
+        # A brush in the first plot, in pixels; which rows lie in it is found from the axes' ends.
+        box, ends = page.evaluate(
+            """() => { const { over, scales: { x, y } } = rowsPlots[0].uplot(), { left, top, width, height } = over.getBoundingClientRect();
+            return [[left, top, width, height], [x.min, x.max, y.min, y.max]]; }"""
+        )
+        parts = (0.05, 0.01, 0.62, 0.8)
+        from_x, from_y, to_x, to_y = (box[axis % 2] + part * box[2 + axis % 2] for axis, part in enumerate(parts))
+        page.mouse.move(from_x, from_y)
+        page.mouse.down()
+        page.mouse.move((from_x + to_x) / 2, (from_y + to_y) / 2, steps=3)
+        page.mouse.move(to_x, to_y)
+        page.mouse.up()
+        x_at = lambda pixel: ends[0] + (pixel - box[0]) / box[2] * (ends[1] - ends[0])
+        y_at = lambda pixel: ends[3] - (pixel - box[1]) / box[3] * (ends[3] - ends[2])
+        inside = lambda row: x_at(from_x) <= float(row["area"]) <= x_at(to_x) and y_at(to_y) <= float(row["fixed_vs_ideal_psnr_db"]) <= y_at(from_y)
+        expected = {nth for nth, row in enumerate(rows) if inside(row)}
+        until(page, lambda: shown() == expected)
+        assert 0 < len(expected) < len(rows)
+        assert page.locator("#count").text_content() == f"{len(expected)} of {len(rows)} rows"
+        keep(page, "sweep-light-1280", book="sweep", full=False)
+        page.keyboard.press("Escape")
+        assert len(shown()) == len(rows)
+        # Words, and a number.
+        middle = sorted(float(row["area"]) for row in rows)[len(rows) // 2]
+        page.locator("input[type=search]").fill(f"area<{middle}")
+        assert shown() == {nth for nth, row in enumerate(rows) if float(row["area"]) < middle}
+        page.locator("input[type=search]").fill(f"area<{middle} fragment.layers=1")
+        assert shown() == {nth for nth, row in enumerate(rows) if float(row["area"]) < middle and row["fragment.layers"] == "1"}
+        page.get_by_role("button", name="all rows").click()
+        # Sorted by a head.
+        page.locator("th[data-column=area] button").click()
+        page.locator("th[data-column=area] button").click()
+        first = int(page.locator(".rows tbody tr").first.get_attribute("data-row"))
+        assert float(rows[first]["area"]) == max(float(row["area"]) for row in rows)
+        # A machine by keyboard: its flags and its file are one machine.
+        page.locator(".rows tbody tr").first.focus()
+        page.keyboard.press("Enter")
+        assert "--set 'timing.raster.lanes=[" in page.locator(".flags").text_content()
+        flags = shlex.split(page.locator(".flags").text_content())
+        with page.expect_download() as download:
+            page.locator(".save").click()
+        file = folder / "described.json"
+        download.value.save_as(file)
+        shown_by = lambda *arguments: {**json.loads(splatsim("machine", "show", *arguments)), "name": ""}
+        assert flags and shown_by(file) == shown_by(machine, *flags)
+        # Two of them beside each other.
+        page.locator(".rows tbody tr").nth(3).click(modifiers=["Shift"])
+        heads = page.locator("#figures th").all_text_contents()
+        assert heads == ["", "A", "B", "B − A"], heads
+        other = int(page.locator(".rows tbody tr").nth(3).get_attribute("data-row"))
+        cells = page.locator("#figures tr", has=page.locator("td:text-is('energy_j')")).locator("td").all_text_contents()
+        assert [float(cell) for cell in cells[1:3]] == [float(f"{float(rows[row]['energy_j']):.6g}") for row in (first, other)], cells
+        keep(page, "compared-light-1280")
+        page.set_viewport_size({"width": 390, "height": 900})
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_timeout(200)
+        fits(page)
+        keep(page, "sweep-dark-390")
+
+
+def many_rows(folder, base):
+    """A folder of 10,000 rows, as `sweep` writes them."""
+    folder.mkdir()
+    columns = json.loads((base / "points.jsonl").read_text().splitlines()[0])
+    _, like = json.loads((base / "points.jsonl").read_text().splitlines()[1])
+    names = [column.split(": ")[0] for column in columns]
+    with (folder / "points.jsonl").open("w") as file:
+        file.write(json.dumps(columns, separators=(",", ":"), ensure_ascii=False) + "\n")
+        for point in range(10_000):
+            row = list(like)
+            row[0] = point
+            hashed = int(hashlib.sha256(str(point).encode()).hexdigest()[:12], 16)
+            for name, least, spread in [("area", 50_000, 100_000), ("frames_per_second", 20, 90), ("fixed_vs_ideal_psnr_db", 25, 30), ("psnr_db", 40, 50), ("cycles", 10**6, 10**7)]:
+                row[names.index(name)] = least + hashed % spread + (0.5 if name != "cycles" else 0)
+                hashed //= 7
+            # As the program's journal writes them; a number keeps its text where it is read and written again.
+            cells = "[" + ",".join(json.dumps(cell, ensure_ascii=False) for cell in row) + "]"
+            file.write(f'["{hashlib.sha256(cells.encode()).hexdigest()[:24]}",{cells}]\n')
+    shutil.copy(base / "plan.json", folder)
+
+
+def many_rows_are_shown(pages, folder):
+    with serving(folder) as address:
+        start = time.monotonic()
+        with pages.open(address) as page:
+            page.wait_for_selector(".rows tbody tr")
+            until(page, lambda: page.evaluate("rowsPlots.every(plot => plot.uplot())"))
+            page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+            print(f"10,000 rows are drawn {time.monotonic() - start:.2f} s after the browser is asked for the page")
+            assert page.locator("#count").text_content() == "10,000 rows"
+            keep(page, "many-light-1280")
+
+
+def others_are_shown(pages, folder):
+    """Folders of `replay` and `stress`."""
+    splatsim("replay", folder / "work", "--out", folder / "replayed")
+    splatsim("stress", "--case", "lone-splats", "--out", folder / "stressed", "--quiet")
+    with serving(folder / "replayed") as address, pages.open(address) as page:
+        assert page.locator("[role=tab]").all_text_contents() == ["Machine", "Charts"]
+        assert page.locator("#diagram .unit").count() > 5
+    with serving(folder / "stressed") as address, pages.open(address) as page:
+        assert page.locator("[role=tab]").all_text_contents() == ["Stress cases", "Charts"]
+        points = sum(len(machine["points"]) for case in json.loads((folder / "stressed/stress.json").read_text())["cases"] for machine in case["machines"])
+        assert page.locator("#count").text_content() == f"{points} rows"
+        keep(page, "stress-light-1280")
+
+
+def exports_need_nothing(pages, run, rows):
+    for folder in [run, rows]:
+        file = folder.parent / f"{folder.name}.html"
+        splatsim("view", folder, "--export", file)
+        pages.asked.clear()
+        with pages.open(file.as_uri(), offline=True) as page:
+            if folder is run:
+                until(page, lambda: painted(page, 0) and painted(page, 1))
+                page.locator(".stage canvas").first.click()
+                page.wait_for_selector("#values table")
+                assert "8 bits" in page.locator("#values").text_content()
+                assert page.locator("#command").text_content().startswith("splatsim explain ")
+                assert page.get_by_role("button", name="layers").count() == 0
+                page.get_by_role("tab", name="Machine").click()
+                assert page.locator("#diagram .unit").count() > 5
+                page.get_by_role("tab", name="Charts").click()
+                until(page, lambda: page.locator("#charts img").first.evaluate("image => image.naturalWidth > 0"))
+            else:
+                page.wait_for_selector(".rows tbody tr")
+                until(page, lambda: page.evaluate("rowsPlots.every(plot => plot.uplot())"))
+            keep(page, f"export-{folder.name}")
+        elsewhere = [url[:80] for url in pages.asked if not url.startswith(("data:", "blob:")) and url.split("#")[0] != file.as_uri()]
+        assert not elsewhere, elsewhere
+
+
+def main():
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
+        folder = pathlib.Path(name)
+        scene = folder / "few spheres.json"
+        scene.write_text('{"splats": {"builtin": "glass-spheres", "count": 6000}}')
+        plan = folder / "plan.json"
+        fields = [{"field": "gauss.weight", "add_frac_bits": [-4, 0]}, {"field": "fragment.layers", "range": [1, 4, 1]}, {"field": "timing.raster.lanes", "values": [[2, 2], [4, 1]]}]
+        plan.write_text(json.dumps({"scenes": [scene.name], "size": [40, 32], "machine": "lean", "axes": fields}))
+        splatsim("run", scene, "--size", SIZE, "--machine", "tiny", "--quiet", "--out", folder / "run", "--record", folder / "work")
+        splatsim("sweep", plan, "--quiet", "--out", folder / "rows")
+        many_rows(folder / "many", folder / "rows")
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        pages = Pages(browser)
+        questions = [
+            (frame_is_shown, folder / "run", scene),
+            (sweep_is_shown, folder / "rows", "lean"),
+            (many_rows_are_shown, folder / "many"),
+            (others_are_shown, folder),
+            (exports_need_nothing, folder / "run", folder / "rows"),
+        ]
+        for question, *arguments in questions:
+            start = time.monotonic()
+            question(pages, *arguments)
+            print(f"{time.monotonic() - start:5.1f} s  {question.__name__}")
+        browser.close()
+
+
+main()

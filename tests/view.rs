@@ -1,0 +1,528 @@
+//! Does `view` answer whoever has the token and nobody else, and does it give out what lies in the folder and nothing else
+//! (docs/book/view.md)? Requests are written byte by byte; what a page does with the answers is asked by `tests/browser.rs`.
+
+use crate::program::PROGRAM;
+use proptest::prelude::*;
+use serde_json::{Value, json};
+use splatsim::view::http::{Request, Response};
+use splatsim::view::server::{Answers, Server};
+use splatsim::view::{View, assets, export};
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Arc, LazyLock};
+use std::thread;
+use std::time::Duration;
+
+/// A folder of a small run, and what is beside it.
+struct Made {
+    folder: tempfile::TempDir,
+}
+
+impl Made {
+    fn run(&self) -> std::path::PathBuf {
+        self.folder.path().join("run")
+    }
+
+    fn scene(&self) -> String {
+        self.folder.path().join("few.json").to_str().unwrap().to_owned()
+    }
+}
+
+static MADE: LazyLock<Made> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("secret.png"), "nobody's").unwrap();
+    let out = folder.path().join("run");
+    let scene = folder.path().join("few.json");
+    // Few splats: some tests draw them unoptimised.
+    std::fs::write(&scene, r#"{"splats": {"builtin": "glass-spheres", "count": 5000}}"#).unwrap();
+    let arguments = ["run", scene.to_str().unwrap(), "--size", "40x32", "--machine", "tiny", "--quiet", "--out", out.to_str().unwrap()];
+    assert!(Command::new(PROGRAM.as_str()).args(arguments).status().unwrap().success());
+    std::fs::create_dir(out.join("below")).unwrap();
+    std::fs::write(out.join("below/secret.json"), "nobody's").unwrap();
+    std::fs::write(out.join("notes.txt"), "nobody's").unwrap();
+    #[cfg(unix)]
+    std::os::unix::fs::symlink(folder.path().join("secret.png"), out.join("link.png")).unwrap();
+    Made { folder }
+});
+
+/// A server in this process, on a folder.
+struct Served {
+    host: String,
+    token: String,
+}
+
+fn served(answers: impl Answers) -> Served {
+    let server = Server::open().unwrap();
+    let address = server.address();
+    let (host, token) = address.strip_prefix("http://").unwrap().split_once('/').unwrap();
+    let served = Served { host: host.into(), token: token.trim_end_matches('/').into() };
+    thread::spawn(move || server.serve(answers, None));
+    served
+}
+
+static SERVED: LazyLock<Served> = LazyLock::new(|| served(View::new(&MADE.run(), None).unwrap()));
+
+impl Served {
+    /// All that comes back for some bytes; nothing where the connection was cut.
+    fn sent(&self, bytes: &[u8]) -> Vec<u8> {
+        let mut stream = TcpStream::connect(&self.host).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(30))).unwrap();
+        // Whoever is refused early may not have sent all.
+        let _ = stream.write_all(bytes);
+        let _ = stream.shutdown(Shutdown::Write);
+        let mut back = Vec::new();
+        let _ = stream.read_to_end(&mut back);
+        back
+    }
+
+    fn status(&self, bytes: &[u8]) -> u16 {
+        status_of(&self.sent(bytes))
+    }
+
+    /// Status and body of what lies behind the token.
+    fn get(&self, path: &str) -> (u16, Vec<u8>) {
+        let Served { host, token } = self;
+        let back = self.sent(format!("GET /{token}/{path} HTTP/1.1\r\nHost: {host}\r\n\r\n").as_bytes());
+        let body = back.windows(4).position(|four| four == b"\r\n\r\n").map_or(back.len(), |at| at + 4);
+        (status_of(&back), back[body..].to_vec())
+    }
+
+    fn json(&self, path: &str) -> Value {
+        let (status, body) = self.get(path);
+        assert_eq!(status, 200, "{path}: {}", String::from_utf8_lossy(&body));
+        serde_json::from_slice(&body).unwrap()
+    }
+}
+
+fn status_of(back: &[u8]) -> u16 {
+    let line = String::from_utf8_lossy(&back[..back.len().min(12)]).into_owned();
+    line.strip_prefix("HTTP/1.1 ").and_then(|status| status.parse().ok()).unwrap_or(0)
+}
+
+fn splatsim(arguments: &[&str]) -> Output {
+    assert_cmd::Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(60)).output().unwrap()
+}
+
+// ---- Who is answered ----
+
+#[test]
+fn who_has_no_token_gets_nothing() {
+    let Served { host, token } = &*SERVED;
+    let other = token.chars().rev().collect::<String>();
+    let ask = |path: &str, host: &str| SERVED.status(format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n").as_bytes());
+    for path in ["/", "/folder", "/favicon.ico", "/assets/view.js", "/file/fixed.png", &format!("/{other}/"), &format!("/{}/", &token[1..])]
+    {
+        assert_eq!(ask(path, host), 403, "{path}");
+        let back = SERVED.sent(format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n").as_bytes());
+        assert!(!String::from_utf8_lossy(&back).contains("splatsim"), "{path}");
+    }
+    assert_eq!(ask(&format!("/{token}/"), host), 200);
+    // Another name that leads here, as a page elsewhere may make.
+    for foreign in ["example.org", "127.0.0.1", "127.0.0.1:1", "[::1]", ""] {
+        assert_eq!(ask(&format!("/{token}/"), foreign), 421, "{foreign:?}");
+    }
+    assert_eq!(ask(&format!("/{token}/"), &host.replace("127.0.0.1", "localhost")), 200);
+    assert_eq!(token.len(), 32);
+    assert_ne!(served(Nothing).token, *token);
+}
+
+struct Nothing;
+
+impl Answers for Nothing {
+    fn answer(&self, _: &[&str], _: &Request) -> Response {
+        Response::refusal(404)
+    }
+}
+
+#[test]
+fn hostile_requests_end_in_an_error_and_the_rest_goes_on() {
+    let Served { host, token } = &*SERVED;
+    let head = format!("GET /{token}/ HTTP/1.1\r\nHost: {host}\r\n");
+    for (what, bytes, status) in [
+        ("half a request", format!("GET /{token}/ HT"), 400),
+        ("no empty line", head.clone(), 400),
+        ("no host", format!("GET /{token}/ HTTP/1.1\r\n\r\n"), 400),
+        ("two hosts", format!("{head}Host: {host}\r\n\r\n"), 400),
+        ("an endless field", format!("{head}X: {}", "x".repeat(100_000)), 431),
+        ("a body", format!("POST /{token}/ HTTP/1.1\r\nHost: {host}\r\nContent-Length: 3\r\n\r\nabc"), 405),
+        ("a gigabyte", format!("{head}Content-Length: 1000000000\r\n\r\n{}", "x".repeat(1 << 20)), 413),
+        ("chunks", format!("{head}Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n"), 413),
+        ("another protocol", "\u{16}\u{3}\u{1}\r\n\r\n".into(), 400),
+        ("a proxy's form", format!("GET http://{host}/{token}/ HTTP/1.1\r\nHost: {host}\r\n\r\n"), 400),
+    ] {
+        assert_eq!(SERVED.status(bytes.as_bytes()), status, "{what}");
+    }
+    assert_eq!(SERVED.get("").0, 200);
+}
+
+#[test]
+fn a_hundred_connections_at_once_are_answered_or_refused() {
+    let served = served(View::new(&MADE.run(), None).unwrap());
+    // These say nothing, and hold their places until they are given up.
+    let held: Vec<TcpStream> = (0..100).map(|_| TcpStream::connect(&served.host).unwrap()).collect();
+    let refused = |mut stream: &TcpStream| {
+        stream.set_read_timeout(Some(Duration::from_millis(2_000))).unwrap();
+        let mut back = [0; 12];
+        stream.read_exact(&mut back).is_ok() && status_of(&back) == 503
+    };
+    // Those that came last found no place.
+    let last: Vec<bool> = held[60..].iter().map(refused).collect();
+    assert!(last.iter().all(|refused| *refused), "{last:?}");
+    drop(held);
+    let again = (0..200).any(|_| {
+        thread::sleep(Duration::from_millis(20));
+        served.get("").0 == 200
+    });
+    assert!(again);
+}
+
+// ---- What is given out ----
+
+#[test]
+fn no_path_leads_out_of_the_folder() {
+    assert_eq!(SERVED.get("file/fixed.png"), (200, std::fs::read(MADE.run().join("fixed.png")).unwrap()));
+    for path in [
+        "file/../secret.png",
+        "file/..%2fsecret.png",
+        "file/%2e%2e/secret.png",
+        "../secret.png",
+        "file/below/secret.json",
+        "file/below%2fsecret.json",
+        "file/link.png",
+        "file/notes.txt",
+        "file//etc/passwd",
+        "file/",
+        "file",
+        "assets/../mod.rs",
+        "assets/body.html",
+        "map/../bound",
+        "map/none",
+        "none",
+        "/",
+    ] {
+        let (status, body) = SERVED.get(path);
+        assert_eq!((status, body.as_slice()), (404, &b"404 Not Found\n"[..]), "{path}");
+    }
+    for path in ["pixel", "pixel?x=1", "pixel?x=-1&y=2", "story?x=a&y=0"] {
+        assert_eq!(SERVED.get(path).0, 400, "{path}");
+    }
+    for path in ["pixel?x=40&y=0", "pixel?x=0&y=32", "story?x=18446744073709551615&y=0"] {
+        assert_eq!(SERVED.get(path).0, 404, "{path}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    /// Whatever is asked for: a file of the folder, an asset, a number of the frame, or an error.
+    #[test]
+    fn no_path_makes_the_answers_panic_or_tell_more(
+        parts in prop::collection::vec(
+            prop_oneof![
+                "[ -~]{0,12}", Just("..".to_owned()), Just("file".to_owned()), Just("assets".to_owned()), Just("below".to_owned()),
+                Just("secret.json".to_owned()), Just("secret.png".to_owned()), Just("link.png".to_owned()), Just("map".to_owned()), Just(String::new()),
+                Just("fixed.png".to_owned()), Just("%2e%2e%2fsecret.png".to_owned()), Just("C:\\secret.png".to_owned()),
+            ],
+            0..6,
+        ),
+        x in any::<i64>(),
+    ) {
+        static VIEW: LazyLock<View> = LazyLock::new(|| View::new(&MADE.run(), None).unwrap());
+        let request = Request { path: parts.clone(), query: vec![("x".into(), x.to_string()), ("y".into(), "1".into())], host: String::new(), head_only: false };
+        let path: Vec<&str> = parts.iter().map(String::as_str).collect();
+        // What is drawn again is asked for elsewhere.
+        prop_assume!(!matches!(path.as_slice(), ["map", _] | ["pixel" | "story" | "drawn"]));
+        let response = VIEW.answer(&path, &request);
+        prop_assert!(!response.body.windows(8).any(|eight| eight == b"nobody's"), "{:?}", path);
+        let known = matches!(path.as_slice(), [""] | ["folder"] | ["assets" | "file", _]);
+        prop_assert_eq!(response.status, if known && response.status == 200 { 200 } else { 404 });
+    }
+}
+
+#[test]
+fn a_pixel_has_the_values_of_the_run() {
+    let folder = SERVED.json("folder");
+    let report: Value = serde_json::from_str(&std::fs::read_to_string(MADE.run().join("report.json")).unwrap()).unwrap();
+    assert_eq!(folder["run"]["report"], report);
+    assert_eq!(
+        (&folder["run"]["machine_name"], &folder["run"]["pictures"]),
+        (&json!("tiny"), &json!(["fixed", "golden", "ideal", "error", "flips"]))
+    );
+    assert_eq!(folder["charts"], json!(["bounds.png", "cycles.png", "ranges.png"]));
+    let pictures =
+        ["fixed", "golden", "ideal"].map(|name| (name, image::open(MADE.run().join(name).with_extension("png")).unwrap().into_rgba8()));
+    let mut contributions = 0;
+    for (x, y) in [(20, 16), (3, 30), (0, 0), (39, 31)] {
+        let pixel = SERVED.json(&format!("pixel?x={x}&y={y}"));
+        for (name, picture) in &pictures {
+            // The oracle encodes by the standard's formula and knows nothing of the program's.
+            let channels: Vec<f64> = pixel[*name].as_array().unwrap().iter().map(|channel| channel.as_f64().unwrap()).collect();
+            let code = |linear: f64| if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
+            let shown = picture.get_pixel(x, y).0;
+            for channel in 0..3 {
+                let straight = if channels[3] > 0.0 { (channels[channel] / channels[3]).clamp(0.0, 1.0) } else { 0.0 };
+                assert!((255.0 * code(straight) - f64::from(shown[channel])).abs() <= 0.51, "{name} {x},{y}: {channels:?} {shown:?}");
+            }
+        }
+        // U1F8 of `tiny`: 256 steps.
+        let number = |name: &str, channel: usize| pixel[name][channel].as_f64().unwrap();
+        assert_eq!(pixel["format"], "U1F8");
+        assert_eq!(number("words", 0) / 256.0, number("fixed", 0));
+        assert!(
+            (number("error", 1) * 256.0 - number("error_ulp", 1)).abs() < 1e-12
+                && (number("error_255", 1) - 255.0 * number("error", 1)).abs() < 1e-12
+        );
+        let story = SERVED.json(&format!("story?x={x}&y={y}"));
+        let on_machine = story["contributions"].as_array().unwrap().iter().filter(|one| !one["fixed"].is_null()).count();
+        assert_eq!(pixel["contributions"], on_machine);
+        assert_eq!(pixel["layers"], story["layers"]["fixed"].as_array().unwrap().len());
+        assert_eq!(story["fixed"], pixel["fixed"]);
+        contributions += on_machine;
+    }
+    assert!(contributions > 5);
+}
+
+#[test]
+fn maps_add_up_to_the_report() {
+    let report = &SERVED.json("folder")["run"]["report"];
+    let sum = |name: &str| {
+        let (status, bytes) = SERVED.get(&format!("map/{name}"));
+        assert_eq!((status, bytes.len()), (200, 40 * 32 * 4), "{name}");
+        bytes.as_chunks().0.iter().map(|four| f64::from(f32::from_le_bytes(*four))).sum::<f64>()
+    };
+    assert_eq!(json!(sum("contributions") as u64), report["scene"]["fragments"]);
+    assert_eq!(json!(sum("merges") as u64), report["fragments"]["merged"]);
+    assert!(sum("layers") <= sum("covered") * 3.0 && sum("layers") >= sum("covered") && sum("bound") > 0.0);
+}
+
+#[test]
+fn a_story_is_what_explain_says() {
+    let output = splatsim(&["explain", &MADE.scene(), "--size", "40x32", "--machine", "tiny", "--pixel", "20,16", "--json"]);
+    let story: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(story, SERVED.json("story?x=20&y=16"));
+    // The text says the same, row by row.
+    let text = splatsim(&["explain", &MADE.scene(), "--size", "40x32", "--machine", "tiny", "--pixel", "20,16"]).stdout;
+    let text = String::from_utf8(text).unwrap();
+    for one in story["contributions"].as_array().unwrap() {
+        let weight = one["fixed"]["weight"].as_f64().map_or("–".into(), |weight| format!("{weight:.6}"));
+        let row = text.lines().find(|line| line.split_whitespace().next() == Some(&one["splat"].to_string())).unwrap();
+        assert!(row.contains(&weight) && row.contains('◄') == one["flip"].as_bool().unwrap(), "{row}");
+        assert!(row.contains(one["fixed"]["decision"].as_str().unwrap_or("none")), "{row}");
+    }
+}
+
+#[test]
+fn a_scene_that_is_another_now_is_told_and_draws_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("few.json");
+    let write = |count: u32, fov: u32, cutoff: f64| {
+        let camera = format!(r#"{{"eye": [0, 2, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": {fov}, "near": 0.05}}"#);
+        let splats = format!(r#"{{"builtin": "checkerboard", "count": {count}}}"#);
+        std::fs::write(&scene, format!(r#"{{"splats": {splats}, "camera": {camera}, "kernel": {{"cutoff": {cutoff}}}}}"#)).unwrap();
+    };
+    write(2000, 60, 2.0);
+    let out = folder.path().join("out");
+    let arguments = ["run", scene.to_str().unwrap(), "--size", "24x20", "--machine", "tiny", "--quiet", "--out", out.to_str().unwrap()];
+    assert!(splatsim(&arguments).status.success());
+    for ((count, fov, cutoff), what) in
+        [((1000, 60, 2.0), "splats, and "), ((2000, 50, 2.0), "another camera"), ((2000, 60, 1.0), "contributions, and ")]
+    {
+        write(count, fov, cutoff);
+        let changed = served(View::new(&out, None).unwrap());
+        let (status, sentence) = changed.get("pixel?x=1&y=1");
+        let sentence = String::from_utf8(sentence).unwrap();
+        let is_told = sentence.contains("few.json: is not the scene of report.json any more") && sentence.contains(what);
+        assert!(status == 503 && is_told, "{status} {sentence}");
+        assert_eq!(changed.get("file/fixed.png").0, 200);
+    }
+    // Where it lies now can be said.
+    write(2000, 60, 2.0);
+    let other = folder.path().join("other.json");
+    std::fs::rename(&scene, &other).unwrap();
+    assert!(String::from_utf8(served(View::new(&out, None).unwrap()).get("pixel?x=1&y=1").1).unwrap().contains("no such file"));
+    let moved = served(View::new(&out, Some(other.into())).unwrap());
+    assert_eq!(moved.get("pixel?x=1&y=1").0, 200);
+}
+
+// ---- Folders ----
+
+#[test]
+fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
+    let refused = |arguments: &[&str], part: &str| {
+        let output = splatsim(&[&["view", "--no-open"], arguments].concat());
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), output.stdout.as_slice()), (Some(2), &b""[..]), "{arguments:?}: {told}");
+        assert!(told.contains(part) && told.trim_end().lines().count() == 1, "{told}");
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().to_str().unwrap();
+    refused(&[], "DIR");
+    refused(&[path], "holds nothing that view shows");
+    refused(&["/nowhere/at/all"], "/nowhere/at/all: cannot be read");
+    refused(&[MADE.run().join("report.json").to_str().unwrap()], "is a file");
+    refused(&[path, "--seconds", "0"], "--seconds");
+    let with = |name: &str, bytes: &[u8], part: &str| {
+        std::fs::write(folder.path().join(name), bytes).unwrap();
+        refused(&[path], part);
+        std::fs::remove_file(folder.path().join(name)).unwrap();
+    };
+    with("report.json", b"{\"scene\": ", "report.json: is no JSON that splatsim wrote");
+    with("report.json", b"{\"report\": \"of something else\"}", "report.json: has no scene.name: it is no report of `run`");
+    with("report.json", b"[\xff]", "report.json: cannot be read");
+    with("cycles.json", b"[]", "is no account of cycles");
+    with("stress.json", b"{\"cases\": 3}", "stress.json: has no cases");
+    with("choices.json", b"{\"choices\": [1, {\"rule\": {}}]}", "choices.json: has no choices");
+    with("points.jsonl", b"[\"point: Whole\"]\n", "plan.json: is missing");
+    // A report whose pictures are of another run, or none.
+    let report = std::fs::read(MADE.run().join("report.json")).unwrap();
+    std::fs::write(folder.path().join("report.json"), &report).unwrap();
+    with("fixed.png", b"GIF89a", "fixed.png: is no picture");
+    let other = folder.path().join("error.png");
+    image::RgbaImage::new(3, 2).save(&other).unwrap();
+    refused(&[path], "error.png: is 3×2, and report.json is of 40×32");
+    std::fs::remove_file(other).unwrap();
+    let text = String::from_utf8(report).unwrap().replace("\"layers\": 3", "\"layers\": 99");
+    std::fs::write(folder.path().join("report.json"), text).unwrap();
+    refused(&[path], "report.json: machine tiny cannot be built: fragment.layers is 99");
+}
+
+#[test]
+fn rows_of_every_kind_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(
+        folder.path().join("choices.json"),
+        r#"{"scenes": ["a"], "by": "area", "choices": [{"rule": "window", "layers": 2, "psnr_db": [30.5]}, {"rule": "none", "layers": 2, "psnr_db": [null]}]}"#,
+    )
+    .unwrap();
+    std::fs::write(
+        folder.path().join("stress.json"),
+        r#"{"version": "0", "cases": [{"name": "edge", "machines": [{"machine": "tiny", "points": [{"value": 1, "drawn": {"psnr_db": 3}}, {"value": 2, "refused": "no"}]}]}]}"#,
+    )
+    .unwrap();
+    let view = View::new(folder.path(), None).unwrap();
+    let tables = &view.folder().told["tables"];
+    assert_eq!(
+        tables[0]["columns"],
+        json!([
+            {"name": "by", "kind": "text", "rows": 2, "same": "area"},
+            {"name": "rule", "kind": "text", "values": ["window", "none"]},
+            {"name": "layers", "kind": "number", "rows": 2, "same": 2},
+            {"name": "psnr_db", "kind": "number", "values": [30.5, null]},
+        ])
+    );
+    assert_eq!(
+        tables[1]["columns"],
+        json!([
+            {"name": "name", "kind": "text", "rows": 2, "same": "edge"},
+            {"name": "machine", "kind": "text", "rows": 2, "same": "tiny"},
+            {"name": "value", "kind": "number", "values": [1, 2]},
+            {"name": "drawn.psnr_db", "kind": "number", "values": [3, null]},
+            {"name": "refused", "kind": "text", "values": [null, "no"]},
+        ])
+    );
+}
+
+// ---- The command ----
+
+/// A process that is ended with the test.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn view_prints_its_address_and_ends_after_its_seconds() {
+    let arguments = ["view", MADE.folder.path().join("run").to_str().unwrap(), "--no-open", "--seconds", "2"].map(str::to_owned);
+    let mut running = Running(Command::new(PROGRAM.as_str()).args(arguments).stdout(Stdio::piped()).spawn().unwrap());
+    let mut text = String::new();
+    let mut out = running.0.stdout.take().unwrap();
+    let mut byte = [0];
+    while !text.ends_with('\n') {
+        assert_eq!(out.read(&mut byte).unwrap(), 1, "{text}");
+        text.push(byte[0].into());
+    }
+    let (host, token) = text.trim().strip_prefix("http://").unwrap().split_once('/').unwrap();
+    let served = Served { host: host.into(), token: token.trim_end_matches('/').into() };
+    assert!(host.starts_with("127.0.0.1:"));
+    assert_eq!(served.get("").0, 200);
+    assert_eq!(running.0.wait().unwrap().code(), Some(0));
+}
+
+// ---- Export, and what ships ----
+
+#[test]
+fn an_export_names_nothing_outside_of_itself() {
+    let view = View::new(&MADE.run(), None).unwrap();
+    let page = export::html(&view);
+    let outside = ["src=\"", "href=\"assets", "@import", "url(h", "url(/", "url(\""].into_iter().find(|word| page.contains(word));
+    assert_eq!(outside, None);
+    // The one address is the name of SVG's elements, which nobody opens, and uPlot's own home in its comment.
+    let known = ["http://www.w3.org/2000/svg", "https://github.com/leeoniya/uPlot"];
+    let addresses: Vec<&str> = page.match_indices("://").map(|(at, _)| &page[at - 5..(at + 40).min(page.len())]).collect();
+    assert!(
+        addresses.iter().all(|address| known.iter().any(|known| address.trim_start_matches([':', '\'', '(']).starts_with(&known[..20]))),
+        "{addresses:?}"
+    );
+    let start = page.find("id=\"folder\">").unwrap() + 12;
+    let told = &page[start..start + page[start..].find("</script>").unwrap()];
+    let told: Value = serde_json::from_str(told).unwrap();
+    assert!(told["files"]["fixed.png"].as_str().unwrap().starts_with("data:image/png;base64,iVBOR"));
+    assert!(told["files"].get("link.png").is_none());
+    let file = MADE.folder.path().join("page.html");
+    let output = splatsim(&["view", MADE.run().to_str().unwrap(), "--export", file.to_str().unwrap()]);
+    assert!(output.status.success() && std::fs::read_to_string(&file).unwrap() == page);
+    let refused = splatsim(&["view", MADE.run().to_str().unwrap(), "--export", "/nowhere/page.html"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert_eq!(splatsim(&["view", MADE.run().to_str().unwrap(), "--export", "a.html", "--seconds", "3"]).status.code(), Some(2));
+}
+
+/// A name from a report must not end the script that it stands in.
+#[test]
+fn no_name_in_a_report_becomes_part_of_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("choices.json"), r#"{"choices": [{"rule": "</script><script>alert(1)</script><!--"}]}"#).unwrap();
+    let page = export::html(&View::new(folder.path(), None).unwrap());
+    assert!(!page.contains("<script>alert") && page.contains("\\u003cscript>alert"));
+}
+
+#[test]
+fn the_charting_library_is_the_one_that_was_published() {
+    use sha2::{Digest, Sha256};
+    let digest = |text: &[u8]| Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect::<String>();
+    let asset = |name: &str| assets::ALL.iter().find(|asset| asset.name == name).unwrap().text;
+    // Of uplot-1.6.32.tgz from registry.npmjs.org, shasum c800a63b432bad692d6d746f44f0882aa73a49ae.
+    assert_eq!(digest(asset("uPlot.iife.min.js").as_bytes()), "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f");
+    assert_eq!(digest(asset("uPlot.min.css").as_bytes()), "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04");
+    let licence = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("src/view/assets/uplot/LICENSE")).unwrap();
+    assert_eq!(digest(&licence), "8f989229699b4fe2f1a0432d0e9edc338a8a911e250e2d1b01ecd770a5f5b1bd");
+    let own: usize = assets::ALL.iter().map(|asset| asset.text.len()).sum();
+    assert!(own < 160_000, "{own} bytes of page are in the program");
+}
+
+#[test]
+fn a_slow_answer_holds_up_nobody_else() {
+    struct Slow(Arc<std::sync::Barrier>);
+    impl Answers for Slow {
+        fn answer(&self, path: &[&str], _: &Request) -> Response {
+            if path == ["slow"] {
+                self.0.wait();
+            }
+            Response::json("1".into())
+        }
+    }
+    let barrier = Arc::new(std::sync::Barrier::new(2));
+    let served = Arc::new(served(Slow(Arc::clone(&barrier))));
+    let slow = {
+        let served = Arc::clone(&served);
+        thread::spawn(move || served.get("slow").0)
+    };
+    assert_eq!(served.get("quick").0, 200);
+    barrier.wait();
+    assert_eq!(slow.join().unwrap(), 200);
+}
