@@ -23,6 +23,7 @@ mod golden_window;
 mod handmade;
 mod harmonics;
 mod layering;
+mod live;
 #[path = "programs/merge_rules.rs"]
 #[allow(dead_code, reason = "its `main` prints what is compared here")]
 mod merge_rules;
