@@ -174,7 +174,7 @@ module splatsim_scoreboard #(
   // verilator lint_off BLKSEQ
   always @(posedge clk) begin
     if (!rst) begin
-      if (s_valid && s_ready) void'(splatsim_dpi::step(model, splatsim_dpi::record_t'(s_data)));
+      if (s_valid && s_ready) waiting = splatsim_dpi::step(model, splatsim_dpi::record_t'(s_data));
       if (drain && !s_valid && !has_ended && splatsim_dpi::splatsim_unit_end(model) < 0) $fatal(1, "%s", splatsim_dpi::splatsim_last_error());
       has_ended = drain && !s_valid;
       if (q_valid && q_ready) compare(splatsim_dpi::REQUEST, splatsim_dpi::record_t'(q_data));
