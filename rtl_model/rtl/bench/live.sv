@@ -226,7 +226,11 @@ module live #(
       if (a_valid && a_ready) a_valid <= 1'b0;
       if (q_valid && q_ready) begin
         bit [machine_pkg::SHADE_OUT_W-1:0] light;
-        if (splatsim_dpi::shade(shade, q_data) != 1 || !splatsim_dpi::shade_next(shade, light)) $fatal(1, "shade says nothing");
+        longint lit;
+        bit there;
+        lit = splatsim_dpi::shade(shade, q_data);
+        there = splatsim_dpi::shade_next(shade, light);
+        if (lit != 1 || !there) $fatal(1, "shade says nothing");
         a_valid <= 1'b1;
         a_data <= light;
       end

@@ -175,7 +175,11 @@ module splatsim_scoreboard #(
   always @(posedge clk) begin
     if (!rst) begin
       if (s_valid && s_ready) waiting = splatsim_dpi::step(model, splatsim_dpi::record_t'(s_data));
-      if (drain && !s_valid && !has_ended && splatsim_dpi::splatsim_unit_end(model) < 0) $fatal(1, "%s", splatsim_dpi::splatsim_last_error());
+      // By itself: simulators may call both sides of an &&.
+      if (drain && !s_valid && !has_ended) begin
+        waiting = splatsim_dpi::splatsim_unit_end(model);
+        if (waiting < 0) $fatal(1, "%s", splatsim_dpi::splatsim_last_error());
+      end
       has_ended = drain && !s_valid;
       if (q_valid && q_ready) compare(splatsim_dpi::REQUEST, splatsim_dpi::record_t'(q_data));
       if (m_valid && m_ready) compare(splatsim_dpi::OUT, splatsim_dpi::record_t'(m_data));
