@@ -11,8 +11,9 @@
 //   +records=N       records to compare, about
 //   +stall=N         percent of cycles in which nothing new is offered, nothing is taken
 //   +seed=N          of stalls
+//   +source=N        of random records
 //   +patience=N      cycles without a transfer after which nothing more is hoped for
-// Parameters name the machine and the scene; a seed of records is a parameter too.
+// Parameters name the machine and the scene.
 
 `timescale 1ns / 1ps
 `default_nettype none
@@ -20,8 +21,7 @@
 // verilator lint_off BLKSEQ
 module live #(
   parameter string MACHINE = "machine.json",
-  parameter string SCENE = "scene.json",
-  parameter longint unsigned SEED = 1
+  parameter string SCENE = "scene.json"
 );
 `ifdef HAS_SHADE
   localparam int Q_W = machine_pkg::FRAGMENT_REQUEST_W;
@@ -56,6 +56,7 @@ module live #(
 
   // The model makes records up, and says what is constant.
   chandle source;
+  longint unsigned source_seed;
 `ifdef HAS_FRAME
   reg [machine_pkg::FRAME_W-1:0] frame = '0;
 `endif
@@ -65,7 +66,8 @@ module live #(
   reg [machine_pkg::REFLECTIONS_PORT_W-1:0] reflections = '0;
 `endif
   initial begin
-    source = splatsim_dpi::open(`UNIT, MACHINE, SCENE, 0, 0, SEED);
+    if ($value$plusargs("source=%d", source_seed) == 0) source_seed = 1;
+    source = splatsim_dpi::open(`UNIT, MACHINE, SCENE, 0, 0, source_seed);
 `ifdef HAS_FRAME
     frame = machine_pkg::FRAME_W'(splatsim_dpi::constant(source, "frame", 0));
 `endif
@@ -84,7 +86,7 @@ module live #(
   wire a_ready;
   reg [machine_pkg::FRAGMENT_ANSWER_W-1:0] a_data = '0;
   chandle shade;
-  initial shade = splatsim_dpi::open("shade", MACHINE, SCENE, 0, 0, SEED);
+  initial shade = splatsim_dpi::open("shade", MACHINE, SCENE, 0, 0, 1);
 `else
   assign q_valid = 1'b0;
   assign q_data = '0;

@@ -86,8 +86,13 @@ fn simulation(twin: Twin, trace: &Traced) -> PathBuf {
 
 /// The bench's last line, in a folder with the machine and the scene of the model, and the tables of the twin.
 fn told(simulation: &Path, folder: &Path, records: u32, stall: u32) -> String {
-    let output =
-        Command::new(simulation).current_dir(folder).args([format!("+records={records}"), format!("+stall={stall}")]).output().unwrap();
+    // Other records where it is stalled: a seed is used up every few thousand.
+    let source = 1 + stall * 1_000_000;
+    let output = Command::new(simulation)
+        .current_dir(folder)
+        .args([format!("+records={records}"), format!("+stall={stall}"), format!("+source={source}")])
+        .output()
+        .unwrap();
     let text = [&output.stdout[..], &output.stderr[..]].map(String::from_utf8_lossy).concat();
     text.lines().filter(|line| line.contains("splatsim: ") || line.contains("live: ")).collect::<Vec<_>>().join("\n")
 }
