@@ -420,6 +420,7 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["explain", "--help"],
         vec!["trace", "--help"],
         vec!["diff", "--help"],
+        vec!["unit", "--help"],
         vec!["sweep", "--help"],
         vec!["search", "--help"],
         vec!["chart", "--help"],
@@ -546,7 +547,7 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(
         &[],
-        "a command is missing: run, replay, stress, sweep, search, chart, view, trace, diff, explain, machine, scene, sample, completions, man (see --help)",
+        "a command is missing: run, replay, stress, sweep, search, chart, view, trace, diff, unit, explain, machine, scene, sample, completions, man (see --help)",
     );
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "PLAN");

@@ -25,6 +25,7 @@ mod handmade;
 mod harmonics;
 mod irregular;
 mod layering;
+mod live;
 #[path = "programs/merge_rules.rs"]
 #[allow(dead_code, reason = "its `main` prints what is compared here")]
 mod merge_rules;

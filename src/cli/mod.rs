@@ -15,6 +15,7 @@ mod stress;
 mod style;
 mod sweep;
 mod trace;
+mod unit;
 mod view;
 
 use crate::error::{Error, Result};
@@ -60,6 +61,9 @@ enum Command {
     /// Compare a device's output with a trace; name the first mismatch
     #[command(after_help = diff::HELP)]
     Diff(diff::Typed),
+    /// Answer records of one unit, line by line, as its twin would
+    #[command(after_help = unit::HELP)]
+    Unit(unit::Typed),
     /// Tell one pixel's whole story, the machine beside golden
     #[command(after_help = NAMES)]
     Explain(explain::Typed),
@@ -90,6 +94,7 @@ impl Command {
             Command::View(typed) => typed.run(),
             Command::Trace(typed) => typed.common.threads.run(|| typed.check()?.run()),
             Command::Diff(typed) => typed.check()?.run(),
+            Command::Unit(typed) => typed.check()?.run(),
             Command::Explain(typed) => typed.common.threads.run(|| typed.run()),
             Command::Machine(typed) => typed.run(),
             Command::Scene(typed) => typed.run(),

@@ -1,4 +1,6 @@
-//! Co-simulation: what crosses the wires, and a device's records beside it.
+//! Co-simulation: what crosses the wires, a device's records beside it, and units that answer live.
 
 pub mod diff;
+pub mod live;
+pub mod scoreboard;
 pub mod trace;

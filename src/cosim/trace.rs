@@ -10,6 +10,7 @@
 //!     coverage.csv          which roundings, limits and decisions the records met, and how often
 //!     waves.vcd waves.fst   when units took their items, if asked for
 //!     machine_pkg.sv records.svh records.h      formats and records in SystemVerilog and C
+//!     splatsim_dpi.sv                           the live model of each unit, over DPI-C
 //!     machine_pkg.core Bender.yml               lists of these files, for FuseSoC and Bender
 //! ```
 //! Streams are in the order of a machine that takes splat after splat, and each box row by row.
@@ -17,6 +18,7 @@
 //! Laws: `a_trace_replays_through_the_units`, `a_window_replays_alone` (tests/trace.rs).
 
 mod coverage;
+mod dpi;
 mod headers;
 mod observer;
 mod record;
@@ -28,6 +30,10 @@ mod waves;
 pub use observer::flag;
 pub use record::{Layout, Malformed};
 pub use transfers::{Key, NONE};
+
+pub(super) use observer::outcome;
+pub(super) use stimulus::made_up;
+pub(super) use transfers::constants as constant_records;
 
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
@@ -280,7 +286,7 @@ fn mixed(seed: u64, number: u64) -> u64 {
 
 impl Window {
     /// The rectangle that is wanted, to the column and row after the last.
-    fn check(&self, frame: &Frame) -> Result<Rectangle> {
+    pub(super) fn check(&self, frame: &Frame) -> Result<Rectangle> {
         let units = units(Kind::of(frame));
         if let Some(unknown) = self.units.iter().find(|unit| !units.contains(&unit.as_str())) {
             return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));
@@ -485,6 +491,7 @@ impl Folder<'_> {
         let (machine, frame, kind) = (self.machine, self.frame, Kind::of(self.frame));
         self.text("records.svh", &headers::structs(machine, kind))?;
         self.text("records.h", &headers::c_header(machine, kind))?;
+        self.text("splatsim_dpi.sv", &dpi::dpi(machine, kind))?;
         let roms: Vec<String> = roms::roms(machine, self.frame).iter().map(roms::Rom::file).collect();
         self.text("machine_pkg.core", &headers::fusesoc(&roms.iter().map(String::as_str).collect::<Vec<_>>()))?;
         self.text("Bender.yml", headers::BENDER)?;

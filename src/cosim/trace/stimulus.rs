@@ -14,7 +14,7 @@ use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Kind, Stream, project_out_words};
 use rtl_model::pipeline::unit_replay::{self, Fragments};
-use rtl_model::records::PROJECT_FLAGS;
+use rtl_model::records::{PROJECT_FLAGS, unit};
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
@@ -99,6 +99,9 @@ fn corners(format: Format) -> Vec<i64> {
     corners
 }
 
+/// Contributions beside the cases: pixels are many, and have to be full.
+const CONTRIBUTIONS: usize = 4096;
+
 /// Makes so many random cases for each unit that is wanted, behind those that are made on purpose.
 pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, wants: impl Fn(&[&str]) -> bool) -> Stimulus {
     let streams = ports::streams(machine, Kind::of(frame));
@@ -130,6 +133,20 @@ pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, want
     ];
     makers.iter().filter(|(units, _)| wants(units)).for_each(|(_, make)| make(&mut maker));
     maker.out
+}
+
+/// The records of one unit's input alone.
+pub fn made_up(machine: &Elaborated, frame: &Frame, unit: &str, cases: u32, seed: u64) -> Vec<Vec<i64>> {
+    let Stimulus { made, .. } = stimulus(machine, frame, cases, seed, |units| units.contains(&unit));
+    let input = made.into_iter().find(|made| made.name.split_once('.') == Some((unit, "in")));
+    let mut records: Vec<Vec<i64>> = input.map_or_else(Vec::new, |made| made.records.into_iter().map(|(words, _)| words).collect());
+    // Random ones first: those that fill a pixel up are the same every time.
+    if unit == unit::FRAGMENT {
+        let random = cases as usize + if frame.window.is_some() { windows::CONTRIBUTIONS } else { CONTRIBUTIONS };
+        let filling = records.len().saturating_sub(random);
+        records.rotate_left(filling);
+    }
+    records
 }
 
 /// Makes the cases of a unit.
@@ -422,7 +439,7 @@ impl Maker<'_> {
         let mut unit = Fragments::new(self.machine, self.frame);
         let mut at = [0, 0];
         self.fill_up(&mut unit, &formats);
-        for _ in 0..self.cases + 4096 {
+        for _ in 0..self.cases + CONTRIBUTIONS {
             if !self.random.one_in(3) {
                 at = sides.map(|side| self.random.below(side));
             }

@@ -1,7 +1,7 @@
 //! Ellipsoids: made-up cases of axes, of the sort, and of sheets: where a sheet changes, and where a pixel stops.
 
 use super::super::observer::{least_weight, outcome, outcomes};
-use super::{Maker, UNKNOWN, key, pixel_key};
+use super::{CONTRIBUTIONS, Maker, UNKNOWN, key, pixel_key};
 use rtl_model::frame::Each;
 use rtl_model::num::Format;
 use rtl_model::pipeline::ports::{self, Kind};
@@ -130,7 +130,7 @@ impl Maker<'_> {
         self.fill_sheet(&mut tiles, &formats);
         let sides = [frame.width, frame.height].map(i64::from);
         let mut at = [0, 0];
-        for _ in 0..self.cases + 4096 {
+        for _ in 0..self.cases + CONTRIBUTIONS {
             if !self.random.one_in(3) {
                 at = sides.map(|side| self.random.below(side));
             }

@@ -15,6 +15,9 @@ const DEPTH: usize = 3;
 const OPACITY: usize = 7;
 const MATERIAL: usize = 11;
 
+/// Contributions beside the cases.
+pub const CONTRIBUTIONS: usize = 1024;
+
 impl Maker<'_> {
     /// Contributions that open, accumulate, come late, lie inside, and are one too many, on purpose.
     pub(super) fn windows(&mut self) {
@@ -25,7 +28,7 @@ impl Maker<'_> {
         let sides = [self.frame.width, self.frame.height].map(|size| i64::from(size).min(TILE_PX as i64));
         let mut at = [0, 0];
         self.fill_cluster(&mut unit, &formats);
-        for _ in 0..self.cases + 1024 {
+        for _ in 0..self.cases + CONTRIBUTIONS {
             if !self.random.one_in(3) {
                 at = sides.map(|side| self.random.below(side));
             }

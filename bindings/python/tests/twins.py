@@ -1,0 +1,75 @@
+"""Twins on Icarus beside the live model. `python3 twins.py TRACE BUILD` runs them; a twin in under twenty lines."""
+
+import os
+import sys
+from pathlib import Path
+
+import cocotb
+
+from splatsim import Unit
+from splatsim.cocotb import Bench
+
+TRACE = Path(os.environ.get("SPLATSIM_TRACE", "."))
+
+
+@cocotb.test()
+async def gauss(dut):
+    bench = Bench(dut, "gauss", TRACE, stalls=0.3)
+    await bench.reset()
+    await bench.send_random(600)
+    await bench.finish()
+    # No radial index is below 0, though its word has a sign.
+    assert bench.coverage[0].missed() == [("radial", "least"), ("radial", "below 0")], bench.coverage[0].missed()
+
+
+@cocotb.test()
+async def resolve(dut):
+    bench = Bench(dut, "resolve", TRACE, stalls=0.3)
+    await bench.reset()
+    await bench.send_random(600)
+    await bench.finish()
+    print(bench.coverage[0], bench.coverage[1])
+
+
+@cocotb.test()
+async def another_machine(dut):
+    """A device that differs is found out: the model has another table."""
+    bench = Bench(dut, "gauss", TRACE)
+    bench.model = Unit("gauss", TRACE / "machine.json", TRACE / "scene.json", ["gauss.table.interpolation=linear"])
+    await bench.reset()
+    await bench.send_random(600)
+    try:
+        await bench.finish()
+    except AssertionError as fault:
+        assert "field weight is" in str(fault), fault
+    else:
+        assert False, "nobody has noticed"
+
+
+def main(trace, build):
+    try:
+        from cocotb_tools.runner import get_runner
+    except ImportError:
+        from cocotb.runner import get_runner
+    rtl = Path(__file__).resolve().parents[3] / "rtl_model/rtl"
+    trace = Path(trace).resolve()
+    os.environ["SPLATSIM_TRACE"] = str(trace)
+    for twin, tests in [("gauss", ["gauss", "another_machine"]), ("resolve", ["resolve"])]:
+        runner = get_runner("icarus")
+        folder = Path(build).resolve() / twin
+        runner.build(
+            sources=[trace / "machine_pkg.sv", rtl / f"{twin}.sv"],
+            hdl_toplevel=twin,
+            build_args=["-g2012", "-y", str(rtl), "-Y", ".sv"],
+            build_dir=folder,
+            timescale=("1ns", "1ps"),
+        )
+        (folder / "rom").exists() or (folder / "rom").symlink_to(trace / "rom")
+        results = runner.test(hdl_toplevel=twin, test_module="twins", testcase=tests, build_dir=folder, test_dir=folder)
+        text = Path(results).read_text()
+        assert "<failure" not in text and "<error" not in text, text
+    print("twins: all well")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

@@ -1,0 +1,571 @@
+//! Live: a unit that answers record by record, for whoever has records of their own: a filter, a testbench, another language.
+//!
+//! ```text
+//! record ─►[ read ]─►[ check ]─►( the unit by itself )─► answers
+//!                                  │        ▲                           in the end: what fragment holds, what sort has sorted
+//!                               request ─► shade
+//! ```
+//! Records are those of a trace's streams ([`ports`]). What a unit was never given is checked here, once: behind that it cannot fail.
+//!
+//! Laws: `a_unit_answers_as_the_trace_says`, `a_bad_record_is_refused_by_its_field`, `no_record_makes_a_unit_fail` (tests/live.rs).
+
+use crate::cosim::trace::{Layout, Malformed, Window, constant_records, made_up, outcome};
+use crate::error::{Error, Result};
+use crate::hardware::fixed;
+use crate::hardware::quantise::quantise;
+use crate::scene::Scene;
+use rtl_model::Machine;
+use rtl_model::frame::Frame;
+use rtl_model::num::Format;
+use rtl_model::pipeline::Elaborated;
+use rtl_model::pipeline::ports::{self, Kind, Order, Stream, project_out_words};
+use rtl_model::pipeline::unit_replay::{self, Fragments, Sheets, Windows};
+use rtl_model::probe::NoProbe;
+use rtl_model::records::unit;
+use rtl_model::units::fragment::{Premultiplied, Slot, TILE_PX};
+use rtl_model::units::resolve::Layer;
+use rtl_model::units::shade;
+use serde_json::{Map, Value};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// The words of a record, field by field.
+pub type Record = Vec<i64>;
+
+/// A machine and the constants of a frame: all that units read beside their records.
+#[derive(Clone, Debug)]
+pub struct Constants {
+    machine: Elaborated,
+    frame: Frame,
+}
+
+/// Fault of a record.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refused {
+    /// The field at fault, if it is one.
+    pub field: Option<String>,
+    /// What is wrong with it.
+    pub sentence: String,
+}
+
+/// One stream of a unit: its fields and how a line holds them.
+#[derive(Clone, Debug)]
+pub struct Port {
+    /// As fields and places of records name it.
+    pub stream: Stream,
+    layout: Layout,
+}
+
+/// A unit by itself, with what it keeps between records.
+pub struct Unit<'a> {
+    of: &'a Constants,
+    /// Its name.
+    pub name: &'static str,
+    /// What it takes.
+    pub input: Port,
+    /// What it gives for that.
+    pub output: Port,
+    /// Of `fragment`, what it asks shade, and what that says.
+    pub shade: Option<[Port; 2]>,
+    /// Of `fragment`, what it holds in the end.
+    pub held: Option<Port>,
+    state: State<'a>,
+}
+
+/// What comes when no record does any more.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct End {
+    /// Records of the output: what `sort` has sorted.
+    pub out: Vec<Record>,
+    /// What `fragment` holds, pixel by pixel.
+    pub held: Vec<Record>,
+}
+
+/// Answers a request of `fragment`: colour and opacity of its light.
+pub type Shade<'a> = dyn FnMut(&[i64]) -> [i64; 4] + 'a;
+
+/// By row and column of tiles.
+type Tiles<T> = BTreeMap<[i64; 2], T>;
+
+enum State<'a> {
+    None,
+    Sort(Vec<Record>),
+    Fragments(Tiles<Fragments<'a>>),
+    Sheets(Sheets<'a>, Tiles<Sheets<'a>>),
+    Windows(Tiles<Windows<'a>>),
+    Resolve(Vec<Layer>),
+}
+
+impl Refused {
+    fn new(sentence: impl Into<String>) -> Self {
+        Refused { field: None, sentence: sentence.into() }
+    }
+
+    fn of(field: &str, sentence: impl Into<String>) -> Self {
+        Refused { field: Some(field.to_owned()), sentence: sentence.into() }
+    }
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let field = self.field.as_deref();
+        field.map_or(Ok(()), |field| write!(f, "field {field}: "))?;
+        f.write_str(&self.sentence)
+    }
+}
+
+impl Constants {
+    /// Those of a scene on a machine.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the machine has misfits, or cannot hold the scene's constants.
+    pub fn new(scene: &Scene, machine: &Machine) -> Result<Self> {
+        let elaborated = fixed::elaborate(machine)?;
+        let mut frame = quantise(scene, machine)?.frame;
+        Window::default().check(&frame)?;
+        // Units know no splats; of ellipsoids they know whether these have axes of their own.
+        frame.splats = Vec::new();
+        if let Some(ellipsoids) = &mut frame.ellipsoids {
+            ellipsoids.own.truncate(1);
+        }
+        if let Some(sheets) = &mut frame.sheets {
+            sheets.numbers = Vec::new();
+        }
+        Ok(Constants { machine: elaborated, frame })
+    }
+
+    /// The units that have a model by themselves in such a frame, in the order of the diagram.
+    pub fn units(&self) -> Vec<&'static str> {
+        let sorted = Kind::of(&self.frame).sorted;
+        unit::ALL.into_iter().filter(|name| sorted || *name != unit::SORT).collect()
+    }
+
+    /// Columns and rows of the picture.
+    pub fn size_px(&self) -> [u32; 2] {
+        [self.frame.width, self.frame.height]
+    }
+
+    /// What is constant in a frame, such as `light`, and its records; none if nothing is called so.
+    pub fn registers(&self, name: &str) -> Option<(Port, Vec<Record>)> {
+        let described = ports::constants(&self.machine, Kind::of(&self.frame));
+        let stream = described.into_iter().find(|stream| stream.name == name)?;
+        let (_, records) = constant_records(&self.frame).into_iter().find(|(other, _)| *other == name)?;
+        Some((Port::new(stream), records))
+    }
+
+    /// What `shade` says of a request.
+    pub fn light(&self, request: &[i64]) -> [i64; 4] {
+        let &[weight, r, g, b, opacity, x, y, z, material] = request else { return [0; 4] };
+        let input = shade::Input { weight, colour: [r, g, b], opacity, normal: [x, y, z], material: material as u32 };
+        let output = unit_replay::shade(&self.machine, &self.frame, &input, &mut NoProbe);
+        let [r, g, b] = output.colour;
+        [r, g, b, output.opacity]
+    }
+
+    /// Records of a unit's input as a trace's stimulus makes them: corners and thresholds on purpose, then random ones, about so many. Others
+    /// for every seed.
+    pub fn made_up(&self, unit: &str, cases: u32, seed: u64) -> Vec<Record> {
+        made_up(&self.machine, &self.frame, unit, cases, seed)
+    }
+}
+
+impl Port {
+    fn new(stream: Stream) -> Self {
+        Port { layout: Layout::new(&stream), stream }
+    }
+
+    /// Bits of a record.
+    pub fn width(&self) -> u32 {
+        self.layout.width
+    }
+
+    /// Number of fields.
+    pub fn fields(&self) -> usize {
+        self.stream.fields.len()
+    }
+
+    /// Whether records of different pixels may change places.
+    pub fn is_per_pixel(&self) -> bool {
+        self.stream.order == Order::PerPixel
+    }
+
+    /// The words of a line of hexadecimal digits.
+    ///
+    /// # Errors
+    /// What is wrong with it, and where.
+    pub fn read(&self, line: &str) -> std::result::Result<Record, Refused> {
+        self.layout.read(line).map_err(|malformed| match malformed {
+            Malformed::Digits(0, needed) => Refused::new(format!("the line is empty; {needed} digits are needed")),
+            Malformed::Digits(found, needed) => Refused::new(format!("{found} digits, and a record of {} has {needed}", self.stream.name)),
+            Malformed::Digit(digit) => {
+                let what = format!("`{}` is no hexadecimal digit", digit.escape_default());
+                let place = line.chars().position(|other| other == digit).unwrap_or(0);
+                // Of a line that is too long or too short nobody knows which field it would be.
+                let field = if line.chars().count() == self.layout.digits() { self.field_at(place) } else { None };
+                Refused { field, sentence: what }
+            }
+            Malformed::TooWide => self.too_wide(),
+        })
+    }
+
+    fn too_wide(&self) -> Refused {
+        Refused::new(format!("bits above the {} of a record of {} are set", self.width(), self.stream.name))
+    }
+
+    /// The field that the most significant bit of a digit belongs to, or the first.
+    fn field_at(&self, digit: usize) -> Option<String> {
+        let bit = (self.layout.digits() - digit) as u32 * 4 - 1;
+        let holds = |(_, lsb): &(_, u32)| *lsb <= bit;
+        let (field, _) = self.stream.fields.iter().zip(self.stream.places()).find(holds)?;
+        Some(field.name.clone())
+    }
+
+    /// The words of a JSON object with a whole number for each field.
+    ///
+    /// # Errors
+    /// What is wrong with it, and where.
+    pub fn read_json(&self, line: &str) -> std::result::Result<Record, Refused> {
+        let object: Map<String, Value> = serde_json::from_str(line).map_err(|e| Refused::new(format!("no JSON object: {e}")))?;
+        if let Some(unknown) = object.keys().find(|name| self.stream.fields.iter().all(|field| field.name != **name)) {
+            let names: Vec<&str> = self.stream.fields.iter().map(|field| field.name.as_str()).collect();
+            return Err(Refused::of(unknown, format!("{} has no such field; it has {}", self.stream.name, names.join(", "))));
+        }
+        let word = |field: &ports::Field| match object.get(&field.name) {
+            None => Err(Refused::of(&field.name, "it is missing")),
+            Some(value) => value.as_i64().ok_or_else(|| Refused::of(&field.name, format!("{value}, and a whole number is needed"))),
+        };
+        self.stream.fields.iter().map(word).collect()
+    }
+
+    /// Appends a record as a line.
+    pub fn write(&self, words: &[i64], text: &mut Vec<u8>) {
+        self.layout.write(words, text);
+    }
+
+    /// Appends a record as a line of JSON.
+    pub fn write_json(&self, words: &[i64], text: &mut Vec<u8>) {
+        let names = self.stream.fields.iter().map(|field| field.name.clone());
+        let object: Map<String, Value> = names.zip(words.iter().map(|word| Value::from(*word))).collect();
+        text.extend(Value::Object(object).to_string().bytes());
+        text.push(b'\n');
+    }
+
+    /// The words of a record that lies in 32-bit words, the least significant first.
+    ///
+    /// # Errors
+    /// Where there are too few of them, or bits above the record's are set.
+    pub fn unpack(&self, halves: &[u32]) -> std::result::Result<Record, Refused> {
+        let digits = self.layout.digits();
+        let text: String = halves.iter().rev().map(|half| format!("{half:08x}")).collect();
+        let Some(start) = text.len().checked_sub(digits) else {
+            return Err(Refused::new(format!(
+                "{} words of 32 bits, and a record of {} has {} bits",
+                halves.len(),
+                self.stream.name,
+                self.width()
+            )));
+        };
+        if text.bytes().take(start).any(|digit| digit != b'0') {
+            return Err(self.too_wide());
+        }
+        self.read(&text[start..])
+    }
+
+    /// A record as 32-bit words, the least significant first; 0 above it, or as many words as fit.
+    pub fn pack(&self, words: &[i64], halves: &mut [u32]) {
+        let mut text = Vec::new();
+        self.write(words, &mut text);
+        let digits = text.strip_suffix(b"\n").unwrap_or(&text);
+        let mut eights = digits.rchunks(8);
+        for half in halves {
+            let eight = eights.next().and_then(|eight| std::str::from_utf8(eight).ok());
+            *half = eight.and_then(|eight| u32::from_str_radix(eight, 16).ok()).unwrap_or(0);
+        }
+    }
+
+    /// Sets to 0 what means nothing in a record.
+    pub fn mask(&self, words: &mut [i64]) {
+        self.layout.mask(words);
+    }
+
+    /// The place of a field.
+    fn place(&self, name: &str) -> Option<usize> {
+        self.stream.fields.iter().position(|field| field.name == name)
+    }
+
+    /// Whether all words are words of their fields.
+    ///
+    /// # Errors
+    /// The first that is not.
+    pub fn hold(&self, words: &[i64]) -> std::result::Result<(), Refused> {
+        if words.len() != self.fields() {
+            return Err(Refused::new(format!("{} words, and a record of {} has {}", words.len(), self.stream.name, self.fields())));
+        }
+        for (field, word) in self.stream.fields.iter().zip(words) {
+            let format = field.word.format;
+            if !(format.min()..=format.max()).contains(word) {
+                return Err(between(&field.name, *word, [format.min(), format.max()]));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn between(field: &str, word: i64, [least, most]: [i64; 2]) -> Refused {
+    Refused::of(field, format!("{word}, and {least} to {most} are possible"))
+}
+
+impl<'a> Unit<'a> {
+    /// A unit of this name, with nothing in it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is none in such a frame.
+    pub fn new(of: &'a Constants, name: &str) -> Result<Self> {
+        let units = of.units();
+        let Some(name) = units.iter().copied().find(|unit| *unit == name) else {
+            return Err(Error::input(format!("{name}: no such unit; there are {}", units.join(", "))));
+        };
+        let mut streams: BTreeMap<&str, Stream> =
+            ports::streams(&of.machine, Kind::of(&of.frame)).into_iter().map(|stream| (stream.name, stream)).collect();
+        let mut port = |end: &str| streams.remove(format!("{name}.{end}").as_str()).map(Port::new);
+        let (Some(input), Some(output)) = (port("in"), port("out")) else {
+            return Err(Error::input(format!("{name} has no ports in such a frame")));
+        };
+        let shade = if name == unit::FRAGMENT { port("request").zip(port("answer")).map(<[Port; 2]>::from) } else { None };
+        let state = match name {
+            unit::SORT => State::Sort(Vec::new()),
+            unit::RESOLVE => State::Resolve(Vec::new()),
+            unit::FRAGMENT => match &of.frame {
+                Frame { sheets: Some(sheets), .. } => State::Sheets(Sheets::new(&of.machine, sheets), Tiles::new()),
+                Frame { window: Some(_), .. } => State::Windows(Tiles::new()),
+                _ => State::Fragments(Tiles::new()),
+            },
+            _ => State::None,
+        };
+        Ok(Unit { of, name, input, output, shade, held: port("held"), state })
+    }
+
+    /// Whether what it says of a record depends on those before.
+    pub fn has_state(&self) -> bool {
+        !matches!(self.state, State::None)
+    }
+
+    /// Whether a unit was never given such a record, by another unit or on purpose: words out of range, what is not in the picture, a material
+    /// that there is not.
+    ///
+    /// # Errors
+    /// The first field that is out of range.
+    pub fn check(&self, words: &[i64]) -> std::result::Result<(), Refused> {
+        self.input.hold(words)?;
+        let [width, height] = self.of.size_px().map(i64::from);
+        let materials = self.of.frame.lighting.materials.len() as i64;
+        let mut limits: Vec<(&str, [i64; 2])> = Vec::new();
+        let format =
+            |name: &str| self.input.place(name).map_or(Format::unsigned(1, 0), |place| self.input.stream.fields[place].word.format);
+        match self.name {
+            unit::ELLIPSE => limits.extend([("forward", [1, format("forward").max()])]),
+            unit::RASTER => {
+                let [left, top] = ["first_column", "first_row"].map(|name| self.input.place(name).map_or(0, |place| words[place]));
+                limits.extend([("first_column", [0, width - 1]), ("first_row", [0, height - 1])]);
+                limits.extend([("last_column", [left, width - 1]), ("last_row", [top, height - 1])]);
+            }
+            unit::GAUSS => limits.push(("radial", [0, format("radial").max()])),
+            unit::FRAGMENT => {
+                limits.extend([("x", [0, width - 1]), ("y", [0, height - 1]), ("weight", [1, format("weight").max()])]);
+                limits.push(("material", [0, materials - 1]));
+            }
+            unit::SHADE => limits.push(("material", [0, materials - 1])),
+            _ => {}
+        }
+        for (name, range) in limits {
+            if let Some(word) = self.input.place(name).map(|place| words[place])
+                && !(range[0]..=range[1]).contains(&word)
+            {
+                return Err(between(name, word, range));
+            }
+        }
+        self.check_layers(words)
+    }
+
+    /// A pixel has no more layers than the machine.
+    fn check_layers(&self, words: &[i64]) -> std::result::Result<(), Refused> {
+        let State::Resolve(layers) = &self.state else { return Ok(()) };
+        let most = self.of.machine.machine.fragment.layers as usize;
+        if words[EMPTY] == 0 && layers.len() >= most {
+            return Err(Refused::of("last", format!("a pixel has at most {most} layers, and none of so many was the last")));
+        }
+        Ok(())
+    }
+
+    /// Takes a record; what the unit gives for it.
+    ///
+    /// # Errors
+    /// [`Unit::check`]; nothing has happened then.
+    pub fn step(&mut self, words: &[i64], shade: &mut Shade) -> std::result::Result<Vec<Record>, Refused> {
+        self.check(words)?;
+        let mut out = self.answers(words, shade);
+        out.iter_mut().for_each(|words| self.output.mask(words));
+        Ok(out)
+    }
+
+    fn answers(&mut self, words: &[i64], shade: &mut Shade) -> Vec<Record> {
+        let (machine, frame, probe) = (&self.of.machine, &self.of.frame, &mut NoProbe);
+        let deepest = machine.machine.fragment.layers as u8 - 1;
+        let tile = |at: &[i64]| [at[1] / TILE_PX as i64, at[0] / TILE_PX as i64];
+        let light = |slot: &Slot| premultiplied(shade(&[&slot.sums[..], &[slot.material.into()]].concat()));
+        let decision = match &mut self.state {
+            State::None => return self.of.once(self.name, words),
+            State::Sort(depths) => {
+                depths.push(words.to_vec());
+                return Vec::new();
+            }
+            State::Resolve(layers) => {
+                if words[EMPTY] == 0 {
+                    layers.push(Layer { colour: array(&words[4..7]), opacity: words[7], ..Layer::default() });
+                }
+                if words[LAST] == 0 {
+                    return Vec::new();
+                }
+                let word = unit_replay::resolve(machine, frame, layers, probe);
+                layers.clear();
+                return vec![[&words[..2], &word].concat()];
+            }
+            State::Fragments(tiles) => {
+                tiles.entry(tile(words)).or_insert_with(|| Fragments::new(machine, frame)).take(array(words), light, probe)
+            }
+            State::Sheets(empty, tiles) => tiles.entry(tile(words)).or_insert_with(|| empty.clone()).take(array(words), probe),
+            State::Windows(tiles) => {
+                if let std::collections::btree_map::Entry::Vacant(vacant) = tiles.entry(tile(words))
+                    && let Some(windows) = Windows::new(machine, frame)
+                {
+                    vacant.insert(windows);
+                }
+                let Some(windows) = tiles.get_mut(&tile(words)) else { return Vec::new() };
+                windows.take(array(words), light, probe)
+            }
+        };
+        let told = outcome(decision, deepest).map(i64::from);
+        let fields = self.output.fields() - 2;
+        vec![[&words[..2], &told[..fields]].concat()]
+    }
+
+    /// What comes when no record does any more; nothing is in the unit behind that.
+    ///
+    /// # Errors
+    /// Where a pixel's last layer is missing.
+    pub fn end(&mut self, shade: &mut Shade) -> std::result::Result<End, Refused> {
+        let machine = &self.of.machine;
+        let mut end = End::default();
+        match &mut self.state {
+            State::None => {}
+            State::Sort(depths) => {
+                let keys: Vec<i64> = depths.iter().map(|words| words[1]).collect();
+                let sorted = unit_replay::sort(machine, &keys, &mut NoProbe).unwrap_or_default();
+                end.out = sorted.into_iter().map(|(nth, key)| vec![depths[nth][0], key]).collect();
+                depths.clear();
+            }
+            State::Resolve(layers) if layers.is_empty() => {}
+            State::Resolve(layers) => {
+                layers.clear();
+                return Err(Refused::of("last", "the last pixel has no record in which it is 1"));
+            }
+            State::Fragments(tiles) => {
+                in_rows(tiles, |tile, at, pixel| end.held.extend(fragments_held(tile, at, pixel)));
+                tiles.clear();
+            }
+            State::Sheets(_, tiles) => {
+                in_rows(tiles, |tile, at, pixel| end.held.extend(sheets_held(tile, at, pixel)));
+                tiles.clear();
+            }
+            State::Windows(tiles) => {
+                in_rows(tiles, |tile, at, pixel| {
+                    let light = |slot: &Slot| premultiplied(shade(&[&slot.sums[..], &[slot.material.into()]].concat()));
+                    let layers = tile.layers(pixel, light, &mut NoProbe).into_iter();
+                    end.held.extend(layers.map(|layer| {
+                        let [r, g, b] = layer.colour;
+                        vec![at[0], at[1], layer.slot as i64, layer.depth, r, g, b, layer.opacity]
+                    }));
+                });
+                tiles.clear();
+            }
+        }
+        if let Some(held) = &self.held {
+            end.held.iter_mut().for_each(|words| held.mask(words));
+        }
+        Ok(end)
+    }
+}
+
+/// Fields of `resolve.in`.
+const LAST: usize = 2;
+const EMPTY: usize = 3;
+
+impl Constants {
+    /// What a unit that keeps nothing gives for a record that was checked.
+    fn once(&self, name: &str, words: &[i64]) -> Vec<Record> {
+        let (machine, frame, probe) = (&self.machine, &self.frame, &mut NoProbe);
+        let size_px = self.size_px();
+        match name {
+            unit::PROJECT => {
+                let opacity = words.get(3).copied().unwrap_or_default();
+                let made = unit_replay::project(machine, frame, array(&words[..3]), opacity, probe);
+                vec![project_out_words(Kind::of(frame), made).collect()]
+            }
+            unit::ELLIPSE if frame.ellipsoids.is_some() => {
+                unit_replay::ellipsoid(machine, frame, array(words), probe).into_iter().map(|made| made.to_vec()).collect()
+            }
+            unit::ELLIPSE => vec![unit_replay::ellipse(machine, &frame.view, size_px, array(words), probe).to_vec()],
+            unit::RASTER => {
+                let made = unit_replay::raster(machine, &frame.view, size_px, array(&words[1..]), probe);
+                made.into_iter().map(|fragment| [&words[..1], &fragment].concat()).collect()
+            }
+            unit::GAUSS => vec![vec![unit_replay::gauss(machine, array(words), probe)]],
+            unit::SHADE => vec![self.light(words).to_vec()],
+            _ => Vec::new(),
+        }
+    }
+}
+
+/// Words that were counted.
+fn array<const N: usize>(words: &[i64]) -> [i64; N] {
+    words.try_into().unwrap_or([0; N])
+}
+
+fn premultiplied([r, g, b, opacity]: [i64; 4]) -> Premultiplied {
+    Premultiplied { colour: [r, g, b], opacity }
+}
+
+/// Visits the pixels of tiles row by row: the tile, the pixel's column and row, and its place in the tile.
+fn in_rows<T>(tiles: &mut Tiles<T>, mut visit: impl FnMut(&mut T, [i64; 2], usize)) {
+    let side = TILE_PX as i64;
+    let mut rows: Vec<i64> = tiles.keys().map(|[row, _]| *row).collect();
+    rows.dedup();
+    for row in rows {
+        for y in 0..side {
+            for ([_, column], tile) in tiles.range_mut([row, 0]..[row + 1, 0]) {
+                (0..side).for_each(|x| visit(tile, [column * side + x, row * side + y], (y * side + x) as usize));
+            }
+        }
+    }
+}
+
+/// Front to back, equal depths by slot.
+fn fragments_held(tile: &Fragments, at: [i64; 2], pixel: usize) -> Vec<Record> {
+    let slots = tile.held(pixel);
+    let mut order: Vec<usize> = (0..slots.len()).collect();
+    order.sort_by_key(|slot| slots[*slot].depth);
+    let words = order.into_iter().map(|number| {
+        let slot = &slots[number];
+        let lit = if slot.shaded { tile.lit(slot, &mut NoProbe) } else { Premultiplied::default() };
+        let head = [at[0], at[1], number as i64, slot.shaded.into(), slot.depth, slot.material.into()];
+        [&head[..], &slot.sums, &lit.colour, &[lit.opacity]].concat()
+    });
+    words.collect()
+}
+
+fn sheets_held(tile: &Sheets, at: [i64; 2], pixel: usize) -> Option<Record> {
+    let (held, lit) = (tile.held(pixel)?, tile.lit(pixel, &mut NoProbe)?);
+    let (sheet, open) = held.open.unwrap_or_default();
+    let head = [at[0], at[1], held.stopped.into(), held.open.is_none().into()];
+    Some([&head[..], &held.composite[1..5], &[sheet.into()], &open[..4], &lit.colour, &[lit.opacity]].concat())
+}
