@@ -104,7 +104,26 @@ mod tests {
                 let of_those = |way: &Way| way.highest_hz.filter(|_| way.name != "colour");
                 let highest = ways(&built).iter().filter_map(of_those).min().unwrap();
                 machine.timing.clock_hz = highest - highest / 1000;
-                assert!(machine.elaborate().is_ok(), "{name} in {technology:?} at {highest}");
+                let built = machine.elaborate();
+                assert!(built.is_ok(), "{name} in {technology:?} at {highest}");
+                // The least cycles of the table are the least that will do.
+                for way in ways(&built.unwrap()).iter().filter(|way| ["project", "ellipse", "shade"].contains(&way.name)) {
+                    let with = |cycles: u32| {
+                        let mut machine = machine.clone();
+                        let t = &mut machine.timing;
+                        match way.name {
+                            "project" => t.project.latency = Some(cycles),
+                            "ellipse" => t.ellipse.latency = Some(cycles),
+                            _ => t.shade.latency = Some(cycles),
+                        }
+                        machine.elaborate().map(|_| ())
+                    };
+                    assert_eq!(with(way.least), Ok(()));
+                    if way.least > 1 {
+                        let misfits = with(way.least - 1).unwrap_err();
+                        assert!(misfits.len() == 1 && misfits[0].starts_with(&format!("timing.{}.latency", way.name)), "{misfits:?}");
+                    }
+                }
                 machine.timing.clock_hz = highest + highest / 50;
                 let misfits = machine.elaborate().unwrap_err();
                 assert!(misfits.iter().all(|misfit| misfit.contains("FO4")), "{misfits:?}");

@@ -22,7 +22,7 @@
 use crate::error::{Error, Result};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::scene::{strict_json, validate};
-use rtl_model::elaboration::microarchitecture::Fifo;
+use rtl_model::elaboration::microarchitecture::{Fifo, Pace};
 use rtl_model::elaboration::{Operator, Part, unit};
 use rtl_model::machine::timing::Setup;
 use rtl_model::pipeline::Elaborated;
@@ -356,7 +356,15 @@ impl Energy {
             .filter(|stages| stages.units > 0)
             .map(|stages| {
                 let own = registers(machine, stages.unit) / u64::from(if stages.unit == "shade" { stages.units } else { 1 });
-                items(stages.unit) * stages.bits.saturating_sub(own) as f64 * of.register
+                // Coefficients that a frame does not have go along nowhere.
+                let held = |pace: &Pace| u64::from(pace.latency.div_ceil(pace.interval)) * u64::from(idle_bits);
+                let idle = match stages.unit {
+                    "project" => held(&machine.timing.project),
+                    "ellipse" => held(&machine.timing.ellipse),
+                    "colour" => most.map_or(0, |most| held(&most.pace) / 2),
+                    _ => 0,
+                };
+                items(stages.unit) * stages.bits.saturating_sub(own + idle) as f64 * of.register
             })
             .sum();
         let units = units + stages;

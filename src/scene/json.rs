@@ -91,8 +91,15 @@ enum Source {
     Builtin(BuiltinSource),
     Volume(VolumeSource),
     Gaussians(GaussianSource),
+    #[serde(deserialize_with = "placed")]
     Placed(PlacedSource),
     Several(Vec<Source>),
+}
+
+/// Of an object alone: an array would be tried as its fields one by one, and so twice at every depth of arrays.
+fn placed<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<PlacedSource, D::Error> {
+    let object = serde_json::Map::deserialize(from)?;
+    PlacedSource::deserialize(serde_json::Value::Object(object)).map_err(serde::de::Error::custom)
 }
 
 /// Sources at another place.

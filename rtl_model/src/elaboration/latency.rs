@@ -24,6 +24,9 @@ pub const NORMALISE: u32 = 2;
 /// What a register takes of each cycle, tenths of FO4: set-up, clock to output, skew.
 pub const REGISTER: u32 = 50;
 
+/// Wider words are a misfit long before.
+const WIDEST: i32 = 1 << 12;
+
 /// A way through operators, one after the other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Path {
@@ -35,9 +38,10 @@ pub struct Path {
 
 /// log2 of a width, sixteenths, straight between powers of two; 0 of 1 or less.
 fn log2(bits: i32) -> u32 {
-    let bits = bits.max(1) as u32;
+    let bits = bits.clamp(1, 2 * WIDEST) as u32;
     let below = bits.ilog2();
-    16 * below + ((bits - (1 << below)) << 4 >> below)
+    let power = 1 << below;
+    16 * below + 16 * (bits - power) / power
 }
 
 /// A sum: carries as a tree.
@@ -48,12 +52,12 @@ fn adder(bits: i32) -> u32 {
 impl Path {
     /// Goes on through an operator.
     fn step(self, cycles: u32, delay: u32) -> Path {
-        Path { cycles: self.cycles + cycles, delay: self.delay + delay }
+        Path { cycles: self.cycles.saturating_add(cycles), delay: self.delay.saturating_add(delay) }
     }
 
     /// A product: rows of adders, as a tree, and the carries of the sum that is left.
     pub fn product(self, a: i32, b: i32) -> Path {
-        self.step(PRODUCT, (75 * log2(a.min(b)) / 16).saturating_sub(105) + adder(a.max(0) + b.max(0)))
+        self.step(PRODUCT, (75 * log2(a.min(b)) / 16).saturating_sub(105) + adder(a.clamp(0, WIDEST) + b.clamp(0, WIDEST)))
     }
 
     /// A sum, a difference or a comparison.
@@ -68,7 +72,7 @@ impl Path {
 
     /// A table of 2^`index_bits` words.
     pub fn table(self, index_bits: i32) -> Path {
-        self.step(TABLE, 5 + 12 * index_bits.max(0) as u32)
+        self.step(TABLE, 5 + 12 * index_bits.clamp(0, WIDEST) as u32)
     }
 
     /// Shifts the leading one to the front.
@@ -118,7 +122,7 @@ impl Path {
 
     /// So many times, one after the other.
     pub fn times(self, count: u32) -> Path {
-        Path { cycles: self.cycles * count, delay: self.delay * count }
+        Path { cycles: self.cycles.saturating_mul(count), delay: self.delay.saturating_mul(count) }
     }
 
     /// Least cycles at a clock, if its registers lie where they cut it evenly; none where a cycle leaves nothing beside its register.
@@ -137,14 +141,14 @@ impl Path {
     /// Highest clock at which it takes at most so many cycles, Hz; none where that is any.
     pub fn highest_clock(self, technology: Technology, cycles: u32) -> Option<u64> {
         let fo4_fs = technology.fo4_fs()?;
-        let period = self.delay.div_ceil(cycles.max(1)) + REGISTER;
+        let period = self.delay.div_ceil(cycles.max(1)).saturating_add(REGISTER);
         Some(10_000_000_000_000_000 / (u64::from(period) * fo4_fs))
     }
 }
 
 /// A clock period, tenths of FO4.
 fn period(fo4_fs: u64, clock_hz: u64) -> u64 {
-    10_000_000_000_000_000 / (clock_hz.max(1) * fo4_fs).max(1)
+    10_000_000_000_000_000 / clock_hz.max(1).saturating_mul(fo4_fs).max(1)
 }
 
 #[cfg(test)]

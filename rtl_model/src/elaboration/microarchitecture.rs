@@ -7,8 +7,8 @@
 
 use super::latency::Path;
 use super::{Elaboration, Part, unit};
-use crate::machine::timing::{Cache, Memory, Organisation, Setup, Tile, Timing};
-use crate::machine::{Group, Machine};
+use crate::machine::timing::{Cache, Memory, Organisation, Setup, Technology, Tile, Timing};
+use crate::machine::{Group, Machine, Merge};
 use crate::num::Word;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -183,6 +183,8 @@ pub struct Paths {
     pub gauss: Path,
     /// Of a stamp.
     pub fragment: Path,
+    /// Of two fragments that merge, once they are shaded.
+    pub over: Path,
     /// Of a fragment.
     pub shade: Path,
     /// Of a pixel.
@@ -236,7 +238,9 @@ impl Machine {
     pub fn elaborate_timing(&self, e: &mut Elaboration, paths: &Paths) -> Microarchitecture {
         let t = &self.timing;
         check(t, e);
-        check_paths(t, paths, self.colour.as_ref().map_or(0, |colour| colour.degree), e);
+        // Who replaces, or has one sheet open, merges no two.
+        let merges = t.technology != Technology::Ideal && self.fragment.sheets.is_none() && self.fragment.merge != Merge::Replace;
+        check_paths(t, paths, self.colour.as_ref().map_or(0, |colour| colour.degree), merges, e);
         let setup = |setup: Setup, path: Path, products: u32| {
             let least = setup.multipliers.map_or(1, |multipliers| products.div_ceil(multipliers.max(1)));
             let interval = setup.interval.unwrap_or(least).max(1);
@@ -461,10 +465,10 @@ impl Machine {
         // Of a tile beside its fragments which pixels have stopped, if any can.
         let pixels = kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some()));
         // What fetch has asked for, and what resolve writes, waits in whole requests.
-        let requests = 2 * u64::from(t.memory.outstanding) * u64::from(t.memory.burst_bytes) * 8;
+        let requests = 16u64.saturating_mul(t.memory.outstanding.into()).saturating_mul(t.memory.burst_bytes.into());
         Storage {
             fifos,
-            memory_bits: pixels.saturating_add(tags + sort_counts + requests),
+            memory_bits: pixels.saturating_add(tags + sort_counts).saturating_add(requests),
             frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
         }
     }
@@ -477,21 +481,34 @@ fn check_turns(unit: &str, [interval, latency]: [Option<u32>; 2], multipliers: O
     for (name, cycles) in [("interval", interval), ("latency", latency)] {
         let cycles = cycles.unwrap_or(least);
         e.require(cycles >= least, || {
-            format!("timing.{unit}.{name} is {cycles}, but {products} products that share {multipliers} multipliers take {least} cycles")
+            format!("timing.{unit}.{name} is {cycles}, but {products} products take {least} cycles where multipliers are {multipliers}")
         });
     }
 }
 
 /// Refuses latencies that the clock does not leave time for.
-fn check_paths(t: &Timing, paths: &Paths, degree: u32, e: &mut Elaboration) {
+fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Elaboration) {
     let colour = degree.checked_sub(1).map(|place| paths.colour[place.min(2) as usize].path);
     let at = format!("at {} in {}", hertz(t.clock_hz), t.technology.name());
+    let ways = [
+        ("project.latency", t.project.latency, Some(paths.project)),
+        ("ellipse.latency", t.ellipse.latency, Some(paths.ellipse)),
+        ("colour.latency", t.colour.and_then(|colour| colour.latency), colour),
+        ("raster.latency", t.raster.latency, Some(paths.raster)),
+        ("gauss.latency", t.gauss.latency, Some(paths.gauss)),
+        ("fragment.latency", t.fragment.latency, Some(paths.fragment)),
+        ("fragment.merge", merges.then_some(t.fragment.merge), Some(paths.over)),
+        ("shade.latency", t.shade.latency, Some(paths.shade)),
+        ("resolve.latency", t.resolve.latency, Some(paths.resolve)),
+    ];
+    let said = ways.into_iter().filter_map(|(name, given, path)| Some((name, given?, path?)));
     // The next layer waits for the transmittance behind this one, the next stamp for what becomes of this one.
     let slowest = paths.one_cycle.into_iter().max_by_key(|(_, _, path)| path.delay);
     if let Some((item, unit, path)) = slowest.filter(|(_, _, path)| path.least_cycles(t.technology, t.clock_hz) != Some(1)) {
-        let highest = path.highest_clock(t.technology, 1).unwrap_or(u64::MAX);
+        let allowed = said.filter_map(|(_, given, path)| path.highest_clock(t.technology, given));
+        let highest = allowed.chain(path.highest_clock(t.technology, 1)).min().unwrap_or(u64::MAX);
         e.misfits.push(format!(
-            "timing.clock_hz is {}, but {item} takes {unit} {}, and has one cycle: {} would do in {}",
+            "timing.clock_hz is {}, but {item} takes {unit} {}, and has one cycle: at most {} in {}",
             t.clock_hz,
             fo4(path.delay),
             hertz(highest),
@@ -499,20 +516,14 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, e: &mut Elaboration) {
         ));
         return;
     }
-    for (name, given, path) in [
-        ("project.latency", t.project.latency, Some(paths.project)),
-        ("ellipse.latency", t.ellipse.latency, Some(paths.ellipse)),
-        ("colour.latency", t.colour.and_then(|colour| colour.latency), colour),
-        ("raster.latency", t.raster.latency, Some(paths.raster)),
-        ("gauss.latency", t.gauss.latency, Some(paths.gauss)),
-        ("fragment.latency", t.fragment.latency, Some(paths.fragment)),
-        ("shade.latency", t.shade.latency, Some(paths.shade)),
-        ("resolve.latency", t.resolve.latency, Some(paths.resolve)),
-    ] {
-        let (Some(given), Some(path)) = (given, path) else { continue };
+    for (name, given, path) in said {
         let least = path.least_cycles(t.technology, t.clock_hz).unwrap_or(u32::MAX);
         e.require(given >= least, || {
-            format!("timing.{name} is {given}, but its longest way takes {}: {least} cycles {at}", fo4(path.delay))
+            format!(
+                "timing.{name} is {given}, but its longest way takes {}: {least} {} {at}",
+                fo4(path.delay),
+                if least == 1 { "cycle" } else { "cycles" }
+            )
         });
     }
 }

@@ -28,9 +28,10 @@ pub struct Scientific<L> {
 
 /// Longest way from an operand of so many bits: normalise, look up, and two products and a sum for each Newton step.
 pub fn path(unit: FunctionUnit, operand_bits: i32) -> Path {
-    let bits = unit.bits as i32;
+    // A misfit already where it is more.
+    let bits = unit.bits.min(64) as i32;
     let step = Path::default().product(bits, bits).sum(2 * bits).product(bits, bits).fit(bits);
-    Path::default().normalise(operand_bits).table(unit.table_bits as i32).then(step.times(unit.newton_steps))
+    Path::default().normalise(operand_bits).table(unit.table_bits.min(64) as i32).then(step.times(unit.newton_steps))
 }
 
 /// An elaborated reciprocal unit.

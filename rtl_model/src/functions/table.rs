@@ -156,7 +156,7 @@ pub fn interpolator(e: &mut Elaboration, unit: &'static str, shape: TableShape, 
 
 /// Longest way from an argument to a word of so many bits: look up, and a product and a sum where there are straight lines between the words.
 pub fn path(shape: TableShape, word_bits: i32) -> Path {
-    let found = Path::default().table(shape.index_bits as i32);
+    let found = Path::default().table(shape.index_bits.min(64) as i32);
     match shape.interpolation {
         Interpolation::Nearest => found,
         Interpolation::Linear => found.product(word_bits, word_bits).sum(word_bits).fit(word_bits),

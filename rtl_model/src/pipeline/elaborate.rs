@@ -144,6 +144,7 @@ impl Machine {
             raster: raster::path(self),
             gauss: gauss::path(self),
             fragment: fragment::path(self),
+            over: fragment::over(self),
             shade: shade::path(self),
             resolve: resolve::path(self),
             one_cycle: [

@@ -81,8 +81,17 @@ pub struct Output<W> {
 pub fn path(machine: &Machine) -> Path {
     let (m, p) = (&machine.ellipse, &machine.project);
     let bits = |word: Word| word.format.width();
-    let root = m.root.bits as i32;
-    Path::default()
+    let root = m.root.bits.min(64) as i32;
+    // An ellipsoid's axes come from its quaternion, and are stretched before they are squared.
+    let own = m.ellipsoid.map_or(Path::default(), |of| {
+        let quaternion = bits(of.quaternion);
+        Path::default()
+            .product(quaternion, quaternion)
+            .sum(2 * quaternion)
+            .fit(bits(machine.splat.normal))
+            .product(bits(m.tilt), bits(of.scale))
+    });
+    Path { cycles: 0, ..own }
         .product(bits(p.rotation), bits(machine.splat.normal))
         .sum_of_three(bits(p.rotation) + bits(machine.splat.normal))
         .fit(bits(m.normal))

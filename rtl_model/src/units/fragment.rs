@@ -88,14 +88,16 @@ pub fn path(machine: &Machine) -> Path {
     let (weight, sum) = (bits(machine.gauss.weight), bits(m.colour_sum).max(bits(m.normal_sum)));
     // The product does not wait for the match, but has its registers behind it.
     let product = Path::default().product(weight, bits(machine.splat.rgb).max(bits(m.normal)));
-    let matched = Path::default().sum(bits(m.depth)).choose(m.layers + 1);
-    Path::default()
+    let matched = Path::default().sum(bits(m.depth)).choose(m.layers.saturating_add(1));
+    let way = Path::default()
         .memory()
         .then(Path { cycles: product.cycles + matched.cycles, ..product.beside(matched) })
         .sum(sum)
         .fit(sum)
-        .choose(m.layers + 1)
-        .memory()
+        .choose(m.layers.saturating_add(1))
+        .memory();
+    // No part of it is longer.
+    Path { delay: way.delay.max(stamp(machine).delay), ..way }
 }
 
 /// What a stamp takes in the one cycle that it holds the unit, as the twin is built: read, the nearest slot, the sum, what is opaque, the order
@@ -111,26 +113,21 @@ pub fn stamp(machine: &Machine) -> Path {
         .sum(depth)
         .sum(depth)
         .choose(2)
-        .then(nearer.times(m.layers.next_power_of_two().ilog2()))
+        .then(nearer.times(m.layers.clamp(1, 64).next_power_of_two().ilog2()))
         .sum(sum)
         .fit(sum)
         .product(bits(m.opaque), bits(m.weight_sum))
         .sum(limit)
         .sum(depth)
-        .choose(m.layers + 1)
+        .choose(m.layers.saturating_add(1))
         .choose(3)
         .memory()
 }
 
-/// What of the longest way lies between reading and writing: forwarded, a pixel can be taken again after it.
-pub fn accumulate(machine: &Machine) -> Path {
-    let m = &machine.fragment;
-    let bits = |word: Word| word.format.width();
-    let (weight, sum) = (bits(machine.gauss.weight), bits(m.colour_sum).max(bits(m.normal_sum)));
-    // The product does not wait for the match, but has its registers behind it.
-    let product = Path::default().product(weight, bits(machine.splat.rgb).max(bits(m.normal)));
-    let matched = Path::default().sum(bits(m.depth)).choose(m.layers + 1);
-    Path { cycles: product.cycles + matched.cycles, ..product.beside(matched) }.sum(sum).fit(sum).choose(m.layers + 1)
+/// What merging two fragments that are shaded takes: the front over the back, and a slot again.
+pub fn over(machine: &Machine) -> Path {
+    let light = machine.shade.premultiplied.format.width();
+    Path::default().product(light, light).sum(2 * light).fit(machine.fragment.colour_sum.format.width())
 }
 
 /// The elaborated unit.

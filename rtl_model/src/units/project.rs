@@ -37,7 +37,7 @@ pub fn path(machine: &Machine) -> Path {
     let m = &machine.project;
     let bits = |word: Word| word.format.width();
     let difference = Exact::from(machine.splat.position).plus(m.eye).bits();
-    let reciprocal = m.reciprocal.bits as i32;
+    let reciprocal = m.reciprocal.bits.min(64) as i32;
     Path::default()
         .sum(difference)
         // The largest of three magnitudes says how far all go.

@@ -50,7 +50,7 @@ impl<'a> LightRegisters<'a> {
 pub fn path(machine: &Machine) -> Path {
     let (m, f) = (&machine.shade, &machine.fragment);
     let bits = |word: Word| word.format.width();
-    let [share, normal, root] = [bits(m.normal_share), bits(m.normal), m.root.bits as i32];
+    let [share, normal, root] = [bits(m.normal_share), bits(m.normal), m.root.bits.min(64) as i32];
     let unit_normal = Path::default()
         .normalise(bits(f.weight_sum))
         .product(share, share)

@@ -74,11 +74,11 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     let misfits = refused(&|m| m.timing.technology = Technology::Nm180);
     assert_eq!(
         misfits,
-        ["timing.clock_hz is 400000000, but a stamp takes fragment 177.3 FO4, and has one cycle: 55 MHz would do in 180 nm"]
+        ["timing.clock_hz is 400000000, but a stamp takes fragment 177.3 FO4, and has one cycle: at most 55 MHz in 180 nm"]
     );
     assert!(built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 55_000_000)).is_ok());
     let misfits = refused(&|m| m.timing.clock_hz = 2_500_000_000);
-    assert!(misfits.len() == 1 && misfits[0].ends_with("548 MHz would do in 28 nm"), "{misfits:?}");
+    assert!(misfits.len() == 1 && misfits[0].ends_with("at most 548 MHz in 28 nm"), "{misfits:?}");
     // A latency that would do at a slow clock does not at a fast one.
     let three = |clock_hz| move |m: &mut Machine| (m.timing.shade.latency, m.timing.clock_hz) = (Some(3), clock_hz);
     assert!(built(&three(500_000_000)).is_ok());
@@ -91,8 +91,28 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     };
     let turns = built(&one(None, None)).unwrap().project;
     assert_eq!([turns.interval, turns.latency], [19, 24]);
-    assert_eq!(refused(&one(Some(18), None)), ["timing.project.interval is 18, but 19 products that share 1 multipliers take 19 cycles"]);
+    assert_eq!(refused(&one(Some(18), None)), ["timing.project.interval is 18, but 19 products take 19 cycles where multipliers are 1"]);
     assert_eq!(refused(&one(None, Some(18))).len(), 1);
+    // Two that merge are blended in no less than a cycle.
+    assert_eq!(
+        refused(&|m| m.timing.fragment.merge = 0),
+        ["timing.fragment.merge is 0, but its longest way takes 60.1 FO4: 1 cycle at 400 MHz in 28 nm"]
+    );
+    // Whatever is absurd is refused in sentences.
+    let absurd: [&dyn Fn(&mut Machine); 9] = [
+        &|m| m.timing.clock_hz = u64::MAX,
+        &|m| m.fragment.layers = u32::MAX,
+        &|m| m.fragment.layers = 100_000_000,
+        &|m| m.shade.reciprocal.newton_steps = u32::MAX,
+        &|m| m.shade.reciprocal.table_bits = u32::MAX,
+        &|m| m.shade.reciprocal.bits = u32::MAX,
+        &|m| m.project.reciprocal.bits = u32::MAX,
+        &|m| m.gauss.table.index_bits = u32::MAX,
+        &|m| (m.timing.memory.outstanding, m.timing.memory.burst_bytes) = (u32::MAX, 1 << 31),
+    ];
+    for absurd in absurd {
+        assert!(!refused(absurd).is_empty());
+    }
     // Ideal gates are for asking.
     assert!(built(&|m| (m.timing.technology, m.timing.clock_hz, m.timing.shade.latency) = (Technology::Ideal, 1 << 39, Some(1))).is_ok());
 }
@@ -150,6 +170,7 @@ proptest! {
             }
         }
         value["timing"]["organisation"] = json!(if binned { "binned" } else { "immediate" });
+        value["timing"]["clock_hz"] = json!([400_000_000, 0, 1, 1_000_000_000_000u64, u64::MAX, 400_000_000][numbers[62] as usize % 6]);
         value["timing"]["technology"] = json!(if numbers[63] % 2 == 0 { "28nm" } else { "ideal" });
         let machine: Machine = serde_json::from_value(value).unwrap();
         match machine.elaborate() {

@@ -216,7 +216,7 @@ pub fn overflow_path(machine: &Machine) -> Path {
     let Some(words) = &m.window else { return Path::default() };
     let bits = |word: Word| word.format.width();
     let (share, through, part, light) = (bits(words.share), bits(words.through), bits(words.part), bits(machine.splat.rgb));
-    let inverse = words.reciprocal.bits as i32;
+    let inverse = words.reciprocal.bits.min(64) as i32;
     let divide = reciprocal::path(words.reciprocal, bits(m.weight_sum)).product(share, inverse);
     // T goes on from slot to slot, a slot a cycle.
     let slots = Path { cycles: 1, ..Path::default().product(part, through) }.times(m.layers);
