@@ -25,6 +25,10 @@ fn golden(scene: &Scene) -> Picture {
     golden::render(scene, &Rules::default()).picture
 }
 
+fn farthest(a: &Picture, b: &Picture) -> f64 {
+    a.rgba.as_flattened().iter().zip(b.rgba.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
 fn centre(picture: &Picture) -> [f64; 4] {
     picture.rgba[picture.height / 2 * picture.width + picture.width / 2]
 }
@@ -82,10 +86,17 @@ fn a_surface_in_a_fog_has_half_of_it_in_front() {
 
 /// One Gaussian as training programs write it, of sRGB grey 0.5.
 fn gaussian(folder: &Path, logit: f64) -> Value {
+    coloured(folder, logit, "")
+}
+
+/// One Gaussian with harmonics of degree 1 after its grey: none, or nine of them.
+fn coloured(folder: &Path, logit: f64, harmonics: &str) -> Value {
     let names = ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2"];
     let rotations = ["rot_0", "rot_1", "rot_2", "rot_3"];
-    let properties: String = names.iter().chain(&rotations).map(|name| format!("property float {name}\n")).collect();
-    let row = format!("0 0 0 0 0 0 {logit} -0.7 0 -1.5 1 0.3 -0.2 0.5\n");
+    let rest: Vec<String> = (0..harmonics.split_whitespace().count()).map(|i| format!("f_rest_{i}")).collect();
+    let names = names.iter().chain(&rotations).copied().chain(rest.iter().map(String::as_str));
+    let properties: String = names.map(|name| format!("property float {name}\n")).collect();
+    let row = format!("0 0 0 0 0 0 {logit} -0.7 0 -1.5 1 0.3 -0.2 0.5 {harmonics}\n");
     std::fs::write(folder.join("one.ply"), format!("ply\nformat ascii 1.0\nelement vertex 1\n{properties}end_header\n{row}")).unwrap();
     json!({"file": "one.ply"})
 }
@@ -104,17 +115,35 @@ fn a_gaussian_among_others_has_the_opacity_of_its_peak() {
     }
 }
 
+/// Of most weight 1, an opaque Gaussian would be infinitely deep.
+#[test]
+fn an_opaque_gaussian_has_a_depth() {
+    let folder = tempfile::tempdir().unwrap();
+    let sources = together(plane(-50.0, [0.0; 3], 0.0).into_iter().chain([gaussian(folder.path(), 200.0)]));
+    let mut scene = front(sources);
+    scene["sheets"] = json!({"stop": 0, "most_weight": 1});
+    let scene = load(&scene, folder.path());
+    assert!(scene.splats.iter().all(|splat| splat.opacity.is_finite()));
+    let picture = golden(&scene);
+    assert!(picture.rgba.as_flattened().iter().all(|value| value.is_finite()));
+    let light = srgb_decode(0.5);
+    near(&picture, [light, light, light, 1.0], 1e-4, "opaque");
+}
+
 #[test]
 fn a_list_of_one_is_that_one() {
     let shells = json!({"volume": {"builtin": "nested-shells", "samples": 12}});
     let mut isosurface = shells.clone();
     isosurface["isovalue"] = json!(0.2);
     for source in [shells, isosurface, json!({"gaussians": "bouquet", "count": 50}), json!({"builtin": "terrain", "count": 50})] {
-        let of = |splats: Value| made(&json!({"splats": splats}));
+        let of = |splats: Value| made(&json!({"splats": splats, "image": {"width": 40, "height": 32}}));
         let alone = of(source.clone());
         assert_eq!(of(json!([source.clone()])), alone, "{source}");
         let unmoved = of(json!({"splats": source.clone(), "place": {}}));
         assert_eq!(unmoved.splats.len(), alone.splats.len());
+        let (unmoved, alone) = (golden(&unmoved), golden(&alone));
+        let apart = farthest(&unmoved, &alone);
+        assert!(apart < 1e-12 && alone.covered.iter().any(|covered| *covered), "{source}: {apart:e}");
     }
 }
 
@@ -132,7 +161,7 @@ fn isosurfaces_beside_discs_are_surfaces() {
     let mut flat = Scene { splats: scene.splats[..3000].to_vec(), ..scene.clone() };
     flat.ellipsoids.as_mut().unwrap().orientations.truncate(3000);
     let (alone, flat) = (golden(&alone), golden(&flat));
-    let apart = alone.rgba.as_flattened().iter().zip(flat.rgba.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let apart = farthest(&alone, &flat);
     assert!(apart < 1e-6 && alone.covered.iter().filter(|covered| **covered).count() > 300, "{apart:e}");
 }
 
@@ -156,6 +185,7 @@ fn what_is_placed_with_the_eye_looks_the_same() {
         shells.clone(),
         json!({"volume": "x.vtr", "transfer": [{"value": 0, "rgb": [1, 0, 0], "opacity": 0.1}, {"value": 35, "rgb": [0, 1, 0.5], "opacity": 0.6}]}),
         json!({"gaussians": "bouquet", "count": 400}),
+        coloured(folder.path(), 1.0, "0.3 -0.2 0.1 -0.4 0.2 0.3 0.1 0.4 -0.3"),
         json!({"builtin": "torus-knot", "count": 3000}),
         json!({"volume": {"builtin": "nested-shells", "samples": 20}, "isovalue": 0.2}),
         json!([shells, {"gaussians": "bouquet", "count": 200}, {"builtin": "torus-knot", "count": 500},
@@ -163,22 +193,22 @@ fn what_is_placed_with_the_eye_looks_the_same() {
     ];
     let (axis, way) = (DVec3::new(1.0, -2.0, 0.5), DVec3::new(3.0, 40.0, -7.0));
     let turn = DQuat::from_axis_angle(axis.normalize(), TURN_DEGREES.to_radians());
-    let [eye, target, up] = [DVec3::new(1.5, 1.0, 4.0), DVec3::new(0.1, 0.2, 0.0), DVec3::Y];
-    let scene = |splats: Value, [eye, target, up]: [DVec3; 3], scale: f64| {
-        json!({"splats": splats, "materials": [{"unlit": true}], "image": {"width": 48, "height": 40}, "surface": {"z_threshold": 0.2 * scale},
+    let [eye, target, up, light] = [DVec3::new(1.5, 1.0, 4.0), DVec3::new(0.1, 0.2, 0.0), DVec3::Y, DVec3::new(3.0, 1.0, 1.0)];
+    let scene = |splats: Value, [eye, target, up, light]: [DVec3; 4], scale: f64| {
+        json!({"splats": splats, "materials": [{}], "lights": [{"direction": light.to_array()}], "image": {"width": 48, "height": 40}, "surface": {"z_threshold": 0.2 * scale},
             "camera": {"eye": eye.to_array(), "target": target.to_array(), "up": up.to_array(), "fov_y_degrees": 40}})
     };
     for source in sources {
         let told = source.to_string();
-        let here = golden(&load(&scene(source.clone(), [eye, target, up], 1.0), folder.path()));
+        let here = golden(&load(&scene(source.clone(), [eye, target, up, light], 1.0), folder.path()));
         // In two steps.
         let first = json!({"splats": source, "place": {"scale": 1.5, "move": [20, -30, 40]}});
         let placed =
             json!({"splats": first, "place": {"scale": 2, "axis": axis.to_array(), "degrees": TURN_DEGREES, "move": way.to_array()}});
         let bring = |point: DVec3| turn * ((point * 1.5 + DVec3::new(20.0, -30.0, 40.0)) * 2.0) + way;
-        let brought = [bring(eye), bring(target), turn * up];
+        let brought = [bring(eye), bring(target), turn * up, turn * light];
         let there = golden(&load(&scene(placed, brought, 3.0), folder.path()));
-        let apart = here.rgba.as_flattened().iter().zip(there.rgba.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let apart = farthest(&here, &there);
         assert!(apart < 1e-6 && here.covered.iter().any(|covered| *covered), "{told}: {apart:e}");
     }
 }

@@ -116,6 +116,12 @@ fn what_does_not_fit_into_memory_is_refused_before_it_is_made() {
     let out = folder.path().join("out").to_string_lossy().into_owned();
     let sentence = refused(&["run", &scene, "--out", &out]);
     assert!(sentence.contains("huge.json: splats: 4,026,531,840 splats would take about 4550.0 GB of memory, and "), "{sentence}");
+    // Gaussians, and what is drawn with them, have an orientation each, wherever they stand.
+    let gaussians = json!({"gaussians": "bouquet", "count": 67_108_864});
+    let placed = json!({"splats": [{"builtin": "terrain", "count": 67_108_864}, gaussians], "place": {}});
+    let scene = write(&folder, "huge.json", json!({"splats": vec![placed; 30]}).to_string());
+    let sentence = refused(&["run", &scene, "--out", &out]);
+    assert!(sentence.contains("huge.json: splats: 4,026,531,840 splats would take about 6684.0 GB of memory, and "), "{sentence}");
     assert_eq!(names_in(folder.path()), ["huge.json"]);
 }
 

@@ -7,7 +7,7 @@
 //! A sample stands for a cell that three steps span, the columns of J; its kernel has the variance radius²·J·Jᵀ, and stands for the volume
 //! |det J|. On a grid a step is half of the way from the neighbour before to the one behind, and at the border the way to the one that is
 //! there: of a curvilinear grid this is its Jacobian. A point has a step as long as its spacing in all directions, or J·Jᵀ = V/radius²
-//! where its variance V is given. An evenly spaced grid so has the kernels of a volume (`an_even_grid_is_a_volume`).
+//! where its variance V is given. An evenly spaced grid so has the kernels of a volume (`an_even_grid_is_the_volume_that_it_is`).
 //!
 //! Extinction is that of [`super::voxels`]: a transfer function's opacity is that of a layer, here as thick as it is said to be, or as the
 //! median of the samples' shortest steps.

@@ -6,7 +6,7 @@
 use super::cells::{Cells, Sampled, Slices};
 use super::gaussians::{Gaussian, Gaussians};
 use super::volume::{Arrays, RawDescription, Samples};
-use super::voxels::{Classification, TransferPoint, Voxels, depth_of_layer};
+use super::voxels::{Classification, MOST_OPACITY, TransferPoint, Voxels, depth_of_layer};
 use super::{
     Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets,
     Splat, Surface,
@@ -177,7 +177,8 @@ struct VolumeSource {
     #[serde(default = "kernel_steps")]
     #[schemars(range(min = 1e-6, max = 100))]
     radius: f64,
-    /// Draws the surface where the field has this value, instead of what the transfer function shows.
+    /// Draws the surface where the field has this value, instead of what the transfer function shows. Not read of `.vtr`, `.vts`, `.vtu` and
+    /// `.vtp`.
     #[schemars(range(min = -1e30, max = 1e30))]
     isovalue: Option<f64>,
     /// How many times flatter kernels are along the gradient; infinitely flat they are discs. For `isovalue`.
@@ -553,6 +554,10 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
         return Err(input_error(gathered.nothing().into()));
     }
     let kind = gathered.kind();
+    if kind == Kind::Mixed {
+        let count = gathered.splats.len() as u64;
+        memory::check(count, "splats", memory::GAUSSIAN_BYTES).map_err(|sentence| input_error(format!("splats: {sentence}")))?;
+    }
     // Training programs have y down, as their cameras do.
     let up = if kind == Kind::Gaussians { DVec3::NEG_Y } else { DVec3::Y };
     let camera = camera(&fields.camera, up, &image, &gathered.splats).map_err(input_error)?;
@@ -797,7 +802,7 @@ fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
                     splat.material = unlit;
                     // Of a ball the depth through its middle is the opacity; an ellipsoid has 1/(Πsᵢ·√Σ(dᵢ/sᵢ)²) of that along d.
                     let along = of.rotation.conjugate() * unit(way).unwrap_or(DVec3::Z) / of.scales;
-                    let depth = -libm::log1p(-splat.opacity.min(fields.most_weight.unwrap_or(MOST_WEIGHT)));
+                    let depth = -libm::log1p(-splat.opacity.min(fields.most_weight.unwrap_or(MOST_WEIGHT)).min(MOST_OPACITY));
                     splat.opacity = depth * of.scales.element_product() * along.length();
                     all[range.start + index] = of;
                 }
@@ -838,6 +843,8 @@ struct Gathered<'a> {
     media: Vec<Part>,
     /// Where a volume's kernels end.
     volume_cutoff: f64,
+    /// Whether samples were left out that have a cell of no volume.
+    lacks_cells: bool,
     notes: Vec<String>,
 }
 
@@ -859,6 +866,7 @@ impl<'a> Gathered<'a> {
             materials_are_given,
             media: vec![],
             volume_cutoff,
+            lacks_cells: false,
             notes: vec![],
         }
     }
@@ -897,6 +905,9 @@ impl<'a> Gathered<'a> {
 
     /// What is wrong where there are no splats.
     fn nothing(&self) -> &'static str {
+        if self.lacks_cells {
+            return "shows nothing of the volume; samples that its transfer function shows have a cell of no volume";
+        }
         match self.media.first().map(|part| &part.medium) {
             Some(Medium::Volume(_) | Medium::Cells(..)) => {
                 "shows nothing of the volume; a transfer function must give some of its values an opacity above 0"
@@ -989,9 +1000,12 @@ impl<'a> Gathered<'a> {
                 ply::FARTHEST
             )))
         };
-        let memory = |what: &str, bytes_each: u64| {
-            memory::check(classification.seen(samples.values()), what, bytes_each)
-                .map_err(|sentence| self.input_error(format!("{path}: {sentence}")))
+        let memory = |count: u64, what: &str, bytes_each: u64| {
+            let held = self.splats.len() as u64;
+            // Beside others every splat has an orientation of its own.
+            let (count, what, bytes_each) =
+                if held > 0 { (count + held, "splats", memory::GAUSSIAN_BYTES) } else { (count, what, bytes_each) };
+            memory::check(count, what, bytes_each).map_err(|sentence| self.input_error(format!("{path}: {sentence}")))
         };
         let (splats, medium, what) = match (&samples, source.isovalue) {
             (Samples::Even(volume), isovalue) => {
@@ -1000,29 +1014,29 @@ impl<'a> Gathered<'a> {
                 let what = format!("voxels are seen ({x} × {y} × {z})");
                 match isovalue {
                     Some(isovalue) => {
+                        memory(Classification::on_surface(volume, isovalue), "splats of a surface", memory::GAUSSIAN_BYTES)?;
                         let (splats, orientations, area) = classification.isosurface(volume, isovalue, source.flatten);
                         (splats, Medium::Isosurface(orientations, area), what)
                     }
                     None => {
-                        memory("voxels", memory::DISC_BYTES)?;
+                        memory(classification.seen(samples.values()), "voxels", memory::DISC_BYTES)?;
                         let (splats, voxels) = classification.voxels(volume, source.layer);
                         (splats, Medium::Volume(voxels), what)
                     }
                 }
             }
             (Samples::Uneven(_), Some(_)) => {
-                return Err(
-                    self.input_error(format!("{path}.isovalue is of evenly spaced grids, and this one is not; `transfer` shows it"))
-                );
+                return Err(self.input_error(format!("{path}.isovalue is not read of VTR, VTS, VTU and VTP; `transfer` shows them")));
             }
             (Samples::Uneven(field), None) => {
-                memory("samples", memory::GAUSSIAN_BYTES)?;
+                memory(classification.seen(samples.values()), "samples", memory::GAUSSIAN_BYTES)?;
                 let cells = Cells::new(field, source.radius);
                 // Where no sample has a cell, none is seen either.
                 let layer = source.layer.or_else(|| cells.usual_layer()).unwrap_or(1.0);
                 let (Sampled { splats, orientations, slices }, flat) = cells.samples(&classification, layer);
                 splats.iter().try_for_each(|splat| of_kernels(splat.radius))?;
                 if flat > 0 {
+                    self.lacks_cells = true;
                     self.notes.push(format!("{}: {flat} samples have a cell of no volume and were left out", file.display()));
                 }
                 (splats, Medium::Cells(orientations, slices), "samples are seen".to_string())
@@ -1144,8 +1158,10 @@ impl<'a> Gathered<'a> {
     fn complete(&mut self, eye: DVec3) {
         self.end_cloud(1.0);
         let mut start = 0;
+        // Both in the order of the splats; what is more than discs is a cloud of its own.
+        let mut media = self.media.iter().map(|part| &part.splats).filter(|splats| !splats.is_empty()).peekable();
         for &(end, radius_scale) in &self.clouds {
-            if !self.media.iter().any(|part| part.splats == (start..end)) {
+            if media.next_if(|splats| **splats == (start..end)).is_none() {
                 let cloud = &mut self.splats[start..end];
                 neighbours::fit(cloud, eye);
                 cloud.iter_mut().for_each(|s| s.radius = (s.radius * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST));
@@ -1176,11 +1192,20 @@ impl VolumeSource {
 impl Source {
     /// Says what the splats that are asked for by number would take, before any are made.
     fn check_memory(&self) -> std::result::Result<(), String> {
-        let (what, bytes_each) = match self {
-            Source::Gaussians(_) => ("Gaussians", memory::GAUSSIAN_BYTES),
-            _ => ("splats", memory::DISC_BYTES),
-        };
+        let what = if matches!(self, Source::Gaussians(_)) { "Gaussians" } else { "splats" };
+        // Where any has an orientation, all have one.
+        let bytes_each = if self.is_medium() { memory::GAUSSIAN_BYTES } else { memory::DISC_BYTES };
         memory::check(self.promised(), what, bytes_each).map_err(|sentence| format!("splats: {sentence}"))
+    }
+
+    /// Whether anything of it is known to be more than discs before files are read.
+    fn is_medium(&self) -> bool {
+        match self {
+            Source::Gaussians(_) | Source::Volume(_) => true,
+            Source::Several(sources) => sources.iter().any(Source::is_medium),
+            Source::Placed(source) => source.splats.is_medium(),
+            Source::File(_) | Source::Splat(_) | Source::Builtin(_) => false,
+        }
     }
 
     /// How many splats are asked for by number.

@@ -37,11 +37,11 @@ pub(super) fn fit(splats: &mut [Splat], eye: DVec3) {
     }
     let places = Places::of(splats.len(), |i| splats[i].position);
     let fits = places.fit();
-    let radius = Spacings::of(&places, &fits);
+    let radius = Spacings::of(&places, &fits, |fit| fit.spacing);
     splats.par_iter_mut().zip(&places.place_of_splat).for_each(|(splat, &place)| {
         let fit = &fits[place as usize];
         if splat.radius == 0.0 {
-            splat.radius = radius.at(fit, splat.position);
+            splat.radius = radius.at(fit.spacing, splat.position);
         }
         if splat.normal == DVec3::ZERO {
             splat.normal = least_variance(&fit.variance, eye - splat.position);
@@ -52,7 +52,8 @@ pub(super) fn fit(splats: &mut [Splat], eye: DVec3) {
 /// What lies around a point.
 #[derive(Clone, Debug)]
 pub(super) struct Surroundings {
-    /// Mean distance to the nearest points, as a radius is fitted; above 0.
+    /// Mean distance to [`Surroundings::nearest`], within the bounds of a fitted radius; above 0. Copies of a point are none of its
+    /// neighbours here: samples at one place would have next to no volume.
     pub spacing: f64,
     /// The nearest points at other places, by number: one of each place, and [`NONE`] where there are fewer.
     pub nearest: [u32; NEIGHBOURS],
@@ -62,13 +63,13 @@ pub(super) struct Surroundings {
 pub(super) fn surroundings(points: &[DVec3]) -> Vec<Surroundings> {
     let places = Places::of(points.len(), |i| points[i]);
     let fits = places.fit();
-    let radius = Spacings::of(&places, &fits);
+    let radius = Spacings::of(&places, &fits, |fit| fit.apart);
     let mut first = vec![NONE; places.points.len()];
     places.place_of_splat.iter().zip(0..).for_each(|(&place, i)| first[place as usize] = first[place as usize].min(i));
     let of_point = |(point, &place): (&DVec3, &u32)| {
         let fit = &fits[place as usize];
         Surroundings {
-            spacing: radius.at(fit, *point),
+            spacing: radius.at(fit.apart, *point),
             nearest: fit.nearest.map(|other| first.get(other as usize).copied().unwrap_or(NONE)),
         }
     };
@@ -82,16 +83,16 @@ struct Spacings {
 }
 
 impl Spacings {
-    fn of(places: &Places, fits: &[Fit]) -> Spacings {
-        let spacings = places.place_of_splat.iter().map(|&place| fits[place as usize].spacing);
+    fn of(places: &Places, fits: &[Fit], spacing: impl Fn(&Fit) -> f64) -> Spacings {
+        let spacings = places.place_of_splat.iter().map(|&place| spacing(&fits[place as usize]));
         match median(spacings.filter(|&spacing| spacing > 0.0).collect()) {
             Some(median) => Spacings { typical: median, largest: median * LARGEST_OF_MEDIAN },
             None => Spacings { typical: 0.0, largest: f64::INFINITY },
         }
     }
 
-    fn at(&self, fit: &Fit, position: DVec3) -> f64 {
-        let radius = if fit.spacing > 0.0 { fit.spacing.min(self.largest) } else { self.typical };
+    fn at(&self, spacing: f64, position: DVec3) -> f64 {
+        let radius = if spacing > 0.0 { spacing.min(self.largest) } else { self.typical };
         if radius > 0.0 { radius } else { lone_radius(position) }
     }
 }
@@ -121,6 +122,8 @@ struct Places {
 struct Fit {
     /// Mean distance to the nearest splats, 0 if all of them are at this place.
     spacing: f64,
+    /// Mean distance to the nearest other places, each counted once; 0 if there are none.
+    apart: f64,
     /// Covariance of the place and its neighbours, up to a factor.
     variance: DMat3,
     /// Places of those, and [`NONE`] where there are fewer.
@@ -153,7 +156,8 @@ impl Places {
             let others: Vec<(usize, f64)> =
                 near.iter().map(|n| (n.item as usize, n.distance)).filter(|n| n.0 != place).take(NEIGHBOURS).collect();
             let nearest = std::array::from_fn(|i| others.get(i).map_or(NONE, |(other, _)| *other as u32));
-            Fit { spacing: self.spacing(place, &others), variance: self.variance(place, &others), nearest }
+            let apart = others.iter().map(|(_, squared)| squared.sqrt()).sum::<f64>() / others.len().max(1) as f64;
+            Fit { spacing: self.spacing(place, &others), apart, variance: self.variance(place, &others), nearest }
         };
         (0..self.points.len()).into_par_iter().map(fit_at).collect()
     }

@@ -31,7 +31,7 @@ pub struct TransferPoint {
 }
 
 /// Opacities beyond this count as this: an opaque layer would be infinitely deep, and no frame word of 16 bits tells the two apart.
-const MOST_OPACITY: f64 = 1.0 - 1.0 / 65536.0;
+pub(super) const MOST_OPACITY: f64 = 1.0 - 1.0 / 65536.0;
 
 /// Optical depth that a layer's kernels need in all, so that the layer has this opacity where they end at a cutoff.
 pub fn depth_of_layer(opacity: f64, cutoff: f64) -> f64 {
@@ -113,6 +113,17 @@ impl<'a> Field<'a> {
         self.steps().into_iter().fold(0.0, f64::max)
     }
 
+    /// The surface's normal and how far away it lies along that from a sample; none where other samples are nearer to it.
+    fn surface(&self, at: [usize; 3], isovalue: f64) -> Option<(DVec3, f64)> {
+        let gradient = self.gradient(at);
+        let away = (isovalue - self.value(at)) / gradient.length();
+        // Samples on both sides find the same surface: those within half a step of it close it.
+        if away.is_nan() || away.abs() > 0.5 * self.longest_step() {
+            return None;
+        }
+        Some((super::unit(gradient)?, away))
+    }
+
     /// Every sample of a slice along z.
     fn slice(&self, z: usize) -> impl Iterator<Item = [usize; 3]> {
         let [width, height, _] = self.volume.size;
@@ -164,6 +175,13 @@ impl Classification {
         values.par_iter().filter(|value| self.colour(f64::from(**value)).1 > 0.0).count() as u64
     }
 
+    /// Counts the splats of an isosurface.
+    pub fn on_surface(volume: &Volume, isovalue: f64) -> u64 {
+        let field = Field::new(volume);
+        let of_slice = |z| field.slice(z).filter(|at| field.surface(*at, isovalue).is_some()).count() as u64;
+        (0..volume.size[2]).into_par_iter().map(of_slice).sum()
+    }
+
     /// The largest standard deviation of a kernel, world units.
     pub fn sigma(&self, volume: &Volume) -> f64 {
         self.radius * Field::new(volume).longest_step()
@@ -201,20 +219,14 @@ impl Classification {
         (splats, Voxels { at, axes: field.axes, origin: vector(volume.origin) })
     }
 
-    /// Splats on the surface where the field has this value, their axes, and the area that each stands for: σ is `radius` of the longest step, and `flatten` times less
-    /// along the gradient (EWA §6.4).
+    /// Splats on the surface where the field has this value, their axes, and the area that each stands for: σ is `radius` of the longest
+    /// step, and `flatten` times less along the gradient (EWA §6.4).
     pub fn isosurface(&self, volume: &Volume, isovalue: f64, flatten: f64) -> (Vec<Splat>, Vec<Orientation>, f64) {
         let field = Field::new(volume);
         let longest = field.longest_step();
         let rgb = self.colour(isovalue).0;
         let splat = |at: [usize; 3]| {
-            let gradient = field.gradient(at);
-            let away = (isovalue - field.value(at)) / gradient.length();
-            // Samples on both sides find the same surface: those within half a step of it close it.
-            if away.is_nan() || away.abs() > 0.5 * longest {
-                return None;
-            }
-            let normal = super::unit(gradient)?;
+            let (normal, away) = field.surface(at, isovalue)?;
             let splat = Splat {
                 position: field.position(at) + normal * away,
                 normal,

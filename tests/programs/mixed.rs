@@ -64,7 +64,7 @@ fn main() -> Result<()> {
     let folder = PathBuf::from(arguments.next().unwrap_or_else(|| "out".into()));
     let data = PathBuf::from(arguments.next().unwrap_or_else(|| "../shared/data".into()));
     std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
-    println!("| scene | splats | fixed − golden | golden − ideal |\n|---|---|---|---|");
+    println!("| scene | splats | fixed − golden, dB | golden − ideal, dB |\n|---|---|---|---|");
     let mut tiles = Vec::new();
     for (name, [volume, surface], view) in subjects(&data) {
         for (told, splats) in [("volume", volume.clone()), ("surface", surface.clone()), ("both", json!([volume, surface]))] {

@@ -94,6 +94,20 @@ fn a_pile_of_points_is_as_large_as_the_points_around_it() {
 }
 
 #[test]
+fn copies_of_a_point_change_nothing_of_its_surroundings() {
+    let points: Vec<DVec3> = floor(6).iter().map(|splat| splat.position + DVec3::Y * (splat.position.x * 0.3).sin()).collect();
+    let alone = surroundings(&points);
+    // Some points twice, some nine times.
+    let copied: Vec<DVec3> = points.iter().enumerate().flat_map(|(i, point)| vec![*point; if i % 5 == 0 { 9 } else { 2 }]).collect();
+    let number = |point: DVec3| points.iter().position(|other| *other == point).unwrap();
+    for (point, around) in copied.iter().zip(surroundings(&copied)) {
+        assert_eq!(around.spacing, alone[number(*point)].spacing);
+        assert_eq!(around.nearest.map(|other| number(copied[other as usize]) as u32), alone[number(*point)].nearest);
+    }
+    assert_eq!(surroundings(&[DVec3::X; 3])[0].spacing, 1.0);
+}
+
+#[test]
 fn minus_zero_is_the_same_place_as_zero() {
     let splats = fitted(cloud([[0.0, 0.0, 1.0], [-0.0, 0.0, 1.0], [-0.0, 3.0, 1.0]]), ABOVE);
     assert_eq!((splats[0].radius, splats[1].radius), (1.5, 1.5));

@@ -116,6 +116,16 @@ impl Layout {
         self.count.saturating_mul(self.sample_type.bytes())
     }
 
+    /// How many samples there are.
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Bytes of a packed sample while it is read: unpacked into memory that grows, decoded, and brought into places.
+    pub fn unpacked_bytes(&self) -> u64 {
+        2 * self.sample_type.bytes() as u64 + 16
+    }
+
     /// Decodes the first samples of `bytes`; what follows them is ignored.
     pub fn values(&self, bytes: &[u8]) -> Parsed<Vec<f32>> {
         self.finite(decoded!(self, self.samples(bytes)?, f32))
@@ -138,6 +148,17 @@ impl Layout {
     /// Reads the first samples of a text of numbers with white space between them; what follows them is ignored.
     pub fn text_values(&self, text: &[u8]) -> Parsed<Vec<f32>> {
         self.finite(self.text_reals(text)?.into_iter().map(|n| n as f32).collect())
+    }
+
+    /// Refuses a text of more numbers than there are samples.
+    pub fn ends(&self, text: &[u8]) -> Parsed<()> {
+        match text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).nth(self.count) {
+            None => Ok(()),
+            Some(_) => {
+                let [x, y, z] = self.size;
+                Err(format!("there are more numbers than the {} of {x} × {y} × {z} samples", self.count))
+            }
+        }
     }
 
     /// [`Layout::text_values`], as precise as f64 has them, which need not be finite.

@@ -6,6 +6,7 @@
 
 use super::decode::{FARTHEST, Layout, Parsed, clip, number, numbers, take_all, unpacker};
 use super::{ByteOrder, SampleType, skip_bytes};
+use crate::scene::memory;
 use std::borrow::Cow;
 
 const TYPES: [(SampleType, &str); 10] = [
@@ -146,7 +147,7 @@ impl<'a> File<'a> {
                     break;
                 }
                 // What an array may have within it ends no list of arrays.
-                "/DataArray" | "InformationKey" | "/InformationKey" => {}
+                "/DataArray" | "InformationKey" | "/InformationKey" | "Value" | "/Value" => {}
                 name => {
                     section = SECTIONS.into_iter().find(|section| *section == name);
                     if name == "PointData" {
@@ -189,14 +190,18 @@ impl<'a> File<'a> {
 
     /// The array of samples: the one of this name, or else the one that `PointData` names, or else the first of one component.
     pub fn active_array(&self, named: Option<&str>) -> Parsed<&Tag<'a>> {
-        let mut arrays = self.arrays("PointData");
         let of_name = |name: &str| self.arrays("PointData").find(|array| array.get("Name") == Some(name));
         let array = match named {
             Some(name) => of_name(name).ok_or_else(|| self.no_array(name))?,
             None => {
-                let active = self.point_data.get("Scalars").and_then(of_name);
-                let first = || self.arrays("PointData").find(|array| components(array) == "1").or(arrays.next());
-                active.or_else(first).ok_or("has no <DataArray> in <PointData>; samples at points are read")?
+                let first = || self.arrays("PointData").find(|array| components(array) == "1").or(self.arrays("PointData").next());
+                match self.point_data.get("Scalars").filter(|name| !name.is_empty()) {
+                    // An empty list is told of as one.
+                    Some(name) if first().is_some() => {
+                        of_name(name).ok_or_else(|| format!("`Scalars` of <PointData>: {}", self.no_array(name)))?
+                    }
+                    _ => first().ok_or("has no <DataArray> in <PointData>; samples at points are read")?,
+                }
             }
         };
         match components(array) {
@@ -249,9 +254,9 @@ impl<'a> File<'a> {
     ) -> Parsed<Vec<T>> {
         let order = self.order()?;
         let layout = Layout::new(size, sample_type(array)?, order, field)?;
-        let of_block = |block: &[u8]| of_bytes(&layout, &self.unblock(block, order, layout.bytes())?);
+        let of_block = |block: &[u8]| of_bytes(&layout, &self.unblock(block, order, &layout)?);
         let values = match array.need("format")? {
-            "ascii" => of_text(&layout, array.text),
+            "ascii" => layout.ends(array.text).and_then(|()| of_text(&layout, array.text)),
             "binary" => of_block(&base64(array.text)),
             "appended" => self.appended(array).and_then(|block| of_block(&block)),
             other => Err(format!("`format` is `{}`; ascii, binary and appended are read", clip(other))),
@@ -270,8 +275,9 @@ impl<'a> File<'a> {
         }
     }
 
-    /// The samples of a block, `want` bytes: after their length, or packed by zlib in parts whose lengths come first.
-    fn unblock<'b>(&self, block: &'b [u8], order: ByteOrder, want: usize) -> Parsed<Cow<'b, [u8]>> {
+    /// The bytes of the samples in a block: after their length, or packed by zlib in parts whose lengths come first.
+    fn unblock<'b>(&self, block: &'b [u8], order: ByteOrder, layout: &Layout) -> Parsed<Cow<'b, [u8]>> {
+        let want = layout.bytes();
         let word_bytes = match self.root.get("header_type") {
             None | Some("UInt32") => 4,
             Some("UInt64") => 8,
@@ -299,6 +305,8 @@ impl<'a> File<'a> {
                 if parts == 0 || length != want as u64 {
                     return Err(wrong(if parts == 0 { 0 } else { length }));
                 }
+                // A byte of a file may unpack to a thousand.
+                memory::check(layout.count() as u64, "packed numbers", layout.unpacked_bytes())?;
                 let lengths_end = usize::try_from(parts).ok().and_then(|n| n.checked_add(3)?.checked_mul(word_bytes));
                 let mut packed = lengths_end.and_then(|end| block.get(end..)).ok_or("the block ends inside its header")?;
                 let mut samples = Vec::new();

@@ -1,6 +1,9 @@
 //! Irregular grids and points of every kind and encoding, written into small files and read back; and broken ones.
 
 use super::*;
+use crate::scene::cells::{Cells, Sampled};
+use crate::scene::memory;
+use crate::scene::voxels::{Classification, TransferPoint};
 use base64::Engine;
 use flate2::Compression;
 use flate2::write::ZlibEncoder;
@@ -158,6 +161,50 @@ fn every_kind_and_encoding_is_read_to_the_last_bit() {
     }
 }
 
+/// ParaView says of vectors how long they are, within their array.
+#[test]
+fn what_an_array_is_told_of_ends_no_list_of_arrays() {
+    for (set, read) in KINDS {
+        let text = String::from_utf8(written(set, Ascii, false, false)).unwrap();
+        let key = "<InformationKey name=\"L2_NORM_RANGE\" location=\"vtkDataArray\" length=\"2\">\n<Value index=\"0\">\n0.5\n</Value>\n\
+            <Value index=\"1\">\n9\n</Value>\n</InformationKey>\n";
+        let numbers = ["1.0"; 36].join(" ");
+        let vectors =
+            format!("<DataArray type=\"Float64\" Name=\"flow\" NumberOfComponents=\"3\" format=\"ascii\">\n{numbers}\n{key}</DataArray>");
+        let expected = read(text.as_bytes(), &Arrays::default()).unwrap();
+        for scalars in ["<PointData Scalars=\"mine\">", "<PointData Vectors=\"flow\">", "<PointData Scalars=\"\">"] {
+            let told = text.replace("<PointData Scalars=\"mine\">", &format!("{scalars}{vectors}"));
+            let told = if set == "RectilinearGrid" {
+                told
+            } else {
+                told.replace("\n</DataArray></Points>", &format!("\n{key}</DataArray></Points>"))
+            };
+            let field = read(told.as_bytes(), &Arrays::default()).expect(set);
+            assert_eq!(field.places, expected.places, "{set}");
+            assert_eq!(field.values.iter().all(|value| *value == 0.0), !scalars.contains("mine"), "{set} {scalars}");
+        }
+    }
+}
+
+/// A header may ask for as much as this machine has not; nothing is unpacked then.
+#[test]
+fn a_small_file_cannot_ask_for_more_memory_than_there_is() {
+    let count: u64 = 700_000_000;
+    let lengths: Vec<u8> = [1, 3 * 8 * count, 0, 11].into_iter().flat_map(u64::to_le_bytes).collect();
+    let mut writer = Writer { encoding: AppendedRaw, packed: true, big: false, appended: Vec::new() };
+    let points = writer.array("points", 3, &[]);
+    writer.appended = [lengths, vec![0; 11]].concat();
+    let values = "<DataArray type=\"Float64\" Name=\"v\" format=\"ascii\">1</DataArray>";
+    let inside = format!("<PointData>{values}</PointData><Points>{points}</Points>");
+    let file = writer.file("PolyData", "", &format!("NumberOfPoints=\"{count}\""), &inside);
+    let words = match memory::check(3 * count, "packed numbers", 32) {
+        Err(sentence) => sentence,
+        Ok(()) => "the compressed data is broken".into(),
+    };
+    let until = words.rfind(" of memory").unwrap_or(words.len());
+    refused(read_poly_data(&file, &Arrays::default()), &["array `points`", &words[..until]]);
+}
+
 #[test]
 fn arrays_are_found_by_their_names() {
     for (set, read) in KINDS {
@@ -226,6 +273,11 @@ fn a_broken_file_ends_in_a_sentence() {
         refused(with(set, "-2.5", "1e39"), &["inf", "32-bit"]);
         refused(with(set, "-2.5", "x"), &["`x` is no number"]);
         refused(with(set, "8.5", ""), &["11 numbers"]);
+        refused(with(set, "8.5", "8.5 9.5"), &["array `mine`: there are more numbers than the 12 of"]);
+        refused(
+            with(set, "Scalars=\"mine\"", "Scalars=\"ghost\""),
+            &["`Scalars` of <PointData>: has no array `ghost`", "other, mine, width"],
+        );
         refused(with(set, "Name=\"mine\" NumberOfComponents=\"1\"", "Name=\"mine\" NumberOfComponents=\"2\""), &["`2`", "1 component"]);
     }
     let rectilinear = |from, to| with("RectilinearGrid", from, to);
@@ -246,6 +298,22 @@ fn a_broken_file_ends_in_a_sentence() {
         refused(with(set, "NumberOfPoints=\"12\"", "NumberOfPoints=\"99999999999999\""), &["at most"]);
         refused(with(set, "NumberOfPoints=\"12\"", "NumberOfPoints=\"2000000000\""), &["at most"]);
         refused(with(set, "NumberOfPoints=\"12\"", "Points=\"12\""), &["no attribute `NumberOfPoints`"]);
+    }
+}
+
+/// Whatever places a field has, its samples are splats of finite numbers.
+fn check_samples(field: &Irregular) {
+    let point = |value, depth| TransferPoint { value, rgb: [1.0; 3], depth };
+    let gradient = vec![[0.0, 0.5], [1.0, 1.0]];
+    let classification = Classification { transfer: vec![point(-3.0, 0.1), point(9.0, 1.0)], gradient, radius: 0.7, material: 0 };
+    let cells = Cells::new(field, classification.radius);
+    let layer = cells.usual_layer().unwrap_or(1.0);
+    let (Sampled { splats, orientations, .. }, flat) = cells.samples(&classification, layer);
+    assert!(layer > 0.0 && splats.len() == orientations.len() && splats.len() + flat <= field.values.len());
+    for (splat, orientation) in splats.iter().zip(orientations) {
+        assert!(splat.position.is_finite() && splat.normal.is_finite() && splat.radius > 0.0 && splat.radius.is_finite(), "{splat:?}");
+        assert!(splat.opacity > 0.0 && !splat.opacity.is_nan() && orientation.scales.min_element() > 0.0, "{splat:?} {orientation:?}");
+        assert!(orientation.rotation.is_normalized() && orientation.scales.max_element() <= 1.0, "{orientation:?}");
     }
 }
 
@@ -270,7 +338,10 @@ proptest! {
             file.truncate(cut.index(file.len()));
         }
         match read(&file, &Arrays { values: None, variance: variance.then_some("width") }) {
-            Ok(field) => prop_assert!(field.values.iter().all(|v| v.is_finite()) && !field.values.is_empty()),
+            Ok(field) => {
+                prop_assert!(field.values.iter().all(|v| v.is_finite()) && !field.values.is_empty());
+                check_samples(&field);
+            }
             Err(sentence) => prop_assert!(!sentence.contains('\n') && sentence.len() < 400, "{sentence}"),
         }
     }
