@@ -63,9 +63,8 @@ impl Listed {
             return Err((413, what));
         }
         let changed = || (409, "has changed since view read the folder: start view again".to_owned());
-        let is_same = |metadata: &fs::Metadata| {
-            metadata.is_file() && metadata.len() == self.length && metadata.modified().ok() == self.modified
-        };
+        let is_same =
+            |metadata: &fs::Metadata| metadata.is_file() && metadata.len() == self.length && metadata.modified().ok() == self.modified;
         // A link or a pipe in its place is not even opened.
         fs::symlink_metadata(&self.path).ok().filter(is_same).ok_or_else(changed)?;
         let cannot = |e: std::io::Error| (404, format!("cannot be read: {e}"));
