@@ -159,23 +159,36 @@ fn hostile_requests_end_in_an_error_and_the_rest_goes_on() {
 
 #[test]
 fn a_hundred_connections_at_once_are_answered_or_refused() {
-    let served = served(View::new(&MADE.run(), None).unwrap());
-    // These say nothing, and hold their places until they are given up.
-    let held: Vec<TcpStream> = (0..100).map(|_| TcpStream::connect(&served.host).unwrap()).collect();
-    let refused = |mut stream: &TcpStream| {
-        stream.set_read_timeout(Some(Duration::from_millis(2_000))).unwrap();
-        let mut back = [0; 12];
-        stream.read_exact(&mut back).is_ok() && status_of(&back) == 503
+    /// Answers nobody before the test lets it.
+    struct Held(std::sync::mpsc::SyncSender<()>, Arc<std::sync::Barrier>);
+    impl Answers for Held {
+        fn answer(&self, path: &[&str], _: &Request) -> Response {
+            if path == ["held"] {
+                self.0.send(()).unwrap();
+                self.1.wait();
+            }
+            Response::json("1".into())
+        }
+    }
+    let (arrived, arrivals) = std::sync::mpsc::sync_channel(100);
+    let barrier = Arc::new(std::sync::Barrier::new(33));
+    let served = Arc::new(served(Held(arrived, Arc::clone(&barrier))));
+    let ask = || {
+        let served = Arc::clone(&served);
+        thread::spawn(move || served.get("held").0)
     };
-    // Those that came last found no place.
-    let last: Vec<bool> = held[60..].iter().map(refused).collect();
-    assert!(last.iter().all(|refused| *refused), "{last:?}");
-    drop(held);
-    let again = (0..200).any(|_| {
+    let held: Vec<_> = (0..32).map(|_| ask()).collect();
+    (0..32).for_each(|_| arrivals.recv().unwrap());
+    // All places are taken now, and stay so.
+    let refused: Vec<u16> = (0..68).map(|_| ask()).map(|asked| asked.join().unwrap()).collect();
+    assert_eq!(refused, [503; 68]);
+    barrier.wait();
+    held.into_iter().for_each(|asked| assert_eq!(asked.join().unwrap(), 200));
+    // A place is free a moment after its answer was sent.
+    assert!((0..1000).any(|_| {
         thread::sleep(Duration::from_millis(20));
         served.get("").0 == 200
-    });
-    assert!(again);
+    }));
 }
 
 // ---- What is given out ----
@@ -297,6 +310,30 @@ fn maps_add_up_to_the_report() {
     assert!(sum("layers") <= sum("covered") * 3.0 && sum("layers") >= sum("covered") && sum("bound") > 0.0);
 }
 
+/// Both say a decision in the same words: what agrees is no flip. On a machine of windows sums are counted apart from merges.
+#[test]
+fn a_story_on_a_machine_of_windows_has_the_same_words_for_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let arguments = ["run", &MADE.scene(), "--size", "24x20", "--machine", "window", "--quiet", "--out", out.to_str().unwrap()];
+    assert!(splatsim(&arguments).status.success());
+    let served = served(View::new(&out, None).unwrap());
+    let report = &served.json("folder")["run"]["report"];
+    let merges: Vec<f32> = served.get("map/merges").1.as_chunks().0.iter().map(|four| f32::from_le_bytes(*four)).collect();
+    assert_eq!(json!(merges.iter().sum::<f32>() as u64), report["fragments"]["merged"]);
+    assert!(report["fragments"]["summed"].as_u64().unwrap() > 0, "{}", report["fragments"]);
+    let most = (0..merges.len()).max_by(|a, b| merges[*a].total_cmp(&merges[*b])).unwrap();
+    let story = served.json(&format!("story?x={}&y={}", most % 24, most / 24));
+    let mut agreed = 0;
+    for one in story["contributions"].as_array().unwrap() {
+        let [fixed, golden] = ["fixed", "golden"].map(|whose| one[whose]["decision"].as_str().unwrap_or("none"));
+        let is_close = |decision: &str| ["close the deepest two", "close the deepest inside"].contains(&decision);
+        assert!([fixed, golden].iter().all(|decision| !decision.starts_with("close") || is_close(decision)), "{fixed}, {golden}");
+        agreed += usize::from(is_close(fixed) && fixed == golden && one["flip"] == false);
+    }
+    assert!(agreed > 0, "{story}");
+}
+
 #[test]
 fn a_story_is_what_explain_says() {
     let output = splatsim(&["explain", &MADE.scene(), "--size", "40x32", "--machine", "tiny", "--pixel", "20,16", "--json"]);
@@ -317,19 +354,24 @@ fn a_story_is_what_explain_says() {
 fn a_scene_that_is_another_now_is_told_and_draws_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("few.json");
-    let write = |count: u32, fov: u32, cutoff: f64| {
+    let write_before = |count: u32, fov: u32, cutoff: f64, background: f64| {
         let camera = format!(r#"{{"eye": [0, 2, 4], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": {fov}, "near": 0.05}}"#);
         let splats = format!(r#"{{"builtin": "checkerboard", "count": {count}}}"#);
-        std::fs::write(&scene, format!(r#"{{"splats": {splats}, "camera": {camera}, "kernel": {{"cutoff": {cutoff}}}}}"#)).unwrap();
+        let rest = format!(r#""kernel": {{"cutoff": {cutoff}}}, "image": {{"background": [{background}, 0.5, 0.5, 1]}}"#);
+        std::fs::write(&scene, format!(r#"{{"splats": {splats}, "camera": {camera}, {rest}}}"#)).unwrap();
     };
+    let write = |count: u32, fov: u32, cutoff: f64| write_before(count, fov, cutoff, 0.5);
     write(2000, 60, 2.0);
     let out = folder.path().join("out");
     let arguments = ["run", scene.to_str().unwrap(), "--size", "24x20", "--machine", "tiny", "--quiet", "--out", out.to_str().unwrap()];
     assert!(splatsim(&arguments).status.success());
-    for ((count, fov, cutoff), what) in
-        [((1000, 60, 2.0), "splats, and "), ((2000, 50, 2.0), "another camera"), ((2000, 60, 1.0), "contributions, and ")]
-    {
-        write(count, fov, cutoff);
+    for (count, fov, cutoff, background, what) in [
+        (1000, 60, 2.0, 0.5, "splats, and "),
+        (2000, 50, 2.0, 0.5, "another camera"),
+        (2000, 60, 1.0, 0.5, "contributions, and "),
+        (2000, 60, 2.0, 0.3, "another picture: colours, lights, or the version that drew it differ"),
+    ] {
+        write_before(count, fov, cutoff, background);
         let changed = served(View::new(&out, None).unwrap());
         let (status, sentence) = changed.get("pixel?x=1&y=1");
         let sentence = String::from_utf8(sentence).unwrap();
@@ -375,6 +417,28 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     with("stress.json", b"{\"cases\": 3}", "stress.json: has no cases");
     with("choices.json", b"{\"choices\": [1, {\"rule\": {}}]}", "choices.json: has no choices");
     with("points.jsonl", b"[\"point: Whole\"]\n", "plan.json: is missing");
+    // Few bytes, and as many cells as rows and names have pairs; or names that grow down a tree.
+    let sparse: Vec<String> = (0..4000).map(|nth| format!("{{\"c{nth}\": 1}}")).collect();
+    with("choices.json", format!("{{\"choices\": [{}]}}", sparse.join(",")).as_bytes(), "choices.json: has more than 10,000,000 cells");
+    let deep = format!("{{\"{}\": [{}0]}}", "x".repeat(1 << 20), "0,".repeat(1000));
+    with("choices.json", format!("{{\"choices\": [{deep}]}}").as_bytes(), "choices.json: has more than 10,000,000 cells");
+    #[cfg(unix)]
+    {
+        let rows = folder.path().join("points.jsonl");
+        std::os::unix::fs::symlink("/dev/zero", &rows).unwrap();
+        refused(&[path], "points.jsonl: is a link or no file");
+        std::fs::remove_file(&rows).unwrap();
+        assert!(Command::new("mkfifo").arg(&rows).status().unwrap().success());
+        refused(&[path], "points.jsonl: is a link or no file");
+        std::fs::remove_file(&rows).unwrap();
+    }
+    for name in ["points-2-of-5.jsonl", "report.json"] {
+        let large = folder.path().join(name);
+        // A hole of 300 MB.
+        std::fs::File::create(&large).unwrap().set_len(300 << 20).unwrap();
+        refused(&[path], "has 300 MB");
+        std::fs::remove_file(&large).unwrap();
+    }
     // A report whose pictures are of another run, or none.
     let report = std::fs::read(MADE.run().join("report.json")).unwrap();
     std::fs::write(folder.path().join("report.json"), &report).unwrap();
@@ -386,6 +450,38 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     let text = String::from_utf8(report).unwrap().replace("\"layers\": 3", "\"layers\": 99");
     std::fs::write(folder.path().join("report.json"), text).unwrap();
     refused(&[path], "report.json: machine tiny cannot be built: fragment.layers is 99");
+}
+
+/// What a page shows is of one run: a file that is another one by now is not given out.
+#[test]
+fn files_that_changed_since_are_refused_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["report.json", "fixed.png", "error.png", "cycles.png"] {
+        std::fs::copy(MADE.run().join(name), folder.path().join(name)).unwrap();
+    }
+    let large = folder.path().join("large.csv");
+    std::fs::File::create(&large).unwrap().set_len(300 << 20).unwrap();
+    let view = View::new(folder.path(), None).unwrap();
+    let answer = |name: &str| {
+        let request = Request { path: Vec::new(), query: Vec::new(), host: String::new(), head_only: false };
+        let response = view.answer(&["file", name], &request);
+        (response.status, String::from_utf8_lossy(&response.body).into_owned())
+    };
+    assert_eq!(answer("fixed.png").0, 200);
+    assert_eq!(answer("large.csv"), (413, "large.csv: has 300 MB; no file of splatsim has more than 256".into()));
+    let changed = |name: &str| (409, format!("{name}: has changed since view read the folder: start view again"));
+    // Of another length; of the same, at another time; another kind; gone.
+    let path = |name: &str| folder.path().join(name);
+    std::fs::OpenOptions::new().append(true).open(path("fixed.png")).unwrap().write_all(b"x").unwrap();
+    let later = std::time::SystemTime::now() + Duration::from_secs(100);
+    std::fs::File::options().write(true).open(path("error.png")).unwrap().set_modified(later).unwrap();
+    std::fs::remove_file(path("cycles.png")).unwrap();
+    std::fs::create_dir(path("cycles.png")).unwrap();
+    std::fs::remove_file(path("report.json")).unwrap();
+    for name in ["fixed.png", "error.png", "cycles.png", "report.json"] {
+        assert_eq!(answer(name), changed(name));
+    }
+    assert!(export::html(&view).unwrap_err().to_string().contains("has changed since"));
 }
 
 #[test]
@@ -422,6 +518,12 @@ fn rows_of_every_kind_are_told() {
             {"name": "refused", "kind": "text", "values": [null, "no"]},
         ])
     );
+    // What stands above many rows is repeated in each: not a long text.
+    let long = json!({"notes": "x".repeat(2000), "by": "area", "choices": [{"layers": 1}, {"layers": 2}]});
+    std::fs::write(folder.path().join("choices.json"), long.to_string()).unwrap();
+    let view = View::new(folder.path(), None).unwrap();
+    let columns = view.folder().told["tables"][0]["columns"].as_array().unwrap();
+    assert_eq!(columns.iter().map(|column| column["name"].as_str().unwrap()).collect::<Vec<_>>(), ["by", "layers"]);
 }
 
 // ---- The command ----
@@ -437,8 +539,14 @@ impl Drop for Running {
 }
 
 #[test]
-fn view_prints_its_address_and_ends_after_its_seconds() {
-    let arguments = ["view", MADE.folder.path().join("run").to_str().unwrap(), "--no-open", "--seconds", "2"].map(str::to_owned);
+fn view_ends_after_its_seconds() {
+    let output = splatsim(&["view", MADE.run().to_str().unwrap(), "--no-open", "--seconds", "1"]);
+    assert!(output.status.success() && output.stdout.starts_with(b"http://127.0.0.1:"));
+}
+
+#[test]
+fn view_prints_its_address_and_answers_there() {
+    let arguments = ["view", MADE.folder.path().join("run").to_str().unwrap(), "--no-open", "--seconds", "600"].map(str::to_owned);
     let mut running = Running(Command::new(PROGRAM.as_str()).args(arguments).stdout(Stdio::piped()).spawn().unwrap());
     let mut text = String::new();
     let mut out = running.0.stdout.take().unwrap();
@@ -451,7 +559,6 @@ fn view_prints_its_address_and_ends_after_its_seconds() {
     let served = Served { host: host.into(), token: token.trim_end_matches('/').into() };
     assert!(host.starts_with("127.0.0.1:"));
     assert_eq!(served.get("").0, 200);
-    assert_eq!(running.0.wait().unwrap().code(), Some(0));
 }
 
 // ---- Export, and what ships ----
@@ -459,7 +566,7 @@ fn view_prints_its_address_and_ends_after_its_seconds() {
 #[test]
 fn an_export_names_nothing_outside_of_itself() {
     let view = View::new(&MADE.run(), None).unwrap();
-    let page = export::html(&view);
+    let page = export::html(&view).unwrap();
     let outside = ["src=\"", "href=\"assets", "@import", "url(h", "url(/", "url(\""].into_iter().find(|word| page.contains(word));
     assert_eq!(outside, None);
     // The one address is the name of SVG's elements, which nobody opens, and uPlot's own home in its comment.
@@ -473,7 +580,17 @@ fn an_export_names_nothing_outside_of_itself() {
     let told = &page[start..start + page[start..].find("</script>").unwrap()];
     let told: Value = serde_json::from_str(told).unwrap();
     assert!(told["files"]["fixed.png"].as_str().unwrap().starts_with("data:image/png;base64,iVBOR"));
-    assert!(told["files"].get("link.png").is_none());
+    let mut shown: Vec<&String> = told["files"].as_object().unwrap().keys().collect();
+    shown.sort();
+    assert_eq!(
+        shown,
+        ["bounds.png", "cycles.png", "error.png", "fixed.png", "flips.png", "golden.png", "ideal.png", "ranges.png"],
+        "what the page shows, and no link"
+    );
+    // Where its maker keeps files is nobody's business.
+    let root = MADE.folder.path().file_name().unwrap().to_str().unwrap();
+    assert!(!page.contains(root) && view.folder().told.to_string().contains(root));
+    assert_eq!((&told["run"]["scene"], told["run"]["report"]["host"].get("scene_file")), (&json!("few.json"), None));
     let file = MADE.folder.path().join("page.html");
     let output = splatsim(&["view", MADE.run().to_str().unwrap(), "--export", file.to_str().unwrap()]);
     assert!(output.status.success() && std::fs::read_to_string(&file).unwrap() == page);
@@ -487,7 +604,10 @@ fn an_export_names_nothing_outside_of_itself() {
 fn no_name_in_a_report_becomes_part_of_the_page() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("choices.json"), r#"{"choices": [{"rule": "</script><script>alert(1)</script><!--"}]}"#).unwrap();
-    let page = export::html(&View::new(folder.path(), None).unwrap());
+    // A picture that no tab shows is not in the page.
+    image::RgbaImage::new(3, 2).save(folder.path().join("fixed.png")).unwrap();
+    let page = export::html(&View::new(folder.path(), None).unwrap()).unwrap();
+    assert!(page.contains("\"files\":{}"));
     assert!(!page.contains("<script>alert") && page.contains("\\u003cscript>alert"));
 }
 

@@ -11,6 +11,8 @@ use std::time::Duration;
 
 /// End of the help text.
 pub(super) const HELP: &str = "Only this computer can reach the page, and only with the token in its address.\n\
+    Where others use this computer too, they may see the token in the list of\n\
+    processes while the browser is opened: --no-open prints it alone.\n\
     Exact values, counts a pixel and stories are drawn again from the scene when\n\
     they are asked for; an exported page goes without them";
 

@@ -439,8 +439,9 @@ fn golden_decision(decision: golden::Decision) -> String {
         golden::Decision::Late { slot, side: golden::Side::Back } => format!("late, back of {slot}"),
         golden::Decision::Inside { slot } => format!("inside {slot}"),
         golden::Decision::Summed { slot, .. } => format!("sum {slot}+{}", slot + 1),
-        golden::Decision::Closed { slot, inside: false, .. } => format!("close {slot}+{}", slot + 1),
-        golden::Decision::Closed { slot, inside: true, .. } => format!("close {} in {slot}", slot + 1),
+        // As the machine says it, which does not say the slot: it is always the last but one.
+        golden::Decision::Closed { inside: false, .. } => "close the deepest two".into(),
+        golden::Decision::Closed { inside: true, .. } => "close the deepest inside".into(),
         golden::Decision::Evicted { slot: None } => "evicted".into(),
         golden::Decision::Evicted { slot: Some(_) } => "evict deepest".into(),
         golden::Decision::Replaced => "replace".into(),

@@ -25,20 +25,36 @@ pub fn write(view: &View, path: &Path) -> Result<()> {
     if path.is_dir() {
         return input_error("it is a folder, and a file is needed");
     }
-    let page = html(view);
+    let page = html(view)?;
     write_beside(path, |file| file.write_all(page.as_bytes()).map_err(|e| e.to_string()))
 }
 
-/// The page, with pictures as data URLs.
-pub fn html(view: &View) -> String {
+/// The page, with the pictures that it shows as data URLs.
+///
+/// # Errors
+/// [`Error::Input`] where a picture is another one by now.
+pub fn html(view: &View) -> Result<String> {
     let folder = view.folder();
     let mut told = folder.told.clone();
-    let names = folder.files.keys().filter(|name| name.ends_with(".png"));
-    let pictures = names.filter_map(|name| {
-        let bytes = folder.file(name)?;
-        Some((name.clone(), Value::from(format!("data:image/png;base64,{}", STANDARD.encode(bytes)))))
+    let pictures = folder.pictures().into_iter().map(|name| {
+        let bytes = folder.file(&name).map_err(|(_, sentence)| Error::input(sentence))?;
+        let url = Value::from(format!("data:image/png;base64,{}", STANDARD.encode(bytes)));
+        Ok((name, url))
     });
-    told["files"] = Value::Object(pictures.collect::<Map<_, _>>());
+    told["files"] = Value::Object(pictures.collect::<Result<Map<_, _>>>()?);
+    hide_paths(&mut told);
     // Inside of a script element only its end, or a comment's beginning, would be read as something else.
-    assets::page_with(&told.to_string().replace('<', "\\u003c"))
+    Ok(assets::page_with(&told.to_string().replace('<', "\\u003c")))
+}
+
+/// Leaves no folder of this computer in what others will read: a scene keeps its file's name alone.
+fn hide_paths(told: &mut Value) {
+    if let Some(host) = told.pointer_mut("/run/report/host").and_then(Value::as_object_mut) {
+        host.remove("scene_file");
+    }
+    if let Some(scene) = told.pointer_mut("/run/scene")
+        && let Some(name) = scene.as_str().and_then(|path| path.rsplit(['/', '\\']).next())
+    {
+        *scene = Value::from(name);
+    }
 }

@@ -15,15 +15,21 @@ use crate::hardware::{fixed, machines};
 use rtl_model::Machine;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 /// Pictures of a frame, in the order of their keys.
 pub const PICTURES: [&str; 5] = ["fixed", "golden", "ideal", "error", "flips"];
 /// Charts that are shown, at most.
 const MOST_CHARTS: usize = 64;
-/// Bytes of a JSON file, at most: a report of the largest machine has a thousandth.
-const MOST_JSON_BYTES: u64 = 256 << 20;
+/// Bytes of a file, at most: a report of the largest machine has a thousandth.
+const MOST_BYTES: u64 = 256 << 20;
+/// Cells of a table, at most; every 64 bytes of a name or text count as one more.
+const MOST_CELLS: usize = 10_000_000;
+/// Bytes of a text that is repeated in each row below it, at most; a longer one is left out.
+const MOST_REPEATED_BYTES: usize = 1 << 10;
 
 /// A folder that can be shown.
 #[derive(Debug)]
@@ -31,9 +37,43 @@ pub struct Folder {
     /// All that the page needs to know.
     pub told: Value,
     /// Files that may be asked for, by name.
-    pub files: BTreeMap<String, PathBuf>,
+    pub files: BTreeMap<String, Listed>,
     /// The frame that can be drawn again; none where there is none.
     pub run: Option<Run>,
+}
+
+/// A file as it was when the folder was read.
+#[derive(Clone, Debug)]
+pub struct Listed {
+    path: PathBuf,
+    length: u64,
+    modified: Option<SystemTime>,
+}
+
+impl Listed {
+    fn new(path: PathBuf) -> std::io::Result<Self> {
+        let metadata = fs::symlink_metadata(&path)?;
+        Ok(Listed { path, length: metadata.len(), modified: metadata.modified().ok() })
+    }
+
+    /// Its bytes; or a status, and what goes on behind the file's name in a sentence.
+    fn read(&self) -> std::result::Result<Vec<u8>, (u16, String)> {
+        if self.length > MOST_BYTES {
+            let what = format!("has {} MB; no file of splatsim has more than {}", self.length >> 20, MOST_BYTES >> 20);
+            return Err((413, what));
+        }
+        let changed = || (409, "has changed since view read the folder: start view again".to_owned());
+        let is_same =
+            |metadata: &fs::Metadata| metadata.is_file() && metadata.len() == self.length && metadata.modified().ok() == self.modified;
+        // A link or a pipe in its place is not even opened.
+        fs::symlink_metadata(&self.path).ok().filter(is_same).ok_or_else(changed)?;
+        let cannot = |e: std::io::Error| (404, format!("cannot be read: {e}"));
+        let file = File::open(&self.path).map_err(cannot)?;
+        let mut bytes = Vec::new();
+        (&file).take(self.length + 1).read_to_end(&mut bytes).map_err(cannot)?;
+        let is_whole = bytes.len() as u64 == self.length && file.metadata().is_ok_and(|metadata| is_same(&metadata));
+        if is_whole { Ok(bytes) } else { Err(changed()) }
+    }
 }
 
 /// What `run` drew.
@@ -51,6 +91,8 @@ pub struct Run {
     pub camera: Value,
     /// Splats, and contributions of the machine.
     pub counts: [u64; 2],
+    /// Metrics of fixed against golden, and of golden against ideal, as the report has them.
+    pub accuracy: [Value; 2],
 }
 
 impl Folder {
@@ -72,12 +114,24 @@ impl Folder {
             let entry = entry.map_err(cannot)?;
             // Links are followed nowhere: they may lead out of the folder.
             let is_plain = entry.file_type().is_ok_and(|kind| kind.is_file());
-            if let (true, Ok(name)) = (is_plain, entry.file_name().into_string()) {
-                files.insert(name, entry.path());
+            let Ok(name) = entry.file_name().into_string() else { continue };
+            let listed = Listed::new(entry.path()).map_err(cannot)?;
+            if is_journal(&name) {
+                // Who reads the rows takes every file of such a name.
+                let refused = |what: &str| Err(Error::input(format!("{}: {what}", folder.join(&name).display())));
+                if !is_plain {
+                    return refused("is a link or no file: rows are read from plain files");
+                }
+                if listed.length > MOST_BYTES {
+                    return refused(&format!("has {} MB; view shows rows of at most {}", listed.length >> 20, MOST_BYTES >> 20));
+                }
+            }
+            if is_plain {
+                files.insert(name, listed);
             }
         }
         let shown = |name: &str| folder.join(name).display().to_string();
-        let value = |name: &str| files.get(name).map(|path| read_json(path, &shown(name))).transpose();
+        let value = |name: &str| files.get(name).map(|listed| read_json(listed, &shown(name))).transpose();
         let report = value("report.json")?;
         let run = report.as_ref().map(|report| Run::new(report, &shown("report.json"))).transpose()?;
         let pictures = run.as_ref().map_or(Ok(Vec::new()), |run| pictures(&files, run.size, &shown))?;
@@ -86,7 +140,7 @@ impl Folder {
             return Err(Error::input(format!("{}: is no account of cycles, as `replay` writes it", shown("cycles.json"))));
         }
         let mut tables = Vec::new();
-        if files.keys().any(|name| name.starts_with("points") && name.ends_with(".jsonl")) {
+        if files.keys().any(|name| is_journal(name)) {
             let plan = value("plan.json")?.ok_or_else(|| Error::input(format!("{}: is missing beside the rows", shown("plan.json"))))?;
             tables.push(points(&Table::read(folder)?, &plan, &shown("plan.json"))?);
         }
@@ -94,9 +148,11 @@ impl Folder {
             [("choices.json", "rules for fragments", &["choices"][..]), ("stress.json", "stress cases", &["cases", "machines", "points"])]
         {
             if let Some(value) = value(name)? {
-                let rows = rows_of(&value, path).filter(|rows| !rows.is_empty());
+                let too_many = || Error::input(format!("{}: has more than 10,000,000 cells, which view cannot show", shown(name)));
+                let mut left = Cells(MOST_CELLS);
+                let rows = rows_of(&value, path, &mut left).map_err(|_| too_many())?.filter(|rows| !rows.is_empty());
                 let rows = rows.ok_or_else(|| Error::input(format!("{}: has no {}, as splatsim writes them", shown(name), path[0])))?;
-                tables.push(table_of(title, rows));
+                tables.push(table_of(title, rows).map_err(|_| too_many())?);
             }
         }
         let is_chart = |name: &&String| {
@@ -123,11 +179,20 @@ impl Folder {
         Ok(Folder { told, files, run })
     }
 
-    /// A file's bytes, if it is one of those that were there and still is a file in the folder.
-    pub fn file(&self, name: &str) -> Option<Vec<u8>> {
-        let path = self.files.get(name)?;
-        let is_plain = fs::symlink_metadata(path).is_ok_and(|kind| kind.is_file());
-        is_plain.then(|| fs::read(path).ok())?
+    /// A file's bytes, if it is one of those that were there and is still as it was.
+    ///
+    /// # Errors
+    /// A status of HTTP and a sentence: 404 where there is none, 409 where it has changed since, 413 where it is too large.
+    pub fn file(&self, name: &str) -> std::result::Result<Vec<u8>, (u16, String)> {
+        let listed = self.files.get(name).ok_or((404, format!("{name}: there is none")))?;
+        listed.read().map_err(|(status, what)| (status, format!("{name}: {what}")))
+    }
+
+    /// Files of the pictures that the page shows.
+    pub fn pictures(&self) -> Vec<String> {
+        let names = |value: &Value| value.as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned).collect::<Vec<_>>();
+        let of_run = names(&self.told["run"]["pictures"]).into_iter().map(|name| format!("{name}.png"));
+        of_run.chain(names(&self.told["charts"])).collect()
     }
 }
 
@@ -150,6 +215,7 @@ impl Run {
             machine,
             camera: report["scene"]["camera"].clone(),
             counts: [count("/scene/splats")?, count("/scene/fragments")?],
+            accuracy: ["fixed_vs_golden", "golden_vs_ideal"].map(|pair| report["accuracy"][pair].clone()),
         })
     }
 
@@ -161,23 +227,25 @@ impl Run {
 }
 
 /// A JSON file that somebody else may have written.
-fn read_json(path: &Path, whose: &str) -> Result<Value> {
+fn read_json(listed: &Listed, whose: &str) -> Result<Value> {
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
-    let length = fs::metadata(path).map_err(|e| input_error(format!("cannot be read: {e}")))?.len();
-    if length > MOST_JSON_BYTES {
-        return Err(input_error(format!("has {} MB; no file of splatsim has more than {}", length >> 20, MOST_JSON_BYTES >> 20)));
-    }
-    let text = fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+    let bytes = listed.read().map_err(|(_, what)| input_error(what))?;
+    let text = String::from_utf8(bytes).map_err(|e| input_error(format!("cannot be read: {e}")))?;
     serde_json::from_str(&text).map_err(|e| input_error(format!("is no JSON that splatsim wrote: {e}")))
 }
 
+/// Whether a file has rows, by its name.
+fn is_journal(name: &str) -> bool {
+    name.starts_with("points") && name.ends_with(".jsonl")
+}
+
 /// Names of the pictures that are there, all of one size.
-fn pictures(files: &BTreeMap<String, PathBuf>, size: [usize; 2], shown: &dyn Fn(&str) -> String) -> Result<Vec<&'static str>> {
+fn pictures(files: &BTreeMap<String, Listed>, size: [usize; 2], shown: &dyn Fn(&str) -> String) -> Result<Vec<&'static str>> {
     let mut found = Vec::new();
     for name in PICTURES {
         let file = format!("{name}.png");
-        let Some(path) = files.get(&file) else { continue };
-        let opened = image::ImageReader::open(path).map_err(|e| e.to_string()).and_then(|file| {
+        let Some(listed) = files.get(&file) else { continue };
+        let opened = image::ImageReader::open(&listed.path).map_err(|e| e.to_string()).and_then(|file| {
             let is_png = file.with_guessed_format().map_err(|e| e.to_string())?;
             is_png.into_dimensions().map_err(|e| e.to_string())
         });
@@ -202,50 +270,79 @@ fn points(table: &Table, plan: &Value, whose: &str) -> Result<Value> {
     Ok(json!({"title": title, "machine": machine, "columns": columns.map(column).collect::<Vec<_>>()}))
 }
 
-/// Objects down a path of lists, each with the scalars of those above it.
-fn rows_of(value: &Value, path: &[&str]) -> Option<Vec<Map<String, Value>>> {
+/// Cells that a table may still have.
+struct Cells(usize);
+
+/// A table has too many cells.
+struct TooMany;
+
+impl Cells {
+    fn take(&mut self, name: &str, value: &Value) -> std::result::Result<(), TooMany> {
+        let bytes = name.len() + value.as_str().map_or(0, str::len);
+        self.0 = self.0.checked_sub(1 + bytes / 64).ok_or(TooMany)?;
+        Ok(())
+    }
+}
+
+/// Objects down a path of lists, each with the scalars of those above it; none where they are not there.
+fn rows_of(value: &Value, path: &[&str], left: &mut Cells) -> std::result::Result<Option<Vec<Map<String, Value>>>, TooMany> {
     let Some((list, rest)) = path.split_first() else {
         let mut row = Map::new();
-        flatten(value, "", &mut row);
-        return value.is_object().then_some(vec![row]);
+        flatten(value, "", &mut row, left)?;
+        return Ok(value.is_object().then_some(vec![row]));
     };
-    let mut own = Map::new();
-    let scalars = value.as_object()?.iter().filter(|(_, value)| !value.is_array() && !value.is_object());
-    scalars.filter(|(name, _)| *name != "version").for_each(|(name, value)| _ = own.insert(name.clone(), value.clone()));
+    let Some((fields, items)) = value.as_object().zip(value.get(list).and_then(Value::as_array)) else { return Ok(None) };
+    let is_repeated = |name: &str, value: &Value| {
+        let length = name.len() + value.as_str().map_or(0, str::len);
+        name != "version" && !value.is_array() && !value.is_object() && length <= MOST_REPEATED_BYTES
+    };
+    let own = fields.iter().filter(|(name, value)| is_repeated(name, value)).map(|(name, value)| (name.clone(), value.clone()));
+    let own: Map<String, Value> = own.collect();
     let mut rows = Vec::new();
-    for item in value.get(list)?.as_array()? {
-        for row in rows_of(item, rest)? {
+    for item in items {
+        let Some(below) = rows_of(item, rest, left)? else { return Ok(None) };
+        for row in below {
+            own.iter().try_for_each(|(name, value)| left.take(name, value))?;
             let mut all = own.clone();
             all.extend(row);
             rows.push(all);
         }
     }
-    Some(rows)
+    Ok(Some(rows))
 }
 
 /// Objects become names with dots, lists of numbers one column a place, other lists text.
-fn flatten(value: &Value, name: &str, row: &mut Map<String, Value>) {
+fn flatten(value: &Value, name: &str, row: &mut Map<String, Value>, left: &mut Cells) -> std::result::Result<(), TooMany> {
     let below = |part: &str| if name.is_empty() { part.to_owned() } else { format!("{name}.{part}") };
-    match value {
-        Value::Object(fields) => fields.iter().for_each(|(part, value)| flatten(value, &below(part), row)),
-        Value::Array(items) if items.len() == 1 => flatten(&items[0], name, row),
+    // Names grow down the tree, so they count where they are made too.
+    left.take(name, &Value::Null)?;
+    let scalar = match value {
+        Value::Object(fields) => return fields.iter().try_for_each(|(part, value)| flatten(value, &below(part), row, left)),
+        Value::Array(items) if items.len() == 1 => return flatten(&items[0], name, row, left),
         Value::Array(items) if items.iter().any(Value::is_string) => {
             let texts: Vec<String> = items.iter().map(|item| item.as_str().map_or_else(|| item.to_string(), str::to_owned)).collect();
-            row.insert(name.into(), Value::from(texts.join(" ")));
+            Value::from(texts.join(" "))
         }
-        Value::Array(items) => items.iter().enumerate().for_each(|(at, value)| flatten(value, &below(&at.to_string()), row)),
-        scalar => _ = row.insert(name.into(), scalar.clone()),
-    }
+        Value::Array(items) => {
+            return items.iter().enumerate().try_for_each(|(at, value)| flatten(value, &below(&at.to_string()), row, left));
+        }
+        scalar => scalar.clone(),
+    };
+    row.insert(name.into(), scalar);
+    Ok(())
 }
 
-fn table_of(title: &str, rows: Vec<Map<String, Value>>) -> Value {
+fn table_of(title: &str, rows: Vec<Map<String, Value>>) -> std::result::Result<Value, TooMany> {
     let mut known = BTreeSet::new();
     let names: Vec<&String> = rows.iter().flat_map(Map::keys).filter(|name| known.insert(*name)).collect();
+    if rows.len().saturating_mul(names.len()) > MOST_CELLS {
+        return Err(TooMany);
+    }
     let columns = names.into_iter().map(|name| {
         let values = rows.iter().map(|row| row.get(name).cloned().unwrap_or(Value::Null)).collect();
         column((name.clone(), values))
     });
-    json!({"title": title, "machine": null, "columns": columns.collect::<Vec<_>>()})
+    Ok(json!({"title": title, "machine": null, "columns": columns.collect::<Vec<_>>()}))
 }
 
 /// A column: all of its values, or the one that all rows have.

@@ -26,7 +26,7 @@ use server::Answers;
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 /// A folder, and what is computed of it on demand.
 #[derive(Debug)]
@@ -36,6 +36,8 @@ pub struct View {
     scene: Option<OsString>,
     /// Drawn when it is first asked for; or why it cannot be.
     redraw: OnceLock<std::result::Result<Redraw, String>>,
+    /// One story at a time: each draws a frame, on all threads.
+    story: Mutex<()>,
 }
 
 impl View {
@@ -44,7 +46,7 @@ impl View {
     /// # Errors
     /// As [`Folder::read`].
     pub fn new(folder: &Path, scene: Option<OsString>) -> Result<Self> {
-        Ok(View { folder: Folder::read(folder)?, scene, redraw: OnceLock::new() })
+        Ok(View { folder: Folder::read(folder)?, scene, redraw: OnceLock::new(), story: Mutex::new(()) })
     }
 
     /// The folder.
@@ -69,7 +71,9 @@ impl View {
             "drawn" => Ok(json(&serde_json::json!({"maps": redraw::MAPS}))),
             "pixel" => Ok(json(&redraw.pixel(pixel()?).ok_or(Response::refusal(404))?)),
             _ => {
-                let story = redraw.story(pixel()?).map_err(|error| Response::sentence(404, &error.to_string()))?;
+                let pixel = pixel()?;
+                let _one = self.story.lock().unwrap_or_else(PoisonError::into_inner);
+                let story = redraw.story(pixel).map_err(|error| Response::sentence(404, &error.to_string()))?;
                 Ok(json(&serde_json::json!(story)))
             }
         }
@@ -91,10 +95,11 @@ impl Answers for View {
                 || Response::refusal(404),
                 |asset| Response { status: 200, kind: asset.kind, body: Cow::Borrowed(asset.text.as_bytes()) },
             ),
-            ["file", name] => self
-                .folder
-                .file(name)
-                .map_or_else(|| Response::refusal(404), |bytes| Response { status: 200, kind: kind_of(name), body: Cow::Owned(bytes) }),
+            ["file", name] => match self.folder.file(name) {
+                Ok(bytes) => Response { status: 200, kind: kind_of(name), body: Cow::Owned(bytes) },
+                Err((404, _)) => Response::refusal(404),
+                Err((status, sentence)) => Response::sentence(status, &sentence),
+            },
             ["map", name] => either(self.map(name)),
             [name] => either(self.computed(name, request)),
             _ => Response::refusal(404),

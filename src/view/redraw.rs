@@ -1,14 +1,14 @@
 //! Redraw: the frame of a folder drawn once more, for what its files do not say: exact values, and counts a pixel.
 //!
 //! ```text
-//! report.json ─► scene, machine ─► same camera, splats? ─► draw ─► same contributions? ─┬─► pixel: words, linear light, errors, bound, flips
-//!                                                                                       ├─► maps: bound, covered, contributions, layers, merges
-//!                                                                                       └─► story, as `explain` tells it
+//! report.json ─► scene, machine ─► same camera, splats? ─► draw ─► same contributions, errors? ─┬─► pixel: words, linear light, errors, bound, flips
+//!                                                                                               ├─► maps: bound, covered, contributions, layers, merges
+//!                                                                                               └─► story, as `explain` tells it
 //! ```
 //! Law (tests/view.rs): `a_pixel_has_the_values_of_the_run`.
 
 use super::folder::Run;
-use crate::accuracy::{KINDS, Lockstep};
+use crate::accuracy::{KINDS, Lockstep, distance};
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::output::picture::Picture;
@@ -73,6 +73,13 @@ impl Redraw {
         }
         let (golden, lockstep) = (evaluation.golden().picture, evaluation.lockstep());
         let ideal = golden::ideal(&scene).picture;
+        let fixed = evaluation.picture(&drawing);
+        for (pictures, told) in [(&fixed, &golden), (&golden, &ideal)].into_iter().zip(&run.accuracy) {
+            let now = distance(pictures.0, pictures.1);
+            if !is_near(now.psnr_db, told["psnr_db"].as_f64()) || !is_near(Some(now.max_error), told["max_error"].as_f64()) {
+                return Err(other("another picture: colours, lights, or the version that drew it differ"));
+            }
+        }
         let counts = census.counts(scene.image.width, scene.image.height);
         let frame = run.machine.resolve.frame.format;
         let words = drawing.frame;
@@ -131,6 +138,14 @@ impl Redraw {
     /// As [`explained`].
     pub fn story(&self, pixel: [usize; 2]) -> Result<Explained> {
         explained(&self.scene, &self.machine, pixel)
+    }
+}
+
+/// Whether two figures are one but for the last places, which computers may have otherwise; or both none, of equal pictures.
+fn is_near(now: Option<f64>, told: Option<f64>) -> bool {
+    match (now, told) {
+        (Some(now), Some(told)) => (now - told).abs() <= 1e-7 * told.abs().max(1e-6),
+        (now, told) => now == told,
     }
 }
 
@@ -204,7 +219,7 @@ impl Observer<'static> for Census {
     fn contribution(&mut self, x: u32, y: u32, _: &Contribution, decision: Decision) {
         let counts = self.at(x, y);
         counts[0] += 1;
-        counts[2] += u32::from(matches!(decision, Decision::Merged(..) | Decision::Summed(..) | Decision::Closed(..)));
+        counts[2] += u32::from(matches!(decision, Decision::Merged(..) | Decision::Closed(..)));
     }
 
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], _: [i64; 4]) {

@@ -125,10 +125,22 @@ def frame_is_shown(pages, folder, scene):
         page.wait_for_selector("#contributions")
         told = lambda x, y: json.loads(splatsim("explain", scene, "--size", SIZE, "--machine", "tiny", "--pixel", f"{x},{y}", "--json"))
         story_is(page, told(x, y))
+        page.wait_for_selector(f"#values:has(h3:text-is('Pixel {x},{y}')) td:text-is('word, U1F8')")
+        assert page.locator("#values").get_attribute("aria-live") == "polite"
         values = page.locator("#values table tr").evaluate_all("rows => rows.map(row => [...row.cells].map(cell => cell.textContent))")
         values = {row[0]: row[1:] for row in values}
-        assert [float(value) for value in values["fixed"]] == [round(value, 6) for value in told(x, y)["fixed"]], values
+        # Six places: half of the last one, and a little for its own rounding.
+        assert all(abs(float(shown) - value) <= 5.1e-7 for shown, value in zip(values["fixed"], told(x, y)["fixed"], strict=True)), values
         assert values["word, U1F8"] == [f"{word:x}" for word in told(x, y)["frame_words"]], values
+        # What a pointer only goes over is not read aloud.
+        page.mouse.move(left + (x + 3.5) * side, top + (y + 0.5) * side)
+        page.wait_for_selector("#values[aria-live=off]")
+        # Keys belong to what is focused, where that takes keys itself.
+        for focused in ["summary", ".scroll", "#values .scroll"]:
+            page.locator(f"#frame {focused}").first.focus()
+            page.keyboard.press("o")
+            assert page.locator("button[aria-pressed=true]", has_text="side by side").count() == 1, focused
+        page.locator(".stage canvas").first.focus()
         # The command repeats it.
         command = shlex.split(page.locator("#command").text_content())
         assert command[:2] == ["splatsim", "explain"] and json.loads(splatsim(*command[1:], "--json")) == told(x, y)
@@ -137,6 +149,27 @@ def frame_is_shown(pages, folder, scene):
         page.keyboard.press("ArrowDown")
         page.wait_for_selector(f"#story h2:has-text('Pixel {x + 1},{y + 1}:')")
         story_is(page, told(x + 1, y + 1))
+        # One story at a time, however fast pixels are chosen; the last one is told.
+        page.evaluate(
+            """() => { const { json } = source; let open = 0;
+            window.mostStories = 0;
+            source.json = async path => {
+              if (!path.startsWith('story')) return json(path);
+              open += 1;
+              window.mostStories = Math.max(window.mostStories, open);
+              await new Promise(done => setTimeout(done, 600));
+              return json(path).finally(() => { open -= 1; });
+            }; }"""
+        )
+        for _ in range(4):
+            page.keyboard.press("ArrowRight")
+            page.wait_for_timeout(200)
+        [page.keyboard.press("ArrowLeft") for _ in range(4)]
+        page.wait_for_selector("#story:not([aria-busy])")
+        until(page, lambda: page.evaluate("window.mostStories") > 0)
+        page.wait_for_timeout(300)
+        page.wait_for_selector(f"#story:not([aria-busy]) h2:has-text('Pixel {x + 1},{y + 1}:')")
+        assert page.evaluate("window.mostStories") == 1
         # The worst pixel is where the error's picture is brightest.
         page.keyboard.press("w")
         until(page, lambda: page.evaluate("document.querySelector('#story h2')?.textContent.includes('Pixel 51,45:') === false"))
@@ -240,6 +273,12 @@ def sweep_is_shown(pages, folder, machine):
         assert shown() == set(range(len(rows)))
         front = [row for row in rows if not any(beats(other, row) for other in rows)]
         assert page.get_by_role("button", name=f"front of three ({len(front)})").count() == 1, len(front)
+        # The line through those that no other one beats in both axes: the less area, the more of the rest.
+        for axes, on_line in page.evaluate("rowsPlots.map(plot => [plot.names, plot.front()])"):
+            good = lambda row: [float(row[name]) * (-1 if name == LESS else 1) for name in axes]
+            pairs = [good(row) for row in rows]
+            best = {nth for nth, (a, b) in enumerate(pairs) if not any(x >= a and y >= b and (x > a or y > b) for x, y in pairs)}
+            assert set(on_line) == best and len(on_line) == len(best), (axes, on_line, best)
         # A brush in the first plot, in pixels; which rows lie in it is found from the axes' ends.
         box, ends = page.evaluate(
             """() => { const { over, scales: { x, y } } = rowsPlots[0].uplot(), { left, top, width, height } = over.getBoundingClientRect();
@@ -347,6 +386,35 @@ def others_are_shown(pages, folder):
         keep(page, "stress-light-1280")
 
 
+def equal_pictures_are_best(pages, folder):
+    """A row without a PSNR and without an error beats all others in accuracy; one that was never drawn has neither, and no place."""
+    folder.mkdir()
+    names = ["area", "psnr_db", "max_error", "frames_per_second"]
+    rows = [[10, None, 0, 6], [10, 50, 0.1, 5], [10, 45, 0.1, 6], [5, 40, 0.2, 5.5], [2, None, None, 9]]
+    (folder / "choices.json").write_text(json.dumps({"choices": [dict(zip(names, row)) for row in rows]}))
+    with serving(folder) as address, pages.open(address) as page:
+        page.get_by_role("button", name="front of three (2)").click()
+        assert page.locator(".rows tbody tr").evaluate_all("rows => rows.map(row => row.dataset.row)") == ["0", "3"]
+
+
+def what_throws_is_a_sentence(pages, run, folder):
+    """A report of another version, which lacks what the page shows."""
+    shutil.copytree(run, folder)
+    report = json.loads((folder / "report.json").read_text())
+    del report["accuracy"]["lockstep"]
+    (folder / "report.json").write_text(json.dumps(report))
+    with serving(folder) as address, pages.open(address) as page:
+        page.keyboard.press("5")
+        until(page, lambda: painted(page, 0))
+    del report["accuracy"]["golden_vs_ideal"]
+    (folder / "report.json").write_text(json.dumps(report))
+    with serving(folder) as address, pages.open(address) as page:
+        told = page.locator("#frame .wrong").text_content()
+        assert told.startswith("This cannot be shown: ") and told.endswith(". Was it written by another version?"), told
+        page.get_by_role("tab", name="Machine").click()
+        assert page.locator("#diagram .unit").count() > 5
+
+
 def exports_need_nothing(pages, run, rows):
     for folder in [run, rows]:
         file = folder.parent / f"{folder.name}.html"
@@ -390,6 +458,8 @@ def main():
             (sweep_is_shown, folder / "rows", "lean"),
             (many_rows_are_shown, folder / "many"),
             (others_are_shown, folder),
+            (equal_pictures_are_best, folder / "equal"),
+            (what_throws_is_a_sentence, folder / "run", folder / "older"),
             (exports_need_nothing, folder / "run", folder / "rows"),
         ]
         for question, *arguments in questions:

@@ -33,10 +33,7 @@ const framePage = folder => {
       status.textContent = '';
       return coloured(name, values);
     }
-    const image = new Image();
-    image.src = source.file(name + '.png');
-    await image.decode();
-    return { bitmap: await createImageBitmap(image) };
+    return { bitmap: await source.picture(name + '.png') };
   };
   const coloured = (name, values) => {
     let least = Infinity, most = 0;
@@ -143,7 +140,7 @@ const framePage = folder => {
       return [h('span', {}, `${name}: ${told(scale[0], 3)} `, bar, ` ${told(scale[1], 3)}${scale[2] ? ', by powers of ten' : ''}`)];
     }
     if (name !== 'flips') return [];
-    const counts = report.accuracy.lockstep.flips ?? {};
+    const counts = report.accuracy?.lockstep?.flips ?? {};
     return Object.entries(FLIPS).filter(([kind]) => counts[kind] > 0).map(([kind, shown]) => {
       const box = h('i');
       box.style.background = shown;
@@ -213,7 +210,11 @@ const framePage = folder => {
 
   const values = h('div', { id: 'values', 'aria-live': 'polite' }, h('p', { class: 'faint' }, 'Values of the pixel under the pointer stand here; a click tells its story.'));
   let asking = false, next;
-  const hover = pixel => read(pixel ?? state.pixel);
+  const hover = pixel => {
+    // Each place that a pointer goes over is not to be read aloud.
+    values.setAttribute('aria-live', 'off');
+    read(pixel ?? state.pixel);
+  };
   // One question at a time, of the last pixel alone.
   const read = async pixel => {
     next = pixel;
@@ -235,7 +236,7 @@ const framePage = folder => {
   const four = (name, numbers, text) => [name, ...numbers.map(text)];
   const exact = pixel => [
     h('h3', {}, `Pixel ${pixel.x},${pixel.y}`),
-    h('p', { class: 'faint' }, pixel.encoded ? 'Values as a screen is sent them, colour times opacity.' : 'Linear light, colour times opacity.'),
+    h('p', { class: 'faint' }, pixel.encoded ? 'Values as a screen is sent them (sRGB), not linear light; colour times opacity.' : 'Linear light, colour times opacity.'),
     table(['', 'red', 'green', 'blue', 'alpha'], [
       ...['fixed', 'golden', 'ideal'].map(name => four(name, pixel[name], value => value.toFixed(6))),
       four('fixed − golden', pixel.error, value => value.toExponential(2)),
@@ -259,32 +260,41 @@ const framePage = folder => {
   // ---- The story ----
 
   const story = h('div', { id: 'story' });
-  let latest = 0, soon = 0;
+  let soon = 0, telling = false, nextStory;
   const choose = (pixel, delay = 0) => {
     if (!pixel) return;
     state.pixel = pixel;
     draw();
+    values.setAttribute('aria-live', 'polite');
     read(pixel);
     clearTimeout(soon);
     soon = setTimeout(() => tell(pixel), delay);
   };
-  const tell = async ([x, y]) => {
-    const mine = latest += 1;
+  // One at a time, of the last pixel alone: each draws a frame.
+  const tell = async pixel => {
     if (!source.live) {
+      const [x, y] = pixel;
       story.replaceChildren(h('h2', {}, `Pixel ${x},${y}`), h('p', {}, 'This command tells its story:'), repeated(x, y));
       return;
     }
+    nextStory = pixel;
+    if (telling) return;
+    telling = true;
     story.setAttribute('aria-busy', 'true');
-    const waiting = setTimeout(() => { if (mine === latest) story.replaceChildren(h('p', { class: 'faint', role: 'status' }, `Pixel ${x},${y}: drawing the frame again, to watch it …`)); }, 250);
-    try {
-      const found = await source.json(`story?x=${x}&y=${y}`);
-      clearTimeout(waiting);
-      if (mine !== latest) return;
-      story.replaceChildren(...storyOf(found, repeated(x, y)));
-    } catch (error) {
-      if (mine === latest) story.replaceChildren(h('p', { class: 'wrong' }, 'No story: ' + error.message));
+    while (nextStory) {
+      const [x, y] = nextStory;
+      nextStory = null;
+      const waiting = setTimeout(() => story.replaceChildren(h('p', { class: 'faint', role: 'status' }, `Pixel ${x},${y}: drawing the frame again, to watch it …`)), 250);
+      try {
+        const found = await source.json(`story?x=${x}&y=${y}`);
+        clearTimeout(waiting);
+        if (!nextStory) story.replaceChildren(...[attempt(() => storyOf(found, repeated(x, y)))].flat());
+      } catch (error) {
+        clearTimeout(waiting);
+        if (!nextStory) story.replaceChildren(h('p', { class: 'wrong' }, 'No story: ' + error.message));
+      }
     }
-    clearTimeout(waiting);
+    telling = false;
     story.removeAttribute('aria-busy');
   };
   const machineFile = report.machine.description.name.replace(/[^\w.-]/g, '_') + '.json';
@@ -307,11 +317,8 @@ const framePage = folder => {
   let worst = null, nth = 0;
   const toWorst = async () => {
     if (!worst) {
-      const image = new Image();
-      image.src = source.file('error.png');
-      await image.decode();
       const canvas = new OffscreenCanvas(width, height), context = canvas.getContext('2d');
-      context.drawImage(image, 0, 0);
+      context.drawImage(await source.picture('error.png'), 0, 0);
       const { data } = context.getImageData(0, 0, width, height);
       const bright = [];
       let least = 0;
@@ -338,7 +345,7 @@ const framePage = folder => {
 
   document.addEventListener('keydown', event => {
     if (!stage.isConnected || !stage.offsetParent || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.target.closest('input, select, textarea, [role=tab]')) return;
+    if (event.target.closest('input, select, textarea, summary, a, .scroll, [role=tab]')) return;
     const digit = /^Digit(\d)$/.exec(event.code)?.[1], name = digit && names[(Number(digit) + 9) % 10];
     const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (name) pick(event.shiftKey ? 1 : 0, name);

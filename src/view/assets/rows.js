@@ -18,12 +18,26 @@ const rowsPage = ({ columns, machine, title }) => {
 
   // 1: more is better; −1: less is; 0: nobody can say.
   const better = name => /psnr|ssim|frames_per_second/.test(name) ? 1 : /area|cycles|energy|bytes|_bits|error|over_1|saturated|wrapped|flips|violations|blocks|seconds|starved|blocked|_memory$|unexplained/.test(name) ? -1 : 0;
-  const numbers = (names, row) => names.map(name => cell(name, row)).map((number, nth) => typeof number === 'number' && Number.isFinite(number) ? better(names[nth]) * number : NaN);
+  // Equal pictures have no PSNR, and no error: none is better. A row that was never drawn has neither.
+  const errorOf = name => name.replace(/psnr(_covered)?_db$/, 'max_error');
+  const isEqual = (name, row) => /psnr(_covered)?_db$/.test(name) && value.has(errorOf(name)) && cell(errorOf(name), row) === 0;
+  const numbers = (names, row) => names.map(name => {
+    const number = cell(name, row);
+    return typeof number === 'number' && Number.isFinite(number) ? better(name) * number : number === null && isEqual(name, row) ? Infinity : NaN;
+  });
   // Rows that no other one beats: none is as good in all and better in one.
   const front = names => {
-    const places = Array.from({ length: count }, (_, row) => [row, numbers(names, row)]).filter(([, place]) => place.every(Number.isFinite));
+    const places = Array.from({ length: count }, (_, row) => [row, numbers(names, row)]).filter(([, place]) => !place.some(Number.isNaN));
     places.sort(([, a], [, b]) => { const at = a.findIndex((number, nth) => number !== b[nth]); return at < 0 ? 0 : b[at] - a[at]; });
     const kept = [];
+    if (names.length === 2) {
+      // From the best in the first: what follows must be better in the second than all so far, or the same as the best.
+      let best = [-Infinity, -Infinity];
+      for (const [row, place] of places) {
+        if (place[1] > best[1] || (place[0] === best[0] && place[1] === best[1])) { kept.push(row); best = place; }
+      }
+      return kept;
+    }
     for (const [row, place] of places) {
       const beaten = kept.some(([, other]) => other.every((number, nth) => number >= place[nth]) && other.some((number, nth) => number > place[nth]));
       if (!beaten) kept.push([row, place]);
@@ -168,7 +182,7 @@ const rowsPage = ({ columns, machine, title }) => {
       state.picked.forEach((row, nth) => { if (drawn.has(row)) { const [x, y] = at(row); context.fillText('AB'[nth], x + 8 * ratio, y - 6 * ratio); } });
       context.restore();
     };
-    const made = { names, redraw: () => plot?.redraw(false), unselect: () => plot?.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false), make, select: box => plot?.setSelect(box, true), uplot: () => plot };
+    const made = { names, redraw: () => plot?.redraw(false), unselect: () => plot?.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false), make, select: box => plot?.setSelect(box, true), uplot: () => plot, front: () => onFront };
     const [xChooser, xLog] = picker(0), [yChooser, yLog] = picker(1);
     plots.push(made);
     onWidth(holder, make);

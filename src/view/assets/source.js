@@ -15,9 +15,26 @@ const source = (() => {
     folder: async () => all ?? (await asked('folder')).json(),
     file: name => all ? all.files[name] : 'file/' + encodeURIComponent(name),
     json: async path => (await asked(path)).json(),
+    // What changed since the start is answered in a sentence, which an image element would not tell.
+    picture: async name => {
+      if (!all) return createImageBitmap(await (await asked('file/' + encodeURIComponent(name))).blob());
+      const image = new Image();
+      image.src = all.files[name];
+      await image.decode();
+      return createImageBitmap(image);
+    },
     floats: async path => new Float32Array(await (await asked(path)).arrayBuffer()),
   };
 })();
+
+// What a part of the page shows, or a sentence that says why it cannot.
+const attempt = make => {
+  try {
+    return make();
+  } catch (error) {
+    return h('p', { class: 'wrong' }, `This cannot be shown: ${error.message}. Was it written by another version?`);
+  }
+};
 
 // An element: properties by name, `on…` as listeners, children behind.
 const h = (name, properties = {}, ...children) => {
@@ -77,7 +94,7 @@ const onWidth = (element, draw) => {
 // A picture that is drawn for the width that there is.
 const fitted = draw => {
   const holder = h('div');
-  onWidth(holder, () => holder.replaceChildren(draw(Math.min(holder.clientWidth, 1100))));
+  onWidth(holder, () => holder.replaceChildren(attempt(() => draw(Math.min(holder.clientWidth, 1100)) ?? "")));
   return holder;
 };
 

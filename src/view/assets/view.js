@@ -29,7 +29,7 @@
       const page = h('section', { id: key, role: 'tabpanel' });
       main.append(page);
       shown.set(key, page);
-      page.append(...[make()].flat());
+      page.append(...[attempt(make)].flat());
     }
     shown.forEach((page, other) => { page.hidden = other !== key; });
     [...tabs.children].forEach(tab => {
