@@ -94,7 +94,7 @@ impl Command {
             Command::View(typed) => typed.run(),
             Command::Trace(typed) => typed.common.threads.run(|| typed.check()?.run()),
             Command::Diff(typed) => typed.check()?.run(),
-            Command::Unit(typed) => typed.check()?.run(),
+            Command::Unit(typed) => typed.common.threads.run(|| typed.check()?.run()),
             Command::Explain(typed) => typed.common.threads.run(|| typed.run()),
             Command::Machine(typed) => typed.run(),
             Command::Scene(typed) => typed.run(),

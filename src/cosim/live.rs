@@ -93,7 +93,8 @@ enum State<'a> {
     Fragments(Tiles<Fragments<'a>>),
     Sheets(Sheets<'a>, Tiles<Sheets<'a>>),
     Windows(Tiles<Windows<'a>>),
-    Resolve(Vec<Layer>),
+    /// The layers of a pixel that is not complete, and its place.
+    Resolve([i64; 2], Vec<Layer>),
 }
 
 impl Refused {
@@ -334,7 +335,7 @@ impl<'a> Unit<'a> {
         let shade = if name == unit::FRAGMENT { port("request").zip(port("answer")).map(<[Port; 2]>::from) } else { None };
         let state = match name {
             unit::SORT => State::Sort(Vec::new()),
-            unit::RESOLVE => State::Resolve(Vec::new()),
+            unit::RESOLVE => State::Resolve([0; 2], Vec::new()),
             unit::FRAGMENT => match &of.frame {
                 Frame { sheets: Some(sheets), .. } => State::Sheets(Sheets::new(&of.machine, sheets), Tiles::new()),
                 Frame { window: Some(_), .. } => State::Windows(Tiles::new()),
@@ -387,9 +388,13 @@ impl<'a> Unit<'a> {
         self.check_layers(words)
     }
 
-    /// A pixel has no more layers than the machine.
+    /// A pixel has no more layers than the machine, and all of them come before the next pixel's.
     fn check_layers(&self, words: &[i64]) -> std::result::Result<(), Refused> {
-        let State::Resolve(layers) = &self.state else { return Ok(()) };
+        let State::Resolve([x, y], layers) = &self.state else { return Ok(()) };
+        if !layers.is_empty() && words[..2] != [*x, *y] {
+            let (field, word) = if words[0] == *x { ("y", words[1]) } else { ("x", words[0]) };
+            return Err(Refused::of(field, format!("{word}, and the last layer of pixel ({x}, {y}) is still to come")));
+        }
         let most = self.of.machine.machine.fragment.layers as usize;
         if words[EMPTY] == 0 && layers.len() >= most {
             return Err(Refused::of("last", format!("a pixel has at most {most} layers, and none of so many was the last")));
@@ -419,8 +424,9 @@ impl<'a> Unit<'a> {
                 depths.push(words.to_vec());
                 return Vec::new();
             }
-            State::Resolve(layers) => {
+            State::Resolve(at, layers) => {
                 if words[EMPTY] == 0 {
+                    *at = array(&words[..2]);
                     layers.push(Layer { colour: array(&words[4..7]), opacity: words[7], ..Layer::default() });
                 }
                 if words[LAST] == 0 {
@@ -464,8 +470,8 @@ impl<'a> Unit<'a> {
                 end.out = sorted.into_iter().map(|(nth, key)| vec![depths[nth][0], key]).collect();
                 depths.clear();
             }
-            State::Resolve(layers) if layers.is_empty() => {}
-            State::Resolve(layers) => {
+            State::Resolve(_, layers) if layers.is_empty() => {}
+            State::Resolve(_, layers) => {
                 layers.clear();
                 return Err(Refused::of("last", "the last pixel has no record in which it is 1"));
             }

@@ -51,6 +51,34 @@ static int draw(const splatsim_machine *machine, const splatsim_scene *scene) {
   return failed;
 }
 
+/* Random records: answers as bits, and how many wait; then the frame of both ends, and what they hold is compared too. */
+static int bits_and_ends(splatsim_unit *unit, splatsim_unit *other, const char *name) {
+  /* Of resolve a pixel may not be complete: that is refused, and the layers are gone. */
+  const int may_refuse = strcmp(name, "resolve") == 0;
+  const int ports[2] = {SPLATSIM_OUT, SPLATSIM_HELD};
+  uint32_t bits[32];
+  ptrdiff_t waiting, ended;
+  int i, port;
+  if (splatsim_unit_width(unit, SPLATSIM_OUT) < 1 || splatsim_unit_width(unit, SPLATSIM_OUT) > 32 * 32) return 1;
+  for (i = 0; i < 50; i++) {
+    if (splatsim_unit_random_bits(unit, bits, 32) != 0) return 1;
+    waiting = splatsim_unit_step_bits(unit, bits, 32);
+    if (waiting < 0 || waiting != splatsim_unit_waiting(unit, SPLATSIM_OUT) || splatsim_unit_step_bits(other, bits, 32) != waiting) return 1;
+    for (; splatsim_unit_next_bits(unit, SPLATSIM_OUT, bits, 32) == 1; waiting--)
+      if (splatsim_unit_compare_bits(other, SPLATSIM_OUT, bits, 32) != 0) return 1;
+    if (waiting != 0 || splatsim_unit_waiting(other, SPLATSIM_OUT) != 0) return 1;
+  }
+  ended = splatsim_unit_end(unit);
+  if (splatsim_unit_end(other) != ended || (ended < 0 && !may_refuse)) return 1;
+  waiting = ended < 0 ? 0 : ended;
+  for (port = 0; port < 2; port++) {
+    if (splatsim_unit_fields(unit, ports[port]) < 0) continue;
+    for (; splatsim_unit_next_bits(unit, ports[port], bits, 32) == 1; waiting--)
+      if (splatsim_unit_compare_bits(other, ports[port], bits, 32) != 0) return 1;
+  }
+  return waiting != 0;
+}
+
 /* Random records: the answers of one unit are held against another of the same kind, as words and as bits; then a wrong one is. */
 static int compare(const splatsim_machine *machine, const splatsim_scene *scene, const char *name) {
   splatsim_unit *unit = splatsim_unit_new(machine, scene, name, 1), *other = splatsim_unit_new(machine, scene, name, 1);
@@ -75,6 +103,7 @@ static int compare(const splatsim_machine *machine, const splatsim_scene *scene,
       compared++;
     }
   }
+  if (bits_and_ends(unit, other, name) != 0) goto end;
   /* A device that says something else: it is found out as soon as the field means anything. */
   for (i = 0; i < 100 && differs == 0; i++) {
     if (splatsim_unit_random(unit, in, (size_t)fields_in) != 0) goto end;
@@ -129,6 +158,12 @@ static int refusals(splatsim_machine *machine, const splatsim_scene *scene) {
   EXPECT(splatsim_unit_next(gauss, SPLATSIM_OUT, words, 2) == -1, "count is 2");
   EXPECT(splatsim_unit_next(gauss, SPLATSIM_HELD, words, 2) == -1, "no port 4");
   EXPECT(splatsim_unit_compare(gauss, SPLATSIM_OUT, words, 1) == 1, "one too many");
+  EXPECT(splatsim_unit_step(gauss, words, 2) == 1 && splatsim_unit_compare(gauss, SPLATSIM_OUT, words, 2) == -1, "count is 2");
+  EXPECT(splatsim_unit_compare_bits(gauss, SPLATSIM_OUT, &half, 0) == -1, "0 words");
+  EXPECT(splatsim_unit_next(gauss, SPLATSIM_OUT, (int64_t *)(void *)((char *)words + 1), 1) == -1, "no address");
+  EXPECT(splatsim_unit_step(gauss, words, (size_t)-1) == -1, "no memory");
+  /* Nothing of that has taken it. */
+  if (splatsim_unit_waiting(gauss, SPLATSIM_OUT) != 1 || splatsim_unit_next(gauss, SPLATSIM_OUT, words, 1) != 1) failures++;
   EXPECT(splatsim_unit_constant_bits(gauss, "lamp", 0, &half, 1) == -1, "lamp");
   EXPECT(splatsim_unit_constant_bits(gauss, "frame", 0, &half, 1) == -1, "count is 1");
 #undef EXPECT

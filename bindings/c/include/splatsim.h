@@ -155,7 +155,7 @@ int splatsim_drawing_size(const splatsim_drawing *drawing, uint32_t *width, uint
  top. `count` must be 4 * width * height. 0, or -1 on failure.
 
  # Safety
- `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers.
+ `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers, which nobody else uses meanwhile.
  */
 int splatsim_picture(const splatsim_drawing *drawing,
                      int which,
@@ -240,11 +240,12 @@ ptrdiff_t splatsim_unit_field(const splatsim_unit *unit,
                               size_t capacity);
 
 /*
- Gives the unit a record, a word for each field. What comes of it waits for `splatsim_unit_next`. The number of records that wait at
- SPLATSIM_OUT, or -1 where the unit was never given such a record: nothing has happened then.
+ Gives the unit a record, a word for each field. What comes of it waits until it is taken (`splatsim_unit_next`) or compared, at every port:
+ fragment's requests and answers too, which grow in number where nobody takes them. The number of records that wait at SPLATSIM_OUT, or -1
+ where the unit was never given such a record: nothing has happened then.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a pointer to `count` words.
+ `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which nobody changes meanwhile.
  */
 ptrdiff_t splatsim_unit_step(splatsim_unit *unit,
                              const int64_t *words,
@@ -279,7 +280,7 @@ ptrdiff_t splatsim_unit_waiting(const splatsim_unit *unit, int port);
  Takes the record that has waited longest at a port. `count` must be its number of fields. 1, or 0 where none waits, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a place for `count` words.
+ `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
  */
 int splatsim_unit_next(splatsim_unit *unit,
                        int port,
@@ -296,11 +297,11 @@ int splatsim_unit_next_bits(splatsim_unit *unit, int port, uint32_t *words, size
 
 /*
  Compares a device's record with the one that has waited longest at a port (where order counts at each pixel only, at its pixel), and takes
- that away. What means nothing in a record is not compared. 0 where they are equal, 1 where they differ: `splatsim_last_error` says how; -1 on
- failure.
+ that away. `count` must be its number of fields. What means nothing in a record is not compared. 0 where they are equal, 1 where they
+ differ: `splatsim_last_error` says how; -1 on failure: nothing is taken then.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a pointer to `count` words.
+ `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which nobody changes meanwhile.
  */
 int splatsim_unit_compare(splatsim_unit *unit,
                           int port,
@@ -320,7 +321,7 @@ int splatsim_unit_compare_bits(splatsim_unit *unit, int port, const uint32_t *wo
  fields. 0, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a place for `count` words.
+ `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
  */
 int splatsim_unit_random(splatsim_unit *unit,
                          int64_t *words,
@@ -339,7 +340,7 @@ int splatsim_unit_random_bits(splatsim_unit *unit, uint32_t *words, size_t count
  0 above the record. 1, or 0 where there is none of this number, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or a place for `count` words.
+ `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
  */
 int splatsim_unit_constant_bits(const splatsim_unit *unit,
                                 const char *name,

@@ -1,6 +1,6 @@
 //! Handles: machines, scenes, and what comes of drawing one on the other.
 
-use crate::text::{Told, guarded, hand_out, string};
+use crate::text::{Told, guarded, hand_out, sound, string};
 use splatsim::error::Error;
 use splatsim::hardware::{fixed, machines};
 use splatsim::output::picture::Picture;
@@ -20,6 +20,13 @@ pub struct Drawing {
     outcome: Outcome,
     report: String,
 }
+
+pub(crate) const fn is_shared<T: Send + Sync>() {}
+const _: () = {
+    is_shared::<Machine>();
+    is_shared::<Scene>();
+    is_shared::<Drawing>();
+};
 
 /// What the hardware draws.
 pub const SPLATSIM_FIXED: c_int = 0;
@@ -90,10 +97,8 @@ pub unsafe extern "C" fn splatsim_machine_open(name_or_path: *const c_char) -> *
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_machine_from_json(json: *const c_char, length: usize) -> *mut Machine {
     guarded(std::ptr::null_mut(), || {
-        if json.is_null() {
-            return Err("json is NULL".into());
-        }
-        // SAFETY: the caller's.
+        sound(json, length, "json")?;
+        // SAFETY: the caller's; it was checked.
         let bytes = unsafe { std::slice::from_raw_parts(json.cast::<u8>(), length) };
         let value = serde_json::from_slice(bytes).map_err(|e| format!("the machine is no JSON: {e}"))?;
         checked(machines::from_value(&value, "the machine").map_err(sentence)?)
@@ -198,10 +203,9 @@ pub unsafe extern "C" fn splatsim_drawing_size(drawing: *const Drawing, width: *
     guarded(-1, || {
         // SAFETY: the caller's.
         let picture = unsafe { &held(drawing, "drawing")?.outcome.fixed };
-        if width.is_null() || height.is_null() {
-            return Err("width or height is NULL".into());
-        }
-        // SAFETY: the caller's; neither is NULL.
+        sound(width, 1, "width")?;
+        sound(height, 1, "height")?;
+        // SAFETY: the caller's; both were checked.
         unsafe { (*width, *height) = (picture.width as u32, picture.height as u32) };
         Ok(0)
     })
@@ -211,7 +215,7 @@ pub unsafe extern "C" fn splatsim_drawing_size(drawing: *const Drawing, width: *
 /// top. `count` must be 4 * width * height. 0, or -1 on failure.
 ///
 /// # Safety
-/// `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers.
+/// `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers, which nobody else uses meanwhile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_picture(drawing: *const Drawing, which: c_int, rgba: *mut f64, count: usize) -> c_int {
     guarded(-1, || {
@@ -224,10 +228,11 @@ pub unsafe extern "C" fn splatsim_picture(drawing: *const Drawing, which: c_int,
             _ => return Err(format!("there is no picture {which}: 0 is fixed, 1 golden, 2 ideal")),
         };
         let pixels = pixels.as_flattened();
-        if rgba.is_null() || count != pixels.len() {
+        sound(rgba, count, "rgba")?;
+        if count != pixels.len() {
             return Err(format!("rgba needs room for {} numbers, and count says {count}", pixels.len()));
         }
-        // SAFETY: the caller's; it is not NULL, and `count` was compared.
+        // SAFETY: the caller's; it was checked, and `count` compared.
         unsafe { std::ptr::copy_nonoverlapping(pixels.as_ptr(), rgba, count) };
         Ok(0)
     })

@@ -26,6 +26,20 @@ fn remember(sentence: &str) {
     let _ = LAST.try_with(|last| *last.borrow_mut() = text);
 }
 
+/// Whether `count` numbers of this type may lie there.
+pub(crate) fn sound<T>(numbers: *const T, count: usize, what: &str) -> Told<()> {
+    if numbers.is_null() {
+        return Err(format!("{what} is NULL"));
+    }
+    if !numbers.is_aligned() {
+        return Err(format!("{what} is at no address of a number of {} bits", 8 * size_of::<T>()));
+    }
+    if count.checked_mul(size_of::<T>()).is_none_or(|bytes| isize::try_from(bytes).is_err()) {
+        return Err(format!("{what} has {count} numbers, and no memory holds so many"));
+    }
+    Ok(())
+}
+
 /// What a C string says.
 ///
 /// # Safety

@@ -1,7 +1,7 @@
 //! Units: one unit of a machine, words in and words out, and what it gave held against a device's records.
 
-use crate::handles::{Machine, Scene, freed, handle, held, locked, sentence};
-use crate::text::{Told, guarded, hand_out, string};
+use crate::handles::{Machine, Scene, freed, handle, held, is_shared, locked, sentence};
+use crate::text::{Told, guarded, hand_out, sound, string};
 use self_cell::self_cell;
 use splatsim::cosim::live::{Constants, Port, Record};
 use splatsim::cosim::scoreboard::{Scoreboard, Side};
@@ -19,8 +19,7 @@ self_cell!(
     }
 );
 
-const fn is_send<T: Send>() {}
-const _: () = is_send::<Cell>();
+const _: () = is_shared::<Unit>();
 
 /// Port: what a unit takes.
 pub const SPLATSIM_IN: c_int = 0;
@@ -58,25 +57,34 @@ fn port_of<'a>(board: &'a Scoreboard, port: c_int) -> Told<&'a Port> {
 /// `count` numbers.
 ///
 /// # Safety
-/// `words` is NULL or points to so many.
+/// `words` is NULL or points to so many that were written, which nobody changes meanwhile.
 unsafe fn given<'a, T>(words: *const T, count: usize) -> Told<&'a [T]> {
-    if words.is_null() {
-        return Err("words is NULL".into());
-    }
-    // SAFETY: the caller's; it is not NULL.
+    sound(words, count, "words")?;
+    // SAFETY: the caller's; NULL, the address and the size were checked.
     Ok(unsafe { std::slice::from_raw_parts(words, count) })
 }
 
-/// Room for `count` numbers.
+/// Writes numbers to `words`, and 0 above them; as many as fit. What was there may never have been written: no slice is made of it.
 ///
 /// # Safety
-/// `words` is NULL or points to room for so many, which nobody else uses.
-unsafe fn room<'a, T>(words: *mut T, count: usize) -> Told<&'a mut [T]> {
-    if words.is_null() {
-        return Err("words is NULL".into());
+/// [`sound`] of them, and there is room for `count` numbers, which nobody else uses.
+unsafe fn hand_over<T: Copy + Default>(from: &[T], words: *mut T, count: usize) {
+    for place in 0..count {
+        // SAFETY: the caller's.
+        unsafe { words.add(place).write(from.get(place).copied().unwrap_or_default()) };
     }
-    // SAFETY: the caller's; it is not NULL.
-    Ok(unsafe { std::slice::from_raw_parts_mut(words, count) })
+}
+
+/// A record as 32-bit words.
+fn packed(port: &Port, record: &[i64]) -> Vec<u32> {
+    let mut halves = vec![0; halves(port)];
+    port.pack(record, &mut halves);
+    halves
+}
+
+/// Number of 32-bit words of a record.
+fn halves(port: &Port) -> usize {
+    port.width().div_ceil(32) as usize
 }
 
 /// The unit of a machine by its name, such as "raster", with registers, lights and materials of a scene. Random records depend on `seed`. NULL
@@ -142,11 +150,12 @@ pub unsafe extern "C" fn splatsim_unit_field(unit: *const Unit, port: c_int, fie
     })
 }
 
-/// Gives the unit a record, a word for each field. What comes of it waits for `splatsim_unit_next`. The number of records that wait at
-/// SPLATSIM_OUT, or -1 where the unit was never given such a record: nothing has happened then.
+/// Gives the unit a record, a word for each field. What comes of it waits until it is taken (`splatsim_unit_next`) or compared, at every port:
+/// fragment's requests and answers too, which grow in number where nobody takes them. The number of records that wait at SPLATSIM_OUT, or -1
+/// where the unit was never given such a record: nothing has happened then.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `words` NULL or a pointer to `count` words.
+/// `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which nobody changes meanwhile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_step(unit: *mut Unit, words: *const i64, count: usize) -> isize {
     guarded(-1, || {
@@ -206,19 +215,21 @@ pub unsafe extern "C" fn splatsim_unit_waiting(unit: *const Unit, port: c_int) -
 /// Takes the record that has waited longest at a port. `count` must be its number of fields. 1, or 0 where none waits, or -1 on failure.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `words` NULL or a place for `count` words.
+/// `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_next(unit: *mut Unit, port: c_int, words: *mut i64, count: usize) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
-        let (unit, words) = unsafe { (held(unit, "unit")?, room(words, count)?) };
+        let unit = unsafe { held(unit, "unit") }?;
+        sound(words, count, "words")?;
         unit.with(|board| {
             let fields = port_of(board, port)?.fields();
             if count != fields {
                 return Err(format!("count is {count}, and the record has {fields} words"));
             }
             let record = board.next(side(port)?);
-            record.iter().for_each(|record| words.copy_from_slice(record));
+            // SAFETY: the caller's; it was checked.
+            record.iter().for_each(|record| unsafe { hand_over(record, words, count) });
             Ok(record.is_some().into())
         })
     })
@@ -232,35 +243,40 @@ pub unsafe extern "C" fn splatsim_unit_next(unit: *mut Unit, port: c_int, words:
 pub unsafe extern "C" fn splatsim_unit_next_bits(unit: *mut Unit, port: c_int, words: *mut u32, count: usize) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
-        let (unit, words) = unsafe { (held(unit, "unit")?, room(words, count)?) };
+        let unit = unsafe { held(unit, "unit") }?;
+        sound(words, count, "words")?;
         unit.with(|board| {
             fits(port_of(board, port)?, count)?;
             let record = board.next(side(port)?);
             let Some(record) = record else { return Ok(0) };
-            port_of(board, port)?.pack(&record, words);
+            // SAFETY: the caller's; it was checked.
+            unsafe { hand_over(&packed(port_of(board, port)?, &record), words, count) };
             Ok(1)
         })
     })
 }
 
 fn fits(port: &Port, count: usize) -> Told<()> {
-    let needed = port.width().div_ceil(32) as usize;
+    let needed = halves(port);
     if count < needed { Err(format!("count is {count}, and the record has {needed} words of 32 bits")) } else { Ok(()) }
 }
 
 /// Compares a device's record with the one that has waited longest at a port (where order counts at each pixel only, at its pixel), and takes
-/// that away. What means nothing in a record is not compared. 0 where they are equal, 1 where they differ: `splatsim_last_error` says how; -1 on
-/// failure.
+/// that away. `count` must be its number of fields. What means nothing in a record is not compared. 0 where they are equal, 1 where they
+/// differ: `splatsim_last_error` says how; -1 on failure: nothing is taken then.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `words` NULL or a pointer to `count` words.
+/// `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which nobody changes meanwhile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_compare(unit: *mut Unit, port: c_int, words: *const i64, count: usize) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
         let (unit, words) = unsafe { (held(unit, "unit")?, given(words, count)?) };
         let compared = unit.with(|board| {
-            port_of(board, port)?;
+            let fields = port_of(board, port)?.fields();
+            if count != fields {
+                return Err(format!("count is {count}, and the record has {fields} words"));
+            }
             Ok(board.compare(side(port)?, words))
         })?;
         Ok(guarded(1, || compared.map(|()| 0)))
@@ -288,18 +304,21 @@ pub unsafe extern "C" fn splatsim_unit_compare_bits(unit: *mut Unit, port: c_int
 /// fields. 0, or -1 on failure.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `words` NULL or a place for `count` words.
+/// `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_random(unit: *mut Unit, words: *mut i64, count: usize) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
-        let (unit, words) = unsafe { (held(unit, "unit")?, room(words, count)?) };
+        let unit = unsafe { held(unit, "unit") }?;
+        sound(words, count, "words")?;
         unit.with(|board| {
-            let record = board.made_up();
-            if record.len() != count {
-                return Err(format!("count is {count}, and the record has {} words", record.len()));
+            let fields = port_of(board, SPLATSIM_IN)?.fields();
+            if count != fields {
+                return Err(format!("count is {count}, and the record has {fields} words"));
             }
-            words.copy_from_slice(&record);
+            let record = board.made_up();
+            // SAFETY: the caller's; it was checked.
+            unsafe { hand_over(&record, words, count) };
             Ok(0)
         })
     })
@@ -313,11 +332,13 @@ pub unsafe extern "C" fn splatsim_unit_random(unit: *mut Unit, words: *mut i64, 
 pub unsafe extern "C" fn splatsim_unit_random_bits(unit: *mut Unit, words: *mut u32, count: usize) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
-        let (unit, words) = unsafe { (held(unit, "unit")?, room(words, count)?) };
+        let unit = unsafe { held(unit, "unit") }?;
+        sound(words, count, "words")?;
         unit.with(|board| {
             fits(port_of(board, SPLATSIM_IN)?, count)?;
             let record = board.made_up();
-            port_of(board, SPLATSIM_IN)?.pack(&record, words);
+            // SAFETY: the caller's; it was checked.
+            unsafe { hand_over(&packed(port_of(board, SPLATSIM_IN)?, &record), words, count) };
             Ok(0)
         })
     })
@@ -327,7 +348,7 @@ pub unsafe extern "C" fn splatsim_unit_random_bits(unit: *mut Unit, words: *mut 
 /// 0 above the record. 1, or 0 where there is none of this number, or -1 on failure.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or a place for `count` words.
+/// `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_constant_bits(
     unit: *const Unit,
@@ -338,11 +359,13 @@ pub unsafe extern "C" fn splatsim_unit_constant_bits(
 ) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
-        let (unit, name, words) = unsafe { (held(unit, "unit")?, string(name, "name")?, room(words, count)?) };
+        let (unit, name) = unsafe { (held(unit, "unit")?, string(name, "name")?) };
+        sound(words, count, "words")?;
         let (port, records) = unit.registers(name)?;
         fits(&port, count)?;
         let Some(record) = records.get(number) else { return Ok(0) };
-        port.pack(record, words);
+        // SAFETY: the caller's; it was checked.
+        unsafe { hand_over(&packed(&port, record), words, count) };
         Ok(1)
     })
 }

@@ -59,6 +59,12 @@ def _negative(result):
     return result < 0
 
 
+def _within(number, least, greatest, what):
+    if not least <= number <= greatest:
+        raise SplatsimError(f"{what} is {number}, and {least} to {greatest} are possible")
+    return number
+
+
 class Unit:
     """One unit of a machine by itself: records in, records out, each a dict of whole numbers by field.
 
@@ -68,6 +74,8 @@ class Unit:
 
     def __init__(self, name, machine="reference", scene="glass-spheres", settings=(), size=(0, 0), seed=1):
         self._handle = None
+        size = [_within(pixels, 0, 2**32 - 1, "size") for pixels in size]
+        seed = _within(seed, 0, 2**64 - 1, "seed")
         of_machine = _call("machine_open", os.fsencode(machine))
         try:
             for setting in settings:
@@ -106,7 +114,8 @@ class Unit:
         if record is not None and set(record) != set(names):
             odd = sorted(set(record) ^ set(names))
             raise SplatsimError(f"{self.name}.{port}: {', '.join(odd)}: a record has {', '.join(names)}, each once")
-        return (ctypes.c_int64 * len(names))(*([record[name] for name in names] if record is not None else []))
+        numbers = [] if record is None else [_within(record[name], -(2**63), 2**63 - 1, f"{self.name}.{port}: {name}") for name in names]
+        return (ctypes.c_int64 * len(names))(*numbers)
 
     def _take(self, port):
         words = self._words(port)

@@ -10,7 +10,7 @@ A stream is three signals, valid, ready and data, with a prefix: s for what a un
 
 import json
 import random as _random
-from collections import Counter, deque
+from collections import Counter
 from pathlib import Path
 
 import cocotb
@@ -18,6 +18,9 @@ from cocotb.clock import Clock
 from cocotb.triggers import ReadOnly, RisingEdge
 
 from splatsim import Unit
+
+# Faults that a bench keeps: the first, which say more than those that follow from them.
+FAULTS = 10
 
 
 class Manifest:
@@ -166,7 +169,7 @@ class Bench:
         self.driver = Driver(dut, dut.clk, "s", streams[0], stalls, seed)
         self.monitor = Monitor(dut, dut.clk, "m", streams[1], stalls, seed + 1)
         self.coverage = [stream.coverage() for stream in streams]
-        self.faults = deque(maxlen=10)
+        self.faults = []
         self.monitor.listeners.append(self._compare)
         self._constants()
 
@@ -182,7 +185,7 @@ class Bench:
     def _compare(self, record):
         self.coverage[1].sample(record)
         fault = self.model.compare(record)
-        if fault:
+        if fault and len(self.faults) < FAULTS:
             self.faults.append(fault)
 
     async def reset(self, cycles=3):

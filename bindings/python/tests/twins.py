@@ -6,8 +6,8 @@ from pathlib import Path
 
 import cocotb
 
-from splatsim import Unit
-from splatsim.cocotb import Bench
+from splatsim import SplatsimError, Unit
+from splatsim.cocotb import FAULTS, Bench
 
 TRACE = Path(os.environ.get("SPLATSIM_TRACE", "."))
 
@@ -36,14 +36,35 @@ async def another_machine(dut):
     """A device that differs is found out: the model has another table."""
     bench = Bench(dut, "gauss", TRACE)
     bench.model = Unit("gauss", TRACE / "machine.json", TRACE / "scene.json", ["gauss.table.interpolation=linear"])
+    first = []
+    bench.monitor.listeners.append(lambda _: first or first.extend(bench.faults))
     await bench.reset()
     await bench.send_random(600)
     try:
         await bench.finish()
     except AssertionError as fault:
         assert "field weight is" in str(fault), fault
+        assert len(bench.faults) == FAULTS and bench.faults[:1] == first, (first, bench.faults)
     else:
         assert False, "nobody has noticed"
+
+
+def refuses(trace):
+    """Numbers that C would cut off."""
+    files = trace / "machine.json", trace / "scene.json"
+    unit = Unit("gauss", *files)
+    for ask, says in [
+        (lambda: unit.step({"radial": 1 << 64, "amplitude": 1}), "gauss.in: radial is 18446744073709551616"),
+        (lambda: unit.step({"radial": 1, "amplitude": -(1 << 63) - 1}), "gauss.in: amplitude is -9223372036854775809"),
+        (lambda: Unit("gauss", *files, seed=1 << 64), "seed is"),
+        (lambda: Unit("gauss", *files, size=(1 << 32, 1)), "size is"),
+    ]:
+        try:
+            ask()
+        except SplatsimError as fault:
+            assert says in str(fault), fault
+        else:
+            assert False, f"{says}: not refused"
 
 
 def main(trace, build):
@@ -53,6 +74,7 @@ def main(trace, build):
         from cocotb.runner import get_runner
     rtl = Path(__file__).resolve().parents[3] / "rtl_model/rtl"
     trace = Path(trace).resolve()
+    refuses(trace)
     os.environ["SPLATSIM_TRACE"] = str(trace)
     for twin, tests in [("gauss", ["gauss", "another_machine"]), ("resolve", ["resolve"])]:
         runner = get_runner("icarus")

@@ -170,7 +170,12 @@ module live #(
     .q_valid(q_valid),
     .q_ready(q_ready),
     .q_data(q_data),
+`ifdef HAS_DRAIN
     .drain(drain),
+`else
+    // Only fragment ends frames. The bench may stop inside of a pixel of resolve.
+    .drain(1'b0),
+`endif
     .h_valid(h_valid && !h_empty),
     .h_ready(h_ready),
     .h_data(h_data),

@@ -125,7 +125,7 @@ const PACKAGE: &str = r#"  typedef bit [32*WORDS-1:0] record_t;
 const MODULES: &str = r#"endpackage
 
 // Holds a device's streams against the live model of its unit: s is what it takes, m what it gives; of fragment q is what it asks shade, h
-// what it holds in the end. Streams that a unit has not are left out, and never valid.
+// what it holds in the end. Streams that a unit has not are left out, and never valid. Bits that are X or Z count as different, whatever they mean.
 module splatsim_scoreboard #(
   parameter string UNIT = "gauss",           // the unit's name
   parameter string MACHINE = "machine.json", // a name or a file
@@ -153,7 +153,7 @@ module splatsim_scoreboard #(
   input wire h_ready,
   input wire [H_W-1:0] h_data,
   output longint compared,         // records of the device that were compared
-  output longint different,        // those among them that were not the model's
+  output longint different,        // those that were not the model's, or X or Z in part
   output longint waiting           // records of the model that the device has not given
 );
   chandle model;
@@ -165,25 +165,53 @@ module splatsim_scoreboard #(
   end
   final splatsim_dpi::splatsim_unit_free(model);
 
-  function automatic void compare(int side, splatsim_dpi::record_t record);
+  function automatic void compare(int side, splatsim_dpi::record_t record, bit is_unknown);
+    bit is_equal;
+    is_equal = splatsim_dpi::is_equal(model, side, record);
     compared = compared + 1;
-    if (!splatsim_dpi::is_equal(model, side, record)) different = different + 1;
+    if (!is_equal || is_unknown) different = different + 1;
+  endfunction
+
+  // Whether a stream has a bit that is X or Z where it counts; says so.
+  function automatic bit unknown(string stream, string what, bit is_so);
+    if (is_so) $display("splatsim: %s.%s: %s is X or Z in part", UNIT, stream, what);
+    return is_so;
+  endfunction
+
+  // Whoever asks shade has an answer that nobody compares.
+  function automatic void forget_answer();
+    splatsim_dpi::record_t answer;
+    void'(splatsim_dpi::take(model, splatsim_dpi::ANSWER, answer));
   endfunction
 
   // A program: what it counts, the same cycle reads.
   // verilator lint_off BLKSEQ
   always @(posedge clk) begin
     if (!rst) begin
-      if (s_valid && s_ready) waiting = splatsim_dpi::step(model, splatsim_dpi::record_t'(s_data));
+      // Where one side is 0 nothing happens, whatever the other is.
+      if (unknown("s", "a handshake", $isunknown(s_valid && s_ready))) different = different + 1;
+      if (unknown("m", "a handshake", $isunknown(m_valid && m_ready))) different = different + 1;
+      if (unknown("q", "a handshake", $isunknown(q_valid && q_ready))) different = different + 1;
+      if (unknown("h", "a handshake", $isunknown(h_valid && h_ready))) different = different + 1;
+      // The model knows 0 and 1 only: what is neither is not given to it.
+      if (s_valid && s_ready) begin
+        if (unknown("s", "a record", $isunknown(s_data))) different = different + 1;
+        else waiting = splatsim_dpi::step(model, splatsim_dpi::record_t'(s_data));
+      end
       // By itself: simulators may call both sides of an &&.
       if (drain && !s_valid && !has_ended) begin
         waiting = splatsim_dpi::splatsim_unit_end(model);
         if (waiting < 0) $fatal(1, "%s", splatsim_dpi::splatsim_last_error());
       end
       has_ended = drain && !s_valid;
-      if (q_valid && q_ready) compare(splatsim_dpi::REQUEST, splatsim_dpi::record_t'(q_data));
-      if (m_valid && m_ready) compare(splatsim_dpi::OUT, splatsim_dpi::record_t'(m_data));
-      if (h_valid && h_ready) compare(splatsim_dpi::HELD, splatsim_dpi::record_t'(h_data));
+      if (q_valid && q_ready) begin
+        compare(splatsim_dpi::REQUEST, splatsim_dpi::record_t'(q_data), unknown("q", "a record", $isunknown(q_data)));
+        forget_answer();
+      end
+      if (m_valid && m_ready)
+        compare(splatsim_dpi::OUT, splatsim_dpi::record_t'(m_data), unknown("m", "a record", $isunknown(m_data)));
+      if (h_valid && h_ready)
+        compare(splatsim_dpi::HELD, splatsim_dpi::record_t'(h_data), unknown("h", "a record", $isunknown(h_data)));
       waiting = splatsim_dpi::splatsim_unit_waiting(model, splatsim_dpi::OUT)
         + splatsim_dpi::splatsim_unit_waiting(model, splatsim_dpi::REQUEST)
         + splatsim_dpi::splatsim_unit_waiting(model, splatsim_dpi::HELD);
