@@ -554,7 +554,7 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(&["chart"], "DIR");
     refused(&["view"], "DIR");
     refused(&["search"], "SCENE");
-    refused(&["machine"], "a command is missing: list, show, timing, cost, prices, prove, schema (see --help)");
+    refused(&["machine"], "a command is missing: list, show, timing, clock, cost, prices, prove, schema (see --help)");
     refused(&["machine", "lits"], "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'");
     run_refused(&["--sizes", "5x5"], "--size");
     run_refused(&["glass-spheres", "checkerboard"], "checkerboard");
