@@ -3,6 +3,7 @@
 use crate::cosimulation::{have, run};
 use crate::program::PROGRAM;
 use crate::share;
+use rtl_model::elaboration::latency::Path;
 use splatsim::hardware::{fixed, machines};
 use splatsim::performance::cost::{Cost, DEFAULT};
 use std::process::Command;
@@ -58,6 +59,22 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
         .map(|(_, ratio)| ratio)
         .collect();
     assert_eq!(ratios.len(), 16, "{printed}");
+    // The script has the formulas once more: they are those of the crate.
+    for line in printed.lines().skip(1).take_while(|line| !line.is_empty()) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let bits: Vec<i32> = words[1].split('x').map(|bits| bits.parse().unwrap()).collect();
+        let (first, last, path) = (bits[0], bits[bits.len() - 1], Path::default());
+        let path = match words[0] {
+            "adder" => path.sum(first),
+            "multiplier" => path.product(first, last),
+            "shifter" => path.shift(first),
+            "table" => path.table(first),
+            other => panic!("the model has no {other}"),
+        };
+        let model: f64 = words[4].parse().unwrap();
+        // Delays are cut to tenths, twice in a product.
+        assert!((model - f64::from(path.delay) / 10.0).abs() < 0.25, "{line}: {path:?}");
+    }
     assert!(ratios.iter().all(|ratio| (0.75..1.25).contains(ratio)), "{printed}");
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock.md"));
     assert!(text.contains(printed.trim_end()), "the book's table begins otherwise: {printed}");

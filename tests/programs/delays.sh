@@ -86,20 +86,7 @@ for a in 5 8; do
 done
 [ $# -gt 0 ] || exit 0
 
-cat > "$work/pipe.sv" << 'END'
-module pipe #(parameter int W = 1, parameter int LATENCY = 1, parameter int INTERVAL = 1, parameter int ROOM = 1) (
-    input wire clk, input wire rst, input wire s_valid, output wire s_ready, input wire s_keeps, input wire [W-1:0] s_data,
-    output wire m_valid, input wire m_ready, output wire [W-1:0] m_data
-);
-  assign {s_ready, m_valid, m_data} = {m_ready, s_valid, s_data};
-endmodule
-END
-sources=$work/pipe.sv
-for source in dot ellipse ellipse_footprint ellipse_normal ellipse_plane ellipse_size ellipse_turn ellipse_visibility fifo fit fit_shifted \
-    fragment fragment_hazard fragment_late fragment_lit fragment_opaque fragment_over fragment_read fragment_sum gauss lookup normalise \
-    project raster reciprocal reciprocal_root resolve shade shade_cosine; do
-    sources="$sources $rtl/$source.sv"
-done
+. "$here/logic.sh"
 printf '\n%-10s %-9s %8s %7s %7s %6s\n' machine unit ps FO4 model ratio
 for file; do
     machine=$(basename "$file" .json)

@@ -100,7 +100,7 @@ pub struct Microarchitecture {
     /// Longest way through each unit.
     #[serde(skip)]
     pub paths: Paths,
-    /// Bits of the registers between the stages of each unit, of all that work side by side.
+    /// Registers between the stages of each unit.
     #[serde(skip)]
     pub pipelines: [Pipeline; 8],
     /// Words that wait and that are kept on the chip.
