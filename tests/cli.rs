@@ -55,7 +55,7 @@ fn run(arguments: &[&str]) -> (tempfile::TempDir, Value) {
 // ---- run ----
 
 /// What a run writes.
-const WRITTEN: [&str; 10] = [
+const WRITTEN: [&str; 11] = [
     "bounds.png",
     "cycles.csv",
     "cycles.png",
@@ -66,6 +66,7 @@ const WRITTEN: [&str; 10] = [
     "ideal.png",
     "ranges.png",
     "report.json",
+    "tiles.csv",
 ];
 
 #[test]
@@ -207,6 +208,22 @@ fn every_units_cycles_sum_to_the_frames() {
         assert!(bottleneck == "memory" || names.contains(&bottleneck), "{bottleneck}");
         let csv = std::fs::read_to_string(out.path().join("cycles.csv")).unwrap();
         assert_eq!((csv.lines().count(), csv.lines().next()), (names.len() + 1, Some("unit,items,busy,starved,blocked,memory,total")));
+        // A binned machine's tiles share what its units did.
+        let tiles = std::fs::read_to_string(out.path().join("tiles.csv"));
+        assert_eq!(tiles.is_ok(), organisation == "binned");
+        let Ok(tiles) = tiles else { continue };
+        let mut lines = tiles.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let heads = lines.next().unwrap();
+        let of = |line: &[&str], name: &str| line[heads.iter().position(|head| *head == name).unwrap()].parse::<u64>().unwrap();
+        let lines: Vec<Vec<&str>> = lines.collect();
+        let sum = |name: &str| lines.iter().map(|line| of(line, name)).sum::<u64>();
+        for (unit, what) in [("raster", "busy"), ("gauss", "blocked"), ("fragment", "busy"), ("fragment", "blocked"), ("list", "memory")] {
+            let whole = units.iter().find(|one| one["name"] == unit).unwrap_or_else(|| panic!("{unit}"));
+            assert_eq!(sum(&format!("{unit}_{what}")), count(whole, what), "{unit} {what}");
+        }
+        let end = lines.iter().map(|line| of(line, "done")).max().unwrap();
+        assert_eq!(of(&lines[0], "from") + sum("cycles"), end);
+        assert!(end <= total);
     }
 }
 

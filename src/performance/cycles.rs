@@ -3,14 +3,14 @@
 //! ```text
 //! recorded work ─►( rtl_model::timing )─► [cycles of every unit, traffic] ─┬─► report.json
 //!                                                                          ├─► table, 80 columns
-//!                                                                          └─► cycles.csv
+//!                                                                          └─► cycles.csv, tiles.csv
 //! ```
 
 use crate::output::chart::{Axis, Bars, Mark, Panel, Series, Shape};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::Memory;
-use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Limited, Request, Wait};
+use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Limited, Request, Share, TileCycles, Tiles, Wait};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -37,6 +37,9 @@ pub struct CyclesReport {
     pub slots: [u64; 2],
     /// Lines that the cache looked up, and those that it had; none where there is no cache.
     pub lookups: Option<[u64; 2]>,
+    /// Tile after tile of a binned machine, which `tiles.csv` has.
+    #[serde(skip)]
+    pub tiles: Option<Tiles>,
 }
 
 /// Limit of a frame: its name is [`CyclesReport::bottleneck`].
@@ -162,6 +165,7 @@ impl CyclesReport {
             },
             slots: cycles.stamps,
             lookups: (cycles.lookups[0] > 0).then_some(cycles.lookups),
+            tiles: cycles.tiles.clone(),
         }
     }
 
@@ -251,6 +255,22 @@ impl CyclesReport {
             let _ = writeln!(text, "{name},{items},{busy},{starved},{blocked},{memory},{}", self.total);
         }
         text
+    }
+
+    /// One line a tile that a splat was listed for, in the order in which they are drawn; none of a machine without tiles.
+    pub fn tiles_csv(&self) -> Option<String> {
+        let Tiles { side_px, from, units, tiles, .. } = self.tiles.as_ref()?;
+        let of_unit = |unit: &&str| ["until", "busy", "starved", "blocked", "memory"].map(|what| format!("{unit}_{what}"));
+        let heads: Vec<String> = units.iter().flat_map(of_unit).collect();
+        let mut text = format!("column,row,side_px,from,entries,done,cycles,{}\n", heads.join(","));
+        for TileCycles { at: [column, row], entries, done, cycles, shares } in tiles {
+            let _ = write!(text, "{column},{row},{side_px},{from},{entries},{done},{cycles}");
+            for Share { until, account: timing::Account { busy, starved, blocked, memory } } in shares {
+                let _ = write!(text, ",{until},{busy},{starved},{blocked},{memory}");
+            }
+            text.push('\n');
+        }
+        Some(text)
     }
 }
 

@@ -187,5 +187,10 @@ pub fn write_cycles(cycles: &CyclesReport, timings: Option<&Timings>, requests: 
     let path = folder.join("cycles.csv");
     write_beside(&path, |file| file.write_all(cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;
     written.push(path);
+    if let Some(text) = cycles.tiles_csv() {
+        let path = folder.join("tiles.csv");
+        write_beside(&path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
+        written.push(path);
+    }
     Ok(written)
 }

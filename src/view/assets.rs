@@ -15,11 +15,12 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 
 /// Files of the page, in the order in which it takes them.
-pub const ALL: [Asset; 9] = [
+pub const ALL: [Asset; 10] = [
     Asset { name: "uPlot.min.css", kind: STYLE, text: include_str!("assets/uplot/uPlot.min.css") },
     Asset { name: "view.css", kind: STYLE, text: include_str!("assets/view.css") },
     Asset { name: "uPlot.iife.min.js", kind: SCRIPT, text: include_str!("assets/uplot/uPlot.iife.min.js") },
     Asset { name: "source.js", kind: SCRIPT, text: include_str!("assets/source.js") },
+    Asset { name: "tiles.js", kind: SCRIPT, text: include_str!("assets/tiles.js") },
     Asset { name: "frame.js", kind: SCRIPT, text: include_str!("assets/frame.js") },
     Asset { name: "story.js", kind: SCRIPT, text: include_str!("assets/story.js") },
     Asset { name: "machine.js", kind: SCRIPT, text: include_str!("assets/machine.js") },

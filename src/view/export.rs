@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::output::files::write_beside;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use serde_json::{Map, Value};
+use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::Path;
 
@@ -42,6 +42,10 @@ pub fn html(view: &View) -> Result<String> {
         Ok((name, url))
     });
     told["files"] = Value::Object(pictures.collect::<Result<Map<_, _>>>()?);
+    if told["tiles"] == true {
+        let bytes = folder.file("tiles.csv").map_err(|(_, sentence)| Error::input(sentence))?;
+        told["texts"] = json!({"tiles.csv": String::from_utf8_lossy(&bytes)});
+    }
     hide_paths(&mut told);
     // Inside of a script element only its end, or a comment's beginning, would be read as something else.
     Ok(assets::page_with(&told.to_string().replace('<', "\\u003c")))

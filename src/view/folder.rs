@@ -3,6 +3,7 @@
 //! ```text
 //! report.json, fixed.png …     ─► run      (frame, machine)
 //! cycles.json                  ─► cycles   (machine)
+//! tiles.csv                    ─► tiles    (frame, machine)
 //! points.jsonl, plan.json      ─┐
 //! choices.json, stress.json    ─┴► tables  (rows, their machine)
 //! other PNGs                   ─► charts
@@ -172,6 +173,7 @@ impl Folder {
                 "report": report, "pictures": pictures, "scene": run.scene, "machine_name": run.machine_flag(), "preview_of": run.preview_of,
             })),
             "cycles": cycles,
+            "tiles": (run.is_some() || cycles.is_some()) && files.contains_key("tiles.csv"),
             "tables": tables,
             "charts": charts,
         });

@@ -341,6 +341,17 @@ impl Unit {
         self.side.free
     }
 
+    /// When one that has none beside it is free, and what it did until then; starved is not told.
+    pub fn so_far(&self) -> (u64, Account) {
+        debug_assert!(self.sides.len() == 1, "of several side by side only one is told");
+        (self.side.free, self.side.account)
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &'static str {
+        self.name
+    }
+
     /// When all that it took is done with it.
     pub fn done(&self) -> u64 {
         self.sides.iter().fold(self.side.free, |done, side| done.max(side.free))

@@ -16,6 +16,7 @@ use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORD
 use super::stages::{Fill, Merge, Resolve, SetUp};
 use super::stamps::Piece;
 use super::stops::Stops;
+use super::tiles::Tiles;
 use crate::elaboration::microarchitecture;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
@@ -50,6 +51,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut buffers = [sorted; 2];
     let mut stops = Stops::new(work);
     let mut list_from = sorted;
+    let mut tiles = None;
     for tile in 0..lists.tiles() {
         let corner = [tile % lists.columns, tile / lists.columns].map(|at| at as u32 * side);
         let corner_16 = corner.map(|at| at as u16);
@@ -104,6 +106,13 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             let shade = if t.timing.tile.buffers == 2 { &mut lit } else { &mut merge.shade };
             done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade);
             buffers = [buffers[1], done];
+            if detail >= Detail::Histograms {
+                let lit = Some(&lit).filter(|_| t.timing.tile.buffers == 2);
+                let units = [Some(&list), Some(&fill.raster), Some(&fill.gauss), Some(&merge.fragment), Some(&merge.shade), lit];
+                let units: Vec<&Unit> = units.into_iter().flatten().chain([&resolve.unit]).collect();
+                let at = corner.map(|at| at / side);
+                tiles.get_or_insert_with(|| Tiles::new(side, sorted, &units)).push(at, entries.len() as u32, done, &units);
+            }
         }
         let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
         memory.write_later(done, Client::FrameWrite, address, bytes);
@@ -116,7 +125,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         units.push(lit);
     }
     units.push(resolve.unit);
-    Cycles { stamps: fill.stamps, ..Cycles::of(units, memory) }
+    Cycles { stamps: fill.stamps, tiles, ..Cycles::of(units, memory) }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.

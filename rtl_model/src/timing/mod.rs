@@ -29,10 +29,12 @@ mod memory;
 mod stages;
 mod stamps;
 mod stops;
+mod tiles;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use limit::{Limit, Limited, limit};
 pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
+pub use tiles::{Share, TileCycles, Tiles};
 
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
@@ -58,6 +60,8 @@ pub struct Cycles {
     pub stamps: [u64; 2],
     /// Degree of the harmonics that `colour` took.
     pub harmonics: u8,
+    /// Tile after tile of a binned machine; not of [`Detail::Accounts`].
+    pub tiles: Option<Tiles>,
 }
 
 impl Cycles {
@@ -67,7 +71,7 @@ impl Cycles {
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
         let units: Vec<UnitCycles> = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
         debug_assert!(units.iter().all(|unit| UNITS.contains(&unit.name)), "a unit is not listed");
-        Cycles { total, units, memory, requests, lookups: [0; 2], stamps: [0; 2], harmonics: 0 }
+        Cycles { total, units, memory, requests, lookups: [0; 2], stamps: [0; 2], harmonics: 0, tiles: None }
     }
 }
 

@@ -9,7 +9,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::{Organisation, Timing};
 use rtl_model::pipeline::draw_measured;
-use rtl_model::timing::{Cycles, Detail, UnitCycles, replay};
+use rtl_model::timing::{Account, Cycles, Detail, Share, UnitCycles, replay};
 use rtl_model::work::Work;
 use std::collections::BTreeMap;
 
@@ -61,7 +61,59 @@ fn told_briefly(cycles: Cycles, detail: Detail) -> Cycles {
         Detail::Accounts => UnitCycles { log: Vec::new(), timeline: None, occupancy: Vec::new(), ..unit },
         _ => UnitCycles { log: Vec::new(), ..unit },
     };
-    Cycles { units: cycles.units.into_iter().map(of).collect(), requests: Vec::new(), ..cycles }
+    let tiles = cycles.tiles.filter(|_| detail != Detail::Accounts);
+    Cycles { units: cycles.units.into_iter().map(of).collect(), requests: Vec::new(), tiles, ..cycles }
+}
+
+/// The first thing in which a frame's tiles are not what its units did.
+fn difference_in_tiles(ticked: &Ticked, replayed: &Cycles, stops: bool) -> Option<String> {
+    let Some(tiles) = &replayed.tiles else {
+        // Without an entry there is no tile.
+        let is_drawn = ticked.units.iter().any(|unit| unit.name == "list" && !unit.log.is_empty());
+        return is_drawn.then(|| "there are none".into());
+    };
+    for (nth, name) in tiles.units.iter().enumerate() {
+        let unit = ticked.units.iter().find(|unit| unit.name == *name)?;
+        let shares: Vec<Share> = tiles.tiles.iter().map(|tile| tile.shares[nth]).collect();
+        // Shares lie end to end and leave nothing out.
+        let mut from = tiles.from;
+        for Share { until, account: Account { busy, starved, blocked, memory } } in &shares {
+            if from + busy + starved + blocked + memory != *until {
+                return Some(format!("{name}: a share from {from} to {until} has other cycles"));
+            }
+            from = *until;
+        }
+        let sum = |of: fn(&Account) -> u64| shares.iter().map(|share| of(&share.account)).sum::<u64>();
+        let whole = unit.sides[0].account;
+        let shared = [sum(|account| account.busy), sum(|account| account.blocked), sum(|account| account.memory)];
+        // A shade unit that is setup's did what it did before.
+        let is_setups = *name == "shade" && shared == [0; 3];
+        if !is_setups && shared != [whole.busy, whole.blocked, whole.memory] {
+            return Some(format!("{name}: shares have {shared:?} of {whole:?}"));
+        }
+        let taken = &unit.log;
+        match *name {
+            "resolve" => {
+                let starts: Vec<u64> = shares.iter().map(|share| share.until - share.account.busy).collect();
+                if starts != *taken {
+                    return Some(format!("resolve takes tiles at {taken:?}, not {starts:?}"));
+                }
+            }
+            "list" if !stops => {
+                let mut entries = 0;
+                for (tile, share) in tiles.tiles.iter().zip(&shares) {
+                    entries += tile.entries as usize;
+                    if taken.get(entries - 1).is_none_or(|last| last + 1 != share.until) {
+                        return Some(format!("list takes the last of {entries} entries at {:?}", taken.get(entries - 1)));
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    let sum: u64 = tiles.tiles.iter().map(|tile| tile.cycles).sum();
+    let end = tiles.tiles.iter().map(|tile| tile.done).max()?;
+    (tiles.from + sum != end || end > ticked.total).then(|| format!("{} + {sum} is not {end}", tiles.from))
 }
 
 fn compare(timing: &Microarchitecture, scene: &Scene, work: &Work) -> Result<Ticked, String> {
@@ -71,7 +123,11 @@ fn compare(timing: &Microarchitecture, scene: &Scene, work: &Work) -> Result<Tic
         let [brief, all] = [replay(timing, work, detail), replayed.clone()].map(|cycles| told_briefly(cycles, detail));
         assert_eq!(brief, all);
     }
-    match difference(&ticked, &replayed).or_else(|| difference_in_traffic(&ticked, &replayed)) {
+    let in_tiles = || match timing.timing.organisation {
+        Organisation::Immediate => replayed.tiles.as_ref().map(|_| "an immediate machine has no tiles".into()),
+        Organisation::Binned => difference_in_tiles(&ticked, &replayed, work.stops()),
+    };
+    match difference(&ticked, &replayed).or_else(|| difference_in_traffic(&ticked, &replayed)).or_else(in_tiles) {
         Some(difference) => Err(difference),
         None => Ok(ticked),
     }

@@ -5,12 +5,12 @@ const framePage = folder => {
   const { report, pictures: files, machine_name: machineName, scene, preview_of: previewOf } = folder.run;
   const { width, height } = report.scene;
   const maps = source.live ? ['bound', 'covered', 'contributions', 'layers', 'merges'] : [];
-  const names = [...files, ...maps];
+  const names = [...files, ...maps, ...(folder.tiles ? ['cycles'] : [])];
   const SAYS = {
     fixed: 'fixed: what the machine draws', golden: 'golden: the same rules in exact arithmetic', ideal: 'ideal: exact, without a limit of layers',
     error: `error: |fixed − golden| × ${told(report.error_scale)}`, flips: 'flips: decisions that golden takes otherwise',
     bound: 'bound on the error of arithmetic', covered: 'covered: pixels that a splat touches', contributions: 'contributions a pixel',
-    layers: 'layers a pixel at the end', merges: 'merges a pixel',
+    layers: 'layers a pixel at the end', merges: 'merges a pixel', cycles: 'cycles of each tile, over the picture',
   };
   const FLIPS = { cull: '#ffffff', coverage: '#00b3ff', slot: '#ff5900', order: '#ffe100', pair: '#f359f3', eviction: '#00e67c', turn: '#aaf3f3', late: '#cbaa7c', inside: '#ffcbda', window: '#bcbcff', sum: '#dbffaa' };
   // Cividis (Nuñez and others, 2018): as light as large, for every kind of eye.
@@ -27,6 +27,23 @@ const framePage = folder => {
   // ---- Pictures ----
 
   const load = async name => {
+    if (name === 'cycles') {
+      const tiles = await foldersTiles(folder), { side } = tiles;
+      const values = new Float32Array(width * height);
+      tiles.tiles.forEach(({ column, row, cycles }) => {
+        const [right, bottom] = [Math.min((column + 1) * side, width), Math.min((row + 1) * side, height)];
+        for (let y = row * side; y < bottom; y += 1) values.fill(cycles, y * width + column * side, y * width + Math.max(column * side, right));
+      });
+      const heat = coloured(name, values), canvas = new OffscreenCanvas(width, height), context = canvas.getContext('2d');
+      if (files.includes('fixed')) {
+        context.filter = 'grayscale(1)';
+        context.drawImage(await source.picture('fixed.png'), 0, 0);
+        context.filter = 'none';
+        context.globalAlpha = 0.7;
+      }
+      context.drawImage(heat.bitmap, 0, 0);
+      return { ...heat, bitmap: canvas };
+    }
     if (maps.includes(name)) {
       status.textContent = 'Drawing the frame again, for what its files do not say …';
       const values = await source.floats('map/' + name);
@@ -225,7 +242,7 @@ const framePage = folder => {
       const [x, y] = next;
       next = null;
       try {
-        values.replaceChildren(...(source.live ? exact(await source.json(`pixel?x=${x}&y=${y}`)) : await shown(x, y)));
+        values.replaceChildren(...(source.live ? exact(await source.json(`pixel?x=${x}&y=${y}`)) : await shown(x, y)), ...await ofTile(x, y));
       } catch (error) {
         values.replaceChildren(h('p', { class: 'wrong' }, 'No exact values: ' + error.message), ...await shown(x, y));
       }
@@ -246,6 +263,12 @@ const framePage = folder => {
     ]),
     h('p', {}, `Contributions ${pixel.contributions}, layers ${pixel.layers}, merges ${pixel.merges}; bound ${pixel.bound === null ? 'none' : told(255 * pixel.bound, 3) + '/255'}; flips: ${pixel.flips.join(', ') || 'none'}.`),
   ];
+  const ofTile = async (x, y) => {
+    if (!folder.tiles) return [];
+    const tiles = await foldersTiles(folder), tile = tiles?.at(x, y);
+    if (!tile) return [h('p', {}, 'Its tile has no splats.')];
+    return [h('p', { id: 'tile' }, `Tile ${tile.column},${tile.row}: ${told(tile.cycles)} cycles, ${told(tile.entries)} splats. `, h('button', { onclick: () => { lookedAtTile = [tile.column, tile.row]; location.hash = '#machine'; document.dispatchEvent(new Event('tile')); } }, 'its timeline'))];
+  };
   const linear = code => code <= 0.04045 ? code / 12.92 : Math.pow((code + 0.055) / 1.055, 2.4);
   const shown = async (x, y) => {
     const rows = ['fixed', 'golden', 'ideal'].filter(name => loaded.get(name)?.bitmap ?? want(name)).map(name => {
@@ -307,7 +330,7 @@ const framePage = folder => {
 
   // ---- Buttons and keys ----
 
-  const key = at => String((at + 1) % 10);
+  const key = at => names[at] === 'cycles' ? 'c' : String((at + 1) % 10);
   const choices = [0, 1].map(side => new Map(names.map((name, at) => [name, h('button', { onclick: () => pick(side, name) }, name, h('kbd', {}, (side ? '⇧' : '') + key(at)))])));
   const pick = (side, name) => { state.show[side] = name; if (side && state.mode === 'one') state.mode = 'two'; layout(); };
   const sides = choices.map((buttons, side) => h('div', { class: 'tools choices', role: 'group', 'aria-label': side ? 'right picture' : 'left picture' }, h('span', {}, side ? 'right' : 'left'), ...buttons.values()));
@@ -346,7 +369,7 @@ const framePage = folder => {
   document.addEventListener('keydown', event => {
     if (!stage.isConnected || !stage.offsetParent || event.ctrlKey || event.metaKey || event.altKey) return;
     if (event.target.closest('input, select, textarea, summary, a, .scroll, [role=tab]')) return;
-    const digit = /^Digit(\d)$/.exec(event.code)?.[1], name = digit && names[(Number(digit) + 9) % 10];
+    const digit = /^Digit(\d)$/.exec(event.code)?.[1], name = digit ? names[(Number(digit) + 9) % 10] : event.key.toLowerCase() === 'c' && folder.tiles ? 'cycles' : undefined;
     const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
     if (name) pick(event.shiftKey ? 1 : 0, name);
     else if (step) {
@@ -375,6 +398,6 @@ const framePage = folder => {
   layout();
   onWidth(stage, () => { state.scale = 0; draw(); });
   onColours(draw);
-  const keys = h('details', {}, h('summary', {}, 'Keys'), h('p', {}, 'Digits choose the left picture, with Shift the right one. Wheel or + and − zoom, dragging pans. Arrows go to the next pixel, with Shift ten further; Enter tells the story of the pixel. w goes to the brightest pixel of the error, and on to the next.'));
+  const keys = h('details', {}, h('summary', {}, 'Keys'), h('p', {}, 'Digits choose the left picture, with Shift the right one; so does c the cycles of tiles. Wheel or + and − zoom, dragging pans. Arrows go to the next pixel, with Shift ten further; Enter tells the story of the pixel. w goes to the brightest pixel of the error, and on to the next.'));
   return [head, ...sides, whole, h('div', { class: 'columns' }, h('div', {}, stage, slider, legend, status, keys), values), story];
 };

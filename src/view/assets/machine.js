@@ -1,7 +1,7 @@
 // Machine: the block diagram with formats and utilisation, a unit's stalls, ranges and area, units over time, the roofline.
 'use strict';
 
-const machinePage = (report, cycles) => {
+const machinePage = (report, cycles, tiles) => {
   const { total, units } = cycles;
   const described = report?.machine.description;
   const base = unit => unit.name.replace(/\.\d+$/, '');
@@ -199,6 +199,18 @@ const machinePage = (report, cycles) => {
   };
   const roof = roofline(600) && fitted(roofline);
 
+  // ---- Tile after tile ----
+
+  const tiled = h('div');
+  tiles?.then(tiles => {
+    if (!tiles) return;
+    const make = () => tiled.replaceChildren(h('h2', {}, 'Tile after tile'), h('p', { class: 'faint' }, 'What each unit did over the cycles of the second pass; a click looks at one tile, the wheel and + or − look nearer, dragging and arrows go along.'), legend.cloneNode(true), attempt(() => tilesTimeline(tiles)));
+    make();
+    const look = () => { if (lookedAtTile) { make(); tiled.scrollIntoView(); } };
+    document.addEventListener('tile', () => setTimeout(look));
+    setTimeout(look);
+  }, error => tiled.replaceChildren(h('p', { class: 'wrong' }, `No tiles: ${error.message}.`)));
+
   choose(chosen);
   onWidth(diagram, drawDiagram);
   onWidth(timeline, drawTimeline);
@@ -209,6 +221,7 @@ const machinePage = (report, cycles) => {
     h('p', { class: 'faint' }, 'Wires have the formats of their words; the bar in a box is what the unit does in the frame’s cycles. A unit opens below.'), legend.cloneNode(true), diagram, detail,
     h('h2', {}, 'What each unit does'), legend, fitted(stacks),
     ...(timed.length ? [h('h2', {}, 'Units over time'), h('p', { class: 'faint' }, 'Dragging from left to right looks nearer, a double click shows all; a click on a name hides its line.'), timeline] : []),
+    tiled,
     ...(roof ? [h('h2', {}, 'Roofline'), h('p', { class: 'faint' }, 'No frame is above the slope, which memory sets, nor above a line, which a unit sets.'), roof] : []),
     ...(described ? [h('h2', {}, 'Its description'), h('p', {}, h('button', { onclick: () => save(described.name.replace(/[^\w.-]/g, '_') + '.json', JSON.stringify(described, null, 2)) }, 'save as a file'))] : []),
   ];

@@ -23,6 +23,7 @@ const source = (() => {
       await image.decode();
       return createImageBitmap(image);
     },
+    text: async name => all ? all.texts[name] : (await asked('file/' + encodeURIComponent(name))).text(),
     floats: async path => new Float32Array(await (await asked(path)).arrayBuffer()),
   };
 })();

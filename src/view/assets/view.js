@@ -17,7 +17,7 @@
   const pages = [];
   if (folder.run?.pictures.length) pages.push(['frame', 'Frame', () => framePage(folder)]);
   const cycles = folder.run?.report.cycles ?? folder.cycles;
-  if (cycles) pages.push(['machine', 'Machine', () => machinePage(folder.run?.report ?? null, cycles)]);
+  if (cycles) pages.push(['machine', 'Machine', () => machinePage(folder.run?.report ?? null, cycles, folder.tiles ? foldersTiles(folder) : null)]);
   folder.tables.forEach((rows, nth) => pages.push(['rows' + nth, rows.title[0].toUpperCase() + rows.title.slice(1), () => rowsPage(rows)]));
   if (folder.charts.length) pages.push(['charts', 'Charts', () => chartsPage(folder)]);
 
