@@ -107,7 +107,7 @@ fn no_pixel_exceeds_its_bound_and_every_flip_is_explained() {
 /// Nine covered pixels in ten are known to four steps of an 8-bit display.
 #[test]
 fn the_bound_says_something() {
-    for name in MEDIA {
+    for name in share::mine(MEDIA) {
         let scene = load(name);
         let frame = in_lockstep(&scene, &usual(&scene));
         let summary = frame.summary(&frame.led).bound;
