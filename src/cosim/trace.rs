@@ -203,7 +203,7 @@ impl Written {
 
 /// The whole pipeline and its units: those that have ports in a frame of this kind, in the order of the diagram.
 fn units(kind: Kind) -> Vec<&'static str> {
-    unit::all_after("pipeline").into_iter().filter(|name| kind.sorted || *name != unit::SORT).collect()
+    unit::after::<_, { unit::ALL.len() + 1 }>("pipeline", unit::ALL).into_iter().filter(|name| kind.sorted || *name != unit::SORT).collect()
 }
 
 /// The stream whose records a stream's are made from.
