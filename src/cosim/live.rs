@@ -123,7 +123,7 @@ impl Constants {
     pub fn new(scene: &Scene, machine: &Machine) -> Result<Self> {
         let elaborated = fixed::elaborate(machine)?;
         let mut frame = quantise(scene, machine)?.frame;
-        Window::default().check(&frame)?;
+        Window::default().check(&elaborated, &frame)?;
         // Units know no splats; of ellipsoids they know whether these have axes of their own.
         frame.splats = Vec::new();
         if let Some(ellipsoids) = &mut frame.ellipsoids {

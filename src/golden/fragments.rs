@@ -372,6 +372,7 @@ mod tests {
         fragment_depth: FragmentDepth::First,
         group: Group::First,
         window: WindowOptions::REFINED,
+        reflection: None,
     };
 
     /// Grey 0.5, full weight.

@@ -2,8 +2,8 @@
 
 use glam::{DVec3, DVec4};
 
-use super::footprint::Footprint;
 use super::Rules;
+use super::footprint::Footprint;
 use super::fragments::Fragment;
 use super::reflection::{Reflection, Surroundings};
 use crate::scene::{Material, Scene};

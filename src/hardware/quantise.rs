@@ -404,7 +404,8 @@ impl Registers<'_> {
         let most = words.light.format.value(words.light.format.max());
         let beyond = texels.iter().filter(|texel| texel.iter().any(|light| *light > most)).count();
         if beyond > 0 {
-            self.notes.push(format!("{beyond} of {} texels of the surroundings are brighter than reflect.light holds, {most}", texels.len()));
+            self.notes
+                .push(format!("{beyond} of {} texels of the surroundings are brighter than reflect.light holds, {most}", texels.len()));
         }
         let held = frame::Surroundings {
             mirrors: environment.mirrors.iter().map(mirror).collect(),

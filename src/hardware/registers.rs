@@ -328,7 +328,8 @@ impl Registers<'_> {
             mirrored: [0, 1, 2].map(|i| reflectance(exact.reflect * exact.tint[i], held.mirrored[i])),
             is_dull: exact.reflect == 0.0,
         };
-        let (inverse, word, held_inverse) = (1.0 / self.eye.focal_px, machine.ellipse.inverse_focal, self.quantised.frame.view.inverse_focal);
+        let (inverse, word, held_inverse) =
+            (1.0 / self.eye.focal_px, machine.ellipse.inverse_focal, self.quantised.frame.view.inverse_focal);
         Some(Surroundings {
             mirrors: environment.mirrors.iter().zip(&held.mirrors).map(mirror).collect(),
             inverse_focal: hold.hold_scaled("ellipse.inverse_focal", inverse, word, held_inverse),
