@@ -28,9 +28,9 @@ module reflect_step (
   wire [PLACE_W-1:0] place = less ? ONE - PLACE_W'(coordinate) : ONE + PLACE_W'(coordinate);
   wire [EXACT_W-1:0] exact = (EXACT_W'(place) << INDEX_BITS) - EXACT_W'(place);
   wire [EXACT_W-1:0] whole = exact >> PLACE_F;
-  wire [EXACT_W-1:0] before = whole > LAST ? LAST : whole;
-  assign index = INDEX_BITS'(before);
-  wire [EXACT_W-1:0] rest = exact - (before << PLACE_F);
+  wire [EXACT_W-1:0] first = whole > LAST ? LAST : whole;
+  assign index = INDEX_BITS'(first);
+  wire [EXACT_W-1:0] rest = exact - (first << PLACE_F);
   wire signed [PLACE_F+1:0] far = {1'b0, (PLACE_F + 1)'(rest)};
   wire [FRACTION_W-1:0] word;
   fit #(.IN_W(PLACE_F + 2), .PLACES(PLACE_F - FRACTION_F), .W(FRACTION_W), .S(0), .ROUND(machine_pkg::REFLECT_FRACTION_ROUND),
