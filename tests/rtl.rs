@@ -152,18 +152,30 @@ fn mirrors() -> [rtl_model::Machine; 3] {
 
 #[test]
 fn mirrors_give_what_the_machine_gives() {
-    if !have(&["iverilog", "verilator"], "the twin of reflect") {
+    if !have(&["iverilog", "verilator", "yosys"], "the twin of reflect") {
         return;
     }
     for (nth, machine) in mirrors().iter().enumerate() {
-        let drawn = traced(MIRRORS, machine, &Window::default());
         let made_up = traced(MIRRORS, machine, &Window { stimulus: Some(1), ..Window::default() });
-        let simulator = if nth == 1 { Simulator::Icarus } else { Simulator::Verilator };
-        assert!(drive(simulator, &drawn, unit("shade"), 32, &[]) > 100 && drive(simulator, &made_up, unit("shade"), 32, &STALLS) > 100);
-        if nth == 0 {
-            drive(Simulator::Verilator, &drawn, PIPELINE, 32, &[]);
-        }
+        let simulator = if nth == 0 { Simulator::Verilator } else { Simulator::Icarus };
+        assert!(drive(simulator, &made_up, unit("shade"), 32, &STALLS) > 100);
     }
+    let drawn = traced(MIRRORS, &mirrors()[0], &Window::default());
+    assert!(drive(Simulator::Icarus, &drawn, unit("shade"), 32, &[]) > 100);
+    drive(Simulator::Icarus, &drawn, PIPELINE, 32, &[]);
+    let lint = run(Command::new("verilator")
+        .args(["--lint-only", "-Wall", "--top-module", "shade", "-y"])
+        .arg(sources())
+        .arg(drawn.path("machine_pkg.sv"))
+        .arg(sources().join("shade.sv")));
+    assert!(lint.stderr.is_empty(), "{}", String::from_utf8_lossy(&lint.stderr));
+    let list: Vec<String> = twin_files().iter().map(|file| file.display().to_string()).collect();
+    let script = format!(
+        "read_verilog -sv {}; read_verilog -sv -defer {}; hierarchy -top shade; proc; check -assert",
+        drawn.path("machine_pkg.sv").display(),
+        list.join(" ")
+    );
+    run(Command::new("yosys").current_dir(&drawn.folder).args(["-q", "-p", &script]));
 }
 
 /// And the test above is no test of nothing: a wrong fold, a wrong corner, a wrong share are found.

@@ -26,7 +26,8 @@ module reflect #(
 
   // N.V, with V = (0, 0, -1).
   wire signed [NORMAL_W-1:0] forward = normal[0+:NORMAL_W];
-  wire signed [NORMAL_W:0] towards = -(NORMAL_W + 1)'(forward);
+  wire signed [NORMAL_W:0] wider = (NORMAL_W + 1)'(forward);
+  wire signed [NORMAL_W:0] towards = -wider;
   wire signed [FACING_W-1:0] facing;
   fit #(.IN_W(NORMAL_W + 1), .PLACES(machine_pkg::SHADE_NORMAL_F - machine_pkg::REFLECT_FACING_F), .W(FACING_W), .S(1),
       .ROUND(machine_pkg::REFLECT_FACING_ROUND), .WRAP(machine_pkg::REFLECT_FACING_WRAP)) facer (.exact(towards), .word(facing));

@@ -13,7 +13,6 @@ module reflect_step (
     output wire [machine_pkg::REFLECT_INDEX_BITS-1:0] index,       // the texel before it
     output wire [machine_pkg::REFLECT_FRACTION_W-1:0] fraction     // how far to the next one
 );
-  localparam int COORDINATE_W = machine_pkg::REFLECT_COORDINATE_W;
   localparam int COORDINATE_F = machine_pkg::REFLECT_COORDINATE_F;
   localparam int INDEX_BITS = machine_pkg::REFLECT_INDEX_BITS;
   localparam int FRACTION_W = machine_pkg::REFLECT_FRACTION_W;
@@ -30,8 +29,8 @@ module reflect_step (
   wire [EXACT_W-1:0] whole = exact >> PLACE_F;
   wire [EXACT_W-1:0] first = whole > LAST ? LAST : whole;
   assign index = INDEX_BITS'(first);
-  wire [EXACT_W-1:0] rest = exact - (first << PLACE_F);
-  wire signed [PLACE_F+1:0] far = {1'b0, (PLACE_F + 1)'(rest)};
+  wire [PLACE_F:0] rest = (PLACE_F + 1)'(exact - (first << PLACE_F));
+  wire signed [PLACE_F+1:0] far = {1'b0, rest};
   wire [FRACTION_W-1:0] word;
   fit #(.IN_W(PLACE_F + 2), .PLACES(PLACE_F - FRACTION_F), .W(FRACTION_W), .S(0), .ROUND(machine_pkg::REFLECT_FRACTION_ROUND),
       .WRAP(machine_pkg::REFLECT_FRACTION_WRAP)) rounder (.exact(far), .word(word));
