@@ -383,7 +383,7 @@ impl Registers<'_> {
         let machine = self.machine;
         let Some(words) = &machine.reflect else {
             self.refuse(
-                "it has no `reflect`, and materials of the scene mirror their surroundings (examples/machines in the book's chapter Reflection)"
+                "it has no `reflect`, and materials of the scene mirror their surroundings (the book's chapter Reflection has a machine that does)"
                     .into(),
             );
             return None;

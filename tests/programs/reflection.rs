@@ -71,7 +71,7 @@ fn run(folder: Option<PathBuf>) -> Result<()> {
         );
     }
     println!(
-        "\n| `reflect.sight` | golden − ideal, dB | fixed − golden, dB | fixed − ideal, dB | area | shade, cycles |\n|---|---|---|---|---|---|"
+        "\n| `reflect.sight` | golden − golden without a map, dB | fixed − golden, dB | fixed − ideal, dB | area | shade, cycles |\n|---|---|---|---|---|---|"
     );
     let mut pictures = vec![ideal.clone()];
     for (name, sight) in [("ray", Sight::Ray), ("axis", Sight::Axis)] {
