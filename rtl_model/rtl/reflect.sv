@@ -1,4 +1,4 @@
-// Reflect: mirrors surroundings in what shade has lit, seen from far along the viewing axis. Twin of units/reflect.rs. It stands in shade.
+// Reflect: mirrors surroundings in what shade has lit, seen from far along the viewing axis. Twin of units/shade/reflect.rs. It stands in shade.
 //
 //   normal N ->[ N.V ]->[ 2(N.V)N - V ]-> R ->[ 1/(|x|+|y|+|z|) ]->(*)-> |x|, |y| ->[ fold ]->[ map ]-> light
 //   colour ->(* 1 - reflect)->(+)<-(* reflect*tint)<- light          +-> at most 1 -> colour

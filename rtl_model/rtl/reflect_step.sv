@@ -1,5 +1,5 @@
 // Reflect_step: the step of the map that a coordinate lies in, and how far. Twin of Map::step in functions/map.rs, and of the last line of
-// Reflect::place in units/reflect.rs.
+// Reflect::place in units/shade/reflect.rs.
 //
 //   coordinate, side ->( 1 + or - )-> place ->(* 2^k - 1)->[ index | fraction ]
 //

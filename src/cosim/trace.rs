@@ -54,7 +54,7 @@ use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Kind, Order, Stream};
 use rtl_model::timing::{self, Detail};
 use rtl_model::units::fragment::Slot;
-use rtl_model::units::reflect::Reflect;
+use rtl_model::units::shade::reflect::Reflect;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::fs;

@@ -23,8 +23,8 @@ use rtl_model::units::fragment;
 use rtl_model::units::fragment::sheets::real::Ratio;
 use rtl_model::units::fragment::window::WindowRegisters;
 use rtl_model::units::fragment::window::real::Tables;
-use rtl_model::units::reflect::real::{Mirror, Surroundings};
 use rtl_model::units::shade::real::{Light, Lighting, Material};
+use rtl_model::units::shade::reflect::real::{Mirror, Surroundings};
 use std::f64::consts::TAU;
 
 /// The words that the machine is given: the splat's record, and what a frame loads.

@@ -6,6 +6,5 @@ pub mod fragment;
 pub mod gauss;
 pub mod project;
 pub mod raster;
-pub mod reflect;
 pub mod resolve;
 pub mod shade;

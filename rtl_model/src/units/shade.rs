@@ -20,7 +20,7 @@ use crate::machine::Machine;
 use crate::num::{Fit, Word, three};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
-use crate::units::reflect::{self, Reflect};
+use reflect::Reflect;
 
 pub use crate::records::{ShadeInput as Input, ShadeOutput as Output};
 
@@ -348,6 +348,7 @@ impl Shade {
 
 mod lanes;
 pub mod real;
+pub mod reflect;
 
 #[cfg(test)]
 mod tests;

@@ -18,10 +18,10 @@
 //! Laws: `shading_is_within_its_bound`, `the_bound_of_shading_is_tight`.
 
 use super::Shade;
+use super::reflect::real::Surroundings;
 use crate::functions::table::real::Power;
 use crate::num::Fit;
 use crate::real::{Direction, Real, Scale};
-use crate::units::reflect::real::Surroundings;
 
 /// Input port: what one fragment's sums mean. Where W is 0 on the exact side the exact means are too.
 #[derive(Clone, Copy, Debug)]
