@@ -118,6 +118,103 @@ fn drive(simulator: Simulator, trace: &Traced, unit: Unit, side: u32, arguments:
 
 const GLASS_SPHERES: &str = r#"{"splats": {"builtin": "glass-spheres"}, "image": {"width": 64, "height": 64}}"#;
 
+/// Spheres under a sky, of which one mirrors it whole, one in part, and the floor not at all.
+const MIRRORS: &str = r#"{"splats": {"builtin": "glass-spheres", "count": 1500}, "image": {"width": 32, "height": 32},
+    "materials": [{"unlit": true, "reflect": 0.25}, {"diffuse": 0.8, "reflect": 0.9, "tint": [1, 0.8, 0.3]}], "environment": {"builtin": "sky"}}"#;
+
+/// The book's machine along the axis, and two with odd words.
+fn mirrors() -> [rtl_model::Machine; 3] {
+    let usual = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/reflection/mirror.json");
+    let settings = |more: &[&str]| {
+        ["timing.raster.lanes=[1,1]", "reflect.sight=axis"].iter().chain(more).map(|one| (*one).to_owned()).collect::<Vec<_>>()
+    };
+    let coarse = [
+        "reflect.facing=I2F2",
+        "reflect.direction=I2F3",
+        "reflect.coordinate=U1F2",
+        "reflect.fraction=U1F5",
+        "reflect.light=U2F3",
+        "reflect.reflectance=U1F2",
+        "reflect.index_bits=1",
+        r#"reflect.reciprocal={"table_bits":2,"newton_steps":0,"bits":5}"#,
+    ];
+    let fine = [
+        r#"reflect.facing={"format":"I3F20","round":"truncate"}"#,
+        r#"reflect.direction={"format":"I2F22","round":"nearest-even"}"#,
+        r#"reflect.coordinate={"format":"U2F20","round":"truncate"}"#,
+        r#"reflect.fraction={"format":"U1F0","round":"nearest-even"}"#,
+        r#"reflect.light={"format":"U1F16","round":"truncate"}"#,
+        "reflect.reflectance=U2F14",
+        "reflect.index_bits=3",
+    ];
+    [vec![], coarse.to_vec(), fine.to_vec()].map(|more| splatsim::hardware::machines::load(usual, &settings(&more)).unwrap())
+}
+
+#[test]
+fn mirrors_give_what_the_machine_gives() {
+    if !have(&["iverilog", "verilator", "yosys"], "the twin of reflect") {
+        return;
+    }
+    for (nth, machine) in mirrors().iter().enumerate() {
+        let made_up = traced(MIRRORS, machine, &Window { stimulus: Some(1), ..Window::default() });
+        let simulator = if nth == 0 { Simulator::Verilator } else { Simulator::Icarus };
+        assert!(drive(simulator, &made_up, unit("shade"), 32, &STALLS) > 100);
+    }
+    let drawn = traced(MIRRORS, &mirrors()[0], &Window::default());
+    assert!(drive(Simulator::Icarus, &drawn, unit("shade"), 32, &[]) > 100);
+    drive(Simulator::Icarus, &drawn, PIPELINE, 32, &[]);
+    let lint = run(Command::new("verilator")
+        .args(["--lint-only", "-Wall", "--top-module", "shade", "-y"])
+        .arg(sources())
+        .arg(drawn.path("machine_pkg.sv"))
+        .arg(sources().join("shade.sv")));
+    assert!(lint.stderr.is_empty(), "{}", String::from_utf8_lossy(&lint.stderr));
+    let list: Vec<String> = twin_files().iter().map(|file| file.display().to_string()).collect();
+    let script = format!(
+        "read_verilog -sv {}; read_verilog -sv -defer {}; hierarchy -top shade; proc; check -assert",
+        drawn.path("machine_pkg.sv").display(),
+        list.join(" ")
+    );
+    run(Command::new("yosys").current_dir(&drawn.folder).args(["-q", "-p", &script]));
+}
+
+/// And the test above is no test of nothing: a wrong fold, a wrong corner, a wrong share are found.
+#[test]
+fn wrong_mirrors_are_found_out() {
+    if !have(&["iverilog"], "mutants of reflect") {
+        return;
+    }
+    let trace = traced(MIRRORS, &mirrors()[0], &Window::default());
+    let mutants = [
+        ("reflect.sv", "COORDINATE_ONE - g_coordinate[1].near", "COORDINATE_ONE - g_coordinate[0].near"),
+        ("reflect.sv", "(MIRRORED_W'(product) <<< 1)", "MIRRORED_W'(product)"),
+        ("reflect.sv", "texels[{next_row, next_column}]", "texels[{next_row, column}]"),
+        ("reflect.sv", "(own << (MORE_F - COLOUR_F)) + (seen", "(seen"),
+        ("reflect_step.sv", "less ? ONE - PLACE_W'(coordinate)", "less ? ONE + PLACE_W'(coordinate)"),
+        ("reflect_step.sv", "- EXACT_W'(place);", "- EXACT_W'(0);"),
+        ("reflect_line.sv", "finish - start", "start - finish"),
+        ("shade.sv", "faces ? mirrored : lit", "lit"),
+    ];
+    for (file, find, put) in mutants {
+        let folder = tempfile::tempdir().unwrap();
+        for entry in twin_files() {
+            std::fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
+        }
+        // What the bench needs lies beside the twins.
+        let bench = folder.path().join("bench");
+        std::fs::create_dir(&bench).unwrap();
+        for entry in std::fs::read_dir(sources().join("bench")).unwrap().map(|entry| entry.unwrap().path()) {
+            std::fs::copy(&entry, bench.join(entry.file_name().unwrap())).unwrap();
+        }
+        let text = std::fs::read_to_string(folder.path().join(file)).unwrap();
+        assert_eq!(text.matches(find).count(), 1, "{file}: {find}");
+        std::fs::write(folder.path().join(file), text.replace(find, put)).unwrap();
+        let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit("shade"), 32);
+        let given = device.drive(None, expected(&trace, unit("shade")), &[]);
+        assert!(fault(&trace, unit("shade"), &given).is_some(), "{file} without `{find}` gives the same");
+    }
+}
+
 const STALLS: [&str; 5] = ["+stall_in=30", "+stall_out=30", "+stall_shade=30", "+stall_held=30", "+seed=5"];
 
 /// All twins' files.

@@ -45,6 +45,7 @@ mod recording;
 #[path = "programs/reference.rs"]
 #[allow(dead_code, reason = "its `main` writes what is compared here")]
 mod reference;
+mod reflection;
 mod regressions_inputs;
 mod regressions_promises;
 mod sampling;

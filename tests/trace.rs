@@ -107,6 +107,7 @@ fn replay_shade(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_
             opacity: input[4],
             normal: array(&input[5..8]),
             material: input[8] as u32,
+            pixel: [0; 2],
         };
         let made = unit_replay::shade(elaborated, frame, &words, unwatched);
         assert_eq!([&made.colour[..], &[made.opacity]].concat(), output);

@@ -201,6 +201,7 @@ module shade #(
   localparam int COLOUR_W = machine_pkg::SHADE_COLOUR_W;
   localparam int COLOUR_F = machine_pkg::SHADE_COLOUR_F;
   wire [3*PREMULTIPLIED_W-1:0] premultiplied;
+  wire [3*COLOUR_W-1:0] lit, leaving;
   for (genvar channel = 0; channel < 3; channel++) begin : g_channel
     wire [SUM_W-1:0] sum = s_data[machine_pkg::SHADE_IN_COLOUR_R_LSB-channel*SUM_W+:SUM_W];
     wire [SHARE_W-1:0] share;
@@ -236,12 +237,22 @@ module shade #(
     wire [COLOUR_W-1:0] colour;
     fit #(.IN_W(BOTH_F + 2), .PLACES(BOTH_F - COLOUR_F), .W(COLOUR_W), .S(0), .ROUND(machine_pkg::SHADE_COLOUR_ROUND),
         .WRAP(machine_pkg::SHADE_COLOUR_WRAP)) limiter (.exact($signed({1'b0, limited})), .word(colour));
+    assign lit[(2-channel)*COLOUR_W+:COLOUR_W] = colour;
 
-    wire [COLOUR_W+PREMULTIPLIED_W-1:0] faded = colour * alpha;
+    wire [COLOUR_W+PREMULTIPLIED_W-1:0] faded = leaving[(2-channel)*COLOUR_W+:COLOUR_W] * alpha;
     fit #(.IN_W(COLOUR_W + PREMULTIPLIED_W + 1), .PLACES(COLOUR_F), .W(PREMULTIPLIED_W), .S(0),
         .ROUND(machine_pkg::SHADE_PREMULTIPLIED_ROUND), .WRAP(machine_pkg::SHADE_PREMULTIPLIED_WRAP))
         fader (.exact($signed({1'b0, faded})), .word(premultiplied[(2-channel)*PREMULTIPLIED_W+:PREMULTIPLIED_W]));
   end
+
+  // The package of a frame with surroundings says so; its material records have words that those of others lack.
+`ifdef MACHINE_MIRRORS
+  wire [3*COLOUR_W-1:0] mirrored;
+  reflect #(.ROMS(ROMS)) mirror (.normal(normal), .material(answer), .colour(lit), .leaving(mirrored));
+  assign leaving = faces ? mirrored : lit;
+`else
+  assign leaving = lit;
+`endif
 
   // Where nothing is, nothing shines.
   wire [machine_pkg::SHADE_OUT_W-1:0] light = weight == '0 ? '0 : {premultiplied, alpha};

@@ -45,7 +45,7 @@ pub struct Share {
 /// Words that setup reads beside those of its own units.
 const ALSO_IN_SETUP: [&str; 2] = ["raster.cutoff", "fragment.normal"];
 /// Units that setup uses where splats are lit before they are drawn.
-const TO_LIGHT: [&str; 2] = [unit::FRAGMENT, unit::SHADE];
+const TO_LIGHT: [&str; 3] = [unit::FRAGMENT, unit::SHADE, unit::REFLECT];
 
 fn unit_of(word: &str) -> &str {
     word.split('.').next().unwrap_or_default()

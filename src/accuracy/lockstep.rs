@@ -179,7 +179,7 @@ pub fn lockstep(scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> L
 /// Draws a scene on one machine and holds it to the bounds of another, which is given the same words.
 fn held_to(scene: &Scene, drawn: &Elaborated, claimed: &Elaborated, quantised: &Quantised) -> Lockstep {
     let rules = fixed::rules(&claimed.machine);
-    let shader = Shader::new(scene);
+    let shader = Shader::of(scene, &rules);
     let stage = Stage::new(scene, claimed, quantised, &rules, &shader);
     let mut leader = Leader::new(&stage);
     let drawing = pipeline::draw_with_decisions(drawn, &quantised.frame, &mut leader);
@@ -415,7 +415,7 @@ impl<'a> Leader<'a> {
         let near = splat.near.contribution(stage.machine, stage.at(x, y));
         let exact = splat.footprint.row(y).beyond(x);
         let arrival = Arrival {
-            golden: Fragment::new(&splat.footprint, &exact),
+            golden: Fragment::new(&splat.footprint, &exact, [x, y]),
             weight: near.weight.around(exact.weight),
             depth: near.depth.around(exact.z * stage.quantised.scale.factor()),
             attributes: splat.attributes,

@@ -35,7 +35,7 @@ use std::ops::Range;
 use window::WindowPixels;
 
 /// The units, the splat's record before them and the sort between them, in the order of the diagram.
-pub const UNITS: [&str; unit::ALL.len() + 1] = unit::all_after("splat");
+pub const UNITS: [&str; unit::WORDED.len() + 1] = unit::after("splat", unit::WORDED);
 
 /// Words that only machines for ellipsoids are given.
 const OF_ELLIPSOIDS: [&str; 2] = ["ellipse.quaternion", "ellipse.scale"];
@@ -51,7 +51,9 @@ pub fn words(machine: &Elaborated) -> Vec<String> {
     let mut words: Vec<String> = INPUTS.iter().map(|&name| name.to_owned()).chain(machine.signals.iter().map(word_of)).collect();
     let ellipsoids = machine.machine.ellipse.ellipsoid.is_some();
     // Sides of a box are whole pixels in any arithmetic.
+    let reflects = machine.machine.reflect.is_some();
     words.retain(|word| word != "ellipse.edge" && (ellipsoids || !OF_ELLIPSOIDS.contains(&word.as_str())));
+    words.retain(|word| reflects || word != "reflect.reflectance");
     words.sort_by_key(|word| UNITS.iter().position(|unit| word.split('.').next() == Some(unit)));
     let mut unique = Vec::new();
     for word in words {
@@ -180,7 +182,7 @@ impl<'a> Stage<'a> {
     /// Draws what was set up, with the chosen words.
     pub fn fill(&self, choice: &Choice, footprints: &[Footprint]) -> Picture {
         let (registers, hold) = (self.registers(), choice.hold());
-        let shader = Shader::new(self.scene);
+        let shader = Shader::of(self.scene, &self.rules);
         let frame = FrameWords {
             stage: self,
             cutoff: registers.view(&hold).cutoff.value,
@@ -242,6 +244,8 @@ struct Drawn<'a> {
 /// One splat at one pixel.
 struct Arrival<'a> {
     footprint: &'a Footprint,
+    /// Column and row.
+    pixel: [u32; 2],
     weight: f64,
     /// Machine units.
     depth: f64,
@@ -277,7 +281,7 @@ impl<'a> Cover for Drawn<'a> {
                     let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
                     // A weight that rounds to 0 makes no fragment.
                     if weight > 0.0 && weight >= least_weight {
-                        take([x, y], Arrival { footprint, weight, depth: machine.real_depth(depth).value });
+                        take([x, y], Arrival { footprint, pixel: [x, y], weight, depth: machine.real_depth(depth).value });
                     }
                 }
             }
@@ -311,7 +315,8 @@ impl<'a> Painter for Pixels<'a> {
             }
             return;
         }
-        let mut new = Fragment { z: arrival.depth, material: arrival.footprint.material, ..Fragment::default() };
+        let (material, pixel) = (arrival.footprint.material, arrival.pixel.map(|place| place as u16));
+        let mut new = Fragment { z: arrival.depth, material, pixel, ..Fragment::default() };
         frame.accumulate(&mut new, &arrival);
         if fragments.len() < rules.layers {
             fragments.push(new);
@@ -387,6 +392,7 @@ impl<'a> FrameWords<'a> {
             opacity: mean(alpha),
             normal: normal.to_array().map(mean),
             material: fragment.material,
+            at: self.shader.from_middle(fragment.pixel),
         };
         self.stage.machine.real_shade(&self.lighting, &sums)
     }

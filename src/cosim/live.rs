@@ -123,7 +123,7 @@ impl Constants {
     pub fn new(scene: &Scene, machine: &Machine) -> Result<Self> {
         let elaborated = fixed::elaborate(machine)?;
         let mut frame = quantise(scene, machine)?.frame;
-        Window::default().check(&frame)?;
+        Window::default().check(&elaborated, &frame)?;
         // Units know no splats; of ellipsoids they know whether these have axes of their own.
         frame.splats = Vec::new();
         if let Some(ellipsoids) = &mut frame.ellipsoids {
@@ -157,7 +157,7 @@ impl Constants {
     /// What `shade` says of a request.
     pub fn light(&self, request: &[i64]) -> [i64; 4] {
         let &[weight, r, g, b, opacity, x, y, z, material] = request else { return [0; 4] };
-        let input = shade::Input { weight, colour: [r, g, b], opacity, normal: [x, y, z], material: material as u32 };
+        let input = shade::Input { weight, colour: [r, g, b], opacity, normal: [x, y, z], material: material as u32, pixel: [0; 2] };
         let output = unit_replay::shade(&self.machine, &self.frame, &input, &mut NoProbe);
         let [r, g, b] = output.colour;
         [r, g, b, output.opacity]

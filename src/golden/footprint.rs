@@ -20,7 +20,7 @@ pub(crate) struct Footprint {
     pub opacity: f64,
     pub normal: DVec3,
     pub material: u32,
-    centre: [f64; 2],
+    pub centre: [f64; 2],
     /// `Q00, Q01, Q11`.
     conic: [f64; 3],
     amplitude: f64,

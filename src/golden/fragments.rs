@@ -28,6 +28,8 @@ pub(crate) struct Fragment {
     pub shaded: bool,
     /// Where fragments are grouped by sheets: which one.
     pub sheet: u32,
+    /// Column and row.
+    pub pixel: [u16; 2],
 }
 
 /// Outcome of one contribution.
@@ -100,8 +102,8 @@ pub enum Side {
 }
 
 impl Fragment {
-    /// A fragment of one contribution.
-    pub fn new(footprint: &Footprint, contribution: &Contribution) -> Self {
+    /// A fragment of one contribution to this column and row.
+    pub fn new(footprint: &Footprint, contribution: &Contribution, pixel: [u32; 2]) -> Self {
         let weight = contribution.weight;
         Fragment {
             weight,
@@ -112,6 +114,7 @@ impl Fragment {
             material: footprint.material,
             shaded: false,
             sheet: footprint.sheet,
+            pixel: pixel.map(|place| place as u16),
         }
     }
 
@@ -239,7 +242,7 @@ impl Cover for Footprint {
             let row = self.row(y);
             for x in columns.clone() {
                 if let Some(contribution) = row.at(x) {
-                    take([x, y], Fragment::new(self, &contribution));
+                    take([x, y], Fragment::new(self, &contribution, [x, y]));
                 }
             }
         }
@@ -369,6 +372,7 @@ mod tests {
         fragment_depth: FragmentDepth::First,
         group: Group::First,
         window: WindowOptions::REFINED,
+        reflection: None,
     };
 
     /// Grey 0.5, full weight.

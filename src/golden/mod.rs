@@ -14,6 +14,7 @@ pub(crate) mod footprint;
 pub(crate) mod fragments;
 mod ideal;
 pub(crate) mod intervals;
+pub(crate) mod reflection;
 pub(crate) mod shade;
 pub(crate) mod sheets;
 mod story;
@@ -33,6 +34,7 @@ use intervals::Spanning;
 use shade::Shader;
 
 pub use fragments::{Decision, Merge, Side};
+pub use reflection::{Reflection, octahedral};
 pub use story::{Arrival, Layer, Story, story};
 pub use window::density as window_density;
 
@@ -55,6 +57,8 @@ pub struct Rules {
     pub group: Group,
     /// Options of [`Merge::Window`].
     pub window: WindowOptions,
+    /// How surroundings are mirrored; none: as they are, as [`ideal`] always does.
+    pub reflection: Option<Reflection>,
 }
 
 impl Default for Rules {
@@ -69,6 +73,7 @@ impl Default for Rules {
             fragment_depth: FragmentDepth::First,
             group: Group::First,
             window: WindowOptions::default(),
+            reflection: None,
         }
     }
 }
@@ -249,7 +254,7 @@ impl Outcomes {
 
 /// Renderer `golden`: the hardware's own algorithm, same rules and same order, in f64.
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
-    let shader = Shader::new(scene);
+    let shader = Shader::of(scene, rules);
     match &scene.sheets {
         Some(sheets) => {
             tiles::draw(scene, &shader, rules.turn_normals, sheets.least_weight, || sheets::Golden::new(sheets, shader.background()))

@@ -2,14 +2,19 @@
 
 use glam::{DVec3, DVec4};
 
+use super::Rules;
 use super::footprint::Footprint;
 use super::fragments::Fragment;
+use super::reflection::{Reflection, Surroundings};
 use crate::scene::{Material, Scene};
 
 /// What shading needs of the scene, in camera space.
 pub(crate) struct Shader {
     lights: Vec<CameraLight>,
     materials: Vec<Material>,
+    /// None where nothing is mirrored.
+    surroundings: Option<Surroundings>,
+    half_px: [f64; 2],
     coverage_threshold: f64,
     background: DVec4,
 }
@@ -22,7 +27,17 @@ struct CameraLight {
 }
 
 impl Shader {
+    /// That mirrors surroundings as they are.
     pub fn new(scene: &Scene) -> Self {
+        Shader::mirroring(scene, None)
+    }
+
+    /// That mirrors them as a machine's rules say.
+    pub fn of(scene: &Scene, rules: &Rules) -> Self {
+        Shader::mirroring(scene, rules.reflection)
+    }
+
+    fn mirroring(scene: &Scene, way: Option<Reflection>) -> Self {
         let rotation = scene.view().rotation;
         let lights = scene.lights.iter().map(|light| {
             let direction = rotation * light.direction;
@@ -33,6 +48,8 @@ impl Shader {
         Shader {
             lights: lights.collect(),
             materials: scene.materials.clone(),
+            surroundings: Surroundings::new(scene, way),
+            half_px: scene.view().half_px,
             coverage_threshold: scene.surface.coverage_threshold,
             background: DVec4::new(r * a, g * a, b * a, a),
         }
@@ -41,7 +58,8 @@ impl Shader {
     /// Of a scene without light, of one material.
     #[cfg(test)]
     pub fn unlit(coverage_threshold: f64) -> Self {
-        Shader { lights: Vec::new(), materials: vec![Material::Unlit; 3], coverage_threshold, background: DVec4::ZERO }
+        let materials = vec![Material::Unlit; 3];
+        Shader { lights: Vec::new(), materials, surroundings: None, half_px: [0.0; 2], coverage_threshold, background: DVec4::ZERO }
     }
 
     /// The pixel where nothing is.
@@ -69,12 +87,26 @@ impl Shader {
 
     /// The light that a splat sends, which is lit before it is drawn.
     pub fn emission(&self, footprint: &Footprint) -> DVec3 {
-        let Footprint { rgb, normal, material, .. } = *footprint;
-        self.colour(&Fragment { weight: 1.0, rgb, normal, material, ..Fragment::default() })
+        let Footprint { rgb, normal, material, centre, .. } = *footprint;
+        let pixel = centre.map(|centre| centre as u16);
+        self.colour(&Fragment { weight: 1.0, rgb, normal, material, pixel, ..Fragment::default() })
+    }
+
+    /// The colour that leaves the fragment: its own under the lights, and what it mirrors.
+    fn colour(&self, fragment: &Fragment) -> DVec3 {
+        let colour = self.own_colour(fragment);
+        let Some(surroundings) = &self.surroundings else { return colour };
+        let normal = facing(fragment.normal / fragment.weight);
+        normal.map_or(colour, |normal| surroundings.mirrored(fragment.material, self.from_middle(fragment.pixel), normal, colour))
+    }
+
+    /// A pixel's centre from the middle of the picture.
+    pub fn from_middle(&self, pixel: [u16; 2]) -> [f64; 2] {
+        std::array::from_fn(|axis| f64::from(pixel[axis]) + 0.5 - self.half_px[axis])
     }
 
     /// The fragment's own colour under the lights.
-    fn colour(&self, fragment: &Fragment) -> DVec3 {
+    fn own_colour(&self, fragment: &Fragment) -> DVec3 {
         let rgb = fragment.rgb / fragment.weight;
         match self.materials[fragment.material as usize] {
             Material::Unlit => rgb,

@@ -85,7 +85,7 @@ impl Layer {
 /// Where fragments are grouped by sheets, slot 1 is the open sheet and slot 0 the composite of those before it, which is all that is left
 /// at the end.
 pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
-    let shader = Shader::new(scene);
+    let shader = Shader::of(scene, rules);
     if let Some(sheets) = &scene.sheets {
         return of_sheets(scene, sheets, &shader, x as u32, y as u32);
     }
@@ -162,7 +162,7 @@ fn arrivals(
     put_in_order(scene, shader, &mut touching);
     let arrivals = touching.iter().filter_map(|footprint| {
         let contribution = footprint.row(y).at(x)?;
-        let decision = decide(footprint, Fragment::new(footprint, &contribution));
+        let decision = decide(footprint, Fragment::new(footprint, &contribution, [x, y]));
         let (splat, z) = (footprint.splat as usize, contribution.z);
         Some(Arrival { splat, radial_index: contribution.radial_index, weight: contribution.weight, z, decision })
     });

@@ -62,6 +62,10 @@ pub fn rules(machine: &Machine) -> golden::Rules {
             inside: window.inside,
             ..golden::WindowOptions::default()
         }),
+        reflection: machine
+            .reflect
+            .as_ref()
+            .map(|reflect| golden::Reflection { index_bits: reflect.index_bits.clamp(1, 8), by_ray: reflect.sight == machine::Sight::Ray }),
         evict_hidden: fragment.evict_hidden,
         turn_normals: fragment.turn_normals,
         opaque: f64::from(fragment.opaque_permille) / 1000.0,

@@ -7,13 +7,13 @@
 //! they are reported. `golden` and `ideal` never see what comes out of here.
 
 use crate::error::{Error, Result};
-use crate::golden::window_density;
+use crate::golden::{octahedral, window_density};
 use crate::output::text::listed;
-use crate::scene::{Amplitude, Filter, Light, Material, Orientation, Scene, Sheet, Splat, View};
+use crate::scene::{Amplitude, Filter, Light, Material, Mirror, Orientation, Scene, Sheet, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use rtl_model::frame::{self, Frame, Scaled};
-use rtl_model::machine::{Interpolation, Machine, TableShape};
+use rtl_model::machine::{Interpolation, Machine, Sight, TableShape};
 use rtl_model::num::{Format, Rounding, Word};
 use rtl_model::pipeline::Reach;
 use schemars::JsonSchema;
@@ -44,6 +44,8 @@ pub struct Quantised {
     pub scale: Scale,
     /// Notes of what could not be represented as asked, one sentence each.
     pub notes: Vec<String>,
+    /// Texels of the surroundings before they became words; none where nothing is mirrored.
+    pub texels: Vec<[f64; 3]>,
 }
 
 /// Brings a scene to a machine.
@@ -58,7 +60,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
     }
     let view = scene.view();
     let scale = fit_scale(scene, &view, machine);
-    let mut registers = Registers { machine, misfits: Vec::new(), notes: Vec::new() };
+    let mut registers = Registers { machine, misfits: Vec::new(), notes: Vec::new(), texels: Vec::new() };
     let frame = Frame {
         width: scene.image.width as u32,
         height: scene.image.height as u32,
@@ -72,9 +74,10 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         ellipsoids: registers.ellipsoids(scene, &view),
         sheets: registers.sheets(scene),
         window: registers.window(scene, &scale),
+        surroundings: registers.surroundings(scene, &view),
     };
     if registers.misfits.is_empty() {
-        return Ok(Quantised { frame, scale, notes: registers.notes });
+        return Ok(Quantised { frame, scale, notes: registers.notes, texels: registers.texels });
     }
     let misfits: Vec<String> = registers.misfits.into_iter().map(Misfit::sentence).collect();
     Err(Error::input(format!("machine {} cannot draw {}: {}", machine.name, scene.name, listed(&misfits))))
@@ -161,6 +164,7 @@ struct Registers<'a> {
     machine: &'a Machine,
     misfits: Vec<Misfit>,
     notes: Vec<String>,
+    texels: Vec<[f64; 3]>,
 }
 
 /// Why a scene cannot be drawn: a register that cannot hold what lies farthest off of some values, or a rule of no register.
@@ -371,6 +375,44 @@ impl Registers<'_> {
             lights: scene.lights.iter().map(light).collect(),
             materials: scene.materials.iter().map(|material| self.material(material, &scene.lights)).collect(),
         }
+    }
+
+    /// Surroundings; none where nothing is mirrored.
+    fn surroundings(&mut self, scene: &Scene, view: &View) -> Option<frame::Surroundings> {
+        let environment = scene.environment.as_deref().filter(|environment| environment.is_seen())?;
+        let machine = self.machine;
+        let Some(words) = &machine.reflect else {
+            self.refuse(
+                "it has no `reflect`, and materials of the scene mirror their surroundings (the book's chapter Reflection has a machine that does)"
+                    .into(),
+            );
+            return None;
+        };
+        let is_lit_first = machine.fragment.window.is_some() || scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded);
+        if words.sight == Sight::Ray && is_lit_first {
+            self.refuse(
+                "its reflect.sight is `ray`, and splats that are lit before they are drawn have no pixel yet: `axis` mirrors them".into(),
+            );
+        }
+        let word = words.reflectance;
+        let mirror = |mirror: &Mirror| frame::Mirror {
+            kept: quantised(word, 1.0 - mirror.reflect),
+            mirrored: mirror.tint.map(|tint| quantised(word, mirror.reflect * tint)),
+        };
+        // No map that elaborates has more.
+        let texels = octahedral(environment, view.rotation, words.index_bits.clamp(1, 8));
+        let most = words.light.format.value(words.light.format.max());
+        let beyond = texels.iter().filter(|texel| texel.iter().any(|light| *light > most)).count();
+        if beyond > 0 {
+            self.notes
+                .push(format!("{beyond} of {} texels of the surroundings are brighter than reflect.light holds, {most}", texels.len()));
+        }
+        let held = frame::Surroundings {
+            mirrors: environment.mirrors.iter().map(mirror).collect(),
+            texels: texels.iter().map(|texel| texel.map(|light| quantised(words.light, light))).collect(),
+        };
+        self.texels = texels;
+        Some(held)
     }
 
     fn material(&mut self, material: &Material, lights: &[Light]) -> frame::Material {

@@ -24,10 +24,11 @@ use rtl_model::units::fragment::sheets::real::Ratio;
 use rtl_model::units::fragment::window::WindowRegisters;
 use rtl_model::units::fragment::window::real::Tables;
 use rtl_model::units::shade::real::{Light, Lighting, Material};
+use rtl_model::units::shade::reflect::real::{Mirror, Surroundings};
 use std::f64::consts::TAU;
 
 /// The words that the machine is given: the splat's record, and what a frame loads.
-pub const INPUTS: [&str; 27] = [
+pub const INPUTS: [&str; 28] = [
     "splat.position",
     "splat.normal",
     "splat.radius",
@@ -54,6 +55,7 @@ pub const INPUTS: [&str; 27] = [
     "shade.light",
     "shade.reflectance",
     "shade.inverse_threshold",
+    "reflect.reflectance",
     "resolve.frame",
 ];
 
@@ -311,7 +313,28 @@ impl Registers<'_> {
             materials: scene.materials.iter().zip(&frame.lighting.materials).map(material).collect(),
             coverage_threshold: self.coverage_threshold(hold),
             inverse_threshold: hold.hold_scaled("shade.inverse_threshold", inverse, words.inverse_threshold, frame.inverse_threshold),
+            surroundings: self.surroundings(hold),
         }
+    }
+
+    /// Surroundings; none where nothing is mirrored.
+    fn surroundings<H: Hold>(&self, hold: &H) -> Option<Surroundings<H::Real>> {
+        let (environment, held) = (self.scene.environment.as_ref()?, self.quantised.frame.surroundings.as_ref()?);
+        let (unit, machine) = (self.machine.shade.reflect()?, &self.machine.machine);
+        let words = machine.reflect.as_ref()?;
+        let reflectance = |exact: f64, held: i64| hold.hold("reflect.reflectance", exact, words.reflectance, held);
+        let mirror = |(exact, held): (&scene::Mirror, &frame::Mirror)| Mirror {
+            kept: reflectance(1.0 - exact.reflect, held.kept),
+            mirrored: [0, 1, 2].map(|i| reflectance(exact.reflect * exact.tint[i], held.mirrored[i])),
+            is_dull: exact.reflect == 0.0,
+        };
+        let (inverse, word, held_inverse) =
+            (1.0 / self.eye.focal_px, machine.ellipse.inverse_focal, self.quantised.frame.view.inverse_focal);
+        Some(Surroundings {
+            mirrors: environment.mirrors.iter().zip(&held.mirrors).map(mirror).collect(),
+            inverse_focal: hold.hold_scaled("ellipse.inverse_focal", inverse, word, held_inverse),
+            map: unit.real_map(self.quantised.texels.clone(), &held.texels),
+        })
     }
 
     /// τ.

@@ -332,7 +332,8 @@ impl Energy {
     pub fn new(machine: &Elaborated, cost: &Cost, cycles: &Cycles, prices: &Prices) -> Self {
         let counted = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>() as f64;
         let items = |name: &str| match name {
-            "shade" => counted("shade") + counted("resolve-shade") + counted("setup-shade"),
+            // What is lit is what may be mirrored in.
+            "shade" | "reflect" => counted("shade") + counted("resolve-shade") + counted("setup-shade"),
             name => counted(name),
         };
         let of = &prices.energy_pj;
@@ -346,7 +347,7 @@ impl Energy {
                 let lanes = if part.per_lane { machine.timing.timing.raster.lanes } else { [1, 1] };
                 bits.add(part.operator, lanes.map(u64::from).iter().product::<u64>() * u64::from(part.copies));
                 // Parts are those of all shade units, and an item goes through one.
-                let instances = if part.unit == "shade" { f64::from(machine.timing.shade_units) } else { 1.0 };
+                let instances = if ["shade", "reflect"].contains(&part.unit) { f64::from(machine.timing.shade_units) } else { 1.0 };
                 let at_work = if part.unit == "colour" { colour_at_work } else { 1.0 };
                 items(part.unit) / instances * at_work * bits.price(of, bits.rom_word)
             })

@@ -25,6 +25,7 @@ pub fn digest_of(scene: &Scene) -> String {
         surface,
         lights,
         materials,
+        environment,
     } = scene;
     let mut sha = Sha256::new();
     let Kernel { cutoff, low_pass, guard, jacobian, filter } = kernel;
@@ -48,6 +49,9 @@ pub fn digest_of(scene: &Scene) -> String {
         let numbers: &[u32] = if let Sheet::Slice(numbers) = of { numbers } else { &[] };
         numbers.iter().for_each(|number| sha.update(number.to_le_bytes()));
         sha.update(format!("{back_to_front}{opacity:?}{stop}{keeps_last}{least_weight}{most_weight}"));
+    }
+    if let Some(environment) = environment {
+        sha.update(environment.bytes().collect::<Vec<u8>>());
     }
     for Splat { position, normal, radius, rgb, opacity, material } in splats {
         let numbers = [position.to_array(), normal.to_array(), *rgb, [*radius, *opacity, (*material).into()]];

@@ -11,6 +11,7 @@ use super::{
     Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets,
     Splat, Surface,
 };
+use super::{Environment, Mirror, environment::BuiltinEnvironment};
 use super::{
     builtin::{self, Builtin, Order},
     camera::Ball,
@@ -30,6 +31,7 @@ use serde_json::Value;
 use std::f64::consts::TAU;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// ε, left out, is this many times the median radius: served well on three scans (docs/book/algorithm.md §2).
 const Z_THRESHOLD_OF_RADIUS: f64 = 4.0;
@@ -79,6 +81,35 @@ struct SceneFields {
     /// What splats' `material` counts in; left out: the built-in sources' own, for others one Blinn-Phong.
     #[schemars(length(min = 1))]
     materials: Option<Vec<MaterialFields>>,
+    /// Light from all around, which materials with `reflect` mirror.
+    environment: Option<EnvironmentFields>,
+}
+
+/// A picture of all directions, or surroundings that splatsim makes itself.
+#[derive(Deserialize, JsonSchema)]
+#[serde(untagged)]
+enum EnvironmentFields {
+    Builtin(BuiltinSurroundings),
+    File(EnvironmentFile),
+}
+
+/// Surroundings that splatsim makes itself.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct BuiltinSurroundings {
+    builtin: BuiltinEnvironment,
+}
+
+/// A latitude-longitude picture, twice as wide as high: PNG (sRGB), Radiance or EXR (linear light).
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct EnvironmentFile {
+    /// Path of the picture, relative to the scene file. Up is y, its middle lies towards −z.
+    file: PathBuf,
+    /// Factor on all light.
+    #[serde(default = "one")]
+    #[schemars(range(min = 0, max = 1e6))]
+    scale: f64,
 }
 
 /// A splat, a file, a built-in cloud, a volume, Gaussians, any of these at another place, or an array of all these.
@@ -442,6 +473,12 @@ struct MaterialFields {
     specular: f64,
     #[schemars(range(min = 0, max = 1e6))]
     shininess: f64,
+    /// Share of what leaves the surface that is its surroundings, mirrored; of unlit materials too. Needs `environment`.
+    #[schemars(range(min = 0, max = 1))]
+    reflect: f64,
+    /// Factor on what is mirrored.
+    #[schemars(inner(range(min = 0, max = 1)))]
+    tint: [f64; 3],
 }
 
 fn one() -> f64 {
@@ -511,7 +548,7 @@ impl Default for PlaceFields {
 
 impl Default for MaterialFields {
     fn default() -> Self {
-        MaterialFields { unlit: false, ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0 }
+        MaterialFields { unlit: false, ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0, reflect: 0.0, tint: [1.0; 3] }
     }
 }
 
@@ -540,12 +577,14 @@ pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides) -> Result<
         sheets: SheetFields::default(),
         lights: None,
         materials: None,
+        environment: None,
     };
     build(fields, name, Path::new(""), overrides)
 }
 
 fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) -> Result<Scene> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
+    let environment = environment(&fields, folder).map_err(input_error)?;
     let image = image(&fields.image, name, overrides)?;
     fields.splats.check_memory().map_err(input_error)?;
     let mut gathered = Gathered::new(name, folder, &fields);
@@ -591,7 +630,8 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     // What is written of a scene may be a comment of one line.
     let name = one_line(&Path::new(name).file_name().unwrap_or_default().to_string_lossy());
     let kernel = kernel(&fields.kernel, kind);
-    let mut scene = Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, notes };
+    let mut scene =
+        Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, environment, notes };
     match kind {
         Kind::Mixed => mixed(media, &fields.sheets, &mut scene),
         Kind::Surfaces => surfaces(media, &mut scene),
@@ -601,6 +641,27 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
         scene.scale_kernels();
     }
     Ok(scene)
+}
+
+/// Surroundings, and what the materials do with them; none where no material mirrors anything.
+fn environment(fields: &SceneFields, folder: &Path) -> std::result::Result<Option<Arc<Environment>>, String> {
+    let materials = fields.materials.as_deref().unwrap_or_default();
+    let shiny = materials.iter().position(|material| material.reflect > 0.0);
+    let mut environment = match (&fields.environment, shiny) {
+        (None, None) => return Ok(None),
+        (None, Some(material)) => {
+            return Err(format!("materials[{material}].reflect is above 0, and the scene has no `environment` to mirror"));
+        }
+        (Some(EnvironmentFields::Builtin(BuiltinSurroundings { builtin })), _) => Environment::builtin(*builtin),
+        (Some(EnvironmentFields::File(EnvironmentFile { file, scale })), _) => {
+            let file = folder.join(file);
+            let of_file = |sentence: String| format!("environment: {}: {sentence}", file.display());
+            let bytes = std::fs::read(&file).map_err(|e| of_file(format!("cannot be read: {e}")))?;
+            Environment::decode(&bytes, *scale).map_err(of_file)?
+        }
+    };
+    environment.mirrors = materials.iter().map(|&MaterialFields { reflect, tint, .. }| Mirror { reflect, tint }).collect();
+    Ok(shiny.map(|_| Arc::new(environment)))
 }
 
 /// What a scene's defaults depend on.
@@ -1305,7 +1366,7 @@ fn surface(fields: &SurfaceFields, splats: &[Splat]) -> Surface {
 }
 
 fn material(fields: &MaterialFields) -> Material {
-    let &MaterialFields { unlit, ambient, diffuse, specular, shininess } = fields;
+    let &MaterialFields { unlit, ambient, diffuse, specular, shininess, .. } = fields;
     if unlit { Material::Unlit } else { Material::BlinnPhong { ambient, diffuse, specular, shininess } }
 }
 

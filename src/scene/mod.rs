@@ -6,6 +6,7 @@ mod builtin;
 mod camera;
 mod cells;
 pub mod digest;
+mod environment;
 mod fields;
 mod formats;
 mod gaussians;
@@ -22,6 +23,7 @@ pub(crate) mod strict_json;
 pub(crate) mod validate;
 
 pub use builtin::{Builtin, names};
+pub use environment::{Environment, Mirror};
 pub use json::{MOST_PIXELS, schema};
 
 use crate::error::{Error, Result};
@@ -30,6 +32,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsStr;
 use std::path::Path;
+use std::sync::Arc;
 
 /// Least radius, world units. Positions and radii end at 10³⁰, so a radius is never less than 10⁻⁶¹ of a distance: its fourth power, which
 /// a footprint's determinant is, still is a normal number of f64 (2.2·10⁻³⁰⁸), where squares of less would vanish and make 0/0.
@@ -272,6 +275,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Never empty; every splat's index is in range.
     pub materials: Vec<Material>,
+    /// Light from all around, which materials mirror; none where none does.
+    pub environment: Option<Arc<Environment>>,
     /// Notes of what a reader left out or found odd, one sentence each, for the summary.
     pub notes: Vec<String>,
 }

@@ -80,6 +80,24 @@ pub enum Material {
     },
 }
 
+/// What a material does with its surroundings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Mirror {
+    /// 1 − reflect: what is left of its colour (`reflect.reflectance`).
+    pub kept: i64,
+    /// Reflect times tint (`reflect.reflectance`).
+    pub mirrored: [i64; 3],
+}
+
+/// Surroundings, and what materials do with them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Surroundings {
+    /// One for each material.
+    pub mirrors: Vec<Mirror>,
+    /// The octahedral map in camera space, its middle towards the viewer: texels (`reflect.light`) row by row.
+    pub texels: Vec<[i64; 3]>,
+}
+
 /// The lighting registers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Lighting {
@@ -212,4 +230,6 @@ pub struct Frame {
     pub sheets: Option<Sheets>,
     /// Registers of windows; none where fragments are grouped otherwise.
     pub window: Option<Window>,
+    /// Surroundings that are mirrored; none where nothing is.
+    pub surroundings: Option<Surroundings>,
 }

@@ -35,6 +35,9 @@ pub struct Machine {
     pub fragment: Fragment,
     /// Normalise and light.
     pub shade: Shade,
+    /// Mirror surroundings in what is lit; left out, the machine knows none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reflect: Option<Reflect>,
     /// Blend into the frame.
     pub resolve: Resolve,
     /// The microarchitecture: where time goes. It changes no picture.
@@ -433,6 +436,42 @@ pub struct Shade {
     pub coverage: Word,
     /// α', and colour·α'.
     pub premultiplied: Word,
+}
+
+/// From where a mirror is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sight {
+    /// From far along the viewing axis, whatever the pixel.
+    Axis,
+    /// From the eye, along the pixel's own ray.
+    Ray,
+}
+
+/// Rules and formats of the unit `reflect`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Reflect {
+    /// From where a mirror is looked at.
+    pub sight: Sight,
+    /// a and b of the pixel's ray (a, b, 1); of `axis` they are 0, and this word is not built.
+    pub slope: Word,
+    /// N·V.
+    pub facing: Word,
+    /// R = 2(N·V)N − V.
+    pub direction: Word,
+    /// 1/(|x| + |y| + |z|) of R.
+    pub reciprocal: FunctionUnit,
+    /// Magnitude of a coordinate in the octahedral map, 0 to 1.
+    pub coordinate: Word,
+    /// The map has 2^this texels a side, 1 to 8.
+    pub index_bits: u32,
+    /// Place between two texels, 0 to 1.
+    pub fraction: Word,
+    /// Texels, and what lies between them.
+    pub light: Word,
+    /// Material constants: 1 − reflect, and reflect × tint.
+    pub reflectance: Word,
 }
 
 /// Formats of the unit `resolve`.

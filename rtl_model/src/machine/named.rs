@@ -149,6 +149,7 @@ fn reference() -> Machine {
             coverage: unsigned(1, 18),
             premultiplied: unsigned(1, 18),
         },
+        reflect: None,
         resolve: Resolve { transmittance: unsigned(1, 18), frame: unsigned(1, 16) },
         timing: timing::DEFAULT,
     }
@@ -255,6 +256,7 @@ fn lean() -> Machine {
             coverage: unsigned(1, 14),
             premultiplied: unsigned(1, 14),
         },
+        reflect: None,
         resolve: Resolve { transmittance: unsigned(1, 14), frame: unsigned(1, 12) },
         timing: timing::DEFAULT,
     }
@@ -361,6 +363,7 @@ fn tiny() -> Machine {
             coverage: unsigned(1, 8),
             premultiplied: unsigned(1, 8),
         },
+        reflect: None,
         resolve: Resolve { transmittance: unsigned(1, 8), frame: unsigned(1, 8) },
         timing: timing::DEFAULT,
     }

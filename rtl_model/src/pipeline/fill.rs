@@ -246,7 +246,6 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         let least = sheets.map_or(1, |registers| registers.sheets.least_weight.max(1));
         let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
         let depth = machine.fragment.depth::<SIMPLE_FITS, V, P>(depth, tap).to_array();
-        let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
         for lane in 0..count {
             if weight[lane] < least {
                 if P::WORK {
@@ -255,6 +254,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 continue;
             }
             let pixel = pixels[lane];
+            let place = self.part.pixel(pixel);
+            let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, place, tap);
             let had_stopped = P::WORK && sheets.is_some() && has_stopped(tile, pixel);
             let decision = match sheets {
                 None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
@@ -266,7 +267,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                         light: record.light,
                         density: record.density,
                     };
-                    to_window(machine, lights, (tile, clusters.of(pixel)), pixel, &input, registers, tap)
+                    to_window(machine, shade, (tile, clusters.of(pixel)), pixel, &input, registers, tap)
                 }
                 None => {
                     let input = fragment::Input {
@@ -318,14 +319,20 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     /// and slots. None otherwise, and of sheets, which are not shaded here.
     fn shade_side_by_side(&mut self) -> Vec<shade::Output> {
         let Shared { machine, lights, sheets, windows, .. } = self.shared;
-        if !H::VECTORISED || P::TRANSFERS || sheets.is_some() || windows.is_some() || !machine.fragment.is_narrow() {
+        if !H::VECTORISED
+            || P::TRANSFERS
+            || sheets.is_some()
+            || windows.is_some()
+            || !machine.fragment.is_narrow()
+            || lights.surroundings.is_some()
+        {
             return Vec::new();
         }
         let mut inputs = Vec::with_capacity(TILE_AREA);
         for pixel in 0..TILE_AREA {
             let at = pixel as u8;
             let slots = (0..self.tile.live(at)).map(|slot| self.tile.slot(at, slot));
-            inputs.extend(slots.filter(|slot| !slot.shaded).map(|slot| input_of(&slot)));
+            inputs.extend(slots.filter(|slot| !slot.shaded).map(|slot| input_of(&slot, [0; 2])));
         }
         let mut outputs = Vec::with_capacity(inputs.len().next_multiple_of(LANES));
         for inputs in inputs.chunks(LANES) {
@@ -358,7 +365,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             let mut formed = None;
             let live = match sheets {
                 None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
-                    let shade = |slot: &Slot, tap: &mut Tap<P>| shade_slot(machine, lights, slot, tap);
+                    let shade = |slot: &Slot, tap: &mut Tap<P>| shade_slot(machine, lights, slot, [x, y], tap);
                     let slots = &mut clusters.of(at)[..live];
                     let (count, starts, shaded) = machine.fragment.layers_of_windows(slots, registers, &mut layers, shade, tap);
                     if P::DECISIONS {
@@ -372,7 +379,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                         let fragment = self.tile.slot(at, slot);
                         *layer = match if fragment.shaded { None } else { lit.next() } {
                             Some(light) => layer_of(slot, &fragment, light),
-                            None => lit_layer(machine, lights, slot, &fragment, tap),
+                            None => lit_layer(machine, lights, slot, &fragment, [x, y], tap),
                         };
                     }
                     live
@@ -453,7 +460,7 @@ impl<P: Probe> Kernel for ShadeEight<'_, P> {
 #[inline(never)]
 fn to_window<L: Accumulator, P: Probe>(
     machine: &Elaborated,
-    lights: &shade::LightRegisters,
+    shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
     (tile, slots): (&mut Tile<L>, &mut [Cluster; MAX_LAYERS + 1]),
     pixel: u8,
     input: &window::Input,
@@ -462,7 +469,6 @@ fn to_window<L: Accumulator, P: Probe>(
 ) -> Decision {
     tile.count(pixel);
     let live = tile.live(pixel);
-    let shade = |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, tap);
     let decision = machine.fragment.contribute_to_window(slots, live, input, registers, shade, tap);
     if let Decision::Inserted(_) = decision {
         tile.set_live(pixel, live as u8 + 1);

@@ -51,6 +51,8 @@ pub struct Kind {
     pub sheets: bool,
     /// Of those that are grouped by depth, by intervals or windows.
     pub windows: bool,
+    /// Materials mirror surroundings.
+    pub mirrors: bool,
 }
 
 impl Kind {
@@ -64,6 +66,7 @@ impl Kind {
             sorted: ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted),
             sheets: frame.sheets.is_some(),
             windows,
+            mirrors: frame.surroundings.is_some(),
         }
     }
 }
@@ -245,13 +248,19 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     vec![
         window_registers(sheet_registers(kernel(frame, m, kind), m, kind), m, kind),
         axes(light, "half_way", "shade.light", s.light),
-        Stream::new("material").naturals(&["unlit"], 1).word("ambient", "shade.reflectance", s.reflectance),
+        mirrored(Stream::new("material").naturals(&["unlit"], 1).word("ambient", "shade.reflectance", s.reflectance), m, kind),
         Stream::new("reflection").words(
             &["diffuse_r", "diffuse_g", "diffuse_b", "specular_r", "specular_g", "specular_b"],
             "shade.reflectance",
             s.reflectance,
         ),
     ]
+}
+
+/// What a material does with its surroundings.
+fn mirrored(material: Stream, m: &Machine, kind: Kind) -> Stream {
+    let (true, Some(words)) = (kind.mirrors, &m.reflect) else { return material };
+    material.words(&["kept", "mirrored_r", "mirrored_g", "mirrored_b"], "reflect.reflectance", words.reflectance)
 }
 
 /// Registers that all ellipsoids have in common.

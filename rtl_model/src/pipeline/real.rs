@@ -132,7 +132,7 @@ impl Elaborated {
     pub fn real_emission<R: Real>(&self, lighting: &Lighting<R>, rgb: [R; 3], normal: [R; 3], material: u32) -> [R; 3] {
         let one = rgb[0].beside(1.0);
         let (rgb, normal) = self.fragment.real_emitting(rgb, normal);
-        let [r, g, b, _] = self.shade.real(lighting, &Sums { weight: one, rgb, opacity: one, normal, material });
+        let [r, g, b, _] = self.shade.real(lighting, &Sums { weight: one, rgb, opacity: one, normal, material, at: [0.0; 2] });
         [r, g, b].map(|channel| channel.fit(&self.emission, Scale::ONE))
     }
 

@@ -8,7 +8,7 @@ use crate::units::shade;
 
 /// A splat as shade is given it, where it is lit before it is drawn.
 pub(super) fn emitting<P: Probe>(machine: &Elaborated, rgb: [i32; 3], normal: [i32; 3], material: u32, tap: &mut Tap<P>) -> shade::Input {
-    input_of(&machine.fragment.emitting(rgb, normal, material, tap))
+    input_of(&machine.fragment.emitting(rgb, normal, material, tap), [0; 2])
 }
 
 /// The light of a splat, in the words of its colour.
@@ -22,17 +22,24 @@ pub(super) fn shade_for_merge<P: Probe>(
     machine: &Elaborated,
     lights: &shade::LightRegisters,
     slot: &Slot,
+    pixel: [u32; 2],
     tap: &mut Tap<P>,
 ) -> Premultiplied {
     if P::WORK {
         tap.probe.shaded();
     }
-    shade_slot(machine, lights, slot, tap)
+    shade_slot(machine, lights, slot, pixel, tap)
 }
 
 /// The port from fragment, and from resolve, to shade.
-pub(super) fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::LightRegisters, slot: &Slot, tap: &mut Tap<P>) -> Premultiplied {
-    let input = input_of(slot);
+pub(super) fn shade_slot<P: Probe>(
+    machine: &Elaborated,
+    lights: &shade::LightRegisters,
+    slot: &Slot,
+    pixel: [u32; 2],
+    tap: &mut Tap<P>,
+) -> Premultiplied {
+    let input = input_of(slot, pixel);
     if P::TRANSFERS {
         tap.probe.shade_in();
     }
@@ -45,7 +52,7 @@ pub(super) fn shade_slot<P: Probe>(machine: &Elaborated, lights: &shade::LightRe
 }
 
 /// A fragment as shade is given it.
-pub(super) fn input_of(slot: &Slot) -> shade::Input {
+pub(super) fn input_of(slot: &Slot, pixel: [u32; 2]) -> shade::Input {
     let s: &[i64; SUMS] = &slot.sums;
     shade::Input {
         weight: s[WEIGHT],
@@ -53,6 +60,7 @@ pub(super) fn input_of(slot: &Slot) -> shade::Input {
         opacity: s[OPACITY],
         normal: [s[NORMAL], s[NORMAL + 1], s[NORMAL + 2]],
         material: slot.material,
+        pixel: pixel.map(i64::from),
     }
 }
 
@@ -61,10 +69,11 @@ pub(super) fn lit_layer<P: Probe>(
     lights: &shade::LightRegisters,
     slot: usize,
     fragment: &Slot,
+    pixel: [u32; 2],
     tap: &mut Tap<P>,
 ) -> Layer {
     let Premultiplied { colour, opacity } =
-        if fragment.shaded { machine.fragment.shaded(fragment, tap) } else { shade_slot(machine, lights, fragment, tap) };
+        if fragment.shaded { machine.fragment.shaded(fragment, tap) } else { shade_slot(machine, lights, fragment, pixel, tap) };
     layer_of(slot, fragment, &shade::Output { colour, opacity })
 }
 

@@ -22,6 +22,7 @@ pub use crate::num::real::{floor_log2, loss, power_of_two};
 pub use partial_precision::{PartialPrecision, Switches};
 
 use crate::frame::Scaled;
+use crate::functions::map::real::RealMap;
 use crate::functions::table::real::Power;
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::num::{Fit, Overflow, Word};
@@ -136,6 +137,8 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Self;
     /// x^exponent of a number from 0 to 1, by a table.
     fn power(self, table: &Power) -> Self;
+    /// Light at a place of a map, each coordinate from 0 to 1.
+    fn look_up(place: [Self; 2], map: &RealMap) -> [Self; 3];
     /// |v|.
     fn length(v: [Self; 3]) -> Self;
     /// v/|v| of parts of `whole` ([`Real::share`]), by a function unit for 1/√x; of 0 nothing that means anything.
@@ -398,6 +401,12 @@ impl Real for Near {
 
     fn power(self, table: &Power) -> Near {
         self.function(|x| table.exact(x), table.error(self.low(), self.high()))
+    }
+
+    fn look_up(place: [Near; 2], map: &RealMap) -> [Near; 3] {
+        let at = place.map(|place| place.value);
+        let (exact, error) = (map.exact(at), map.error(at, place.map(Near::low), place.map(Near::high)));
+        std::array::from_fn(|i| Near::within(exact[i], error[i]))
     }
 
     /// Vectors that differ by d differ in length by at most |d|.

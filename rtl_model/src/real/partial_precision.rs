@@ -10,6 +10,7 @@
 //! Laws: `all_on_a_fit_is_the_machines`, `all_on_a_function_is_the_units`, `all_off_nothing_is_lost`; of the whole, tests/attribution.rs.
 
 use super::{Direction, Real, Scale, floor_log2, norm, power_of_two};
+use crate::functions::map::real::RealMap;
 use crate::functions::table::real::Power;
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::num::{Fit, Overflow, Rounding, Word};
@@ -245,6 +246,21 @@ impl Real for PartialPrecision<'_> {
     fn power(self, table: &Power) -> Self {
         let words = table.table();
         self.with(if self.is_on(words.fit()) { words.at(self.value) } else { table.exact(self.value) }).fit(words.fit(), Scale::ONE)
+    }
+
+    fn look_up(place: [Self; 2], map: &RealMap) -> [Self; 3] {
+        let held = place[0].is_on(map.light());
+        let step = |place: Self| {
+            let (index, fraction) = map.step(place.value);
+            (index, place.with(fraction).fit(map.fraction(), Scale::ONE).at_most(1.0).value)
+        };
+        let ((column, right), (row, down)) = (step(place[0]), step(place[1]));
+        let line = |from: f64, to: f64, fraction: f64| place[0].with(from + (to - from) * fraction).fit(map.light(), Scale::ONE).value;
+        std::array::from_fn(|i| {
+            let texel = |column: usize, row: usize| map.texel(held, column, row)[i];
+            let [upper, lower] = [row, row + 1].map(|row| line(texel(column, row), texel(column + 1, row), right));
+            place[0].with(line(upper, lower, down))
+        })
     }
 
     fn length(v: [Self; 3]) -> Self {

@@ -13,6 +13,8 @@ pub struct ShadeInput {
     pub normal: [i64; 3],
     /// Index into the frame's materials.
     pub material: u32,
+    /// Column and row; 0 of a splat that is lit before it has any.
+    pub pixel: [i64; 2],
 }
 
 /// Output port of shade (`shade.premultiplied`).

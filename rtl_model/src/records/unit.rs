@@ -16,6 +16,8 @@ pub const GAUSS: &str = "gauss";
 pub const FRAGMENT: &str = "fragment";
 /// Normalise and light.
 pub const SHADE: &str = "shade";
+/// Mirror surroundings.
+pub const REFLECT: &str = "reflect";
 /// Blend into the frame.
 pub const RESOLVE: &str = "resolve";
 
@@ -23,14 +25,18 @@ pub const RESOLVE: &str = "resolve";
 pub const ALL: [&str; 8] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
 
 /// All of them that are built of parts: colour too, which has no words yet.
-pub const BUILT: [&str; 9] = [PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
+pub const BUILT: [&str; 10] = [PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE];
 
-/// All of them behind one thing more: what comes before the first unit.
-pub const fn all_after(first: &'static str) -> [&'static str; ALL.len() + 1] {
-    let mut all = [first; ALL.len() + 1];
+/// All of them that have words: those that have ports, and reflect, which stands in shade and has that one's.
+pub const WORDED: [&str; 9] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE];
+
+/// Some of them behind one thing more: what comes before the first unit.
+pub const fn after<const N: usize, const M: usize>(first: &'static str, units: [&'static str; N]) -> [&'static str; M] {
+    assert!(M == N + 1);
+    let mut all = [first; M];
     let mut nth = 0;
-    while nth < ALL.len() {
-        all[nth + 1] = ALL[nth];
+    while nth < N {
+        all[nth + 1] = units[nth];
         nth += 1;
     }
     all

@@ -20,6 +20,7 @@ use crate::machine::Machine;
 use crate::num::{Fit, Word, three};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
+use reflect::Reflect;
 
 pub use crate::records::{ShadeInput as Input, ShadeOutput as Output};
 
@@ -36,13 +37,21 @@ pub struct LightRegisters<'a> {
     pub coverage_threshold: i64,
     /// 1/τ (`shade.inverse_threshold`).
     pub inverse_threshold: Scaled,
+    /// What is mirrored; none where nothing is.
+    pub surroundings: Option<reflect::Registers<'a>>,
 }
 
 impl<'a> LightRegisters<'a> {
     /// A frame's, with its materials' tables ([`Shade::highlights`]).
     pub fn of(frame: &'a Frame, highlights: &'a [Option<Table>]) -> Self {
         let Frame { lighting, coverage_threshold, inverse_threshold, .. } = frame;
-        LightRegisters { lighting, highlights, coverage_threshold: *coverage_threshold, inverse_threshold: *inverse_threshold }
+        LightRegisters {
+            lighting,
+            highlights,
+            coverage_threshold: *coverage_threshold,
+            inverse_threshold: *inverse_threshold,
+            surroundings: reflect::Registers::of(frame),
+        }
     }
 }
 
@@ -65,17 +74,20 @@ pub fn path(machine: &Machine) -> Path {
         .sum(bits(m.irradiance))
         .fit(bits(m.irradiance))
         .product(bits(m.rgb), bits(m.irradiance));
-    reciprocal::path(m.reciprocal, bits(f.weight_sum))
-        .beside(unit_normal)
+    let prepared = reciprocal::path(m.reciprocal, bits(f.weight_sum)).beside(unit_normal);
+    let lit = prepared
         .product(normal, bits(m.light))
         .sum_of_three(normal + bits(m.light))
         .fit(bits(m.cosine))
         // Each has registers of its own, and coverage some.
         .then(Path { cycles: shining.cycles + lighting.cycles + SUM, ..shining.beside(lighting) })
         .sum(bits(m.colour))
-        .fit(bits(m.colour))
-        .product(bits(m.colour), bits(m.premultiplied))
-        .fit(bits(m.premultiplied))
+        .fit(bits(m.colour));
+    let leaving = match &machine.reflect {
+        None => lit,
+        Some(m) => lit.beside(prepared.then(reflect::way_to_light(machine, m))).then(reflect::way_to_colour(machine, m)),
+    };
+    leaving.product(bits(m.colour), bits(m.premultiplied)).fit(bits(m.premultiplied))
 }
 
 /// The elaborated unit.
@@ -99,6 +111,8 @@ pub struct Shade {
     premultiplied: Fit,
     words: Words,
     highlight_table: crate::machine::TableShape,
+    /// None where the machine mirrors nothing.
+    reflect: Option<Reflect>,
 }
 
 /// Places that align terms, and the words for 1.
@@ -218,7 +232,13 @@ impl Shade {
                 highlight_argument_bits: cosine_bits as u32,
             },
             highlight_table,
+            reflect: Reflect::new(e, machine),
         }
+    }
+
+    /// What mirrors surroundings; none where the machine has none.
+    pub fn reflect(&self) -> Option<&Reflect> {
+        self.reflect.as_ref()
     }
 
     /// 1/W.
@@ -276,10 +296,14 @@ impl Shade {
     fn lit<P: Probe>(&self, registers: &LightRegisters, input: &Input, rgb: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> [i64; 3] {
         let w = self.words;
         let material = input.material as usize;
+        let mirror = self.reflect.as_ref().zip(registers.surroundings.as_ref()).filter(|(unit, of)| unit.mirrors(of, material));
         let (Material::BlinnPhong { ambient, diffuse, specular, .. }, Some(table)) =
             (&registers.lighting.materials[material], &registers.highlights[material])
         else {
-            return tap.fit_three(&self.colour, three!(i => (rgb[i] << w.rgb_to_colour).min(w.colour_one)));
+            let colour = tap.fit_three(&self.colour, three!(i => (rgb[i] << w.rgb_to_colour).min(w.colour_one)));
+            let Some((unit, of)) = mirror else { return colour };
+            let normal = self.unit_normal(input.normal, exponent, tap);
+            return normal.map_or(colour, |normal| unit.one(of, material, input.pixel, normal, colour, tap));
         };
         let normal = self.unit_normal(input.normal, exponent, tap);
         let mut irradiance = [*ambient << w.ambient; 3];
@@ -296,7 +320,11 @@ impl Shade {
         }
         let irradiance = tap.fit_three(&self.irradiance, irradiance);
         let exact = three!(channel => ((rgb[channel] * irradiance[channel]) << w.lit) + (gloss[channel] << w.glossy));
-        tap.fit_three(&self.colour, three!(channel => exact[channel].min(w.colour_one)))
+        let colour = tap.fit_three(&self.colour, three!(channel => exact[channel].min(w.colour_one)));
+        match (mirror, normal) {
+            (Some((unit, of)), Some(normal)) => unit.one(of, material, input.pixel, normal, colour, tap),
+            _ => colour,
+        }
     }
 
     /// max(0, N·direction).
@@ -320,6 +348,7 @@ impl Shade {
 
 mod lanes;
 pub mod real;
+pub mod reflect;
 
 #[cfg(test)]
 mod tests;

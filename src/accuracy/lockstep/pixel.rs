@@ -165,6 +165,7 @@ impl Bounds {
             opacity: mean(OPACITY),
             normal: [mean(4), mean(5), mean(6)],
             material: golden.material,
+            at: common.shader.from_middle(golden.pixel),
         }
     }
 

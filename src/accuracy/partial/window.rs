@@ -218,7 +218,8 @@ impl<'a> Painter for WindowPixels<'a> {
         {
             layers[slot] = Layer::Closed(self.put_inside(closed, self.inside(&arrival), [z, z]));
         } else {
-            let sums = Fragment { z, material: arrival.footprint.material, ..Fragment::default() };
+            let (material, pixel) = (arrival.footprint.material, arrival.pixel.map(|place| place as u16));
+            let sums = Fragment { z, material, pixel, ..Fragment::default() };
             let mut fresh = Open { sums, depth: 0.0, span: window::Span::at(z) };
             self.add(&mut fresh, &arrival);
             Window::sort(&mut layers);

@@ -45,7 +45,9 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         .chain(machine.roots().map(|(name, unit)| (name, unit.shape())))
         .chain(machine.ray_root().filter(|_| frame.ellipsoids.is_some()).map(|unit| ("ellipse.ray_root", unit.shape())))
         .chain(machine.fragment.window_reciprocal().filter(|_| frame.window.is_some()).map(|unit| (RECIPROCAL_OF_WINDOWS, unit.shape())));
-    for (name, shape) in functions {
+    let mirror =
+        machine.shade.reflect().filter(|_| frame.surroundings.is_some()).map(|unit| ("reflect.reciprocal", unit.reciprocal().shape()));
+    for (name, shape) in functions.chain(mirror) {
         let sizes = [("TABLE_BITS", shape.table_bits), ("NEWTON_STEPS", shape.newton_steps), ("BITS", shape.bits)];
         all.extend(sizes.map(|(size, value)| (format!("{}_{size}", constant(name)), i64::from(value))));
     }
@@ -82,6 +84,9 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         ("LIGHTS", frame.lighting.lights.len() as i64),
         ("MATERIALS", frame.lighting.materials.len() as i64),
     ];
+    if let (Some(_), Some(words)) = (&frame.surroundings, &m.reflect) {
+        all.push(("REFLECT_INDEX_BITS".into(), words.index_bits.into()));
+    }
     let of_windows = window
         .map(|words| [("FRAGMENT_GROUP", f.group as i64), ("FRAGMENT_LATE", words.late.into()), ("FRAGMENT_INSIDE", words.inside.into())]);
     all.extend(rules.into_iter().chain(of_windows.into_iter().flatten()).map(|(name, value)| (name.to_owned(), value)));
@@ -179,11 +184,13 @@ pub fn enums(kind: Kind) -> serde_json::Value {
 
 /// The package `machine_pkg`, for one machine and one frame's number of lights and materials.
 pub fn package(machine: &Elaborated, frame: &Frame) -> String {
+    // Read once, before the twins, which are others where materials mirror.
+    let mirrors = if frame.surroundings.is_some() { "`define MACHINE_MIRRORS\n" } else { "" };
     let mut text = format!(
         "// Formats, rules, timing and records of the machine {}, written by splatsim {}.\n\
          // For each word: _W bits, _F fraction bits, _S signed, _ROUND 0 truncate, 1 nearest, 2 nearest-even, _WRAP 0 saturate, 1 wrap.\n\
          // For each record: _W bits, and _LSB and _W of each field.\n\
-         `timescale 1ns / 1ps\n`default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
+         `timescale 1ns / 1ps\n{mirrors}`default_nettype none\n/* verilator lint_off UNUSEDPARAM */\npackage machine_pkg;\n",
         machine.machine.name,
         env!("CARGO_PKG_VERSION"),
     );

@@ -64,6 +64,12 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
     let highlights = machine.shade.highlights(&frame.lighting);
     let lines = highlights.iter().flat_map(|table| table.as_ref().map_or_else(|| vec![vec![0, 0]; size], lines_of)).collect();
     all.push(Rom { name: "shade.highlights".into(), fields: LINE, layout: line(m.shade.highlight.format.width()), lines });
+    if let (Some(surroundings), Some(unit), Some(words)) = (&frame.surroundings, machine.shade.reflect(), &m.reflect) {
+        all.push(first_guesses("reflect.reciprocal", unit.reciprocal().shape(), unit.reciprocal().guesses()));
+        let layout = Layout::of_naturals(&[words.light.format.width() as u32; 3]);
+        let lines = surroundings.texels.iter().map(|texel| texel.to_vec()).collect();
+        all.push(Rom { name: "reflect.light".into(), fields: &["red", "green", "blue"], layout, lines });
+    }
     if let (Some(registers), Some(words)) = (machine.windows(frame), &m.fragment.window) {
         for (name, table, word) in [("density", &registers.density, words.density), ("hidden", &registers.hidden, words.hidden)] {
             let name = format!("fragment.window.{name}");

@@ -630,6 +630,7 @@ impl Maker<'_> {
                     opacity: words[4],
                     normal: [words[5], words[6], words[7]],
                     material: material as u32,
+                    pixel: [0; 2],
                 };
                 let output = unit_replay::shade(self.machine, self.frame, &input, &mut self.out.coverage);
                 let weight = match words[0] {

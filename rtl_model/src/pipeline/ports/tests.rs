@@ -8,8 +8,14 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
     let kinds = all.filter(|kind| kind.iter().zip(can).all(|(wanted, can)| can || !wanted));
     // A machine that groups by windows does so whatever it draws, and has all splats lit before.
     let windows = m.fragment.window.is_some();
-    let kind =
-        |[ellipsoids, preshaded, sorted, sheets]: [bool; 4]| Kind { ellipsoids, preshaded: preshaded || windows, sorted, sheets, windows };
+    let kind = |[ellipsoids, preshaded, sorted, sheets]: [bool; 4]| Kind {
+        ellipsoids,
+        preshaded: preshaded || windows,
+        sorted,
+        sheets,
+        windows,
+        mirrors: false,
+    };
     kinds.map(kind).collect()
 }
 

@@ -18,6 +18,7 @@
 //! Laws: `shading_is_within_its_bound`, `the_bound_of_shading_is_tight`.
 
 use super::Shade;
+use super::reflect::real::Surroundings;
 use crate::functions::table::real::Power;
 use crate::num::Fit;
 use crate::real::{Direction, Real, Scale};
@@ -35,6 +36,8 @@ pub struct Sums<R> {
     pub normal: [R; 3],
     /// Index into the lighting's materials.
     pub material: u32,
+    /// The pixel's centre from the middle of the picture.
+    pub at: [f64; 2],
 }
 
 /// Registers that a frame loads.
@@ -48,6 +51,8 @@ pub struct Lighting<R> {
     pub coverage_threshold: R,
     /// 1/τ.
     pub inverse_threshold: R,
+    /// What is mirrored; none where nothing is.
+    pub surroundings: Option<Surroundings<R>>,
 }
 
 /// A light, in camera space.
@@ -109,16 +114,25 @@ impl Shade {
 
     /// The colour that leaves the surface, at most 1.
     fn real_colour<R: Real>(&self, lighting: &Lighting<R>, sums: &Sums<R>, rgb: [R; 3]) -> [R; 3] {
-        let material = &lighting.materials[sums.material as usize];
-        if matches!(material, Material::Unlit) {
-            return rgb.map(|channel| channel.at_most(1.0).refit(self.rgb.word.format.frac_bits, &self.colour));
+        let number = sums.material as usize;
+        let material = &lighting.materials[number];
+        let of = lighting.surroundings.as_ref().filter(|of| !of.mirrors[number].is_dull);
+        let mirror = self.reflect.as_ref().zip(of);
+        let is_unlit = matches!(material, Material::Unlit);
+        let as_it_is = || rgb.map(|channel| channel.at_most(1.0).refit(self.rgb.word.format.frac_bits, &self.colour));
+        if is_unlit && mirror.is_none() {
+            return as_it_is();
         }
         let share = sums.normal.map(|n| n.share(&self.normal_share, sums.weight));
         let zero = R::constant(0.0);
-        let ambient_only = || self.real_lit(material, &[], rgb, |_| zero);
+        let ambient_only = || if is_unlit { as_it_is() } else { self.real_lit(material, &[], rgb, |_| zero) };
         (-R::length(share)).branch(zero, ambient_only, || {
             let normal = R::direction(share, sums.weight, &self.root).fit(&self.normal);
-            let lit = |normal: Direction<R>| self.real_lit(material, &lighting.lights, rgb, |to| self.real_cosine(&normal, to));
+            let lit = |normal: Direction<R>| {
+                let colour =
+                    if is_unlit { as_it_is() } else { self.real_lit(material, &lighting.lights, rgb, |to| self.real_cosine(&normal, to)) };
+                mirror.map_or(colour, |(unit, of)| unit.real(of, number, sums.at, &normal, colour))
+            };
             let to_viewer = -R::dot(&normal, [0.0, 0.0, 1.0].map(R::constant));
             to_viewer.branch(zero, || lit(normal), || lit(normal.turned_back()))
         })

@@ -55,6 +55,7 @@ impl Bench {
             highlights: &self.highlights,
             coverage_threshold: quantised(self.machine.fragment.weight_sum, 0.4),
             inverse_threshold: Scaled { mantissa: quantised(self.machine.shade.inverse_threshold, 0.625), places: -2 },
+            surroundings: None,
         }
     }
 
@@ -71,6 +72,7 @@ impl Bench {
             opacity: quantised(f.opacity_sum, weight * opacity),
             normal: normal.map(|n| quantised(f.normal_sum, weight * n)),
             material,
+            pixel: [0; 2],
         }
     }
 
@@ -256,7 +258,7 @@ fn sums(machine: &Machine) -> impl Strategy<Value = Input> + use<> {
                 std::array::from_fn(|i| quantised(words[i], values[i] * weight))
             }
         };
-        Input { weight: of[0], colour: [of[1], of[2], of[3]], opacity: of[4], normal: [of[5], of[6], of[7]], material: 0 }
+        Input { weight: of[0], colour: [of[1], of[2], of[3]], opacity: of[4], normal: [of[5], of[6], of[7]], material: 0, pixel: [0; 2] }
     })
 }
 

@@ -21,9 +21,13 @@ pub fn constants(frame: &Frame) -> Vec<(&'static str, Vec<Vec<i64>>)> {
         let half_way = light.half_way;
         [&light.direction[..], &[half_way.is_some().into()], &half_way.unwrap_or_default()].concat()
     });
-    let materials = frame.lighting.materials.iter().map(|material| match material {
-        Material::Unlit => vec![1, 0],
-        Material::BlinnPhong { ambient, .. } => vec![0, *ambient],
+    let materials = frame.lighting.materials.iter().enumerate().map(|(number, material)| {
+        let lit = match material {
+            Material::Unlit => [1, 0],
+            Material::BlinnPhong { ambient, .. } => [0, *ambient],
+        };
+        let mirror = frame.surroundings.as_ref().map(|surroundings| surroundings.mirrors[number]);
+        lit.into_iter().chain(mirror.into_iter().flat_map(|mirror| [mirror.kept].into_iter().chain(mirror.mirrored))).collect()
     });
     let count = frame.lighting.lights.len();
     let reflections = frame.lighting.materials.iter().flat_map(|material| {

@@ -127,6 +127,7 @@ impl Bench {
                 materials: bounds.1,
                 coverage_threshold,
                 inverse_threshold: Near::held_scaled(1.0 / scene.threshold, m.inverse_threshold, inverse),
+                surroundings: None,
             },
             shade,
             machine,
@@ -139,6 +140,7 @@ impl Bench {
             highlights: &self.tables,
             coverage_threshold: self.threshold,
             inverse_threshold: self.inverse,
+            surroundings: None,
         }
     }
 
@@ -163,6 +165,7 @@ impl Bench {
             opacity: sum(f.opacity_sum, means.opacity),
             normal: means.normal.map(|mean| sum(f.normal_sum, mean)),
             material: 0,
+            pixel: [0; 2],
         }
     }
 
@@ -181,6 +184,7 @@ impl Bench {
             opacity: mean(f.opacity_sum, input.opacity, means.opacity),
             normal: std::array::from_fn(|i| mean(f.normal_sum, input.normal[i], means.normal[i])),
             material: 0,
+            at: [0.0; 2],
         }
     }
 }

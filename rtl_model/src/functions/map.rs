@@ -1,0 +1,115 @@
+//! Map: colours over a square, read from a table of 2^k × 2^k texels, with straight lines between them.
+//!
+//! ```text
+//! u, v ─►(× 2^k − 1)─►[ index | fraction ]─► four texels ─►(lines along u)─► two ─►(a line along v)─► light
+//! ```
+//! The first and the last texel of a row lie on the square's sides, so that nothing wraps: 2^k texels are 2^k − 1 steps.
+//!
+//! Losses: `fraction` is rounded; each line's result is rounded to the texels' own word.
+//!
+//! Laws: `corners_are_texels`, `light_lies_among_its_texels`.
+
+use crate::elaboration::latency::Path;
+use crate::elaboration::{Elaboration, Operator};
+use crate::num::{Exact, Fit, Format, Word, three};
+use crate::probe::{Probe, Tap};
+
+/// An elaborated map.
+#[derive(Clone, Debug)]
+pub struct Map {
+    index_bits: u32,
+    /// Fraction bits of a place on the square.
+    place_bits: u32,
+    fraction: Fit,
+    light: Fit,
+    /// 1 as a fraction.
+    one: i64,
+}
+
+/// Words of a map.
+#[derive(Clone, Copy, Debug)]
+pub struct Words {
+    /// 2^this texels a side.
+    pub index_bits: u32,
+    /// Fraction bits of a place from 0 to 1.
+    pub place_bits: i32,
+    /// Between two texels.
+    pub fraction: Word,
+    /// A texel.
+    pub light: Word,
+}
+
+/// Longest way from a place to its light.
+pub fn path(words: &Words) -> Path {
+    let [fraction, light] = [words.fraction, words.light].map(|word| word.format.width());
+    let line = Path::default().sum(light).product(light + 1, fraction).sum(light + fraction).fit(light);
+    let index_bits = words.index_bits.min(64) as i32;
+    Path::default().sum(words.place_bits + index_bits).fit(fraction).table(2 * index_bits).then(line.times(2))
+}
+
+impl Map {
+    /// Elaborates a unit's map, whose fraction and texels are that unit's words `fraction` and `light`.
+    pub fn new(e: &mut Elaboration, unit: &'static str, words: Words) -> Self {
+        let Words { index_bits, place_bits, fraction, light } = words;
+        let place_bits = place_bits.clamp(0, 40) as u32;
+        // u·2^k − u, of each axis.
+        e.adders(unit, 2, place_bits as i32 + index_bits as i32);
+        // The last step has the last texel too.
+        e.copies(2, |e| e.limit(unit, index_bits as i32));
+        // Four texels at a time, of which each lies in a table of its own: even and odd columns and rows.
+        let texels = 1 << (2 * index_bits - 2);
+        e.copies(4, |e| e.part(unit, Operator::Rom([texels, 3 * light.format.width()])));
+        e.copies(2, |e| e.choice(unit, 4, 3 * light.format.width()));
+        // Two lines along u and one along v, of three channels: a difference times a fraction, and what it begins with.
+        let line = e.copies(9, |e| {
+            e.part(unit, Operator::Adder(light.format.width() + 1));
+            let step = Format { signed: true, int_bits: light.format.int_bits + 1, ..light.format };
+            let rise = e.times(unit, step, fraction);
+            e.part(unit, Operator::Adder(rise.bits()));
+            Exact { int_bits: light.format.int_bits, ..rise }
+        });
+        e.copies(2, |e| e.limit(unit, fraction.format.width()));
+        let between = Exact { int_bits: 1, frac_bits: place_bits as i32 };
+        Map {
+            index_bits,
+            place_bits,
+            fraction: e.copies(2, |e| e.fit(unit, "fraction", fraction, between)),
+            light: e.copies(9, |e| e.fit(unit, "light", light, line)),
+            one: fraction.format.one(),
+        }
+    }
+
+    /// Texels a side.
+    pub fn side(&self) -> usize {
+        1 << self.index_bits
+    }
+
+    /// The step that a place lies in, and how far.
+    fn step<P: Probe>(&self, place: i64, tap: &mut Tap<P>) -> (usize, i64) {
+        let steps = (1 << self.index_bits) - 1;
+        let exact = place * steps;
+        let index = (exact >> self.place_bits).min(steps - 1);
+        let fraction = tap.fit_one(&self.fraction, exact - (index << self.place_bits)).min(self.one);
+        (index as usize, fraction)
+    }
+
+    /// A line from one texel to another.
+    fn line<P: Probe>(&self, from: [i64; 3], to: [i64; 3], fraction: i64, tap: &mut Tap<P>) -> [i64; 3] {
+        tap.fit_three(&self.light, three!(i => from[i] * self.one + (to[i] - from[i]) * fraction))
+    }
+
+    /// Light at a place, each coordinate from 0 to 1 with the elaborated fraction bits, among texels that lie row by row.
+    pub fn light<P: Probe>(&self, texels: &[[i64; 3]], [u, v]: [i64; 2], tap: &mut Tap<P>) -> [i64; 3] {
+        let ((column, right), (row, down)) = (self.step(u, tap), self.step(v, tap));
+        let above = (row << self.index_bits) + column;
+        let below = above + self.side();
+        let upper = self.line(texels[above], texels[above + 1], right, tap);
+        let lower = self.line(texels[below], texels[below + 1], right, tap);
+        self.line(upper, lower, down, tap)
+    }
+}
+
+pub mod real;
+
+#[cfg(test)]
+mod tests;

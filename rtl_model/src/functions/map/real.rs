@@ -1,0 +1,123 @@
+//! Map over the reals: exact texels beside the machine's, and how far the light between them may be off.
+//!
+//! ```text
+//! place off by d     light moves by at most d·(2^k − 1) times the greatest step between neighbours that the place may meet
+//! fraction           its rounding, and its limit, move the place by that part of a step
+//! light              texels: what their words lost; each line: its rounding
+//! ```
+//! Whatever the place, light lies between the least and the greatest of the texels that it may meet: the lesser of both bounds holds.
+
+use super::Map;
+use crate::num::Fit;
+use crate::num::real::{loss, power_of_two};
+
+/// A map, and what its texels stand for.
+#[derive(Clone, Debug)]
+pub struct RealMap {
+    map: Map,
+    exact: Vec<[f64; 3]>,
+    held: Vec<[f64; 3]>,
+}
+
+/// The steps that a place along one axis may lie in, first and last.
+type Steps = [usize; 2];
+
+impl RealMap {
+    /// Of exact texels and the words in their places, row by row.
+    pub fn new(map: &Map, exact: Vec<[f64; 3]>, words: &[[i64; 3]]) -> Self {
+        let value = |word: i64| map.light.word.format.value(word);
+        RealMap { map: map.clone(), exact, held: words.iter().map(|texel| texel.map(value)).collect() }
+    }
+
+    /// The fit of a fraction.
+    pub fn fraction(&self) -> &Fit {
+        &self.map.fraction
+    }
+
+    /// The fit of a line.
+    pub fn light(&self) -> &Fit {
+        &self.map.light
+    }
+
+    /// The step that a place from 0 to 1 lies in, and how far.
+    pub fn step(&self, place: f64) -> (usize, f64) {
+        let steps = (self.map.side() - 1) as f64;
+        let exact = place.max(0.0).min(1.0) * steps;
+        let index = exact.floor().min(steps - 1.0);
+        (index as usize, exact - index)
+    }
+
+    /// A texel, exact or as the machine has it.
+    pub fn texel(&self, held: bool, column: usize, row: usize) -> [f64; 3] {
+        (if held { &self.held } else { &self.exact })[(row << self.map.index_bits) + column]
+    }
+
+    /// Exact light at a place.
+    pub fn exact(&self, [u, v]: [f64; 2]) -> [f64; 3] {
+        let ((column, right), (row, down)) = (self.step(u), self.step(v));
+        std::array::from_fn(|i| {
+            let line = |row: usize| {
+                let [from, to] = [column, column + 1].map(|column| self.texel(false, column, row)[i]);
+                from + (to - from) * right
+            };
+            let (upper, lower) = (line(row), line(row + 1));
+            upper + (lower - upper) * down
+        })
+    }
+
+    /// How far the machine's light may be from the exact one, where its place lies in these limits.
+    pub fn error(&self, at: [f64; 2], low: [f64; 2], high: [f64; 2]) -> [f64; 3] {
+        let steps = (self.map.side() - 1) as f64;
+        let places = [0, 1].map(|axis| [self.step(low[axis]).0, self.step(high[axis]).0]);
+        let [down, up] = loss(self.map.fraction.word.round);
+        let place = power_of_two(-self.map.fraction.word.format.frac_bits);
+        // In steps; a fraction that is rounded up stays at most 1.
+        let moved = [0, 1].map(|axis| {
+            let off =
+                (at[axis].max(0.0).min(1.0) - low[axis].max(0.0).min(1.0)).max(high[axis].max(0.0).min(1.0) - at[axis].max(0.0).min(1.0));
+            off.max(0.0) * steps + down.max(up) * place
+        });
+        let [less, more] = loss(self.map.light.word.round);
+        let rounding = less.max(more) * power_of_two(-self.map.light.word.format.frac_bits);
+        let exact = self.exact(at);
+        let Met { least, most, slope, lost } = self.met(places);
+        std::array::from_fn(|i| {
+            let slid = slope[0][i] * moved[0] + slope[1][i] * moved[1];
+            let range = (most[i] - exact[i]).max(exact[i] - least[i]).max(0.0);
+            // Two lines, of which the second weighs what the first lost by at most 1.
+            slid.min(range) + lost[i] + 2.0 * rounding + 1e-12 * most[i].abs()
+        })
+    }
+
+    /// What is known of the texels of some steps.
+    fn met(&self, [columns, rows]: [Steps; 2]) -> Met {
+        let mut met = Met { least: [f64::INFINITY; 3], most: [f64::NEG_INFINITY; 3], slope: [[0.0; 3]; 2], lost: [0.0; 3] };
+        let [last_column, last_row] = [columns[1] + 1, rows[1] + 1];
+        for row in rows[0]..=last_row {
+            for column in columns[0]..=last_column {
+                let (here, held) = (self.texel(false, column, row), self.texel(true, column, row));
+                let right = (column < last_column).then(|| self.texel(false, column + 1, row));
+                let below = (row < last_row).then(|| self.texel(false, column, row + 1));
+                for i in 0..3 {
+                    met.least[i] = met.least[i].min(here[i]);
+                    met.most[i] = met.most[i].max(here[i]);
+                    met.lost[i] = met.lost[i].max((held[i] - here[i]).abs());
+                    for (axis, next) in [right, below].into_iter().enumerate() {
+                        met.slope[axis][i] = met.slope[axis][i].max(next.map_or(0.0, |next| (next[i] - here[i]).abs()));
+                    }
+                }
+            }
+        }
+        met
+    }
+}
+
+/// Texels that a place may meet.
+struct Met {
+    least: [f64; 3],
+    most: [f64; 3],
+    /// Greatest step between neighbours, along each axis.
+    slope: [[f64; 3]; 2],
+    /// Most that a word lost.
+    lost: [f64; 3],
+}

@@ -1,0 +1,165 @@
+//! Reflection: what a mirror shows of the surroundings (Surface Splatting §4, docs/book/reflection.md): looked up as they are, or in the
+//! octahedral map that a machine has of them.
+
+use glam::{DMat3, DVec3};
+
+use crate::scene::{Environment, Mirror, Scene};
+use std::sync::Arc;
+
+/// How a machine mirrors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reflection {
+    /// The map has 2^this texels a side.
+    pub index_bits: u32,
+    /// Mirrors are looked at along each pixel's own ray; else all along the viewing axis.
+    pub by_ray: bool,
+}
+
+/// Directions are sampled so many times across a texel at most.
+const MOST_SAMPLES: usize = 8;
+
+/// The octahedral map of surroundings in the camera space that `rotation` leads to: 2^`index_bits` texels a side, row by row. Its middle looks
+/// at the viewer (−z), its corners away from him. A texel is the mean over its part of the map.
+pub fn octahedral(environment: &Environment, rotation: DMat3, index_bits: u32) -> Vec<[f64; 3]> {
+    let side = 1usize << index_bits;
+    let steps = (side - 1) as f64;
+    // A quarter of the map's side is 90 degrees, and so is half of the picture's height.
+    let samples = (environment.height() / side).clamp(1, MOST_SAMPLES);
+    let texel = |column: usize, row: usize| {
+        let mut sum = [0.0; 3];
+        for nth in 0..samples * samples {
+            let within = |nth: usize| (nth as f64 + 0.5) / samples as f64 - 0.5;
+            let at = [(column as f64 + within(nth % samples)) / steps, (row as f64 + within(nth / samples)) / steps];
+            let light = environment.light(rotation.transpose() * of_place(at));
+            (0..3).for_each(|i| sum[i] += light[i]);
+        }
+        sum.map(|sum| sum / (samples * samples) as f64)
+    };
+    (0..side * side).map(|at| texel(at % side, at / side)).collect()
+}
+
+/// The direction at a place of the map, which goes on mirrored beyond its sides.
+fn of_place([u, v]: [f64; 2]) -> DVec3 {
+    let (mut x, mut y) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+    if x.abs() > 1.0 {
+        (x, y) = (x.signum() * 2.0 - x, -y);
+    }
+    if y.abs() > 1.0 {
+        (x, y) = (-x, y.signum() * 2.0 - y);
+    }
+    let z = x.abs() + y.abs() - 1.0;
+    if z > 0.0 {
+        (x, y) = ((1.0 - y.abs()) * x.signum(), (1.0 - x.abs()) * y.signum());
+    }
+    DVec3::new(x, y, z)
+}
+
+/// Where a direction lies in the map, 0 to 1.
+fn place(direction: DVec3) -> [f64; 2] {
+    let flat = direction / (direction.x.abs() + direction.y.abs() + direction.z.abs());
+    let (mut x, mut y) = (flat.x, flat.y);
+    if flat.z > 0.0 {
+        (x, y) = ((1.0 - flat.y.abs()) * flat.x.signum(), (1.0 - flat.x.abs()) * flat.y.signum());
+    }
+    [(x + 1.0) / 2.0, (y + 1.0) / 2.0]
+}
+
+/// The ray (a, b, 1) that a normal of length 1 mirrors, as long as that.
+fn reflected(ray: DVec3, normal: DVec3) -> DVec3 {
+    ray - 2.0 * ray.dot(normal) * normal
+}
+
+/// Surroundings as a camera's mirrors show them.
+pub(crate) struct Surroundings {
+    environment: Arc<Environment>,
+    /// World → camera.
+    rotation: DMat3,
+    focal_px: f64,
+    /// A machine's map.
+    map: Option<(Reflection, Vec<[f64; 3]>)>,
+}
+
+impl Surroundings {
+    /// Of a scene, and a machine's way to mirror them; none where nothing is mirrored.
+    pub fn new(scene: &Scene, way: Option<Reflection>) -> Option<Self> {
+        let environment = scene.environment.clone()?;
+        let view = scene.view();
+        let map = way.map(|way| (way, octahedral(&environment, view.rotation, way.index_bits)));
+        Some(Surroundings { environment, rotation: view.rotation, focal_px: view.focal_px, map })
+    }
+
+    /// The colour that leaves a material of this colour, where its unit normal is this in camera space; `at` is the pixel's centre from the
+    /// middle of the picture.
+    pub fn mirrored(&self, material: u32, at: [f64; 2], normal: DVec3, colour: DVec3) -> DVec3 {
+        let Mirror { reflect, tint } = self.environment.mirrors[material as usize];
+        if reflect == 0.0 {
+            return colour;
+        }
+        let light = DVec3::from_array(self.light(at, normal));
+        (colour * (1.0 - reflect) + light * DVec3::from_array(tint) * reflect).min(DVec3::ONE)
+    }
+
+    fn light(&self, at: [f64; 2], normal: DVec3) -> [f64; 3] {
+        let ray = DVec3::new(at[0] / self.focal_px, at[1] / self.focal_px, 1.0);
+        let Some((way, texels)) = &self.map else {
+            return self.environment.light(self.rotation.transpose() * reflected(ray, normal));
+        };
+        let ray = if way.by_ray { ray } else { DVec3::Z };
+        between(texels, 1 << way.index_bits, place(reflected(ray, normal)))
+    }
+}
+
+/// Light between four texels.
+fn between(texels: &[[f64; 3]], side: usize, at: [f64; 2]) -> [f64; 3] {
+    let [x, y] = at.map(|at| at * (side - 1) as f64);
+    let [left, above] = [x, y].map(|x| (x.floor() as usize).min(side - 2));
+    let parts = [[1.0 - (x - left as f64), x - left as f64], [1.0 - (y - above as f64), y - above as f64]];
+    let mut light = [0.0; 3];
+    for (down, part) in parts[1].into_iter().enumerate() {
+        for (right, share) in parts[0].into_iter().enumerate() {
+            let texel = texels[(above + down) * side + left + right];
+            (0..3).for_each(|i| light[i] += texel[i] * share * part);
+        }
+    }
+    light
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector() -> impl Strategy<Value = DVec3> {
+        prop::array::uniform3(-1.0..1.0).prop_map(DVec3::from_array).prop_filter("has a direction", |v| v.length() > 0.1)
+    }
+
+    proptest! {
+        /// Length kept, angle kept, and in the plane of ray and normal: the law of reflection by its definition.
+        #[test]
+        fn a_ray_leaves_as_it_comes(ray in vector(), normal in vector()) {
+            let normal = normal.normalize();
+            let mirrored = reflected(ray, normal);
+            prop_assert!((mirrored.length() - ray.length()).abs() < 1e-12);
+            prop_assert!((mirrored.dot(normal) + ray.dot(normal)).abs() < 1e-12);
+            prop_assert!(mirrored.cross(normal).abs_diff_eq(ray.cross(normal), 1e-12));
+        }
+
+        #[test]
+        fn a_direction_is_found_at_its_place(direction in vector()) {
+            let found = of_place(place(direction));
+            prop_assert!(found.normalize().abs_diff_eq(direction.normalize(), 1e-9), "{found} of {direction}");
+        }
+
+        /// Beyond a side the map goes on with the directions on the other side of it.
+        #[test]
+        fn nothing_jumps_at_a_side(along in 0.0..1.0f64) {
+            for side in [0.0, 1.0] {
+                let out = if side == 0.0 { -1e-7 } else { 1e-7 };
+                for (inside, outside) in [([side - out, along], [side + out, along]), ([along, side - out], [along, side + out])] {
+                    let [inside, outside] = [inside, outside].map(|at| of_place(at).normalize());
+                    prop_assert!(inside.abs_diff_eq(outside, 1e-5), "{inside} and {outside}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,302 @@
+//! Reflection: is what a mirror shows what its surroundings are, does a finer map come nearer, does the machine keep within its bound, and is
+//! a broken picture of the surroundings told of?
+
+use crate::handmade::{self, Rng};
+use crate::program::PROGRAM;
+use assert_cmd::Command;
+use glam::DVec3;
+use rtl_model::Machine;
+use rtl_model::machine::{FunctionUnit, Sight};
+use rtl_model::num::{Format, Overflow, Rounding, Word};
+use serde_json::{Value, json};
+use splatsim::accuracy::partial::{Choice, Stage};
+use splatsim::accuracy::{Lockstep, lockstep, metrics};
+use splatsim::golden::{self, Reflection, Rules};
+use splatsim::hardware::{fixed, machines, quantise};
+use splatsim::output::picture::Picture;
+use splatsim::performance::cost::{Cost, Prices};
+use splatsim::scene::{Overrides, Scene};
+use std::path::Path;
+
+/// The machine of the book's chapter.
+fn mirror(sight: Sight) -> Machine {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/reflection/mirror.json");
+    let mut machine = machines::load(path, &[]).unwrap();
+    machine.reflect.as_mut().unwrap().sight = sight;
+    machine
+}
+
+/// The book's spheres, of every so many splats.
+fn spheres(size: (usize, usize)) -> Scene {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/reflection/spheres.json");
+    let mut scene = Scene::load(path, &Overrides { size: Some(size) }).unwrap();
+    let every = scene.splats.len() / 2000 + 1;
+    scene.splats = scene.splats.iter().step_by(every).copied().collect();
+    scene.splats.iter_mut().for_each(|splat| splat.radius *= (every as f64).sqrt());
+    scene
+}
+
+fn drawn(scene: &Scene, machine: &Machine) -> Picture {
+    let elaborated = fixed::elaborate(machine).unwrap();
+    fixed::picture(&elaborated, &fixed::draw(&elaborated, &quantise::quantise(scene, machine).unwrap()))
+}
+
+fn in_lockstep(scene: &Scene, machine: &Machine) -> Lockstep {
+    lockstep(scene, &fixed::elaborate(machine).unwrap(), &quantise::quantise(scene, machine).unwrap())
+}
+
+/// Decibels; 200 where nothing differs.
+fn psnr(a: &Picture, b: &Picture) -> f64 {
+    metrics(a, b).psnr_db.unwrap_or(200.0)
+}
+
+/// Light of a smooth sky, by direction.
+fn smooth(direction: DVec3) -> [f64; 3] {
+    let d = direction.normalize();
+    [0.5 + 0.4 * d.x, 0.5 + 0.3 * d.y - 0.1 * d.z, 0.4 + 0.3 * (d.x * d.y)]
+}
+
+/// A Radiance or EXR picture of it, latitude-longitude by its definition: up is y, the middle column looks along −z, right of it +x.
+fn write_smooth(path: &Path, height: u32) {
+    let picture = image::Rgb32FImage::from_fn(2 * height, height, |column, row| {
+        let turn = (f64::from(column) + 0.5) / f64::from(height) * std::f64::consts::PI;
+        let down = (f64::from(row) + 0.5) / f64::from(height) * std::f64::consts::PI;
+        // A turn of 0 is the left edge, behind: +z.
+        let direction = DVec3::new(-down.sin() * turn.sin(), down.cos(), down.sin() * turn.cos());
+        image::Rgb(smooth(direction).map(|light| light as f32))
+    });
+    image::DynamicImage::from(picture).save(path).unwrap();
+}
+
+/// A scene file beside a picture of a smooth sky: mirrors that are tilted each its own way, seen from the origin along −z.
+fn tilted(folder: &Path, picture: &str, reflect: f64, tint: [f64; 3]) -> Scene {
+    let path = folder.join("tilted.json");
+    let normals = [[0.0, 0.0, 1.0], [0.3, 0.1, 1.0], [-0.5, 0.4, 1.0], [0.2, -0.8, 1.0]];
+    let splats: Vec<Value> = normals
+        .iter()
+        .enumerate()
+        .map(|(nth, normal)| {
+            let position = [[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [0.5, 0.5]][nth];
+            json!({"position": [position[0], position[1], -2.0], "normal": normal, "radius": 0.12, "rgb": [0.2, 0.4, 0.6]})
+        })
+        .collect();
+    let scene = json!({
+        "splats": splats, "camera": {"eye": [0, 0, 0], "target": [0, 0, -1]}, "image": {"width": 32, "height": 32}, "kernel": {"low_pass": 0},
+        "surface": {"z_threshold": 0.5, "coverage_threshold": 1e-3}, "environment": {"file": picture},
+        "materials": [{"unlit": true, "reflect": reflect, "tint": tint}],
+    });
+    std::fs::write(&path, scene.to_string()).unwrap();
+    Scene::load(&path, &Overrides::default()).unwrap()
+}
+
+/// Each pixel's colour by hand: the splat's own normal, the pixel's own ray, the sky's own formula.
+#[test]
+fn ideal_shows_what_a_mirror_of_its_normal_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    for picture in ["sky.hdr", "sky.exr"] {
+        write_smooth(&folder.path().join(picture), 256);
+        let (reflect, tint) = (0.75, [1.0, 0.5, 0.25]);
+        let scene = tilted(folder.path(), picture, reflect, tint);
+        let picture = golden::ideal(&scene).picture;
+        let focal = 16.0 / (22.5f64).to_radians().tan();
+        let mut seen = 0;
+        for (at, rgba) in picture.rgba.iter().enumerate().filter(|(at, _)| picture.covered[*at]) {
+            let [x, y] = [at % 32, at / 32].map(|place| place as f64 + 0.5 - 16.0);
+            // Pictures have y down, and the camera looks along −z.
+            let ray = DVec3::new(x / focal, -y / focal, -1.0);
+            let splat = scene.splats.iter().min_by(|a, b| {
+                let off = |p: DVec3| (p / -p.z - ray).length();
+                off(a.position).total_cmp(&off(b.position))
+            });
+            let normal = splat.unwrap().normal;
+            let light = smooth(ray - 2.0 * ray.dot(normal) * normal);
+            for i in 0..3 {
+                let expected = rgba[3] * ((1.0 - reflect) * [0.2, 0.4, 0.6][i] + reflect * tint[i] * light[i]);
+                assert!((rgba[i] - expected).abs() < 0.01, "{x} {y}: {rgba:?} for {expected} in channel {i}");
+            }
+            seen += 1;
+        }
+        assert!(seen > 40, "{seen} pixels");
+    }
+}
+
+#[test]
+fn a_finer_map_comes_nearer_to_the_surroundings() {
+    let scene = spheres((64, 64));
+    let ideal = golden::render(&scene, &Rules::default()).picture;
+    let error = |index_bits: u32, by_ray: bool| {
+        let rules = Rules { reflection: Some(Reflection { index_bits, by_ray }), ..Rules::default() };
+        psnr(&golden::render(&scene, &rules).picture, &ideal)
+    };
+    let by_bits = [2, 4, 6].map(|bits| error(bits, true));
+    assert!(by_bits[0] + 3.0 < by_bits[1] && by_bits[1] + 3.0 < by_bits[2] && by_bits[2] > 40.0, "{by_bits:?} dB");
+    assert!(error(6, false) + 6.0 < by_bits[2], "{} dB along the axis, {} along rays", error(6, false), by_bits[2]);
+}
+
+#[test]
+fn no_pixel_exceeds_its_bound() {
+    let scene = spheres((48, 40));
+    for sight in [Sight::Ray, Sight::Axis] {
+        let Lockstep { violations, flips, bound, .. } = in_lockstep(&scene, &mirror(sight));
+        assert_eq!((violations, flips.unexplained), (0, 0), "{sight:?}");
+        assert!(bound.iter().any(|bound| *bound > 0.0 && *bound < 0.1), "{sight:?}: nothing is known");
+    }
+}
+
+/// Words down to those that hold 1 and little else.
+fn random(rng: &mut Rng) -> Machine {
+    let mut machine = mirror(if rng.roll() < 0.5 { Sight::Ray } else { Sight::Axis });
+    let mut roll = |most: f64| (rng.roll() * most) as i32;
+    let mut word = |signed: bool| Word {
+        format: Format { signed, int_bits: if signed { 2 + roll(2.0) } else { 1 + roll(2.0) }, frac_bits: roll(13.0) },
+        round: [Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven][roll(3.0) as usize],
+        overflow: Overflow::Saturate,
+    };
+    let m = machine.reflect.as_mut().unwrap();
+    for signed in [&mut m.slope, &mut m.facing, &mut m.direction] {
+        *signed = word(true);
+    }
+    for unsigned in [&mut m.coordinate, &mut m.fraction, &mut m.light, &mut m.reflectance] {
+        *unsigned = word(false);
+    }
+    m.index_bits = 1 + roll(6.0) as u32;
+    let bits = 4 + roll(14.0) as u32;
+    m.reciprocal = FunctionUnit { table_bits: 1 + roll(f64::from(bits.min(8))) as u32, newton_steps: roll(3.0) as u32, bits };
+    machine
+}
+
+/// And with all words on, partial precision is the machine.
+#[test]
+fn random_mirrors_keep_within_their_bounds_and_are_known_word_by_word() {
+    let scene = spheres((28, 24));
+    let rng = &mut Rng(7);
+    for nth in 0..12 {
+        let machine = random(rng);
+        let words = serde_json::to_string(&machine.reflect).unwrap();
+        let elaborated = machine.elaborate().unwrap_or_else(|misfits| panic!("{words}: {misfits:?}"));
+        let quantised = quantise::quantise(&scene, &machine).unwrap();
+        let Lockstep { violations, flips, .. } = lockstep(&scene, &elaborated, &quantised);
+        assert_eq!((violations, flips.unexplained), (0, 0), "machine {nth}: {words}");
+        let stage = Stage::new(&scene, &elaborated, &quantised);
+        let choice = Choice::new(&elaborated, |_| true);
+        let all = stage.fill(&choice, &stage.set_up(&choice));
+        let fixed = fixed::picture(&elaborated, &fixed::draw(&elaborated, &quantised));
+        let different = all.rgba.iter().zip(&fixed.rgba).filter(|(all, fixed)| all != fixed).count();
+        assert_eq!(different, 0, "machine {nth}: {words}");
+        let none = Choice::new(&elaborated, |_| false);
+        let golden = golden::render(&scene, &fixed::rules(&machine)).picture;
+        let psnr = psnr(&stage.fill(&none, &stage.set_up(&none)), &golden);
+        assert!(psnr > 100.0, "machine {nth} without words is {psnr} dB from golden: {words}");
+    }
+}
+
+/// A machine that can mirror draws what mirrors nothing as it would without, and one that cannot refuses what does.
+#[test]
+fn nothing_changes_where_nothing_is_mirrored() {
+    let plain = handmade::confetti(200, 3);
+    let without = Machine { reflect: None, ..mirror(Sight::Ray) };
+    assert_eq!(drawn(&plain, &without), drawn(&plain, &mirror(Sight::Ray)));
+    let scene = spheres((16, 16));
+    let refused = quantise::quantise(&scene, &without).unwrap_err().to_string();
+    assert!(refused.contains("has no `reflect`"), "{refused}");
+    // Of a material that mirrors nothing among others that do.
+    let with = drawn(&scene, &mirror(Sight::Axis));
+    let dull = drawn(&Scene { environment: None, ..scene.clone() }, &without);
+    let same = with.rgba.iter().zip(&dull.rgba).filter(|(a, b)| a == b).count();
+    assert!(same > 64 && same < 256, "{same} pixels are as without surroundings");
+}
+
+#[test]
+fn a_mirror_costs_area_and_cycles() {
+    let cost = |machine: &Machine| Cost::new(&fixed::elaborate(machine).unwrap(), &Prices::default());
+    let of = |machine: &Machine| cost(machine).units.into_iter().find(|unit| unit.name == "reflect");
+    let without = Machine { reflect: None, ..mirror(Sight::Ray) };
+    assert!(of(&without).is_none());
+    let [ray, axis] = [Sight::Ray, Sight::Axis].map(|sight| of(&mirror(sight)).unwrap());
+    // 64 × 64 texels of three words of 11 bits, and the 256 first guesses of the reciprocal.
+    assert_eq!(ray.bits.rom, 64 * 64 * 3 * 11 + 256 * 16);
+    assert!(ray.bits.multiplier > axis.bits.multiplier && ray.area > axis.area);
+    let latency = |machine: &Machine| fixed::elaborate(machine).unwrap().timing.shade.latency;
+    assert!(latency(&mirror(Sight::Ray)) >= latency(&mirror(Sight::Axis)) && latency(&mirror(Sight::Axis)) > latency(&without));
+    // All else costs what it did.
+    let rest =
+        |machine: &Machine| cost(machine).units.into_iter().filter(|unit| !["reflect", "shade"].contains(&unit.name)).collect::<Vec<_>>();
+    assert_eq!(rest(&mirror(Sight::Ray)), rest(&without));
+}
+
+#[test]
+fn misfits_are_told_in_sentences() {
+    for (change, part) in [
+        (json!({"index_bits": 9}), "reflect.index_bits is 9: 1 to 8 can be built"),
+        (json!({"index_bits": 4_000_000_000u32}), "1 to 8 can be built"),
+        (json!({"direction": "U2F14"}), "reflect.direction"),
+        (json!({"light": "I1F10"}), "reflect.light"),
+        (json!({"fraction": "U0F8"}), "reflect.fraction"),
+        (json!({"coordinate": "U1F40"}), "reflect.coordinate"),
+    ] {
+        let machine = mirror(Sight::Ray);
+        let mut value = serde_json::to_value(&machine).unwrap();
+        value["reflect"].as_object_mut().unwrap().extend(change.as_object().unwrap().clone());
+        let misfits = serde_json::from_value::<Machine>(value).unwrap().elaborate().unwrap_err();
+        assert!(misfits.iter().any(|misfit| misfit.contains(part)), "{change}: {misfits:?}");
+    }
+}
+
+#[test]
+fn broken_surroundings_end_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let grey = |width: u32, height: u32| image::DynamicImage::from(image::Rgb32FImage::from_pixel(width, height, image::Rgb([0.5; 3])));
+    grey(4, 4).to_rgb8().save(file("square.png")).unwrap();
+    grey(1, 1).to_rgb8().save(file("one.png")).unwrap();
+    grey(8, 4).save(file("sound.exr")).unwrap();
+    let mut lacking = image::Rgb32FImage::from_pixel(8, 4, image::Rgb([0.5; 3]));
+    lacking.put_pixel(3, 2, image::Rgb([0.1, f32::NAN, 0.2]));
+    image::DynamicImage::from(lacking).save(file("nan.exr")).unwrap();
+    let mut dark = image::Rgb32FImage::from_pixel(8, 4, image::Rgb([0.5; 3]));
+    dark.put_pixel(0, 0, image::Rgb([-1.0, 0.0, 0.0]));
+    image::DynamicImage::from(dark).save(file("dark.exr")).unwrap();
+    std::fs::write(file("noise.png"), b"no picture").unwrap();
+    // A header that promises a hundred million texels each way, and no texel.
+    std::fs::write(file("huge.hdr"), b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 50000000 +X 100000000\n").unwrap();
+    std::fs::write(file("wide.hdr"), b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8192 +X 16384\n").unwrap();
+    let cut = std::fs::read(file("sound.exr")).unwrap();
+    std::fs::write(file("cut.exr"), &cut[..cut.len() - 20]).unwrap();
+    let splats = json!({"builtin": "torus-knot", "count": 100});
+    for (environment, material, part) in [
+        (json!({"file": "absent.hdr"}), json!({"reflect": 1}), "cannot be read"),
+        (json!({"file": "square.png"}), json!({"reflect": 1}), "4 × 4 texels"),
+        (json!({"file": "one.png"}), json!({"reflect": 1}), "1 × 1 texels"),
+        (json!({"file": "nan.exr"}), json!({"reflect": 1}), "row 2, column 3"),
+        (json!({"file": "dark.exr"}), json!({"reflect": 1}), "row 0, column 0"),
+        (json!({"file": "noise.png"}), json!({"reflect": 1}), "no PNG, Radiance or EXR"),
+        (json!({"file": "huge.hdr"}), json!({"reflect": 1}), ""),
+        (json!({"file": "wide.hdr"}), json!({"reflect": 1}), ""),
+        (json!({"file": "cut.exr"}), json!({"reflect": 1}), "cannot be decoded"),
+        (json!({"file": "sound.exr", "scale": -1}), json!({"reflect": 1}), "scale"),
+        (json!({"builtin": "cellar"}), json!({"reflect": 1}), "environment"),
+        (json!({"builtin": "sky"}), json!({"reflect": 1.5}), "reflect"),
+        (json!({"builtin": "sky"}), json!({"reflect": 1, "tint": [2, 0, 0]}), "tint"),
+        (Value::Null, json!({"reflect": 0.5}), "no `environment`"),
+    ] {
+        let mut scene = json!({"splats": splats, "materials": [material]});
+        if !environment.is_null() {
+            scene["environment"] = environment.clone();
+        }
+        std::fs::write(file("scene.json"), scene.to_string()).unwrap();
+        let error = Scene::load(file("scene.json"), &Overrides::default()).unwrap_err().to_string();
+        assert!(error.contains(part) && !error.contains('\n') && error.len() < 500, "{environment} {material}: {error}");
+    }
+    std::fs::write(
+        file("scene.json"),
+        json!({"splats": splats, "materials": [{"reflect": 1}], "environment": {"file": "sound.exr"}}).to_string(),
+    )
+    .unwrap();
+    Scene::load(file("scene.json"), &Overrides::default()).unwrap();
+    // On a machine that has no mirror: status 2, a sentence, nothing written.
+    let out = file("out");
+    let output =
+        Command::new(&*PROGRAM).args(["run"]).arg(file("scene.json")).args(["--size", "16x16", "--out"]).arg(&out).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("has no `reflect`") && !out.exists());
+}
