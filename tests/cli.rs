@@ -417,6 +417,7 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["help"],
         vec!["run", "--help"],
         vec!["replay", "--help"],
+        vec!["compare", "--help"],
         vec!["explain", "--help"],
         vec!["trace", "--help"],
         vec!["diff", "--help"],
@@ -547,7 +548,7 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(
         &[],
-        "a command is missing: run, replay, stress, sweep, search, chart, view, trace, diff, unit, explain, machine, scene, sample, completions, man (see --help)",
+        "a command is missing: run, replay, compare, stress, sweep, search, chart, view, trace, diff, unit, explain, machine, scene, sample, completions, man (see --help)",
     );
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "PLAN");

@@ -6,6 +6,7 @@
 //!        └─► ideal ─────────────┘
 //! ```
 
+pub mod compare;
 pub mod evaluation;
 pub mod explain;
 pub mod preview;
