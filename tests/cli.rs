@@ -55,7 +55,7 @@ fn run(arguments: &[&str]) -> (tempfile::TempDir, Value) {
 // ---- run ----
 
 /// What a run writes.
-const WRITTEN: [&str; 10] = [
+const WRITTEN: [&str; 12] = [
     "bounds.png",
     "cycles.csv",
     "cycles.png",
@@ -66,6 +66,8 @@ const WRITTEN: [&str; 10] = [
     "ideal.png",
     "ranges.png",
     "report.json",
+    "roofline.png",
+    "roofline.svg",
 ];
 
 #[test]

@@ -52,6 +52,9 @@ pub(super) struct Typed {
     /// Write compare.json and pictures into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// List every field of the machine that differs
+    #[arg(long)]
+    all: bool,
     /// Print JSON instead of text
     #[arg(long)]
     json: bool,
@@ -65,6 +68,7 @@ pub(super) struct Job {
     frame: Option<Drawn>,
     prices: Prices,
     out: Option<(PathBuf, Folder)>,
+    all: bool,
     json: bool,
 }
 
@@ -115,7 +119,7 @@ impl Typed {
         };
         // Last, for nothing may be written where anything is wrong.
         let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
-        Ok(Job { sides, frame, prices, out, json: self.json })
+        Ok(Job { sides, frame, prices, out, all: self.all, json: self.json })
     }
 }
 
@@ -123,7 +127,10 @@ impl Typed {
 fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
     let (path, shown) = (Path::new(name), one_line(&name.to_string_lossy()));
     let is_named = !path.exists() && Machine::named(&shown).is_some();
-    if !is_named && path.exists() && let Some(side) = Side::read(path)? {
+    if !is_named
+        && path.exists()
+        && let Some(side) = Side::read(path)?
+    {
         if let Some((flag, setting)) = settings.first() {
             let flag = machines::flag(flag, setting);
             return Err(Error::input(format!("{flag}: {shown} is a frame that was drawn: only a machine can be changed")));
@@ -153,13 +160,14 @@ impl Job {
         let [a, b] = self.sides;
         let (a, b) = (side(a)?, side(b)?);
         let comparison = Comparison::new(&a, &b)?;
-        let files = self.out.as_ref().map(|(folder, _)| comparison.write(&a, &b, folder).map(|files| written(folder, &files))).transpose()?;
+        let files =
+            self.out.as_ref().map(|(folder, _)| comparison.write(&a, &b, folder).map(|files| written(folder, &files))).transpose()?;
         if self.json {
             return pretty(&comparison);
         }
         let end = files.map_or_else(String::new, |files| format!("\n\n{files}"));
         let scale = comparison.difference_scale.filter(|_| !end.is_empty());
         let scale = scale.map_or_else(String::new, |scale| format!("\ndifference.png shows |fixed of A − fixed of B| × {scale}"));
-        Ok(format!("{}{end}{scale}", comparison.summary()))
+        Ok(format!("{}{end}{scale}", comparison.summary(self.all)))
     }
 }

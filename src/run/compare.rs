@@ -231,7 +231,8 @@ impl Pictures {
 /// Parts that differ and are not told field by field; those that are, where no such field differs.
 fn elsewhere(a: &Value, b: &Value, is_shown: bool) -> Vec<String> {
     const TOLD: [&str; 6] = ["scene", "machine", "accuracy", "fragments", "cycles", "cost"];
-    const NOT_COMPARED: [&str; 2] = ["host", "version"];
+    // The scale of error.png follows from the pictures.
+    const NOT_COMPARED: [&str; 3] = ["host", "version", "error_scale"];
     let names: BTreeSet<&String> = [a, b].into_iter().filter_map(Value::as_object).flat_map(|fields| fields.keys()).collect();
     let is_told = |name: &str| NOT_COMPARED.contains(&name) || is_shown && TOLD.contains(&name);
     names.into_iter().filter(|name| !is_told(name) && a.get(*name) != b.get(*name)).cloned().collect()

@@ -151,7 +151,8 @@ pub(super) fn scene(a: &Value, b: &Value) -> Vec<Difference> {
     let mut all = Vec::new();
     differences(&own(a), &own(b), "", &mut all);
     for difference in &mut all {
-        difference.left_out = [("a", &difference.a), ("b", &difference.b)].into_iter().filter(|(_, value)| value.is_none()).map(|(side, _)| side).collect();
+        difference.left_out =
+            [("a", &difference.a), ("b", &difference.b)].into_iter().filter(|(_, value)| value.is_none()).map(|(side, _)| side).collect();
     }
     all
 }
@@ -182,13 +183,12 @@ fn differences(a: &Value, b: &Value, path: &str, all: &mut Vec<Difference>) {
     all.extend(others.iter().filter(|(name, _)| !fields.contains_key(*name)).map(|(name, value)| alone(name, [None, Some(value)])));
 }
 
-/// A word in its long form as one text: `U0F12, truncate, saturate`; all else as it is.
+/// A word in its long form as one text, without what is the default: `U0F12 truncate`; all else as it is.
 fn word(value: &Value) -> Value {
     let part = |name: &str| value.get(name).and_then(Value::as_str);
-    match (part("format"), part("round"), part("overflow")) {
-        (Some(format), Some(round), Some(overflow)) => json!(format!("{format}, {round}, {overflow}")),
-        _ => value.clone(),
-    }
+    let (Some(format), Some(round), Some(overflow)) = (part("format"), part("round"), part("overflow")) else { return value.clone() };
+    let [round, overflow] = [(round, "nearest"), (overflow, "saturate")].map(|(part, usual)| (part != usual).then_some(part));
+    json!([Some(format), round, overflow].into_iter().flatten().collect::<Vec<_>>().join(" "))
 }
 
 /// What a unit has of a field of `timing` that its machine leaves out.

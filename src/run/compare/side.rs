@@ -70,7 +70,8 @@ impl Side {
     /// [`Error::Input`] where it cannot be built.
     pub fn of_machine(name: &str, machine: &Machine, prices: &Prices) -> Result<Self> {
         let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
-        let report = json!({"version": env!("CARGO_PKG_VERSION"), "machine": MachineReport::new(&built), "cost": Cost::new(&built, prices)});
+        let report =
+            json!({"version": env!("CARGO_PKG_VERSION"), "machine": MachineReport::new(&built), "cost": Cost::new(&built, prices)});
         Ok(Side { name: name.into(), report, pictures: Vec::new() })
     }
 
@@ -97,7 +98,8 @@ impl Side {
     fn of_replay(name: &str, machine: &Machine, recording: &Recording, prices: &Prices) -> Result<Self> {
         let same = Machine { name: machine.name.clone(), timing: machine.timing, ..recording.machine.clone() };
         if same != *machine {
-            let sentence = format!("{name}: differs from the machine of the record in more than timing: draw the scene on it, with --scene");
+            let sentence =
+                format!("{name}: differs from the machine of the record in more than timing: draw the scene on it, with --scene");
             return Err(Error::input(sentence));
         }
         let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
@@ -204,7 +206,8 @@ fn check(report: &Value, whose: &str) -> Result<()> {
     NUMBERS.iter().find(|pointer| !report.pointer(pointer).is_some_and(Value::is_number)).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
     DECIBELS.iter().find(|pointer| report.pointer(pointer).is_none()).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
     let units = report.pointer("/cycles/units").and_then(Value::as_array).ok_or_else(|| lacks("/cycles/units"))?;
-    let counts = |unit: &Value| ["busy", "starved", "blocked", "memory"].iter().all(|state| unit[state].is_u64()) && unit["name"].is_string();
+    let counts =
+        |unit: &Value| ["busy", "starved", "blocked", "memory"].iter().all(|state| unit[state].is_u64()) && unit["name"].is_string();
     if !units.iter().all(counts) {
         return Err(lacks("/cycles/units/busy"));
     }

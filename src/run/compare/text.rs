@@ -3,11 +3,15 @@
 use super::fields::{FIGURES, Kind};
 use super::{Comparison, Difference, Figure, Named, Pictures, Unit, UnitSide};
 use crate::output::text::{aligned, clipped, one_line, plain_table, thousands, wrapped};
+use rtl_model::num::Format;
 use serde_json::Value;
 
+/// Fields of the machine that the text lists unless it is asked for all.
+const MOST_FIELDS: usize = 24;
+
 impl Comparison {
-    /// The text, at most 80 columns wide.
-    pub fn summary(&self) -> String {
+    /// The text, at most 80 columns wide; of many fields that differ the first ones, unless all are wanted.
+    pub fn summary(&self, all: bool) -> String {
         let head = format!("{}\n{}", headline("A", &self.a), headline("B", &self.b));
         if self.equal {
             let what = if self.pictures.is_empty() { "" } else { ", nor does any pixel" };
@@ -16,12 +20,12 @@ impl Comparison {
         let same_frame = if self.scene.is_empty() { None } else { Some(wrapped("the scenes differ: these are figures of two frames")) };
         let parts = [
             same_frame,
-            table(&self.scene, "scene"),
-            table(&self.machine, "machine").or_else(|| Some("no field of the machine differs".into())),
+            fields(&self.scene, "scene", true),
             Some(self.figure_table()).filter(|_| !self.figures.is_empty()),
             self.cycle_table(),
             self.area_table(),
             self.picture_table(),
+            fields(&self.machine, "machine", all).or_else(|| Some("no field of the machine differs".into())),
             (!self.elsewhere.is_empty()).then(|| wrapped(&format!("what differs in report.json besides: {}", self.elsewhere.join(", ")))),
         ];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
@@ -84,22 +88,30 @@ fn headline(letter: &str, Named { name, machine, scene, size }: &Named) -> Strin
         _ => String::new(),
     };
     let [name, machine] = [name, machine].map(|text| one_line(text));
-    let of = if name == machine { machine } else { format!("{name}: {machine}") };
+    let of = if name.split(' ').next() == Some(&machine) { name } else { format!("{name}: {machine}") };
     wrapped(&format!("{letter}: {of}{frame}"))
 }
 
-fn table(differences: &[Difference], head: &str) -> Option<String> {
-    let mut table = plain_table(&[head, "A", "B", "B against A"]);
-    for Difference { field, a, b, left_out } in differences {
+/// Fields that differ: numbers and rules before words, of which there are many.
+fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
+    let is_word = |difference: &&Difference| {
+        let value = difference.a.as_ref().or(difference.b.as_ref()).and_then(Value::as_str);
+        value.and_then(|text| text.split(' ').next()?.parse::<Format>().ok()).is_some()
+    };
+    let (words, others): (Vec<&Difference>, Vec<&Difference>) = differences.iter().partition(is_word);
+    let most = if all { differences.len() } else { MOST_FIELDS };
+    let mut table = plain_table(&[head, "A", "B"]);
+    for Difference { field, a, b, left_out } in others.into_iter().chain(words).take(most) {
         let cell = |side: &str, value: &Option<Value>| match (value, left_out.contains(&side)) {
             (Some(value), false) => plain(value),
             (Some(value), true) => format!("{} (left out)", plain(value)),
             (None, _) => "left out".into(),
         };
-        let change = a.as_ref().and_then(Value::as_f64).zip(b.as_ref().and_then(Value::as_f64)).map_or(String::new(), |(a, b)| relative(a, b));
-        table.add_row([one_line(field), cell("a", a), cell("b", b), change]);
+        table.add_row([one_line(field), cell("a", a), cell("b", b)]);
     }
-    (!differences.is_empty()).then(|| aligned(table).trim_fmt())
+    let rest = differences.len().saturating_sub(most);
+    let rest = if rest > 0 { format!("\nand {rest} more fields of the {head}: --all lists them") } else { String::new() };
+    (!differences.is_empty()).then(|| aligned(table).trim_fmt() + &rest)
 }
 
 /// A value of a field; of an object how many fields it has.
