@@ -21,7 +21,7 @@ pub(super) struct Typed {
     /// Replay with every value: timing.raster.fifo=1,2,4; again: a grid
     #[arg(long, value_name = "PATH=A,…")]
     timing: Vec<Axes>,
-    /// Tell which fields of timing would make it faster (60 replays)
+    /// Tell which fields of timing would make it faster (some 30 replays)
     #[arg(long)]
     answers: bool,
     /// What a bit costs [default: machine prices]

@@ -3,6 +3,7 @@
 //! ```text
 //! report.json, fixed.png …     ─► run      (frame, machine)
 //! cycles.json                  ─► cycles   (machine)
+//! compare.json, a.png …        ─► compare
 //! points.jsonl, plan.json      ─┐
 //! choices.json, stress.json    ─┴► tables  (rows, their machine)
 //! other PNGs                   ─► charts
@@ -139,6 +140,10 @@ impl Folder {
         if cycles.as_ref().is_some_and(|cycles| !cycles["units"].is_array() || !cycles["total"].is_u64()) {
             return Err(Error::input(format!("{}: is no account of cycles, as `replay` writes it", shown("cycles.json"))));
         }
+        let compare = value("compare.json")?;
+        if compare.as_ref().is_some_and(|compare| !compare["figures"].is_array() || !compare["a"].is_object()) {
+            return Err(Error::input(format!("{}: is no comparison, as `compare --out` writes it", shown("compare.json"))));
+        }
         let mut tables = Vec::new();
         if files.keys().any(|name| is_journal(name)) {
             let plan = value("plan.json")?.ok_or_else(|| Error::input(format!("{}: is missing beside the rows", shown("plan.json"))))?;
@@ -160,7 +165,7 @@ impl Folder {
             stem.is_some_and(|stem| !PICTURES.contains(&stem))
         };
         let charts: Vec<&String> = files.keys().filter(is_chart).take(MOST_CHARTS).collect();
-        if run.is_none() && cycles.is_none() && tables.is_empty() {
+        if run.is_none() && cycles.is_none() && compare.is_none() && tables.is_empty() {
             let told = "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json or cycles.json";
             return Err(Error::input(format!("{}: {told}", folder.display())));
         }
@@ -172,6 +177,7 @@ impl Folder {
                 "report": report, "pictures": pictures, "scene": run.scene, "machine_name": run.machine_flag(), "preview_of": run.preview_of,
             })),
             "cycles": cycles,
+            "compare": compare,
             "tables": tables,
             "charts": charts,
         });
