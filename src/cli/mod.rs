@@ -42,7 +42,7 @@ enum Command {
     Run(run::Typed),
     /// Time a frame again that `run --record` recorded
     Replay(replay::Typed),
-    /// Put two machines or two runs side by side: what differs, what it does
+    /// Put two machines or two runs side by side
     #[command(after_help = compare::HELP)]
     Compare(compare::Typed),
     /// Drive small scenes into trouble: where methods fail, and machines

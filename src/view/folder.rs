@@ -166,7 +166,8 @@ impl Folder {
         };
         let charts: Vec<&String> = files.keys().filter(is_chart).take(MOST_CHARTS).collect();
         if run.is_none() && cycles.is_none() && compare.is_none() && tables.is_empty() {
-            let told = "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
+            let told =
+                "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
             return Err(Error::input(format!("{}: {told}", folder.display())));
         }
         let name = root.file_name().map_or_else(|| "/".into(), |name| name.to_string_lossy().into_owned());

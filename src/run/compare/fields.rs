@@ -5,14 +5,14 @@ use crate::hardware::machines;
 use serde_json::{Map, Value, json};
 
 /// Way in which a figure is told.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
     /// A whole number.
     Count,
     /// One place behind the point.
     Tenths,
-    /// Times a power of ten, and two places.
-    Scaled(i32),
+    /// Times this, and two places.
+    Scaled(f64),
     /// Decibels of two pictures.
     Decibels,
     /// Five places.
@@ -24,13 +24,13 @@ pub(super) enum Kind {
 /// A figure: its name, where it stands, how it is told, and whether it is told where both are equal.
 pub(super) const FIGURES: [(&str, &str, Kind, bool); 37] = [
     ("cycles", "/cycles/total", Kind::Count, true),
-    ("clock, MHz", "/cycles/clock_hz", Kind::Scaled(-6), false),
+    ("clock, MHz", "/cycles/clock_hz", Kind::Scaled(1e-6), false),
     ("frames/s", "/cycles/frames_per_second", Kind::Tenths, true),
     ("limited by", "/cycles/bottleneck", Kind::Name, true),
     ("limit", "/cycles/limit/by", Kind::Name, false),
-    ("memory, MB a frame", "/cycles/memory/bytes", Kind::Scaled(-6), true),
-    ("memory, GB/s", "/cycles/memory/bytes_per_second", Kind::Scaled(-9), false),
-    ("memory at most, GB/s", "/cycles/memory/peak_bytes_per_second", Kind::Scaled(-9), false),
+    ("memory, MB a frame", "/cycles/memory/bytes", Kind::Scaled(1e-6), true),
+    ("memory, GB/s", "/cycles/memory/bytes_per_second", Kind::Scaled(1e-9), false),
+    ("memory at most, GB/s", "/cycles/memory/peak_bytes_per_second", Kind::Scaled(1e-9), false),
     ("cache look-ups", "/cycles/lookups/0", Kind::Count, false),
     ("cache hits", "/cycles/lookups/1", Kind::Count, false),
     ("slots tested", "/cycles/slots/0", Kind::Count, false),
@@ -40,7 +40,7 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 37] = [
     ("a fragment, bits", "/machine/fragment_bits", Kind::Count, false),
     ("a pixel, bits", "/cost/frame_bits_per_pixel", Kind::Count, false),
     ("widest operand, bits", "/machine/widest_operand_bits", Kind::Count, false),
-    ("energy, mJ a frame", "/cost/energy/total", Kind::Scaled(3), true),
+    ("energy, mJ a frame", "/cost/energy/total", Kind::Scaled(1e3), true),
     ("fixed − golden, dB", "/accuracy/fixed_vs_golden/psnr_db", Kind::Decibels, true),
     ("golden − ideal, dB", "/accuracy/golden_vs_ideal/psnr_db", Kind::Decibels, true),
     ("fixed − ideal, dB", "/accuracy/fixed_vs_ideal/psnr_db", Kind::Decibels, true),

@@ -132,7 +132,7 @@ fn number(value: &Value, kind: Kind) -> String {
     match kind {
         Kind::Count => thousands(number as u64),
         Kind::Tenths | Kind::Decibels => format!("{number:.1}"),
-        Kind::Scaled(power) => format!("{:.2}", number * 10_f64.powi(power)),
+        Kind::Scaled(factor) => format!("{:.2}", number * factor),
         Kind::Similarity => format!("{number:.5}"),
         Kind::Name => value.to_string(),
     }
