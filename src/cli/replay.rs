@@ -18,10 +18,10 @@ pub(super) struct Typed {
     /// Change a field, as in timing.raster.fifo=4
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
-    /// Replay with every value: timing.raster.fifo=1,2,4; again: a grid
+    /// Replay with every value: timing.raster.fifo=1,2,4
     #[arg(long, value_name = "PATH=A,…")]
     timing: Vec<Axes>,
-    /// Tell which fields of timing would make it faster (some 30 replays)
+    /// Tell which fields of timing make it faster
     #[arg(long)]
     answers: bool,
     /// What a bit costs [default: machine prices]

@@ -45,10 +45,10 @@ pub(super) struct Typed {
     /// Tell which words make the error (draws 170 frames)
     #[arg(long)]
     attribute: bool,
-    /// Replay with every value: timing.raster.fifo=1,2,4; again: a grid
+    /// Replay with every value: timing.raster.fifo=1,2,4
     #[arg(long, value_name = "PATH=A,…")]
     timing: Vec<Axes>,
-    /// Tell which fields of timing would make it faster (some 30 replays)
+    /// Tell which fields of timing make it faster
     #[arg(long, conflicts_with = "preview")]
     answers: bool,
     /// What a bit costs [default: machine prices]
