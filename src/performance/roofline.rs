@@ -98,7 +98,9 @@ mod tests {
         machine.timing.memory.ideal = ideal;
         let timing = fixed::elaborate(&machine).unwrap().timing;
         let work = Work { width: side, height: side, ..Work::default() };
-        let cycles = CyclesReport::new(&timing, &work, &replay(&timing, &work, Detail::Histograms));
+        let mut cycles = CyclesReport::new(&timing, &work, &replay(&timing, &work, Detail::Histograms));
+        // No splat keeps a unit busy.
+        cycles.units[0].busy = cycles.total / 2;
         let panel = chart(&cycles, None, None);
         (cycles, panel)
     }
