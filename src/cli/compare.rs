@@ -28,7 +28,7 @@ pub(super) struct Typed {
     /// Another one
     #[arg(value_name = "B")]
     b: OsString,
-    /// Change a field of both machines, as in timing.raster.fifo=4
+    /// Change a field of both, as in timing.raster.fifo=4
     #[arg(long = "set", value_name = "PATH=VALUE")]
     both: Vec<String>,
     /// Change a field of the machine A
@@ -43,7 +43,7 @@ pub(super) struct Typed {
     /// Size of the picture instead of the scene's own
     #[arg(long, value_name = "WxH", requires = "scene")]
     size: Option<Pair<'x'>>,
-    /// Replay a frame that `run --record` recorded on both machines
+    /// Replay what `run --record` recorded on both
     #[arg(long, value_name = "FILE")]
     replay: Option<PathBuf>,
     /// What a bit costs [default: machine prices]
