@@ -80,7 +80,7 @@ pub fn chart(cycles: &CyclesReport, timings: Option<&Timings>, answers: Option<&
         x: Axis::log("MB to and from memory, a frame").within(x[0], x[1]),
         y: Axis::log("million cycles a frame").within(lowest / 1.6, y[1]),
         series,
-        notes: named.map(|(point, word)| (point, word)).collect(),
+        notes: named.collect(),
         ..Panel::default()
     }
 }
