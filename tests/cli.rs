@@ -55,7 +55,7 @@ fn run(arguments: &[&str]) -> (tempfile::TempDir, Value) {
 // ---- run ----
 
 /// What a run writes.
-const WRITTEN: [&str; 11] = [
+const WRITTEN: [&str; 13] = [
     "bounds.png",
     "cycles.csv",
     "cycles.png",
@@ -66,6 +66,8 @@ const WRITTEN: [&str; 11] = [
     "ideal.png",
     "ranges.png",
     "report.json",
+    "roofline.png",
+    "roofline.svg",
     "tiles.csv",
 ];
 
@@ -434,6 +436,7 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["help"],
         vec!["run", "--help"],
         vec!["replay", "--help"],
+        vec!["compare", "--help"],
         vec!["explain", "--help"],
         vec!["trace", "--help"],
         vec!["diff", "--help"],
@@ -564,7 +567,7 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(
         &[],
-        "a command is missing: run, replay, stress, sweep, search, chart, view, trace, diff, unit, explain, machine, scene, sample, completions, man (see --help)",
+        "a command is missing: run, replay, compare, stress, sweep, search, chart, view, trace, diff, unit, explain, machine, scene, sample, completions, man (see --help)",
     );
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "PLAN");

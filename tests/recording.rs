@@ -114,7 +114,7 @@ fn no_damage_is_taken_for_a_record() {
                 refused += 1;
             }
             Ok(recording) => {
-                recording.replay(None, false).unwrap();
+                recording.replay(&[], false, None).unwrap();
                 replayed += 1;
             }
         }
@@ -169,7 +169,7 @@ fn the_cycles_are_those_of_the_work() {
         let recording = recorded(scene, (70, 45));
         let elaborated = fixed::elaborate(&recording.machine).unwrap();
         assert_eq!(
-            recording.replay(None, false).unwrap().cycles.total,
+            recording.replay(&[], false, None).unwrap().cycles.total,
             timing::replay(&elaborated.timing, &recording.work, Detail::Accounts).total
         );
     }

@@ -11,6 +11,7 @@ mod browser;
 mod channel;
 mod chart;
 mod cli;
+mod compare;
 mod cosimulation;
 mod diff;
 mod edge_cases;

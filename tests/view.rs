@@ -263,7 +263,7 @@ fn a_pixel_has_the_values_of_the_run() {
         (&folder["run"]["machine_name"], &folder["run"]["pictures"]),
         (&json!("tiny"), &json!(["fixed", "golden", "ideal", "error", "flips"]))
     );
-    assert_eq!(folder["charts"], json!(["bounds.png", "cycles.png", "ranges.png"]));
+    assert_eq!(folder["charts"], json!(["bounds.png", "cycles.png", "ranges.png", "roofline.png"]));
     let pictures =
         ["fixed", "golden", "ideal"].map(|name| (name, image::open(MADE.run().join(name).with_extension("png")).unwrap().into_rgba8()));
     let mut contributions = 0;
@@ -584,7 +584,7 @@ fn an_export_names_nothing_outside_of_itself() {
     shown.sort();
     assert_eq!(
         shown,
-        ["bounds.png", "cycles.png", "error.png", "fixed.png", "flips.png", "golden.png", "ideal.png", "ranges.png"],
+        ["bounds.png", "cycles.png", "error.png", "fixed.png", "flips.png", "golden.png", "ideal.png", "ranges.png", "roofline.png"],
         "what the page shows, and no link"
     );
     // Where its maker keeps files is nobody's business.

@@ -2,6 +2,7 @@
 
 mod arguments;
 mod chart;
+mod compare;
 mod diff;
 mod explain;
 mod machine;
@@ -41,6 +42,9 @@ enum Command {
     Run(run::Typed),
     /// Time a frame again that `run --record` recorded
     Replay(replay::Typed),
+    /// Put two machines or two runs side by side
+    #[command(after_help = compare::HELP)]
+    Compare(compare::Typed),
     /// Drive small scenes into trouble: where methods fail, and machines
     #[command(after_help = stress::HELP)]
     Stress(stress::Typed),
@@ -87,6 +91,7 @@ impl Command {
         match self {
             Command::Run(typed) => typed.common.threads.run(|| typed.check()?.run()),
             Command::Replay(typed) => typed.threads.run(|| typed.check()?.run()),
+            Command::Compare(typed) => typed.threads.run(|| typed.check()?.run()),
             Command::Stress(typed) => typed.threads.run(|| typed.check()?.run()),
             Command::Sweep(typed) => typed.threads.run(|| typed.check()?.run()),
             Command::Search(typed) => typed.common.threads.run(|| typed.check()?.run()),

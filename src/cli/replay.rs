@@ -4,6 +4,7 @@ use super::arguments::{Threads, written};
 use crate::error::Result;
 use crate::hardware::fixed;
 use crate::output::files::Folder;
+use crate::performance::cost::Prices;
 use crate::performance::recording::Recording;
 use crate::performance::timings::{Axes, Variants};
 use clap::Args;
@@ -19,7 +20,13 @@ pub(super) struct Typed {
     settings: Vec<String>,
     /// Replay with every value: timing.raster.fifo=1,2,4
     #[arg(long, value_name = "PATH=A,…")]
-    timing: Option<Axes>,
+    timing: Vec<Axes>,
+    /// Tell which fields of timing make it faster
+    #[arg(long)]
+    answers: bool,
+    /// What a bit costs [default: machine prices]
+    #[arg(long, value_name = "FILE", requires = "answers")]
+    prices: Option<PathBuf>,
     /// Write cycles.json, tables and charts into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -36,7 +43,9 @@ pub(super) struct Typed {
 /// A replay that can be done.
 pub(super) struct Job {
     recording: Recording,
-    timing: Option<Axes>,
+    timing: Vec<Axes>,
+    /// Prices of bits, where it is asked what would be faster.
+    answers: Option<Prices>,
     requests: bool,
     out: Option<(PathBuf, Folder)>,
     quiet: bool,
@@ -47,15 +56,16 @@ impl Typed {
         let mut recording = Recording::read(&self.record)?;
         self.settings.iter().try_for_each(|setting| recording.set(setting))?;
         fixed::elaborate(&recording.machine)?;
-        self.timing.as_ref().map(|axes| Variants::new(&recording.machine, axes)).transpose()?;
+        Variants::new(&recording.machine, &self.timing)?;
+        let answers = self.answers.then(|| Prices::load_or_default(self.prices.as_deref())).transpose()?;
         let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
-        Ok(Job { recording, timing: self.timing, requests: self.requests, out, quiet: self.quiet })
+        Ok(Job { recording, timing: self.timing, answers, requests: self.requests, out, quiet: self.quiet })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let replayed = self.recording.replay(self.timing.as_ref(), self.requests)?;
+        let replayed = self.recording.replay(&self.timing, self.requests, self.answers.as_ref())?;
         let end = match &self.out {
             Some((folder, _)) => written(folder, &replayed.write(folder)?),
             None => "nothing written: --out DIR writes tables and charts".into(),

@@ -47,7 +47,10 @@ pub(super) struct Typed {
     attribute: bool,
     /// Replay with every value: timing.raster.fifo=1,2,4
     #[arg(long, value_name = "PATH=A,…")]
-    timing: Option<Axes>,
+    timing: Vec<Axes>,
+    /// Tell which fields of timing make it faster
+    #[arg(long, conflicts_with = "preview")]
+    answers: bool,
     /// What a bit costs [default: machine prices]
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
@@ -83,12 +86,13 @@ impl Typed {
         let scene = scene?;
         let Within { machine, outside: outside_of_search, warning } = self.common.machine_within(&scene)?;
         fixed::elaborate(&machine)?;
-        let timings = self.timing.as_ref().map(|axes| Variants::new(&machine, axes)).transpose()?;
+        let timings = Variants::new(&machine, &self.timing)?;
         let small = self.preview.then(|| preview::scene(&scene)).transpose()?;
         quantise(small.as_ref().unwrap_or(&scene), &machine)?;
         let options = Options {
             attribution: self.attribute,
             timings,
+            answers: self.answers,
             requests: self.requests,
             record: self.record.is_some(),
             prices,

@@ -18,7 +18,7 @@ pub(super) const HELP: &str = "Only this computer can reach the page, and only w
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// The folder that run, replay, sweep, search or stress wrote
+    /// The folder that run, replay, compare, sweep, search or stress wrote
     #[arg(value_name = "DIR")]
     folder: PathBuf,
     /// Write the page into this file instead, all in one

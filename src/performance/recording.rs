@@ -14,7 +14,10 @@ use crate::output::chart;
 use crate::output::chart::Chart;
 use crate::output::files::write_beside;
 use crate::output::text::wrapped;
+use crate::performance::answers::Answers;
+use crate::performance::cost::Prices;
 use crate::performance::cycles::{CyclesReport, Requests};
+use crate::performance::roofline;
 use crate::performance::timings::{Axes, Timings, Variants};
 use crate::scene::MOST_PIXELS;
 use rtl_model::Machine;
@@ -27,6 +30,9 @@ use std::path::{Path, PathBuf};
 
 /// Beginning of a file of this kind.
 const MAGIC: &[u8] = b"splatsim-work-2\n";
+
+/// Columns and rows of the roofline.
+const ROOFLINE_PX: [u32; 2] = [860, 600];
 
 /// A frame's work, and whose it is.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,6 +61,8 @@ pub struct Replayed {
     pub cycles: CyclesReport,
     /// With other values of a field.
     pub timings: Option<Timings>,
+    /// What would make it faster, if that was asked for.
+    pub answers: Option<Answers>,
     /// Requests to memory, if that was asked for.
     pub requests: Option<Requests>,
 }
@@ -126,28 +134,33 @@ impl Recording {
         Ok(())
     }
 
-    /// Asks for the frame's time.
+    /// Asks for the frame's time; with prices also for what would make it faster.
     ///
     /// # Errors
     /// [`Error::Input`] where no machine can have such a timing.
-    pub fn replay(&self, axes: Option<&Axes>, requests: bool) -> Result<Replayed> {
+    pub fn replay(&self, axes: &[Axes], requests: bool, answers: Option<&Prices>) -> Result<Replayed> {
         let elaborated = fixed::elaborate(&self.machine)?;
-        let variants = axes.map(|axes| Variants::new(&self.machine, axes)).transpose()?;
+        let variants = Variants::new(&self.machine, axes)?;
         let detail = if requests { Detail::Log } else { Detail::Histograms };
         let cycles = timing::replay(&elaborated.timing, &self.work, detail);
         let report = CyclesReport::new(&elaborated.timing, &self.work, &cycles);
+        let answers = answers.map(|prices| Answers::new(&elaborated, &self.work, &cycles, prices));
         let requests = requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
-        Ok(Replayed { cycles: report, timings: variants.map(|variants| Timings::new(&variants, &self.work)), requests })
+        let timings = variants.map(|variants| Timings::new(&variants, &self.work));
+        Ok(Replayed { cycles: report, timings, answers, requests })
     }
 }
 
 impl Replayed {
-    /// For a terminal, at most 80 columns wide.
+    /// For a terminal, at most 80 columns wide. Who asks for other values of a field, or for what would be faster, has seen the frame's own
+    /// time when it was drawn.
     pub fn summary(&self, recording: &Recording) -> String {
         let Recording { scene, machine, work } = recording;
         let head = wrapped(&format!("{scene} on {}: {} splats, {}×{}", machine.name, work.fates.len(), work.width, work.height));
-        let timings = self.timings.as_ref().map_or_else(String::new, |timings| format!("\n\n{}", timings.table()));
-        format!("{head}\n\n{}{timings}", self.cycles.summary())
+        let asked = [self.timings.as_ref().map(Timings::table), self.answers.as_ref().map(Answers::table)];
+        let asked: Vec<String> = asked.into_iter().flatten().collect();
+        let told = if asked.is_empty() { self.cycles.summary() } else { asked.join("\n\n") };
+        format!("{head}\n\n{told}")
     }
 
     /// Writes tables and charts into a folder; returns what was written.
@@ -155,7 +168,7 @@ impl Replayed {
     /// # Errors
     /// [`Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        let mut written = write_cycles(&self.cycles, self.timings.as_ref(), self.requests.as_ref(), folder)?;
+        let mut written = write_cycles(&self.cycles, self.timings.as_ref(), self.answers.as_ref(), self.requests.as_ref(), folder)?;
         let path = folder.join("cycles.json");
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.cycles).map_err(|error| error.to_string()))?;
         written.push(path);
@@ -167,7 +180,13 @@ impl Replayed {
 ///
 /// # Errors
 /// [`Error::Job`] where a file cannot be written; none is left half-written.
-pub fn write_cycles(cycles: &CyclesReport, timings: Option<&Timings>, requests: Option<&Requests>, folder: &Path) -> Result<Vec<PathBuf>> {
+pub fn write_cycles(
+    cycles: &CyclesReport,
+    timings: Option<&Timings>,
+    answers: Option<&Answers>,
+    requests: Option<&Requests>,
+    folder: &Path,
+) -> Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     if let Some(timings) = timings {
         let path = folder.join("timings.png");
@@ -183,6 +202,14 @@ pub fn write_cycles(cycles: &CyclesReport, timings: Option<&Timings>, requests: 
     let charts: Vec<&dyn Chart> = std::iter::once(&stacks as &dyn Chart).chain(over_time.iter().map(|chart| chart as &dyn Chart)).collect();
     let path = folder.join("cycles.png");
     chart::write_png(&charts, 2, [460, 320], &path)?;
+    written.push(path);
+    let roofline = roofline::chart(cycles, timings, answers);
+    let path = folder.join("roofline.png");
+    chart::write_png(&[&roofline], 1, ROOFLINE_PX, &path)?;
+    written.push(path);
+    let path = folder.join("roofline.svg");
+    let text = chart::svg(&[&roofline], 1, ROOFLINE_PX)?;
+    write_beside(&path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
     written.push(path);
     let path = folder.join("cycles.csv");
     write_beside(&path, |file| file.write_all(cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;

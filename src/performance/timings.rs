@@ -20,7 +20,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::str::FromStr;
 
-/// Most values of one field.
+/// Most machines that a frame is replayed on, and most values of one field.
 const MOST: usize = 1000;
 
 /// A field of a machine's timing, and the values that it is to take.
@@ -56,44 +56,70 @@ impl FromStr for Axes {
     }
 }
 
-/// A field, and a microarchitecture for each value.
+/// Fields, and a microarchitecture for each of their values with each of the others'.
 #[derive(Clone, Debug)]
 pub struct Variants {
-    axes: Axes,
-    machines: Vec<Microarchitecture>,
+    paths: Vec<String>,
+    /// Values in the order of the fields; the last one changes fastest.
+    machines: Vec<(Vec<String>, Microarchitecture)>,
 }
 
 impl Variants {
-    /// Of a machine.
+    /// Of a machine; none where no field is named.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the first value that no machine can have.
-    pub fn new(machine: &Machine, axes: &Axes) -> Result<Self> {
-        let one = |value: &String| {
-            let setting = format!("{}={value}", axes.path);
-            let flag = machines::flag("--timing", &setting);
-            let other = machines::changed(machine, &setting, &flag)?;
-            let elaborated = fixed::elaborate(&other).map_err(|error| Error::input(format!("{flag}: {error}")))?;
-            Ok(elaborated.timing)
+    /// [`Error::Input`] naming the first value that no machine can have, a field that is named twice, or how many machines are too many.
+    pub fn new(machine: &Machine, axes: &[Axes]) -> Result<Option<Self>> {
+        let count = axes.iter().fold(1_usize, |count, axis| count.saturating_mul(axis.values.len()));
+        if count > MOST {
+            let product: Vec<String> = axes.iter().map(|axis| axis.values.len().to_string()).collect();
+            return Err(Error::input(format!("--timing: {} values are {count} machines; at most {MOST} are replayed", product.join("×"))));
+        }
+        let paths: Vec<String> = axes.iter().map(|axis| axis.path.clone()).collect();
+        if let Some((_, twice)) = paths.iter().enumerate().find(|(at, path)| paths[..*at].contains(path)) {
+            return Err(Error::input(format!("--timing {twice}: is named twice; name each field once, with all of its values")));
+        }
+        let mut all = vec![(Vec::new(), machine.clone())];
+        for axis in axes {
+            let with = |(values, machine): &(Vec<String>, Machine)| {
+                let one = |value: &String| {
+                    let setting = format!("{}={value}", axis.path);
+                    let other = machines::changed(machine, &setting, &machines::flag("--timing", &setting))?;
+                    Ok(([values.as_slice(), std::slice::from_ref(value)].concat(), other))
+                };
+                axis.values.iter().map(one).collect::<Result<Vec<_>>>()
+            };
+            all = all.iter().map(with).collect::<Result<Vec<_>>>()?.concat();
+        }
+        let built = |(values, machine): (Vec<String>, Machine)| {
+            let told = || {
+                let settings = paths.iter().zip(&values).map(|(path, value)| format!("{path}={value}"));
+                machines::flag("--timing", &settings.collect::<Vec<_>>().join(" --timing "))
+            };
+            let elaborated = fixed::elaborate(&machine).map_err(|error| Error::input(format!("{}: {error}", told())))?;
+            Ok((values, elaborated.timing))
         };
-        Ok(Variants { axes: axes.clone(), machines: axes.values.iter().map(one).collect::<Result<_>>()? })
+        let machines = if axes.is_empty() { Vec::new() } else { all.into_iter().map(built).collect::<Result<_>>()? };
+        Ok((!axes.is_empty()).then_some(Variants { paths, machines }))
     }
 }
 
 /// Frame times by value.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Timings {
-    /// The field.
+    /// The field; several with commas between them.
     pub path: String,
-    /// Value by value.
+    /// Value by value; of several fields every value with every other's, those of the last field next to each other.
     pub rows: Vec<Row>,
 }
 
 /// A frame's time with one value.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Row {
-    /// The value.
+    /// The value; of several fields one each, with commas between them.
     pub value: String,
+    /// The values one by one, in the order of the fields.
+    pub values: Vec<String>,
     /// Time of the frame with it.
     pub cycles: CyclesReport,
 }
@@ -101,27 +127,29 @@ pub struct Row {
 impl Timings {
     /// Replays a frame's work on all of them.
     pub fn new(variants: &Variants, work: &Work) -> Self {
-        let Variants { axes, machines } = variants;
-        let row = |(value, machine): (&String, &Microarchitecture)| Row {
-            value: value.clone(),
+        let row = |(values, machine): &(Vec<String>, Microarchitecture)| Row {
+            value: values.join(", "),
+            values: values.clone(),
             cycles: CyclesReport::new(machine, work, &timing::replay(machine, work, Detail::Histograms)),
         };
-        Timings { path: axes.path.clone(), rows: axes.values.par_iter().zip(machines).map(row).collect() }
+        Timings { path: variants.paths.join(", "), rows: variants.machines.par_iter().map(row).collect() }
     }
 
     /// At most 80 columns.
     pub fn table(&self) -> String {
-        let mut table = plain_table(&[self.path.trim_start_matches("timing."), "cycles", "frames/s", "of best", "limited by", "memory MB"]);
+        let fields = self.path.split(", ").map(|path| path.trim_start_matches("timing."));
+        let head: Vec<&str> = fields.chain(["cycles", "frames/s", "of best", "limited by", "memory MB"]).collect();
+        let mut table = plain_table(&head);
         let best = self.rows.iter().map(|row| row.cycles.frames_per_second).fold(0.0, f64::max);
-        for Row { value, cycles } in &self.rows {
-            table.add_row([
-                value.clone(),
+        for Row { values, cycles, .. } in &self.rows {
+            let figures = [
                 thousands(cycles.total),
                 format!("{:.1}", cycles.frames_per_second),
                 format!("{:.1}%", 100.0 * cycles.frames_per_second / best),
                 cycles.limited_by(),
                 format!("{:.1}", cycles.memory.bytes as f64 / 1e6),
-            ]);
+            ];
+            table.add_row(values.iter().cloned().chain(figures));
         }
         aligned(table).trim_fmt()
     }

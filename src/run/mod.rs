@@ -6,6 +6,7 @@
 //!        └─► ideal ─────────────┘
 //! ```
 
+pub mod compare;
 pub mod evaluation;
 pub mod explain;
 pub mod preview;
@@ -20,6 +21,7 @@ use crate::hardware::fixed;
 use crate::output::chart;
 use crate::output::files::write_beside;
 use crate::output::picture::Picture;
+use crate::performance::answers::Answers;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::{CyclesReport, Requests};
 use crate::performance::recording::write_cycles;
@@ -40,6 +42,8 @@ pub struct Options {
     pub attribution: bool,
     /// The frame on other microarchitectures.
     pub timings: Option<Variants>,
+    /// What would make the frame faster.
+    pub answers: bool,
     /// Every request to memory.
     pub requests: bool,
     /// Recorded work, for timing to replay.
@@ -91,6 +95,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let detail = if options.requests { Detail::Log } else { Detail::Histograms };
     let (cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
     let timings = options.timings.as_ref().map(|variants| Timings::new(variants, &work));
+    let answers = options.answers.then(|| Answers::new(&elaborated, &work, &cycles, &options.prices));
     let (golden, golden_seconds) = timed(|| evaluation.golden());
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
     let (lockstep, lockstep_seconds) = timed(|| evaluation.lockstep());
@@ -124,6 +129,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         cost: CostReport::new(&elaborated, &cycles, &options.prices),
         cycles: CyclesReport::new(&elaborated.timing, &work, &cycles),
         timings,
+        answers,
         preview: None,
         golden: found(&golden),
         attribution,
@@ -201,7 +207,8 @@ impl Outcome {
         let chart = ranges::chart(&scene.name, &machine.description.name, signals);
         chart::write_png(&[&chart], 1, chart.size_px(), &path)?;
         written.push(path);
-        written.extend(write_cycles(&self.report.cycles, self.report.timings.as_ref(), self.requests.as_ref(), folder)?);
+        let Report { cycles, timings, answers, .. } = &self.report;
+        written.extend(write_cycles(cycles, timings.as_ref(), answers.as_ref(), self.requests.as_ref(), folder)?);
         let path = folder.join("report.json");
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
         written.push(path);

@@ -5,6 +5,7 @@ use crate::accuracy::ranges::SignalReport;
 use crate::accuracy::{Metrics, Summary, db_text};
 use crate::hardware::quantise::Scale;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::performance::answers::Answers;
 use crate::performance::cost::CostReport;
 use crate::performance::cycles::CyclesReport;
 use crate::performance::timings::Timings;
@@ -45,6 +46,9 @@ pub struct Report {
     /// Cycles of other microarchitectures; only where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timings: Option<Timings>,
+    /// Fields of `timing` that would make the frame faster; only where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answers: Option<Answers>,
     /// Extrapolation to a larger picture; only where it is a preview.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preview: Option<Preview>,
@@ -264,6 +268,9 @@ impl Report {
         let _ = writeln!(text, "{}\n{}\n", self.cycles.summary(), self.cost.summary());
         if let Some(timings) = &self.timings {
             let _ = writeln!(text, "{}\n", timings.table());
+        }
+        if let Some(answers) = &self.answers {
+            let _ = writeln!(text, "{}\n", answers.table());
         }
         let _ = writeln!(text, "{}", self.signal_summary());
         for note in &scene.notes {

@@ -25,6 +25,7 @@ pub const ALL: [Asset; 10] = [
     Asset { name: "story.js", kind: SCRIPT, text: include_str!("assets/story.js") },
     Asset { name: "machine.js", kind: SCRIPT, text: include_str!("assets/machine.js") },
     Asset { name: "rows.js", kind: SCRIPT, text: include_str!("assets/rows.js") },
+    Asset { name: "compare.js", kind: SCRIPT, text: include_str!("assets/compare.js") },
     Asset { name: "view.js", kind: SCRIPT, text: include_str!("assets/view.js") },
 ];
 

@@ -4,6 +4,7 @@
 //! report.json, fixed.png …     ─► run      (frame, machine)
 //! cycles.json                  ─► cycles   (machine)
 //! tiles.csv                    ─► tiles    (frame, machine)
+//! compare.json, a.png …        ─► compare
 //! points.jsonl, plan.json      ─┐
 //! choices.json, stress.json    ─┴► tables  (rows, their machine)
 //! other PNGs                   ─► charts
@@ -140,6 +141,10 @@ impl Folder {
         if cycles.as_ref().is_some_and(|cycles| !cycles["units"].is_array() || !cycles["total"].is_u64()) {
             return Err(Error::input(format!("{}: is no account of cycles, as `replay` writes it", shown("cycles.json"))));
         }
+        let compare = value("compare.json")?;
+        if compare.as_ref().is_some_and(|compare| !compare["figures"].is_array() || !compare["a"].is_object()) {
+            return Err(Error::input(format!("{}: is no comparison, as `compare --out` writes it", shown("compare.json"))));
+        }
         let mut tables = Vec::new();
         if files.keys().any(|name| is_journal(name)) {
             let plan = value("plan.json")?.ok_or_else(|| Error::input(format!("{}: is missing beside the rows", shown("plan.json"))))?;
@@ -161,8 +166,9 @@ impl Folder {
             stem.is_some_and(|stem| !PICTURES.contains(&stem))
         };
         let charts: Vec<&String> = files.keys().filter(is_chart).take(MOST_CHARTS).collect();
-        if run.is_none() && cycles.is_none() && tables.is_empty() {
-            let told = "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json or cycles.json";
+        if run.is_none() && cycles.is_none() && compare.is_none() && tables.is_empty() {
+            let told =
+                "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
             return Err(Error::input(format!("{}: {told}", folder.display())));
         }
         let name = root.file_name().map_or_else(|| "/".into(), |name| name.to_string_lossy().into_owned());
@@ -174,6 +180,7 @@ impl Folder {
             })),
             "cycles": cycles,
             "tiles": (run.is_some() || cycles.is_some()) && files.contains_key("tiles.csv"),
+            "compare": compare,
             "tables": tables,
             "charts": charts,
         });

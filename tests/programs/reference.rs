@@ -23,6 +23,7 @@ pub fn pages() -> Vec<Page> {
         page("plan.md", "Sweep plan", PLAN, &splatsim::explore::sweep::plan::schema()),
         page("prices.md", "Prices", PRICES, &schemars::schema_for!(splatsim::performance::cost::Prices).to_value()),
         page("report.md", "Report", REPORT, &of::<splatsim::run::report::Report>()),
+        page("compare.md", "Comparison", COMPARE, &of::<splatsim::run::compare::Comparison>()),
         page("stress.md", "Stress catalogue", STRESS, &of::<splatsim::explore::stress::Catalogue>()),
         page("search.md", "Search", SEARCH, &of::<splatsim::explore::search::Outcome>()),
     ]
@@ -35,6 +36,7 @@ fn of<T: schemars::JsonSchema>() -> Value {
 
 const REPORT: &str = "What `report.json` says, which `run --out DIR` writes. All but `host` is the same for the same input on every computer, at any \
     number of threads. A field that is left out was not asked for.";
+const COMPARE: &str = "What `compare.json` says, which `compare --out DIR` writes and `compare --json` prints.";
 const STRESS: &str = "What `stress.json` says, which `stress --out DIR` writes.";
 const SEARCH: &str = "What `search.json` says, which `search` writes beside the machine that it found.";
 const MACHINE: &str = "What a machine file may say: `--machine FILE`; `machine schema` prints this as a JSON Schema, `machine show NAME` a whole file. \

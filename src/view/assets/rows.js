@@ -243,10 +243,18 @@ const rowsPage = ({ columns, machine, title }) => {
       const step = picked.length > 1 && typeof a === 'number' && typeof b === 'number' && a !== b ? `${b > a ? '+' : '−'}${told(Math.abs(b - a), 4)}${a ? ` (${b > a ? '+' : '−'}${told(Math.abs(100 * (b - a) / a), 3)}%)` : ''}` : '';
       return h('tr', { class: differs(name) ? 'flip' : null }, h('td', {}, name), ...cells.map(text => h('td', { class: 'long' }, text)), picked.length > 1 ? h('td', { class: 'n' }, step) : null);
     });
+    // What makes both machines again and puts them side by side; of a machine with units in f64 there is no such command.
+    const command = () => {
+      const changed = (row, flag) => changesOf(row).map(([path, text]) => ` --set-${flag} ${quoted(`${path}=${text}`)}`).join('');
+      const scenes = value.has('scene') ? picked.map(row => cell('scene', row)) : [];
+      const [a, b] = picked;
+      return `splatsim compare ${quoted(machine.name)} ${quoted(machine.name)}${changed(a, 'a')}${changed(b, 'b')}${scenes.length && scenes[0] === scenes[1] ? ` --scene ${quoted(String(scenes[0]))}` : ''}`;
+    };
+    const compare = machine && picked.length > 1 && !picked.some(isExact) ? h('div', { class: 'tools' }, h('div', { class: 'code', id: 'compare-command' }, command()), copying(command())) : null;
     const next = h('button', { 'aria-pressed': String(state.beside), onclick: () => { state.beside = !state.beside; next.setAttribute('aria-pressed', String(state.beside)); } }, 'compare: put the next one beside it');
     const folded = h('details', { open: true }, h('summary', {}, picked.length > 1 ? 'Compared; what differs comes first' : 'All figures'), h('div', { class: 'figures', tabindex: '0' }, h('table', { id: 'figures' }, h('thead', {}, h('tr', {}, h('th', {}, ''), ...picked.map((row, nth) => h('th', {}, picked.length > 1 ? 'AB'[nth] : nameOf(row))), picked.length > 1 ? h('th', { class: 'n' }, 'B − A') : null)), h('tbody', {}, rows))));
     const close = h('button', { onclick: () => { state.picked = []; show(); plots.forEach(plot => plot.redraw()); fill(); } }, 'close');
-    detail.replaceChildren(h('div', { class: 'panel' }, ...about.flat().filter(Boolean), h('div', { class: 'tools' }, next, close), folded));
+    detail.replaceChildren(h('div', { class: 'panel' }, ...about.flat().filter(Boolean), ...(compare ? [compare] : []), h('div', { class: 'tools' }, next, close), folded));
   };
 
   // ---- The table ----

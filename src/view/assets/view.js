@@ -15,11 +15,12 @@
   document.getElementById('footer').textContent = `splatsim ${folder.version}` + (source.live ? '' : '; an exported page: exact values, counts a pixel and stories come with splatsim view');
 
   const pages = [];
+  if (folder.compare) pages.push(['compare', 'Compare', () => comparePage(folder)]);
   if (folder.run?.pictures.length) pages.push(['frame', 'Frame', () => framePage(folder)]);
   const cycles = folder.run?.report.cycles ?? folder.cycles;
   if (cycles) pages.push(['machine', 'Machine', () => machinePage(folder.run?.report ?? null, cycles, folder.tiles ? foldersTiles(folder) : null)]);
   folder.tables.forEach((rows, nth) => pages.push(['rows' + nth, rows.title[0].toUpperCase() + rows.title.slice(1), () => rowsPage(rows)]));
-  if (folder.charts.length) pages.push(['charts', 'Charts', () => chartsPage(folder)]);
+  if (folder.charts.length && !folder.compare) pages.push(['charts', 'Charts', () => chartsPage(folder)]);
 
   const tabs = document.getElementById('tabs');
   const shown = new Map();

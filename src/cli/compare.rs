@@ -1,0 +1,173 @@
+//! Compare: puts two machines, or two frames that `run` drew, side by side.
+
+use super::arguments::{Pair, Threads, pretty, written};
+use crate::error::{Error, Result};
+use crate::hardware::{fixed, machines};
+use crate::output::files::Folder;
+use crate::output::text::one_line;
+use crate::performance::cost::Prices;
+use crate::performance::recording::Recording;
+use crate::run::compare::{Comparison, Frame, Side};
+use crate::scene::{Overrides, Scene};
+use clap::Args;
+use rtl_model::Machine;
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+
+/// End of the help text.
+pub(super) const HELP: &str = "A and B are both machines, each a name or a file, or both frames, each a folder\n\
+    that `run --out` wrote or its report.json. Machines alone are compared by their\n\
+    fields and areas; with --scene both draw it, with --replay both go through it.\n\
+    `splatsim view DIR` shows what --out DIR wrote in a browser";
+
+#[derive(Args, Debug)]
+pub(super) struct Typed {
+    /// Machine, folder or report.json
+    #[arg(value_name = "A")]
+    a: OsString,
+    /// Another one
+    #[arg(value_name = "B")]
+    b: OsString,
+    /// Change a field of both, as in timing.raster.fifo=4
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    both: Vec<String>,
+    /// Change a field of the machine A
+    #[arg(long, value_name = "PATH=VALUE")]
+    set_a: Vec<String>,
+    /// Change a field of the machine B
+    #[arg(long, value_name = "PATH=VALUE")]
+    set_b: Vec<String>,
+    /// Draw this scene on both machines
+    #[arg(long, value_name = "SCENE", conflicts_with = "replay")]
+    scene: Option<OsString>,
+    /// Size of the picture instead of the scene's own
+    #[arg(long, value_name = "WxH", requires = "scene")]
+    size: Option<Pair<'x'>>,
+    /// Replay what `run --record` recorded on both
+    #[arg(long, value_name = "FILE")]
+    replay: Option<PathBuf>,
+    /// What a bit costs [default: machine prices]
+    #[arg(long, value_name = "FILE")]
+    prices: Option<PathBuf>,
+    /// Write compare.json and pictures into this folder
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// List every field of the machine that differs
+    #[arg(long)]
+    all: bool,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+}
+
+/// A comparison that can be made.
+pub(super) struct Job {
+    sides: [One; 2],
+    frame: Option<Drawn>,
+    prices: Prices,
+    out: Option<(PathBuf, Folder)>,
+    all: bool,
+    json: bool,
+}
+
+/// What one of the two is.
+enum One {
+    Machine(String, Box<Machine>),
+    Frame(Box<Side>),
+}
+
+/// What machines are compared on.
+enum Drawn {
+    Scene(Box<Scene>),
+    Recording(Box<Recording>),
+}
+
+impl Typed {
+    pub fn check(self) -> Result<Job> {
+        let prices = Prices::load_or_default(self.prices.as_deref())?;
+        let settings = |flag: &'static str, own: &[String]| -> Vec<(&'static str, String)> {
+            let both = self.both.iter().map(|setting| ("--set", setting.clone()));
+            both.chain(own.iter().map(|setting| (flag, setting.clone()))).collect()
+        };
+        let sides = [one(&self.a, &settings("--set-a", &self.set_a))?, one(&self.b, &settings("--set-b", &self.set_b))?];
+        let has_frame = self.scene.is_some() || self.replay.is_some();
+        match &sides {
+            [One::Machine(..), One::Machine(..)] => {}
+            [One::Frame(_), One::Frame(_)] if has_frame => {
+                let sentence = "--scene and --replay are for two machines; A and B are frames that were drawn already";
+                return Err(Error::input(sentence));
+            }
+            [One::Frame(_), One::Frame(_)] => {}
+            _ => {
+                let [machine, frame] = if matches!(sides[0], One::Machine(..)) { [&self.a, &self.b] } else { [&self.b, &self.a] };
+                let [machine, frame] = [machine, frame].map(|name| one_line(&name.to_string_lossy()));
+                let sentence = format!(
+                    "{machine} is a machine and {frame} a frame that was drawn: two machines (with --scene both draw it) or two frames are needed"
+                );
+                return Err(Error::input(sentence));
+            }
+        }
+        let frame = match (&self.scene, &self.replay) {
+            (Some(scene), _) => {
+                let size = self.size.map(|Pair(width, height)| (width, height));
+                Some(Drawn::Scene(Box::new(Scene::load(scene, &Overrides { size })?)))
+            }
+            (None, Some(path)) => Some(Drawn::Recording(Box::new(Recording::read(path)?))),
+            (None, None) => None,
+        };
+        // Last, for nothing may be written where anything is wrong.
+        let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
+        Ok(Job { sides, frame, prices, out, all: self.all, json: self.json })
+    }
+}
+
+/// What is named, with a machine's changes.
+fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
+    let (path, shown) = (Path::new(name), one_line(&name.to_string_lossy()));
+    let is_named = !path.exists() && Machine::named(&shown).is_some();
+    if !is_named
+        && path.exists()
+        && let Some(side) = Side::read(path)?
+    {
+        if let Some((flag, setting)) = settings.first() {
+            let flag = machines::flag(flag, setting);
+            return Err(Error::input(format!("{flag}: {shown} is a frame that was drawn: only a machine can be changed")));
+        }
+        return Ok(One::Frame(Box::new(side)));
+    }
+    let mut machine = machines::load(name, &[])?;
+    for (flag, setting) in settings {
+        machine = machines::changed(&machine, setting, &machines::flag(flag, setting))?;
+    }
+    fixed::elaborate(&machine).map_err(|error| Error::input(format!("{shown}: {error}")))?;
+    let all: Vec<&str> = std::iter::once(shown.as_str()).chain(settings.iter().map(|(_, setting)| setting.as_str())).collect();
+    Ok(One::Machine(one_line(&all.join(" ")), Box::new(machine)))
+}
+
+impl Job {
+    pub fn run(self) -> Result<String> {
+        let frame = self.frame.as_ref().map(|drawn| match drawn {
+            Drawn::Scene(scene) => Frame::Scene(scene),
+            Drawn::Recording(recording) => Frame::Recording(recording),
+        });
+        let side = |one: One| match (one, &frame) {
+            (One::Frame(side), _) => Ok(*side),
+            (One::Machine(name, machine), Some(frame)) => Side::of_frame(&name, &machine, frame, &self.prices),
+            (One::Machine(name, machine), None) => Side::of_machine(&name, &machine, &self.prices),
+        };
+        let [a, b] = self.sides;
+        let (a, b) = (side(a)?, side(b)?);
+        let comparison = Comparison::new(&a, &b)?;
+        let files =
+            self.out.as_ref().map(|(folder, _)| comparison.write(&a, &b, folder).map(|files| written(folder, &files))).transpose()?;
+        if self.json {
+            return pretty(&comparison);
+        }
+        let end = files.map_or_else(String::new, |files| format!("\n\n{files}"));
+        let scale = comparison.difference_scale.filter(|_| !end.is_empty());
+        let scale = scale.map_or_else(String::new, |scale| format!("\ndifference.png shows |fixed of A − fixed of B| × {scale}"));
+        Ok(format!("{}{end}{scale}", comparison.summary(self.all)))
+    }
+}

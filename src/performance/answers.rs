@@ -1,0 +1,277 @@
+//! Answers: what would make the frame faster? Fields of `timing`, each changed alone, on the frame that was drawn (docs/book/timing.md).
+//!
+//! ```text
+//! timing, nothing left out ─► every field twice as much, or half ─► can it be built? ─► replay ─► frames/s, area, energy ─► the best
+//! ```
+//! Each answer is the replay of the recorded work on a machine that differs in one field: the very numbers of `run --set FIELD=VALUE`.
+//!
+//! Laws: `no_field_of_timing_is_forgotten`; tests/compare.rs: `an_answer_is_what_the_run_with_it_says`.
+
+use crate::hardware::{fixed, machines};
+use crate::output::text::{aligned, plain_table, wrapped};
+use crate::performance::clock;
+use crate::performance::cost::{CostReport, Prices};
+use rayon::prelude::*;
+use rtl_model::Machine;
+use rtl_model::machine::timing::{Colour, Organisation, Timing};
+use rtl_model::pipeline::Elaborated;
+use rtl_model::timing::{self, Cycles, Detail};
+use rtl_model::work::Work;
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+/// Answers that are told, at most.
+const MOST: usize = 5;
+
+/// The least gain that is told, as a part of the frames a second.
+const LEAST_GAIN: f64 = 0.001;
+
+/// What was tried, and what was best.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Answers {
+    /// Machines that the frame was replayed on.
+    pub tried: u64,
+    /// Machines that cannot be built: the clock leaves no time, say.
+    pub refused: u64,
+    /// The best change of each field, the best five of those; the most frames a second first.
+    pub best: Vec<Answer>,
+}
+
+/// A field with another value.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Answer {
+    /// The field, as `--set` takes it.
+    pub field: String,
+    /// Value that the machine has, or that follows where it is left out.
+    pub from: Value,
+    /// The other value.
+    pub to: Value,
+    /// Cycles of the frame with it.
+    pub cycles: u64,
+    /// Frames a second with it.
+    pub frames_per_second: f64,
+    /// Frames a second more, as a part of those without it.
+    pub faster: f64,
+    /// Bytes to and from memory with it.
+    pub bytes: u64,
+    /// LUT equivalents with it.
+    pub area: f64,
+    /// Area more, as a part of that without it.
+    pub larger: f64,
+    /// Joules a frame with it.
+    pub energy: f64,
+}
+
+impl Answers {
+    /// Of a machine that took these cycles for this work.
+    pub fn new(machine: &Elaborated, work: &Work, cycles: &Cycles, prices: &Prices) -> Self {
+        let all = candidates(machine);
+        let before = CostReport::new(machine, cycles, prices).cost.area;
+        let try_one = |candidate: &Candidate| {
+            let (built, taken) = candidate.replay(&machine.machine, work)?;
+            let cost = CostReport::new(&built, &taken, prices);
+            let Candidate { field, from, to } = candidate;
+            let answer = Answer {
+                field: field.clone(),
+                from: from.clone(),
+                to: to.clone(),
+                cycles: taken.total,
+                frames_per_second: if taken.total == 0 { 0.0 } else { 1.0 / (taken.total as f64 / built.timing.timing.clock_hz as f64) },
+                faster: if taken.total == 0 { 0.0 } else { cycles.total as f64 / taken.total as f64 - 1.0 },
+                bytes: taken.memory.total_bytes(),
+                area: cost.cost.area,
+                larger: if before > 0.0 { cost.cost.area / before - 1.0 } else { 0.0 },
+                energy: cost.energy.total,
+            };
+            Some(answer)
+        };
+        let mut answers: Vec<Answer> = all.par_iter().filter_map(try_one).collect();
+        let tried = answers.len() as u64;
+        // Stable: of equals the first in the description.
+        answers.sort_by(|one, other| one.cycles.cmp(&other.cycles).then(one.area.total_cmp(&other.area)));
+        let mut best: Vec<Answer> = Vec::new();
+        for answer in answers {
+            if best.len() < MOST && answer.faster >= LEAST_GAIN && best.iter().all(|better| better.field != answer.field) {
+                best.push(answer);
+            }
+        }
+        Answers { tried, refused: all.len() as u64 - tried, best }
+    }
+
+    /// At most 80 columns.
+    pub fn table(&self) -> String {
+        let count = |count: u64, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
+        let tried = count(self.tried, "change", "changes");
+        let refused = if self.refused == 0 { String::new() } else { format!(", {} more cannot be built", self.refused) };
+        if self.best.is_empty() {
+            return wrapped(&format!("answers: none of {tried} of one field of timing makes the frame faster by 0.1%{refused}"));
+        }
+        let mut table = plain_table(&["one field changed", "from", "to", "frames/s", "faster", "area", "energy mJ"]);
+        for Answer { field, from, to, frames_per_second, faster, larger, energy, .. } in &self.best {
+            table.add_row([
+                field.clone(),
+                from.to_string(),
+                to.to_string(),
+                format!("{frames_per_second:.1}"),
+                percent(*faster),
+                percent(*larger),
+                format!("{:.2}", energy * 1e3),
+            ]);
+        }
+        let head = wrapped(&format!("answers, each the same frame replayed: the best of {tried}{refused}"));
+        format!("{head}\n{}", aligned(table).trim_fmt())
+    }
+}
+
+fn percent(part: f64) -> String {
+    match 100.0 * part {
+        0.0 => "=".into(),
+        small if small.abs() < 0.05 => if small > 0.0 { "+ < 0.1%" } else { "− < 0.1%" }.into(),
+        percent => format!("{percent:+.1}%").replace('-', "−"),
+    }
+}
+
+/// A field that may be changed.
+struct Candidate {
+    field: String,
+    from: Value,
+    to: Value,
+}
+
+impl Candidate {
+    /// The machine with it, and the frame's cycles there; none where it cannot be built.
+    fn replay(&self, machine: &Machine, work: &Work) -> Option<(Elaborated, Cycles)> {
+        let other = machines::with(machine, &[(self.field.clone(), self.to.clone())], "answers").ok()?;
+        let built = fixed::elaborate(&other).ok()?;
+        let cycles = timing::replay(&built.timing, work, Detail::Accounts);
+        Some((built, cycles))
+    }
+}
+
+/// What is done with a field of timing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Way {
+    /// More may be faster: twice as much.
+    More,
+    /// Fewer may be faster: half, or the least that could be.
+    Less,
+    /// Nobody knows: twice as much, and half.
+    Both,
+    /// Another clock, technology or memory chip, not another design.
+    Given,
+}
+
+/// What is done with the fields of this name, whatever unit has them; none of a name that is new.
+fn way(name: &str) -> Option<Way> {
+    Some(match name {
+        "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses" | "bytes_per_cycle" | "outstanding" | "lanes" => {
+            Way::More
+        }
+        "latency" | "interval" | "hazard" | "merge" => Way::Less,
+        "side_px" | "line_px" | "burst_bytes" => Way::Both,
+        "clock_hz" | "technology" | "organisation" | "ideal" | "hit_latency" | "miss_latency" | "row_bytes" | "banks" => Way::Given,
+        _ => return None,
+    })
+}
+
+/// Every change that is tried, in the order of the description.
+fn candidates(machine: &Elaborated) -> Vec<Candidate> {
+    let timing = json!(filled(machine));
+    let unused = match machine.timing.timing.organisation {
+        Organisation::Binned => "cache",
+        Organisation::Immediate => "tile",
+    };
+    let ways = clock::ways(machine);
+    let mut all = Vec::new();
+    for (unit, fields) in timing.as_object().into_iter().flatten().filter(|(unit, _)| *unit != unused) {
+        for (name, from) in fields.as_object().into_iter().flatten() {
+            let field = format!("timing.{unit}.{name}");
+            let least = match name.as_str() {
+                "latency" => ways.iter().find(|way| way.name == unit).map_or(1, |way| way.least),
+                "merge" => 0,
+                _ => 1,
+            };
+            let values = others(way(name).unwrap_or(Way::Given), from, u64::from(least));
+            all.extend(values.into_iter().map(|to| Candidate { field: field.clone(), from: from.clone(), to }));
+        }
+    }
+    all
+}
+
+/// Other values of a number, or of one number of a pair after the other.
+fn others(way: Way, from: &Value, least: u64) -> Vec<Value> {
+    if let Some(pair) = from.as_array() {
+        let with = &|at: usize, value: Value| {
+            let mut pair = pair.clone();
+            pair[at] = value;
+            Value::Array(pair)
+        };
+        return (0..pair.len()).flat_map(|at| others(way, &pair[at], least).into_iter().map(move |value| with(at, value))).collect();
+    }
+    let Some(number) = from.as_u64() else { return Vec::new() };
+    let (twice, half) = (number.saturating_mul(2), (number / 2).max(least));
+    let mut values = match way {
+        Way::More => vec![twice],
+        Way::Less => vec![half, least],
+        Way::Both => vec![twice, half],
+        Way::Given => Vec::new(),
+    };
+    values.retain(|value| *value != number && (way != Way::Less || *value < number));
+    values.dedup();
+    values.into_iter().map(Value::from).collect()
+}
+
+/// The timing of a machine with nothing left out but multipliers, of which every product then has its own.
+fn filled(machine: &Elaborated) -> Timing {
+    let built = &machine.timing;
+    let mut timing = built.timing;
+    for (setup, pace) in [(&mut timing.project, built.project), (&mut timing.ellipse, built.ellipse)] {
+        setup.latency = Some(pace.latency);
+        setup.interval = Some(pace.interval);
+    }
+    if let Some(most) = built.colour.last() {
+        let colour = timing.colour.unwrap_or_default();
+        let latency = Some(most.pace.latency);
+        timing.colour = Some(Colour { latency, interval: Some(most.pace.interval), ..colour });
+    }
+    timing.raster.latency = Some(built.raster.latency);
+    timing.gauss.latency = Some(built.gauss.latency);
+    timing.fragment.latency = Some(built.fragment.latency);
+    timing.fragment.hazard = Some(built.hazard);
+    timing.shade.latency = Some(built.shade.latency);
+    timing.resolve.latency = Some(built.resolve.latency);
+    timing
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_field_of_timing_is_forgotten() {
+        let timing = json!(filled(&fixed::elaborate(&Machine::named("tiny").unwrap()).unwrap()));
+        let mut names = Vec::new();
+        for (name, value) in timing.as_object().unwrap() {
+            match value.as_object() {
+                Some(fields) => names.extend(fields.keys().cloned()),
+                None => names.push(name.clone()),
+            }
+        }
+        let new: Vec<&String> = names.iter().filter(|name| way(name).is_none()).collect();
+        assert!(names.len() > 30 && new.is_empty(), "{new:?}: say what is tried of it");
+    }
+
+    #[test]
+    fn a_number_is_doubled_or_halved_and_a_pair_one_by_one() {
+        let told = |way, from: Value, least| Value::Array(others(way, &from, least));
+        assert_eq!(told(Way::More, json!(4), 1), json!([8]));
+        assert_eq!(told(Way::More, json!([4, 1]), 1), json!([[8, 1], [4, 2]]));
+        assert_eq!(told(Way::Less, json!(37), 3), json!([18, 3]));
+        assert_eq!(told(Way::Less, json!(6), 4), json!([4]));
+        assert_eq!(told(Way::Less, json!(6), 6), json!([]));
+        assert_eq!(told(Way::Less, json!(1), 0), json!([0]));
+        assert_eq!(told(Way::Both, json!(16), 1), json!([32, 8]));
+        assert_eq!(told(Way::Given, json!(16), 1), json!([]));
+    }
+}
