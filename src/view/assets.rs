@@ -15,7 +15,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 
 /// Files of the page, in the order in which it takes them.
-pub const ALL: [Asset; 10] = [
+pub const ALL: [Asset; 11] = [
     Asset { name: "uPlot.min.css", kind: STYLE, text: include_str!("assets/uplot/uPlot.min.css") },
     Asset { name: "view.css", kind: STYLE, text: include_str!("assets/view.css") },
     Asset { name: "uPlot.iife.min.js", kind: SCRIPT, text: include_str!("assets/uplot/uPlot.iife.min.js") },
