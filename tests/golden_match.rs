@@ -33,6 +33,7 @@ pub fn glass_spheres() -> Scene {
         surface: Surface { z_threshold: 0.06, coverage_threshold: 0.4, cull_backfaces: false },
         lights: vec![Light { direction: DVec3::new(0.4, 0.8, 0.5).normalize(), rgb: [1.0; 3] }],
         materials: vec![Material::Unlit, Material::BlinnPhong { ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0 }],
+        detail: None,
         notes: Vec::new(),
     }
 }

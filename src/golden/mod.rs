@@ -268,7 +268,7 @@ fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
 }
 
 /// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats, of normals turned towards the viewer; or every contribution of a volume or of
-/// Gaussians by itself, in the order of depth. Gaussians reach at least as far as a screen of 8 bits shows them, whatever the scene's cutoff.
+/// Gaussians by itself, in the order of depth. Of a tree every leaf, whatever the cut. Gaussians reach at least as far as a screen of 8 bits shows them, whatever the scene's cutoff.
 pub fn ideal(scene: &Scene) -> Rendering {
     ideal_of(scene, true)
 }

@@ -8,6 +8,7 @@ use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::CostReport;
 use crate::performance::cycles::CyclesReport;
 use crate::performance::timings::Timings;
+use crate::run::detail::DetailReport;
 use crate::run::preview::{Figures, Preview};
 use crate::scene::Camera;
 use comfy_table::Table;
@@ -30,6 +31,9 @@ pub struct Report {
     pub version: &'static str,
     /// Subject of the drawing.
     pub scene: SceneReport,
+    /// What was drawn of a tree of splats; only where the scene asks for that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level_of_detail: Option<DetailReport>,
     /// On what.
     pub machine: MachineReport,
     /// Distances of the pictures.
@@ -264,6 +268,9 @@ impl Report {
         let _ = writeln!(text, "{}\n{}\n", self.cycles.summary(), self.cost.summary());
         if let Some(timings) = &self.timings {
             let _ = writeln!(text, "{}\n", timings.table());
+        }
+        if let Some(detail) = &self.level_of_detail {
+            let _ = writeln!(text, "{}", wrapped(&detail.summary()));
         }
         let _ = writeln!(text, "{}", self.signal_summary());
         for note in &scene.notes {

@@ -25,6 +25,8 @@ pub fn digest_of(scene: &Scene) -> String {
         surface,
         lights,
         materials,
+        // What is drawn of a tree are splats; the whole is what `ideal` draws.
+        detail,
     } = scene;
     let mut sha = Sha256::new();
     let Kernel { cutoff, low_pass, guard, jacobian, filter } = kernel;
@@ -49,9 +51,17 @@ pub fn digest_of(scene: &Scene) -> String {
         numbers.iter().for_each(|number| sha.update(number.to_le_bytes()));
         sha.update(format!("{back_to_front}{opacity:?}{stop}{keeps_last}{least_weight}{most_weight}"));
     }
-    for Splat { position, normal, radius, rgb, opacity, material } in splats {
+    let mut add_splat = |Splat { position, normal, radius, rgb, opacity, material }: &Splat| {
         let numbers = [position.to_array(), normal.to_array(), *rgb, [*radius, *opacity, (*material).into()]];
         add(&mut sha, numbers.as_flattened());
+    };
+    splats.iter().for_each(&mut add_splat);
+    // Scenes without a tree keep their digests.
+    if let Some(detail) = detail {
+        detail.tree.nodes().iter().for_each(|node| add_splat(&node.splat));
+        let visits = &detail.cut.visits;
+        sha.update(format!("{:?}", detail.rules));
+        visits.iter().for_each(|visit| sha.update(visit.node.to_le_bytes()));
     }
     hex(&sha.finalize())
 }

@@ -15,6 +15,7 @@ pub mod mesh;
 mod neighbours;
 mod placement;
 mod ply;
+pub mod tree;
 mod volume;
 mod voxels;
 
@@ -272,6 +273,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Never empty; every splat's index is in range.
     pub materials: Vec<Material>,
+    /// Tree that the splats are a cut of; none where they are all there are.
+    pub detail: Option<tree::cut::Detail>,
     /// Notes of what a reader left out or found odd, one sentence each, for the summary.
     pub notes: Vec<String>,
 }

@@ -23,6 +23,7 @@ pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
         surface: Surface { z_threshold: 0.05, coverage_threshold: 0.4, cull_backfaces: false },
         lights: Vec::new(),
         materials: vec![Material::Unlit],
+        detail: None,
         notes: Vec::new(),
     }
 }

@@ -29,6 +29,7 @@ mod memory;
 mod stages;
 mod stamps;
 mod stops;
+mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use limit::{Limit, Limited, limit};
