@@ -56,6 +56,7 @@ mod stress;
 mod sweep;
 mod trace;
 mod traced;
+mod tree;
 mod view;
 mod volume_match;
 mod windows;

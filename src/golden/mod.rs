@@ -275,6 +275,10 @@ pub fn ideal(scene: &Scene) -> Rendering {
 
 /// [`ideal`], of normals turned or as they are: how far a machine that does not turn them is from what its sums could be at best.
 pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
+    // Level of detail is the method's error, too.
+    if let Some(full) = scene.full() {
+        return ideal_of(&full, turn_normals);
+    }
     let least = gaussian_cutoff();
     if scene.sheets.as_ref().is_some_and(|sheets| sheets.of == Sheet::Splat) && scene.kernel.cutoff < least {
         let kernel = Kernel { cutoff: least, ..scene.kernel };

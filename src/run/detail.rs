@@ -87,6 +87,18 @@ impl DetailReport {
     }
 }
 
+/// [`within_budget`] of a scene that nobody else needs.
+///
+/// # Errors
+/// As there.
+pub fn bounded(scene: Scene, machine: &Elaborated) -> Result<Scene> {
+    let cut = match within_budget(&scene, machine)? {
+        Cow::Owned(cut) => Some(cut),
+        Cow::Borrowed(_) => None,
+    };
+    Ok(cut.unwrap_or(scene))
+}
+
 /// The scene with the finest cut that its budgets of bytes and cycles leave room for on a machine; as it is where it has none.
 ///
 /// # Errors

@@ -676,7 +676,8 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     // What is written of a scene may be a comment of one line.
     let name = one_line(&Path::new(name).file_name().unwrap_or_default().to_string_lossy());
     let kernel = kernel(&fields.kernel, kind);
-    let mut scene = Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, detail, notes };
+    let mut scene =
+        Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, detail, notes };
     match kind {
         Kind::Mixed => mixed(media, &fields.sheets, &mut scene),
         Kind::Surfaces => surfaces(media, &mut scene),

@@ -10,9 +10,9 @@ use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::stamps::{Piece, Stamps};
 use super::stops::Stops;
+use super::walk::Walk;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
-use super::walk::Walk;
 use crate::work::{Fate, Footprint, Work};
 use std::ops::Range;
 

@@ -277,7 +277,20 @@ impl Recorder {
             fates[splat as usize] = fate;
         }
         tiles.sort_by_key(|tile| [tile.corner[1], tile.corner[0]]);
-        Work { width, height, fates, footprints, order, preshaded, shared_axes, harmonics, tiles, walk: Vec::new(), ahead: 0, listed: Vec::new() }
+        Work {
+            width,
+            height,
+            fates,
+            footprints,
+            order,
+            preshaded,
+            shared_axes,
+            harmonics,
+            tiles,
+            walk: Vec::new(),
+            ahead: 0,
+            listed: Vec::new(),
+        }
     }
 
     /// A recorder of another part.

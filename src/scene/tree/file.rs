@@ -66,8 +66,14 @@ fn node(record: &[u8]) -> Node {
     let number = |nth: usize| f64::from_le_bytes(std::array::from_fn(|i| record[8 * nth + i]));
     let count = |nth: usize| u32::from_le_bytes(std::array::from_fn(|i| record[112 + 4 * nth + i]));
     let vector = |nth: usize| DVec3::new(number(nth), number(nth + 1), number(nth + 2));
-    let splat =
-        Splat { position: vector(0), normal: vector(3), radius: number(6), rgb: vector(7).to_array(), opacity: number(10), material: count(0) };
+    let splat = Splat {
+        position: vector(0),
+        normal: vector(3),
+        radius: number(6),
+        rgb: vector(7).to_array(),
+        opacity: number(10),
+        material: count(0),
+    };
     Node { splat, sphere: number(11), widest: number(12), cone: number(13), level: count(1), first: count(2), children: count(3) }
 }
 

@@ -138,8 +138,11 @@ fn parts(splats: &[Splat], order: &mut [u32], count: usize, children: usize) -> 
     let is_shared = order.len() >= SHARED_FROM;
     let (near, far) = order.split_at_mut(at);
     let split = |half: &mut [u32], count: usize| parts(splats, half, count, children);
-    let (mut near, far) =
-        if is_shared { rayon::join(|| split(near, first), || split(far, count - first)) } else { (split(near, first), split(far, count - first)) };
+    let (mut near, far) = if is_shared {
+        rayon::join(|| split(near, first), || split(far, count - first))
+    } else {
+        (split(near, first), split(far, count - first))
+    };
     near.extend(far);
     near
 }
@@ -167,7 +170,15 @@ fn laid_out(splats: &[Splat], order: &[u32], root: &Grown) -> Tree {
             let place = order[*start];
             let splat = splats[place as usize];
             sums[nth] = Sums::of(&splat);
-            nodes[nth] = Node { splat, sphere: splat.radius, widest: splat.radius, cone: 1.0, level: *level, first: place, children: 0 };
+            nodes[nth] = Node {
+                splat,
+                sphere: splat.radius,
+                widest: splat.radius,
+                cone: 1.0 - CONE_MARGIN,
+                level: *level,
+                first: place,
+                children: 0,
+            };
             continue;
         }
         let children = grown.children.len();
@@ -234,7 +245,10 @@ fn inner<'a>(sums: &Sums, below: impl Iterator<Item = &'a Splat> + Clone, widest
     // Where normals cancel out, none is better than another.
     let length = sums.normal.length();
     let normal = if length > 1e-6 * sums.area { sums.normal / length } else { first.normal };
-    let position = sums.mean;
+    // A mean may round to a last place beyond what it is of.
+    let (low, high) = (below.clone().map(|splat| splat.position))
+        .fold((first.position, first.position), |(low, high), position| (low.min(position), high.max(position)));
+    let position = sums.mean.clamp(low, high);
     let (mut reach, mut cone, mut facing) = (0.0f64, 1.0f64, 0.0);
     let mut areas: Vec<(u32, f64)> = Vec::new();
     for splat in below {
@@ -250,7 +264,8 @@ fn inner<'a>(sums: &Sums, below: impl Iterator<Item = &'a Splat> + Clone, widest
     }
     // That of most of the area; of equals the first in the list.
     areas.sort_unstable_by_key(|(material, _)| *material);
-    let material = areas.iter().copied().reduce(|most, other| if other.1 > most.1 { other } else { most }).map_or(0, |(material, _)| material);
+    let material =
+        areas.iter().copied().reduce(|most, other| if other.1 > most.1 { other } else { most }).map_or(0, |(material, _)| material);
     let trace = sums.moment.x_axis.x + sums.moment.y_axis.y + sums.moment.z_axis.z;
     let in_plane = (trace - normal.dot(sums.moment * normal)).max(0.0) / 2.0;
     let second_moment = (in_plane + sums.kernels) / sums.area;
@@ -259,7 +274,6 @@ fn inner<'a>(sums: &Sums, below: impl Iterator<Item = &'a Splat> + Clone, widest
     let radius = variance.sqrt().clamp(LEAST_RADIUS, FARTHEST);
     let opacity = (sums.opacity / sums.area * (facing / variance).min(1.0)).clamp(0.0, 1.0);
     let rgb = if sums.opacity > 0.0 { sums.rgb[0] / sums.opacity } else { sums.rgb[1] / sums.area };
-    // A mean may round to a last place beyond what it is of.
     let rgb = rgb.clamp(DVec3::ZERO, DVec3::ONE).to_array();
     let splat = Splat { position, normal, radius, rgb, opacity, material };
     let sphere = reach.max(radius) * (1.0 + MARGIN);
