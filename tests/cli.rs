@@ -567,7 +567,7 @@ fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
 fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(
         &[],
-        "a command is missing: run, replay, compare, stress, sweep, search, chart, view, trace, diff, unit, explain, machine, scene, sample, completions, man (see --help)",
+        "a command is missing: run, replay, compare, stress, sweep, search, chart, view, trace, diff, unit, explain, machine, scene, sample, tree, completions, man (see --help)",
     );
     refused(&["rnu"], "rnu");
     refused(&["sweep"], "PLAN");

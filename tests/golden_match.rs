@@ -34,6 +34,7 @@ pub fn glass_spheres() -> Scene {
         lights: vec![Light { direction: DVec3::new(0.4, 0.8, 0.5).normalize(), rgb: [1.0; 3] }],
         environment: None,
         materials: vec![Material::Unlit, Material::BlinnPhong { ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0 }],
+        detail: None,
         notes: Vec::new(),
     }
 }

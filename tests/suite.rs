@@ -58,6 +58,7 @@ mod stress;
 mod sweep;
 mod trace;
 mod traced;
+mod tree;
 mod view;
 mod volume_match;
 mod windows;

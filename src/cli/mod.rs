@@ -16,6 +16,7 @@ mod stress;
 mod style;
 mod sweep;
 mod trace;
+mod tree;
 mod unit;
 mod view;
 
@@ -80,6 +81,8 @@ enum Command {
     /// Make points of a mesh, as a cloud that scenes are read from
     #[command(after_help = sample::HELP)]
     Sample(sample::Typed),
+    /// Build a tree of splats, for level of detail
+    Tree(tree::Typed),
     /// Print a script that completes commands and flags in a shell
     Completions(shell::Completions),
     /// Write man pages
@@ -104,6 +107,7 @@ impl Command {
             Command::Machine(typed) => typed.run(),
             Command::Scene(typed) => typed.run(),
             Command::Sample(typed) => typed.threads.run(|| typed.check()?.run()),
+            Command::Tree(typed) => typed.threads.run(|| typed.check()?.run()),
             Command::Completions(typed) => typed.run(Typed::command()),
             Command::Man(typed) => typed.run(Typed::command()),
         }

@@ -11,6 +11,7 @@ use crate::performance::cost::Prices;
 use crate::performance::recording::Recording;
 use crate::performance::timings::{Axes, Variants};
 use crate::run;
+use crate::run::detail::bounded;
 use crate::run::preview;
 use crate::run::preview::Preview;
 use crate::run::{Options, Outcome, timed};
@@ -85,9 +86,14 @@ impl Typed {
         let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
         let scene = scene?;
         let Within { machine, outside: outside_of_search, warning } = self.common.machine_within(&scene)?;
-        fixed::elaborate(&machine)?;
+        let elaborated = fixed::elaborate(&machine)?;
         let timings = Variants::new(&machine, &self.timing)?;
         let small = self.preview.then(|| preview::scene(&scene)).transpose()?;
+        // A budget's cut is looked for once.
+        let (scene, small) = match small {
+            Some(small) => (scene, Some(bounded(small, &elaborated)?)),
+            None => (bounded(scene, &elaborated)?, None),
+        };
         quantise(small.as_ref().unwrap_or(&scene), &machine)?;
         let options = Options {
             attribution: self.attribute,

@@ -117,7 +117,7 @@ impl View {
 
     /// The n-th of the cameras that nobody asked for: around the target, by golden angles, a little above and below.
     fn unseen(scene: &Scene, nth: usize, machine: &Machine) -> Self {
-        let turned = Scene { camera: scene.camera.turned(nth), ..scene.clone() };
+        let turned = Scene { camera: scene.camera.turned(nth), ..scene.clone() }.cut();
         View::new(&turned, format!("{} from view {nth}", scene.name), machine)
     }
 }
@@ -502,7 +502,7 @@ impl<'a> Search<'a> {
     fn cut(&mut self) -> Result<()> {
         let elaborated = fixed::elaborate(&self.base)?;
         let mut needed: HashMap<String, i32> = HashMap::new();
-        let turned = |scene: &Scene, nth| Scene { camera: scene.camera.turned(nth), ..scene.clone() };
+        let turned = |scene: &Scene, nth| Scene { camera: scene.camera.turned(nth), ..scene.clone() }.cut();
         let around = self.scenes.iter().flat_map(|scene| (0..RANGE_VIEWS).map(move |nth| turned(scene, FIRST_RANGE_VIEW + nth)));
         let all = self.views.iter().map(|view| Cow::Borrowed(&view.scene)).chain(around.map(Cow::Owned));
         for scene in all {

@@ -273,13 +273,17 @@ fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
 }
 
 /// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats, of normals turned towards the viewer; or every contribution of a volume or of
-/// Gaussians by itself, in the order of depth. Gaussians reach at least as far as a screen of 8 bits shows them, whatever the scene's cutoff.
+/// Gaussians by itself, in the order of depth. Of a tree every leaf, whatever the cut. Gaussians reach at least as far as a screen of 8 bits shows them, whatever the scene's cutoff.
 pub fn ideal(scene: &Scene) -> Rendering {
     ideal_of(scene, true)
 }
 
 /// [`ideal`], of normals turned or as they are: how far a machine that does not turn them is from what its sums could be at best.
 pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
+    // Level of detail is the method's error, too.
+    if let Some(full) = scene.full() {
+        return ideal_of(&full, turn_normals);
+    }
     let least = gaussian_cutoff();
     if scene.sheets.as_ref().is_some_and(|sheets| sheets.of == Sheet::Splat) && scene.kernel.cutoff < least {
         let kernel = Kernel { cutoff: least, ..scene.kernel };

@@ -26,7 +26,9 @@ pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
 
 /// Draws once, measures the range of every signal and records the work.
 pub fn draw_measured(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges, Work) {
-    pipeline::draw_measured(machine, &quantised.frame)
+    let (drawing, ranges, mut work) = pipeline::draw_measured(machine, &quantised.frame);
+    quantised.walk.iter().for_each(|walk| walk.record(&mut work));
+    (drawing, ranges, work)
 }
 
 /// The machine's frame as a picture.

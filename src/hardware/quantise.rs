@@ -9,6 +9,7 @@
 use crate::error::{Error, Result};
 use crate::golden::{octahedral, window_density};
 use crate::output::text::listed;
+use crate::scene::tree::cut::{self, Budget, Order};
 use crate::scene::{Amplitude, Filter, Light, Material, Mirror, Orientation, Scene, Sheet, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
@@ -16,6 +17,7 @@ use rtl_model::frame::{self, Frame, Scaled};
 use rtl_model::machine::{Interpolation, Machine, Sight, TableShape};
 use rtl_model::num::{Format, Rounding, Word};
 use rtl_model::pipeline::Reach;
+use rtl_model::work::{Found, Visit, Work};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -46,6 +48,42 @@ pub struct Quantised {
     pub notes: Vec<String>,
     /// Texels of the surroundings before they became words; none where nothing is mirrored.
     pub texels: Vec<[f64; 3]>,
+    /// How the splats are found in a tree, if they are.
+    pub walk: Option<Walk>,
+}
+
+/// How a machine finds the splats of a frame in a tree: for timing, which is told by [`Walk::record`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Walk {
+    visits: Vec<Visit>,
+    ahead: u32,
+    /// Empty where splats are drawn as the walk comes to them.
+    listed: Vec<u32>,
+}
+
+impl Walk {
+    fn new(detail: &cut::Detail) -> Self {
+        let visit = |visit: &cut::Visit| Visit {
+            node: visit.node,
+            parent: visit.parent,
+            found: match visit.found {
+                cut::Found::Opened => Found::Opened,
+                cut::Found::Drawn => Found::Drawn,
+                cut::Found::Away => Found::Away,
+                cut::Found::Outside => Found::Outside,
+            },
+        };
+        Walk {
+            visits: detail.cut.visits.iter().map(visit).collect(),
+            ahead: detail.rules.ahead as u32,
+            listed: if detail.rules.order == Order::CoarseToFine { detail.cut.drawn.clone() } else { Vec::new() },
+        }
+    }
+
+    /// Adds it to the record of the frame.
+    pub fn record(&self, work: &mut Work) {
+        (work.walk, work.ahead, work.listed) = (self.visits.clone(), self.ahead, self.listed.clone());
+    }
 }
 
 /// Brings a scene to a machine.
@@ -59,8 +97,11 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         return Err(Error::input(format!("machine {} cannot draw {}: kernel.filter is \"{filter}\", {says}", machine.name, scene.name)));
     }
     let view = scene.view();
-    let scale = fit_scale(scene, &view, machine);
+    // Every leaf has room, whatever is drawn.
+    let all = scene.full().map(|full| Scene { splats: [full.splats, scene.splats.clone()].concat(), ..full });
+    let scale = fit_scale(all.as_ref().unwrap_or(scene), &view, machine);
     let mut registers = Registers { machine, misfits: Vec::new(), notes: Vec::new(), texels: Vec::new() };
+    let walk = registers.walk(scene);
     let frame = Frame {
         width: scene.image.width as u32,
         height: scene.image.height as u32,
@@ -77,7 +118,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         surroundings: registers.surroundings(scene, &view),
     };
     if registers.misfits.is_empty() {
-        return Ok(Quantised { frame, scale, notes: registers.notes, texels: registers.texels });
+        return Ok(Quantised { frame, scale, notes: registers.notes, texels: registers.texels, walk });
     }
     let misfits: Vec<String> = registers.misfits.into_iter().map(Misfit::sentence).collect();
     Err(Error::input(format!("machine {} cannot draw {}: {}", machine.name, scene.name, listed(&misfits))))
@@ -242,6 +283,23 @@ impl Registers<'_> {
             self.refuse(format!("gauss.radial_index {reach} spans radial indices below {most}, but the scene's cutoff is {cutoff}"));
         }
         self.hold("raster.cutoff", word, cutoff).max(1)
+    }
+
+    fn walk(&mut self, scene: &Scene) -> Option<Walk> {
+        let detail = scene.detail.as_ref()?;
+        let Budget { bytes, cycles, .. } = detail.rules.budget;
+        if bytes.or(cycles).is_some() {
+            self.refuse("level_of_detail.budget has bytes or cycles, which `run` and sweeps find a cut for, and this does not".into());
+        }
+        let walk = self.machine.timing.walk;
+        let (stack, deepest) = (walk.unwrap_or_default().stack, detail.cut.deepest);
+        if deepest > stack as usize {
+            self.refuse(format!("timing.walk.stack is {stack}, but {deepest} nodes wait on it for their children to be read"));
+        }
+        if walk.is_none() {
+            self.notes.push("the machine has no `timing.walk`: the tree is walked by the default one, which is not in its area".into());
+        }
+        Some(Walk::new(detail))
     }
 
     fn ellipsoids(&mut self, scene: &Scene, view: &View) -> Option<frame::Ellipsoids> {

@@ -15,6 +15,7 @@ use crate::golden::{Rendering, Rules};
 use crate::hardware::fixed;
 use crate::hardware::quantise::{Quantised, quantise};
 use crate::output::picture::Picture;
+use crate::run::detail;
 use crate::scene::Scene;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::work::Work;
@@ -24,8 +25,8 @@ use std::borrow::Cow;
 /// A scene on a machine that holds it.
 #[derive(Clone, Debug)]
 pub struct Evaluation<'a> {
-    /// In world units.
-    pub scene: &'a Scene,
+    /// In world units; of a tree the cut that its budget leaves on this machine.
+    pub scene: Cow<'a, Scene>,
     /// The checked machine.
     pub machine: Cow<'a, Elaborated>,
     /// The scene in the machine's words.
@@ -59,7 +60,8 @@ impl<'a> Evaluation<'a> {
     /// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold the scene.
     pub fn new(scene: &'a Scene, machine: &Machine) -> Result<Self> {
         let elaborated = fixed::elaborate(machine)?;
-        let quantised = quantise(scene, machine)?;
+        let scene = detail::within_budget(scene, &elaborated)?;
+        let quantised = quantise(&scene, machine)?;
         Ok(Evaluation { scene, machine: Cow::Owned(elaborated), quantised })
     }
 
@@ -68,7 +70,8 @@ impl<'a> Evaluation<'a> {
     /// # Errors
     /// [`crate::error::Error::Input`] where it cannot hold the scene.
     pub fn on(scene: &'a Scene, machine: &'a Elaborated) -> Result<Self> {
-        let quantised = quantise(scene, &machine.machine)?;
+        let scene = detail::within_budget(scene, machine)?;
+        let quantised = quantise(&scene, &machine.machine)?;
         Ok(Evaluation { scene, machine: Cow::Borrowed(machine), quantised })
     }
 
@@ -96,11 +99,11 @@ impl<'a> Evaluation<'a> {
 
     /// Picture of exact arithmetic by the same rules.
     pub fn golden(&self) -> Rendering {
-        golden::render(self.scene, &self.rules())
+        golden::render(&self.scene, &self.rules())
     }
 
     /// The machine with `golden` led by its decisions.
     pub fn lockstep(&self) -> Lockstep {
-        lockstep(self.scene, &self.machine, &self.quantised)
+        lockstep(&self.scene, &self.machine, &self.quantised)
     }
 }

@@ -7,6 +7,7 @@
 //! ```
 
 pub mod compare;
+pub mod detail;
 pub mod evaluation;
 pub mod explain;
 pub mod preview;
@@ -26,6 +27,7 @@ use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::{CyclesReport, Requests};
 use crate::performance::recording::write_cycles;
 use crate::performance::timings::{Timings, Variants};
+use crate::run::detail::DetailReport;
 use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::Scene;
@@ -88,6 +90,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let elaborated = fixed::elaborate(machine)?;
     let (evaluation, quantise_seconds) = timed(|| Evaluation::on(scene, &elaborated));
     let evaluation = evaluation?;
+    let scene = &*evaluation.scene;
     // Of this frame nothing is used but how long it took.
     let (_, fixed_seconds) = timed(|| evaluation.draw());
     let (observed, observed_seconds) = timed(|| evaluation.observe());
@@ -117,6 +120,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
             scale: evaluation.quantised.scale,
             notes: scene.notes.iter().chain(&evaluation.quantised.notes).cloned().collect(),
         },
+        level_of_detail: scene.detail.as_ref().map(|detail| DetailReport::new(detail, elaborated.timing.node_bytes)),
         machine: MachineReport { outside_of_search: options.outside_of_search.clone(), ..MachineReport::new(&elaborated) },
         accuracy: Accuracy {
             fixed_vs_golden: metrics(&fixed, &golden.picture),

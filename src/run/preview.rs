@@ -69,7 +69,7 @@ fn smaller(scene: &Scene, part: usize) -> Scene {
     let mut scene = scene.clone();
     scene.image.width = (scene.image.width / part).max(1);
     scene.image.height = (scene.image.height / part).max(1);
-    scene
+    scene.cut()
 }
 
 /// The scene as a preview draws it.

@@ -9,6 +9,7 @@ use crate::performance::answers::Answers;
 use crate::performance::cost::CostReport;
 use crate::performance::cycles::CyclesReport;
 use crate::performance::timings::Timings;
+use crate::run::detail::DetailReport;
 use crate::run::preview::{Figures, Preview};
 use crate::scene::Camera;
 use comfy_table::Table;
@@ -31,6 +32,9 @@ pub struct Report {
     pub version: &'static str,
     /// Subject of the drawing.
     pub scene: SceneReport,
+    /// What was drawn of a tree of splats; only where the scene asks for that.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level_of_detail: Option<DetailReport>,
     /// On what.
     pub machine: MachineReport,
     /// Distances of the pictures.
@@ -271,6 +275,9 @@ impl Report {
         }
         if let Some(answers) = &self.answers {
             let _ = writeln!(text, "{}\n", answers.table());
+        }
+        if let Some(detail) = &self.level_of_detail {
+            let _ = writeln!(text, "{}", wrapped(&detail.summary()));
         }
         let _ = writeln!(text, "{}", self.signal_summary());
         for note in &scene.notes {

@@ -26,6 +26,8 @@ pub fn digest_of(scene: &Scene) -> String {
         lights,
         materials,
         environment,
+        // What is drawn of a tree are splats; the whole is what `ideal` draws.
+        detail,
     } = scene;
     let mut sha = Sha256::new();
     let Kernel { cutoff, low_pass, guard, jacobian, filter } = kernel;
@@ -53,9 +55,17 @@ pub fn digest_of(scene: &Scene) -> String {
     if let Some(environment) = environment {
         sha.update(environment.bytes().collect::<Vec<u8>>());
     }
-    for Splat { position, normal, radius, rgb, opacity, material } in splats {
+    let mut add_splat = |Splat { position, normal, radius, rgb, opacity, material }: &Splat| {
         let numbers = [position.to_array(), normal.to_array(), *rgb, [*radius, *opacity, (*material).into()]];
         add(&mut sha, numbers.as_flattened());
+    };
+    splats.iter().for_each(&mut add_splat);
+    // Scenes without a tree keep their digests.
+    if let Some(detail) = detail {
+        detail.tree.nodes().iter().for_each(|node| add_splat(&node.splat));
+        let visits = &detail.cut.visits;
+        sha.update(format!("{:?}", detail.rules));
+        visits.iter().for_each(|visit| sha.update(visit.node.to_le_bytes()));
     }
     hex(&sha.finalize())
 }

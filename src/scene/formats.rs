@@ -4,6 +4,7 @@
 
 use super::gaussians::{self, Gaussians};
 use super::ply::{self, Cloud};
+use super::tree::{self, Tree};
 use super::volume::{self, Arrays, Irregular, Volume};
 use std::path::Path;
 
@@ -13,6 +14,7 @@ type Parsed<T> = Result<T, String>;
 pub(super) enum Splats {
     Points(Cloud),
     Gaussians(Gaussians),
+    Tree(Tree),
 }
 
 /// Reader of a file's bytes; the error is the second half of a sentence that begins with the file's name.
@@ -35,6 +37,7 @@ enum Kind {
 
 const FORMATS: &[(&str, &[Kind], Reader)] = &[
     (".ply", &[Kind::Points, Kind::Gaussians], Reader::Splats(points_or_gaussians)),
+    (".tree", &[Kind::Points], Reader::Splats(|bytes| tree::file::parse(bytes).map(Splats::Tree))),
     (".splat", &[Kind::Gaussians], Reader::Splats(|bytes| gaussians::splat::parse(bytes).map(Splats::Gaussians))),
     (".spz", &[Kind::Gaussians], Reader::Splats(|bytes| gaussians::spz::parse(bytes).map(Splats::Gaussians))),
     (".nrrd", &[Kind::Volume], Reader::Volume(volume::nrrd::read)),

@@ -19,7 +19,12 @@ use super::{
     formats::{self, Reader, Splats},
     gaussians, memory, neighbours,
     placement::Placement,
-    ply, unit, volume,
+    ply,
+    tree::{
+        MOST_CHILDREN, Tree,
+        cut::{Budget, Detail, Order as DrawOrder, Rules},
+    },
+    unit, volume,
 };
 use crate::error::{Error, Result};
 use crate::output::{colour::srgb_decode, text::one_line};
@@ -76,6 +81,8 @@ struct SceneFields {
     /// How a volume's slices, or Gaussians, become pictures.
     #[serde(default)]
     sheets: SheetFields,
+    /// Draws a cut of a tree of the splats instead of all of them; left out, all. Of discs.
+    level_of_detail: Option<DetailFields>,
     /// Directional lights; left out: one white light from behind the eye.
     lights: Option<Vec<LightFields>>,
     /// What splats' `material` counts in; left out: the built-in sources' own, for others one Blinn-Phong.
@@ -481,6 +488,75 @@ struct MaterialFields {
     tint: [f64; 3],
 }
 
+/// How much of a tree of splats is drawn (docs/book/level-of-detail.md).
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+struct DetailFields {
+    /// The coarsest nodes are drawn whose spheres are no larger on the screen, pixels across; 0 draws every splat.
+    #[schemars(range(min = 0, max = 1e6))]
+    pixels: f64,
+    /// In which order; left out: `walk`, or with a budget `coarse-to-fine`.
+    order: Option<DetailOrder>,
+    /// Leaves out nodes outside of the picture, and where `cull_backfaces` is true those whose normals all face away.
+    cull: bool,
+    /// Nodes whose children a walker asks for at a time.
+    #[schemars(range(min = 1, max = 1024))]
+    ahead: usize,
+    /// Most children of a node where the tree is built from splats; a tree that is read has its own.
+    #[schemars(range(min = 2, max = MOST_CHILDREN))]
+    children: usize,
+    /// What the frame may take: the largest nodes become their children first, and none for which there is no room.
+    budget: BudgetFields,
+}
+
+impl Default for DetailFields {
+    fn default() -> Self {
+        DetailFields { pixels: 1.0, order: None, cull: true, ahead: 8, children: 4, budget: BudgetFields::default() }
+    }
+}
+
+#[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+enum DetailOrder {
+    /// As the walk comes to them.
+    Walk,
+    /// The largest on the screen first.
+    CoarseToFine,
+}
+
+/// What a frame may take; what is left out has no limit.
+#[derive(Deserialize, JsonSchema, Default)]
+#[serde(deny_unknown_fields, default)]
+struct BudgetFields {
+    /// Splats that are drawn.
+    #[schemars(range(min = 1))]
+    splats: Option<u64>,
+    /// Bytes of nodes that are read from memory, by the machine's words.
+    #[schemars(range(min = 1))]
+    bytes: Option<u64>,
+    /// Cycles of the frame on the machine.
+    #[schemars(range(min = 1))]
+    cycles: Option<u64>,
+}
+
+impl DetailFields {
+    fn rules(&self) -> Rules {
+        let BudgetFields { splats, bytes, cycles } = self.budget;
+        let usual = if splats.or(bytes).or(cycles).is_some() { DrawOrder::CoarseToFine } else { DrawOrder::Walk };
+        Rules {
+            pixels: self.pixels,
+            order: match self.order {
+                Some(DetailOrder::Walk) => DrawOrder::Walk,
+                Some(DetailOrder::CoarseToFine) => DrawOrder::CoarseToFine,
+                None => usual,
+            },
+            culls: self.cull,
+            ahead: self.ahead,
+            budget: Budget { splats, bytes, cycles },
+        }
+    }
+}
+
 fn one() -> f64 {
     1.0
 }
@@ -575,6 +651,7 @@ pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides) -> Result<
         kernel: KernelFields::default(),
         surface: SurfaceFields::default(),
         sheets: SheetFields::default(),
+        level_of_detail: None,
         lights: None,
         materials: None,
         environment: None,
@@ -626,12 +703,32 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     if gathered.comes_by_depth() && fields.sheets.order == Some(SheetOrder::BackToFront) {
         return Err(input_error("sheets.order is \"back-to-front\", and samples that are sorted by depth come front-to-back".into()));
     }
+    let detail = match &fields.level_of_detail {
+        None => None,
+        Some(_) if !gathered.media.is_empty() => {
+            return Err(input_error("level_of_detail is of discs, and these splats are voxels, Gaussians or an isosurface".into()));
+        }
+        Some(fields) => Some(gathered.detail(fields).map_err(input_error)?),
+    };
     let Gathered { splats, materials, notes, media, .. } = gathered;
     // What is written of a scene may be a comment of one line.
     let name = one_line(&Path::new(name).file_name().unwrap_or_default().to_string_lossy());
     let kernel = kernel(&fields.kernel, kind);
-    let mut scene =
-        Scene { name, splats, camera, image, kernel, ellipsoids: None, sheets: None, surface, lights, materials, environment, notes };
+    let mut scene = Scene {
+        name,
+        splats,
+        camera,
+        image,
+        kernel,
+        ellipsoids: None,
+        sheets: None,
+        surface,
+        lights,
+        materials,
+        environment,
+        detail,
+        notes,
+    };
     match kind {
         Kind::Mixed => mixed(media, &fields.sheets, &mut scene),
         Kind::Surfaces => surfaces(media, &mut scene),
@@ -640,7 +737,7 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     if fields.kernel.low_pass_by == LowPass::Scaling {
         scene.scale_kernels();
     }
-    Ok(scene)
+    Ok(scene.cut())
 }
 
 /// Surroundings, and what the materials do with them; none where no material mirrors anything.
@@ -906,6 +1003,8 @@ struct Gathered<'a> {
     volume_cutoff: f64,
     /// Whether samples were left out that have a cell of no volume.
     lacks_cells: bool,
+    /// A tree that was read: of all splats, if no other source or factor changed them.
+    tree: Option<Tree>,
     notes: Vec<String>,
 }
 
@@ -928,6 +1027,7 @@ impl<'a> Gathered<'a> {
             media: vec![],
             volume_cutoff,
             lacks_cells: false,
+            tree: None,
             notes: vec![],
         }
     }
@@ -1159,6 +1259,14 @@ impl<'a> Gathered<'a> {
             Splats::Gaussians(gaussians) => {
                 self.add_gaussians(gaussians, &file, source);
             }
+            Splats::Tree(tree) => {
+                for splat in tree.splats() {
+                    let material = self.known_material(splat.material.saturating_add(material), path)?;
+                    self.splats.push(Splat { material, opacity: splat.opacity * source.opacity, ..splat });
+                }
+                self.tree = Some(tree);
+                self.end_cloud(source.radius_scale);
+            }
             Splats::Points(cloud) => {
                 let own = |splat: Splat| Splat { material, opacity: splat.opacity * source.opacity, ..splat };
                 self.splats.extend(cloud.splats.into_iter().map(own));
@@ -1197,6 +1305,14 @@ impl<'a> Gathered<'a> {
             material: self.known_material(splat.material, path)?,
         });
         Ok(())
+    }
+
+    /// A tree of all splats: the one that was read, where it is of just these.
+    fn detail(&mut self, fields: &DetailFields) -> std::result::Result<Detail, String> {
+        memory::check(self.splats.len() as u64, "splats of a tree", memory::DISC_BYTES + memory::NODE_BYTES)?;
+        let read = self.tree.take().filter(|tree| tree.splats() == self.splats);
+        let tree = read.or_else(|| Tree::new(&self.splats, fields.children)).ok_or("holds no splats; a tree needs at least one")?;
+        Ok(Detail::new(Arc::new(tree), fields.rules()))
     }
 
     fn known_material(&self, index: u32, path: &str) -> Result<u32> {

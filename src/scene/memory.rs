@@ -6,6 +6,8 @@ use std::fs;
 /// Bytes that a disc, or a voxel, takes in a `run` at its height: pictures, words, records and golden's own (200,000 to 800,000 discs of
 /// `terrain` on 16×16 pixels, release build).
 pub(super) const DISC_BYTES: u64 = 1_130;
+/// Bytes of a splat's nodes while a tree is built: itself and at most as many above it, with their sums.
+pub(super) const NODE_BYTES: u64 = 1_100;
 /// Bytes of a Gaussian, with an orientation and harmonics of degree 0 (`bouquet`).
 pub(super) const GAUSSIAN_BYTES: u64 = 1_660;
 

@@ -16,6 +16,7 @@ pub mod mesh;
 mod neighbours;
 mod placement;
 mod ply;
+pub mod tree;
 mod volume;
 mod voxels;
 
@@ -277,6 +278,8 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// Light from all around, which materials mirror; none where none does.
     pub environment: Option<Arc<Environment>>,
+    /// Tree that the splats are a cut of; none where they are all there are.
+    pub detail: Option<tree::cut::Detail>,
     /// Notes of what a reader left out or found odd, one sentence each, for the summary.
     pub notes: Vec<String>,
 }

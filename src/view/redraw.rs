@@ -11,7 +11,9 @@ use super::folder::Run;
 use crate::accuracy::{KINDS, Lockstep, distance};
 use crate::error::{Error, Result};
 use crate::golden;
+use crate::hardware::fixed;
 use crate::output::picture::Picture;
+use crate::run::detail::bounded;
 use crate::run::evaluation::Evaluation;
 use crate::run::explain::{Explained, explained};
 use crate::run::preview;
@@ -54,7 +56,8 @@ impl Redraw {
         let name = scene.unwrap_or(OsStr::new(&run.scene));
         let scene = Scene::load(name, &Overrides { size: Some((width, height)) })?;
         let scene = if run.preview_of.is_some() { preview::scene(&scene)? } else { scene };
-        let other = |what: &str| Error::input(format!("{}: is not the scene of report.json any more: it has {what}", scene.name));
+        let name = scene.name.clone();
+        let other = |what: &str| Error::input(format!("{name}: is not the scene of report.json any more: it has {what}"));
         if [scene.image.width, scene.image.height] != run.size {
             return Err(other("another size"));
         }
@@ -62,6 +65,8 @@ impl Redraw {
             return Err(other("another camera"));
         }
         let [splats, contributions] = run.counts;
+        // Of a tree what its budget left on this machine.
+        let scene = bounded(scene, &fixed::elaborate(&run.machine)?)?;
         if scene.splats.len() as u64 != splats {
             return Err(other(&format!("{} splats, and {splats} were drawn", scene.splats.len())));
         }

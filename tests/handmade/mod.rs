@@ -24,6 +24,7 @@ pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
         lights: Vec::new(),
         materials: vec![Material::Unlit],
         environment: None,
+        detail: None,
         notes: Vec::new(),
     }
 }

@@ -6,7 +6,7 @@
 //! ```
 
 use super::latency::Path;
-use super::{Elaboration, Part, unit};
+use super::{Elaboration, Operator, Part, unit};
 use crate::machine::timing::{Cache, Memory, Organisation, Setup, Technology, Tile, Timing};
 use crate::machine::{Group, Machine, Merge};
 use crate::num::Word;
@@ -85,6 +85,9 @@ pub struct Microarchitecture {
     pub voxel_bytes: Option<u32>,
     /// Bytes of a splat that is set up, in the memory of a binned machine.
     pub prepared_bytes: u32,
+    /// Bytes of a tree's node in memory: its splat, its sphere, its cone, where its children are.
+    #[serde(skip)]
+    pub node_bytes: u32,
     /// Bytes of a fragment in the frame buffer.
     pub fragment_bytes: u32,
     /// Bytes of a frame word.
@@ -217,6 +220,10 @@ pub struct Fifo {
 
 /// Bytes of an entry of a tile's list: which splat.
 pub const ENTRY_BYTES: u32 = 4;
+/// Bits of a tree's node beside its splat, sphere and widest σ: cone, first child, how many.
+const NODE_BITS: i32 = 8 + 32 + 8;
+/// Bits of an entry of a walker's stack.
+const STACK_BITS: u64 = 32 + 8;
 /// Bits of a pixel's place among those under way.
 const PIXEL_BITS: i32 = 28;
 /// Bits of a cache line's tag: an address, whether it was written, when it was used.
@@ -335,6 +342,9 @@ impl Machine {
                 e.choice(unit::FRAGMENT, 2, slots);
             });
         });
+        if t.walk.is_some() {
+            self.walker(e);
+        }
         let widths = self.widths(splat, prepared, colour.last());
         let [light, frame] = [self.shade.premultiplied, self.resolve.frame].map(|word| 4 * i64::from(word.format.width()));
         let fragment_bits = i64::from(self.fragment_bits());
@@ -374,6 +384,7 @@ impl Machine {
             lights_setup: f.group != Group::First,
             splat_bytes: bytes(splat + axes),
             voxel_bytes: l.ellipsoid.map(|_| bytes(splat)),
+            node_bytes: bytes(splat + bits(&[(2, self.splat.radius)]) + NODE_BITS),
             prepared_bytes: bytes(prepared),
             fragment_bytes,
             frame_bytes,
@@ -432,6 +443,31 @@ impl Machine {
         Widths { splat, point, prepared, more, rastered, weighed, lanes }
     }
 
+    /// Parts of what tests a node of a tree, as wide as the words of the splat and of `project`; it divides nothing, for both sides of a
+    /// comparison are multiplied by the depth.
+    fn walker(&self, e: &mut Elaboration) {
+        let width = |word: Word| word.format.width();
+        let (p, splat) = (&self.project, &self.splat);
+        let [position, camera, radius, focal, pixel, normal] =
+            [splat.position, p.camera, splat.radius, p.focal, p.pixel, splat.normal].map(width);
+        let mut times = |count: u32, a: i32, b: i32| e.copies(count, |e| e.part(unit::FETCH, Operator::Multiplier([a, b])));
+        // The centre in camera space.
+        times(9, position, width(p.rotation));
+        // Sphere against depth: its diameter and its widest splat's reach in pixels, and the limit.
+        times(2, radius, focal);
+        times(1, pixel, camera);
+        // Two planes a side of the picture, by the centre's magnitude: s·|x|, side·z, and the sphere.
+        times(2, camera, focal);
+        times(2, camera, pixel);
+        times(2, radius, pixel);
+        // Normal and cone against the way to the eye.
+        times(3, normal, position);
+        times(4, camera, camera);
+        e.adders(unit::FETCH, 9, position + 2);
+        e.adders(unit::FETCH, 8, camera + focal);
+        e.adders(unit::FETCH, 6, 2 * camera);
+    }
+
     /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps.
     fn storage(&self, w: &Widths, [fragment_bytes, frame_bytes]: [u32; 2], coloured: Option<Pace>) -> Storage {
         let t = &self.timing;
@@ -466,9 +502,11 @@ impl Machine {
         let pixels = kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some()));
         // What fetch has asked for, and what resolve writes, waits in whole requests.
         let requests = 16u64.saturating_mul(t.memory.outstanding.into()).saturating_mul(t.memory.burst_bytes.into());
+        // Number of a first child and how many there are, for each entry.
+        let stack = t.walk.map_or(0, |walk| u64::from(walk.stack) * STACK_BITS);
         Storage {
             fifos,
-            memory_bits: pixels.saturating_add(tags + sort_counts).saturating_add(requests),
+            memory_bits: pixels.saturating_add(tags + sort_counts).saturating_add(requests).saturating_add(stack),
             frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
         }
     }
@@ -551,6 +589,7 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         ("project.fifo", timing.project.fifo, fifo.clone()),
         ("ellipse.fifo", timing.ellipse.fifo, fifo.clone()),
         ("fetch.fifo", timing.fetch.fifo, fifo.clone()),
+        ("walk.stack", timing.walk.unwrap_or_default().stack, 1..=MOST),
         ("raster.fifo", timing.raster.fifo, fifo.clone()),
         ("gauss.fifo", timing.gauss.fifo, fifo.clone()),
         ("cache.fifo", timing.cache.fifo, fifo),

@@ -83,6 +83,9 @@ pub struct Timing {
     pub organisation: Organisation,
     /// Reads splat records; in the second pass of a binned machine, lists and what they point to.
     pub fetch: Fetch,
+    /// Walker of trees; left out, a frame that walks one does so with the default one, which is not in the machine's area.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub walk: Option<Walk>,
     /// World point → pixel.
     pub project: Setup,
     /// Normal and radius → conic, box.
@@ -115,6 +118,21 @@ pub struct Timing {
 pub struct Fetch {
     /// Records that can wait behind it.
     pub fifo: u32,
+}
+
+/// What `fetch` finds the splats of a tree with: it tests a node a cycle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "WalkTiming")]
+#[serde(deny_unknown_fields, default)]
+pub struct Walk {
+    /// Nodes whose children can wait to be read, each as a number and a count.
+    pub stack: u32,
+}
+
+impl Default for Walk {
+    fn default() -> Self {
+        Walk { stack: 1024 }
+    }
 }
 
 /// A unit that sets splats up.
@@ -287,6 +305,7 @@ pub const DEFAULT: Timing = Timing {
     technology: Technology::Nm28,
     organisation: Organisation::Binned,
     fetch: Fetch { fifo: 16 },
+    walk: None,
     project: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 4 },
     ellipse: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 16 },
     colour: None,

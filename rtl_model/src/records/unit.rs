@@ -1,5 +1,7 @@
 //! Unit: the names of the units, once: signals, parts, ports and cycles are called by them.
 
+/// Records out of memory, and of a tree those that a view needs.
+pub const FETCH: &str = "fetch";
 /// World point → camera → pixel.
 pub const PROJECT: &str = "project";
 /// Normal, radius → conic, box, depth slopes.
@@ -24,8 +26,8 @@ pub const RESOLVE: &str = "resolve";
 /// All of them that have words and ports, in the order of the diagram. Whoever lists units takes them from here.
 pub const ALL: [&str; 8] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
 
-/// All of them that are built of parts: colour too, which has no words yet.
-pub const BUILT: [&str; 10] = [PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE];
+/// All of them that are built of parts: colour too, and fetch where it walks trees, which have no words yet.
+pub const BUILT: [&str; 11] = [FETCH, PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE];
 
 /// All of them that have words: those that have ports, and reflect, which stands in shade and has that one's.
 pub const WORDED: [&str; 9] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE];

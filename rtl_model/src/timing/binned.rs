@@ -129,7 +129,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
-fn first_pass<'a>(t: &'a Microarchitecture, work: &Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
+fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut setup = SetUp::new(t, work, "bin", detail);
@@ -181,6 +181,7 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &Work, lists: &Bins, memory: &
     for (fate, index) in fates {
         setup.splat(index, *fate, memory);
     }
+    setup.end(memory);
     // What is left of the last records and of every list.
     let last = end;
     if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {

@@ -87,6 +87,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             memory.forget(setup.fetched);
         }
     }
+    setup.end(&mut memory);
     let mut resolve = Resolve::new(t, work, detail);
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
     let (mut units, shade) = setup.units(merge.shade);

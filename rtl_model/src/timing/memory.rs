@@ -58,6 +58,8 @@ pub const LISTS: u64 = 2 * REGION;
 pub const LINES: u64 = 3 * REGION;
 /// Frame words.
 pub const WORDS: u64 = 4 * REGION;
+/// Nodes of a tree that are drawn, by their size.
+pub const NODES: u64 = 5 * REGION;
 
 /// Bins of the histogram of latencies.
 pub const LATENCY_BINS: usize = 24;

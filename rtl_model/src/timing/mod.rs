@@ -30,6 +30,7 @@ mod stages;
 mod stamps;
 mod stops;
 mod tiles;
+mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use limit::{Limit, Limited, limit};

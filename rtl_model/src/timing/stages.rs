@@ -10,6 +10,7 @@ use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::stamps::{Piece, Stamps};
 use super::stops::Stops;
+use super::walk::Walk;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
 use crate::work::{Fate, Footprint, Work};
@@ -28,6 +29,8 @@ pub struct SetUp<'a> {
     /// That of `colour`.
     colour_pace: Pace,
     outstanding: Outstanding,
+    /// Where splats are found in a tree.
+    walk: Option<Walk<'a>>,
     splat_bytes: u64,
     /// When the last splat was fetched.
     pub fetched: u64,
@@ -37,7 +40,7 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Microarchitecture, work: &Work, behind: &'static str, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &'a Work, behind: &'static str, detail: Detail) -> Self {
         let shaded = work.preshaded.then_some(SetUp::shade_name(timing));
         let pace = timing.colour_of(work.harmonics).map(|colour| colour.pace);
         let coloured = pace.map(|_| unit::COLOUR);
@@ -55,6 +58,7 @@ impl<'a> SetUp<'a> {
             colour_pace: pace.unwrap_or(timing.ellipse),
             shade: shaded.map(|name| Unit::new(name, timing.shade, [Some(before_shade), Some(behind)], detail, timing.lifted)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
+            walk: Walk::new(timing, work),
             splat_bytes: timing.record_bytes(work.shared_axes, work.harmonics).into(),
             fetched: 0,
             bursts: 0,
@@ -65,6 +69,9 @@ impl<'a> SetUp<'a> {
     /// Up to which burst a splat lies, and when it can be fetched.
     #[inline(always)]
     fn ready(&self, index: u64) -> (u64, Ready) {
+        if self.walk.is_some() {
+            return (0, Ready { room: self.fetch.behind.free(), ..Ready::default() });
+        }
         let burst = u64::from(self.timing.timing.memory.burst_bytes);
         let needed = ((index + 1) * self.splat_bytes).div_ceil(burst);
         let memory = if needed > self.bursts { self.outstanding.free() } else { 0 };
@@ -83,7 +90,10 @@ impl<'a> SetUp<'a> {
         let t = self.timing;
         let burst = u64::from(t.timing.memory.burst_bytes);
         let (needed, ready) = self.ready(index);
-        let now = self.fetch.take(ready, 1);
+        let now = match &mut self.walk {
+            None => self.fetch.take(ready, 1),
+            Some(walk) => walk.next(&mut self.fetch, &mut self.outstanding, memory),
+        };
         self.fetch.behind.take(now);
         self.fetched = now;
         while self.bursts < needed {
@@ -123,6 +133,13 @@ impl<'a> SetUp<'a> {
         }
         last.behind.claim();
         Some(here)
+    }
+
+    /// All splats are through: reads what is left of a tree.
+    pub fn end(&mut self, memory: &mut Memory) {
+        if let Some(walk) = &mut self.walk {
+            walk.end(&mut self.fetch, &mut self.outstanding, memory);
+        }
     }
 
     /// The name of its shade unit: the only one, or, of windows, beside that of fragments.

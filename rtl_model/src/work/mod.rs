@@ -45,6 +45,30 @@ impl Fate {
     }
 }
 
+/// What became of a node of a tree.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Found {
+    /// Its children are read.
+    Opened,
+    /// It is drawn.
+    Drawn,
+    /// All below it face away.
+    Away,
+    /// All below it lie outside of the picture.
+    Outside,
+}
+
+/// A node of a tree that was read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Visit {
+    /// Its number: where it lies in memory.
+    pub node: u32,
+    /// Place of its parent's visit, which is before it; of the first its own.
+    pub parent: u32,
+    /// What became of it.
+    pub found: Found,
+}
+
 /// Outcome of a contribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Event {
@@ -161,6 +185,12 @@ pub struct Work {
     pub harmonics: u8,
     /// Every tile that a box touches, by rows.
     pub tiles: Vec<Tile>,
+    /// Nodes of a tree that were read to find the splats; none where these lie in memory one after the other.
+    pub walk: Vec<Visit>,
+    /// How many nodes' children are asked for at a time.
+    pub ahead: u32,
+    /// Nodes that are drawn, in that order; empty where they are drawn as the walk comes to them.
+    pub listed: Vec<u32>,
 }
 
 impl Work {
@@ -177,6 +207,8 @@ impl Work {
             + 4 * self.order.len()
             + size_of::<Footprint>() * self.footprints.len()
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
+            + size_of::<Visit>() * self.walk.len()
+            + 4 * self.listed.len()
     }
 
     /// Contents of each pixel in the end, row by row: fragments, and how many of them are left to shade.
@@ -245,7 +277,20 @@ impl Recorder {
             fates[splat as usize] = fate;
         }
         tiles.sort_by_key(|tile| [tile.corner[1], tile.corner[0]]);
-        Work { width, height, fates, footprints, order, preshaded, shared_axes, harmonics, tiles }
+        Work {
+            width,
+            height,
+            fates,
+            footprints,
+            order,
+            preshaded,
+            shared_axes,
+            harmonics,
+            tiles,
+            walk: Vec::new(),
+            ahead: 0,
+            listed: Vec::new(),
+        }
     }
 
     /// A recorder of another part.

@@ -2,7 +2,7 @@
 //!
 //! Laws (tests/recording.rs of the bench): `a_record_that_is_read_is_the_one_that_was_written`, `no_damage_is_taken_for_a_record`.
 
-use super::{Event, Fate, Footprint, TILE_PX, Tile, Work};
+use super::{Event, Fate, Footprint, Found, TILE_PX, Tile, Visit, Work};
 
 /// Greatest side of a picture, pixels.
 const MOST_PX: u32 = 16_384;
@@ -22,6 +22,7 @@ impl Work {
         require(sizes.iter().all(|size| (1..=MOST_PX).contains(size)), "the picture's size is not 1 to 16384")?;
         require(self.harmonics <= 3, "its harmonics have a degree that none have")?;
         self.check_splats()?;
+        self.check_walk()?;
         let columns = (self.width as usize).div_ceil(TILE_PX);
         let is_after = |pair: &[Tile]| pair[0].place(columns) < pair[1].place(columns);
         let lies_in = |tile: &Tile| (0..2).all(|i| usize::from(tile.corner[i]) % TILE_PX == 0 && u32::from(tile.corner[i]) < sizes[i]);
@@ -36,6 +37,23 @@ impl Work {
             tile.check(lists.of(place).iter().map(|nth| &self.footprints[*nth as usize]))?;
         }
         require(tiles.next().is_none(), "a tile is there that no splat touches")
+    }
+
+    fn check_walk(&self) -> Result<(), String> {
+        if self.walk.is_empty() {
+            return require(self.listed.is_empty(), "its splats are listed, and there is no walk that lists them");
+        }
+        let is_below = |(nth, visit): (usize, &Visit)| {
+            let parent = visit.parent as usize;
+            nth == 0 && parent == 0 || parent < nth && self.walk[parent].found == Found::Opened
+        };
+        require(self.walk.iter().enumerate().all(is_below), "its walk reads nodes that are below none")?;
+        let drawn = || self.walk.iter().filter(|visit| visit.found == Found::Drawn).map(|visit| visit.node);
+        require(drawn().count() == self.fates.len(), "its walk draws other splats than there are")?;
+        let [mut walked, mut listed] = [drawn().collect::<Vec<u32>>(), self.listed.clone()];
+        walked.sort_unstable();
+        listed.sort_unstable();
+        require(self.listed.is_empty() || listed == walked, "its list has other nodes than its walk")
     }
 
     fn check_splats(&self) -> Result<(), String> {

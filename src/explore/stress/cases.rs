@@ -441,6 +441,7 @@ fn picture(width: usize, height: usize, splats: Vec<Splat>) -> Scene {
         lights: vec![Light { direction: DVec3::new(0.4, -0.6, -0.7).normalize(), rgb: [1.0; 3] }],
         materials: vec![Material::Unlit, Material::BlinnPhong { ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0 }],
         environment: None,
+        detail: None,
         notes: Vec::new(),
     }
 }

@@ -27,7 +27,7 @@ fn read(path: &Path) -> Parsed<Gaussians> {
     match formats::reader(path) {
         Some(Reader::Splats(parse)) if !is_ply(path) => match parse(&bytes)? {
             Splats::Gaussians(gaussians) => Ok(gaussians),
-            Splats::Points(_) => Err("holds points".into()),
+            Splats::Points(_) | Splats::Tree(_) => Err("holds points".into()),
         },
         _ => parse_ply(&bytes),
     }
