@@ -10,6 +10,7 @@ pub mod evaluation;
 pub mod explain;
 pub mod preview;
 pub mod report;
+pub mod sequence;
 
 use crate::accuracy::attribution::attribute;
 use crate::accuracy::{ErrorPicture, Lockstep, error_picture, metrics, ranges};
