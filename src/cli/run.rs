@@ -102,12 +102,10 @@ impl Typed {
         if let Some(path) = &self.y4m {
             return Err(Error::input(format!("--y4m {}: one frame is no video; a scene with `cameras` or `camera_path` is needed", path.display())));
         }
-        sequence.frame(self.common.frame.unwrap_or(0))?;
-        let (frames, is_sequence) = (sequence.cameras().len(), sequence.is_sequence());
-        let mut scene = sequence.into_scene();
-        if is_sequence {
-            scene.notes.push(format!("frame {} of a sequence of {frames} (--frame)", self.common.frame.unwrap_or(0)));
-        }
+        let number = self.common.frame.unwrap_or(0);
+        sequence.frame(number)?;
+        let frame = sequence.is_sequence().then_some(number as u64);
+        let scene = sequence.into_scene();
         let Within { machine, outside: outside_of_search, warning } = self.common.machine_within(&scene)?;
         fixed::elaborate(&machine)?;
         let timings = self.timing.as_ref().map(|axes| Variants::new(&machine, axes)).transpose()?;
@@ -120,6 +118,7 @@ impl Typed {
             record: self.record.is_some(),
             prices,
             outside_of_search,
+            frame,
             scene_file: std::path::absolute(&self.scene).ok().filter(|path| path.exists()),
         };
         // Last, for nothing may be written where anything is wrong.

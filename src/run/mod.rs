@@ -49,6 +49,8 @@ pub struct Options {
     pub prices: Prices,
     /// How the scene lies outside of what the machine was searched for, where it was.
     pub outside_of_search: Option<Vec<String>>,
+    /// The frame, where the scene is one of a sequence.
+    pub frame: Option<u64>,
     /// The file that the scene was read from; none of a built-in one.
     pub scene_file: Option<PathBuf>,
 }
@@ -104,6 +106,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         version: env!("CARGO_PKG_VERSION"),
         scene: SceneReport {
             name: scene.name.clone(),
+            frame: options.frame,
             width: scene.image.width,
             height: scene.image.height,
             splats: scene.splats.len() as u64,

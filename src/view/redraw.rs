@@ -52,7 +52,7 @@ impl Redraw {
     pub fn new(run: &Run, scene: Option<&OsStr>) -> Result<Self> {
         let [width, height] = run.preview_of.unwrap_or(run.size);
         let name = scene.unwrap_or(OsStr::new(&run.scene));
-        let scene = Scene::load(name, &Overrides { size: Some((width, height)) })?;
+        let scene = Scene::load_frame(name, &Overrides { size: Some((width, height)) }, run.frame)?;
         let scene = if run.preview_of.is_some() { preview::scene(&scene)? } else { scene };
         let other = |what: &str| Error::input(format!("{}: is not the scene of report.json any more: it has {what}", scene.name));
         if [scene.image.width, scene.image.height] != run.size {
