@@ -90,21 +90,26 @@ fn hermite([from, to]: [f64; 2], [leaves, arrives]: [f64; 2], part: f64) -> f64 
     from + (3.0 * square - 2.0 * cube) * (to - from) + (cube - 2.0 * square + part) * leaves + (cube - square) * arrives
 }
 
+impl Camera {
+    /// Turned to the right about the eye, so that what was in the middle of the picture lies as many pixels to the left of it.
+    pub fn panned(&self, image: &Image, pixels: f64) -> Camera {
+        let view = self.view(image);
+        let [right, down, forward] = [view.rotation.row(0), view.rotation.row(1), view.rotation.row(2)];
+        // The tangent of the angle that the view turns by.
+        let ahead = (forward + right * (pixels / view.focal_px)).normalize();
+        // The picture's own up: with another the view would roll as it turns.
+        Camera { target: self.eye + ahead * (self.target - self.eye).length(), up: -down, ..*self }
+    }
+}
+
 impl PanFields {
     /// The camera of every frame: in frame k, what was in the middle of the first picture lies k · `pan_pixels` farther to the left.
     ///
     /// # Errors
     /// A sentence where a frame has no camera, as [`KeyedFields::cameras`].
     pub fn cameras(&self, first: &Camera, image: &Image) -> Result<Vec<Camera>, String> {
-        let view = first.view(image);
-        let [right, down, forward] = [view.rotation.row(0), view.rotation.row(1), view.rotation.row(2)];
-        let distance = (first.target - first.eye).length();
         let camera = |frame: usize| {
-            // The tangent of the angle that the view has turned by.
-            let tangent = frame as f64 * self.pan_pixels / view.focal_px;
-            let target = first.eye + (forward + right * tangent).normalize() * distance;
-            // The picture's own: with another the view would roll as it turns.
-            let camera = Camera { target, up: -down, ..*first };
+            let camera = first.panned(image, frame as f64 * self.pan_pixels);
             camera.check(&format!("camera_path at frame {frame}: "), "").map(|()| camera)
         };
         std::iter::once(Ok(*first)).chain((1..self.frames).map(camera)).collect()
