@@ -64,7 +64,8 @@ fn each_frame_is_what_its_camera_alone_sees() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let cameras = [eye(0.0), eye(0.4), eye(-2.5)];
-    let sources = [(json!({"builtin": "glass-spheres", "count": 400}), "tiny"), (json!({"gaussians": "bouquet", "count": 150}), "gaussian")];
+    let sources =
+        [(json!({"builtin": "glass-spheres", "count": 400}), "tiny"), (json!({"gaussians": "bouquet", "count": 150}), "gaussian")];
     for (nth, (splats, machine)) in sources.iter().enumerate() {
         let all = write(folder, "all.json", &scene(splats, &json!({"cameras": cameras})));
         let out = folder.join(format!("all{nth}"));
@@ -146,7 +147,8 @@ fn flicker_is_what_the_written_pictures_say() {
     let mut still = 0;
     let mut found = [(0.0, 0); 3];
     for pair in frames.windows(2) {
-        let of = |frame: usize, picture: usize, pixel: usize, channel: usize| f64::from(pair[frame][picture][pixel][channel]).clamp(0.0, 1.0);
+        let of =
+            |frame: usize, picture: usize, pixel: usize, channel: usize| f64::from(pair[frame][picture][pixel][channel]).clamp(0.0, 1.0);
         for pixel in 0..24 * 20 {
             let is_covered = pair.iter().flatten().any(|picture| picture[pixel][3] > 0.0);
             let moves = (0..3).any(|channel| (of(1, 2, pixel, channel) - of(0, 2, pixel, channel)).abs() >= 0.5 / 255.0);
@@ -166,7 +168,10 @@ fn flicker_is_what_the_written_pictures_say() {
     for ((sum, jumps), name) in found.into_iter().zip(["fixed_vs_golden", "golden_vs_ideal", "fixed_vs_ideal"]) {
         let now = &told["flicker"][name];
         let close = |field: &str, expected: f64| (now[field].as_f64().unwrap() - expected).abs() < 1e-6;
-        assert!(close("mean", sum / f64::from(still)) && close("jumps", f64::from(jumps) / f64::from(still)), "{name}: {now} {sum} {jumps}");
+        assert!(
+            close("mean", sum / f64::from(still)) && close("jumps", f64::from(jumps) / f64::from(still)),
+            "{name}: {now} {sum} {jumps}"
+        );
         assert!(sum > 0.0);
     }
     assert!(found.iter().any(|(_, jumps)| *jumps > 0), "nothing jumps: the test asks too little");
@@ -458,7 +463,10 @@ fn absurd_sequences_end_in_a_sentence_and_write_nothing() {
         (json!({"camera": {}, "cameras": [{}]}), "has camera and cameras; only one of"),
         (json!({"cameras": [{}], "camera_path": {"pan_pixels": 1, "frames": 2}}), "has cameras and camera_path; only one of"),
         (json!({"cameras": [{"eye": [1, 2, 3], "target": [1, 2, 3]}]}), "cameras[0].eye and cameras[0].target are the same point"),
-        (json!({"camera_path": {"pan_pixels": 1, "frames": 1_000_000_000}}), "camera_path.frames is 1000000000; it must be at least 1 and at most 10000"),
+        (
+            json!({"camera_path": {"pan_pixels": 1, "frames": 1_000_000_000}}),
+            "camera_path.frames is 1000000000; it must be at least 1 and at most 10000",
+        ),
         (json!({"camera_path": {"keys": [key(0, 1.0, 1.0)], "frames": 0}}), "camera_path.frames is 0"),
         (path(json!([])), "camera_path.keys has 0 entries"),
         (path(json!([key(1_000_000_000, 1.0, 1.0)])), "camera_path.keys[0].at is 1000000000"),

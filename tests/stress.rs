@@ -662,7 +662,9 @@ fn a_slow_pan_flickers_less_the_wider_the_words_are() {
     };
     let [reference, lean, tiny] = Machine::NAMES.map(jumps);
     assert!(reference < lean && lean < tiny && tiny > 0.1, "{reference} {lean} {tiny}");
-    assert!(CASES.iter().filter(|case| case.name != "slow-pan").all(|case| found(case.name, named(case)[0], case.values[0]).flicker.is_none()));
+    assert!(
+        CASES.iter().filter(|case| case.name != "slow-pan").all(|case| found(case.name, named(case)[0], case.values[0]).flicker.is_none())
+    );
 }
 
 // ---- The command ----

@@ -113,11 +113,7 @@ impl Sums {
             return sums;
         }
         sums.still = 1;
-        let pairs = [
-            [&fixed, &golden, &fixed_0, &golden_0],
-            [&golden, &ideal, &golden_0, &ideal_0],
-            [&fixed, &ideal, &fixed_0, &ideal_0],
-        ];
+        let pairs = [[&fixed, &golden, &fixed_0, &golden_0], [&golden, &ideal, &golden_0, &ideal_0], [&fixed, &ideal, &fixed_0, &ideal_0]];
         sums.changes = pairs.map(change).map(|change| Sum { all: change.iter().sum(), jumps: u64::from(most(&change) > JUMP) });
         sums
     }
@@ -174,11 +170,7 @@ mod tests {
     fn changes_and_jumps_are_those_worked_out_by_hand() {
         let s = 1.0 / 255.0;
         let before = frame(&[0.2, 0.2, 0.2, 0.7], &[0.2; 4], &[0.2; 4]);
-        let now = frame(
-            &[0.9, 0.2 + 5.0 * s, 0.2 + 6.0 * s, 0.7],
-            &[0.9, 0.2, 0.2 + 6.0 * s, 0.2],
-            &[0.9, 0.2 + 0.4 * s, 0.2, 0.2],
-        );
+        let now = frame(&[0.9, 0.2 + 5.0 * s, 0.2 + 6.0 * s, 0.7], &[0.9, 0.2, 0.2 + 6.0 * s, 0.2], &[0.9, 0.2 + 0.4 * s, 0.2, 0.2]);
         let found = Sums::new(&before, &now).flicker();
         assert_eq!((found.covered_pixels, found.still_pixels, found.not_finite), (4, 3, 0));
         assert!(close(found.fixed_vs_golden.jumps, 1.0 / 3.0) && close(found.fixed_vs_golden.mean, 5.0 * s / 9.0), "{found:?}");

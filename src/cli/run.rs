@@ -100,7 +100,10 @@ impl Typed {
             return self.check_sequence(sequence, load_seconds).map(|job| Job::Sequence(Box::new(job)));
         }
         if let Some(path) = &self.y4m {
-            return Err(Error::input(format!("--y4m {}: one frame is no video; a scene with `cameras` or `camera_path` is needed", path.display())));
+            return Err(Error::input(format!(
+                "--y4m {}: one frame is no video; a scene with `cameras` or `camera_path` is needed",
+                path.display()
+            )));
         }
         let number = self.common.frame.unwrap_or(0);
         sequence.frame(number)?;

@@ -15,8 +15,8 @@ mod cases;
 mod pictures;
 mod point;
 
-pub use cases::{CASES, Case, FOCAL_PX, Variant};
 pub use crate::accuracy::flicker::Pictures;
+pub use cases::{CASES, Case, FOCAL_PX, Variant};
 pub use point::{Beyond, Bounded, Found, Outcome};
 
 use crate::accuracy::Flips;

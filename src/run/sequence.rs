@@ -158,7 +158,11 @@ fn write_frame(pictures: &Pictures, frame: usize, encoded: bool, exr: bool, fold
     let each: [(&str, &Picture); 3] = [("fixed", &pictures.fixed), ("golden", &pictures.golden), ("ideal", &pictures.ideal)];
     for (name, picture) in each {
         let path = folder.join(file_name(frame, name, "png"));
-        if encoded { picture.decoded().write_png(&path)? } else { picture.write_png(&path)? }
+        if encoded {
+            picture.decoded().write_png(&path)?
+        } else {
+            picture.write_png(&path)?
+        }
         if exr {
             picture.write_exr(&folder.join(file_name(frame, name, "exr")))?;
         }

@@ -188,7 +188,10 @@ impl Told<'_> {
     fn field_of_view(&self) -> std::result::Result<(FieldOfView, Option<(usize, usize)>), String> {
         let model = self.frame.get("camera_model").or(self.all.get("camera_model")).and_then(Value::as_str).unwrap_or("PINHOLE");
         if !["PINHOLE", "SIMPLE_PINHOLE", "OPENCV"].contains(&model) {
-            return Err(format!("camera_model is {}; only PINHOLE, SIMPLE_PINHOLE and OPENCV without distortion can be drawn", clipped(model)));
+            return Err(format!(
+                "camera_model is {}; only PINHOLE, SIMPLE_PINHOLE and OPENCV without distortion can be drawn",
+                clipped(model)
+            ));
         }
         for name in DISTORTIONS {
             if let Some(amount) = self.number(name)?.filter(|amount| *amount != 0.0) {
@@ -198,7 +201,9 @@ impl Told<'_> {
         let side = |name: &str| {
             let side = self.number(name)?;
             match side.filter(|side| *side >= 1.0 && *side <= 1e6 && side.fract() == 0.0) {
-                None if side.is_some() => Err(format!("{name} is {}; it must be a whole number of pixels from 1 to 10⁶", side.unwrap_or(0.0))),
+                None if side.is_some() => {
+                    Err(format!("{name} is {}; it must be a whole number of pixels from 1 to 10⁶", side.unwrap_or(0.0)))
+                }
                 side => Ok(side.map(|side| side as usize)),
             }
         };
@@ -235,7 +240,9 @@ fn transform(matrix: &Value) -> std::result::Result<(DMat3, DVec3), String> {
     let axes = DMat3::from_cols(column(0), column(1), column(2));
     let off = (axes.transpose() * axes - DMat3::IDENTITY).to_cols_array().into_iter().fold(0.0, |most: f64, value| most.max(value.abs()));
     if !(off <= MOST_OFF_ROTATION && axes.determinant() > 0.0 && last == [0.0, 0.0, 0.0, 1.0]) {
-        return Err("transform_matrix is no rotation and a position: its columns must be unit vectors, right-handed, its last row 0 0 0 1".into());
+        return Err(
+            "transform_matrix is no rotation and a position: its columns must be unit vectors, right-handed, its last row 0 0 0 1".into()
+        );
     }
     check_position(column(3)).map(|()| (axes, column(3)))
 }
@@ -299,7 +306,9 @@ fn colmap_lens(line: &str) -> std::result::Result<(&str, (FieldOfView, (usize, u
         _ => return Err(format!("the model {} cannot be drawn; PINHOLE can, of undistorted pictures", clipped(model))),
     };
     if let Some(amount) = distortion.iter().find(|amount| **amount != 0.0) {
-        return Err(format!("a lens that distorts cannot be drawn ({amount}); `colmap image_undistorter` makes pictures and cameras of one that does not"));
+        return Err(format!(
+            "a lens that distorts cannot be drawn ({amount}); `colmap image_undistorter` makes pictures and cameras of one that does not"
+        ));
     }
     let side = |word: &str| {
         let side = word.parse().ok().filter(|side| (1..=1_000_000).contains(side));

@@ -197,10 +197,18 @@ impl Report {
 
 fn flicker_table(flicker: &Flicker) -> String {
     let mut table = plain_table(&["flicker", "mean change", "jumps > 4/255"]);
-    let pairs = [("fixed − golden", flicker.fixed_vs_golden), ("golden − ideal", flicker.golden_vs_ideal), ("fixed − ideal", flicker.fixed_vs_ideal)];
+    let pairs = [
+        ("fixed − golden", flicker.fixed_vs_golden),
+        ("golden − ideal", flicker.golden_vs_ideal),
+        ("fixed − ideal", flicker.fixed_vs_ideal),
+    ];
     for (name, Change { mean, jumps }) in pairs {
         let shown = |value: Option<f64>, show: fn(f64) -> String| db_text(value, flicker.not_finite, show).replace("equal", "–");
-        table.add_row([name.to_owned(), shown(mean, |mean| format!("{:.4}/255", 255.0 * mean)), shown(jumps, |jumps| format!("{:.4} %", 100.0 * jumps))]);
+        table.add_row([
+            name.to_owned(),
+            shown(mean, |mean| format!("{:.4}/255", 255.0 * mean)),
+            shown(jumps, |jumps| format!("{:.4} %", 100.0 * jumps)),
+        ]);
     }
     let (still, covered) = (flicker.still_pixels, flicker.covered_pixels);
     let line = format!(
