@@ -651,6 +651,22 @@ fn the_book_says_where_everything_fails() {
     assert!(wrong.is_empty() && silent.is_empty(), "the book should have:\n{}\nand new:\n{}", wrong.join("\n"), silent.join("\n"));
 }
 
+/// Of the slow pan: what wider words buy.
+#[test]
+fn a_slow_pan_flickers_less_the_wider_the_words_are() {
+    let jumps = |machine: &str| {
+        let all = report("slow-pan", machine).points.iter().map(|point| point.found().unwrap().flicker);
+        let (first, rest): (Vec<_>, Vec<_>) = all.partition(Option::is_none);
+        assert_eq!((first.len(), rest.len()), (1, case("slow-pan").values.len() - 1));
+        rest.into_iter().flatten().map(|flicker| flicker.fixed_vs_golden.jumps.unwrap()).sum::<f64>()
+    };
+    let [reference, lean, tiny] = Machine::NAMES.map(jumps);
+    assert!(reference < lean && lean < tiny && tiny > 0.1, "{reference} {lean} {tiny}");
+    assert!(
+        CASES.iter().filter(|case| case.name != "slow-pan").all(|case| found(case.name, named(case)[0], case.values[0]).flicker.is_none())
+    );
+}
+
 // ---- The command ----
 
 fn splatsim(arguments: &[&str]) -> (i32, String, String) {

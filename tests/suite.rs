@@ -35,6 +35,7 @@ mod mixed;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;
+mod paths;
 mod pinned;
 mod program;
 mod proofs;

@@ -2,6 +2,7 @@
 
 pub mod attribution;
 mod error_picture;
+pub mod flicker;
 mod lockstep;
 mod metrics;
 pub mod partial;

@@ -28,6 +28,9 @@ pub(super) struct Common {
     /// Size of the picture instead of the scene's own
     #[arg(long, value_name = "WxH")]
     size: Option<Pair<'x'>>,
+    /// This frame of a sequence [default: all in run, else 0]
+    #[arg(long, value_name = "N")]
+    pub frame: Option<usize>,
     #[command(flatten)]
     pub threads: Threads,
 }
@@ -55,8 +58,14 @@ impl Common {
         Ok(Within { machine, warning: (!outside.is_empty()).then_some(warning), outside: Some(outside) })
     }
 
+    /// The scene; of a sequence the frame that is asked for, else the first.
     pub fn scene(&self, name_or_path: &OsStr) -> Result<Scene> {
-        Scene::load(name_or_path, &Overrides { size: self.size.map(|Pair(width, height)| (width, height)) })
+        Scene::load_frame(name_or_path, &self.overrides(), self.frame.unwrap_or(0))
+    }
+
+    /// Values that go before the scene's own.
+    pub fn overrides(&self) -> Overrides {
+        Overrides { size: self.size.map(|Pair(width, height)| (width, height)) }
     }
 }
 

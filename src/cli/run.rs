@@ -1,8 +1,10 @@
 //! Run: draws a scene on a machine and in exact arithmetic, and compares.
 
+mod sequence;
+
 use super::arguments::{Common, Within, written};
 use crate::accuracy::ranges;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
 use crate::output::files::Folder;
@@ -15,7 +17,7 @@ use crate::run::detail::bounded;
 use crate::run::preview;
 use crate::run::preview::Preview;
 use crate::run::{Options, Outcome, timed};
-use crate::scene::Scene;
+use crate::scene::{CameraFile, Scene, Sequence};
 use clap::Args;
 use rtl_model::Machine;
 use std::ffi::OsString;
@@ -28,6 +30,12 @@ pub(super) struct Typed {
     scene: OsString,
     #[command(flatten)]
     pub common: Common,
+    /// Cameras of transforms.json or COLMAP instead of the scene's
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// Write a sequence's pictures of the machine as a video too
+    #[arg(long, value_name = "FILE")]
+    y4m: Option<PathBuf>,
     /// Write pictures and report.json into this folder
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -64,7 +72,13 @@ pub(super) struct Typed {
 }
 
 /// A run that can be done.
-pub(super) struct Job {
+pub(super) enum Job {
+    Frame(Box<Frame>),
+    Sequence(Box<sequence::Job>),
+}
+
+/// That of one frame.
+pub(super) struct Frame {
     scene: Scene,
     /// Drawn instead by a preview.
     small: Option<Scene>,
@@ -83,8 +97,22 @@ pub(super) struct Job {
 impl Typed {
     pub fn check(self) -> Result<Job> {
         let prices = Prices::load_or_default(self.prices.as_deref())?;
-        let (scene, load_seconds) = timed(|| self.common.scene(&self.scene));
-        let scene = scene?;
+        let cameras = self.cameras.as_deref().map(CameraFile::read).transpose()?;
+        let (sequence, load_seconds) = timed(|| Sequence::load(&self.scene, &self.common.overrides(), cameras));
+        let mut sequence = sequence?;
+        if sequence.is_sequence() && self.common.frame.is_none() {
+            return self.check_sequence(sequence, load_seconds).map(|job| Job::Sequence(Box::new(job)));
+        }
+        if let Some(path) = &self.y4m {
+            return Err(Error::input(format!(
+                "--y4m {}: one frame is no video; a scene with `cameras` or `camera_path` is needed",
+                path.display()
+            )));
+        }
+        let number = self.common.frame.unwrap_or(0);
+        sequence.frame(number)?;
+        let frame = sequence.is_sequence().then_some(number as u64);
+        let scene = sequence.into_scene();
         let Within { machine, outside: outside_of_search, warning } = self.common.machine_within(&scene)?;
         let elaborated = fixed::elaborate(&machine)?;
         let timings = Variants::new(&machine, &self.timing)?;
@@ -103,18 +131,29 @@ impl Typed {
             record: self.record.is_some(),
             prices,
             outside_of_search,
+            frame,
             scene_file: std::path::absolute(&self.scene).ok().filter(|path| path.exists()),
         };
         // Last, for nothing may be written where anything is wrong.
         let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
         self.record.as_deref().map_or(Ok(()), Recording::may_be_written)?;
         let Typed { exr, record, ranges, quiet, .. } = self;
-        Ok(Job { scene, small, machine, warning, load_seconds, options, out, exr, record, ranges, quiet })
+        let frame = Frame { scene, small, machine, warning, load_seconds, options, out, exr, record, ranges, quiet };
+        Ok(Job::Frame(Box::new(frame)))
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
+        match self {
+            Job::Frame(frame) => frame.run(),
+            Job::Sequence(sequence) => sequence.run(),
+        }
+    }
+}
+
+impl Frame {
+    fn run(self) -> Result<String> {
         if let Some(sentence) = &self.warning {
             super::warn(sentence);
         }

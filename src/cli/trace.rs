@@ -76,7 +76,9 @@ impl Typed {
             waves: self.waves.map(|Span(cycles)| cycles.map(u64::from)),
             seed: self.seed,
         };
-        Ok(Job { scene, text: Scene::text(&self.scene), machine, window, out: self.out, quiet: self.quiet })
+        // The file by itself stands for the first frame.
+        let text = if self.common.frame.unwrap_or(0) == 0 { Scene::text(&self.scene) } else { None };
+        Ok(Job { scene, text, machine, window, out: self.out, quiet: self.quiet })
     }
 }
 

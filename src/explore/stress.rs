@@ -15,8 +15,9 @@ mod cases;
 mod pictures;
 mod point;
 
+pub use crate::accuracy::flicker::Pictures;
 pub use cases::{CASES, Case, FOCAL_PX, Variant};
-pub use point::{Beyond, Bounded, Found, Outcome, Pictures};
+pub use point::{Beyond, Bounded, Found, Outcome};
 
 use crate::accuracy::Flips;
 use crate::error::{Error, Result};
@@ -167,6 +168,7 @@ fn surface_names() -> impl Iterator<Item = &'static str> {
 fn run_point(case: &Case, value: f64, others: &[Machine]) -> Result<Vec<(String, point::Measured)>> {
     let scene = (case.scene)(value);
     let ideal = golden::ideal(&scene).picture;
+    let before = cases::before(case, value).map(|scene| (golden::ideal(&scene).picture, scene));
     let named = names(&scene);
     let mut machines: Vec<Machine> = named.iter().copied().filter_map(Machine::named).collect();
     if let Some(variant) = case.variant {
@@ -175,7 +177,7 @@ fn run_point(case: &Case, value: f64, others: &[Machine]) -> Result<Vec<(String,
         machines.push(machine);
     }
     machines.extend_from_slice(others);
-    Ok(machines.into_iter().map(|machine| (machine.name.clone(), point::measure(&scene, &ideal, &machine))).collect())
+    Ok(machines.into_iter().map(|machine| (machine.name.clone(), point::measure(&scene, &ideal, &machine, before.as_ref()))).collect())
 }
 
 impl Point {
@@ -372,8 +374,9 @@ fn columns() -> Vec<String> {
         "violations",
     ];
     let kinds = Flips::default().by_kind().map(|(kind, _)| format!("flips_{kind}"));
-    let after = ["flips_unexplained", "silent", "covered_pixels", "saturated", "wrapped", "refused"];
-    before.map(String::from).into_iter().chain(kinds).chain(after.map(String::from)).collect()
+    let after = ["flips_unexplained", "silent", "covered_pixels", "saturated", "wrapped"];
+    let flicker = ["flicker_fixed_golden_jumps", "flicker_golden_ideal_jumps", "refused"];
+    before.map(String::from).into_iter().chain(kinds).chain(after.map(String::from)).chain(flicker.map(String::from)).collect()
 }
 
 impl Found {
@@ -392,6 +395,8 @@ impl Found {
         let flips = f.by_kind().map(|(_, count)| count);
         let counts = [f.unexplained, self.beyond.silent, self.covered_pixels, self.saturated, self.wrapped];
         cells.extend([l.violations].iter().chain(&flips).chain(&counts).map(u64::to_string));
+        let changes = self.flicker.map_or([None; 2], |flicker| [flicker.fixed_vs_golden.jumps, flicker.golden_vs_ideal.jumps]);
+        cells.extend(changes.map(number));
         cells.push(String::new());
         cells
     }

@@ -6,3 +6,4 @@ pub mod files;
 pub mod picture;
 pub mod progress;
 pub mod text;
+pub mod video;

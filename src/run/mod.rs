@@ -12,6 +12,7 @@ pub mod evaluation;
 pub mod explain;
 pub mod preview;
 pub mod report;
+pub mod sequence;
 
 use crate::accuracy::attribution::attribute;
 use crate::accuracy::{ErrorPicture, Lockstep, error_picture, metrics, ranges};
@@ -54,6 +55,8 @@ pub struct Options {
     pub prices: Prices,
     /// How the scene lies outside of what the machine was searched for, where it was.
     pub outside_of_search: Option<Vec<String>>,
+    /// The frame, where the scene is one of a sequence.
+    pub frame: Option<u64>,
     /// The file that the scene was read from; none of a built-in one.
     pub scene_file: Option<PathBuf>,
 }
@@ -111,6 +114,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         version: env!("CARGO_PKG_VERSION"),
         scene: SceneReport {
             name: scene.name.clone(),
+            frame: options.frame,
             width: scene.image.width,
             height: scene.image.height,
             splats: scene.splats.len() as u64,

@@ -72,6 +72,9 @@ pub struct Report {
 pub struct SceneReport {
     /// File or built-in name.
     pub name: String,
+    /// Frame of a sequence, from 0; only where it is of one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame: Option<u64>,
     /// Pixels.
     pub width: usize,
     /// Pixels.

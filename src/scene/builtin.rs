@@ -93,7 +93,7 @@ impl Builtin {
     }
 
     /// `count` splats, or as many as close its surface at 512×512, in surface order.
-    pub(super) fn splats(self, count: Option<usize>) -> Vec<Splat> {
+    pub(crate) fn splats(self, count: Option<usize>) -> Vec<Splat> {
         match self {
             Builtin::GlassSpheres => glass_spheres(count.unwrap_or(280_000)),
             Builtin::Checkerboard => checkerboard(count.unwrap_or(200_000)),

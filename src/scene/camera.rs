@@ -61,6 +61,27 @@ pub(super) fn from_array<'de, D: Deserializer<'de>>(deserializer: D) -> Result<D
     <[f64; 3]>::deserialize(deserializer).map(DVec3::from_array)
 }
 
+/// Nearer than this the eye and its target are one point: squares of such distances vanish in f64.
+const NEAREST_TARGET: f64 = 1e-100;
+/// Sine of the least angle between the view and up; below it rounding would turn the picture.
+const LEAST_SINE: f64 = 1e-9;
+
+impl Camera {
+    /// Says what is wrong with eye, target and up, if anything is. `begin` begins the sentence, `own` the names of the fields.
+    pub(super) fn check(&self, begin: &str, own: &str) -> Result<(), String> {
+        let distance = (self.target - self.eye).length();
+        // Also where the distance is no number.
+        if distance.is_nan() || distance < NEAREST_TARGET {
+            return Err(format!("{begin}{own}eye and {own}target are the same point; they must differ"));
+        }
+        let sine = ((self.target - self.eye) / distance).cross(self.up.normalize_or_zero()).length();
+        if sine.is_nan() || sine < LEAST_SINE {
+            return Err(format!("{begin}{own}up is parallel to the view from eye to target; it must point to the side of it"));
+        }
+        Ok(())
+    }
+}
+
 /// Turn from one camera to the next, degrees: the golden angle, by which no two come close.
 const TURN_DEGREES: f64 = 137.507_764;
 /// How far cameras rise and sink, degrees.

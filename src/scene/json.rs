@@ -15,9 +15,11 @@ use super::{Environment, Mirror, environment::BuiltinEnvironment};
 use super::{
     builtin::{self, Builtin, Order},
     camera::Ball,
+    camera_file::CameraFile,
     fields,
     formats::{self, Reader, Splats},
     gaussians, memory, neighbours,
+    path::{LAST_FRAME, MOST_FRAMES},
     placement::Placement,
     ply,
     tree::{
@@ -41,18 +43,14 @@ use std::sync::Arc;
 /// ε, left out, is this many times the median radius: served well on three scans (docs/book/algorithm.md §2).
 const Z_THRESHOLD_OF_RADIUS: f64 = 4.0;
 /// The near plane, left out, lies at this share of the way from the eye to its target.
-const NEAR_OF_DISTANCE: f64 = 1e-3;
+pub(super) const NEAR_OF_DISTANCE: f64 = 1e-3;
 /// Most pixels of a picture along a side, and in all: what a desktop computer still holds a few times over.
 const LONGEST_SIDE: usize = 16384;
 /// Pixels of the largest picture.
 pub const MOST_PIXELS: usize = 1 << 25;
-/// Nearer than this the eye and its target are one point: squares of such distances vanish in f64.
-const NEAREST_TARGET: f64 = 1e-100;
 /// Least radius of a volume's kernels, in steps of the grid: through the middle of one that stands for a whole cell of opacity 1 the optical
 /// depth is 1/(2πr²), here 1.6·10¹¹, and beyond that a volume is points in empty space.
 const LEAST_STEPS: f64 = 1e-6;
-/// Sine of the least angle between the view and up; below it rounding would turn the picture.
-const LEAST_SINE: f64 = 1e-9;
 
 /// No Gaussian is more opaque than this where a scene says nothing else.
 const MOST_WEIGHT: f64 = 0.99;
@@ -66,9 +64,13 @@ const FLATTEST: f64 = 1e6;
 struct SceneFields {
     /// Where the splats come from.
     splats: Source,
-    /// The eye; what is left out is chosen so that the splats fill the picture.
-    #[serde(default)]
-    camera: CameraFields,
+    /// The eye; what is left out is chosen so that the splats fill the picture. In its place may stand `cameras` or `camera_path`.
+    camera: Option<CameraFields>,
+    /// A camera a frame: a sequence. What else a scene leaves out, as normals and the light, is chosen for the first.
+    #[schemars(length(min = 1, max = MOST_FRAMES))]
+    cameras: Option<Vec<CameraFields>>,
+    /// The same by a path.
+    camera_path: Option<PathFields>,
     /// The picture.
     #[serde(default)]
     image: ImageFields,
@@ -367,9 +369,9 @@ struct SplatFields {
     material: u32,
 }
 
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize, JsonSchema, Clone)]
 #[serde(deny_unknown_fields, default)]
-struct CameraFields {
+pub(super) struct CameraFields {
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     eye: Option<[f64; 3]>,
     /// What lands on the middle of the picture.
@@ -384,6 +386,82 @@ struct CameraFields {
     /// Splats whose centres lie at or nearer than this depth are not drawn, Gaussians too; left out: a thousandth of the way to the target.
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
     near: Option<f64>,
+}
+
+/// Cameras between key frames, or a slow pan.
+#[derive(Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub(super) enum PathFields {
+    Keys(KeyedFields),
+    Pan(PanFields),
+}
+
+/// A camera for every frame between those of some.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct KeyedFields {
+    /// In the order of their frames. Before the first and after the last the camera rests.
+    #[schemars(length(min = 1, max = MOST_FRAMES))]
+    pub keys: Vec<KeyFields>,
+    /// How many frames; left out: up to the last key's.
+    #[schemars(range(min = 1, max = MOST_FRAMES))]
+    pub frames: Option<usize>,
+    /// What lies between two keys.
+    #[serde(default)]
+    pub interpolation: Interpolation,
+}
+
+/// What lies between two keys: of eye, target, up and angle of view; the near plane is always linear.
+#[derive(Deserialize, JsonSchema, Clone, Copy, Default, PartialEq)]
+#[serde(rename_all = "kebab-case")]
+pub(super) enum Interpolation {
+    /// Cubic Hermite curves with Catmull and Rom's slopes, (next − last)/(their frames apart): no jolt at a key.
+    #[default]
+    Smooth,
+    /// Straight lines.
+    Linear,
+}
+
+/// A camera at a frame, as `camera` otherwise.
+#[derive(Deserialize, JsonSchema, Clone)]
+#[serde(deny_unknown_fields)]
+pub(super) struct KeyFields {
+    /// The frame, above the key's before.
+    #[schemars(range(max = LAST_FRAME))]
+    pub at: usize,
+    #[schemars(inner(range(min = -1e30, max = 1e30)))]
+    eye: Option<[f64; 3]>,
+    #[schemars(inner(range(min = -1e30, max = 1e30)))]
+    target: Option<[f64; 3]>,
+    #[schemars(inner(range(min = -1e30, max = 1e30)))]
+    up: Option<[f64; 3]>,
+    #[serde(default = "usual_fov")]
+    #[schemars(range(min = 1e-6), extend("exclusiveMaximum" = 180))]
+    fov_y_degrees: f64,
+    #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
+    near: Option<f64>,
+}
+
+impl KeyFields {
+    fn camera(&self) -> CameraFields {
+        let &KeyFields { at: _, eye, target, up, fov_y_degrees, near } = self;
+        CameraFields { eye, target, up, fov_y_degrees, near }
+    }
+}
+
+/// A pan to the right: the eye stays, and the picture moves to the left by as much in every frame.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PanFields {
+    /// How far the middle of the first picture moves in a frame, pixels.
+    #[schemars(range(min = -1e4, max = 1e4))]
+    pub pan_pixels: f64,
+    /// How many frames.
+    #[schemars(range(min = 1, max = MOST_FRAMES))]
+    pub frames: usize,
+    /// That of the first frame.
+    #[serde(default)]
+    camera: CameraFields,
 }
 
 #[derive(Deserialize, JsonSchema)]
@@ -561,6 +639,10 @@ fn one() -> f64 {
     1.0
 }
 
+fn usual_fov() -> f64 {
+    45.0
+}
+
 fn kernel_steps() -> f64 {
     0.7
 }
@@ -587,7 +669,7 @@ fn white() -> [f64; 3] {
 
 impl Default for CameraFields {
     fn default() -> Self {
-        CameraFields { eye: None, target: None, up: None, fov_y_degrees: 45.0, near: None }
+        CameraFields { eye: None, target: None, up: None, fov_y_degrees: usual_fov(), near: None }
     }
 }
 
@@ -633,20 +715,40 @@ pub fn schema() -> Value {
     schemars::schema_for!(SceneFields).to_value()
 }
 
+/// A scene as one of its frames shows it.
+pub(super) struct Seen {
+    pub scene: Scene,
+    /// A camera a frame.
+    pub cameras: Vec<Camera>,
+    /// Whether cameras were given, be it one: then it is a sequence.
+    pub is_sequence: bool,
+    /// Whether frames differ in nothing but the camera: splats of volumes and Gaussians are ordered and coloured for the eye.
+    pub shares_splats: bool,
+}
+
+/// Which frame is seen, and by cameras of which file instead of the scene's own.
+#[derive(Clone, Copy)]
+pub(super) struct Which<'a> {
+    pub frame: usize,
+    pub cameras: Option<&'a CameraFile>,
+}
+
 /// Reads a scene file's text. Files that it names lie relative to `folder`; `name` begins every error.
-pub(super) fn read(text: &str, name: &str, folder: &Path, overrides: &Overrides) -> Result<Scene> {
+pub(super) fn read(text: &str, name: &str, folder: &Path, overrides: &Overrides, which: Which) -> Result<Seen> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let value = strict_json::parse(text).map_err(input_error)?;
     validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
     let fields: SceneFields = serde_json::from_value(value).map_err(|e| input_error(e.to_string()))?;
-    build(fields, name, folder, overrides)
+    build(fields, name, folder, overrides, which)
 }
 
 /// Makes the scene of a file of splats alone, all else left out; `name` begins every error.
-pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides) -> Result<Scene> {
+pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides, which: Which) -> Result<Seen> {
     let fields = SceneFields {
         splats: Source::File(FileSource { file: file.to_owned(), material: 0, radius_scale: 1.0, opacity: 1.0 }),
-        camera: CameraFields::default(),
+        camera: None,
+        cameras: None,
+        camera_path: None,
         image: ImageFields::default(),
         kernel: KernelFields::default(),
         surface: SurfaceFields::default(),
@@ -656,13 +758,14 @@ pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides) -> Result<
         materials: None,
         environment: None,
     };
-    build(fields, name, Path::new(""), overrides)
+    build(fields, name, Path::new(""), overrides, which)
 }
 
-fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) -> Result<Scene> {
+fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, which: Which) -> Result<Seen> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let environment = environment(&fields, folder).map_err(input_error)?;
-    let image = image(&fields.image, name, overrides)?;
+    let image = image(&fields.image, name, overrides, which.cameras)?;
+    fields.check_cameras().map_err(input_error)?;
     fields.splats.check_memory().map_err(input_error)?;
     let mut gathered = Gathered::new(name, folder, &fields);
     gathered.add(&fields.splats, "splats")?;
@@ -676,9 +779,17 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     }
     // Training programs have y down, as their cameras do.
     let up = if kind == Kind::Gaussians { DVec3::NEG_Y } else { DVec3::Y };
-    let camera = camera(&fields.camera, up, &image, &gathered.splats).map_err(input_error)?;
-    gathered.complete(camera.eye);
-    let lights = lights(fields.lights, &camera).map_err(input_error)?;
+    let cameras = match which.cameras {
+        Some(file) => file.cameras(&image, &gathered.splats)?,
+        None => fields.seen_by(up, &image, &gathered.splats).map_err(input_error)?,
+    };
+    let Some(&camera) = cameras.get(which.frame) else {
+        let right = if cameras.len() == 1 { "0 alone is right".into() } else { format!("0 to {} are right", cameras.len() - 1) };
+        return Err(input_error(format!("has no frame {} (--frame): {right}", which.frame)));
+    };
+    // Whatever else depends on the eye is the first one's: the world stays as it is while the eye moves.
+    gathered.complete(cameras[0].eye);
+    let lights = lights(fields.lights, &cameras[0]).map_err(input_error)?;
     let surface = surface(&fields.surface, &gathered.splats);
     if [Kind::Volume, Kind::Mixed].contains(&kind) && surface.coverage_threshold > 1.0 {
         return Err(input_error(format!(
@@ -737,7 +848,11 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides) 
     if fields.kernel.low_pass_by == LowPass::Scaling {
         scene.scale_kernels();
     }
-    Ok(scene.cut())
+    let scene = scene.cut();
+    let is_sequence = which.cameras.is_some() || fields.cameras.is_some() || fields.camera_path.is_some();
+    // Of a tree each camera has a cut of its own.
+    let shares_splats = kind == Kind::Surfaces && scene.detail.is_none();
+    Ok(Seen { scene, cameras, is_sequence, shares_splats })
 }
 
 /// Surroundings, and what the materials do with them; none where no material mirrors anything.
@@ -1414,10 +1529,15 @@ fn direction(vector: [f64; 3], path: &str) -> std::result::Result<DVec3, String>
     unit(DVec3::from_array(vector)).ok_or_else(|| format!("{path} is zero; it must point somewhere"))
 }
 
-fn image(fields: &ImageFields, name: &str, overrides: &Overrides) -> Result<Image> {
-    let (width, height) = overrides.size.unwrap_or((fields.width, fields.height));
+fn image(fields: &ImageFields, name: &str, overrides: &Overrides, cameras: Option<&CameraFile>) -> Result<Image> {
+    let of_cameras = cameras.and_then(|file| file.size);
+    let (width, height) = overrides.size.or(of_cameras).unwrap_or((fields.width, fields.height));
     let input_error = |right: String| {
-        let whose = if overrides.size.is_some() { "--size".into() } else { format!("{name}: image") };
+        let whose = match (overrides.size, of_cameras, cameras) {
+            (Some(_), ..) => "--size".into(),
+            (_, Some(_), Some(file)) => format!("{}: the picture", file.name),
+            _ => format!("{name}: image"),
+        };
         Error::input(format!("{whose} is {width}x{height} pixels; it must be {right}"))
     };
     if !(1..=LONGEST_SIDE).contains(&width) || !(1..=LONGEST_SIDE).contains(&height) {
@@ -1429,23 +1549,48 @@ fn image(fields: &ImageFields, name: &str, overrides: &Overrides) -> Result<Imag
     Ok(Image { width, height, background: fields.background, encoded: false })
 }
 
-fn camera(fields: &CameraFields, usual_up: DVec3, image: &Image, splats: &[Splat]) -> std::result::Result<Camera, String> {
+impl SceneFields {
+    /// At most one of the three ways to say what sees the scene.
+    fn check_cameras(&self) -> std::result::Result<(), String> {
+        let given = [("camera", self.camera.is_some()), ("cameras", self.cameras.is_some()), ("camera_path", self.camera_path.is_some())];
+        let given: Vec<&str> = given.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| *name).collect();
+        if given.len() > 1 {
+            return Err(format!("has {}; only one of `camera`, `cameras` and `camera_path` may be given", given.join(" and ")));
+        }
+        if let Some(PathFields::Keys(path)) = &self.camera_path { path.check() } else { Ok(()) }
+    }
+
+    /// A camera a frame.
+    fn seen_by(&self, up: DVec3, image: &Image, splats: &[Splat]) -> std::result::Result<Vec<Camera>, String> {
+        let complete = |fields: &CameraFields, whose: &str| camera(fields, whose, up, image, splats);
+        if let Some(cameras) = &self.cameras {
+            return cameras.iter().enumerate().map(|(i, fields)| complete(fields, &format!("cameras[{i}]"))).collect();
+        }
+        match &self.camera_path {
+            Some(PathFields::Keys(path)) => {
+                let keys = path.keys.iter().enumerate();
+                let keys = keys.map(|(i, key)| Ok((key.at, complete(&key.camera(), &format!("camera_path.keys[{i}]"))?)));
+                path.cameras(&keys.collect::<std::result::Result<Vec<_>, String>>()?)
+            }
+            Some(PathFields::Pan(path)) => path.cameras(&complete(&path.camera, "camera_path.camera")?, image),
+            None => Ok(vec![complete(self.camera.as_ref().unwrap_or(&CameraFields::default()), "camera")?]),
+        }
+    }
+}
+
+/// Completes a camera; `whose` begins every complaint.
+fn camera(fields: &CameraFields, whose: &str, usual_up: DVec3, image: &Image, splats: &[Splat]) -> std::result::Result<Camera, String> {
     let (eye, target) = eye_and_target(fields, image, splats);
     let distance = (target - eye).length();
-    if distance < NEAREST_TARGET {
-        return Err("camera.eye and camera.target are the same point; they must differ".into());
-    }
     let forward = (target - eye) / distance;
     let up = match fields.up {
-        Some(up) => direction(up, "camera.up")?,
+        Some(up) => direction(up, &format!("{whose}.up"))?,
         None if forward.y.abs() > 0.999 => DVec3::Z,
         None => usual_up,
     };
-    if forward.cross(up).length() < LEAST_SINE {
-        return Err("camera.up is parallel to the view from eye to target; it must point to the side of it".into());
-    }
     let near = fields.near.unwrap_or(distance * NEAR_OF_DISTANCE);
-    Ok(Camera { eye, target, up, fov_y_degrees: fields.fov_y_degrees, near })
+    let camera = Camera { eye, target, up, fov_y_degrees: fields.fov_y_degrees, near };
+    camera.check("", &format!("{whose}.")).map(|()| camera)
 }
 
 fn eye_and_target(fields: &CameraFields, image: &Image, splats: &[Splat]) -> (DVec3, DVec3) {

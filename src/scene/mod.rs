@@ -4,6 +4,7 @@
 
 mod builtin;
 mod camera;
+mod camera_file;
 mod cells;
 pub mod digest;
 mod environment;
@@ -14,8 +15,10 @@ mod json;
 pub(crate) mod memory;
 pub mod mesh;
 mod neighbours;
+mod path;
 mod placement;
 mod ply;
+mod sequence;
 pub mod tree;
 mod volume;
 mod voxels;
@@ -24,11 +27,15 @@ pub(crate) mod strict_json;
 pub(crate) mod validate;
 
 pub use builtin::{Builtin, names};
+pub use camera_file::CameraFile;
 pub use environment::{Environment, Mirror};
 pub use json::{MOST_PIXELS, schema};
+pub use path::MOST_FRAMES;
+pub use sequence::Sequence;
 
 use crate::error::{Error, Result};
 use glam::{DMat3, DQuat, DVec3};
+use json::{Seen, Which};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsStr;
@@ -306,15 +313,31 @@ pub struct View {
 
 impl Scene {
     /// Reads a scene: the path of a `.json` scene file or of a file of splats, or, where there is no such file, the name of a built-in
-    /// scene.
+    /// scene. Of a sequence it is the first frame, and a note says so.
     ///
     /// # Errors
     /// [`Error::Input`], one sentence: which file, which field or row, what is wrong with it, what would be right.
     pub fn load(name_or_path: impl AsRef<OsStr>, overrides: &Overrides) -> Result<Scene> {
-        let path = Path::new(name_or_path.as_ref());
+        Scene::load_frame(name_or_path, overrides, 0)
+    }
+
+    /// Reads one frame of a sequence; what is none has the frame 0 alone.
+    ///
+    /// # Errors
+    /// As [`Scene::load`]; also where there is no such frame.
+    pub fn load_frame(name_or_path: impl AsRef<OsStr>, overrides: &Overrides, frame: usize) -> Result<Scene> {
+        let Seen { mut scene, cameras, is_sequence, .. } = Scene::seen(name_or_path.as_ref(), overrides, Which { frame, cameras: None })?;
+        if is_sequence {
+            scene.notes.push(format!("frame {frame} of a sequence of {} (--frame)", cameras.len()));
+        }
+        Ok(scene)
+    }
+
+    fn seen(name_or_path: &OsStr, overrides: &Overrides, which: Which) -> Result<Seen> {
+        let path = Path::new(name_or_path);
         let name = &*path.to_string_lossy();
         if let (Some(text), false) = (builtin::scene(name), path.exists()) {
-            return json::read(text, name, Path::new(""), overrides);
+            return json::read(text, name, Path::new(""), overrides, which);
         }
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
         if !path.exists() {
@@ -322,10 +345,10 @@ impl Scene {
         }
         if is_json(path) {
             let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-            return json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides);
+            return json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides, which);
         }
         if formats::reader(path).is_some() {
-            return json::of_file(path, name, overrides);
+            return json::of_file(path, name, overrides, which);
         }
         let [points, gaussians, volumes] = formats::names();
         Err(input_error(format!(
@@ -355,14 +378,21 @@ impl Scene {
 
     /// The viewing transform (docs/book/algorithm.md §1): `t = rotation · (p − eye)`.
     pub fn view(&self) -> View {
-        let forward = (self.camera.target - self.camera.eye).normalize();
-        let right = forward.cross(self.camera.up).normalize();
+        self.camera.view(&self.image)
+    }
+}
+
+impl Camera {
+    /// What it makes of world space in a picture.
+    pub fn view(&self, image: &Image) -> View {
+        let forward = (self.target - self.eye).normalize();
+        let right = forward.cross(self.up).normalize();
         let down = forward.cross(right);
-        let half_px = [self.image.width as f64 / 2.0, self.image.height as f64 / 2.0];
+        let half_px = [image.width as f64 / 2.0, image.height as f64 / 2.0];
         View {
             rotation: DMat3::from_cols(right, down, forward).transpose(),
-            eye: self.camera.eye,
-            focal_px: half_px[1] / libm::tan(self.camera.fov_y_degrees.to_radians() / 2.0),
+            eye: self.eye,
+            focal_px: half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0),
             half_px,
         }
     }

@@ -71,7 +71,11 @@ impl<'s> Law<'s> {
         let (least, most) = (schema["minItems"].as_u64().unwrap_or(0), schema["maxItems"].as_u64().unwrap_or(u64::MAX));
         let count = items.len() as u64;
         if count < least || count > most {
-            let right = if least == most { format!("exactly {least}") } else { format!("at least {least}") };
+            let right = match () {
+                () if least == most => format!("exactly {least}"),
+                () if count > most => format!("at most {most}"),
+                () => format!("at least {least}"),
+            };
             return Err(Misfit::here(format!("has {count} entries; it must have {right}")));
         }
         items

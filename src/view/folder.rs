@@ -83,6 +83,8 @@ impl Listed {
 pub struct Run {
     /// The scene's file, or a built-in name.
     pub scene: String,
+    /// Which frame of a sequence.
+    pub frame: usize,
     /// Columns and rows of the picture.
     pub size: [usize; 2],
     /// Columns and rows of the whole, where the picture is a preview of it.
@@ -209,6 +211,10 @@ impl Run {
     fn new(report: &Value, whose: &str) -> Result<Self> {
         let lacks = |what: &str| Error::input(format!("{whose}: has no {what}: it is no report of `run`"));
         let count = |path: &str| report.pointer(path).and_then(Value::as_u64).ok_or_else(|| lacks(&path[1..].replace('/', ".")));
+        if let Some(frames) = report.get("frames").and_then(Value::as_array) {
+            let told = format!("{whose}: is of a sequence of {}, and view shows one frame: `run --frame N` draws it", frames.len());
+            return Err(Error::input(told));
+        }
         let scene = report.pointer("/scene/name").and_then(Value::as_str).ok_or_else(|| lacks("scene.name"))?;
         let described = report.pointer("/machine/description").ok_or_else(|| lacks("machine.description"))?;
         let machine = machines::from_value(described, &format!("{whose}: machine.description"))?;
@@ -219,6 +225,7 @@ impl Run {
         let pair = |value: &Value| Some([value[0].as_u64()? as usize, value[1].as_u64()? as usize]);
         Ok(Run {
             scene: report.pointer("/host/scene_file").and_then(Value::as_str).unwrap_or(scene).into(),
+            frame: report.pointer("/scene/frame").and_then(Value::as_u64).unwrap_or(0) as usize,
             size: [count("/scene/width")? as usize, count("/scene/height")? as usize],
             preview_of: report.pointer("/preview/of").and_then(pair),
             machine,

@@ -54,7 +54,7 @@ impl Redraw {
     pub fn new(run: &Run, scene: Option<&OsStr>) -> Result<Self> {
         let [width, height] = run.preview_of.unwrap_or(run.size);
         let name = scene.unwrap_or(OsStr::new(&run.scene));
-        let scene = Scene::load(name, &Overrides { size: Some((width, height)) })?;
+        let scene = Scene::load_frame(name, &Overrides { size: Some((width, height)) }, run.frame)?;
         let scene = if run.preview_of.is_some() { preview::scene(&scene)? } else { scene };
         let name = scene.name.clone();
         let other = |what: &str| Error::input(format!("{name}: is not the scene of report.json any more: it has {what}"));

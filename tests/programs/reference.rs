@@ -24,6 +24,7 @@ pub fn pages() -> Vec<Page> {
         page("prices.md", "Prices", PRICES, &schemars::schema_for!(splatsim::performance::cost::Prices).to_value()),
         page("report.md", "Report", REPORT, &of::<splatsim::run::report::Report>()),
         page("compare.md", "Comparison", COMPARE, &of::<splatsim::run::compare::Comparison>()),
+        page("sequence.md", "Sequence report", SEQUENCE, &of::<splatsim::run::sequence::Report>()),
         page("stress.md", "Stress catalogue", STRESS, &of::<splatsim::explore::stress::Catalogue>()),
         page("search.md", "Search", SEARCH, &of::<splatsim::explore::search::Outcome>()),
     ]
@@ -44,6 +45,8 @@ const MACHINE: &str = "What a machine file may say: `--machine FILE`; `machine s
     `--set gauss.weight=U-2F10`.";
 const SCENE: &str = "What a scene file may say; `scene schema` prints this as a JSON Schema. Only `splats` is required. Numbers are in world units, \
     colours in linear light.";
+const SEQUENCE: &str = "Fields of `report.json` where `run` draws a sequence ([Camera paths](../paths.md)). All but `host` is the same for the same input \
+     on every computer, at any number of threads.";
 const PLAN: &str = "What a plan of `sweep` may say; `scene plan-schema` prints this as a JSON Schema.";
 const PRICES: &str = "What a file of prices may say: `machine cost NAME --prices FILE`, and likewise of other commands that tell of cost. `machine prices` prints the \
     default ones.";

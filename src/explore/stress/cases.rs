@@ -5,7 +5,7 @@
 
 mod ellipsoids;
 
-use crate::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
+use crate::scene::{Builtin, Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
 use glam::DVec3;
 use libm::{atan, cos, sin, sqrt};
 use std::f64::consts::SQRT_2;
@@ -51,6 +51,15 @@ const PX: f64 = DEPTH / FOCAL_PX;
 /// Side of most pictures, pixels.
 const SIDE: usize = 48;
 
+/// The case that is a sequence, each value against the one before.
+const SLOW_PAN: &str = "slow-pan";
+/// Pixels a frame.
+const PAN_STEP_PX: f64 = 1.0 / 16.0;
+/// Splats of the check scene there.
+const PAN_SPLATS: usize = 6000;
+/// ε there: the check scene's, wider as its splats are.
+const PAN_Z_THRESHOLD: f64 = 0.2;
+
 const RED: [f64; 3] = [0.9, 0.15, 0.1];
 const GREEN: [f64; 3] = [0.1, 0.7, 0.2];
 const BLUE: [f64; 3] = [0.1, 0.25, 0.9];
@@ -60,8 +69,8 @@ const UNLIT: u32 = 0;
 const LIT: u32 = 1;
 
 /// The catalogue: surfaces, then volumes and Gaussians.
-pub const CASES: [Case; 38] = {
-    let mut all = [SURFACES[0]; 38];
+pub const CASES: [Case; 39] = {
+    let mut all = [SURFACES[0]; 39];
     let mut nth = 0;
     while nth < all.len() {
         all[nth] = if nth < SURFACES.len() { SURFACES[nth] } else { ellipsoids::CASES[nth - SURFACES.len()] };
@@ -71,7 +80,7 @@ pub const CASES: [Case; 38] = {
 };
 
 /// The cases of surfaces.
-const SURFACES: [Case; 31] = [
+const SURFACES: [Case; 32] = [
     Case {
         name: "grazing",
         trouble: "discs turned until they are seen edge-on: amplitude to 0, depth slope without limit",
@@ -411,6 +420,17 @@ const SURFACES: [Case; 31] = [
         log: true,
         telling: (300.0, "lean"),
         scene: highlight,
+        variant: None,
+    },
+    Case {
+        name: SLOW_PAN,
+        trouble: "the check scene, a sixteenth of a pixel farther in each frame: what is still flickers",
+        parameter: "turned to the right by",
+        unit: "px",
+        values: &[0.0, 0.0625, 0.125, 0.1875, 0.25, 0.3125],
+        log: false,
+        telling: (0.0625, "tiny"),
+        scene: slow_pan,
         variant: None,
     },
 ];
@@ -773,6 +793,26 @@ fn noisy_scan(scatter: f64) -> Scene {
 }
 
 /// Discs that face every way, each at a depth of its own.
+/// A pan over the check scene, of fewer and wider splats, as far to the right as this.
+fn slow_pan(pixels: f64) -> Scene {
+    let side = 2 * SIDE;
+    let image = Image { width: side, height: side, background: [1.0; 4], encoded: false };
+    let (eye, target) = (DVec3::new(0.0, 1.2, 4.5), DVec3::new(0.0, -0.2, 0.0));
+    let camera = Camera { eye, target, up: DVec3::Y, fov_y_degrees: 45.0, near: 0.05 };
+    let light = DVec3::new(0.4, 0.8, 0.5).normalize();
+    let mut scene = square(Builtin::GlassSpheres.splats(Some(PAN_SPLATS)));
+    scene.camera = if pixels > 0.0 { camera.panned(&image, pixels) } else { camera };
+    scene.image = image;
+    scene.lights = vec![Light { direction: light, rgb: [1.0; 3] }];
+    scene.surface.z_threshold = PAN_Z_THRESHOLD;
+    scene
+}
+
+/// The frame before, of a case that is a sequence.
+pub fn before(case: &Case, pixels: f64) -> Option<Scene> {
+    (case.name == SLOW_PAN && pixels > 0.0).then(|| slow_pan(pixels - PAN_STEP_PX))
+}
+
 fn lone_splats(on_a_pixel: f64) -> Scene {
     let (radius, step) = (3.0 * PX, 0.618_033_988_749_895);
     // Turned every way, and partly outside, a disc covers 24 pixels of the picture.

@@ -1,6 +1,8 @@
 //! Point: one case at one value on one machine, and whether all that is wrong there is told.
 
 use super::FAILS;
+use crate::accuracy::flicker;
+use crate::accuracy::flicker::{Flicker, Pictures};
 use crate::accuracy::ranges::Overflows;
 use crate::accuracy::{Distance, Flips, Lockstep, distance, is_finite, pixel_error};
 use crate::output::picture::Picture;
@@ -10,17 +12,6 @@ use crate::scene::Scene;
 use rtl_model::Machine;
 use schemars::JsonSchema;
 use serde::Serialize;
-
-/// The three pictures at a point.
-#[derive(Clone, Debug)]
-pub struct Pictures {
-    /// Every surface.
-    pub ideal: Picture,
-    /// The machine's rules in f64.
-    pub golden: Picture,
-    /// The machine.
-    pub fixed: Picture,
-}
 
 /// One value on one machine: drawn and compared, or refused in a sentence.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -45,6 +36,9 @@ pub struct Found {
     pub lockstep: Bounded,
     /// Where fixed and `golden` differ by more than 8/255.
     pub beyond: Beyond,
+    /// Change of the errors against the frame before, of a case that is a sequence.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub flicker: Option<Flicker>,
     /// Splats that the machine did not draw.
     pub culled: CulledReport,
     /// Results outside of their word's range that were saturated, without the declared clamps.
@@ -91,32 +85,40 @@ pub struct Measured {
     pub pictures: Option<Pictures>,
 }
 
-/// Draws a scene on a machine and in exact arithmetic, and compares.
-pub fn measure(scene: &Scene, ideal: &Picture, machine: &Machine) -> Measured {
-    match Evaluation::new(scene, machine) {
-        Ok(evaluation) => draw(ideal, &evaluation),
+/// Draws a scene on a machine and in exact arithmetic, and compares; also with the frame before, and its ideal picture, if there is one.
+pub fn measure(scene: &Scene, ideal: &Picture, machine: &Machine, before: Option<&(Picture, Scene)>) -> Measured {
+    let before = before.map(|(ideal, scene)| Ok::<_, crate::error::Error>((ideal, Evaluation::new(scene, machine)?))).transpose();
+    match Evaluation::new(scene, machine).and_then(|evaluation| Ok((evaluation, before?))) {
+        Ok((evaluation, before)) => draw(ideal, &evaluation, before.as_ref()),
         Err(error) => Measured { outcome: Outcome::Refused(error.to_string()), pictures: None },
     }
 }
 
-fn draw(ideal: &Picture, evaluation: &Evaluation) -> Measured {
+fn draw(ideal: &Picture, evaluation: &Evaluation, before: Option<&(&Picture, Evaluation)>) -> Measured {
     let observed = evaluation.observe();
     let golden = evaluation.golden().picture;
     let led = evaluation.lockstep();
     let Overflows { saturated, wrapped, signals } = observed.overflows();
     let Observed { drawing, picture: fixed, .. } = observed;
+    let pictures = Pictures { ideal: ideal.clone(), golden, fixed };
+    let flicker = before.map(|(ideal, evaluation)| {
+        let (fixed, golden) = (evaluation.picture(&evaluation.draw()), evaluation.golden().picture);
+        flicker::Sums::new(&Pictures { fixed, golden, ideal: (*ideal).clone() }, &pictures).flicker()
+    });
+    let Pictures { golden, fixed, .. } = &pictures;
     let found = Found {
-        covered_pixels: covered(&fixed, &golden).count() as u64,
-        golden_vs_ideal: distance(&golden, ideal),
-        fixed_vs_golden: distance(&fixed, &golden),
-        lockstep: bounded(&led, covered(&fixed, &golden)),
-        beyond: beyond(&fixed, &golden, &led),
+        covered_pixels: covered(fixed, golden).count() as u64,
+        golden_vs_ideal: distance(golden, ideal),
+        fixed_vs_golden: distance(fixed, golden),
+        lockstep: bounded(&led, covered(fixed, golden)),
+        beyond: beyond(fixed, golden, &led),
+        flicker,
         culled: drawing.culled.into(),
         saturated,
         wrapped,
         overflowed: signals,
     };
-    Measured { outcome: Outcome::Drawn(Box::new(found)), pictures: Some(Pictures { ideal: ideal.clone(), golden, fixed }) }
+    Measured { outcome: Outcome::Drawn(Box::new(found)), pictures: Some(pictures) }
 }
 
 /// Pixels that a splat touches in either picture.

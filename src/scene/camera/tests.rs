@@ -1,10 +1,13 @@
+use crate::scene::json::Which;
 use crate::scene::{Overrides, Scene, json};
 use serde_json::{Value, json};
 use std::path::Path;
 
+const ALONE: Which = Which { frame: 0, cameras: None };
+
 fn scene_of(splats: Value, size: (usize, usize)) -> Scene {
     let text = json!({ "splats": splats }).to_string();
-    json::read(&text, "test.json", Path::new(""), &Overrides { size: Some(size) }).unwrap()
+    json::read(&text, "test.json", Path::new(""), &Overrides { size: Some(size) }, ALONE).unwrap().scene
 }
 
 fn cube(n: usize) -> Value {
@@ -71,7 +74,7 @@ fn one_splat_points_in_one_place_lines_and_planes_are_seen() {
 fn what_a_camera_leaves_out_is_filled_in_piece_by_piece() {
     let read = |camera: Value| {
         let text = json!({"splats": cube(3), "camera": camera}).to_string();
-        json::read(&text, "test.json", Path::new(""), &Overrides::default()).unwrap()
+        json::read(&text, "test.json", Path::new(""), &Overrides::default(), ALONE).unwrap().scene
     };
     let eye_given = read(json!({"eye": [0, 2, 30]})).camera;
     assert_eq!((eye_given.eye.z, eye_given.target.to_array()), (30.0, [2.0, 2.0, 2.0]));

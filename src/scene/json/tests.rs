@@ -19,6 +19,11 @@ fn example() -> Value {
     })
 }
 
+/// A scene's first frame.
+fn read(text: &str, name: &str, folder: &Path, overrides: &Overrides) -> Result<Scene> {
+    super::read(text, name, folder, overrides, Which { frame: 0, cameras: None }).map(|seen| seen.scene)
+}
+
 fn load(value: &Value) -> Result<Scene> {
     read(&value.to_string(), "s.json", Path::new("/nowhere"), &Overrides::default())
 }

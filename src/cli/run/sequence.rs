@@ -1,0 +1,86 @@
+//! Sequence: a run of all frames of a scene.
+
+use super::Typed;
+use crate::cli::arguments::Within;
+use crate::error::{Error, Result};
+use crate::hardware::fixed;
+use crate::output::files::Folder;
+use crate::output::progress::Progress;
+use crate::output::text::{one_line, wrapped};
+use crate::run::sequence::{self, Output};
+use crate::scene::Sequence;
+use rtl_model::Machine;
+
+/// A run of a sequence that can be done.
+pub(in crate::cli) struct Job {
+    sequence: Sequence,
+    machine: Machine,
+    /// How the scene lies outside of what the machine was searched for, and that in a sentence.
+    outside: (Option<Vec<String>>, Option<String>),
+    load_seconds: f64,
+    output: Output,
+    /// The folder, while it is written into.
+    open: Option<Folder>,
+    quiet: bool,
+}
+
+impl Typed {
+    pub(super) fn check_sequence(self, mut sequence: Sequence, load_seconds: f64) -> Result<Job> {
+        self.check_of_one_frame(&sequence)?;
+        let Within { machine, outside, warning } = self.common.machine_within(sequence.scene())?;
+        fixed::elaborate(&machine)?;
+        sequence::check(&mut sequence, &machine)?;
+        let open = self.out.as_deref().map(Folder::open).transpose()?;
+        let output = Output { folder: self.out, exr: self.exr, video: self.y4m };
+        Ok(Job { sequence, machine, outside: (outside, warning), load_seconds, output, open, quiet: self.quiet })
+    }
+
+    /// What is asked of one frame alone cannot be asked of all.
+    fn check_of_one_frame(&self, sequence: &Sequence) -> Result<()> {
+        let asked = [
+            ("--preview", self.preview),
+            ("--requests", self.requests),
+            ("--record", self.record.is_some()),
+            ("--attribute", self.attribute),
+            ("--timing", !self.timing.is_empty()),
+            ("--answers", self.answers),
+            ("--prices", self.prices.is_some()),
+            ("--ranges", self.ranges),
+        ];
+        match asked.into_iter().find(|(_, is_asked)| *is_asked) {
+            Some((flag, _)) => {
+                let (name, frames) = (&sequence.scene().name, sequence.cameras().len());
+                Err(Error::input(format!("{flag}: {name} is a sequence of {frames}, and this is of one frame: choose it with --frame N")))
+            }
+            None => Ok(()),
+        }
+    }
+}
+
+impl Job {
+    pub fn run(mut self) -> Result<String> {
+        let (outside, warning) = self.outside;
+        if let Some(sentence) = &warning {
+            crate::cli::warn(sentence);
+        }
+        let frames = self.sequence.cameras().len();
+        let progress = Progress::of_steps(!self.quiet, frames as u64, "frames");
+        let mut report = sequence::run(&mut self.sequence, &self.machine, self.load_seconds, &self.output, &progress)?;
+        drop(progress);
+        report.machine.outside_of_search = outside;
+        let mut end = Vec::new();
+        match &self.output.folder {
+            Some(folder) => {
+                report.write(folder)?;
+                let last = sequence::file_name(frames - 1, "ideal", "png");
+                let first = sequence::file_name(0, "fixed", "png");
+                end.push(format!("written to {}: report.json, {first} to {last}", one_line(&folder.to_string_lossy())));
+            }
+            None => end.push("no pictures written: --out DIR writes them and report.json".into()),
+        }
+        end.extend(self.output.video.as_ref().map(|path| format!("video in {}", one_line(&path.to_string_lossy()))));
+        drop(self.open);
+        let end: Vec<String> = end.iter().map(|line| wrapped(line)).collect();
+        Ok(if self.quiet { String::new() } else { format!("{}\n{}", report.summary(), end.join("\n")) })
+    }
+}

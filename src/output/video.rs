@@ -1,0 +1,92 @@
+//! Video: frames one after the other as YUV4MPEG2, which ffmpeg, mpv and VLC read.
+//!
+//! ```text
+//! picture ─► sRGB, over black ─► Y'CbCr, BT.601, limited range ─► three planes of 8 bits, 4:4:4
+//! ```
+//! BT.601 and limited range are what a reader takes where a file of this kind says nothing else (ITU-R BT.601-7, §2.5.1 to §2.5.3).
+
+use super::colour::srgb_encode;
+use super::picture::Picture;
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+/// Frames a second of the video, which says nothing of the hardware's.
+pub const FRAMES_PER_SECOND: u32 = 30;
+
+/// A video that is being written: under a temporary name, until it is finished.
+#[derive(Debug)]
+pub struct Video {
+    path: PathBuf,
+    part: PathBuf,
+    file: Option<BufWriter<File>>,
+}
+
+impl Video {
+    /// Begins one of frames of one size.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where no file can be written there.
+    pub fn create(path: &Path, width: usize, height: usize) -> Result<Self> {
+        let mut name = path.file_name().unwrap_or_default().to_os_string();
+        name.push(format!(".{}.part", std::process::id()));
+        let part = path.with_file_name(name);
+        let input_error = |e: std::io::Error| Error::input(format!("--y4m {}: cannot be written: {e}", path.display()));
+        if path.is_dir() {
+            return Err(Error::input(format!("--y4m {}: is a folder, and a file is needed", path.display())));
+        }
+        let file = BufWriter::new(File::create(&part).map_err(input_error)?);
+        let mut video = Video { path: path.to_owned(), part, file: Some(file) };
+        let head = format!("YUV4MPEG2 W{width} H{height} F{FRAMES_PER_SECOND}:1 Ip A1:1 C444\n");
+        video.write(head.as_bytes()).map(|()| video)
+    }
+
+    /// Adds a frame; `encoded` says that colours are what a screen is sent, not linear light.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where it cannot be written.
+    pub fn push(&mut self, picture: &Picture, encoded: bool) -> Result<()> {
+        let pixels: Vec<[u8; 3]> = picture.rgba.par_iter().map(|[r, g, b, _]| components([*r, *g, *b], encoded)).collect();
+        self.write(b"FRAME\n")?;
+        for plane in 0..3 {
+            let bytes: Vec<u8> = pixels.iter().map(|pixel| pixel[plane]).collect();
+            self.write(&bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Gives the file its name.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where it cannot be written to its end.
+    pub fn finish(mut self) -> Result<()> {
+        let done = self.file.take().map_or(Ok(()), |mut file| file.flush());
+        done.and_then(|()| fs::rename(&self.part, &self.path)).map_err(|e| self.error(&e))
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        let written = self.file.as_mut().map_or(Ok(()), |file| file.write_all(bytes));
+        written.map_err(|e| self.error(&e))
+    }
+
+    fn error(&self, e: &std::io::Error) -> Error {
+        Error::job(format!("{}: cannot be written: {e}", self.path.display()))
+    }
+}
+
+impl Drop for Video {
+    fn drop(&mut self) {
+        // Renamed, it is not there any more.
+        let _ = fs::remove_file(&self.part);
+    }
+}
+
+/// Y', Cb and Cr of a colour: premultiplied, so over black.
+fn components(rgb: [f64; 3], encoded: bool) -> [u8; 3] {
+    let [r, g, b] = rgb.map(|value| value.clamp(0.0, 1.0)).map(|value| if encoded { value } else { srgb_encode(value) });
+    let luma = 0.299 * r + 0.587 * g + 0.114 * b;
+    let [y, cb, cr] = [16.0 + 219.0 * luma, 128.0 + 224.0 * (b - luma) / 1.772, 128.0 + 224.0 * (r - luma) / 1.402];
+    [y, cb, cr].map(|value| value.round() as u8)
+}

@@ -1,0 +1,181 @@
+//! Sequence: draws a scene frame by frame, on the machine, with `golden` and with `ideal`, and compares frames with those before them.
+//!
+//! ```text
+//! camera 0 ─► fixed, golden, ideal ─┬─► pictures, video, a row of the report
+//! camera 1 ─► fixed, golden, ideal ─┼─► …, and flicker against frame 0
+//!    …                              └─► worst, median, 99th percentile ─► report.json, summary
+//! ```
+//! Two frames are held at a time.
+
+mod report;
+
+pub use report::{FrameReport, Host, Report, SceneReport, Spread, Spreads};
+
+use crate::accuracy::flicker::{Pictures, Sums};
+use crate::accuracy::metrics;
+use crate::error::Result;
+use crate::golden;
+use crate::hardware::fixed;
+use crate::hardware::quantise::quantise;
+use crate::output::files::write_beside;
+use crate::output::picture::Picture;
+use crate::output::progress::Progress;
+use crate::output::video::Video;
+use crate::performance::cycles::CyclesReport;
+use crate::run::evaluation::{Evaluation, Observed};
+use crate::run::report::MachineReport;
+use crate::run::timed;
+use crate::scene::{Scene, Sequence};
+use report::Distances;
+use rtl_model::Machine;
+use rtl_model::pipeline::Elaborated;
+use rtl_model::timing::{self, Detail};
+use std::path::{Path, PathBuf};
+
+/// What is written besides the report.
+#[derive(Clone, Debug, Default)]
+pub struct Output {
+    /// Folder of the pictures.
+    pub folder: Option<PathBuf>,
+    /// Write OpenEXR pictures too.
+    pub exr: bool,
+    /// File of the machine's pictures as a video.
+    pub video: Option<PathBuf>,
+}
+
+/// Makes sure that the machine holds every frame, before any is drawn.
+///
+/// # Errors
+/// [`crate::error::Error::Input`] where it does not, or where a frame's scene cannot be read again.
+pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
+    for frame in 0..sequence.cameras().len() {
+        quantise(sequence.frame(frame)?, machine)?;
+    }
+    Ok(())
+}
+
+/// Draws every frame on `machine` and compares. `progress` hears of each.
+///
+/// # Errors
+/// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold a frame; [`crate::error::Error::Job`] where a file cannot
+/// be written.
+pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output: &Output, progress: &Progress) -> Result<Report> {
+    let elaborated = fixed::elaborate(machine)?;
+    let first = sequence.frame(0)?;
+    let mut scene = SceneReport {
+        name: first.name.clone(),
+        width: first.image.width,
+        height: first.image.height,
+        splats: first.splats.len() as u64,
+        frames: sequence.cameras().len() as u64,
+        notes: sequence.scene().notes.clone(),
+    };
+    let mut video = output.video.as_deref().map(|path| Video::create(path, scene.width, scene.height)).transpose()?;
+    let (mut frames, mut before) = (Vec::new(), None);
+    let mut all = Sums::default();
+    let mut host = Host { threads: rayon::current_num_threads(), load_seconds, ..Host::default() };
+    for number in 0..sequence.cameras().len() {
+        let seen = sequence.frame(number)?;
+        let drawn = Drawn::new(seen, &elaborated, &mut host)?;
+        let encoded = seen.image.encoded;
+        if let Some(folder) = &output.folder {
+            write_frame(&drawn.pictures, number, encoded, output.exr, folder)?;
+        }
+        if let Some(video) = &mut video {
+            video.push(&drawn.pictures.fixed, encoded)?;
+        }
+        let sums = before.as_ref().map(|before| Sums::new(before, &drawn.pictures));
+        all = sums.as_ref().map_or(all, |sums| all.and(sums));
+        let fresh = drawn.notes.into_iter().filter(|note| !scene.notes.contains(note)).collect::<Vec<_>>();
+        scene.notes.extend(fresh);
+        frames.push(FrameReport { frame: number as u64, flicker: sums.map(|sums| sums.flicker()), ..drawn.report });
+        before = Some(drawn.pictures);
+        progress.step();
+    }
+    video.map_or(Ok(()), Video::finish)?;
+    let flicker = (frames.len() > 1).then(|| all.flicker());
+    Ok(Report {
+        version: env!("CARGO_PKG_VERSION"),
+        scene,
+        machine: MachineReport::new(&elaborated),
+        spreads: Spreads::new(&frames),
+        flicker,
+        frames,
+        host,
+    })
+}
+
+/// A frame, drawn and compared.
+struct Drawn {
+    pictures: Pictures,
+    report: FrameReport,
+    notes: Vec<String>,
+}
+
+impl Drawn {
+    fn new(scene: &Scene, machine: &Elaborated, host: &mut Host) -> Result<Self> {
+        let evaluation = Evaluation::on(scene, machine)?;
+        let (observed, fixed_seconds) = timed(|| evaluation.observe());
+        let overflows = observed.overflows();
+        let Observed { drawing, picture: fixed, work, .. } = observed;
+        let cycles = timing::replay(&machine.timing, &work, Detail::Histograms);
+        let cycles = CyclesReport::new(&machine.timing, &work, &cycles);
+        let (golden, golden_seconds) = timed(|| evaluation.golden().picture);
+        let (ideal, ideal_seconds) = timed(|| golden::ideal(scene).picture);
+        host.fixed_seconds += fixed_seconds;
+        host.golden_seconds += golden_seconds;
+        host.ideal_seconds += ideal_seconds;
+        let report = FrameReport {
+            frame: 0,
+            camera: scene.camera,
+            scale_exponent: evaluation.quantised.scale.exponent,
+            culled: drawing.culled.into(),
+            fragments: drawing.outcomes.total(),
+            saturated: overflows.saturated,
+            wrapped: overflows.wrapped,
+            cycles: cycles.total,
+            frames_per_second: cycles.frames_per_second,
+            bottleneck: cycles.bottleneck,
+            memory_bytes: cycles.memory.bytes,
+            accuracy: Distances {
+                fixed_vs_golden: metrics(&fixed, &golden),
+                golden_vs_ideal: metrics(&golden, &ideal),
+                fixed_vs_ideal: metrics(&fixed, &ideal),
+            },
+            flicker: None,
+        };
+        let notes = evaluation.quantised.notes.clone();
+        Ok(Drawn { pictures: Pictures { fixed, golden, ideal }, report, notes })
+    }
+}
+
+/// Name of a picture of a frame, as `frame_0012_fixed.png`.
+pub fn file_name(frame: usize, picture: &str, ending: &str) -> String {
+    format!("frame_{frame:04}_{picture}.{ending}")
+}
+
+fn write_frame(pictures: &Pictures, frame: usize, encoded: bool, exr: bool, folder: &Path) -> Result<()> {
+    let each: [(&str, &Picture); 3] = [("fixed", &pictures.fixed), ("golden", &pictures.golden), ("ideal", &pictures.ideal)];
+    for (name, picture) in each {
+        let path = folder.join(file_name(frame, name, "png"));
+        if encoded {
+            picture.decoded().write_png(&path)?
+        } else {
+            picture.write_png(&path)?
+        }
+        if exr {
+            picture.write_exr(&folder.join(file_name(frame, name, "exr")))?;
+        }
+    }
+    Ok(())
+}
+
+impl Report {
+    /// Writes `report.json` into a folder.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::Job`] where it cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        write_beside(&folder.join("report.json"), |file| serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string()))
+    }
+}

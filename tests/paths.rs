@@ -1,0 +1,509 @@
+//! Does a sequence show what its cameras see, frame after frame, and does its report say how much they flicker?
+
+use crate::program::PROGRAM;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::time::Duration;
+
+use assert_cmd::Command;
+use serde_json::{Value, json};
+use splatsim::scene::{Camera, CameraFile, Overrides, Scene, Sequence};
+
+fn splatsim(arguments: &[&str]) -> Output {
+    Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(60)).output().unwrap()
+}
+
+fn says(arguments: &[&str]) -> String {
+    let output = splatsim(arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The one sentence with which bad input ends.
+fn sentence(arguments: &[&str]) -> String {
+    let output = splatsim(arguments);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), output.stdout.len(), told.lines().count()), (Some(2), 0, 1), "{arguments:?}: {told}");
+    told
+}
+
+fn write(folder: &Path, name: &str, text: &str) -> String {
+    let path = folder.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(&path, text).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+fn eye(x: f64) -> Value {
+    json!({"eye": [x, 1.2, 4.5], "target": [0.0, -0.2, 0.0], "fov_y_degrees": 45.0, "near": 0.05})
+}
+
+/// A small scene of a few hundred splats, or Gaussians, with these fields too.
+fn scene(splats: &Value, more: &Value) -> String {
+    let mut scene = json!({"splats": splats, "image": {"width": 24, "height": 20}, "lights": [{"direction": [0.4, 0.8, 0.5]}]});
+    for (name, value) in more.as_object().unwrap() {
+        scene[name] = value.clone();
+    }
+    scene.to_string()
+}
+
+fn spheres(more: &Value) -> String {
+    scene(&json!({"builtin": "glass-spheres", "count": 400}), more)
+}
+
+fn report(folder: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(folder.join("report.json")).unwrap()).unwrap()
+}
+
+// ---- frames ----
+
+/// Surfaces are loaded once, Gaussians for every frame: both must show what each camera by itself does.
+#[test]
+fn each_frame_is_what_its_camera_alone_sees() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let cameras = [eye(0.0), eye(0.4), eye(-2.5)];
+    let sources =
+        [(json!({"builtin": "glass-spheres", "count": 400}), "tiny"), (json!({"gaussians": "bouquet", "count": 150}), "gaussian")];
+    for (nth, (splats, machine)) in sources.iter().enumerate() {
+        let all = write(folder, "all.json", &scene(splats, &json!({"cameras": cameras})));
+        let out = folder.join(format!("all{nth}"));
+        says(&["run", &all, "--machine", machine, "--out", out.to_str().unwrap(), "--quiet"]);
+        let told = report(&out);
+        assert_eq!(told["scene"]["frames"], 3);
+        for (frame, camera) in cameras.iter().enumerate() {
+            let one = write(folder, "one.json", &scene(splats, &json!({"camera": camera})));
+            let alone = folder.join("alone");
+            says(&["run", &one, "--machine", machine, "--out", alone.to_str().unwrap(), "--quiet"]);
+            for picture in ["fixed", "golden", "ideal"] {
+                let bytes = |path: PathBuf| std::fs::read(path).unwrap();
+                let same = bytes(out.join(format!("frame_{frame:04}_{picture}.png"))) == bytes(alone.join(format!("{picture}.png")));
+                assert!(same, "{picture} of frame {frame}, source {nth}");
+            }
+            let (row, own) = (&told["frames"][frame], report(&alone));
+            assert_eq!(row["accuracy"]["golden_vs_ideal"], own["accuracy"]["golden_vs_ideal"]);
+            assert_eq!(row["accuracy"]["fixed_vs_golden"], own["accuracy"]["fixed_vs_golden"]);
+            assert_eq!((&row["cycles"], &row["frames_per_second"]), (&own["cycles"]["total"], &own["cycles"]["frames_per_second"]));
+            assert_eq!((&row["fragments"], &row["camera"]), (&own["scene"]["fragments"], &own["scene"]["camera"]));
+        }
+    }
+}
+
+/// Light and normals that the file leaves out are those of the first camera in every frame, also in one that is drawn by itself.
+#[test]
+fn one_frame_by_itself_is_that_of_the_sequence() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let splats: Value = (0..90).map(|i| json!({"position": [f64::from(i % 10) / 5.0 - 1.0, f64::from(i / 10) / 5.0 - 1.0, 0.0]})).collect();
+    let cameras = json!({"cameras": [eye(0.0), eye(3.0)], "lights": null});
+    let path = write(folder, "scene.json", &scene(&splats, &cameras));
+    let (all, one) = (folder.join("all"), folder.join("one"));
+    says(&["run", &path, "--machine", "tiny", "--out", all.to_str().unwrap(), "--quiet"]);
+    says(&["run", &path, "--machine", "tiny", "--out", one.to_str().unwrap(), "--quiet", "--frame", "1"]);
+    let bytes = |path: PathBuf| std::fs::read(path).unwrap();
+    assert!(bytes(all.join("frame_0001_ideal.png")) == bytes(one.join("ideal.png")));
+    assert!(bytes(all.join("frame_0000_ideal.png")) != bytes(one.join("ideal.png")));
+    assert_eq!(report(&one)["scene"]["frame"], 1);
+    let [first, second] = [0, 1].map(|frame| Scene::load_frame(&path, &Overrides::default(), frame).unwrap());
+    assert_eq!((first.lights, first.splats), (second.lights, second.splats));
+    // Commands of one frame take the one that is asked for, else the first.
+    let story = |more: &[&str]| says(&[&["explain", &path, "--pixel", "12,9", "--machine", "tiny"], more].concat());
+    assert!(story(&[]) == story(&["--frame", "0"]) && story(&[]) != story(&["--frame", "1"]));
+    let told = sentence(&["explain", &path, "--pixel", "1,1", "--frame", "2"]);
+    assert!(told.contains("has no frame 2 (--frame): 0 to 1 are right"), "{told}");
+    assert!(sentence(&["run", "glass-spheres", "--frame", "1"]).contains("0 alone is right"));
+    // What stands for a trace's scene is drawn again as its first frame: of another none is kept.
+    for (frame, is_there) in [("0", true), ("1", false)] {
+        let out = folder.join(format!("trace{frame}"));
+        says(&["trace", &path, "--machine", "tiny", "--frame", frame, "--units", "gauss", "--out", out.to_str().unwrap(), "--quiet"]);
+        assert_eq!(out.join("scene.json").exists(), is_there);
+    }
+    let told = sentence(&["view", all.to_str().unwrap(), "--no-open"]);
+    assert!(told.contains("report.json: is of a sequence of 2, and view shows one frame"), "{told}");
+}
+
+fn exr(path: &Path) -> Vec<[f32; 4]> {
+    use exr::prelude::{ReadChannels, ReadLayers};
+    let read = exr::prelude::read().no_deep_data().largest_resolution_level().rgba_channels(
+        |size, _| (size.width(), vec![[0.0_f32; 4]; size.area()]),
+        |(width, pixels), at, (r, g, b, a): (f32, f32, f32, f32)| pixels[at.y() * *width + at.x()] = [r, g, b, a],
+    );
+    read.first_valid_layer().all_attributes().from_file(path).unwrap().layer_data.channel_data.pixels.1
+}
+
+/// The report's flicker, from the pictures that were written: all of this scene's pixels that any picture draws are covered.
+#[test]
+fn flicker_is_what_the_written_pictures_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let pan = json!({"camera_path": {"pan_pixels": 0.0625, "frames": 3, "camera": eye(0.0)}, "kernel": {"low_pass": 1.0}});
+    let path = write(folder, "pan.json", &spheres(&pan));
+    let out = folder.join("out");
+    let printed = says(&["run", &path, "--machine", "tiny", "--exr", "--out", out.to_str().unwrap()]);
+    let told = report(&out);
+    let frame = |n: usize| ["fixed", "golden", "ideal"].map(|picture| exr(&out.join(format!("frame_{n:04}_{picture}.exr"))));
+    let frames = [0, 1, 2].map(frame);
+    let mut still = 0;
+    let mut found = [(0.0, 0); 3];
+    for pair in frames.windows(2) {
+        let of =
+            |frame: usize, picture: usize, pixel: usize, channel: usize| f64::from(pair[frame][picture][pixel][channel]).clamp(0.0, 1.0);
+        for pixel in 0..24 * 20 {
+            let is_covered = pair.iter().flatten().any(|picture| picture[pixel][3] > 0.0);
+            let moves = (0..3).any(|channel| (of(1, 2, pixel, channel) - of(0, 2, pixel, channel)).abs() >= 0.5 / 255.0);
+            if moves || !is_covered {
+                continue;
+            }
+            still += 1;
+            for (sums, (a, b)) in found.iter_mut().zip([(0, 1), (1, 2), (0, 2)]) {
+                let error = |frame: usize, channel: usize| of(frame, a, pixel, channel) - of(frame, b, pixel, channel);
+                let changes = [0, 1, 2].map(|channel| (error(1, channel) - error(0, channel)).abs());
+                sums.0 += changes.iter().sum::<f64>() / 3.0;
+                sums.1 += i32::from(changes.iter().any(|change| *change > 4.0 / 255.0));
+            }
+        }
+    }
+    assert!(still > 100 && told["flicker"]["still_pixels"] == still, "{still}: {}", told["flicker"]);
+    for ((sum, jumps), name) in found.into_iter().zip(["fixed_vs_golden", "golden_vs_ideal", "fixed_vs_ideal"]) {
+        let now = &told["flicker"][name];
+        let close = |field: &str, expected: f64| (now[field].as_f64().unwrap() - expected).abs() < 1e-6;
+        assert!(
+            close("mean", sum / f64::from(still)) && close("jumps", f64::from(jumps) / f64::from(still)),
+            "{name}: {now} {sum} {jumps}"
+        );
+        assert!(sum > 0.0);
+    }
+    assert!(found.iter().any(|(_, jumps)| *jumps > 0), "nothing jumps: the test asks too little");
+    assert!(printed.contains("flicker") && printed.contains("still pixels of"), "{printed}");
+    assert!(printed.lines().all(|line| line.chars().count() <= 80), "{printed}");
+    assert!(told["frames"][0]["flicker"].is_null() && told["frames"][1]["flicker"]["still_pixels"].as_u64().unwrap() > 0);
+}
+
+#[test]
+fn a_sequence_is_the_same_at_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "pan.json", &spheres(&json!({"camera_path": {"pan_pixels": 2.0, "frames": 3}})));
+    let run = |threads: &str| {
+        let out = folder.path().join(threads);
+        let video = out.join("fixed.y4m");
+        let (shown, film) = (out.to_str().unwrap(), video.to_str().unwrap());
+        says(&["run", &path, "--machine", "tiny", "--threads", threads, "--out", shown, "--y4m", film, "--quiet"]);
+        let mut report = report(&out);
+        report["host"] = Value::Null;
+        let mut names: Vec<_> = std::fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        (report, std::fs::read(video).unwrap(), names)
+    };
+    let (one, three) = (run("1"), run("3"));
+    assert!(one == three);
+    assert_eq!(one.2.len(), 3 * 3 + 2, "{:?}", one.2);
+}
+
+/// A frame's bytes from its PNG, by the inverse of BT.601's matrix in whole numbers (ITU-R BT.601, 8 bits, limited range).
+#[test]
+fn the_video_shows_the_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    // Opaque, so that a PNG's straight colours are those over black.
+    let more = json!({"cameras": [eye(0.0), eye(0.5)], "image": {"width": 24, "height": 20, "background": [1, 1, 1, 1]}});
+    let path = write(folder, "scene.json", &spheres(&more));
+    let (out, film) = (folder.join("out"), folder.join("fixed.y4m"));
+    says(&["run", &path, "--machine", "lean", "--out", out.to_str().unwrap(), "--y4m", film.to_str().unwrap(), "--quiet"]);
+    let bytes = std::fs::read(film).unwrap();
+    let head = b"YUV4MPEG2 W24 H20 F30:1 Ip A1:1 C444\n";
+    assert!(bytes.starts_with(head));
+    let frames: Vec<&[u8]> = bytes[head.len()..].chunks(6 + 3 * 480).collect();
+    assert_eq!(frames.len(), 2);
+    for (nth, frame) in frames.into_iter().enumerate() {
+        assert!(frame.starts_with(b"FRAME\n") && frame.len() == 6 + 3 * 480);
+        let plane = |which: usize, pixel: usize| i32::from(frame[6 + which * 480 + pixel]);
+        let png = image::open(out.join(format!("frame_{nth:04}_fixed.png"))).unwrap().into_rgb8();
+        for (pixel, shown) in png.pixels().enumerate() {
+            let (c, d, e) = (plane(0, pixel) - 16, plane(1, pixel) - 128, plane(2, pixel) - 128);
+            let rgb = [298 * c + 409 * e, 298 * c - 100 * d - 208 * e, 298 * c + 516 * d].map(|value| (value + 128) >> 8);
+            assert!(rgb.iter().zip(shown.0).all(|(a, b)| (a.clamp(&0, &255) - i32::from(b)).abs() <= 3), "{pixel}: {rgb:?} {shown:?}");
+        }
+    }
+}
+
+// ---- paths ----
+
+fn cameras(more: &Value) -> Vec<Camera> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = write(folder.path(), "scene.json", &spheres(more));
+    Sequence::load(&path, &Overrides::default(), None).unwrap().cameras().to_vec()
+}
+
+/// Catmull and Rom's matrix for keys that lie equally far from each other (1974, as in every textbook).
+fn catmull_rom(p: [f64; 4], t: f64) -> f64 {
+    let [a, b, c, d] = p;
+    0.5 * (2.0 * b + (c - a) * t + (2.0 * a - 5.0 * b + 4.0 * c - d) * t * t + (3.0 * b - a - 3.0 * c + d) * t * t * t)
+}
+
+#[test]
+fn a_smooth_path_goes_through_its_keys_and_between_them_as_catmull_and_rom_say() {
+    let xs = [0.0, 1.0, -1.0, 0.5];
+    let key = |at: usize, x: f64, fov: f64| {
+        let mut key = eye(x);
+        (key["at"], key["fov_y_degrees"]) = (json!(at), json!(fov));
+        key
+    };
+    let keys: Vec<Value> = xs.iter().enumerate().map(|(i, x)| key(4 * i, *x, 40.0 + 5.0 * x)).collect();
+    let smooth = cameras(&json!({"camera_path": {"keys": keys}}));
+    assert_eq!(smooth.len(), 13);
+    for (i, x) in xs.iter().enumerate() {
+        assert_eq!((smooth[4 * i].eye.x, smooth[4 * i].fov_y_degrees), (*x, 40.0 + 5.0 * x));
+    }
+    for part in 1..4 {
+        let expected = catmull_rom(xs, f64::from(part) / 4.0);
+        let camera = smooth[4 + part as usize];
+        assert!((camera.eye.x - expected).abs() < 1e-12 && (camera.fov_y_degrees - 40.0 - 5.0 * expected).abs() < 1e-12, "{camera:?}");
+    }
+    let linear = cameras(&json!({"camera_path": {"keys": keys, "interpolation": "linear", "frames": 20}}));
+    assert!((linear[6].eye.x - 0.0).abs() < 1e-15 && (linear[5].eye.x - 0.5).abs() < 1e-15);
+    // It rests at the last key.
+    assert!(linear.len() == 20 && linear[19] == linear[12] && linear[12].eye.x == 0.5);
+    // Two keys are a straight line, and one is a camera that rests.
+    let two = cameras(&json!({"camera_path": {"keys": [key(2, 0.0, 45.0), key(7, 1.0, 45.0)]}}));
+    assert!((0..8).all(|frame| (two[frame].eye.x - (frame as f64 - 2.0).max(0.0) / 5.0).abs() < 1e-12));
+    assert_eq!(cameras(&json!({"camera_path": {"keys": [key(0, 0.3, 45.0)], "frames": 5}})).len(), 5);
+}
+
+/// Where a point of the world lands: by the angles of right-angled triangles, not by the renderers' formula. Pixels from the middle.
+fn lands(camera: &Camera, height: f64, point: [f64; 3]) -> [f64; 2] {
+    let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let cross = |a: [f64; 3], b: [f64; 3]| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    let (forward, up) = (sub(camera.target.to_array(), camera.eye.to_array()), camera.up.to_array());
+    let right = cross(forward, up);
+    let above = cross(right, forward);
+    let way = sub(point, camera.eye.to_array());
+    let along = dot(way, forward) / dot(forward, forward).sqrt();
+    let scale = height / 2.0 / (camera.fov_y_degrees / 2.0 * std::f64::consts::PI / 180.0).tan();
+    [dot(way, right) / dot(right, right).sqrt(), -dot(way, above) / dot(above, above).sqrt()].map(|aside| scale * aside / along)
+}
+
+#[test]
+fn a_pan_moves_the_middle_of_the_picture_by_what_it_says() {
+    let pan = cameras(&json!({"camera_path": {"pan_pixels": 0.0625, "frames": 40, "camera": eye(1.0)}}));
+    assert_eq!(pan.len(), 40);
+    let middle = pan[0].target.to_array();
+    for (frame, camera) in pan.iter().enumerate() {
+        let [x, y] = lands(camera, 20.0, middle);
+        assert!((x + 0.0625 * frame as f64).abs() < 1e-9 && y.abs() < 1e-9 && camera.eye == pan[0].eye, "{frame}: {x} {y}");
+    }
+}
+
+// ---- cameras of other programs ----
+
+/// Whole numbers that look random.
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
+    }
+}
+
+/// Rows of the rotation of a unit quaternion, as COLMAP's documents have it.
+fn rotation([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
+    [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+}
+
+fn load(folder: &Path, file: &str) -> splatsim::error::Result<Sequence> {
+    let file = CameraFile::read(&folder.join(file))?;
+    let scene = write(folder, "scene.json", &spheres(&json!({})));
+    Sequence::load(&scene, &Overrides::default(), Some(file))
+}
+
+/// A scene seen by COLMAP's cameras and by the same ones in nerfstudio's form: every point must land where COLMAP's own formula, u = f·x/z + c
+/// of x = R·X + t, puts it.
+#[test]
+fn points_land_where_the_formulas_of_colmap_and_nerfstudio_put_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut random = noise(7);
+    let (width, height, focal) = (640.0_f64, 400.0, 512.5);
+    let mut images = String::from("# Image list\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n");
+    let (mut poses, mut frames) = (Vec::new(), Vec::new());
+    for nth in 0..8 {
+        let mut turn = [random(), random(), random(), random()];
+        let length = turn.iter().map(|part| part * part).sum::<f64>().sqrt();
+        turn = turn.map(|part| part / length);
+        let (r, t) = (rotation(turn), [random(), random(), 4.0 + random()]);
+        // Named so that their order is that of the numbers, written the other way round below.
+        let [w, x, y, z] = turn;
+        let line = format!("{} {w:?} {x:?} {y:?} {z:?} {:?} {:?} {:?} 3 view {nth}.png\n1.5 2.5 -1\n", 100 - nth, t[0], t[1], t[2]);
+        poses.push((r, t, line));
+        // The same camera → world, with y up and z back: columns Rᵀ·(1, −1, −1), position −Rᵀt.
+        let column = |axis: usize| [r[axis][0], r[axis][1], r[axis][2]];
+        let [right, down, ahead] = [0, 1, 2].map(column);
+        let at: Vec<f64> = (0..3).map(|i| -(right[i] * t[0] + down[i] * t[1] + ahead[i] * t[2])).collect();
+        let mut rows: Vec<Value> = (0..3).map(|i| json!([right[i], -down[i], -ahead[i], at[i]])).collect();
+        rows.push(json!([0, 0, 0, 1]));
+        frames.push(json!({"file_path": format!("{nth}.png"), "transform_matrix": rows}));
+    }
+    poses.iter().rev().for_each(|(_, _, line)| images.push_str(line));
+    write(folder, "sparse/cameras.txt", &format!("# Camera list\n3 SIMPLE_RADIAL 640 400 {focal} 320 200 0\n"));
+    write(folder, "sparse/images.txt", &images);
+    let all = json!({"camera_model": "OPENCV", "w": 640, "h": 400, "fl_x": focal, "fl_y": focal, "cx": 320.0, "cy": 200, "k1": 0.0, "frames": frames});
+    write(folder, "transforms.json", &all.to_string());
+    let wide = 2.0 * (width / 2.0 / focal).atan();
+    write(folder, "blender.json", &json!({"camera_angle_x": wide, "w": 640, "h": 400, "frames": frames}).to_string());
+    for file in ["sparse", "sparse/images.txt", "sparse/cameras.txt", "transforms.json", "blender.json"] {
+        let mut sequence = load(folder, file).unwrap();
+        assert_eq!((sequence.scene().image.width, sequence.scene().image.height, sequence.cameras().len()), (640, 400, 8), "{file}");
+        for (nth, (r, t, _)) in poses.iter().enumerate() {
+            let view = sequence.frame(nth).unwrap().view();
+            for _ in 0..20 {
+                // In front of the camera, and from there back into the world.
+                let c = [2.0 * random(), 2.0 * random(), 3.0 + random()];
+                let world: [f64; 3] = std::array::from_fn(|i| (0..3).map(|axis| r[axis][i] * (c[axis] - t[axis])).sum());
+                let (u, v) = (focal * c[0] / c[2] + 320.0, focal * c[1] / c[2] + 200.0);
+                let seen = view.rotation * (glam::DVec3::from_array(world) - view.eye);
+                let ours = [view.half_px[0] + view.focal_px * seen.x / seen.z, view.half_px[1] + view.focal_px * seen.y / seen.z];
+                assert!((ours[0] - u).abs() < 1e-7 && (ours[1] - v).abs() < 1e-7 && seen.z > 0.0, "{file} {nth}: {ours:?}, not {u} {v}");
+                let [x, y] = lands(&sequence.cameras()[nth], height, world);
+                assert!((x + 320.0 - u).abs() < 1e-7 && (y + 200.0 - v).abs() < 1e-7, "{file} {nth}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_file_without_the_pictures_size_takes_the_scenes() {
+    let folder = tempfile::tempdir().unwrap();
+    let matrix = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]);
+    write(folder.path(), "t.json", &json!({"camera_angle_x": 0.8, "frames": [{"transform_matrix": matrix}]}).to_string());
+    let sequence = load(folder.path(), "t.json").unwrap();
+    assert_eq!((sequence.scene().image.width, sequence.scene().image.height), (24, 20));
+    let wide = sequence.scene().view();
+    assert!((wide.half_px[0] / wide.focal_px - f64::tan(0.4)).abs() < 1e-12);
+}
+
+#[test]
+fn cameras_that_cannot_be_expressed_are_refused_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let unit = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]);
+    let nerfstudio = |more: Value, matrix: &Value| {
+        let mut all = json!({"w": 64, "h": 48, "fl_x": 50, "frames": [{"transform_matrix": matrix}]});
+        more.as_object().unwrap().iter().for_each(|(name, value)| all[name] = value.clone());
+        write(folder, "t.json", &all.to_string());
+        load(folder, "t.json").unwrap_err().to_string()
+    };
+    let mirrored = json!([[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]);
+    for (told, part) in [
+        (nerfstudio(json!({"k1": 0.01}), &unit), "frames[0]: k1 is 0.01: a lens that distorts"),
+        (nerfstudio(json!({"cx": 30}), &unit), "its principal point is 30, 24; only the middle"),
+        (nerfstudio(json!({"fl_y": 51}), &unit), "its focal lengths are 50 and 51 pixels; only square pixels"),
+        (nerfstudio(json!({"fl_x": 0}), &unit), "must be above 0"),
+        (nerfstudio(json!({"fl_x": "50"}), &unit), "fl_x is no number"),
+        (nerfstudio(json!({"w": 1e9}), &unit), "w is 1000000000; it must be a whole number of pixels"),
+        (nerfstudio(json!({"w": 900_000}), &unit), "the picture is 900000x48 pixels; it must be 1 to 16384"),
+        (nerfstudio(json!({"camera_model": "OPENCV_FISHEYE"}), &unit), "camera_model is OPENCV_FISHEYE"),
+        (nerfstudio(json!({}), &mirrored), "transform_matrix is no rotation"),
+        (nerfstudio(json!({}), &json!([[1, 0], [0, 1]])), "four rows of four numbers"),
+        (nerfstudio(json!({"frames": []}), &unit), "has no camera"),
+        (nerfstudio(json!({"frames": 3}), &unit), "has no list `frames`"),
+    ] {
+        assert!(told.starts_with("--cameras ") && told.contains(part) && !told.contains('\n'), "{told}, not {part}");
+    }
+    write(folder, "t.json", r#"{"w": 64, "h": 48, "fl_x": 50, "frames": [{"transform_matrix": [[NaN]]}]}"#);
+    assert!(load(folder, "t.json").unwrap_err().to_string().contains("not JSON"));
+    let colmap = |lens: &str, images: &str| {
+        write(folder, "c/cameras.txt", lens);
+        write(folder, "c/images.txt", images);
+        load(folder, "c").unwrap_err().to_string()
+    };
+    let good = "1 PINHOLE 64 48 50 50 32 24";
+    let two = format!("{good}\n2 PINHOLE 60 48 50 50 30 24");
+    for (told, part) in [
+        (colmap("1 OPENCV 64 48 50 50 32 24 0 0 0.1 0", ""), "cameras.txt: line 1: a lens that distorts cannot be drawn (0.1)"),
+        (colmap("# of\n1 OPENCV_FISHEYE 64 48 50 50 32 24 0 0 0 0", ""), "line 2: the model OPENCV_FISHEYE cannot"),
+        (colmap("1 PINHOLE 64 48 50 50 32", ""), "PINHOLE has 3 numbers"),
+        (colmap("1 PINHOLE 64 48 50 50 NaN 24", ""), "`NaN` is no finite number"),
+        (colmap("1 PINHOLE 64 48 50 50 31 24", ""), "principal point is 31, 24"),
+        (colmap("1 PINHOLE 99999999999999999999 48 50 50 31 24", ""), "is no width or height"),
+        (colmap(&format!("{good}\n{good}"), ""), "line 2: camera 1 is there a second time"),
+        (colmap(good, ""), "has no camera"),
+        (colmap(good, "1 1 0 0 0 0 0 4 7 a.png\n"), "images.txt: line 1: its camera 7 is not in cameras.txt"),
+        (colmap(good, "1 0 0 0 0 0 0 4 1 a.png\n"), "quaternion is zero"),
+        (colmap(good, "1 1 0 0 0 0 0 inf 1 a.png\n"), "`inf` is no finite number"),
+        (colmap(good, "1 1 0 0 0 0 0 4 1 a.png\n2 1 0 0 0 0 0 4 1 b.png\n"), "line 2: "),
+        (colmap(&two, "1 1 0 0 0 0 0 4 1 a.png\n\n2 1 0 0 0 0 0 4 2 b.png\n\n"), "line 3: its picture is 60×48"),
+    ] {
+        assert!(told.starts_with("--cameras ") && told.contains(part) && !told.contains('\n'), "{told}, not {part}");
+    }
+    write(folder, "images.bin", "");
+    assert!(CameraFile::read(&folder.join("images.bin")).unwrap_err().to_string().contains("model_converter"));
+    assert!(CameraFile::read(&folder.join("absent.json")).unwrap_err().to_string().contains("cannot be read"));
+}
+
+// ---- bad input ----
+
+#[test]
+fn absurd_sequences_end_in_a_sentence_and_write_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let key = |at: usize, x: f64, z: f64| json!({"at": at, "eye": [x, 0, z], "target": [0, 0, 0]});
+    let path = |keys: Value| json!({"camera_path": {"keys": keys, "interpolation": "linear"}});
+    let mut many = String::from("[");
+    (0..10_001).for_each(|_| many.write_str("{},").unwrap());
+    let many: Value = serde_json::from_str(&(many.trim_end_matches(',').to_owned() + "]")).unwrap();
+    let wide = |fov: f64, at: usize| json!({"at": at, "eye": [0, 0, 4], "target": [0, 0, 0], "fov_y_degrees": fov});
+    for (more, part) in [
+        (json!({"cameras": []}), "cameras has 0 entries; it must have at least 1"),
+        (json!({"cameras": many}), "cameras has 10001 entries; it must have at most 10000"),
+        (json!({"camera": {}, "cameras": [{}]}), "has camera and cameras; only one of"),
+        (json!({"cameras": [{}], "camera_path": {"pan_pixels": 1, "frames": 2}}), "has cameras and camera_path; only one of"),
+        (json!({"cameras": [{"eye": [1, 2, 3], "target": [1, 2, 3]}]}), "cameras[0].eye and cameras[0].target are the same point"),
+        (
+            json!({"camera_path": {"pan_pixels": 1, "frames": 1_000_000_000}}),
+            "camera_path.frames is 1000000000; it must be at least 1 and at most 10000",
+        ),
+        (json!({"camera_path": {"keys": [key(0, 1.0, 1.0)], "frames": 0}}), "camera_path.frames is 0"),
+        (path(json!([])), "camera_path.keys has 0 entries"),
+        (path(json!([key(1_000_000_000, 1.0, 1.0)])), "camera_path.keys[0].at is 1000000000"),
+        (path(json!([key(3, 1.0, 1.0), key(3, 2.0, 1.0)])), "camera_path.keys[1].at is 3, which does not lie above the 3 before it"),
+        (path(json!([key(0, 1.0, 1.0), key(4, -1.0, -1.0)])), "camera_path at frame 2: eye and target are the same point"),
+        (json!({"camera_path": {"keys": [wide(1.0, 0), wide(179.0, 4), wide(179.0, 8)]}}), "fov_y_degrees is"),
+        (json!({"camera_path": {"frames": 3}}), "must have one of the fields"),
+        (json!({"camera_path": {"pan_pixels": 1, "frames": 3, "keys": []}}), "camera_path"),
+        (json!({"camera_path": {"pan_pixels": 1e30, "frames": 3}}), "camera_path.pan_pixels is 1e30"),
+    ] {
+        let scene = write(folder, "scene.json", &spheres(&more));
+        let out = folder.join("out");
+        let told = sentence(&["run", &scene, "--machine", "tiny", "--out", out.to_str().unwrap()]);
+        assert!(told.contains(part) && told.len() < 400 && !out.exists(), "{told}, not {part}");
+    }
+    for number in ["NaN", "1e999", "-1e31"] {
+        let text = spheres(&path(json!([{"at": 0, "eye": ["HERE", 0, 1]}]))).replace("\"HERE\"", number);
+        sentence(&["run", &write(folder, "scene.json", &text)]);
+    }
+    let scene = write(folder, "scene.json", &spheres(&json!({"cameras": [eye(0.0), eye(1.0)]})));
+    for flag in [&["--preview"][..], &["--attribute"], &["--ranges"], &["--record", "x"], &["--timing", "timing.raster.fifo=1,2"]] {
+        let told = sentence(&[&["run", &scene], flag].concat());
+        assert!(told.contains(&format!("{}: scene.json is a sequence of 2", flag[0])) && told.contains("--frame N"), "{told}");
+    }
+    let film = folder.join("a.y4m");
+    assert!(sentence(&["run", "glass-spheres", "--y4m", film.to_str().unwrap()]).contains("one frame is no video"));
+    assert!(sentence(&["run", &scene, "--y4m", folder.to_str().unwrap()]).contains("is a folder, and a file is needed"));
+    assert!(!film.exists() && !folder.join("x").exists());
+}
+
+/// A sequence of one frame is one: drawn, without flicker.
+#[test]
+fn one_frame_has_no_flicker() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = write(folder.path(), "scene.json", &spheres(&json!({"cameras": [eye(0.0)]})));
+    let out = folder.path().join("out");
+    let printed = says(&["run", &scene, "--machine", "tiny", "--out", out.to_str().unwrap()]);
+    assert!(report(&out)["flicker"].is_null() && report(&out)["frames"].as_array().unwrap().len() == 1);
+    assert!(printed.contains("1 frame:") && !printed.contains("flicker"), "{printed}");
+}
