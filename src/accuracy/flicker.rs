@@ -188,7 +188,7 @@ mod tests {
 
     #[test]
     fn nothing_still_says_nothing() {
-        let (before, now) = (frame(&[0.1], &[0.1], &[0.1]), frame(&[0.2], &[0.2], &[0.1 + STILL]));
+        let (before, now) = (frame(&[0.1], &[0.1], &[0.0]), frame(&[0.2], &[0.2], &[STILL]));
         let found = Sums::new(&before, &now).flicker();
         assert_eq!((found.covered_pixels, found.still_pixels), (1, 0));
         assert_eq!(found.fixed_vs_golden, Change { mean: None, jumps: None });

@@ -98,7 +98,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/camra",
             json!({}),
-            "camra is no known field; the nearest is `camera` (known are splats, camera, image, kernel, surface, sheets, lights, materials)",
+            "camra is no known field; the nearest is `camera` (known are splats, camera, cameras, camera_path, image, kernel, surface, sheets, level_of_detail, lights, materials, environment)",
         ),
         ("/camera/fov_y_degrees", json!(200), "camera.fov_y_degrees is 200; it must be at least 1e-6 and less than 180"),
         ("/camera/fov_y_degrees", json!("wide"), "camera.fov_y_degrees is a text; it must be a number"),
