@@ -9,6 +9,7 @@ use std::time::Duration;
 use assert_cmd::Command;
 use serde_json::{Value, json};
 use splatsim::scene::{Camera, CameraFile, Overrides, Scene, Sequence};
+use splatsim::view::folder::Folder;
 
 fn splatsim(arguments: &[&str]) -> Output {
     Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(60)).output().unwrap()
@@ -119,8 +120,23 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
         says(&["trace", &path, "--machine", "tiny", "--frame", frame, "--units", "gauss", "--out", out.to_str().unwrap(), "--quiet"]);
         assert_eq!(out.join("scene.json").exists(), is_there);
     }
+    // A folder of them is shown: every frame's pictures, and a row each.
+    let shown = Folder::read(&all).unwrap();
+    assert_eq!(shown.told["sequence"]["kinds"], json!(["fixed", "golden", "ideal"]));
+    let names = ["0000_fixed", "0000_golden", "0000_ideal", "0001_fixed", "0001_golden", "0001_ideal"];
+    assert_eq!(shown.pictures(), names.map(|name| format!("frame_{name}.png")));
+    let column =
+        |name: &str| shown.told["tables"][0]["columns"].as_array().unwrap().iter().find(|column| column["name"] == name).unwrap().clone();
+    assert_eq!(column("frame")["values"], json!([0, 1]));
+    assert_eq!(column("cycles")["rows"].as_u64().unwrap_or(2), 2);
+    // Without one picture of a kind that kind is not shown; without the figures of a frame nothing is.
+    std::fs::remove_file(all.join("frame_0001_golden.png")).unwrap();
+    assert_eq!(Folder::read(&all).unwrap().told["sequence"]["kinds"], json!(["fixed", "ideal"]));
+    let mut broken = report(&all);
+    broken["frames"][1].as_object_mut().unwrap().remove("cycles");
+    std::fs::write(all.join("report.json"), broken.to_string()).unwrap();
     let told = sentence(&["view", all.to_str().unwrap(), "--no-open"]);
-    assert!(told.contains("report.json: is of a sequence of 2, and view shows one frame"), "{told}");
+    assert!(told.contains("report.json: has no frames[].cycles: it is no report of `run` on a sequence"), "{told}");
 }
 
 fn exr(path: &Path) -> Vec<[f32; 4]> {

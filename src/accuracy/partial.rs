@@ -392,7 +392,7 @@ impl<'a> FrameWords<'a> {
             opacity: mean(alpha),
             normal: normal.to_array().map(mean),
             material: fragment.material,
-            at: self.shader.from_middle(fragment.pixel),
+            at: self.shader.off_middle(fragment.pixel),
         };
         self.stage.machine.real_shade(&self.lighting, &sums)
     }

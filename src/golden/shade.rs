@@ -97,11 +97,11 @@ impl Shader {
         let colour = self.own_colour(fragment);
         let Some(surroundings) = &self.surroundings else { return colour };
         let normal = facing(fragment.normal / fragment.weight);
-        normal.map_or(colour, |normal| surroundings.mirrored(fragment.material, self.from_middle(fragment.pixel), normal, colour))
+        normal.map_or(colour, |normal| surroundings.mirrored(fragment.material, self.off_middle(fragment.pixel), normal, colour))
     }
 
     /// A pixel's centre from the middle of the picture.
-    pub fn from_middle(&self, pixel: [u16; 2]) -> [f64; 2] {
+    pub fn off_middle(&self, pixel: [u16; 2]) -> [f64; 2] {
         std::array::from_fn(|axis| f64::from(pixel[axis]) + 0.5 - self.half_px[axis])
     }
 

@@ -81,6 +81,9 @@ pub struct Figure {
     pub a: Value,
     /// Of the second.
     pub b: Value,
+    /// Factor from the report's unit to that of the name, where they are not the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<f64>,
     /// b − a, of numbers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub difference: Option<f64>,

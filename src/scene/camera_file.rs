@@ -67,13 +67,14 @@ impl Lens {
         if !(fx > 0.0 && fy > 0.0 && fx.is_finite() && fy.is_finite()) {
             return Err(format!("its focal lengths are {fx} and {fy} pixels; they must be above 0"));
         }
-        // A negative comparison would let pass what is no number.
-        if !((fx / fy - 1.0).abs() * size[0] / 2.0 <= MOST_OFF_PX) {
+        // What is no number is off, too.
+        let is_off = |by: f64| by.is_nan() || by > MOST_OFF_PX;
+        if is_off((fx / fy - 1.0).abs() * size[0] / 2.0) {
             return Err(format!("its focal lengths are {fx} and {fy} pixels; only square pixels can be drawn, with one of both"));
         }
         let [cx, cy] = self.principal;
         let middle = size.map(|side| side / 2.0);
-        if !((cx - middle[0]).abs().max((cy - middle[1]).abs()) <= MOST_OFF_PX) {
+        if is_off((cx - middle[0]).abs()) || is_off((cy - middle[1]).abs()) {
             return Err(format!(
                 "its principal point is {cx}, {cy}; only the middle of the picture can be drawn, {}, {}",
                 middle[0], middle[1]
@@ -286,8 +287,11 @@ fn colmap_lenses(text: &str) -> std::result::Result<Lenses<'_>, Wrong> {
     Ok(known)
 }
 
+/// A camera's identity, its angle, and the size of its pictures.
+type NamedLens<'t> = (&'t str, (FieldOfView, (usize, usize)));
+
 /// `CAMERA_ID MODEL WIDTH HEIGHT PARAMS…`
-fn colmap_lens(line: &str) -> std::result::Result<(&str, (FieldOfView, (usize, usize))), String> {
+fn colmap_lens(line: &str) -> std::result::Result<NamedLens<'_>, String> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let [id, model, width, height, parameters @ ..] = words.as_slice() else {
         return Err("a camera is an identity, a model, width, height and the model's numbers".into());
@@ -337,7 +341,7 @@ fn colmap_poses(text: &str, known: &Lenses) -> std::result::Result<Poses, Wrong>
             }
         }
     }
-    poses.sort_by(|(a, _), (b, _): &(&str, Pose)| a.cmp(b));
+    poses.sort_by_key(|(name, _): &(&str, Pose)| *name);
     Ok((size, poses.into_iter().map(|(_, pose)| pose).collect()))
 }
 

@@ -15,7 +15,7 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 
 /// Files of the page, in the order in which it takes them.
-pub const ALL: [Asset; 11] = [
+pub const ALL: [Asset; 12] = [
     Asset { name: "uPlot.min.css", kind: STYLE, text: include_str!("assets/uplot/uPlot.min.css") },
     Asset { name: "view.css", kind: STYLE, text: include_str!("assets/view.css") },
     Asset { name: "uPlot.iife.min.js", kind: SCRIPT, text: include_str!("assets/uplot/uPlot.iife.min.js") },
@@ -26,6 +26,7 @@ pub const ALL: [Asset; 11] = [
     Asset { name: "machine.js", kind: SCRIPT, text: include_str!("assets/machine.js") },
     Asset { name: "rows.js", kind: SCRIPT, text: include_str!("assets/rows.js") },
     Asset { name: "compare.js", kind: SCRIPT, text: include_str!("assets/compare.js") },
+    Asset { name: "sequence.js", kind: SCRIPT, text: include_str!("assets/sequence.js") },
     Asset { name: "view.js", kind: SCRIPT, text: include_str!("assets/view.js") },
 ];
 

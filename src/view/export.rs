@@ -12,6 +12,9 @@ use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::Path;
 
+/// Pictures in a page, at most: a browser holds all of them at once.
+const MOST_PICTURES: usize = 512;
+
 /// Writes a folder's page into a file.
 ///
 /// # Errors
@@ -36,7 +39,11 @@ pub fn write(view: &View, path: &Path) -> Result<()> {
 pub fn html(view: &View) -> Result<String> {
     let folder = view.folder();
     let mut told = folder.told.clone();
-    let pictures = folder.pictures().into_iter().map(|name| {
+    let names = folder.pictures();
+    if names.len() > MOST_PICTURES {
+        return Err(Error::input(format!("{}: has {} pictures; an exported page has at most {MOST_PICTURES}", folder.name(), names.len())));
+    }
+    let pictures = names.into_iter().map(|name| {
         let bytes = folder.file(&name).map_err(|(_, sentence)| Error::input(sentence))?;
         let url = Value::from(format!("data:image/png;base64,{}", STANDARD.encode(bytes)));
         Ok((name, url))

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! report.json, fixed.png …     ─► run      (frame, machine)
+//! report.json, frame_0000_…    ─► sequence (frames, rows)
 //! cycles.json                  ─► cycles   (machine)
 //! tiles.csv                    ─► tiles    (frame, machine)
 //! compare.json, a.png …        ─► compare
@@ -137,7 +138,12 @@ impl Folder {
         let shown = |name: &str| folder.join(name).display().to_string();
         let value = |name: &str| files.get(name).map(|listed| read_json(listed, &shown(name))).transpose();
         let report = value("report.json")?;
-        let run = report.as_ref().map(|report| Run::new(report, &shown("report.json"))).transpose()?;
+        let (sequences, reports): (Option<&Value>, Option<&Value>) = match &report {
+            Some(report) if report.get("frames").is_some_and(Value::is_array) => (Some(report), None),
+            other => (None, other.as_ref()),
+        };
+        let run = reports.map(|report| Run::new(report, &shown("report.json"))).transpose()?;
+        let sequence = sequences.map(|report| sequence(report, &files, &shown)).transpose()?;
         let pictures = run.as_ref().map_or(Ok(Vec::new()), |run| pictures(&files, run.size, &shown))?;
         let cycles = value("cycles.json")?;
         if cycles.as_ref().is_some_and(|cycles| !cycles["units"].is_array() || !cycles["total"].is_u64()) {
@@ -163,12 +169,21 @@ impl Folder {
                 tables.push(table_of(title, rows).map_err(|_| too_many())?);
             }
         }
+        if let Some(report) = sequences {
+            let too_many = || Error::input(format!("{}: has more than 10,000,000 cells, which view cannot show", shown("report.json")));
+            let rows = report["frames"].as_array().into_iter().flatten().map(|frame| {
+                let mut row = Map::new();
+                flatten(frame, "", &mut row, &mut Cells(MOST_CELLS)).map(|()| row)
+            });
+            let rows = rows.collect::<std::result::Result<Vec<_>, _>>().map_err(|_| too_many())?;
+            tables.push(table_of("frames", rows).map_err(|_| too_many())?);
+        }
         let is_chart = |name: &&String| {
-            let stem = name.strip_suffix(".png");
+            let stem = name.strip_suffix(".png").filter(|stem| !is_of_sequence(stem));
             stem.is_some_and(|stem| !PICTURES.contains(&stem))
         };
         let charts: Vec<&String> = files.keys().filter(is_chart).take(MOST_CHARTS).collect();
-        if run.is_none() && cycles.is_none() && compare.is_none() && tables.is_empty() {
+        if run.is_none() && sequence.is_none() && cycles.is_none() && compare.is_none() && tables.is_empty() {
             let told =
                 "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
             return Err(Error::input(format!("{}: {told}", folder.display())));
@@ -180,6 +195,7 @@ impl Folder {
             "run": run.as_ref().map(|run| json!({
                 "report": report, "pictures": pictures, "scene": run.scene, "machine_name": run.machine_flag(), "preview_of": run.preview_of,
             })),
+            "sequence": sequence,
             "cycles": cycles,
             "tiles": (run.is_some() || cycles.is_some()) && files.contains_key("tiles.csv"),
             "compare": compare,
@@ -199,9 +215,23 @@ impl Folder {
         listed.read().map_err(|(status, what)| (status, format!("{name}: {what}")))
     }
 
+    /// Name of the folder.
+    pub fn name(&self) -> &str {
+        self.told["name"].as_str().unwrap_or_default()
+    }
+
     /// Files of the pictures that the page shows.
     pub fn pictures(&self) -> Vec<String> {
         let names = |value: &Value| value.as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned).collect::<Vec<_>>();
+        if let Some(sequence) = self.told.get("sequence").filter(|sequence| sequence.is_object()) {
+            let frames = sequence["report"]["frames"].as_array().map_or(0, Vec::len);
+            let kinds = sequence["kinds"].as_array().into_iter().flatten().filter_map(Value::as_str);
+            let kinds: Vec<&str> = kinds.collect();
+            return (0..frames)
+                .flat_map(|frame| kinds.iter().map(move |kind| frame_name(frame, kind)))
+                .chain(names(&self.told["charts"]))
+                .collect();
+        }
         let of_run = names(&self.told["run"]["pictures"]).into_iter().map(|name| format!("{name}.png"));
         of_run.chain(names(&self.told["charts"])).collect()
     }
@@ -211,10 +241,6 @@ impl Run {
     fn new(report: &Value, whose: &str) -> Result<Self> {
         let lacks = |what: &str| Error::input(format!("{whose}: has no {what}: it is no report of `run`"));
         let count = |path: &str| report.pointer(path).and_then(Value::as_u64).ok_or_else(|| lacks(&path[1..].replace('/', ".")));
-        if let Some(frames) = report.get("frames").and_then(Value::as_array) {
-            let told = format!("{whose}: is of a sequence of {}, and view shows one frame: `run --frame N` draws it", frames.len());
-            return Err(Error::input(told));
-        }
         let scene = report.pointer("/scene/name").and_then(Value::as_str).ok_or_else(|| lacks("scene.name"))?;
         let described = report.pointer("/machine/description").ok_or_else(|| lacks("machine.description"))?;
         let machine = machines::from_value(described, &format!("{whose}: machine.description"))?;
@@ -240,6 +266,35 @@ impl Run {
         let name = &self.machine.name;
         Machine::named(name).filter(|named| *named == self.machine).map(|_| name.as_str())
     }
+}
+
+/// A picture of a frame, as `run` names it.
+fn frame_name(frame: usize, kind: &str) -> String {
+    format!("frame_{frame:04}_{kind}.png")
+}
+
+/// Whether a picture without its ending is a frame's.
+fn is_of_sequence(stem: &str) -> bool {
+    let parts = stem.strip_prefix("frame_").and_then(|rest| rest.split_once('_'));
+    parts.is_some_and(|(number, kind)| number.bytes().all(|digit| digit.is_ascii_digit()) && PICTURES.contains(&kind))
+}
+
+/// What `run` drew of a sequence: its report, and the kinds of pictures that every frame has.
+fn sequence(report: &Value, files: &BTreeMap<String, Listed>, shown: &dyn Fn(&str) -> String) -> Result<Value> {
+    let whose = shown("report.json");
+    let lacks = |what: &str| Error::input(format!("{whose}: has no {what}: it is no report of `run` on a sequence"));
+    for part in ["/scene/width", "/scene/height", "/machine/description/name", "/spreads/frames_per_second"] {
+        report.pointer(part).ok_or_else(|| lacks(&part[1..].replace('/', ".")))?;
+    }
+    let frames = report["frames"].as_array().filter(|frames| !frames.is_empty()).ok_or_else(|| lacks("frames"))?;
+    for frame in frames {
+        for part in ["/cycles", "/frames_per_second", "/accuracy/fixed_vs_golden", "/accuracy/golden_vs_ideal"] {
+            frame.pointer(part).ok_or_else(|| lacks(&format!("frames[].{}", part[1..].replace('/', "."))))?;
+        }
+    }
+    let is_whole = |kind: &&str| (0..frames.len()).all(|frame| files.contains_key(&frame_name(frame, kind)));
+    let kinds: Vec<&str> = PICTURES.into_iter().filter(is_whole).collect();
+    Ok(json!({"report": report, "kinds": kinds}))
 }
 
 /// A JSON file that somebody else may have written.

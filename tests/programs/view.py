@@ -406,6 +406,28 @@ def others_are_shown(pages, folder):
         keep(page, "stress-light-1280")
 
 
+def sequence_is_shown(pages, folder):
+    report = json.loads((folder / "report.json").read_text())
+    with serving(folder) as address, pages.open(address) as page:
+        says = lambda: page.locator("#frame-says").text_content()
+        until(page, lambda: says().startswith(f"Frame 0 of {len(report['frames'])}: {report['frames'][0]['cycles']:,} cycles"))
+        drawn = lambda: page.evaluate("[...document.querySelectorAll('#sequence canvas')].map(canvas => canvas.toDataURL())")
+        until(page, lambda: len(set(drawn())) > 1)
+        before = drawn()
+        page.keyboard.press("ArrowRight")
+        until(page, lambda: says().startswith("Frame 1 of") and drawn() != before)
+        jumps = report["frames"][1]["flicker"]["golden_vs_ideal"]["jumps"]
+        assert f"golden − ideal {float(f'{100 * jumps:.3g}'):g} % of" in says(), (jumps, says())
+        page.keyboard.press("ArrowLeft")
+        until(page, lambda: drawn() == before)
+        page.get_by_role("button", name="play").click()
+        until(page, lambda: says().startswith("Frame 2 of"))
+        page.get_by_role("button", name="play").click()
+        keep(page, "sequence-light-1280")
+        page.get_by_role("tab", name="Rows").click()
+        until(page, lambda: page.locator(".rows tbody tr").count() == len(report["frames"]))
+
+
 def equal_pictures_are_best(pages, folder):
     """A row without a PSNR and without an error beats all others in accuracy; one that was never drawn has neither, and no place."""
     folder.mkdir()
@@ -470,6 +492,10 @@ def main():
         plan.write_text(json.dumps({"scenes": [scene.name], "size": [40, 32], "machine": "lean", "axes": fields}))
         splatsim("run", scene, "--size", SIZE, "--machine", "tiny", "--quiet", "--out", folder / "run", "--record", folder / "work")
         splatsim("sweep", plan, "--quiet", "--out", folder / "rows")
+        pan = folder / "pan.json"
+        camera = {"eye": [0, 1.2, 4.5], "target": [0, -0.2, 0], "up": [0, 1, 0], "fov_y_degrees": 45, "near": 0.05}
+        pan.write_text(json.dumps({"splats": {"builtin": "glass-spheres", "count": 6000}, "camera_path": {"pan_pixels": 0.0625, "frames": 3, "camera": camera}}))
+        splatsim("run", pan, "--size", SIZE, "--machine", "tiny", "--quiet", "--out", folder / "pan")
         many_rows(folder / "many", folder / "rows")
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         pages = Pages(browser)
@@ -478,6 +504,7 @@ def main():
             (sweep_is_shown, folder / "rows", "lean"),
             (many_rows_are_shown, folder / "many"),
             (others_are_shown, folder),
+            (sequence_is_shown, folder / "pan"),
             (equal_pictures_are_best, folder / "equal"),
             (what_throws_is_a_sentence, folder / "run", folder / "older"),
             (exports_need_nothing, folder / "run", folder / "rows"),

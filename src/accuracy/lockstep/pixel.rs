@@ -165,7 +165,7 @@ impl Bounds {
             opacity: mean(OPACITY),
             normal: [mean(4), mean(5), mean(6)],
             material: golden.material,
-            at: common.shader.from_middle(golden.pixel),
+            at: common.shader.off_middle(golden.pixel),
         }
     }
 

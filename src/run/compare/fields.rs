@@ -70,8 +70,12 @@ pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
         let difference = one.as_f64().zip(other.as_f64()).map(|(one, other)| other - one);
         let base = one.as_f64().filter(|base| *base != 0.0 && kind != Kind::Decibels);
         let relative = difference.zip(base).map(|(step, base)| step / base);
+        let scale = match kind {
+            Kind::Scaled(scale) => Some(scale),
+            _ => None,
+        };
         let path = pointer[1..].replace('/', ".");
-        (is_there && (always || one != other)).then_some(Figure { name, path, a: one, b: other, difference, relative })
+        (is_there && (always || one != other)).then_some(Figure { name, path, a: one, b: other, scale, difference, relative })
     };
     FIGURES.into_iter().filter_map(figure).collect()
 }

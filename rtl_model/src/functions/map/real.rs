@@ -42,7 +42,7 @@ impl RealMap {
     /// The step that a place from 0 to 1 lies in, and how far.
     pub fn step(&self, place: f64) -> (usize, f64) {
         let steps = (self.map.side() - 1) as f64;
-        let exact = place.max(0.0).min(1.0) * steps;
+        let exact = place.clamp(0.0, 1.0) * steps;
         let index = exact.floor().min(steps - 1.0);
         (index as usize, exact - index)
     }
@@ -73,8 +73,7 @@ impl RealMap {
         let place = power_of_two(-self.map.fraction.word.format.frac_bits);
         // In steps; a fraction that is rounded up stays at most 1.
         let moved = [0, 1].map(|axis| {
-            let off =
-                (at[axis].max(0.0).min(1.0) - low[axis].max(0.0).min(1.0)).max(high[axis].max(0.0).min(1.0) - at[axis].max(0.0).min(1.0));
+            let off = (at[axis].clamp(0.0, 1.0) - low[axis].clamp(0.0, 1.0)).max(high[axis].clamp(0.0, 1.0) - at[axis].clamp(0.0, 1.0));
             off.max(0.0) * steps + down.max(up) * place
         });
         let [less, more] = loss(self.map.light.word.round);
