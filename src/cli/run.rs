@@ -115,6 +115,14 @@ impl Typed {
         let scene = sequence.into_scene();
         let Within { machine, outside: outside_of_search, warning } = self.common.machine_within(&scene)?;
         let elaborated = fixed::elaborate(&machine)?;
+        let budget = scene.detail.as_ref().map(|detail| detail.rules.budget);
+        if budget.is_some_and(|budget| budget.bytes.or(budget.cycles).is_some()) && (self.answers || !self.timing.is_empty()) {
+            let flag = if self.answers { "--answers" } else { "--timing" };
+            return Err(Error::input(format!(
+                "{flag}: {} has a budget of bytes or cycles, so another machine draws other splats: run it with --set instead",
+                scene.name
+            )));
+        }
         let timings = Variants::new(&machine, &self.timing)?;
         let small = self.preview.then(|| preview::scene(&scene)).transpose()?;
         // A budget's cut is looked for once.

@@ -10,11 +10,14 @@ use super::picture::Picture;
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Frames a second of the video, which says nothing of the hardware's.
 pub const FRAMES_PER_SECOND: u32 = 30;
+
+/// What a video begins with.
+const MAGIC: &str = "YUV4MPEG2";
 
 /// A video that is being written: under a temporary name, until it is finished.
 #[derive(Debug)]
@@ -25,6 +28,26 @@ pub struct Video {
 }
 
 impl Video {
+    /// Makes sure, before any work is done, that there is a place for one: nothing is written over a file that is no video.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no such folder, a folder of that name, or a file that does not begin as a video does.
+    pub fn may_be_written(path: &Path) -> Result<()> {
+        let input_error = |what: String| Err(Error::input(format!("--y4m {}: {what}", path.display())));
+        match path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+            Some(folder) if !folder.is_dir() => return input_error(format!("cannot be written: there is no folder {}", folder.display())),
+            _ if path.is_dir() => return input_error("is a folder, and a file is needed".into()),
+            _ if !path.exists() => return Ok(()),
+            _ => {}
+        }
+        let mut begins = Vec::new();
+        let read = File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
+        if read.is_ok() && (begins.is_empty() || begins == MAGIC.as_bytes()) {
+            return Ok(());
+        }
+        input_error("is there already and is no video; it is not written over".into())
+    }
+
     /// Begins one of frames of one size.
     ///
     /// # Errors
@@ -34,12 +57,10 @@ impl Video {
         name.push(format!(".{}.part", std::process::id()));
         let part = path.with_file_name(name);
         let input_error = |e: std::io::Error| Error::input(format!("--y4m {}: cannot be written: {e}", path.display()));
-        if path.is_dir() {
-            return Err(Error::input(format!("--y4m {}: is a folder, and a file is needed", path.display())));
-        }
+        Video::may_be_written(path)?;
         let file = BufWriter::new(File::create(&part).map_err(input_error)?);
         let mut video = Video { path: path.to_owned(), part, file: Some(file) };
-        let head = format!("YUV4MPEG2 W{width} H{height} F{FRAMES_PER_SECOND}:1 Ip A1:1 C444\n");
+        let head = format!("{MAGIC} W{width} H{height} F{FRAMES_PER_SECOND}:1 Ip A1:1 C444\n");
         video.write(head.as_bytes()).map(|()| video)
     }
 

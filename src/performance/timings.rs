@@ -40,7 +40,7 @@ impl FromStr for Axes {
         let mut all = vec![String::new()];
         let mut depth = 0;
         for letter in values.chars() {
-            depth += i32::from(letter == '[') - i32::from(letter == ']');
+            depth += i32::from(matches!(letter, '[' | '{')) - i32::from(matches!(letter, ']' | '}'));
             match all.last_mut() {
                 Some(last) if letter != ',' || depth > 0 => last.push(letter),
                 _ => all.push(String::new()),
@@ -78,6 +78,12 @@ impl Variants {
         let paths: Vec<String> = axes.iter().map(|axis| axis.path.clone()).collect();
         if let Some((_, twice)) = paths.iter().enumerate().find(|(at, path)| paths[..*at].contains(path)) {
             return Err(Error::input(format!("--timing {twice}: is named twice; name each field once, with all of its values")));
+        }
+        let is_below = |one: &str, other: &str| one.strip_prefix(other).is_some_and(|rest| rest.starts_with('.'));
+        for (at, one) in paths.iter().enumerate() {
+            if let Some(other) = paths[..at].iter().find(|other| is_below(one, other) || is_below(other, one)) {
+                return Err(Error::input(format!("--timing {one}: overlaps with {other}: one is part of the other")));
+            }
         }
         let mut all = vec![(Vec::new(), machine.clone())];
         for axis in axes {

@@ -187,7 +187,8 @@ impl Told<'_> {
     }
 
     fn field_of_view(&self) -> std::result::Result<(FieldOfView, Option<(usize, usize)>), String> {
-        let model = self.frame.get("camera_model").or(self.all.get("camera_model")).and_then(Value::as_str).unwrap_or("PINHOLE");
+        let told = |name: &str| self.frame.get(name).or(self.all.get(name));
+        let model = told("camera_model").map_or(Some("PINHOLE"), Value::as_str).ok_or("camera_model is no text")?;
         if !["PINHOLE", "SIMPLE_PINHOLE", "OPENCV"].contains(&model) {
             return Err(format!(
                 "camera_model is {}; only PINHOLE, SIMPLE_PINHOLE and OPENCV without distortion can be drawn",
@@ -198,6 +199,14 @@ impl Told<'_> {
             if let Some(amount) = self.number(name)?.filter(|amount| *amount != 0.0) {
                 return Err(format!("{name} is {amount}: a lens that distorts cannot be drawn; cameras of undistorted pictures can"));
             }
+        }
+        if told("is_fisheye").is_some_and(|is| *is != Value::Bool(false)) {
+            return Err("is_fisheye is set: a lens that distorts cannot be drawn; cameras of undistorted pictures can".into());
+        }
+        let is_straight =
+            |amounts: &Value| amounts.as_array().is_some_and(|amounts| amounts.iter().all(|amount| amount.as_f64() == Some(0.0)));
+        if told("distortion_params").is_some_and(|amounts| !is_straight(amounts)) {
+            return Err("distortion_params are not all 0: a lens that distorts cannot be drawn; cameras of undistorted pictures can".into());
         }
         let side = |name: &str| {
             let side = self.number(name)?;
@@ -210,20 +219,30 @@ impl Told<'_> {
         };
         let size = side("w")?.zip(side("h")?);
         let [fx, fy, cx, cy] = ["fl_x", "fl_y", "cx", "cy"].map(|name| self.number(name));
-        let (fx, fy) = (fx?, fy?);
+        let (fx, fy, cx, cy) = (fx?, fy?, cx?, cy?);
         if let Some([fx, fy]) = fx.or(fy).map(|focal| [fx.unwrap_or(focal), fy.unwrap_or(focal)]) {
             let size = size.ok_or("has fl_x or fl_y without w and h: the picture's sides are needed")?;
-            let principal = [cx?.unwrap_or(size.0 as f64 / 2.0), cy?.unwrap_or(size.1 as f64 / 2.0)];
+            let principal = [cx.unwrap_or(size.0 as f64 / 2.0), cy.unwrap_or(size.1 as f64 / 2.0)];
             return Ok((Lens { size, focal: [fx, fy], principal }.field_of_view()?, Some(size)));
         }
         let angle = self.number("camera_angle_x")?.ok_or("has neither fl_x nor camera_angle_x")?;
         if !(angle > 0.0 && angle < std::f64::consts::PI) {
             return Err(format!("camera_angle_x is {angle}; it must lie between 0 and π"));
         }
-        let vertical = |(width, height): (usize, usize)| {
-            FieldOfView::Vertical(2.0 * libm::atan(libm::tan(angle / 2.0) * height as f64 / width as f64))
+        let vertical = self.number("camera_angle_y")?;
+        if vertical.is_some_and(|angle| !(angle > 0.0 && angle < std::f64::consts::PI)) {
+            return Err("camera_angle_y must lie between 0 and π".into());
+        }
+        let Some(size) = size else {
+            // Without sides nobody knows where the middle is, nor what a square pixel is.
+            let name = [("cx", cx), ("cy", cy), ("camera_angle_y", vertical)].into_iter().find(|(_, value)| value.is_some());
+            return name.map_or(Ok((FieldOfView::Horizontal(angle), None)), |(name, _)| Err(format!("has {name} without w and h")));
         };
-        Ok((size.map_or(FieldOfView::Horizontal(angle), vertical), size))
+        let [width, height] = [size.0 as f64, size.1 as f64];
+        let focal = width / 2.0 / libm::tan(angle / 2.0);
+        let focal = [focal, vertical.map_or(focal, |angle| height / 2.0 / libm::tan(angle / 2.0))];
+        let principal = [cx.unwrap_or(width / 2.0), cy.unwrap_or(height / 2.0)];
+        Ok((Lens { size, focal, principal }.field_of_view()?, Some(size)))
     }
 }
 
@@ -347,7 +366,7 @@ fn colmap_poses(text: &str, known: &Lenses) -> std::result::Result<Poses, Wrong>
 
 fn colmap_pose<'t>(line: &'t str, known: &Lenses) -> std::result::Result<(&'t str, Pose, (usize, usize)), String> {
     let words: Vec<&str> = line.split_whitespace().collect();
-    let [_, qw, qx, qy, qz, tx, ty, tz, lens, ..] = words.as_slice() else {
+    let [_, qw, qx, qy, qz, tx, ty, tz, lens, _, ..] = words.as_slice() else {
         return Err("a picture is an identity, a quaternion, a translation, a camera and a name".into());
     };
     let numbers = [qw, qx, qy, qz, tx, ty, tz].map(|word| finite(word));
@@ -366,6 +385,7 @@ fn colmap_pose<'t>(line: &'t str, known: &Lenses) -> std::result::Result<(&'t st
     let eye = back * -DVec3::new(tx, ty, tz);
     check_position(eye)?;
     // A name may have spaces.
-    let name = line.splitn(10, char::is_whitespace).last().unwrap_or_default();
+    let behind = |rest: &'t str| rest.trim_start().split_once(char::is_whitespace).map_or("", |(_, behind)| behind);
+    let name = (0..9).fold(line, |rest, _| behind(rest)).trim();
     Ok((name, Pose { eye, forward: back * DVec3::Z, up: back * DVec3::NEG_Y, field_of_view }, size))
 }

@@ -188,6 +188,9 @@ impl Folder {
                 "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
             return Err(Error::input(format!("{}: {told}", folder.display())));
         }
+        // What an earlier run on a binned machine left is of no other.
+        let units = reports.map(|report| &report["cycles"]["units"]).or(cycles.as_ref().map(|cycles| &cycles["units"]));
+        let has_tiles = units.and_then(Value::as_array).is_some_and(|units| units.iter().any(|unit| unit["name"] == "list"));
         let name = root.file_name().map_or_else(|| "/".into(), |name| name.to_string_lossy().into_owned());
         let told = json!({
             "version": env!("CARGO_PKG_VERSION"),
@@ -197,7 +200,7 @@ impl Folder {
             })),
             "sequence": sequence,
             "cycles": cycles,
-            "tiles": (run.is_some() || cycles.is_some()) && files.contains_key("tiles.csv"),
+            "tiles": has_tiles && files.contains_key("tiles.csv"),
             "compare": compare,
             "tables": tables,
             "charts": charts,

@@ -6,7 +6,8 @@
 //! raster     │ 0 ──────│ 1 ───────│ 2 …                  each unit has shares of its own: until it is free of a tile, it is the tile's
 //! ```
 //! Units work on several tiles at a time, so a tile has two measures: by how much it puts off the end of the frame, and what each unit did
-//! for it. Both leave nothing out: shares of a unit lie end to end from the first cycle of the pass, and so do the tiles' own cycles.
+//! for it. Both leave nothing out: shares of a unit lie end to end from the first cycle of the pass, and so do the tiles' own cycles, up to the last
+//! word that is resolved; what memory still writes then is no tile's.
 //!
 //! Law: `a_binned_frame_ticks_as_it_is_replayed`.
 

@@ -7,6 +7,7 @@ use crate::hardware::fixed;
 use crate::output::files::Folder;
 use crate::output::progress::Progress;
 use crate::output::text::{one_line, wrapped};
+use crate::output::video::Video;
 use crate::run::sequence::{self, Output};
 use crate::scene::Sequence;
 use rtl_model::Machine;
@@ -27,9 +28,24 @@ pub(in crate::cli) struct Job {
 impl Typed {
     pub(super) fn check_sequence(self, mut sequence: Sequence, load_seconds: f64) -> Result<Job> {
         self.check_of_one_frame(&sequence)?;
-        let Within { machine, outside, warning } = self.common.machine_within(sequence.scene())?;
+        self.y4m.as_deref().map_or(Ok(()), Video::may_be_written)?;
+        let Within { machine, mut outside, mut warning } = self.common.machine_within(sequence.scene())?;
         fixed::elaborate(&machine)?;
         sequence::check(&mut sequence, &machine)?;
+        // Each camera may lie elsewhere.
+        for frame in (0..sequence.cameras().len()).filter(|_| outside.is_some()).collect::<Vec<_>>() {
+            let of_frame = self.common.machine_within(sequence.frame(frame)?)?;
+            let fresh = of_frame.outside.into_iter().flatten();
+            outside = outside.map(|mut all| {
+                fresh.for_each(|what| {
+                    if !all.contains(&what) {
+                        all.push(what)
+                    }
+                });
+                all
+            });
+            warning = warning.or(of_frame.warning);
+        }
         let open = self.out.as_deref().map(Folder::open).transpose()?;
         let output = Output { folder: self.out, exr: self.exr, video: self.y4m };
         Ok(Job { sequence, machine, outside: (outside, warning), load_seconds, output, open, quiet: self.quiet })

@@ -202,9 +202,14 @@ fn check(report: &Value, whose: &str) -> Result<()> {
         }
         Some(_) => {}
     }
+    if let Some(frames) = report.get("frames").and_then(Value::as_array) {
+        return Err(input_error(format!("is of a sequence of {}, and one frame is compared: `run --frame N` draws it", frames.len())));
+    }
     report.pointer("/scene/name").filter(|name| name.is_string()).ok_or_else(|| lacks("/scene/name"))?;
-    NUMBERS.iter().find(|pointer| !report.pointer(pointer).is_some_and(Value::is_number)).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
-    DECIBELS.iter().find(|pointer| report.pointer(pointer).is_none()).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
+    let is_amount = |value: &Value| value.as_f64().is_some_and(|amount| (0.0..1e18).contains(&amount));
+    NUMBERS.iter().find(|pointer| !report.pointer(pointer).is_some_and(is_amount)).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
+    let is_told = |value: &Value| value.is_number() || value.is_null();
+    DECIBELS.iter().find(|pointer| !report.pointer(pointer).is_some_and(is_told)).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
     let units = report.pointer("/cycles/units").and_then(Value::as_array).ok_or_else(|| lacks("/cycles/units"))?;
     let counts =
         |unit: &Value| ["busy", "starved", "blocked", "memory"].iter().all(|state| unit[state].is_u64()) && unit["name"].is_string();

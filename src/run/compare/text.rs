@@ -26,7 +26,12 @@ impl Comparison {
             self.area_table(),
             self.picture_table(),
             fields(&self.machine, "machine", all).or_else(|| Some("no field of the machine differs".into())),
-            (!self.elsewhere.is_empty()).then(|| wrapped(&format!("what differs in report.json besides: {}", self.elsewhere.join(", ")))),
+            (!self.elsewhere.is_empty()).then(|| {
+                wrapped(&format!(
+                    "what differs in report.json besides: {}",
+                    self.elsewhere.iter().map(|path| one_line(path)).collect::<Vec<_>>().join(", ")
+                ))
+            }),
         ];
         let parts: Vec<String> = parts.into_iter().flatten().collect();
         format!("{head}\n\n{}", parts.join("\n\n"))

@@ -265,7 +265,8 @@ const framePage = folder => {
   ];
   const ofTile = async (x, y) => {
     if (!folder.tiles) return [];
-    const tiles = await foldersTiles(folder), tile = tiles?.at(x, y);
+    const tiles = await foldersTiles(folder).catch(() => null), tile = tiles?.at(x, y);
+    if (!tiles) return [];
     if (!tile) return [h('p', {}, 'Its tile has no splats.')];
     return [h('p', { id: 'tile' }, `Tile ${tile.column},${tile.row}: ${told(tile.cycles)} cycles, ${told(tile.entries)} splats. `, h('button', { onclick: () => { lookedAtTile = [tile.column, tile.row]; location.hash = '#machine'; document.dispatchEvent(new Event('tile')); } }, 'its timeline'))];
   };
