@@ -523,3 +523,75 @@ fn one_frame_has_no_flicker() {
     assert!(report(&out)["flicker"].is_null() && report(&out)["frames"].as_array().unwrap().len() == 1);
     assert!(printed.contains("1 frame:") && !printed.contains("flicker"), "{printed}");
 }
+
+/// What a reader found accepted once.
+#[test]
+fn a_video_is_written_over_no_other_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let path = write(folder, "scene.json", &spheres(&json!({"cameras": [eye(0.0), eye(0.5)]})));
+    let before = std::fs::read(&path).unwrap();
+    let told = sentence(&["run", &path, "--machine", "tiny", "--y4m", &path]);
+    assert!(told.contains("is there already and is no video"), "{told}");
+    assert_eq!(std::fs::read(&path).unwrap(), before);
+    // A video may be drawn anew.
+    let film = folder.join("film.y4m");
+    for _ in 0..2 {
+        says(&["run", &path, "--machine", "tiny", "--quiet", "--y4m", film.to_str().unwrap()]);
+    }
+    assert!(std::fs::read(&film).unwrap().starts_with(b"YUV4MPEG2 "));
+}
+
+#[test]
+fn a_sequence_may_have_a_budget_of_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let more = json!({"cameras": [eye(0.0), eye(0.5)], "level_of_detail": {"budget": {"bytes": 40_000}}});
+    let path = write(folder, "scene.json", &spheres(&more));
+    let (all, one) = (folder.join("all"), folder.join("one"));
+    says(&["run", &path, "--machine", "tiny", "--quiet", "--out", all.to_str().unwrap()]);
+    says(&["run", &path, "--machine", "tiny", "--quiet", "--frame", "1", "--out", one.to_str().unwrap()]);
+    let [all, one] = [all.join("frame_0001_fixed.png"), one.join("fixed.png")].map(|path| std::fs::read(path).unwrap());
+    assert!(all == one);
+    // Another machine draws other splats: what is replayed on it would be another frame.
+    let told = sentence(&["run", &path, "--machine", "tiny", "--frame", "0", "--answers"]);
+    assert!(told.contains("--answers: ") && told.contains("has a budget of bytes or cycles"), "{told}");
+}
+
+#[test]
+fn lenses_that_no_camera_here_has_are_refused_however_they_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let still = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]];
+    let read = |more: Value| {
+        let mut all = json!({"camera_angle_x": 0.7, "w": 64, "h": 64, "frames": [{"transform_matrix": still}]});
+        more.as_object().unwrap().iter().for_each(|(name, value)| all[name] = value.clone());
+        CameraFile::read(Path::new(&write(folder.path(), "transforms.json", &all.to_string())))
+    };
+    assert!(read(json!({"cx": 32, "cy": 32, "camera_angle_y": 0.7, "is_fisheye": false, "distortion_params": [0, 0.0]})).is_ok());
+    for (more, says) in [
+        (json!({"cx": 0}), "principal point"),
+        (json!({"cx": "abc"}), "cx is no number"),
+        (json!({"camera_angle_y": 2.7}), "square pixels"),
+        (json!({"is_fisheye": true}), "is_fisheye"),
+        (json!({"distortion_params": [0.5, 0]}), "distortion_params"),
+        (json!({"camera_model": 5}), "camera_model is no text"),
+    ] {
+        let told = read(more.clone()).err().map(|error| error.to_string()).unwrap_or_default();
+        assert!(told.contains(says), "{more}: {told}");
+    }
+}
+
+#[test]
+fn pictures_of_colmap_come_in_the_order_of_their_names_whatever_parts_the_words() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("cameras.txt"), "1 PINHOLE 64 64 60 60 32 32\n").unwrap();
+    let read = |images: &str| {
+        std::fs::write(folder.path().join("images.txt"), images).unwrap();
+        CameraFile::read(folder.path())
+    };
+    let cameras = read("1  1 0 0 0 0 0 5 1 b.png\n\n2 1 0 0 0 0 0 9  1   a b.png\n\n").unwrap();
+    let path = write(folder.path(), "scene.json", &spheres(&json!({})));
+    let sequence = Sequence::load(&path, &Overrides::default(), Some(cameras)).unwrap();
+    assert_eq!(sequence.cameras().iter().map(|camera| camera.eye.z).collect::<Vec<_>>(), [-9.0, -5.0]);
+    assert!(read("1 1 0 0 0 0 0 5 1\n\n").is_err());
+}

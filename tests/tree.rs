@@ -347,6 +347,11 @@ fn a_file_that_lies_is_refused() {
     let row = Tree::new(&crowds()[4], 4).unwrap();
     let smaller = tampered(&file::bytes(&row), 0, 88, &number(row.nodes()[0].sphere * 0.9));
     assert!(file::parse(&smaller).unwrap_err().contains("node 0 has a splat below it that leaves its sphere"));
+    // A node that lies elsewhere than what is below it would be culled as it is.
+    let away = file::bytes(&tree);
+    assert!(!tree.nodes()[1].is_leaf());
+    let away = tampered(&tampered(&away, 1, 0, &number(1000.0)), 1, 88, &number(1e6));
+    assert!(file::parse(&away).unwrap_err().contains("node 0 has a node below it that leaves its sphere"));
     // Two leaves at one place.
     let twice = tampered(&bytes, leaf, 120, &count(tree.nodes()[leaf - 1].first));
     assert!(file::parse(&twice).unwrap_err().contains("its place is taken"));
@@ -518,6 +523,53 @@ fn splatsim(folder: &std::path::Path, arguments: &[&str]) -> (i32, String, Strin
     let output = Command::new(PROGRAM.as_str()).current_dir(folder).args(arguments).output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (output.status.code().unwrap(), text(&output.stdout), text(&output.stderr))
+}
+
+/// A sheet that looks both ways: where a coarse node's own normal faces away, those below it are drawn.
+#[test]
+fn a_sheet_of_two_sides_is_seen_however_coarse() {
+    let mut rng = Rng(3);
+    let pair = |_| {
+        let at = splat([2.0 * rng.roll() - 1.0, 2.0 * rng.roll() - 1.0, 4.0], 0.1);
+        [at, Splat { normal: -at.normal, ..at }]
+    };
+    let splats: Vec<Splat> = (0..200).flat_map(pair).collect();
+    let mut sheet = scene(48, 40, 60.0, splats);
+    sheet.surface.cull_backfaces = true;
+    let picture = |pixels| render(&cut(&sheet, 4, Rules { pixels, culls: true, ..EVERYTHING }), &Rendered::default());
+    let covered = |pixels| picture(pixels).picture.covered.iter().filter(|is| **is).count();
+    let all = covered(0.0);
+    assert!(all > 200);
+    for pixels in [8.0, 30.0, 1e6] {
+        assert!(covered(pixels) * 10 > all * 9, "{pixels}: {} of {all}", covered(pixels));
+    }
+}
+
+#[test]
+fn an_inner_node_of_an_unknown_material_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let tree = Tree::new(&ball(20).splats, 4).unwrap();
+    std::fs::write(folder.path().join("lie.tree"), tampered(&file::bytes(&tree), 0, 112, &9u32.to_le_bytes())).unwrap();
+    let scene = json!({"splats": {"file": "lie.tree"}, "image": {"width": 32, "height": 32}, "level_of_detail": {"pixels": 10000}});
+    std::fs::write(folder.path().join("lie.json"), scene.to_string()).unwrap();
+    let (status, _, told) = splatsim(folder.path(), &["run", "lie.json"]);
+    assert!(status == 2 && told.contains("material"), "{status} {told}");
+}
+
+/// A scene with a tree gives the walker to a machine that has none, and its area is paid for.
+#[test]
+fn who_walks_a_tree_pays_for_the_walker() {
+    let folder = tempfile::tempdir().unwrap();
+    let area = |name: &str, more: &Value| {
+        let mut scene = json!({"splats": {"builtin": "torus-knot", "count": 300}, "image": {"width": 24, "height": 24}});
+        more.as_object().unwrap().iter().for_each(|(field, value)| scene[field] = value.clone());
+        std::fs::write(folder.path().join(name), scene.to_string()).unwrap();
+        let (status, _, told) = splatsim(folder.path(), &["run", name, "--out", "out", "--quiet"]);
+        assert_eq!(status, 0, "{told}");
+        let report: Value = serde_json::from_slice(&std::fs::read(folder.path().join("out/report.json")).unwrap()).unwrap();
+        report["cost"]["area"].as_f64().unwrap()
+    };
+    assert!(area("tree.json", &json!({"level_of_detail": {}})) > area("all.json", &json!({})) + 1000.0);
 }
 
 #[test]

@@ -42,7 +42,12 @@ impl Common {
     }
 
     fn machine_file(&self, scene: &Scene) -> Result<File> {
-        machines::load_file(self.machine.as_deref().unwrap_or_else(|| OsStr::new(machines::usual(scene))), &self.settings)
+        let mut file = machines::load_file(self.machine.as_deref().unwrap_or_else(|| OsStr::new(machines::usual(scene))), &self.settings)?;
+        if scene.detail.is_some() {
+            // Who walks a tree pays for the walker.
+            file.machine.timing.walk.get_or_insert_default();
+        }
+        Ok(file)
     }
 
     /// The same, and where it was searched, how the scene lies outside of that.

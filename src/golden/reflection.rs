@@ -2,6 +2,7 @@
 //! octahedral map that a machine has of them.
 
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 use crate::scene::{Environment, Mirror, Scene};
 use std::sync::Arc;
@@ -15,16 +16,13 @@ pub struct Reflection {
     pub by_ray: bool,
 }
 
-/// Directions are sampled so many times across a texel at most.
-const MOST_SAMPLES: usize = 8;
-
 /// The octahedral map of surroundings in the camera space that `rotation` leads to: 2^`index_bits` texels a side, row by row. Its middle looks
 /// at the viewer (−z), its corners away from him. A texel is the mean over its part of the map.
 pub fn octahedral(environment: &Environment, rotation: DMat3, index_bits: u32) -> Vec<[f64; 3]> {
     let side = 1usize << index_bits;
     let steps = (side - 1) as f64;
     // A quarter of the map's side is 90 degrees, and so is half of the picture's height.
-    let samples = (environment.height() / side).clamp(1, MOST_SAMPLES);
+    let samples = (environment.height() / side).max(1);
     let texel = |column: usize, row: usize| {
         let mut sum = [0.0; 3];
         for nth in 0..samples * samples {
@@ -35,7 +33,7 @@ pub fn octahedral(environment: &Environment, rotation: DMat3, index_bits: u32) -
         }
         sum.map(|sum| sum / (samples * samples) as f64)
     };
-    (0..side * side).map(|at| texel(at % side, at / side)).collect()
+    (0..side * side).into_par_iter().map(|at| texel(at % side, at / side)).collect()
 }
 
 /// The direction at a place of the map, which goes on mirrored beyond its sides.

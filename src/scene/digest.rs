@@ -75,8 +75,11 @@ pub fn digest_of(scene: &Scene) -> String {
 pub fn digest_of_places(scene: &Scene) -> String {
     let number = |number: u64, value: f64| mixed(number ^ value.to_bits());
     let of_one = |splat: &Splat| splat.position.to_array().into_iter().chain([splat.radius]).fold(0, number);
-    let sums = scene.splats.iter().map(of_one).fold([0u64; 2], |[sum, mix], one| [sum.wrapping_add(one), mix.wrapping_add(mixed(!one))]);
-    digest(&[sums[0].to_le_bytes(), sums[1].to_le_bytes(), (scene.splats.len() as u64).to_le_bytes()].concat())
+    // Of a tree all leaves, whatever of it a camera draws.
+    let leaves = scene.detail.as_ref().map(|detail| detail.tree.splats());
+    let splats = leaves.as_ref().unwrap_or(&scene.splats);
+    let sums = splats.iter().map(of_one).fold([0u64; 2], |[sum, mix], one| [sum.wrapping_add(one), mix.wrapping_add(mixed(!one))]);
+    digest(&[sums[0].to_le_bytes(), sums[1].to_le_bytes(), (splats.len() as u64).to_le_bytes()].concat())
 }
 
 /// SplitMix64: what a number is turned into.

@@ -1379,6 +1379,9 @@ impl<'a> Gathered<'a> {
                     let material = self.known_material(splat.material.saturating_add(material), path)?;
                     self.splats.push(Splat { material, opacity: splat.opacity * source.opacity, ..splat });
                 }
+                for node in tree.nodes() {
+                    self.known_material(node.splat.material.saturating_add(material), path)?;
+                }
                 self.tree = Some(tree);
                 self.end_cloud(source.radius_scale);
             }

@@ -188,6 +188,13 @@ impl<'a> Eye<'a> {
         if nearest > self.near { 2.0 * node.sphere * self.view.focal_px / nearest } else { f64::INFINITY }
     }
 
+    /// Whether its children are to be drawn instead: it is too large, or would be culled for its own normal, though those below it look all
+    /// ways.
+    fn is_coarse(&self, node: &Node) -> bool {
+        let hides = || self.culls_backfaces && node.cone <= 0.0 && node.splat.normal.dot(node.splat.position - self.view.eye) >= 0.0;
+        !node.is_leaf() && (self.size_px(node) > self.rules.pixels || hides())
+    }
+
     /// Why nothing below it can be seen.
     fn culled(&self, node: &Node) -> Option<Found> {
         if self.culls_outside && self.is_outside(node) {
@@ -239,7 +246,7 @@ impl<'a> Eye<'a> {
         let opened = is_bounded.then(|| self.opened(limits));
         let opens = |number: u32, node: &Node| match &opened {
             Some(opened) => opened[number as usize],
-            None => !node.is_leaf() && self.size_px(node) > self.rules.pixels,
+            None => self.is_coarse(node),
         };
         let mut visits = Vec::new();
         // Groups of children that are to be read, each with its parent's visit; the root is a group by itself.
@@ -247,7 +254,7 @@ impl<'a> Eye<'a> {
         let mut deepest = 0;
         while !stack.is_empty() {
             let popped = stack.split_off(stack.len().saturating_sub(self.rules.ahead.max(1)));
-            let pushed = stack.len();
+            let (pushed, asked) = (stack.len(), popped.len());
             let below = |(first, count, parent): (u32, u32, u32)| (first..first + count).map(move |number| (number, parent));
             for (number, parent) in popped.into_iter().rev().flat_map(below) {
                 let node = &self.nodes[number as usize];
@@ -263,7 +270,8 @@ impl<'a> Eye<'a> {
             }
             // The first child's children come next.
             stack[pushed..].reverse();
-            deepest = deepest.max(stack.len());
+            // Those that were asked for keep their places until their children are tested.
+            deepest = deepest.max(stack.len() + asked);
         }
         let mut drawn: Vec<u32> = visits.iter().filter(|visit| visit.found == Found::Drawn).map(|visit| visit.node).collect();
         let size = |number: &u32| self.size_px(&self.nodes[*number as usize]);
@@ -282,8 +290,7 @@ impl<'a> Eye<'a> {
         let mut opened = vec![false; self.nodes.len()];
         let waits = |number: u32| {
             let node = &self.nodes[number as usize];
-            let size_px = self.size_px(node);
-            (!node.is_leaf() && size_px > self.rules.pixels).then_some(Waiting { size_px, number })
+            self.is_coarse(node).then(|| Waiting { size_px: self.size_px(node), number })
         };
         let is_seen = |number: u32| self.culled(&self.nodes[number as usize]).is_none();
         let mut heap: BinaryHeap<Waiting> = is_seen(0).then(|| waits(0)).flatten().into_iter().collect();

@@ -116,6 +116,18 @@ fn check(nodes: &[Node], leaves: u64) -> Parsed<()> {
             is(leaf.splat.normal.dot(splat.normal) >= cone - ROUNDED, above, "has a normal below it that leaves its cone")?;
         }
     }
+    // What is drawn in their stead is culled as they are.
+    for (number, inner) in nodes.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
+        let mut above = number;
+        while above > 0 {
+            above = parents[above] as usize;
+            let Node { splat, sphere, cone, .. } = &nodes[above];
+            let reach = (inner.splat.position - splat.position).length();
+            is(reach <= sphere * (1.0 + ROUNDED), above, "has a node below it that leaves its sphere")?;
+            let is_within = *cone <= 0.0 || inner.splat.normal.dot(splat.normal) >= cone - ROUNDED;
+            is(is_within, above, "has a node below it whose normal leaves its cone")?;
+        }
+    }
     Ok(())
 }
 
