@@ -28,7 +28,7 @@ pub(super) struct Common {
     /// Size of the picture instead of the scene's own
     #[arg(long, value_name = "WxH")]
     size: Option<Pair<'x'>>,
-    /// This frame of a sequence [default: all in run, else 0]
+    /// Frame of a sequence [default: 0, of run all]
     #[arg(long, value_name = "N")]
     pub frame: Option<usize>,
     #[command(flatten)]

@@ -30,10 +30,10 @@ pub(super) struct Typed {
     scene: OsString,
     #[command(flatten)]
     pub common: Common,
-    /// Cameras of transforms.json or COLMAP instead of the scene's
+    /// Cameras of transforms.json, or of COLMAP's text
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// Write a sequence's pictures of the machine as a video too
+    /// Write the machine's pictures as a video too
     #[arg(long, value_name = "FILE")]
     y4m: Option<PathBuf>,
     /// Write pictures and report.json into this folder
