@@ -123,7 +123,9 @@ fn names_and_paths_that_lead_nowhere_say_what_there_is() {
         std::fs::write(&path, bytes).unwrap();
         path
     };
-    assert!(load(&write("a.obj", b"v 0 0 0")).unwrap_err().to_string().contains("a scene is a .json file, points (.ply, .tree), Gaussians"));
+    assert!(
+        load(&write("a.obj", b"v 0 0 0")).unwrap_err().to_string().contains("a scene is a .json file, points (.ply, .tree), Gaussians")
+    );
     assert!(load(&write("a.json", b"\xff\xfe")).unwrap_err().to_string().contains("cannot be read"));
     std::fs::create_dir(folder.path().join("b.ply")).unwrap();
     assert!(load(&folder.path().join("b.ply")).unwrap_err().to_string().contains("cannot be read"));
