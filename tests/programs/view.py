@@ -428,6 +428,23 @@ def sequence_is_shown(pages, folder):
         until(page, lambda: page.locator(".rows tbody tr").count() == len(report["frames"]))
 
 
+def comparison_is_shown(pages, folder):
+    told = json.loads((folder / "compare.json").read_text())
+    with serving(folder) as address, pages.open(address) as page:
+        until(page, lambda: page.evaluate("[...document.querySelectorAll('#compare img')].filter(image => image.naturalWidth).length") == 3)
+        figures = {figure["name"]: figure for figure in told["figures"]}
+        row = page.locator("#compare tr", has_text="memory, MB a frame").locator("td").all_text_contents()
+        shown, bytes_ = float(row[1].replace(",", "")), figures["memory, MB a frame"]["a"]
+        assert abs(shown - bytes_ / 1e6) <= 1e-5 * shown, (row, bytes_)
+        cycles = page.locator("#compare tr", has_text="cycles").first.locator("td").all_text_contents()
+        assert [int(cell.replace(",", "")) for cell in cycles[1:3]] == [figures["cycles"]["a"], figures["cycles"]["b"]], cycles
+        fields = page.locator("#compare tr", has_text="timing.shade.latency").count()
+        assert fields == 1 and told["machine"][0]["field"] == "timing.shade.latency"
+        keep(page, "compare-light-1280")
+        page.set_viewport_size({"width": 390, "height": 800})
+        fits(page)
+
+
 def equal_pictures_are_best(pages, folder):
     """A row without a PSNR and without an error beats all others in accuracy; one that was never drawn has neither, and no place."""
     folder.mkdir()
@@ -496,6 +513,7 @@ def main():
         camera = {"eye": [0, 1.2, 4.5], "target": [0, -0.2, 0], "up": [0, 1, 0], "fov_y_degrees": 45, "near": 0.05}
         pan.write_text(json.dumps({"splats": {"builtin": "glass-spheres", "count": 6000}, "camera_path": {"pan_pixels": 0.0625, "frames": 3, "camera": camera}}))
         splatsim("run", pan, "--size", SIZE, "--machine", "tiny", "--quiet", "--out", folder / "pan")
+        splatsim("compare", "tiny", "tiny", "--set-b", "timing.shade.latency=30", "--scene", scene, "--size", SIZE, "--out", folder / "compared")
         many_rows(folder / "many", folder / "rows")
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
         pages = Pages(browser)
@@ -505,6 +523,7 @@ def main():
             (many_rows_are_shown, folder / "many"),
             (others_are_shown, folder),
             (sequence_is_shown, folder / "pan"),
+            (comparison_is_shown, folder / "compared"),
             (equal_pictures_are_best, folder / "equal"),
             (what_throws_is_a_sentence, folder / "run", folder / "older"),
             (exports_need_nothing, folder / "run", folder / "rows"),
