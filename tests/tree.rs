@@ -497,6 +497,30 @@ fn budgets_of_bytes_and_cycles_are_kept_on_every_machine() {
 }
 
 #[test]
+fn stacks_that_a_frame_has_no_room_on_are_refused_by_replays() {
+    for ahead in [1, 3, 8] {
+        let scene = cut(&ball(400), 4, Rules { ahead, ..EVERYTHING });
+        let deepest = detail(&scene).cut.deepest as u64;
+        assert_eq!(replayed(&scene, |_| ()).0.deepest_stack(), deepest);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let scene =
+        json!({"splats": {"builtin": "torus-knot", "count": 300}, "image": {"width": 24, "height": 24}, "level_of_detail": {"pixels": 0}});
+    std::fs::write(folder.path().join("tree.json"), scene.to_string()).unwrap();
+    assert_eq!(splatsim(folder.path(), &["run", "tree.json", "--out", "out", "--record", "frame.work", "--quiet"]).0, 0);
+    let report: Value = serde_json::from_slice(&std::fs::read(folder.path().join("out/report.json")).unwrap()).unwrap();
+    let deepest = report["level_of_detail"]["deepest_stack"].as_u64().unwrap();
+    let [fits, small] = [deepest, deepest - 1].map(|stack| format!("timing.walk.stack={stack}"));
+    for head in [&["replay", "frame.work", "--out", "new"][..], &["run", "tree.json", "--out", "new"]] {
+        let told = splatsim(folder.path(), &[head, &["--timing", &small]].concat());
+        assert!(told.0 == 2 && told.2.contains(&format!("{deepest} would do")) && !folder.path().join("new").exists(), "{told:?}");
+    }
+    let told = splatsim(folder.path(), &["replay", "frame.work", "--set", &small]);
+    assert!(told.0 == 2 && told.2.contains(&format!("{deepest} would do")), "{told:?}");
+    assert_eq!(splatsim(folder.path(), &["replay", "frame.work", "--set", &fits]).0, 0);
+}
+
+#[test]
 fn a_walker_costs_area_where_a_machine_has_one_and_holds_no_more_than_its_stack() {
     let plain = Machine::named("reference").unwrap();
     let with = |stack: u32| {

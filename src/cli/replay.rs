@@ -6,7 +6,7 @@ use crate::hardware::fixed;
 use crate::output::files::Folder;
 use crate::performance::cost::Prices;
 use crate::performance::recording::Recording;
-use crate::performance::timings::{Axes, Variants};
+use crate::performance::timings::Axes;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -56,7 +56,7 @@ impl Typed {
         let mut recording = Recording::read(&self.record)?;
         self.settings.iter().try_for_each(|setting| recording.set(setting))?;
         fixed::elaborate(&recording.machine)?;
-        Variants::new(&recording.machine, &self.timing)?;
+        recording.hold_stack(&self.timing)?;
         let answers = self.answers.then(|| Prices::load_or_default(self.prices.as_deref())).transpose()?;
         let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
         Ok(Job { recording, timing: self.timing, answers, requests: self.requests, out, quiet: self.quiet })

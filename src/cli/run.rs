@@ -130,7 +130,11 @@ impl Typed {
             Some(small) => (scene, Some(bounded(small, &elaborated)?)),
             None => (bounded(scene, &elaborated)?, None),
         };
-        quantise(small.as_ref().unwrap_or(&scene), &machine)?;
+        let drawn = small.as_ref().unwrap_or(&scene);
+        quantise(drawn, &machine)?;
+        if let (Some(timings), Some(detail)) = (&timings, &drawn.detail) {
+            timings.hold_stack(detail.cut.deepest as u64)?;
+        }
         let options = Options {
             attribution: self.attribute,
             timings,

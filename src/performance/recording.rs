@@ -18,7 +18,7 @@ use crate::performance::answers::Answers;
 use crate::performance::cost::Prices;
 use crate::performance::cycles::{CyclesReport, Requests};
 use crate::performance::roofline;
-use crate::performance::timings::{Axes, Timings, Variants};
+use crate::performance::timings::{Axes, Timings, Variants, holds_stack};
 use crate::scene::MOST_PIXELS;
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
@@ -132,6 +132,16 @@ impl Recording {
         }
         self.machine = machines::changed(&self.machine, setting, &flag)?;
         Ok(())
+    }
+
+    /// Whether the machine's walker, and with each of other values of its timing, has room for the frame's walk.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with the stack that would do.
+    pub fn hold_stack(&self, axes: &[Axes]) -> Result<()> {
+        let deepest = self.work.deepest_stack();
+        holds_stack(self.machine.timing.walk, deepest).map_err(Error::input)?;
+        Variants::new(&self.machine, axes)?.map_or(Ok(()), |variants| variants.hold_stack(deepest))
     }
 
     /// Asks for the frame's time; with prices also for what would make it faster.

@@ -14,6 +14,7 @@ use crate::performance::cycles::CyclesReport;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::machine::timing::Walk;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
@@ -108,6 +109,28 @@ impl Variants {
         let machines = if axes.is_empty() { Vec::new() } else { all.into_iter().map(built).collect::<Result<_>>()? };
         Ok((!axes.is_empty()).then_some(Variants { paths, machines }))
     }
+
+    /// Whether each machine's walker has room for a frame of which so many nodes wait on its stack.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first one that has not, and the stack that would do.
+    pub fn hold_stack(&self, deepest: u64) -> Result<()> {
+        self.machines.iter().try_for_each(|(values, machine)| {
+            let settings = self.paths.iter().zip(values).map(|(path, value)| format!("{path}={value}"));
+            let flag = || machines::flag("--timing", &settings.collect::<Vec<_>>().join(" --timing "));
+            holds_stack(machine.timing.walk, deepest).map_err(|what| Error::input(format!("{}: {what}", flag())))
+        })
+    }
+}
+
+/// Whether a walker has room for a frame of which so many nodes wait on its stack; else a sentence with the stack that would do. A machine
+/// without one has the default walker.
+pub(super) fn holds_stack(walk: Option<Walk>, deepest: u64) -> std::result::Result<(), String> {
+    let stack = walk.unwrap_or_default().stack;
+    if deepest > stack.into() {
+        return Err(format!("timing.walk.stack is {stack}, but {deepest} nodes of the frame wait on it; {deepest} would do"));
+    }
+    Ok(())
 }
 
 /// Frame times by value.

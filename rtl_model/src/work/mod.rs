@@ -211,6 +211,21 @@ impl Work {
             + 4 * self.listed.len()
     }
 
+    /// Most nodes of its walk that took a place on the walker's stack; 0 where there is no walk. Those that are asked for keep their places
+    /// until their children are tested.
+    pub fn deepest_stack(&self) -> u64 {
+        let mut groups = self.walk.chunk_by(|one, next| one.parent == next.parent && one.node != 0).peekable();
+        let (mut stack, mut deepest) = (u64::from(groups.peek().is_some()), 0);
+        while groups.peek().is_some() {
+            let asked = stack.clamp(1, self.ahead.max(1).into());
+            let read = groups.by_ref().take(asked as usize).flatten();
+            let pushed = read.filter(|visit| visit.found == Found::Opened).count() as u64;
+            stack = stack.saturating_sub(asked) + pushed;
+            deepest = deepest.max(stack + asked);
+        }
+        deepest
+    }
+
     /// Contents of each pixel in the end, row by row: fragments, and how many of them are left to shade.
     pub fn held(&self) -> Vec<[u8; 2]> {
         let [width, height] = [self.width, self.height].map(|size| size as usize);
