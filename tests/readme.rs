@@ -203,7 +203,7 @@ fn the_table_of_machines_says_what_they_are() {
 #[test]
 fn the_table_of_accuracies_says_what_the_machines_reach() {
     let mut wrong = Vec::new();
-    for row in table(&page_with("<!-- accuracy -->").text, "<!-- accuracy -->") {
+    for row in share::mine(table(&page_with("<!-- accuracy -->").text, "<!-- accuracy -->")) {
         let Some(path) = find(&row[0]) else { continue };
         let scene = load(&path);
         let mut now = vec![row[0].clone()];
@@ -230,7 +230,7 @@ fn the_table_of_merge_rules_says_what_they_do() {
         page.lines().find(|line| line.starts_with("| scene | l | nearest-pair")).unwrap().trim_matches('|').split('|').collect();
     assert!(heads[2..].iter().map(|head| head.trim()).eq(merge_rules::names()), "{heads:?}");
     assert!(rows.len() >= 25 && rows.len().is_multiple_of(5));
-    for row in rows.into_iter().filter(|row| row[1] == "3") {
+    for row in share::mine(rows.into_iter().filter(|row| row[1] == "3")) {
         // The made ones have no file, and what is translucent is told by its own row.
         let scene = match row[0].as_str() {
             name if name.starts_with("translucent:") => continue,
