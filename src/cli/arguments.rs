@@ -42,21 +42,17 @@ impl Common {
     }
 
     fn machine_file(&self, scene: &Scene) -> Result<File> {
-        let mut file = machines::load_file(self.machine.as_deref().unwrap_or_else(|| OsStr::new(machines::usual(scene))), &self.settings)?;
-        if scene.detail.is_some() {
-            // Who walks a tree pays for the walker.
-            file.machine.timing.walk.get_or_insert_default();
-        }
-        Ok(file)
+        let file = machines::load_file(self.machine.as_deref().unwrap_or_else(|| OsStr::new(machines::usual(scene))), &self.settings)?;
+        Ok(file.on(scene))
     }
 
     /// The same, and where it was searched, how the scene lies outside of that.
     pub fn machine_within(&self, scene: &Scene) -> Result<Within> {
-        let File { machine, searched } = self.machine_file(scene)?;
-        let Some(record) = searched else { return Ok(Within { machine, outside: None, warning: None }) };
-        let mut outside = record.outside(scene);
+        let file = self.machine_file(scene)?;
         let is_changed = self.settings.iter().any(|setting| machines::changes_picture(setting));
-        outside.extend(is_changed.then(|| "a word that --set changed".to_owned()));
+        let outside = file.outside(scene, is_changed);
+        let File { machine, searched } = file;
+        let (Some(record), Some(outside)) = (searched, outside) else { return Ok(Within { machine, outside: None, warning: None }) };
         let (name, scenes, target) = (&machine.name, record.scene_names(), record.target_text());
         let here = listed(&outside);
         let warning = format!("machine {name} was searched on {scenes} for {target}, and may miss that here: {here}");

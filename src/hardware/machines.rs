@@ -35,6 +35,24 @@ struct Besides {
     searched: Option<SearchRecord>,
 }
 
+impl File {
+    /// As it draws a scene: who walks a tree pays for the walker.
+    pub fn on(mut self, scene: &Scene) -> Self {
+        if scene.detail.is_some() {
+            self.machine.timing.walk.get_or_insert_default();
+        }
+        self
+    }
+
+    /// How a scene lies outside of what the machine was searched for; none where nobody searched it. `is_changed`: a setting changed what is
+    /// drawn.
+    pub fn outside(&self, scene: &Scene, is_changed: bool) -> Option<Vec<String>> {
+        let mut outside = self.searched.as_ref()?.outside(scene);
+        outside.extend(is_changed.then(|| "a word that --set changed".to_owned()));
+        Some(outside)
+    }
+}
+
 /// Loads the machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE` changes applied in order.
 ///
 /// # Errors
@@ -211,14 +229,31 @@ fn read(path: &Path) -> Result<(Value, Option<SearchRecord>)> {
         return Err(input_error(format!("no such file, and no named machine either; named are {names}{nearest}")));
     }
     let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-    let Value::Object(mut fields) = whole(strict_json::parse(&text).map_err(input_error)?) else {
+    let value = strict_json::parse(&text).map_err(input_error)?;
+    described(value, name, &one_line(&path.file_stem().unwrap_or_default().to_string_lossy()))
+}
+
+/// A machine as a file's value describes it, perhaps by its difference from a base: `whose` begins every error, `usual_name` is its name where
+/// a base has another.
+///
+/// # Errors
+/// As [`load`].
+pub fn from_description(value: Value, whose: &str, usual_name: &str) -> Result<File> {
+    let (value, searched) = described(value, whose, usual_name)?;
+    Ok(File { machine: checked(&value, whose)?, searched })
+}
+
+fn described(value: Value, whose: &str, usual_name: &str) -> Result<(Value, Option<SearchRecord>)> {
+    let input_error = |sentence: String| Error::input(format!("{whose}: {sentence}"));
+    let Value::Object(mut fields) = whole(value) else {
         return Err(input_error("a machine is a JSON object".into()));
     };
     let searched = fields.remove("searched").map(read_record).transpose().map_err(input_error)?;
     let Some(base) = fields.remove("base") else { return Ok((Value::Object(fields), searched)) };
+    let names = Machine::names().collect::<Vec<_>>().join(", ");
     let base = base.as_str().and_then(Machine::named).ok_or_else(|| input_error(format!("base must be one of {names}, but is {base}")))?;
     let mut value = self::value(&base);
-    fields.entry("name").or_insert_with(|| one_line(&path.file_stem().unwrap_or_default().to_string_lossy()).into());
+    fields.entry("name").or_insert_with(|| usual_name.into());
     merge(&mut value, Value::Object(fields));
     Ok((value, searched))
 }

@@ -2,10 +2,12 @@
 //!
 //! What is left is estimated from what was done here; what was known before counts for nothing.
 
+use crate::error::{Error, Result};
 use crate::output::text::{duration, thousands};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::cell::RefCell;
 use std::io::IsTerminal;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -15,6 +17,52 @@ use std::time::{Duration, Instant};
 const LINE_EVERY: Duration = Duration::from_secs(10);
 /// Between two pictures of a bar.
 const TICK_EVERY: Duration = Duration::from_millis(200);
+
+thread_local! {
+    static WATCH: RefCell<Option<Arc<Watch>>> = const { RefCell::new(None) };
+}
+
+/// Looks at a job from another thread, and may stop it.
+#[derive(Debug, Default)]
+pub struct Watch {
+    state: Mutex<Option<Arc<State>>>,
+    is_stopped: AtomicBool,
+}
+
+impl Watch {
+    /// What is done, of how much where that is known, and where the job is in words.
+    pub fn now(&self) -> (f64, Option<f64>, String) {
+        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let Some(state) = state else { return (0.0, None, String::new()) };
+        let total = match state.kind {
+            Kind::Steps(total, _) => Some(total as f64),
+            Kind::Seconds(_) | Kind::Open => None,
+        };
+        (state.done.load(Ordering::Relaxed) as f64, total, state.message())
+    }
+
+    /// Asks the job to stop: it does where it would write its next row.
+    pub fn stop(&self) {
+        self.is_stopped.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Does `work`, a job whose progress a `watch` sees, on this thread.
+pub fn watched_by<T>(watch: &Arc<Watch>, work: impl FnOnce() -> T) -> T {
+    let before = WATCH.replace(Some(Arc::clone(watch)));
+    let done = work();
+    WATCH.set(before);
+    done
+}
+
+/// Whether whoever watches this thread's job still wants it.
+///
+/// # Errors
+/// [`Error::Job`] where it was stopped.
+pub fn is_wanted() -> Result<()> {
+    let is_stopped = WATCH.with_borrow(|watch| watch.as_ref().is_some_and(|watch| watch.is_stopped.load(Ordering::Relaxed)));
+    if is_stopped { Err(Error::job("stopped")) } else { Ok(()) }
+}
 
 /// Shows a state, and whether the job is over.
 type Show = Box<dyn FnMut(&State, bool) + Send>;
@@ -85,6 +133,11 @@ impl Progress {
                 )
             };
             Ticker::start(state.clone(), every, show)
+        });
+        WATCH.with_borrow(|watch| {
+            if let Some(watch) = watch {
+                *watch.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&state));
+            }
         });
         Progress { state, ticker }
     }

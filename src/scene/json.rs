@@ -134,6 +134,9 @@ enum Source {
     #[serde(deserialize_with = "placed")]
     Placed(PlacedSource),
     Several(Vec<Source>),
+    /// Splats that no text holds.
+    #[serde(skip)]
+    Given(Vec<Splat>),
 }
 
 /// Of an object alone: an array would be tried as its fields one by one, and so twice at every depth of arrays.
@@ -735,11 +738,21 @@ pub(super) struct Which<'a> {
 
 /// Reads a scene file's text. Files that it names lie relative to `folder`; `name` begins every error.
 pub(super) fn read(text: &str, name: &str, folder: &Path, overrides: &Overrides, which: Which) -> Result<Seen> {
+    build(fields(text, name)?, name, folder, overrides, which)
+}
+
+/// The same with these splats instead of the text's own, which may be any. A normal or a radius of 0 is fitted.
+pub(super) fn read_with(splats: Vec<Splat>, text: &str, name: &str, folder: &Path, overrides: &Overrides, which: Which) -> Result<Seen> {
+    let mut fields = fields(text, name)?;
+    fields.splats = Source::Given(splats);
+    build(fields, name, folder, overrides, which)
+}
+
+fn fields(text: &str, name: &str) -> Result<SceneFields> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let value = strict_json::parse(text).map_err(input_error)?;
     validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
-    let fields: SceneFields = serde_json::from_value(value).map_err(|e| input_error(e.to_string()))?;
-    build(fields, name, folder, overrides, which)
+    serde_json::from_value(value).map_err(|e| input_error(e.to_string()))
 }
 
 /// Makes the scene of a file of splats alone, all else left out; `name` begins every error.
@@ -1159,6 +1172,7 @@ impl<'a> Gathered<'a> {
             }
             Source::Placed(source) => self.add_placed(source, path),
             Source::Several(sources) => self.add_several(sources, path),
+            Source::Given(splats) => self.add_given(splats, path),
         }
     }
 
@@ -1425,6 +1439,33 @@ impl<'a> Gathered<'a> {
         Ok(())
     }
 
+    fn add_given(&mut self, splats: &[Splat], path: &str) -> Result<()> {
+        for (number, splat) in splats.iter().enumerate() {
+            let input_error = |field: &str, right: &str| self.input_error(format!("{path}[{number}].{field} must be {right}"));
+            let is_within = |vector: DVec3| vector.to_array().iter().all(|part| part.abs() <= ply::FARTHEST);
+            let share = |part: f64| (0.0..=1.0).contains(&part);
+            if !is_within(splat.position) {
+                return Err(input_error("position", &format!("three numbers within ±{:e}", ply::FARTHEST)));
+            }
+            if !is_within(splat.normal) {
+                return Err(input_error("normal", &format!("three numbers within ±{:e}", ply::FARTHEST)));
+            }
+            if splat.radius != 0.0 && !(LEAST_RADIUS..=ply::FARTHEST).contains(&splat.radius) {
+                return Err(input_error("radius", &format!("0, which means fitted, or {LEAST_RADIUS:e} to {:e}", ply::FARTHEST)));
+            }
+            if !splat.rgb.into_iter().all(share) {
+                return Err(input_error("rgb", "three numbers from 0 to 1"));
+            }
+            if !share(splat.opacity) {
+                return Err(input_error("opacity", "a number from 0 to 1"));
+            }
+            self.known_material(splat.material, &format!("{path}[{number}]"))?;
+            self.splats.push(Splat { normal: unit(splat.normal).unwrap_or(DVec3::ZERO), ..*splat });
+        }
+        self.end_cloud(1.0);
+        Ok(())
+    }
+
     /// A tree of all splats: the one that was read, where it is of just these.
     fn detail(&mut self, fields: &DetailFields) -> std::result::Result<Detail, String> {
         memory::check(self.splats.len() as u64, "splats of a tree", memory::DISC_BYTES + memory::NODE_BYTES)?;
@@ -1499,7 +1540,7 @@ impl Source {
             Source::Gaussians(_) | Source::Volume(_) => true,
             Source::Several(sources) => sources.iter().any(Source::is_medium),
             Source::Placed(source) => source.splats.is_medium(),
-            Source::File(_) | Source::Splat(_) | Source::Builtin(_) => false,
+            Source::File(_) | Source::Splat(_) | Source::Given(_) | Source::Builtin(_) => false,
         }
     }
 
@@ -1511,7 +1552,7 @@ impl Source {
             Source::Several(sources) => sources.iter().map(Source::promised).sum(),
             Source::Placed(source) => source.splats.promised(),
             // A file vouches for its own by its length.
-            Source::File(_) | Source::Splat(_) | Source::Volume(_) => 0,
+            Source::File(_) | Source::Splat(_) | Source::Given(_) | Source::Volume(_) => 0,
         }
     }
 
@@ -1520,7 +1561,7 @@ impl Source {
             Source::Builtin(_) => true,
             Source::Several(sources) => sources.iter().all(Source::is_only_builtin),
             Source::Placed(source) => source.splats.is_only_builtin(),
-            Source::File(_) | Source::Splat(_) | Source::Volume(_) | Source::Gaussians(_) => false,
+            Source::File(_) | Source::Splat(_) | Source::Given(_) | Source::Volume(_) | Source::Gaussians(_) => false,
         }
     }
 }

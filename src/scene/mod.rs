@@ -333,6 +333,22 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Reads the text of a scene file; files that it names lie relative to `folder`, and `name` begins every error. Of a sequence it is `frame`.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn from_text(text: &str, name: &str, folder: &Path, overrides: &Overrides, frame: usize) -> Result<Scene> {
+        Ok(json::read(text, name, folder, overrides, Which { frame, cameras: None })?.scene)
+    }
+
+    /// The same, of these splats instead of the text's: a normal or a radius of 0 is fitted to the nearest, as where a file leaves it out.
+    ///
+    /// # Errors
+    /// As [`Scene::load`]; also the first number of a splat that is out of range.
+    pub fn of_splats(splats: Vec<Splat>, text: &str, name: &str, folder: &Path, overrides: &Overrides, frame: usize) -> Result<Scene> {
+        Ok(json::read_with(splats, text, name, folder, overrides, Which { frame, cameras: None })?.scene)
+    }
+
     fn seen(name_or_path: &OsStr, overrides: &Overrides, which: Which) -> Result<Seen> {
         let path = Path::new(name_or_path);
         let name = &*path.to_string_lossy();

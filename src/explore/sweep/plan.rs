@@ -195,10 +195,19 @@ impl Points {
             }
             None => std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?,
         };
-        let value = strict_json::parse(&text).map_err(input_error)?;
+        Points::from_text(&text, name, path.parent().unwrap_or(Path::new("")))
+    }
+
+    /// Reads a plan's text; files that it names lie beside each other in `folder`, and `name` begins every error.
+    ///
+    /// # Errors
+    /// As [`Points::load`].
+    pub fn from_text(text: &str, name: &str, folder: &Path) -> Result<Self> {
+        let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
+        let value = strict_json::parse(text).map_err(input_error)?;
         validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
         let plan: Plan = serde_path_to_error::deserialize(&value).map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
-        let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        let folder = folder.to_owned();
         Points::new(plan, folder).map_err(|error| match error {
             Error::Input(sentence) => input_error(sentence),
             other => other,

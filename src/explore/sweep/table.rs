@@ -9,6 +9,7 @@
 
 use crate::error::{Error, Result};
 use crate::output::files::write_beside;
+use crate::output::progress::is_wanted;
 use crate::scene::digest::digest;
 use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
 use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
@@ -164,8 +165,9 @@ impl Journal {
     /// Another row: in the file before this returns.
     ///
     /// # Errors
-    /// [`Error::Job`] where it cannot be written.
+    /// [`Error::Job`] where it cannot be written, or nobody wants it any more.
     pub fn push(&mut self, point: u64, row: Row) -> Result<()> {
+        is_wanted()?;
         let cells = Value::from(row.clone()).to_string();
         let line = format!("[\"{}\",{cells}]\n", digest(cells.as_bytes()));
         self.file.write_all(line.as_bytes()).map_err(|e| Error::job(format!("the journal cannot be written: {e}")))?;

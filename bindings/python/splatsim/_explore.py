@@ -1,0 +1,119 @@
+"""Sweeps and searches."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from splatsim import _native
+from splatsim._frame import AnyMachine, AnyScene
+from splatsim._models import Machine, Named, as_json, of_machine, of_scene
+from splatsim._report import Node, Progress, shown
+
+
+class Rows:
+    """Rows of a sweep: a machine on a scene each."""
+
+    def __init__(self, table: pa.Table, text: str, files: list[Path]) -> None:
+        self.table, self.text, self.files = table, text, files
+
+    def summary(self) -> str:
+        """What the command line prints."""
+        return self.text
+
+
+class Found(Node):
+    """What a search found: `machine`, and the report as attributes."""
+
+    def __init__(self, fields: dict[str, Any], table: pa.Table, text: str) -> None:
+        super().__init__(fields)
+        self.table, self.text = table, text
+
+    @property
+    def found(self) -> Machine:
+        """The machine, and for what it was searched."""
+        return Machine({**self._fields["machine"], "searched": self._fields["searched"]})
+
+    def summary(self) -> str:
+        """What the command line prints."""
+        return self.text
+
+
+def _folder(folder: Named | None, stack: ExitStack) -> str:
+    return os.fspath(folder) if folder is not None else stack.enter_context(tempfile.TemporaryDirectory(prefix="splatsim-"))
+
+
+def _optional(path: Named | None) -> str | None:
+    return None if path is None else os.fspath(path)
+
+
+def sweep(
+    plan: Named | Mapping[str, Any],
+    folder: Named | None = None,
+    *,
+    shard: str | None = None,
+    most: int = 100_000,
+    prices: Named | None = None,
+    progress: Progress | bool = False,
+) -> Rows:
+    """Draws every machine of a plan, a row each: the command line's `sweep`.
+
+    plan: a ready one's name, a file, or a dict as a file has it. folder: what it has already is not drawn again; left out, nothing is kept on
+    disk. shard: "2/5" draws part 2 of 5 alone.
+    """
+    with ExitStack() as stack:
+        into = _folder(folder, stack)
+        text = as_json(plan, "plan") if isinstance(plan, Mapping) else None
+        name = "plan" if isinstance(plan, Mapping) else os.fspath(plan)
+        job = _native.sweep(name, text, into, shard, most, _optional(prices), shown(progress))
+        table = pyarrow.parquet.read_table(Path(into) / "sweep.parquet")
+        return Rows(table, job.summary, [Path(file) for file in job.files] if folder is not None else [])
+
+
+def search(
+    scenes: AnyScene | Sequence[AnyScene],
+    machine: AnyMachine = None,
+    folder: Named | None = None,
+    *,
+    target_psnr: float | None = None,
+    max_error: float | None = None,
+    against_ideal: bool = False,
+    no_saturation: bool = False,
+    views: int = 8,
+    seed: int = 0,
+    tries: int = 300,
+    only: Sequence[str] = (),
+    prices: Named | None = None,
+    progress: Progress | bool = False,
+) -> Found:
+    """Finds the narrowest machine that meets a target on all scenes, and on cameras that it did not see: the command line's `search`."""
+    if target_psnr is None and max_error is None:
+        raise _native.InputError("a search needs target_psnr or max_error")
+    several = list(scenes) if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
+    with ExitStack() as stack:
+        into = _folder(folder, stack)
+        job = _native.search(
+            [of_scene(scene) for scene in several],
+            of_machine(machine),
+            into,
+            target_psnr,
+            max_error,
+            against_ideal,
+            no_saturation,
+            views,
+            seed,
+            tries,
+            list(only),
+            _optional(prices),
+            shown(progress),
+        )
+        table = pyarrow.parquet.read_table(Path(into) / "search.parquet")
+        return Found(json.loads(job.json), table, job.summary)

@@ -1,0 +1,188 @@
+"""Frames: drawn, recorded and replayed, explained, traced."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from splatsim import _native
+from splatsim._models import Machine, Named, Scene, as_json, of_machine, of_scene
+from splatsim._report import Node, Progress, shown, table
+
+AnyScene = Scene | Named | Mapping[str, Any]
+AnyMachine = Machine | Named | Mapping[str, Any] | None
+#: Fields of timing, and values that each is to take.
+Timing = Mapping[str, Sequence[Any]]
+
+
+class Frame:
+    """A drawn frame: three pictures, their difference, and the report."""
+
+    def __init__(self, native: _native.Outcome) -> None:
+        self._native = native
+
+    def _picture(self, which: str) -> NDArray[np.float64]:
+        columns, rows = self._native.size
+        return np.frombuffer(self._native.picture(which), np.float64).reshape(rows, columns, 4)
+
+    @cached_property
+    def fixed(self) -> NDArray[np.float64]:
+        """What the hardware draws: rows, columns, RGBA; linear light, premultiplied by alpha."""
+        return self._picture("fixed")
+
+    @cached_property
+    def golden(self) -> NDArray[np.float64]:
+        """The same rules in exact arithmetic."""
+        return self._picture("golden")
+
+    @cached_property
+    def ideal(self) -> NDArray[np.float64]:
+        """Exact arithmetic without a limit of layers."""
+        return self._picture("ideal")
+
+    @cached_property
+    def error(self) -> NDArray[np.float64]:
+        """|fixed − golden|, times `report.error_scale`."""
+        return self._picture("error")
+
+    @cached_property
+    def report(self) -> Node:
+        """The report, as `report.json` has it."""
+        return Node(json.loads(self._native.report()))
+
+    @cached_property
+    def signals(self) -> pa.Table:
+        """A row a signal: its range, and what left it."""
+        return table(self.report.dict()["signals"])
+
+    @cached_property
+    def cycles(self) -> pa.Table:
+        """A row a unit: where its cycles went."""
+        return table(self.report.dict()["cycles"]["units"])
+
+    def summary(self) -> str:
+        """What the command line prints."""
+        return self._native.summary()
+
+    def write(self, folder: Named, *, exr: bool = False) -> list[Path]:
+        """Writes what `run --out` writes; the files."""
+        return [Path(path) for path in self._native.write(os.fspath(folder), exr)]
+
+    def record(self, path: Named | None = None) -> Recording:
+        """What happened in the frame, for `replay`; written into a file where one is named, as `run --record` does."""
+        native = self._native.recording()
+        if path is not None:
+            native.write(os.fspath(path))
+        return Recording(native)
+
+
+class Recording:
+    """What happened in a frame: time is asked of it without drawing again."""
+
+    def __init__(self, recording: Named | _native.Recording) -> None:
+        is_native = isinstance(recording, _native.Recording)
+        self._native = recording if is_native else _native.Recording.read(os.fspath(recording))
+
+    def set(self, path: str, value: Any) -> Recording:
+        """With another field of the machine's timing."""
+        text = value if isinstance(value, str) else as_json(value, path)
+        return Recording(self._native.changed(f"{path}={text}"))
+
+    def replay(self, timing: Timing | None = None, *, answers: bool = False, prices: Named | None = None) -> Replayed:
+        """The frame's time; also with every value of fields of `timing`; with `answers`, also what would make it faster."""
+        given = self._native.replay(_axes(timing), answers, None if prices is None else os.fspath(prices))
+        cycles, timings, would_help = (json.loads(text) for text in given)
+        return Replayed(cycles, timings, would_help)
+
+
+class Replayed:
+    """The time of a frame."""
+
+    def __init__(self, cycles: dict[str, Any], timings: dict[str, Any] | None, answers: Any) -> None:
+        self.cycles = Node(cycles)
+        self.timings = None if timings is None else Node(timings)
+        self.answers = None if answers is None else Node({"answers": answers}).answers
+
+    @property
+    def units(self) -> pa.Table:
+        """A row a unit: where its cycles went."""
+        return table(self.cycles.dict()["units"])
+
+
+class Story:
+    """One pixel's story; printed, it is a text."""
+
+    def __init__(self, text: str, numbers: dict[str, Any]) -> None:
+        self.text, self.numbers = text, Node(numbers)
+
+    @property
+    def contributions(self) -> pa.Table:
+        """A row a contribution, on the machine and in golden."""
+        return table(self.numbers.dict()["contributions"])
+
+    def __str__(self) -> str:
+        return self.text
+
+    __repr__ = __str__
+
+
+def _axes(timing: Timing | None) -> list[str]:
+    return [f"{path}={','.join(v if isinstance(v, str) else as_json(v, path) for v in values)}" for path, values in (timing or {}).items()]
+
+
+def run(
+    scene: AnyScene = "glass-spheres",
+    machine: AnyMachine = None,
+    *,
+    attribute: bool = False,
+    answers: bool = False,
+    timing: Timing | None = None,
+    prices: Named | None = None,
+    progress: Progress | bool = False,
+) -> Frame:
+    """Draws a scene on a machine and in exact arithmetic, and compares: the command line's `run`.
+
+    machine: left out, the scene's usual one. attribute: tell which words make the error (draws 170 frames). answers: tell what would make it
+    faster. timing: replay with every value, as {"timing.raster.fifo": [1, 2, 4]}. prices: a file of what a bit costs.
+    """
+    native = of_scene(scene), of_machine(machine)
+    folder = None if prices is None else os.fspath(prices)
+    return Frame(_native.run(*native, attribute, answers, False, _axes(timing), folder, shown(progress)))
+
+
+def replay(recording: Recording | Named, timing: Timing | None = None, *, answers: bool = False, prices: Named | None = None) -> Replayed:
+    """Times a recorded frame again: the command line's `replay`."""
+    of = recording if isinstance(recording, Recording) else Recording(recording)
+    return of.replay(timing, answers=answers, prices=prices)
+
+
+def explain(scene: AnyScene, x: int, y: int, machine: AnyMachine = None) -> Story:
+    """One pixel's whole story, the machine beside golden: the command line's `explain`."""
+    text, numbers = _native.explain(of_scene(scene), of_machine(machine), x, y)
+    return Story(text, json.loads(numbers))
+
+
+def trace(
+    scene: AnyScene,
+    folder: Named,
+    machine: AnyMachine = None,
+    *,
+    units: Sequence[str] = (),
+    splats: tuple[int, int] | None = None,
+    pixels: tuple[int, int, int, int] | None = None,
+    sample: int | None = None,
+    stimulus: int | None = None,
+    waves: tuple[int, int] | None = None,
+    seed: int = 0,
+) -> str:
+    """Writes what crosses the wires between units: the command line's `trace`. What that prints."""
+    native = of_scene(scene), of_machine(machine)
+    return _native.trace(*native, os.fspath(folder), list(units), splats, pixels, sample, stimulus, waves, seed)

@@ -1,0 +1,123 @@
+"""Units: one unit of a machine by itself, record by record or array by array."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from splatsim import _native
+from splatsim._frame import AnyMachine, AnyScene
+from splatsim._models import Machine, Scene
+from splatsim._native import SplatsimError
+
+Record = dict[str, int]
+
+
+class Answers(dict[str, NDArray[np.int64]]):
+    """An array a field of what a unit gave; `counts` says how many records it gave for each that it was given."""
+
+    counts: NDArray[np.int64]
+
+
+class Unit:
+    """One unit of a machine by itself: records in, records out, each a dict of whole numbers by field.
+
+    machine: left out, the scene's usual one; settings: changes such as "gauss.weight=U-2F12"; size: columns and rows, or those of the scene;
+    seed: of `random`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        machine: AnyMachine = None,
+        scene: AnyScene = "glass-spheres",
+        settings: Sequence[str] = (),
+        size: tuple[int, int] | None = None,
+        seed: int = 1,
+    ) -> None:
+        of = scene._native if isinstance(scene, Scene) else Scene(scene, size=size)._native
+        on = Machine(of.usual_machine if machine is None else machine).with_settings(*settings)
+        self.name = name
+        self._native = _native.Unit(name, on._native, of, _within(seed, 0, 2**64 - 1, "seed"))
+        self._fields: dict[str, list[str]] = {}
+
+    def fields(self, port: str = "in") -> list[str]:
+        """Names of a port's fields."""
+        if port not in self._fields:
+            self._fields[port] = self._native.fields(port)
+        return self._fields[port]
+
+    def registers(self, name: str) -> list[Record]:
+        """The records of what is constant in a frame: frame, light, material, reflection."""
+        names, records = self._native.registers(name)
+        return [dict(zip(names, words, strict=True)) for words in records]
+
+    def _words(self, port: str, record: Mapping[str, int]) -> list[int]:
+        names = self.fields(port)
+        if set(record) != set(names):
+            odd = sorted(set(record) ^ set(names))
+            raise SplatsimError(f"{self.name}.{port}: {', '.join(odd)}: a record has {', '.join(names)}, each once")
+        return [_within(record[name], -(2**63), 2**63 - 1, f"{self.name}.{port}: {name}") for name in names]
+
+    def step(self, record: Mapping[str, int]) -> list[Record]:
+        """Gives the unit a record; the records that it gives for that."""
+        self.give(record)
+        return self.take("out")
+
+    def give(self, record: Mapping[str, int]) -> None:
+        """Gives the unit a record. What it gives for that waits, for `take` or `compare`."""
+        self._native.give(self._words("in", record))
+
+    def take(self, port: str = "out") -> list[Record]:
+        """The records that wait at a port."""
+        names = self.fields(port)
+        return [dict(zip(names, words, strict=True)) for words in self._native.take(port)]
+
+    def end(self) -> None:
+        """Ends a frame: fragment gives what it holds (port "held"), sort what it has sorted."""
+        self._native.end()
+
+    def waiting(self, port: str = "out") -> int:
+        """Number of records that wait at a port."""
+        return self._native.waiting(port)
+
+    def compare(self, record: Mapping[str, int], port: str = "out") -> str | None:
+        """Takes the record that waits away; None if a device's is equal, else what is different, in a sentence."""
+        return self._native.compare(port, self._words(port, record))
+
+    def random(self) -> Record:
+        """A record that the unit may be given: corners and thresholds on purpose, then random ones, for ever."""
+        return dict(zip(self.fields("in"), self._native.random(), strict=True))
+
+    def map(self, **fields: ArrayLike) -> Answers:
+        """Gives the unit a record for each element of arrays of whole numbers, one array a field; the answers' fields as arrays."""
+        names = self.fields("in")
+        if set(fields) != set(names):
+            odd = sorted(set(fields) ^ set(names))
+            raise SplatsimError(f"{self.name}.in: {', '.join(odd)}: a record has {', '.join(names)}, each once")
+        columns = np.broadcast_arrays(*(self._column(name, fields[name]) for name in names))
+        words = np.ascontiguousarray(np.stack([column.reshape(-1) for column in columns], axis=1))
+        counts, out = self._native.map(words.reshape(-1), len(names))
+        given = self.fields("out")
+        rows = np.frombuffer(out, np.int64).reshape(-1, len(given))
+        answers = Answers({name: rows[:, nth] for nth, name in enumerate(given)})
+        answers.counts = np.frombuffer(counts, np.int64)
+        return answers
+
+    def _column(self, name: str, values: ArrayLike) -> NDArray[np.int64]:
+        given = np.asarray(values)
+        if not np.issubdtype(given.dtype, np.integer):
+            raise SplatsimError(f"{self.name}.in: {name} is of {given.dtype}, and whole numbers of at most 64 bits are right")
+        if given.dtype == np.uint64 and given.size and given.max() > 2**63 - 1:
+            raise SplatsimError(f"{self.name}.in: {name} is {given.max()}, and at most {2**63 - 1} is possible")
+        return given.astype(np.int64)
+
+
+def _within(number: int, least: int, greatest: int, what: str) -> int:
+    if not least <= number <= greatest:
+        raise SplatsimError(f"{what} is {number}, and {least} to {greatest} are possible")
+    return number
+
+

@@ -1,0 +1,83 @@
+//! Explore: sweeps and searches.
+
+use crate::models::{Machine, Scene};
+use crate::work::{done, json, raised, refused};
+use pyo3::prelude::*;
+use splatsim::explore::search as searching;
+use splatsim::explore::search::Target;
+use splatsim::explore::sweep as sweeping;
+use splatsim::explore::sweep::plan::Points;
+use splatsim::hardware::searched::Against;
+use splatsim::performance::cost::Prices;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Outcome of a sweep or a search.
+#[pyclass(frozen, get_all, module = "splatsim._native")]
+pub(crate) struct Job {
+    /// Files that were written.
+    files: Vec<PathBuf>,
+    /// What the command line prints.
+    summary: String,
+    /// The findings of a search; empty of a sweep, whose rows are in its files.
+    json: String,
+}
+
+/// Carries a plan out.
+#[pyfunction]
+#[pyo3(signature = (name, text, folder, shard, most, prices, progress))]
+pub(crate) fn sweep(
+    py: Python<'_>,
+    name: String,
+    text: Option<String>,
+    folder: PathBuf,
+    shard: Option<String>,
+    most: u64,
+    prices: Option<PathBuf>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Job> {
+    let shard = shard.map(|text| text.parse().map_err(|sentence| refused(format!("--shard {text}: {sentence}")))).transpose()?;
+    done(py, progress, move || {
+        let points = match text {
+            Some(text) => Points::from_text(&text, &name, Path::new("")),
+            None => Points::load(&name),
+        }?;
+        let options = sweeping::Options { shard, most, prices: Prices::load_or_default(prices.as_deref())?, progress: false };
+        let outcome = sweeping::run(&points, &folder, &options)?;
+        Ok(Job { summary: outcome.summary(), files: outcome.files, json: String::new() })
+    })
+}
+
+/// Finds the narrowest machine that meets a target.
+#[pyfunction]
+#[pyo3(signature = (scenes, machine, folder, target_psnr, max_error, against_ideal, no_saturation, views, seed, tries, only, prices, progress))]
+#[expect(clippy::too_many_arguments, reason = "as many as a search has options")]
+pub(crate) fn search(
+    py: Python<'_>,
+    scenes: Vec<Py<Scene>>,
+    machine: Option<&Machine>,
+    folder: PathBuf,
+    target_psnr: Option<f64>,
+    max_error: Option<f64>,
+    against_ideal: bool,
+    no_saturation: bool,
+    views: usize,
+    seed: u64,
+    tries: u64,
+    only: Vec<String>,
+    prices: Option<PathBuf>,
+    progress: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Job> {
+    let scenes: Vec<Arc<splatsim::scene::Scene>> = scenes.iter().map(|scene| Arc::clone(&scene.get().scene)).collect();
+    let first = scenes.first().ok_or_else(|| refused("a search needs a scene, one at least"))?;
+    let (machine, _) = Machine::of(machine, first).map_err(raised)?;
+    let against = if against_ideal { Against::Ideal } else { Against::Golden };
+    let target = Target { psnr_db: target_psnr, max_error, no_saturation, against };
+    let outcome = done(py, progress, move || {
+        let prices = Prices::load_or_default(prices.as_deref())?;
+        let options = searching::Options { target, views, seed, tries, only, prices, progress: false };
+        let scenes: Vec<_> = scenes.iter().map(|scene| (**scene).clone()).collect();
+        searching::run(&scenes, &machine, &folder, &options)
+    })?;
+    Ok(Job { summary: outcome.summary(), json: json(&outcome)?, files: outcome.files })
+}
