@@ -1,5 +1,5 @@
-//! Does the C library do what its header says: from C with gcc and clang, under AddressSanitizer and valgrind, from C++,
-//! from a testbench and from cocotb?
+//! Does the C library do what its header says: from C with gcc and clang, under AddressSanitizer and valgrind, from C++
+//! and from a testbench?
 
 mod dpi;
 #[path = "../../../tests/share/mod.rs"]
@@ -142,31 +142,4 @@ fn the_header_is_what_cbindgen_makes_and_is_cpp_too() {
     if have("g++") {
         run(Command::new("g++").args(["-fsyntax-only", "-Wall", "-Werror", "-pedantic", "-x", "c++"]).arg(&path));
     }
-}
-
-/// Python of `SPLATSIM_PYTHON`, else `python3`, if it has cocotb.
-fn python_with_cocotb() -> Option<String> {
-    let python = std::env::var("SPLATSIM_PYTHON").unwrap_or_else(|_| "python3".into());
-    let has = Command::new(&python).args(["-c", "import cocotb"]).output().is_ok_and(|output| output.status.success());
-    if has {
-        return Some(python);
-    }
-    assert!(std::env::var_os("CI").is_none(), "CI needs cocotb, in the Python of SPLATSIM_PYTHON");
-    println!("skipped: twins in cocotb, which {python} has not");
-    None
-}
-
-#[test]
-fn twins_run_in_cocotb_beside_the_live_model() {
-    let (Some(python), true) = (python_with_cocotb(), have("vvp")) else { return };
-    let folder = tempfile::tempdir().unwrap();
-    let package = root().join("../python");
-    let told = run(Command::new(python)
-        .arg(package.join("tests/twins.py"))
-        .arg(root().join("../../traces/knot"))
-        .arg(folder.path())
-        .env("PYTHONPATH", std::env::join_paths([&package, &package.join("tests")]).unwrap())
-        .env("PYTHONDONTWRITEBYTECODE", "1")
-        .env("SPLATSIM_LIBRARY", libraries().join("libsplatsim_c.so")));
-    assert!(told.trim_end().ends_with("twins: all well"), "{told}");
 }

@@ -27,11 +27,11 @@ class Frame:
     """A drawn frame: three pictures, their difference, and the report."""
 
     def __init__(self, native: _native.Outcome) -> None:
-        self._native = native
+        self._own = native
 
     def _picture(self, which: str) -> NDArray[np.float64]:
-        columns, rows = self._native.size
-        return np.frombuffer(self._native.picture(which), np.float64).reshape(rows, columns, 4)
+        columns, rows = self._own.size
+        return np.frombuffer(self._own.picture(which), np.float64).reshape(rows, columns, 4)
 
     @cached_property
     def fixed(self) -> NDArray[np.float64]:
@@ -56,7 +56,7 @@ class Frame:
     @cached_property
     def report(self) -> Node:
         """The report, as `report.json` has it."""
-        return Node(json.loads(self._native.report()))
+        return Node(json.loads(self._own.report()))
 
     @cached_property
     def signals(self) -> pa.Table:
@@ -70,15 +70,15 @@ class Frame:
 
     def summary(self) -> str:
         """What the command line prints."""
-        return self._native.summary()
+        return self._own.summary()
 
     def write(self, folder: Named, *, exr: bool = False) -> list[Path]:
         """Writes what `run --out` writes; the files."""
-        return [Path(path) for path in self._native.write(os.fspath(folder), exr)]
+        return [Path(path) for path in self._own.write(os.fspath(folder), exr)]
 
     def record(self, path: Named | None = None) -> Recording:
         """What happened in the frame, for `replay`; written into a file where one is named, as `run --record` does."""
-        native = self._native.recording()
+        native = self._own.recording()
         if path is not None:
             native.write(os.fspath(path))
         return Recording(native)
@@ -88,17 +88,16 @@ class Recording:
     """What happened in a frame: time is asked of it without drawing again."""
 
     def __init__(self, recording: Named | _native.Recording) -> None:
-        is_native = isinstance(recording, _native.Recording)
-        self._native = recording if is_native else _native.Recording.read(os.fspath(recording))
+        self._own = recording if isinstance(recording, _native.Recording) else _native.Recording.read(os.fspath(recording))
 
     def set(self, path: str, value: Any) -> Recording:
         """With another field of the machine's timing."""
         text = value if isinstance(value, str) else as_json(value, path)
-        return Recording(self._native.changed(f"{path}={text}"))
+        return Recording(self._own.changed(f"{path}={text}"))
 
     def replay(self, timing: Timing | None = None, *, answers: bool = False, prices: Named | None = None) -> Replayed:
         """The frame's time; also with every value of fields of `timing`; with `answers`, also what would make it faster."""
-        given = self._native.replay(_axes(timing), answers, None if prices is None else os.fspath(prices))
+        given = self._own.replay(_axes(timing), answers, None if prices is None else os.fspath(prices))
         cycles, timings, would_help = (json.loads(text) for text in given)
         return Replayed(cycles, timings, would_help)
 

@@ -15,33 +15,38 @@ from splatsim import _native
 from splatsim._native import InputError
 
 Named = str | os.PathLike[str]
+#: JSON objects.
+Fields = dict[str, Any]
+Formats = dict[str, str]
 
 
 class Machine:
     """A machine: a name, a file, or a dict as a machine file has it. It never changes; `set` gives another one."""
 
+    _own: _native.Machine
+
     def __init__(self, machine: Named | Mapping[str, Any] | Machine = "reference") -> None:
         if isinstance(machine, Machine):
-            self._native = machine._native
+            self._own = machine._own
         elif isinstance(machine, Mapping):
-            self._native = _native.Machine.parse(as_json(machine, "the machine"), "the machine")
+            self._own = _native.Machine.parse(as_json(machine, "the machine"), "the machine")
         else:
-            self._native = _native.Machine.open(os.fspath(machine))
+            self._own = _native.Machine.open(os.fspath(machine))
 
     @classmethod
     def _of(cls, native: _native.Machine) -> Machine:
         made = cls.__new__(cls)
-        made._native = native
+        made._own = native
         return made
 
     def set(self, path: str, value: Any) -> Machine:
         """The machine with another field: `set("gauss.weight", "U-2F12")` is the command line's `--set gauss.weight=U-2F12`."""
         text = value if isinstance(value, str) else as_json(value, path)
-        return Machine._of(self._native.changed(f"{path}={text}"))
+        return Machine._of(self._own.changed(f"{path}={text}"))
 
     def with_settings(self, *settings: str) -> Machine:
         """The same of texts such as "gauss.weight=U-2F12"."""
-        native = self._native
+        native = self._own
         for setting in settings:
             native = native.changed(setting)
         return Machine._of(native)
@@ -51,14 +56,14 @@ class Machine:
         """Its name."""
         return str(self.dict()["name"])
 
-    def dict(self) -> dict[str, Any]:
+    def dict(self) -> Fields:
         """As a machine file has it."""
-        fields: dict[str, Any] = json.loads(self._native.json())
+        fields: Fields = json.loads(self._own.json())
         return fields
 
-    def words(self) -> dict[str, str]:
+    def words(self) -> Formats:
         """Every word that can be set, and its format."""
-        return dict(self._native.words())
+        return Formats(self._own.words())
 
     def save(self, path: Named) -> None:
         """Writes a machine file."""
@@ -94,38 +99,38 @@ class Scene:
         name: str = "scene",
     ) -> None:
         if not isinstance(scene, Mapping):
-            self._native = _native.Scene.open(os.fspath(scene), size, frame)
+            self._own = _native.Scene.open(os.fspath(scene), size, frame)
             return
         place = os.fspath(folder)
         splats = scene.get("splats")
         if isinstance(splats, Mapping) and "position" in splats and np.ndim(splats["position"]) == 2:
             text = as_json({**scene, "splats": []}, name)
-            self._native = _native.Scene.of_splats(_columns(splats, name), text, name, place, size, frame)
+            self._own = _native.Scene.of_splats(_columns(splats, name), text, name, place, size, frame)
         else:
-            self._native = _native.Scene.parse(as_json(scene, name), name, place, size, frame)
+            self._own = _native.Scene.parse(as_json(scene, name), name, place, size, frame)
 
     @property
     def name(self) -> str:
         """Its name."""
-        return self._native.name
+        return self._own.name
 
     @property
     def size(self) -> tuple[int, int]:
         """Columns and rows of its picture."""
-        return self._native.size
+        return self._own.size
 
     @property
     def notes(self) -> list[str]:
         """Sentences about what was left out or is odd."""
-        return self._native.notes
+        return self._own.notes
 
     @property
     def usual_machine(self) -> str:
         """The machine that draws it where none is named."""
-        return self._native.usual_machine
+        return self._own.usual_machine
 
     def __len__(self) -> int:
-        return self._native.splats
+        return self._own.splats
 
     def __repr__(self) -> str:
         columns, rows = self.size
@@ -134,12 +139,12 @@ class Scene:
 
 def of_scene(scene: Scene | Named | Mapping[str, Any]) -> _native.Scene:
     """What draws."""
-    return (scene if isinstance(scene, Scene) else Scene(scene))._native
+    return (scene if isinstance(scene, Scene) else Scene(scene))._own
 
 
 def of_machine(machine: Machine | Named | Mapping[str, Any] | None) -> _native.Machine | None:
     """What is drawn on; none where the scene's usual one is to do it."""
-    return None if machine is None else Machine(machine)._native
+    return None if machine is None else Machine(machine)._own
 
 
 def as_json(value: Any, whose: str) -> str:

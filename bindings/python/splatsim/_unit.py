@@ -37,21 +37,21 @@ class Unit:
         size: tuple[int, int] | None = None,
         seed: int = 1,
     ) -> None:
-        of = scene._native if isinstance(scene, Scene) else Scene(scene, size=size)._native
+        of = scene._own if isinstance(scene, Scene) else Scene(scene, size=size)._own
         on = Machine(of.usual_machine if machine is None else machine).with_settings(*settings)
         self.name = name
-        self._native = _native.Unit(name, on._native, of, _within(seed, 0, 2**64 - 1, "seed"))
+        self._own = _native.Unit(name, on._own, of, _within(seed, 0, 2**64 - 1, "seed"))
         self._fields: dict[str, list[str]] = {}
 
     def fields(self, port: str = "in") -> list[str]:
         """Names of a port's fields."""
         if port not in self._fields:
-            self._fields[port] = self._native.fields(port)
+            self._fields[port] = self._own.fields(port)
         return self._fields[port]
 
     def registers(self, name: str) -> list[Record]:
         """The records of what is constant in a frame: frame, light, material, reflection."""
-        names, records = self._native.registers(name)
+        names, records = self._own.registers(name)
         return [dict(zip(names, words, strict=True)) for words in records]
 
     def _words(self, port: str, record: Mapping[str, int]) -> list[int]:
@@ -68,28 +68,28 @@ class Unit:
 
     def give(self, record: Mapping[str, int]) -> None:
         """Gives the unit a record. What it gives for that waits, for `take` or `compare`."""
-        self._native.give(self._words("in", record))
+        self._own.give(self._words("in", record))
 
     def take(self, port: str = "out") -> list[Record]:
         """The records that wait at a port."""
         names = self.fields(port)
-        return [dict(zip(names, words, strict=True)) for words in self._native.take(port)]
+        return [dict(zip(names, words, strict=True)) for words in self._own.take(port)]
 
     def end(self) -> None:
         """Ends a frame: fragment gives what it holds (port "held"), sort what it has sorted."""
-        self._native.end()
+        self._own.end()
 
     def waiting(self, port: str = "out") -> int:
         """Number of records that wait at a port."""
-        return self._native.waiting(port)
+        return self._own.waiting(port)
 
     def compare(self, record: Mapping[str, int], port: str = "out") -> str | None:
         """Takes the record that waits away; None if a device's is equal, else what is different, in a sentence."""
-        return self._native.compare(port, self._words(port, record))
+        return self._own.compare(port, self._words(port, record))
 
     def random(self) -> Record:
         """A record that the unit may be given: corners and thresholds on purpose, then random ones, for ever."""
-        return dict(zip(self.fields("in"), self._native.random(), strict=True))
+        return dict(zip(self.fields("in"), self._own.random(), strict=True))
 
     def map(self, **fields: ArrayLike) -> Answers:
         """Gives the unit a record for each element of arrays of whole numbers, one array a field; the answers' fields as arrays."""
@@ -99,7 +99,7 @@ class Unit:
             raise SplatsimError(f"{self.name}.in: {', '.join(odd)}: a record has {', '.join(names)}, each once")
         columns = np.broadcast_arrays(*(self._column(name, fields[name]) for name in names))
         words = np.ascontiguousarray(np.stack([column.reshape(-1) for column in columns], axis=1))
-        counts, out = self._native.map(words.reshape(-1), len(names))
+        counts, out = self._own.map(words.reshape(-1), len(names))
         given = self.fields("out")
         rows = np.frombuffer(out, np.int64).reshape(-1, len(given))
         answers = Answers({name: rows[:, nth] for nth, name in enumerate(given)})

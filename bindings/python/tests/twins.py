@@ -1,4 +1,4 @@
-"""Twins on Icarus beside the live model. `python3 twins.py TRACE BUILD` runs them; a twin in under twenty lines."""
+"""Twins on Icarus beside the live model. `python3 twins.py TRACE BUILD` runs them, as test_cocotb.py does; a twin in under twenty lines."""
 
 import os
 import sys
@@ -57,7 +57,7 @@ def refuses(trace):
         (lambda: unit.step({"radial": 1 << 64, "amplitude": 1}), "gauss.in: radial is 18446744073709551616"),
         (lambda: unit.step({"radial": 1, "amplitude": -(1 << 63) - 1}), "gauss.in: amplitude is -9223372036854775809"),
         (lambda: Unit("gauss", *files, seed=1 << 64), "seed is"),
-        (lambda: Unit("gauss", *files, size=(1 << 32, 1)), "size is"),
+        (lambda: Unit("gauss", *files, size=(1 << 32, 1)), "--size"),
     ]:
         try:
             ask()
