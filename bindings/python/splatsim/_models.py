@@ -18,6 +18,9 @@ Named = str | os.PathLike[str]
 #: JSON objects.
 Fields = dict[str, Any]
 Formats = dict[str, str]
+Numbers = NDArray[Any]
+#: Position, normal, radius, colour, opacity, material.
+Columns = tuple[Numbers, Numbers, Numbers, Numbers, Numbers, Numbers]
 
 
 class Machine:
@@ -176,7 +179,7 @@ _COLUMNS: dict[str, tuple[int, float]] = {
 }
 
 
-def _columns(splats: Mapping[str, ArrayLike], name: str) -> _native.Columns:
+def _columns(splats: Mapping[str, ArrayLike], name: str) -> Columns:
     if odd := [field for field in splats if field not in _COLUMNS]:
         raise InputError(f"{name}: splats.{odd[0]}: no such array; there are {', '.join(_COLUMNS)}")
     count = len(np.asarray(splats["position"]))

@@ -5,9 +5,27 @@ from typing import Any, TypeAlias, final
 
 from numpy.typing import NDArray
 
+__all__ = [
+    "VERSION",
+    "InputError",
+    "Job",
+    "JobError",
+    "Machine",
+    "Outcome",
+    "Recording",
+    "Scene",
+    "SplatsimError",
+    "Unit",
+    "explain",
+    "run",
+    "search",
+    "sweep",
+    "trace",
+]
+
 VERSION: str
 
-Columns: TypeAlias = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
+_Columns: TypeAlias = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any], NDArray[Any]]
 _Progress: TypeAlias = Callable[[float, float | None, str], object] | None
 
 class SplatsimError(ValueError):
@@ -36,7 +54,7 @@ class Scene:
     @staticmethod
     def parse(text: str, name: str, folder: str, size: tuple[int, int] | None, frame: int | None) -> Scene: ...
     @staticmethod
-    def of_splats(columns: Columns, text: str, name: str, folder: str, size: tuple[int, int] | None, frame: int | None) -> Scene: ...
+    def of_splats(columns: _Columns, text: str, name: str, folder: str, size: tuple[int, int] | None, frame: int | None) -> Scene: ...
     @property
     def name(self) -> str: ...
     @property
