@@ -4,7 +4,8 @@ All of it is the Rust code of the command line, and gives the same bits. A fault
 
     >>> import splatsim
     >>> machine = splatsim.Machine("tiny").set("gauss.weight", "U0F10")
-    >>> frame = splatsim.run(splatsim.Scene("glass-spheres", size=(64, 48)), machine)
+    >>> scene = splatsim.Scene({"splats": {"builtin": "glass-spheres", "count": 5000}}, size=(64, 48))
+    >>> frame = splatsim.run(scene, machine)
     >>> frame.fixed.shape
     (48, 64, 4)
     >>> frame.report.scene.splats

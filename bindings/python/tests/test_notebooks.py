@@ -32,4 +32,4 @@ def test_all_three_are_there():
 
 def test_examples_of_docstrings_say_what_they_do():
     failed, tried = doctest.testmod(splatsim)
-    assert tried >= 4 and failed == 0
+    assert tried >= 6 and failed == 0
