@@ -240,6 +240,22 @@ mod tests {
     }
 
     #[test]
+    fn who_watches_a_job_sees_it_and_may_stop_it() {
+        let watch = Arc::new(Watch::default());
+        assert_eq!(watch.now(), (0.0, None, String::new()));
+        watched_by(&watch, || {
+            let progress = Progress::of_steps(false, 7, "points");
+            progress.step();
+            progress.say("here".into());
+            assert_eq!(watch.now(), (1.0, Some(7.0), "here".into()));
+            assert!(is_wanted().is_ok());
+            watch.stop();
+            assert!(is_wanted().is_err());
+        });
+        assert!(is_wanted().is_ok(), "this thread's next job is another");
+    }
+
+    #[test]
     fn an_estimate_is_of_what_is_left() {
         let sweep = state(Kind::Steps(1200, "points"), 60);
         assert_eq!(sweep.line(), "0 of 1,200 points");

@@ -276,3 +276,24 @@ fn what_is_wrong_with_a_volume_or_with_gaussians_is_said() {
     let huge = sentence(&raw([1_000_000_000, 1_000_000_000, 9], 1.0));
     assert!(huge.starts_with("s.json: splats.volume: ") && huge.len() < 300, "{huge}");
 }
+
+#[test]
+fn given_splats_are_those_of_the_text() {
+    let value = json!({"splats": [
+        {"position": [0, 0, 0], "normal": [0, 0, 2], "radius": 0.1, "rgb": [1, 0, 0.5], "opacity": 0.5},
+        {"position": [1, 0, 0]}, {"position": [0, 1, 0]}, {"position": [0, 0, 1]}
+    ]});
+    let first = Splat { position: DVec3::ZERO, normal: 2.0 * DVec3::Z, radius: 0.1, rgb: [1.0, 0.0, 0.5], opacity: 0.5, material: 0 };
+    let at = |position| Splat { position, normal: DVec3::ZERO, radius: 0.0, rgb: [0.5; 3], opacity: 1.0, material: 0 };
+    let given = vec![first, at(DVec3::X), at(DVec3::Y), at(DVec3::Z)];
+    let of = |splats| Scene::of_splats(splats, r#"{"splats": []}"#, "s.json", Path::new(""), &Overrides::default(), 0);
+    assert_eq!(of(given.clone()).unwrap(), load(&value).unwrap());
+    for (wrong, says) in [
+        (Splat { position: DVec3::NAN, ..first }, "s.json: splats[1].position must be three numbers within ±1e30"),
+        (Splat { radius: f64::NAN, ..first }, "s.json: splats[1].radius must be 0, which means fitted, or 1e-30 to 1e30"),
+        (Splat { opacity: 1.5, ..first }, "s.json: splats[1].opacity must be a number from 0 to 1"),
+        (Splat { material: 1, ..first }, "s.json: splats[1] uses material 1, but `materials` has only the indices 0 to 0"),
+    ] {
+        assert_eq!(of(vec![first, wrong]).unwrap_err().to_string(), says);
+    }
+}
