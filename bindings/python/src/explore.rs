@@ -26,6 +26,7 @@ pub(crate) struct Job {
 /// Carries a plan out.
 #[pyfunction]
 #[pyo3(signature = (name, text, folder, shard, most, prices, progress))]
+#[expect(clippy::too_many_arguments, reason = "as many as a sweep has options")]
 pub(crate) fn sweep(
     py: Python<'_>,
     name: String,
