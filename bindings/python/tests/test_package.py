@@ -122,6 +122,12 @@ def test_control_c_stops_within_a_second(tmp_path):
         splatsim.sweep(plan, folder)
     assert time.monotonic() - sent[0] < 1
     thread.join()
+    # The row that was being drawn is not written, and no other is drawn unseen.
+    time.sleep(1)
+    [journal] = folder.glob("points*.jsonl")
+    rows = journal.read_text().count("\n") - 1
+    time.sleep(1)
+    assert journal.read_text().count("\n") - 1 == rows < 15
 
 
 def test_a_callback_that_raises_stops_the_job(tmp_path):
