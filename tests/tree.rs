@@ -593,7 +593,22 @@ fn who_walks_a_tree_pays_for_the_walker() {
         let report: Value = serde_json::from_slice(&std::fs::read(folder.path().join("out/report.json")).unwrap()).unwrap();
         report["cost"]["area"].as_f64().unwrap()
     };
-    assert!(area("tree.json", &json!({"level_of_detail": {}})) > area("all.json", &json!({})) + 1000.0);
+    let of_run = [area("tree.json", &json!({"level_of_detail": {}})), area("all.json", &json!({}))];
+    assert!(of_run[0] > of_run[1] + 1000.0);
+    // A sweep's machines pay as a run's do, and only where there is a tree.
+    let plan = json!({"scenes": ["tree.json", "all.json"], "axes": [], "lockstep": false});
+    std::fs::write(folder.path().join("plan.json"), plan.to_string()).unwrap();
+    let sweep = || splatsim(folder.path(), &["sweep", "plan.json", "--out", "swept", "--quiet"]);
+    assert_eq!(sweep().0, 0);
+    let table = std::fs::read_to_string(folder.path().join("swept/sweep.csv")).unwrap();
+    // Nothing here is quoted.
+    let mut lines = table.lines().map(|line| line.split(',').collect::<Vec<_>>());
+    let heads = lines.next().unwrap();
+    let place = heads.iter().position(|name| *name == "area").unwrap();
+    let of_sweep: Vec<f64> = lines.map(|cells| cells[place].parse().unwrap()).collect();
+    assert_eq!(of_sweep, of_run);
+    // And what was drawn is known again.
+    assert_eq!(sweep().0, 0);
 }
 
 #[test]

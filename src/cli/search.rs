@@ -4,7 +4,7 @@ use super::arguments::{Common, folder_for, positive, written};
 use crate::error::Result;
 use crate::explore::search;
 use crate::explore::search::{Options, Target, over_fragment};
-use crate::hardware::searched;
+use crate::hardware::{machines, searched};
 use crate::performance::cost::Prices;
 use crate::scene::Scene;
 use clap::{Args, ValueEnum};
@@ -95,7 +95,8 @@ pub(super) struct Job {
 impl Typed {
     pub fn check(self) -> Result<Job> {
         let scenes: Vec<Scene> = self.scenes.iter().map(|name| self.common.scene(name)).collect::<Result<_>>()?;
-        let machine = self.common.machine(&scenes[0])?;
+        let mut machine = self.common.machine(&scenes[0])?;
+        machines::pay(&mut machine, scenes.iter().any(|scene| scene.detail.is_some()));
         let against = match self.against {
             Against::Golden => searched::Against::Golden,
             Against::Ideal => searched::Against::Ideal,

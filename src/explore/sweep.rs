@@ -126,7 +126,7 @@ pub fn run(points: &Points, folder: &Path, options: &Options) -> Result<Outcome>
     let known: Vec<u64> = journal.rows().filter_map(|row| row[0].as_u64()).filter(|number| is_mine(*number)).collect();
     for number in &known {
         let (scene, changes) = points.point(*number);
-        let point = Point::new(points, options, &scenes.digests[scene], *number, changes)?;
+        let point = Point::new(points, options, &scenes.heads[scene], *number, changes)?;
         if journal.get(*number).and_then(|row| row[1].as_str()) != Some(&point.key) {
             let told = format!("{}: point {number} was drawn from something else than now", folder.display());
             return Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")));
@@ -151,7 +151,7 @@ pub fn run(points: &Points, folder: &Path, options: &Options) -> Result<Outcome>
         let mut groups: Vec<Vec<Point>> = Vec::new();
         let mut places = BTreeMap::new();
         for (number, changes) in on_scene {
-            let point = Point::new(points, options, &stage.digest, number, changes)?;
+            let point = Point::new(points, options, &stage.head, number, changes)?;
             let formats = Machine { timing: points.base.timing, ..point.machine.clone() };
             let formats = json!([formats, plan::exact_of(&point.changes)]).to_string();
             let place = *places.entry(formats).or_insert(groups.len());
@@ -176,40 +176,49 @@ pub fn run(points: &Points, folder: &Path, options: &Options) -> Result<Outcome>
 /// Scenes of a plan, each of which can be loaded.
 struct Scenes<'a> {
     points: &'a Points,
-    digests: Vec<String>,
+    heads: Vec<Head>,
     /// The last one that was loaded, and which it is: most plans have one, which is loaded once.
     last: Option<(usize, Scene)>,
+}
+
+/// What a point is told of its scene.
+#[derive(Clone)]
+struct Head {
+    digest: String,
+    /// Whether a tree is walked, for which every machine pays.
+    has_tree: bool,
 }
 
 impl<'a> Scenes<'a> {
     /// Loads every scene, before anything is written; they need not fit into memory together.
     fn check(points: &'a Points) -> Result<Self> {
-        let mut scenes = Scenes { points, digests: Vec::new(), last: None };
+        let mut scenes = Scenes { points, heads: Vec::new(), last: None };
         for nth in 0..points.plan.scenes.len() {
             scenes.last = None;
             let scene = points.scene(nth)?;
-            scenes.digests.push(digest_of(&scene));
+            scenes.heads.push(Head { digest: digest_of(&scene), has_tree: scene.detail.is_some() });
             scenes.last = Some((nth, scene));
         }
         Ok(scenes)
     }
 
-    fn take(&mut self, nth: usize) -> Result<(Scene, String)> {
+    fn take(&mut self, nth: usize) -> Result<(Scene, Head)> {
         let scene = match self.last.take() {
             Some((last, scene)) if last == nth => scene,
             _ => self.points.scene(nth)?,
         };
-        Ok((scene, self.digests[nth].clone()))
+        Ok((scene, self.heads[nth].clone()))
     }
 }
 
 impl Point {
-    fn new(points: &Points, options: &Options, scene: &str, number: u64, changes: Vec<Change>) -> Result<Self> {
-        let machine = plan::machine_of(&points.base, &changes, &format!("point {number}"))?;
+    fn new(points: &Points, options: &Options, scene: &Head, number: u64, changes: Vec<Change>) -> Result<Self> {
+        let mut machine = plan::machine_of(&points.base, &changes, &format!("point {number}"))?;
+        machines::pay(&mut machine, scene.has_tree);
         let prices = json!(options.prices);
         let all = json!([
             env!("CARGO_PKG_VERSION"),
-            scene,
+            scene.digest,
             Machine { name: String::new(), ..machine.clone() },
             prices,
             points.plan.lockstep,
@@ -232,7 +241,7 @@ struct Stage<'a> {
     points: &'a Points,
     options: &'a Options,
     scene: Arc<Scene>,
-    digest: String,
+    head: Head,
     ideal: Picture,
     ideal_seconds: f64,
     /// What golden makes by the rules that were needed last.
@@ -252,9 +261,9 @@ struct Golden {
 const GOLDENS: usize = 16;
 
 impl<'a> Stage<'a> {
-    fn new(points: &'a Points, (scene, digest): (Scene, String), options: &'a Options) -> Self {
+    fn new(points: &'a Points, (scene, head): (Scene, Head), options: &'a Options) -> Self {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
-        Stage { points, options, scene: Arc::new(scene), digest, ideal, ideal_seconds, goldens: Vec::new() }
+        Stage { points, options, scene: Arc::new(scene), head, ideal, ideal_seconds, goldens: Vec::new() }
     }
 
     fn golden(&mut self, rules: &Rules) -> &Golden {

@@ -38,9 +38,7 @@ struct Besides {
 impl File {
     /// As it draws a scene: who walks a tree pays for the walker.
     pub fn on(mut self, scene: &Scene) -> Self {
-        if scene.detail.is_some() {
-            self.machine.timing.walk.get_or_insert_default();
-        }
+        pay(&mut self.machine, scene.detail.is_some());
         self
     }
 
@@ -50,6 +48,13 @@ impl File {
         let mut outside = self.searched.as_ref()?.outside(scene);
         outside.extend(is_changed.then(|| "a word that --set changed".to_owned()));
         Some(outside)
+    }
+}
+
+/// Gives a machine that has no walker the default one where it is to walk a tree, so that the walker is in its area.
+pub fn pay(machine: &mut Machine, is_walked: bool) {
+    if is_walked {
+        machine.timing.walk.get_or_insert_default();
     }
 }
 

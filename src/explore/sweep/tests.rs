@@ -16,7 +16,7 @@ fn a_picture_with_what_is_no_number_makes_a_row_without_numbers() {
     let points = points(folder.path());
     let options = Options { shard: None, most: 9, prices: Prices::default(), progress: false };
     let drawn = |spoil: &dyn Fn(&mut Stage)| {
-        let mut stage = Stage::new(&points, (points.scene(0).unwrap(), String::new()), &options);
+        let mut stage = Stage::new(&points, (points.scene(0).unwrap(), Head { digest: String::new(), has_tree: false }), &options);
         stage.golden(&fixed::rules(&points.base));
         spoil(&mut stage);
         stage.drawn(&points.base).map(|_| ())
