@@ -7,7 +7,7 @@
 
 use super::latency::Path;
 use super::{Elaboration, Operator, Part, unit};
-use crate::machine::timing::{Cache, Memory, Organisation, Setup, Technology, Tile, Timing};
+use crate::machine::timing::{Cache, Memory, Organisation, Queue, Setup, Technology, Tile, Timing};
 use crate::machine::{Group, Machine, Merge};
 use crate::num::Word;
 use schemars::JsonSchema;
@@ -34,6 +34,16 @@ impl Pace {
 }
 
 impl Microarchitecture {
+    /// Whether each unit of the fill stands alone, and merging holds it.
+    pub fn is_single(&self) -> bool {
+        [self.engines, self.merges_in_flight, self.fragment.units, self.shade.units, self.resolve.units] == [1; 5]
+    }
+
+    /// Lanes of a stamp that one of the fragment units has.
+    pub fn lanes_of_fragment(&self) -> u32 {
+        lanes_of_fragment(&self.timing)
+    }
+
     /// What splats take whose colours are harmonics of a degree; none where colours are as they are.
     pub fn colour_of(&self, degree: u8) -> Option<&ColourPace> {
         usize::from(degree).checked_sub(1).and_then(|place| self.colour.get(place))
@@ -71,6 +81,10 @@ pub struct Microarchitecture {
     pub fragment: Pace,
     /// Cycles before the same pixel can be taken again.
     pub hazard: u32,
+    /// Stamps whose fragments are merged at a time, in each fragment unit.
+    pub merges_in_flight: u32,
+    /// Copies of all that follows the lists.
+    pub engines: u32,
     /// An item is a fragment.
     pub shade: Pace,
     /// An item is a pixel.
@@ -97,7 +111,8 @@ pub struct Microarchitecture {
     /// Splats are lit in setup by a shade unit of its own, for fragments take theirs meanwhile: where they are grouped by windows.
     #[serde(skip)]
     pub lights_setup: bool,
-    /// Shade units: one for fragments; where windows are formed, another for setup; where tiles have two buffers, another for resolving.
+    /// Shade units, all together: those for fragments; where windows are formed, as many for setup; where tiles have two buffers, as many for
+    /// resolving; all but setup's once for each engine.
     #[serde(skip)]
     pub shade_units: u32,
     /// Longest way through each unit.
@@ -135,6 +150,8 @@ pub struct Pipeline {
     pub unit: &'static str,
     /// Bits of one such unit: stages that hold an item at a time, times bits of each.
     pub bits: u64,
+    /// Bits beside the stages of one: what waits to be merged.
+    pub beside: u64,
     /// How many work side by side.
     pub units: u32,
 }
@@ -142,7 +159,7 @@ pub struct Pipeline {
 impl Pipeline {
     fn new(unit: &'static str, pace: &Pace, units: u32, [comes_in, goes_out]: [i64; 2]) -> Self {
         let stages = u64::from(pace.latency.div_ceil(pace.interval));
-        Pipeline { unit, bits: (stages * (comes_in.max(0) + goes_out.max(0)) as u64).div_ceil(2), units }
+        Pipeline { unit, bits: (stages * (comes_in.max(0) + goes_out.max(0)) as u64).div_ceil(2), beside: 0, units }
     }
 }
 
@@ -218,6 +235,20 @@ pub struct Fifo {
     pub bits: u32,
 }
 
+/// Values of a digit of a list's length, which has two, where the queue takes the longest first; and bits of their counts.
+pub const LENGTH_VALUES: u64 = 1 << 8;
+const LENGTH_COUNT_BITS: u64 = 32;
+
+/// Units side by side where nothing or nonsense is said, which is refused elsewhere.
+fn units(said: Option<u32>) -> u32 {
+    said.unwrap_or(1).clamp(1, 64)
+}
+
+fn lanes_of_fragment(timing: &Timing) -> u32 {
+    let [columns, rows] = timing.raster.lanes;
+    columns.saturating_mul(rows).min(64).div_ceil(units(timing.fragment.units))
+}
+
 /// Bytes of an entry of a tile's list: which splat.
 pub const ENTRY_BYTES: u32 = 4;
 /// Bits of a tree's node beside its splat, sphere and widest σ: cone, first child, how many.
@@ -226,6 +257,8 @@ const NODE_BITS: i32 = 8 + 32 + 8;
 const STACK_BITS: u64 = 32 + 8;
 /// Bits of a pixel's place among those under way.
 const PIXEL_BITS: i32 = 28;
+/// Bits of an address of memory.
+const ADDRESS_BITS: i32 = 48;
 /// Bits of a cache line's tag: an address, whether it was written, when it was used.
 const TAG_BITS: u64 = 32;
 /// The most that a field of memory may say.
@@ -267,7 +300,8 @@ impl Machine {
             check_turns(name, [of.interval, of.latency], of.multipliers, products, e);
         }
         let (p, l) = (&self.project, &self.ellipse);
-        let fragment = stage(t.fragment.latency, paths.fragment.cycles_at(t), 1);
+        let several = |said: Option<u32>, pace: Pace| Pace { units: units(said), ..pace };
+        let fragment = several(t.fragment.units, stage(t.fragment.latency, paths.fragment.cycles_at(t), 1));
         let f = &self.fragment;
         let prepared = bits(&[
             (2, p.pixel),
@@ -333,6 +367,8 @@ impl Machine {
         let gauss = stage(t.gauss.latency, paths.gauss.cycles_at(t), t.gauss.fifo);
         let shade = Pace { interval: t.shade.interval.max(1), ..stage(t.shade.latency, paths.shade.cycles_at(t), 1) };
         let resolve = Pace { interval: t.resolve.interval.max(1), ..stage(t.resolve.latency, paths.resolve.cycles_at(t), 1) };
+        let (shade, resolve) = (several(t.shade.units, shade), several(t.resolve.units, resolve));
+        let (engines, merges_in_flight) = (units(t.engines), units(t.fragment.merges_in_flight));
         let hazard = t.fragment.hazard.unwrap_or(fragment.latency).max(1);
         // What is forwarded is compared with the pixels that come, and taken in the place of what is read, at every stage it skips.
         let slots = f.layers.min(64) as i32 * self.fragment_bits();
@@ -345,11 +381,14 @@ impl Machine {
         if t.walk.is_some() {
             self.walker(e);
         }
+        self.side_by_side(e, [&fragment, &shade, &resolve], [engines, merges_in_flight]);
         let widths = self.widths(splat, prepared, colour.last());
         let [light, frame] = [self.shade.premultiplied, self.resolve.frame].map(|word| 4 * i64::from(word.format.width()));
         let fragment_bits = i64::from(self.fragment_bits());
         // Of a pixel's slots one is changed.
-        let held = widths.weighed + widths.lanes * fragment_bits;
+        let lanes = i64::from(lanes_of_fragment(t));
+        let held = widths.weighed - (widths.lanes - lanes) * widths.weighed_lane + lanes * fragment_bits;
+        let in_flight = i64::from(merges_in_flight - 1) * lanes * i64::from(self.in_flight_bits());
         let shade_units = self.shade_units();
         let coloured = colour.last().map_or(Pace { units: 0, latency: 1, interval: 1, fifo: 0 }, |of| of.pace);
         let [setup_in, setup_out] = [widths.point, widths.prepared + widths.more];
@@ -357,11 +396,14 @@ impl Machine {
             Pipeline::new(unit::PROJECT, &project, project.units, [widths.splat, setup_in]),
             Pipeline::new(unit::ELLIPSE, &ellipse, ellipse.units, [setup_in, setup_out]),
             Pipeline::new(unit::COLOUR, &coloured, coloured.units, [setup_out, widths.prepared]),
-            Pipeline::new(unit::RASTER, &raster, 1, [widths.prepared, widths.rastered]),
-            Pipeline::new(unit::GAUSS, &gauss, 1, [widths.rastered, widths.weighed]),
-            Pipeline::new(unit::FRAGMENT, &fragment, 1, [held, held]),
+            Pipeline::new(unit::RASTER, &raster, engines, [widths.prepared, widths.rastered]),
+            Pipeline::new(unit::GAUSS, &gauss, engines, [widths.rastered, widths.weighed]),
+            Pipeline {
+                beside: in_flight.max(0) as u64,
+                ..Pipeline::new(unit::FRAGMENT, &fragment, fragment.units * engines, [held, held])
+            },
             Pipeline::new(unit::SHADE, &shade, shade_units, [fragment_bits, light]),
-            Pipeline::new(unit::RESOLVE, &resolve, 1, [light, frame]),
+            Pipeline::new(unit::RESOLVE, &resolve, resolve.units * engines, [light, frame]),
         ];
         Microarchitecture {
             timing: *t,
@@ -375,6 +417,8 @@ impl Machine {
             cache: stage(Some(t.cache.latency), 1, t.cache.fifo),
             fragment,
             hazard,
+            merges_in_flight,
+            engines,
             shade,
             resolve,
             shade_units,
@@ -407,6 +451,8 @@ struct Widths {
     /// A stamp of radial indices, and of weights; a lane carries a depth beside that, and its splat's attributes go with it.
     rastered: i64,
     weighed: i64,
+    /// A lane of the latter.
+    weighed_lane: i64,
     /// Lanes of a stamp.
     lanes: i64,
 }
@@ -415,7 +461,37 @@ impl Machine {
     /// Shade units: see [`Microarchitecture::shade_units`].
     pub fn shade_units(&self) -> u32 {
         let t = &self.timing;
-        1 + u32::from(self.fragment.group != Group::First) + u32::from(t.organisation == Organisation::Binned && t.tile.buffers == 2)
+        let lights_setup = u32::from(self.fragment.group != Group::First);
+        let of_engine = 1 + u32::from(t.organisation == Organisation::Binned && t.tile.buffers == 2);
+        units(t.shade.units) * (lights_setup + units(t.engines) * of_engine)
+    }
+
+    /// What a merge in flight keeps of a lane: both fragments, and which pixel.
+    fn in_flight_bits(&self) -> i32 {
+        2 * self.fragment_bits() + PIXEL_BITS
+    }
+
+    /// Parts of what stands between units that stand side by side. Each unit of a kind has its own.
+    fn side_by_side(&self, e: &mut Elaboration, [fragment, shade, resolve]: [&Pace; 3], [engines, in_flight]: [u32; 2]) {
+        let fragment_bits = self.fragment_bits();
+        let [light, word] = [self.shade.premultiplied, self.resolve.frame].map(|word| 4 * word.format.width());
+        let lane = bits(&[(1, self.gauss.weight), (1, self.fragment.depth)]);
+        e.per_lane(|e| {
+            // A pixel that comes is compared with each that is merged; what becomes of that is written beside what comes.
+            e.copies(in_flight - 1, |e| {
+                e.adders(unit::FRAGMENT, 1, PIXEL_BITS);
+                e.choice(unit::FRAGMENT, 2, self.in_flight_bits());
+            });
+            // Lanes go to units by their pixels: a stage of a shifter for each bit of a unit's number.
+            e.copies(fragment.units.ilog2(), |e| e.choice(unit::FRAGMENT, 2, lane));
+        });
+        // Fragments to those that shade them, and light back.
+        e.copies(engines, |e| e.choice(unit::SHADE, shade.units, fragment_bits + light));
+        // Each resolve unit reads another pixel of the same tile; their words leave by one way.
+        e.choice(unit::RESOLVE, resolve.units, self.fragment.layers.min(64) as i32 * fragment_bits + word);
+        // Engines ask, and are answered, through one channel.
+        let request = 8 * self.timing.memory.bytes_per_cycle.min(MOST) as i32 + ADDRESS_BITS;
+        e.choice(unit::FETCH, engines, 2 * request);
     }
 
     fn widths(&self, splat: i32, prepared: i32, colour: Option<&ColourPace>) -> Widths {
@@ -427,20 +503,22 @@ impl Machine {
         let attributes = bits(&[(3, self.splat.rgb), (1, self.splat.opacity), (3, f.normal)]) + 8;
         // What is out of range is a misfit already: here it must do no harm.
         let lanes = t.raster.lanes[0].saturating_mul(t.raster.lanes[1]).min(64) as i32;
-        let stamp = |word: Word| lanes * bits(&[(1, word), (1, f.depth)]) + attributes;
+        let lane = |word: Word| bits(&[(1, word), (1, f.depth)]);
+        let stamp = |word: Word| lanes * lane(word) + attributes;
         // Coefficients wait with what they belong to until they are a colour.
         let more = colour.map_or(0, |of| of.more_bits as i32);
-        let [splat, point, prepared, more, rastered, weighed, lanes] = [
+        let [splat, point, prepared, more, rastered, weighed, weighed_lane, lanes] = [
             splat + more,
             point + rest + more,
             prepared,
             more,
             stamp(self.gauss.radial_index) + bits(&[(1, self.ellipse.amplitude)]),
             stamp(self.gauss.weight),
+            lane(self.gauss.weight),
             lanes,
         ]
         .map(i64::from);
-        Widths { splat, point, prepared, more, rastered, weighed, lanes }
+        Widths { splat, point, prepared, more, rastered, weighed, weighed_lane, lanes }
     }
 
     /// Parts of what tests a node of a tree, as wide as the words of the splat and of `project`; it divides nothing, for both sides of a
@@ -471,6 +549,7 @@ impl Machine {
     /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps.
     fn storage(&self, w: &Widths, [fragment_bytes, frame_bytes]: [u32; 2], coloured: Option<Pace>) -> Storage {
         let t = &self.timing;
+        let engines = units(t.engines);
         let fragments = u64::from(self.fragment.layers) * u64::from(fragment_bytes) * 8;
         let fifo = |to, places: u32, units: u32, bits: i64| Fifo { to, places: places.saturating_mul(units), bits: bits.max(0) as u32 };
         let immediate = t.organisation == Organisation::Immediate;
@@ -483,16 +562,16 @@ impl Machine {
                 Some(pace) => fifo(set_up, pace.fifo, pace.units, w.prepared),
                 None => fifo(set_up, t.ellipse.fifo, t.ellipse.units, w.prepared),
             },
-            fifo(unit::RASTER, if immediate { 0 } else { t.fetch.fifo }, 1, w.prepared),
-            fifo(unit::GAUSS, t.raster.fifo, 1, w.rastered),
-            fifo(weighed, t.gauss.fifo, 1, w.weighed),
+            fifo(unit::RASTER, if immediate { 0 } else { t.fetch.fifo }, engines, w.prepared),
+            fifo(unit::GAUSS, t.raster.fifo, engines, w.rastered),
+            fifo(weighed, t.gauss.fifo, engines, w.weighed),
             fifo(unit::FRAGMENT, if immediate { t.cache.fifo } else { 0 }, 1, w.weighed),
         ];
         // Lines that are on their way have a place of their own.
         let kept = if immediate {
             [t.cache.line_px[0], t.cache.line_px[1], t.cache.lines.saturating_add(t.cache.misses)]
         } else {
-            [t.tile.side_px, t.tile.side_px, t.tile.buffers]
+            [t.tile.side_px, t.tile.side_px, t.tile.buffers.saturating_mul(engines)]
         };
         let kept_px = kept.map(u64::from).into_iter().fold(1, u64::saturating_mul);
         let tags = if immediate { u64::from(kept[2]) * TAG_BITS } else { 0 };
@@ -502,11 +581,14 @@ impl Machine {
         let pixels = kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some()));
         // What fetch has asked for, and what resolve writes, waits in whole requests.
         let requests = 16u64.saturating_mul(t.memory.outstanding.into()).saturating_mul(t.memory.burst_bytes.into());
+        let requests = requests.saturating_mul(engines.into());
+        // Both digits of the lengths of lists are counted at once.
+        let length_counts = if t.queue == Queue::Longest { 2 * LENGTH_VALUES * LENGTH_COUNT_BITS } else { 0 };
         // Number of a first child and how many there are, for each entry.
         let stack = t.walk.map_or(0, |walk| u64::from(walk.stack) * STACK_BITS);
         Storage {
             fifos,
-            memory_bits: pixels.saturating_add(tags + sort_counts).saturating_add(requests).saturating_add(stack),
+            memory_bits: pixels.saturating_add(tags + sort_counts + length_counts).saturating_add(requests).saturating_add(stack),
             frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
         }
     }
@@ -620,7 +702,15 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         ("shade.latency", timing.shade.latency),
         ("resolve.latency", timing.resolve.latency),
     ];
-    let given = left_out.into_iter().filter_map(|(name, value)| value.map(|value| (name, value, latency.clone())));
+    let side_by_side = [
+        ("engines", timing.engines, 1..=64),
+        ("fragment.units", timing.fragment.units, 1..=16),
+        ("fragment.merges_in_flight", timing.fragment.merges_in_flight, 1..=64),
+        ("shade.units", timing.shade.units, 1..=16),
+        ("resolve.units", timing.resolve.units, 1..=16),
+    ];
+    let given = left_out.into_iter().map(|(name, value)| (name, value, latency.clone())).chain(side_by_side);
+    let given = given.filter_map(|(name, value, range)| value.map(|value| (name, value, range)));
     for (name, value, range) in fields.into_iter().chain(given) {
         e.require(range.contains(&value), || format!("timing.{name} is {value}: it can be {} to {}", range.start(), range.end()));
     }
@@ -655,6 +745,17 @@ fn check(timing: &Timing, e: &mut Elaboration) {
     let Tile { side_px, buffers } = timing.tile;
     e.require(side_px % 16 == 0 && (16..=1024).contains(&side_px), || {
         format!("timing.tile.side_px is {side_px}: it must be a multiple of 16 up to 1024")
+    });
+    let of_fragment = units(timing.fragment.units);
+    e.require(of_fragment.is_power_of_two(), || {
+        format!("timing.fragment.units is {of_fragment}: it must be a power of two, for pixels go to units by their address")
+    });
+    let is_immediate = timing.organisation == Organisation::Immediate;
+    e.require(!is_immediate || units(timing.engines) == 1, || {
+        format!("timing.engines is {}, but an immediate machine has no tiles to share: binned would do", units(timing.engines))
+    });
+    e.require(!is_immediate || timing.queue == Queue::Order, || {
+        "timing.queue is longest, but an immediate machine has no tiles: order would do".into()
     });
     e.require((1..=2).contains(&buffers), || format!("timing.tile.buffers is {buffers}: it can be 1 or 2"));
 }

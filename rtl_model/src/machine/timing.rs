@@ -70,6 +70,23 @@ impl Technology {
     }
 }
 
+/// Order in which the tiles of a binned machine are drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Queue {
+    /// Row by row.
+    #[default]
+    Order,
+    /// Those with the most entries first, of equals row by row: lengths are sorted between the passes.
+    Longest,
+}
+
+impl Queue {
+    fn is_default(&self) -> bool {
+        *self == Queue::default()
+    }
+}
+
 /// Where time goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -81,6 +98,13 @@ pub struct Timing {
     pub technology: Technology,
     /// Order in which a frame is gone through.
     pub organisation: Organisation,
+    /// Tile engines, from `list` to `resolve`, of a binned machine: each takes the next tile from one queue when its list is through with the
+    /// last; left out, 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub engines: Option<u32>,
+    /// Order in which engines take tiles; left out, that of the picture.
+    #[serde(default, skip_serializing_if = "Queue::is_default")]
+    pub queue: Queue,
     /// Reads splat records; in the second pass of a binned machine, lists and what they point to.
     pub fetch: Fetch,
     /// Walker of trees; left out, a frame that walks one does so with the default one, which is not in the machine's area.
@@ -241,6 +265,13 @@ pub struct Tile {
 #[schemars(rename = "FragmentTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Fragment {
+    /// Units that share the rasteriser's lanes, a power of two: pixel (x, y) is that of unit x + y·columns of a slot, modulo units, so that
+    /// the pixels of a slot are dealt out evenly. A slot waits for all of the units that its pixels need; left out, 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub units: Option<u32>,
+    /// Slots whose fragments are merged at a time in a unit; when there are so many, the unit takes none. Left out, 1: merging holds the unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub merges_in_flight: Option<u32>,
     /// Cycles from reading a fragment to having written it; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
@@ -256,6 +287,9 @@ pub struct Fragment {
 #[schemars(rename = "ShadeTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Shade {
+    /// Units side by side, wherever there is one; a fragment takes the first that is free. Left out, 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub units: Option<u32>,
     /// Cycles from a fragment to its light; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
@@ -268,6 +302,9 @@ pub struct Shade {
 #[schemars(rename = "ResolveTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Resolve {
+    /// Units that share the pixels of a tile, or of a line: the next pixel goes to the first that is free. Left out, 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub units: Option<u32>,
     /// Cycles from the last light of a pixel to its word; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
@@ -304,6 +341,8 @@ pub const DEFAULT: Timing = Timing {
     clock_hz: 400_000_000,
     technology: Technology::Nm28,
     organisation: Organisation::Binned,
+    engines: None,
+    queue: Queue::Order,
     fetch: Fetch { fifo: 16 },
     walk: None,
     project: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 4 },
@@ -313,9 +352,9 @@ pub const DEFAULT: Timing = Timing {
     gauss: Stage { latency: None, fifo: 4 },
     cache: Cache { line_px: [4, 4], lines: 256, ways: 4, misses: 8, latency: 2, fifo: 32 },
     tile: Tile { side_px: 16, buffers: 1 },
-    fragment: Fragment { latency: None, hazard: None, merge: 1 },
-    shade: Shade { latency: None, interval: 1 },
-    resolve: Resolve { latency: None, interval: 1 },
+    fragment: Fragment { units: None, merges_in_flight: None, latency: None, hazard: None, merge: 1 },
+    shade: Shade { units: None, latency: None, interval: 1 },
+    resolve: Resolve { units: None, latency: None, interval: 1 },
     memory: Memory {
         ideal: false,
         bytes_per_cycle: 16,

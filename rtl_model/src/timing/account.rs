@@ -219,6 +219,8 @@ pub struct Unit {
     log: Option<Vec<u64>>,
     /// Whether there are others, or a log.
     is_rare: bool,
+    /// How many like it come before those that take turns here.
+    others: u32,
     pub behind: Places,
 }
 
@@ -267,8 +269,20 @@ impl Unit {
             held: if lifted == Some(name) { 0 } else { u64::MAX },
             log: logged.then(Vec::new),
             is_rare: logged || pace.units > 1,
+            others: 0,
             behind: Places::new(pace.room(), detail >= Detail::Histograms),
         }
+    }
+
+    /// Behind so many like it that take items of their own.
+    pub fn behind_others(self, others: u32) -> Self {
+        Unit { others, ..self }
+    }
+
+    /// When it would take an item.
+    #[inline(always)]
+    pub fn when(&self, ready: Ready) -> u64 {
+        self.side.free.max(ready.here).max(ready.memory).max(ready.hazard).max(ready.room)
     }
 
     /// Takes the next item, which holds it for so many cycles; says when.
@@ -341,10 +355,10 @@ impl Unit {
         self.side.free
     }
 
-    /// When one that has none beside it is free, and what it did until then; starved is not told.
-    pub fn so_far(&self) -> (u64, Account) {
-        debug_assert!(self.sides.len() == 1, "of several side by side only one is told");
-        (self.side.free, self.side.account)
+    /// When each that takes turns is free, and what it did until then; starved is not told.
+    pub fn so_far(&self) -> impl Iterator<Item = (u64, Account)> {
+        let now = |side: &Side| if side.index == self.side.index { self.side } else { *side };
+        self.sides.iter().map(now).map(|side| (side.free, side.account))
     }
 
     /// Its name.
@@ -359,7 +373,7 @@ impl Unit {
 
     /// Its cycles in a frame of so many: at the end it is starved.
     pub fn cycles(self, total: u64) -> Vec<UnitCycles> {
-        let Unit { name, starved_by, blocked_by, side, mut sides, behind, log, timeline, mut timelines, .. } = self;
+        let Unit { name, starved_by, blocked_by, side, mut sides, behind, log, timeline, mut timelines, others, .. } = self;
         let mut log = log.unwrap_or_default();
         sides[side.index as usize] = side;
         timelines[side.index as usize] = timeline;
@@ -369,7 +383,7 @@ impl Unit {
             let by_unit = blocked_by.map(|unit| (Wait::Unit(unit), blocked - side.hazard));
             UnitCycles {
                 name,
-                index,
+                index: others + index,
                 items: side.items,
                 log: std::mem::take(&mut log),
                 timeline: behind.is_counted.then(|| timelines[index as usize].clone()),

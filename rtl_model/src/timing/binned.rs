@@ -5,23 +5,27 @@
 //! memory ◄─► sort                                                      every entry, once a digit of its depth, if splats are sorted
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
-//! The second pass begins when the first, and the sort, is through. Tiles follow each other by rows; those without an entry are only
-//! written. Of a tile in which every pixel has stopped, nothing more is read.
+//! The second pass begins when the first, and the sort, is through. Tiles follow each other by rows, or the longest lists come first; those
+//! without an entry are only written, behind the one before them in the picture. The pass has one engine or several, which share nothing but
+//! memory and the queue: the next tile goes to the engine whose list is through with its last one first. Entries of all engines are gone
+//! through in the order of time, so that memory is asked in that order, too. Of a tile in which every pixel has stopped, nothing more is read.
 //!
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
 
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
-use super::stages::{Fill, Merge, Resolve, SetUp};
-use super::stamps::Piece;
-use super::stops::Stops;
-use super::tiles::Tiles;
-use crate::elaboration::microarchitecture;
-use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
+use super::stages::{Fill, Held, Merge, Resolve, SetUp};
+use super::stamps::{Piece, Stamps};
+use super::stops::{self, Stops};
+use super::tiles::{Shares, TileCycles, Tiles, names};
+use crate::elaboration::microarchitecture::{self, LENGTH_VALUES, Microarchitecture, Pace};
 use crate::elaboration::unit;
+use crate::machine::timing::Queue;
 use crate::work::{Bins, Work, each_tile};
 use std::collections::VecDeque;
+use std::ops::Range;
+use std::rc::Rc;
 
 /// Bytes of a list's entry: which splat.
 const ENTRY_BYTES: u64 = microarchitecture::ENTRY_BYTES as u64;
@@ -31,101 +35,264 @@ const LIST_BYTES: u64 = 1 << 24;
 /// Replays a frame.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
-    let side = t.timing.tile.side_px;
-    let burst = u64::from(t.timing.memory.burst_bytes);
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
-    let lists = work.bins(side as usize);
+    let lists = work.bins(t.timing.tile.side_px as usize);
     let (setup, bin, listed) = first_pass(t, work, &lists, &mut memory, detail);
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
     let mut sort = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted);
     let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
 
-    let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
-    let mut list = Unit::new("list", one, [Some("bin"), Some(unit::RASTER)], detail, t.lifted);
-    let mut fill = Fill::new(t, work, "list", unit::FRAGMENT, detail);
-    let mut merge = Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail);
-    let mut resolve = Resolve::new(t, work, detail);
-    let mut lit = Unit::new(super::RESOLVE_SHADE, t.shade, [Some(unit::RESOLVE), None], detail, t.lifted);
-    let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
-    // When the buffers of the tiles before are free again, the one before last first.
-    let mut buffers = [sorted; 2];
-    let mut stops = Stops::new(work);
-    let mut list_from = sorted;
-    let mut tiles = None;
-    for tile in 0..lists.tiles() {
-        let corner = [tile % lists.columns, tile / lists.columns].map(|at| at as u32 * side);
-        let corner_16 = corner.map(|at| at as u16);
-        let entries = lists.of(tile);
-        let buffer_free = if t.timing.tile.buffers == 2 { buffers[0] } else { buffers[1] };
-        let (mut bursts, mut burst_here) = (0, 0);
-        merge.written = sorted;
-        if let Some(stops) = &mut stops {
-            stops.tile(corner, side);
-        }
-        for (nth, entry) in entries.iter().enumerate() {
-            let footprint = &work.footprints[*entry as usize];
-            let needed = ((nth as u64 + 1) * ENTRY_BYTES).div_ceil(burst);
-            let ready = Ready { here: list_from, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
-            if let Some(stops) = &mut stops
-                && stops.all() <= list.free().max(ready.here).max(ready.memory).max(ready.room)
-            {
-                // The rest of the tile.
-                list_from = list.free().max(ready.here).max(stops.all());
-                list.wait(Ready { memory: ready.memory.min(list_from), room: ready.room.min(list_from), ..ready });
-                break;
-            }
-            let now = list.take(ready, 1);
-            list.behind.take(now);
-            memory.forget(now);
-            if needed > bursts {
-                let address = LISTS + tile as u64 * LIST_BYTES + bursts * burst;
-                burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
-                outstanding.push(burst_here);
-                bursts = needed;
-            }
-            let address = RECORDS + u64::from(*entry) * u64::from(t.prepared_bytes);
-            let here = memory.request(now.max(burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
-            outstanding.push(here);
-
-            // The tile before is still in the buffer.
-            let mut next = |stamp: &[Piece], here| merge.stamp(stamp, Ready { here, room: buffer_free, ..Ready::default() });
-            let taken = match &mut stops {
-                None => fill.footprint(footprint, (corner_16, side), (now + 1, here), |stamp, here| next(stamp, here)[0]).0,
-                Some(stops) => fill.footprint_of_stops(footprint, (corner_16, side), (now + 1, here), stops, next),
-            };
-            list.behind.give(taken);
-        }
-        // Words of the tile; of one without entries they are the background, written behind the tile before.
-        let [across, down] = [(corner[0], work.width), (corner[1], work.height)].map(|(from, size)| from..size.min(from + side));
-        let bytes = u64::from(across.end - across.start) * u64::from(down.end - down.start) * u64::from(t.frame_bytes);
-        let mut done = buffers[1];
-        if !entries.is_empty() {
-            if let Some(stops) = &stops {
-                merge.written = merge.written.max(stops.known());
-            }
-            let shade = if t.timing.tile.buffers == 2 { &mut lit } else { &mut merge.shade };
-            done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade);
-            buffers = [buffers[1], done];
-            if detail >= Detail::Histograms {
-                let lit = Some(&lit).filter(|_| t.timing.tile.buffers == 2);
-                let units = [Some(&list), Some(&fill.raster), Some(&fill.gauss), Some(&merge.fragment), Some(&merge.shade), lit];
-                let units: Vec<&Unit> = units.into_iter().flatten().chain([&resolve.unit]).collect();
-                let at = corner.map(|at| at / side);
-                tiles.get_or_insert_with(|| Tiles::new(side, sorted, &units)).push(at, entries.len() as u32, done, &units);
-            }
-        }
-        let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
-        memory.write_later(done, Client::FrameWrite, address, bytes);
+    let pass = SecondPass::new(t, work, &lists, if t.timing.queue == Queue::Longest { sorted + queue_cycles(&lists) } else { sorted });
+    let (engines, stamps, tiles) = pass.run(&mut memory, detail);
+    let mut each: [Vec<Unit>; 7] = Default::default();
+    for Engine { list, fill, merge, resolve, lit, .. } in engines {
+        let (fragment, shade) = merge.units();
+        let of_engine = [vec![list], vec![fill.raster], vec![fill.gauss], fragment.collect(), vec![shade], lit.into_iter().collect(), resolve.units()];
+        each.iter_mut().zip(of_engine).for_each(|(all, of_engine)| all.extend(of_engine));
     }
-    let (mut units, shade) = setup.units(merge.shade);
+    let [list, raster, gauss, fragment, shade, lit, resolve] = each;
+    let (mut units, shade) = setup.units(shade);
     units.push(bin);
     units.extend((!work.order.is_empty()).then_some(sort));
-    units.extend([list, fill.raster, fill.gauss, merge.fragment, shade]);
-    if t.timing.tile.buffers == 2 {
-        units.push(lit);
+    units.extend([list, raster, gauss, fragment, shade, lit, resolve].into_iter().flatten());
+    Cycles { stamps, tiles, ..Cycles::of(units, memory) }
+}
+
+/// Between the passes the queue is sorted by the lengths of lists, a digit after the other: a cycle for each tile that has an entry, and one
+/// for each value of the digit.
+fn queue_cycles(lists: &Bins) -> u64 {
+    let tiles = (0..lists.tiles()).filter(|tile| !lists.of(*tile).is_empty()).count() as u64;
+    2 * (tiles + LENGTH_VALUES)
+}
+
+/// Draws tiles from one queue.
+struct SecondPass<'a> {
+    t: &'a Microarchitecture,
+    work: &'a Work,
+    lists: &'a Bins,
+    /// When it begins.
+    from: u64,
+    /// Tiles that have an entry, and their turns.
+    queue: VecDeque<(usize, usize)>,
+}
+
+/// All that follows the lists.
+struct Engine<'a> {
+    list: Unit,
+    fill: Fill<'a>,
+    merge: Merge<'a>,
+    resolve: Resolve<'a>,
+    /// Shades what a tile holds in the end, where tiles have two buffers.
+    lit: Option<Unit>,
+    outstanding: Outstanding,
+    /// When the buffers of the tiles before are free again, the one before last first.
+    buffers: [u64; 2],
+    list_from: u64,
+    tile: Option<Tile>,
+}
+
+/// A tile on an engine.
+struct Tile {
+    place: usize,
+    turn: usize,
+    corner: [u32; 2],
+    /// The next entry of its list.
+    nth: usize,
+    /// Bursts of its list that were asked for, and when the last is here.
+    bursts: u64,
+    burst_here: u64,
+    buffer_free: u64,
+    stops: stops::Tile,
+}
+
+impl<'a> Engine<'a> {
+    fn new(t: &'a Microarchitecture, work: &Work, held: &Rc<Held>, from: u64, detail: Detail, nth: u32) -> Self {
+        let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
+        let list = Unit::new("list", one, [Some("bin"), Some(unit::RASTER)], detail, t.lifted);
+        let lit = || Unit::new(super::RESOLVE_SHADE, t.shade, [Some(unit::RESOLVE), None], detail, t.lifted);
+        Engine {
+            list: list.behind_others(nth),
+            fill: Fill::new(t, "list", unit::FRAGMENT, detail, nth),
+            merge: Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail, nth),
+            resolve: Resolve::new(t, Rc::clone(held), detail, nth),
+            lit: (t.timing.tile.buffers == 2).then(|| lit().behind_others(nth * t.shade.units)),
+            outstanding: Outstanding::new(t.timing.memory.outstanding),
+            buffers: [from; 2],
+            list_from: from,
+            tile: None,
+        }
     }
-    units.push(resolve.unit);
-    Cycles { stamps: fill.stamps, tiles, ..Cycles::of(units, memory) }
+
+    /// When its list is free: then it takes the next entry, or the next tile.
+    fn free(&self) -> u64 {
+        self.list.free().max(self.list_from)
+    }
+
+    /// Every unit, in the order of the diagram.
+    fn all(&self) -> impl Iterator<Item = &Unit> {
+        let before = [&self.list, &self.fill.raster, &self.fill.gauss];
+        before.into_iter().chain(self.merge.all()).chain(&self.lit).chain(self.resolve.all())
+    }
+}
+
+impl<'a> SecondPass<'a> {
+    fn new(t: &'a Microarchitecture, work: &'a Work, lists: &'a Bins, from: u64) -> Self {
+        let mut queue: Vec<usize> = (0..lists.tiles()).filter(|tile| !lists.of(*tile).is_empty()).collect();
+        if t.timing.queue == Queue::Longest {
+            // Longer than its two digits can say is as long as they can.
+            queue.sort_by_key(|tile| std::cmp::Reverse((lists.of(*tile).len() as u64).min(LENGTH_VALUES * LENGTH_VALUES - 1)));
+        }
+        SecondPass { t, work, lists, from, queue: queue.into_iter().enumerate().collect() }
+    }
+
+    /// Says what engines did, how many stamps there were and how many kept a pixel, and each tile's cycles.
+    fn run(mut self, memory: &mut Memory, detail: Detail) -> (Vec<Engine<'a>>, [u64; 2], Option<Tiles>) {
+        let (t, held) = (self.t, Held::new(self.work));
+        let mut engines: Vec<Engine> = (0..t.engines).map(|nth| Engine::new(t, self.work, &held, self.from, detail, nth)).collect();
+        let mut walk = Stamps::new(self.work, t.timing.raster.lanes);
+        let mut stops = Stops::new(self.work);
+        let mut shares = vec![Shares::new(self.from); engines.len()];
+        let mut turns = Vec::new();
+        self.write_empty(0, self.from, memory);
+        while let Some(nth) = self.next(&engines) {
+            let others = (engines.iter().enumerate()).filter(|(other, engine)| *other != nth && self.is_at_work(engine));
+            let others_from = others.map(|(_, engine)| engine.free()).min().unwrap_or(u64::MAX);
+            let engine = &mut engines[nth];
+            let mut tile = match engine.tile.take() {
+                Some(tile) => tile,
+                None => self.begin(engine, stops.as_mut()),
+            };
+            if let Some(stops) = &mut stops {
+                stops.tile = tile.stops;
+            }
+            let is_left = self.entry(engine, &mut tile, &mut walk, stops.as_mut(), others_from, memory);
+            tile.stops = stops.as_ref().map_or(tile.stops, |stops| stops.tile);
+            if is_left {
+                engine.tile = Some(tile);
+                continue;
+            }
+            let done = self.resolve(engine, &tile, stops.as_ref(), memory);
+            if detail >= Detail::Histograms {
+                let (at, entries) = (tile.corner.map(|at| at / t.timing.tile.side_px), self.lists.of(tile.place).len() as u32);
+                let shares = shares[nth].of(engine.all());
+                turns.push((tile.turn, TileCycles { at, engine: nth as u32, entries, done, cycles: 0, shares }));
+            }
+        }
+        let stamps = [0, 1].map(|kept| engines.iter().map(|engine| engine.fill.stamps[kept]).sum());
+        let names = engines.first().map_or_else(Vec::new, |engine| names(engine.all()));
+        let tiles = (!turns.is_empty()).then(|| Tiles::new(t.timing.tile.side_px, self.from, names, turns));
+        (engines, stamps, tiles)
+    }
+
+    /// Whether an engine has, or will get, anything to draw.
+    fn is_at_work(&self, engine: &Engine) -> bool {
+        engine.tile.is_some() || !self.queue.is_empty()
+    }
+
+    /// The engine whose list is free first.
+    fn next(&self, engines: &[Engine]) -> Option<usize> {
+        let at_work = engines.iter().enumerate().filter(|(_, engine)| self.is_at_work(engine));
+        at_work.min_by_key(|(_, engine)| engine.free()).map(|(nth, _)| nth)
+    }
+
+    /// An engine takes the next tile.
+    fn begin(&mut self, engine: &mut Engine, stops: Option<&mut Stops>) -> Tile {
+        let t = &self.t.timing;
+        let (turn, place) = self.queue.pop_front().unwrap_or_default();
+        let corner = [place % self.lists.columns, place / self.lists.columns].map(|at| at as u32 * t.tile.side_px);
+        // The only engine may resolve a tile that nothing comes to before its list is looked at.
+        engine.merge.written = if self.t.engines == 1 { self.from } else { engine.free() };
+        let stops = stops.map_or_else(stops::Tile::default, |stops| {
+            stops.begin(corner, t.tile.side_px);
+            stops.tile
+        });
+        let buffer_free = engine.buffers[if t.tile.buffers == 2 { 0 } else { 1 }];
+        Tile { place, turn, corner, nth: 0, bursts: 0, burst_here: 0, buffer_free, stops }
+    }
+
+    /// Draws the next entry of a tile; whether there are more. No other engine asks for anything before the cycle that is given.
+    fn entry(
+        &self,
+        engine: &mut Engine,
+        tile: &mut Tile,
+        walk: &mut Stamps,
+        mut stops: Option<&mut Stops>,
+        others_from: u64,
+        memory: &mut Memory,
+    ) -> bool {
+        let t = self.t;
+        let burst = u64::from(t.timing.memory.burst_bytes);
+        let Engine { list, fill, merge, outstanding, list_from, .. } = engine;
+        let entries = self.lists.of(tile.place);
+        let entry = entries[tile.nth];
+        let footprint = &self.work.footprints[entry as usize];
+        let needed = ((tile.nth as u64 + 1) * ENTRY_BYTES).div_ceil(burst);
+        let ready = Ready { here: *list_from, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
+        if let Some(stops) = &mut stops
+            && stops.all() <= list.when(ready)
+        {
+            // The rest of the tile.
+            *list_from = list.free().max(ready.here).max(stops.all());
+            list.wait(Ready { memory: ready.memory.min(*list_from), room: ready.room.min(*list_from), ..ready });
+            return false;
+        }
+        let now = list.take(ready, 1);
+        list.behind.take(now);
+        memory.forget(now.min(others_from));
+        if needed > tile.bursts {
+            let address = LISTS + tile.place as u64 * LIST_BYTES + tile.bursts * burst;
+            tile.burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
+            outstanding.push(tile.burst_here);
+            tile.bursts = needed;
+        }
+        let address = RECORDS + u64::from(entry) * u64::from(t.prepared_bytes);
+        let here = memory.request(now.max(tile.burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
+        outstanding.push(here);
+
+        // The tile before is still in the buffer.
+        let room = tile.buffer_free;
+        let mut next = |stamp: &[Piece], here| merge.stamp(stamp, Ready { here, room, ..Ready::default() });
+        let (area, from) = ((tile.corner.map(|at| at as u16), t.timing.tile.side_px), (now + 1, here));
+        let taken = match stops {
+            None => fill.footprint(walk, footprint, area, from, |stamp, here| next(stamp, here)[0]).0,
+            Some(stops) => fill.footprint_of_stops(walk, footprint, area, from, stops, next),
+        };
+        list.behind.give(taken);
+        tile.nth += 1;
+        tile.nth < entries.len()
+    }
+
+    /// Resolves a tile and writes it, and those behind it that have no entry; says when its last word is there.
+    fn resolve(&self, engine: &mut Engine, tile: &Tile, stops: Option<&Stops>, memory: &mut Memory) -> u64 {
+        let [columns, rows] = self.area(tile.place);
+        let written = engine.merge.written.max(stops.map_or(0, Stops::known));
+        let shade = engine.lit.as_mut().unwrap_or(&mut engine.merge.shade);
+        let done = engine.resolve.pixels(columns, rows, Ready { here: written, ..Ready::default() }, shade);
+        engine.buffers = [engine.buffers[1], done];
+        self.write(tile.place, done, memory);
+        self.write_empty(tile.place + 1, done, memory);
+        done
+    }
+
+    /// Columns and rows of the picture that a tile has.
+    fn area(&self, place: usize) -> [Range<u32>; 2] {
+        let side = self.t.timing.tile.side_px;
+        let corner = [place % self.lists.columns, place / self.lists.columns].map(|at| at as u32 * side);
+        [(corner[0], self.work.width), (corner[1], self.work.height)].map(|(from, size)| from..size.min(from + side))
+    }
+
+    /// Writes the words of a tile.
+    fn write(&self, place: usize, when: u64, memory: &mut Memory) {
+        let side = self.t.timing.tile.side_px;
+        let [columns, rows] = self.area(place).map(|pixels| u64::from(pixels.end - pixels.start));
+        let address = WORDS + place as u64 * u64::from(side * side * self.t.frame_bytes);
+        memory.write_later(when, Client::FrameWrite, address, columns * rows * u64::from(self.t.frame_bytes));
+    }
+
+    /// Tiles without entries are the background, written behind the tile before them in the picture.
+    fn write_empty(&self, first: usize, when: u64, memory: &mut Memory) {
+        (first..self.lists.tiles()).take_while(|tile| self.lists.of(*tile).is_empty()).for_each(|tile| self.write(tile, when, memory));
+    }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.

@@ -42,7 +42,8 @@ pub struct Cache {
     /// Which line each place has, set by set, and what is known of it.
     lines: Box<[u32]>,
     places: Box<[Line]>,
-    in_memory: Box<[bool]>,
+    /// When the pixels of each line that memory has were all written.
+    in_memory: Box<[Option<u64>]>,
     touched: Box<[bool]>,
     clock: u64,
     outstanding: Outstanding,
@@ -59,7 +60,7 @@ impl Cache {
             sets: description.lines / description.ways,
             lines: vec![EMPTY; description.lines as usize].into(),
             places: vec![Line::default(); description.lines as usize].into(),
-            in_memory: vec![false; lines].into(),
+            in_memory: vec![None; lines].into(),
             touched: vec![false; lines].into(),
             clock: 0,
             outstanding: Outstanding::new(description.misses),
@@ -103,13 +104,13 @@ impl Cache {
         if before != EMPTY {
             let address = LINES + u64::from(before) * self.line_bytes;
             memory.write_later(written.max(now), Client::FrameWrite, address, self.line_bytes);
-            self.in_memory[before as usize] = true;
+            self.in_memory[before as usize] = Some(written);
         }
         let (mut here, mut over) = (now, now);
-        if self.in_memory[line as usize] {
+        if let Some(left) = self.in_memory[line as usize] {
             over = now.max(self.outstanding.free());
             let address = LINES + u64::from(line) * self.line_bytes;
-            here = memory.request(over.max(written), Client::FrameRead, Direction::Read, address, self.line_bytes);
+            here = memory.request(over.max(written).max(left), Client::FrameRead, Direction::Read, address, self.line_bytes);
             self.outstanding.push(here);
         }
         self.lines[place] = line;

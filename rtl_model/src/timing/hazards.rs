@@ -3,7 +3,8 @@
 //! ```text
 //! strip ─► what was taken of it last ─► what before that ─► … as far back as it is under way
 //! ```
-//! What is taken later is under way longer, so the first that shares a pixel is the one to wait for.
+//! What is taken later is under way longer, so the first that shares a pixel is the one to wait for. Merges are not so, where units go on
+//! beside them: those in flight are few, and looked at one by one.
 //!
 //! Law: `a_drawn_frame_ticks_as_it_is_replayed`.
 
@@ -27,6 +28,8 @@ pub struct Hazards {
     /// Pixels of each piece, and what was taken of its strip before: as many pieces as can be under way, in turn.
     pieces: Box<[(u16, Taken)]>,
     turn: usize,
+    /// Merges beside which units go on: until when each is under way, its strip and its pixels.
+    merges: Vec<(u64, u32, u16)>,
 }
 
 impl Hazards {
@@ -38,13 +41,13 @@ impl Hazards {
         // A cycle at least for each stamp; its pixels lie in so many strips at most.
         let under_way = (timing.hazard as usize + waiting) * ((across - 1).div_ceil(TILE_PX) + 1) * down;
         let last = vec![Taken::default(); columns * work.height as usize];
-        Hazards { last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0 }
+        Hazards { last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0, merges: Vec::new() }
     }
 
     /// Until when a pixel of a stamp is under way, if that is after this cycle, from which on a stamp can be taken.
     #[inline(always)]
-    pub fn until(&self, stamp: &[Piece], now: u64) -> u64 {
-        let mut until = now;
+    pub fn until(&mut self, stamp: &[Piece], now: u64) -> u64 {
+        let mut until = if self.merges.is_empty() { now } else { self.until_merged(stamp, now) };
         for piece in stamp {
             let mut taken = self.last[piece.strip as usize];
             while taken.until > until {
@@ -56,6 +59,19 @@ impl Hazards {
             }
         }
         until
+    }
+
+    #[inline(never)]
+    fn until_merged(&mut self, stamp: &[Piece], now: u64) -> u64 {
+        self.merges.retain(|(until, ..)| *until > now);
+        let waits_for = |(_, strip, pixels): &&(u64, u32, u16)| stamp.iter().any(|piece| piece.strip == *strip && piece.pixels & pixels != 0);
+        self.merges.iter().filter(waits_for).map(|(until, ..)| *until).max().unwrap_or(now)
+    }
+
+    /// Those pixels of a stamp are taken in which fragments merge, and under way until then.
+    pub fn take_merges(&mut self, stamp: &[Piece], of: impl Fn(&Piece) -> u16, until: u64) {
+        let of = |piece: &Piece| (until, piece.strip, piece.pixels & of(piece));
+        self.merges.extend(stamp.iter().map(of).filter(|(.., pixels)| *pixels != 0));
     }
 
     /// A stamp is taken, and under way until then.

@@ -10,8 +10,8 @@ use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::cache::Cache;
 use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
-use super::stages::{Fill, Merge, Resolve, SetUp};
-use super::stamps::{Piece, below};
+use super::stages::{Fill, Held, Merge, Resolve, SetUp};
+use super::stamps::{Piece, Stamps, below};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::work::Work;
@@ -51,17 +51,18 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
     let mut setup = SetUp::new(t, work, unit::RASTER, detail);
-    let mut fill = Fill::new(t, work, SetUp::last_name(t, work), "cache", detail);
+    let mut fill = Fill::new(t, SetUp::last_name(t, work), "cache", detail, 0);
+    let mut walk = Stamps::new(work, t.timing.raster.lanes);
     let mut lookup = Unit::new("cache", t.cache, [Some(unit::GAUSS), Some(unit::FRAGMENT)], detail, t.lifted);
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
-    let mut merge = Merge::new(t, work, "cache", None, detail);
+    let mut merge = Merge::new(t, work, "cache", None, detail, 0);
     let mut touched: Vec<(u32, usize)> = Vec::new();
     let mut footprints = work.footprints.iter();
     for (index, fate) in work.fates.iter().enumerate() {
         let Some(here) = setup.splat(index as u64, *fate, &mut memory) else { continue };
         let Some(footprint) = footprints.next() else { break };
-        let (taken, is_seen) = fill.footprint(footprint, ([0, 0], u16::MAX.into()), (here, 0), |stamp, here| {
+        let (taken, is_seen) = fill.footprint(&mut walk, footprint, ([0, 0], u16::MAX.into()), (here, 0), |stamp, here| {
             touched.clear();
             stamp.iter().for_each(|piece| lines.touch(piece, &mut touched));
             let ready = Ready { here, room: lookup.behind.free(), ..Ready::default() };
@@ -88,10 +89,11 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         }
     }
     setup.end(&mut memory);
-    let mut resolve = Resolve::new(t, work, detail);
+    let mut resolve = Resolve::new(t, Held::new(work), detail, 0);
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
-    let (mut units, shade) = setup.units(merge.shade);
-    units.extend([fill.raster, fill.gauss, lookup, merge.fragment, shade, resolve.unit]);
+    let (fragment, shade) = merge.units();
+    let (mut units, shade) = setup.units(vec![shade]);
+    units.extend([fill.raster, fill.gauss, lookup].into_iter().chain(fragment).chain(shade).chain(resolve.units()));
     Cycles { lookups: cache.lookups, stamps: fill.stamps, ..Cycles::of(units, memory) }
 }
 

@@ -45,8 +45,9 @@ pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit 
     // Stable: equals stay in order.
     candidates.sort_by_key(|(at_most, ..)| std::cmp::Reverse(*at_most));
     let mut best: Option<(Limit, usize)> = None;
-    // Where pixels stop, whatever is faster may leave more out than it is itself busy with.
-    let is_bound = !work.stops();
+    // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of several side by side a way may go through one
+    // while the others are busy, or merges under way.
+    let is_bound = !work.stops() && timing.is_single();
     for (at_most, place, name, by) in candidates {
         let at_most = if is_bound || at_most == 0 { at_most } else { cycles.total };
         let gained = best.map_or(0, |(limit, _)| cycles.total - limit.without);

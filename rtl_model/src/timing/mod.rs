@@ -14,8 +14,7 @@
 //!
 //! Exact, cycle by cycle, is all of this but memory that is not ideal: its one channel serves requests in the order in which items are gone
 //! through, not first come, first served (`memory.rs`). A frame is off by at most 0.6 % on small versions of the built-in scenes, by 0.63 % on
-//! themselves. Not modelled: refresh, turning the channel from reading to writing, and the contention of merges and resolve for one shade
-//! unit where tiles have two buffers.
+//! themselves. Not modelled: refresh, and turning the channel from reading to writing.
 //!
 //! Laws: `a_frame_ticks_as_it_is_replayed`, `a_binned_frame_ticks_as_it_is_replayed`, `replayed_scenes_are_at_most_a_hundredth_off`.
 

@@ -13,8 +13,10 @@ use super::stops::Stops;
 use super::walk::Walk;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
-use crate::work::{Fate, Footprint, Work};
+use crate::work::{Fate, Footprint, TILE_PX, Work};
+use std::collections::VecDeque;
 use std::ops::Range;
+use std::rc::Rc;
 
 /// Fetch, project and ellipse, colour where harmonics become one, and shade where splats are lit before they are drawn: one splat each.
 pub struct SetUp<'a> {
@@ -147,8 +149,8 @@ impl<'a> SetUp<'a> {
         if timing.lights_setup { super::SETUP_SHADE } else { unit::SHADE }
     }
 
-    /// Its units, and that which shades fragments where it has none of its own.
-    pub fn units(self, of_fragments: Unit) -> (Vec<Unit>, Unit) {
+    /// Its units, and those which shade fragments where it has none of its own.
+    pub fn units(self, of_fragments: Vec<Unit>) -> (Vec<Unit>, Vec<Unit>) {
         let mut units = vec![self.fetch, self.project, self.ellipse];
         units.extend(self.colour);
         if self.timing.lights_setup {
@@ -156,7 +158,7 @@ impl<'a> SetUp<'a> {
             return (units, of_fragments);
         }
         // Of sheets nothing is shaded any more.
-        (units, self.shade.unwrap_or(of_fragments))
+        (units, self.shade.map_or(of_fragments, |shade| vec![shade]))
     }
 
     /// The name of its last unit.
@@ -194,7 +196,6 @@ pub struct Fill<'a> {
     timing: &'a Microarchitecture,
     pub raster: Unit,
     pub gauss: Unit,
-    walk: Stamps<'a>,
     /// Stamps, and those among them that kept a pixel.
     pub stamps: [u64; 2],
     /// What pixels that have stopped leave of a stamp.
@@ -202,12 +203,13 @@ pub struct Fill<'a> {
 }
 
 impl<'a> Fill<'a> {
-    pub fn new(timing: &'a Microarchitecture, work: &'a Work, before: &'static str, behind: &'static str, detail: Detail) -> Self {
+    /// The nth of several alike.
+    pub fn new(timing: &'a Microarchitecture, before: &'static str, behind: &'static str, detail: Detail, nth: u32) -> Self {
+        let unit = |name, pace, neighbours| Unit::new(name, pace, neighbours, detail, timing.lifted).behind_others(nth);
         Fill {
             timing,
-            raster: Unit::new(unit::RASTER, timing.raster, [Some(before), Some(unit::GAUSS)], detail, timing.lifted),
-            gauss: Unit::new(unit::GAUSS, timing.gauss, [Some(unit::RASTER), Some(behind)], detail, timing.lifted),
-            walk: Stamps::new(work, timing.timing.raster.lanes),
+            raster: unit(unit::RASTER, timing.raster, [Some(before), Some(unit::GAUSS)]),
+            gauss: unit(unit::GAUSS, timing.gauss, [Some(unit::RASTER), Some(behind)]),
             stamps: [0; 2],
             kept: Vec::new(),
         }
@@ -218,6 +220,7 @@ impl<'a> Fill<'a> {
     #[inline(always)]
     pub fn footprint(
         &mut self,
+        walk: &mut Stamps,
         footprint: &Footprint,
         (corner, side): ([u16; 2], u32),
         (here, memory): (u64, u64),
@@ -225,9 +228,9 @@ impl<'a> Fill<'a> {
     ) -> (u64, bool) {
         let t = self.timing;
         let ready = Ready { here, memory, ..Ready::default() };
-        let stamps = self.walk.footprint(footprint, corner, side);
+        let stamps = walk.footprint(footprint, corner, side);
         let (mut first_taken, mut gone_through, mut is_seen) = (u64::MAX, 0, false);
-        for stamp in self.walk.kept() {
+        for stamp in walk.kept() {
             self.stamps[1] += 1;
             // Stamps that keep nothing wait for no room.
             let empty = stamp[0].stamp - gone_through;
@@ -261,6 +264,7 @@ impl<'a> Fill<'a> {
     /// a footprint of which none is left is dropped in a cycle: before its record has come, if the whole tile has stopped.
     pub fn footprint_of_stops(
         &mut self,
+        walk: &mut Stamps,
         footprint: &Footprint,
         (corner, side): ([u16; 2], u32),
         (here, memory): (u64, u64),
@@ -269,17 +273,17 @@ impl<'a> Fill<'a> {
     ) -> u64 {
         let t = self.timing;
         let ready = Ready { here, memory, ..Ready::default() };
-        let stamps = self.walk.footprint(footprint, corner, side);
+        let stamps = walk.footprint(footprint, corner, side);
         let free = self.raster.free().max(here);
         if stops.all() <= free.max(memory) {
             return self.raster.take_run(Ready { memory: memory.min(free.max(stops.all())), ..ready }, 1);
         }
         let mut first_taken = u64::MAX;
-        let mut pieces = self.walk.kept().peekable();
+        let mut pieces = walk.kept().peekable();
         for nth in 0..stamps {
             let stamp = pieces.next_if(|stamp| stamp[0].stamp == nth).unwrap_or_default();
             let now = self.raster.free().max(here).max(memory);
-            let stopped = stops.area(self.walk.area(nth));
+            let stopped = stops.area(walk.area(nth));
             let has_weight = stamp.iter().any(|piece| piece.pixels != 0);
             let whole = stops.whole(stamp);
             let room = if stamp.is_empty() { 0 } else { self.raster.behind.free() };
@@ -326,90 +330,281 @@ impl<'a> Fill<'a> {
 }
 
 /// Fragments: stamps come, merges take longer, and no pixel is taken twice at a time.
+///
+/// ```text
+/// stamp ─► its pixels, unit by unit ─┬─► taken, and written a latency later
+///                                    └─► merges: shade, the first that is free ─► one after the other ─► written
+/// ```
 pub struct Merge<'a> {
     timing: &'a Microarchitecture,
-    pub fragment: Unit,
+    units: Vec<OfPixels>,
     pub shade: Unit,
     hazards: Hazards,
     /// When all that was taken is written.
     pub written: u64,
+    /// From when on the next stamp is the first that waits.
+    first_from: u64,
+    /// What is the units' of a stamp.
+    parts: Vec<Part>,
+}
+
+/// A fragment unit: it has pixels of its own.
+struct OfPixels {
+    unit: Unit,
+    /// When those stamps' merges end that were begun last, as many as can be in flight.
+    in_flight: VecDeque<u64>,
+    /// When the last merge ends.
+    merged: u64,
+}
+
+/// A unit's part of a stamp: merges, and fragments that are shaded for them.
+struct Part {
+    unit: usize,
+    merges: u64,
+    shades: u64,
 }
 
 impl<'a> Merge<'a> {
-    pub fn new(timing: &'a Microarchitecture, work: &Work, before: &'static str, behind: Option<&'static str>, detail: Detail) -> Self {
+    /// The nth of several alike.
+    pub fn new(
+        timing: &'a Microarchitecture,
+        work: &Work,
+        before: &'static str,
+        behind: Option<&'static str>,
+        detail: Detail,
+        nth: u32,
+    ) -> Self {
+        let pace = timing.fragment;
+        let unit = |of: u32| {
+            let unit = Unit::new(unit::FRAGMENT, Pace { units: 1, ..pace }, [Some(before), behind], detail, timing.lifted);
+            OfPixels { unit: unit.behind_others(nth * pace.units + of), in_flight: VecDeque::new(), merged: 0 }
+        };
+        let shade = Unit::new(unit::SHADE, timing.shade, [Some(unit::FRAGMENT), None], detail, timing.lifted);
         Merge {
             timing,
-            fragment: Unit::new(unit::FRAGMENT, timing.fragment, [Some(before), behind], detail, timing.lifted),
-            shade: Unit::new(unit::SHADE, timing.shade, [Some(unit::FRAGMENT), None], detail, timing.lifted),
+            units: (0..pace.units).map(unit).collect(),
+            shade: shade.behind_others(nth * timing.shade.units),
             hazards: Hazards::new(timing, work),
             written: 0,
+            first_from: 0,
+            parts: Vec::new(),
         }
     }
 
     /// Takes a stamp; says when, and when it is written.
     #[inline(always)]
     pub fn stamp(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
-        let t = self.timing;
-        let hazard = self.hazards.until(stamp, ready.here.max(self.fragment.free()));
-        let [merges, shades] = match stamp {
-            // Mostly.
-            [piece] => [piece.merges, piece.shades].map(u64::from),
-            _ => stamp.iter().fold([0; 2], |[merges, shades], piece| [merges + u64::from(piece.merges), shades + u64::from(piece.shades)]),
-        };
-        let mut cycles = 1 + merges * u64::from(t.timing.fragment.merge);
-        if shades > 0 && !self.shade.is_lifted() {
-            cycles += u64::from(t.shade.latency) + (shades - 1) * u64::from(t.shade.interval);
-        }
-        let now = self.fragment.take(Ready { hazard, ..ready }, cycles);
-        for _ in 0..shades {
-            self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
-        }
-        // Infinitely fast, it still forwards nothing: what is under way stays so.
-        let more = if self.fragment.is_lifted() { 0 } else { cycles - 1 };
-        self.hazards.take(stamp, now + more + u64::from(t.hazard));
-        let written = now + more + u64::from(t.fragment.latency);
+        let [now, written] = if self.units.len() == 1 { self.stamp_of_one(stamp, ready) } else { self.stamp_of_several(stamp, ready) };
         self.written = self.written.max(written);
         [now, written]
     }
+
+    /// All pixels are one unit's.
+    #[inline(always)]
+    fn stamp_of_one(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
+        let hazard = self.hazards.until(stamp, ready.here.max(self.units[0].unit.free()));
+        let ready = Ready { hazard, ..ready };
+        let now = self.units[0].unit.when(ready);
+        let [merges, shades] = match stamp {
+            // Mostly.
+            [piece] => piece.merges(u16::MAX),
+            _ => merges_of(stamp, |_| u16::MAX),
+        };
+        let written = self.take(Part { unit: 0, merges, shades }, ready, now);
+        let under_way = written - u64::from(self.timing.fragment.latency) + u64::from(self.timing.hazard);
+        if merges == 0 || self.timing.merges_in_flight == 1 {
+            self.hazards.take(stamp, under_way);
+        } else {
+            self.hazards.take_merges(stamp, |_| u16::MAX, under_way);
+        }
+        [now, written]
+    }
+
+    /// Pixels are shared: all units that have one take the stamp at once, and each goes on by itself.
+    #[inline(never)]
+    fn stamp_of_several(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
+        let t = self.timing;
+        // One leaves the FIFO in a cycle.
+        let here = ready.here.max(self.first_from);
+        let mut parts = std::mem::take(&mut self.parts);
+        parts.clear();
+        parts.extend((0..self.units.len()).filter(|unit| has_part(t, stamp, *unit)).map(|unit| {
+            let [merges, shades] = merges_of(stamp, |piece| of_unit(t, unit, piece));
+            Part { unit, merges, shades }
+        }));
+        // Who is free waits for the others.
+        let free = parts.iter().map(|part| self.units[part.unit].unit.free()).max().unwrap_or(0);
+        let hazard = self.hazards.until(stamp, here).max(free);
+        let ready = Ready { here, hazard, ..ready };
+        let now = here.max(ready.memory).max(hazard).max(ready.room);
+        self.first_from = now + 1;
+        let mut written = 0;
+        let under_way = u64::from(t.hazard);
+        for Part { unit, merges, shades } in parts.drain(..) {
+            let of_unit = |piece: &Piece| of_unit(t, unit, piece);
+            let part_written = self.take(Part { unit, merges, shades }, ready, now);
+            written = written.max(part_written);
+            if merges > 0 {
+                self.hazards.take_merges(stamp, of_unit, part_written - u64::from(t.fragment.latency) + under_way);
+            }
+        }
+        self.parts = parts;
+        // What is merged is under way for longer, which is said above.
+        self.hazards.take(stamp, now + under_way);
+        [now, written]
+    }
+
+    /// A unit takes its part of a stamp in this cycle, which is when it can; says when that is written.
+    #[inline(always)]
+    fn take(&mut self, Part { unit, merges, shades }: Part, ready: Ready, now: u64) -> u64 {
+        let t = self.timing;
+        let latency = u64::from(t.fragment.latency);
+        let of = &mut self.units[unit];
+        if merges == 0 {
+            of.unit.take(ready, 1);
+            return now + latency;
+        }
+        let mut last = now + 1;
+        for _ in 0..shades {
+            last = self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
+        }
+        let lit = if shades == 0 || self.shade.is_lifted() { now + 1 } else { last + u64::from(t.shade.latency) };
+        // Infinitely fast, it still forwards nothing: what is under way stays so.
+        if of.unit.is_lifted() {
+            of.unit.take(ready, 1);
+            return now + latency;
+        }
+        of.merged = lit.max(of.merged) + merges * u64::from(t.timing.fragment.merge);
+        let most = t.merges_in_flight as usize;
+        if of.in_flight.len() == most {
+            of.in_flight.pop_front();
+        }
+        of.in_flight.push_back(of.merged);
+        // When there are as many as can be, it takes nothing until the first of them ends.
+        let first = of.in_flight.front().copied().filter(|_| of.in_flight.len() == most).unwrap_or(0);
+        of.unit.take(ready, first.saturating_sub(now).max(1));
+        of.merged - 1 + latency
+    }
+
+    /// Its units: fragment and shade.
+    pub fn all(&self) -> impl Iterator<Item = &Unit> {
+        self.units.iter().map(|of| &of.unit).chain([&self.shade])
+    }
+
+    /// Its fragment units, and shade.
+    pub fn units(self) -> (impl Iterator<Item = Unit>, Unit) {
+        (self.units.into_iter().map(|of| of.unit), self.shade)
+    }
+}
+
+/// Merges of a stamp in those pixels of each piece, and fragments shaded for them.
+#[inline(always)]
+fn merges_of(stamp: &[Piece], of: impl Fn(&Piece) -> u16) -> [u64; 2] {
+    stamp.iter().fold([0; 2], |[merges, shades], piece| {
+        let [more, more_shades] = piece.merges(of(piece));
+        [merges + more, shades + more_shades]
+    })
+}
+
+/// Pixels of a piece's strip that are those of a fragment unit: column plus row times the columns of a stamp says which, modulo units, which
+/// divide a strip.
+fn of_unit(timing: &Microarchitecture, unit: usize, piece: &Piece) -> u16 {
+    let units = timing.fragment.units as usize;
+    let first = usize::from(piece.corner[0]) + usize::from(piece.corner[1]) * timing.timing.raster.lanes[0] as usize;
+    let column = (unit + first.wrapping_neg() % units) % units;
+    (column..TILE_PX).step_by(units).fold(0, |all, column| all | 1 << column)
+}
+
+/// Whether a unit has a pixel of a stamp.
+fn has_part(timing: &Microarchitecture, stamp: &[Piece], unit: usize) -> bool {
+    stamp.iter().any(|piece| (piece.pixels | piece.merged) & of_unit(timing, unit, piece) != 0)
 }
 
 /// Resolve: pixels that lie together, a line or a tile. It takes a pixel's fragments one a cycle, whether merged, and so lit, or left to shade.
+/// Several share the pixels: the next one goes to the first that is free. They begin together.
 pub struct Resolve<'a> {
     timing: &'a Microarchitecture,
-    pub unit: Unit,
-    /// What each pixel holds: fragments, and how many of them are left to shade.
-    held: Vec<[u8; 2]>,
+    units: Vec<Unit>,
+    held: Rc<Held>,
+    /// For how long each unit is held by what it takes.
+    cycles: Vec<u64>,
+}
+
+/// What each pixel holds in the end: fragments, and how many of them are left to shade.
+pub struct Held {
+    pixels: Vec<[u8; 2]>,
     width: u32,
 }
 
-impl<'a> Resolve<'a> {
-    pub fn new(timing: &'a Microarchitecture, work: &Work, detail: Detail) -> Self {
-        Resolve {
-            timing,
-            unit: Unit::new(unit::RESOLVE, timing.resolve, [Some(unit::FRAGMENT), None], detail, timing.lifted),
-            held: work.held(),
-            width: work.width,
-        }
+impl Held {
+    pub fn new(work: &Work) -> Rc<Self> {
+        Rc::new(Held { pixels: work.held(), width: work.width })
     }
 
-    /// Takes these columns and rows of the picture, shading in a unit; says when the last of their words is there.
+    /// Of these columns and rows of the picture.
+    fn of(&self, columns: Range<u32>, rows: Range<u32>) -> impl Iterator<Item = &[u8; 2]> {
+        let at = |row: u32, column: u32| (row * self.width + column) as usize;
+        rows.flat_map(move |row| &self.pixels[at(row, columns.start)..at(row, columns.end)])
+    }
+}
+
+impl<'a> Resolve<'a> {
+    /// The nth of several alike.
+    pub fn new(timing: &'a Microarchitecture, held: Rc<Held>, detail: Detail, nth: u32) -> Self {
+        let pace = timing.resolve;
+        let blocked_by = (pace.units > 1).then_some(unit::RESOLVE);
+        let unit = |of: u32| {
+            let unit = Unit::new(unit::RESOLVE, Pace { units: 1, ..pace }, [Some(unit::FRAGMENT), blocked_by], detail, timing.lifted);
+            unit.behind_others(nth * pace.units + of)
+        };
+        Resolve { timing, units: (0..pace.units).map(unit).collect(), held, cycles: vec![0; pace.units as usize] }
+    }
+
+    /// Takes these columns and rows of the picture, shading in units; says when the last of their words is there.
     pub fn pixels(&mut self, columns: Range<u32>, rows: Range<u32>, ready: Ready, shade: &mut Unit) -> u64 {
         let t = self.timing;
         let interval = if shade.is_lifted() { 0 } else { u64::from(t.shade.interval) };
-        let (mut cycles, mut shades) = (0, 0);
-        for row in rows {
-            let at = |column: u32| (row * self.width + column) as usize;
-            for [fragments, left] in &self.held[at(columns.start)..at(columns.end)] {
-                cycles += (u64::from(*left) * interval).max((*fragments).into()).max(t.resolve.interval.into());
-                shades += u64::from(*left);
+        let shaders = u64::from(t.shade.units);
+        let cycles = &mut self.cycles;
+        cycles.fill(0);
+        let mut shades = 0;
+        for [fragments, left] in self.held.of(columns, rows) {
+            let left = u64::from(*left);
+            let held = (left.div_ceil(shaders) * interval).max((*fragments).into()).max(t.resolve.interval.into());
+            if let Some(first) = cycles.iter_mut().min() {
+                *first += held;
             }
+            shades += left;
         }
-        let now = self.unit.take(ready, cycles);
-        let done = now + if self.unit.is_lifted() { 0 } else { cycles } + u64::from(t.resolve.latency);
+        // Light comes no faster than all shade units together give it.
+        let light = shades.div_ceil(shaders) * interval;
+        cycles.iter_mut().for_each(|cycles| *cycles = light.max(*cycles));
+        let free = self.units.iter().map(Unit::free).max().unwrap_or(0);
+        let ready = Ready { room: if self.units.len() > 1 { ready.room.max(free) } else { ready.room }, ..ready };
+        let mut now = 0;
+        for (unit, cycles) in self.units.iter_mut().zip(&*cycles) {
+            now = unit.take(ready, *cycles);
+        }
+        let is_lifted = self.units.iter().all(Unit::is_lifted);
+        let most = cycles.iter().copied().max().unwrap_or(0);
+        let done = now + if is_lifted { 0 } else { most } + u64::from(t.resolve.latency);
         if shades == 0 {
             return done;
         }
-        shade.take(Ready { here: now, ..Ready::default() }, shades * interval);
+        for nth in 0..shaders.min(shades) {
+            let share = (shades - nth).div_ceil(shaders);
+            shade.take(Ready { here: now, ..Ready::default() }, share * interval);
+        }
         done + if shade.is_lifted() { 0 } else { u64::from(t.shade.latency) }
+    }
+
+    /// Its units.
+    pub fn all(&self) -> impl Iterator<Item = &Unit> {
+        self.units.iter()
+    }
+
+    /// Its units.
+    pub fn units(self) -> Vec<Unit> {
+        self.units
     }
 }

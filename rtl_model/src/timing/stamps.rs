@@ -26,10 +26,22 @@ pub struct Piece {
     pub pixels: u16,
     /// Those that were kept and have none.
     pub faint: u16,
-    /// Contributions that make two fragments merge.
-    pub merges: u8,
-    /// Fragments shaded for that.
-    pub shades: u8,
+    /// Pixels in which two fragments merge.
+    pub merged: u16,
+    /// Those in which one of them is shaded for that, and those in which both are.
+    pub shaded: [u16; 2],
+}
+
+impl Piece {
+    /// Merges of these pixels, and fragments that are shaded for them.
+    #[inline(always)]
+    pub fn merges(&self, of: u16) -> [u64; 2] {
+        if self.merged & of == 0 {
+            return [0; 2];
+        }
+        let [one, two] = self.shaded.map(|pixels| u64::from((pixels & of).count_ones()));
+        [(self.merged & of).count_ones().into(), one + 2 * two]
+    }
 }
 
 /// What a splat did in a recorded tile: columns of each row, the first in the last place, and behind its rows those of the next splats.
@@ -165,9 +177,7 @@ impl<'a> Stamps<'a> {
                     strip: first_strip + row * self.columns as u32,
                     corner: [left, first_y + row as u16],
                     pixels: ((kept / (1 << at)) as u16 & self.width.pixels_of_one) << (column + u32::from(first)),
-                    faint: 0,
-                    merges: 0,
-                    shades: 0,
+                    ..Piece::default()
                 };
                 self.pieces.push(if has_events { self.happened[0].of_piece(row as usize, piece) } else { piece });
             }
@@ -209,7 +219,7 @@ impl<'a> Stamps<'a> {
             for (part, happened) in self.parts.iter().zip(&self.happened) {
                 for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
                     let strip = self.strip(left, y);
-                    let piece = Piece { stamp: first_stamp + nth, strip, corner: [left, y], pixels, faint: 0, merges: 0, shades: 0 };
+                    let piece = Piece { stamp: first_stamp + nth, strip, corner: [left, y], pixels, ..Piece::default() };
                     self.pieces.push(if part.has_events { happened.of_piece(row, piece) } else { piece });
                 }
                 left += TILE_PX as u16;
@@ -312,8 +322,7 @@ impl Happened {
         if merged == 0 {
             return Piece { pixels, faint, ..piece };
         }
-        let [one, two] = self.shaded.map(|rows| (merged & rows[row]).count_ones() as u8);
-        Piece { pixels, faint, merges: merged.count_ones() as u8, shades: one + 2 * two, ..piece }
+        Piece { pixels, faint, merged, shaded: self.shaded.map(|rows| merged & rows[row]), ..piece }
     }
 }
 

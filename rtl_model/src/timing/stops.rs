@@ -17,7 +17,7 @@ use super::stamps::Piece;
 use crate::work::{Event, TILE_PX, Work};
 use std::ops::Range;
 
-/// Pixels of one tile after the other.
+/// Pixels, tile by tile.
 #[derive(Clone, Debug)]
 pub struct Stops {
     /// Columns and rows of the picture.
@@ -27,7 +27,14 @@ pub struct Stops {
     by: Vec<u32>,
     /// From which cycle on it has stopped.
     from: Vec<u64>,
-    /// Pixels of this tile that have not stopped, and when the others had.
+    /// The tile that is drawn.
+    pub tile: Tile,
+}
+
+/// What is known of a tile's pixels, all together.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tile {
+    /// Those that have not stopped, and when the others had.
     left: usize,
     last: u64,
     /// When raster left a stamp out last.
@@ -60,29 +67,29 @@ impl Stops {
                 }
             }
         }
-        Some(Stops { width, height, from: vec![u64::MAX; by.len()], by, left: 0, last: 0, left_out: 0 })
+        Some(Stops { width, height, from: vec![u64::MAX; by.len()], by, tile: Tile::default() })
     }
 
     /// The next tile begins, of so many pixels a side.
-    pub fn tile(&mut self, corner: [u32; 2], side_px: u32) {
+    pub fn begin(&mut self, corner: [u32; 2], side_px: u32) {
         let [columns, rows] =
             [(corner[0], self.width), (corner[1], self.height)].map(|(at, size)| (size - at as usize).min(side_px as usize));
-        (self.left, self.last, self.left_out) = (columns * rows, 0, 0);
+        self.tile = Tile { left: columns * rows, ..Tile::default() };
     }
 
     /// From which cycle on the whole tile has stopped, by what was taken so far.
     pub fn all(&self) -> u64 {
-        if self.left == 0 { self.last } else { u64::MAX }
+        if self.tile.left == 0 { self.tile.last } else { u64::MAX }
     }
 
     /// Raster left a stamp out, of which fragment would have had something.
     pub fn leave_out(&mut self, now: u64) {
-        self.left_out = self.left_out.max(now);
+        self.tile.left_out = self.tile.left_out.max(now);
     }
 
     /// From when on it is known that no stamp comes but those under way. A tile that has stopped waits for nothing that is left out.
     pub fn known(&self) -> u64 {
-        self.left_out.min(self.all())
+        self.tile.left_out.min(self.all())
     }
 
     /// Places of a piece's pixels in the picture, with the bit of each.
@@ -119,8 +126,8 @@ impl Stops {
             for (at, _) in self.pixels(piece, piece.pixels) {
                 if self.by[at] == splat && self.from[at] == u64::MAX {
                     self.from[at] = now;
-                    self.left -= 1;
-                    self.last = self.last.max(now);
+                    self.tile.left -= 1;
+                    self.tile.last = self.tile.last.max(now);
                 }
             }
         }

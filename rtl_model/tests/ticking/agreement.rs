@@ -2,14 +2,14 @@
 
 use crate::frames::{Rng, ellipsoids, frame};
 use crate::memory::Traffic;
-use crate::parts::Ticked;
+use crate::parts::{Side, Ticked};
 use crate::scene::Scene;
 use crate::{binned, immediate, machines, scene};
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::{Organisation, Timing};
 use rtl_model::pipeline::draw_measured;
-use rtl_model::timing::{Account, Cycles, Detail, Share, UnitCycles, replay};
+use rtl_model::timing::{Account, Cycles, Detail, Share, TileCycles, UnitCycles, replay};
 use rtl_model::work::Work;
 use std::collections::BTreeMap;
 
@@ -18,7 +18,7 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     let mut others = replayed.units.iter();
     for unit in &ticked.units {
         for (place, side) in unit.sides.iter().enumerate() {
-            let other = others.next().filter(|other| other.name == unit.name && other.index as usize == place);
+            let other = others.next().filter(|other| other.name == unit.name && other.index as usize == unit.others as usize + place);
             let Some(other) = other else { return Some(format!("{} {place} is not there", unit.name)) };
             if place == 0 && unit.log != other.log {
                 let at = unit.log.iter().zip(&other.log).take_while(|(ticked, replayed)| ticked == replayed).count();
@@ -65,50 +65,72 @@ fn told_briefly(cycles: Cycles, detail: Detail) -> Cycles {
     Cycles { units: cycles.units.into_iter().map(of).collect(), requests: Vec::new(), tiles, ..cycles }
 }
 
+/// The first thing in which an engine's tiles are not what one of its units did.
+fn difference_in_shares(
+    (name, base): (&str, &str),
+    mut from: u64,
+    (drawn, shares): (&[&TileCycles], &[Share]),
+    side: Option<(&Side, Option<&Vec<u64>>)>,
+    stops: bool,
+) -> Option<String> {
+    // Shares lie end to end and leave nothing out.
+    for Share { until, account: Account { busy, starved, blocked, memory } } in shares {
+        if from + busy + starved + blocked + memory != *until {
+            return Some(format!("{name}: a share from {from} to {until} has other cycles"));
+        }
+        from = *until;
+    }
+    let sum = |of: fn(&Account) -> u64| shares.iter().map(|share| of(&share.account)).sum::<u64>();
+    let shared = [sum(|account| account.busy), sum(|account| account.blocked), sum(|account| account.memory)];
+    // A shade unit that is setup's did what it did before.
+    if base == "shade" && shared == [0; 3] {
+        return None;
+    }
+    let Some((Side { account: whole, .. }, log)) = side else { return Some(format!("{name} does not tick")) };
+    if shared != [whole.busy, whole.blocked, whole.memory] {
+        return Some(format!("{name}: shares have {shared:?} of {whole:?}"));
+    }
+    let taken = log?;
+    match base {
+        "resolve" => {
+            let starts: Vec<u64> = shares.iter().map(|share| share.until - share.account.busy).collect();
+            (starts != *taken).then(|| format!("{name} takes tiles at {taken:?}, not {starts:?}"))
+        }
+        "list" if !stops => {
+            let mut entries = 0;
+            for (tile, share) in drawn.iter().zip(shares) {
+                entries += tile.entries as usize;
+                if taken.get(entries - 1).is_none_or(|last| last + 1 != share.until) {
+                    return Some(format!("list takes the last of {entries} entries at {:?}", taken.get(entries - 1)));
+                }
+            }
+            None
+        }
+        _ => None,
+    }
+}
+
 /// The first thing in which a frame's tiles are not what its units did.
-fn difference_in_tiles(ticked: &Ticked, replayed: &Cycles, stops: bool) -> Option<String> {
+fn difference_in_tiles(ticked: &Ticked, replayed: &Cycles, engines: u32, stops: bool) -> Option<String> {
     let Some(tiles) = &replayed.tiles else {
         // Without an entry there is no tile.
         let is_drawn = ticked.units.iter().any(|unit| unit.name == "list" && !unit.log.is_empty());
         return is_drawn.then(|| "there are none".into());
     };
-    for (nth, name) in tiles.units.iter().enumerate() {
-        let unit = ticked.units.iter().find(|unit| unit.name == *name)?;
-        let shares: Vec<Share> = tiles.tiles.iter().map(|tile| tile.shares[nth]).collect();
-        // Shares lie end to end and leave nothing out.
-        let mut from = tiles.from;
-        for Share { until, account: Account { busy, starved, blocked, memory } } in &shares {
-            if from + busy + starved + blocked + memory != *until {
-                return Some(format!("{name}: a share from {from} to {until} has other cycles"));
+    for engine in 0..engines as usize {
+        let drawn: Vec<&TileCycles> = tiles.tiles.iter().filter(|tile| tile.engine as usize == engine).collect();
+        for (nth, name) in tiles.units.iter().enumerate() {
+            let shares: Vec<Share> = drawn.iter().map(|tile| tile.shares[nth]).collect();
+            let (base, own) = name.split_once('.').map_or((name.as_str(), 0), |(base, own)| (base, own.parse().unwrap()));
+            let each = tiles.units.iter().filter(|other| other.split('.').next() == Some(base)).count();
+            // Its first cycle is not known of a side that is not the first: logs are those of all sides.
+            let side = ticked.units.iter().filter(|unit| unit.name == base).find_map(|unit| {
+                let place = (engine * each + own).checked_sub(unit.others as usize)?;
+                unit.sides.get(place).map(|side| (side, (unit.sides.len() == 1).then_some(&unit.log)))
+            });
+            if let Some(difference) = difference_in_shares((name, base), tiles.from, (&drawn, &shares), side, stops) {
+                return Some(difference);
             }
-            from = *until;
-        }
-        let sum = |of: fn(&Account) -> u64| shares.iter().map(|share| of(&share.account)).sum::<u64>();
-        let whole = unit.sides[0].account;
-        let shared = [sum(|account| account.busy), sum(|account| account.blocked), sum(|account| account.memory)];
-        // A shade unit that is setup's did what it did before.
-        let is_setups = *name == "shade" && shared == [0; 3];
-        if !is_setups && shared != [whole.busy, whole.blocked, whole.memory] {
-            return Some(format!("{name}: shares have {shared:?} of {whole:?}"));
-        }
-        let taken = &unit.log;
-        match *name {
-            "resolve" => {
-                let starts: Vec<u64> = shares.iter().map(|share| share.until - share.account.busy).collect();
-                if starts != *taken {
-                    return Some(format!("resolve takes tiles at {taken:?}, not {starts:?}"));
-                }
-            }
-            "list" if !stops => {
-                let mut entries = 0;
-                for (tile, share) in tiles.tiles.iter().zip(&shares) {
-                    entries += tile.entries as usize;
-                    if taken.get(entries - 1).is_none_or(|last| last + 1 != share.until) {
-                        return Some(format!("list takes the last of {entries} entries at {:?}", taken.get(entries - 1)));
-                    }
-                }
-            }
-            _ => {}
         }
     }
     let sum: u64 = tiles.tiles.iter().map(|tile| tile.cycles).sum();
@@ -125,7 +147,7 @@ fn compare(timing: &Microarchitecture, scene: &Scene, work: &Work) -> Result<Tic
     }
     let in_tiles = || match timing.timing.organisation {
         Organisation::Immediate => replayed.tiles.as_ref().map(|_| "an immediate machine has no tiles".into()),
-        Organisation::Binned => difference_in_tiles(&ticked, &replayed, work.stops()),
+        Organisation::Binned => difference_in_tiles(&ticked, &replayed, timing.engines, work.stops()),
     };
     match difference(&ticked, &replayed).or_else(|| difference_in_traffic(&ticked, &replayed)).or_else(in_tiles) {
         Some(difference) => Err(difference),

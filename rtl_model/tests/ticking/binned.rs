@@ -13,11 +13,13 @@
 //! has stopped raster passes over in no time; where none is left, that takes it a cycle.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
-use super::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
+use super::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, light, places, resolve, resolve_cycles, run, stamps_of, turn};
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
+use rtl_model::machine::timing::Queue;
 use rtl_model::timing::{Client, Direction};
 use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
 
 /// Bytes of a list's entry.
 const ENTRY_BYTES: u64 = 4;
@@ -43,6 +45,7 @@ struct Entry {
 struct Tile {
     corner: [usize; 2],
     place: u64,
+    entries: Range<usize>,
     /// Stamps with a weight that are neither written nor left out, and when the last of the others was.
     left: usize,
     last: u64,
@@ -50,6 +53,15 @@ struct Tile {
     under_way: usize,
     /// Its pixels.
     pixels: Vec<usize>,
+}
+
+/// In which order they are drawn. Longer than two digits of 256 values can say is as long as they can.
+fn queue(timing: &Microarchitecture, tiles: &[Tile]) -> VecDeque<usize> {
+    let mut all: Vec<usize> = (0..tiles.len()).collect();
+    if timing.timing.queue == Queue::Longest {
+        all.sort_by_key(|tile| (65_535usize.saturating_sub(tiles[*tile].entries.len()), *tile));
+    }
+    all.into()
 }
 
 struct Machine<'a> {
@@ -78,14 +90,27 @@ struct Machine<'a> {
     begun: u64,
     moved: u64,
     part: Option<(Done, Direction)>,
-    /// Second pass.
+    /// Second pass, from which cycle on it is known, with all entries, tile by tile.
+    from: u64,
     entries: Vec<Entry>,
-    /// The first of them that list has not taken, and the one that raster looks at.
-    next: usize,
-    looked_at: usize,
     tiles: Vec<Tile>,
-    /// Those without an entry: how many that have one come before, and the place in the picture.
+    /// Tiles without an entry: how many that have one come before, and the place in the picture.
     empty: Vec<(usize, u64)>,
+    /// Those that no engine has taken, and all of them in the same order.
+    queue: VecDeque<usize>,
+    in_turn: Vec<usize>,
+    engines: Vec<Engine>,
+    words: Requests,
+}
+
+/// All that follows the lists.
+struct Engine {
+    /// The tiles that it took, those of them that are resolved, and when they left their buffers.
+    taken: Vec<usize>,
+    resolved: Vec<u64>,
+    /// The first entry that list has not taken, up to the end of the tile, and the one that raster looks at.
+    next: Range<usize>,
+    looked_at: usize,
     list: Unit,
     reads: Requests,
     /// The burst of its list that the last entry is in; entries whose records are read when that has come; every entry's record.
@@ -95,12 +120,58 @@ struct Machine<'a> {
     listed: Link<usize>,
     fill: Fill,
     merge: Merge,
-    resolve: Unit,
-    /// When each tile has left its buffer.
-    resolved: Vec<u64>,
+    resolve: Vec<Unit>,
     lit: Unit,
-    to_light: VecDeque<(u64, u64)>,
-    words: Requests,
+    to_light: VecDeque<(u64, u64, Option<usize>)>,
+}
+
+impl Engine {
+    fn new(timing: &Microarchitecture, scene: &Scene) -> Self {
+        let t = &timing.timing;
+        Engine {
+            taken: Vec::new(),
+            resolved: Vec::new(),
+            next: 0..0,
+            looked_at: 0,
+            list: Unit::new("list", 1),
+            reads: Requests::new(t.memory.outstanding),
+            burst: Done::default(),
+            waiting: VecDeque::new(),
+            records: BTreeMap::new(),
+            listed: Link::new(places(Pace { units: 1, latency: 1, interval: 1, fifo: t.fetch.fifo })),
+            fill: Fill::new(timing).leaving_out((scene.width * scene.height) as usize),
+            merge: Merge::new(timing, scene),
+            resolve: Unit::each("resolve", timing.resolve.units),
+            lit: Unit::new("resolve-shade", timing.shade.units),
+            to_light: VecDeque::new(),
+        }
+    }
+
+    fn is_done(&self, now: u64) -> bool {
+        self.next.is_empty()
+            && self.listed.items.is_empty()
+            && self.fill.is_done(now)
+            && self.merge.is_done(now)
+            && self.resolved.len() >= self.taken.len()
+            && self.to_light.is_empty()
+            && [&self.list, &self.lit].into_iter().chain(&self.resolve).all(|unit| unit.is_idle(now))
+    }
+
+    /// Its units in the order of the diagram, under the names of all engines'.
+    fn units(self, timing: &Microarchitecture, nth: u32) -> Vec<Unit> {
+        let (fragment, shade) = self.merge.units();
+        let numbered = |units: Vec<Unit>, each: u32| units.into_iter().map(|unit| unit.of_engine(nth, each)).collect::<Vec<_>>();
+        let lit = if timing.timing.tile.buffers == 2 { vec![self.lit] } else { Vec::new() };
+        [
+            numbered(vec![self.list.before(self.listed)], 1),
+            numbered(self.fill.units(), 1),
+            numbered(fragment, timing.fragment.units),
+            numbered(vec![shade], timing.shade.units),
+            numbered(lit, timing.shade.units),
+            numbered(self.resolve, timing.resolve.units),
+        ]
+        .concat()
+    }
 }
 
 impl<'a> Machine<'a> {
@@ -135,7 +206,8 @@ impl<'a> Machine<'a> {
                     let [width, height] = [scene.width, scene.height].map(|size| size as usize);
                     let rows = corner[1]..height.min(corner[1] + side);
                     let pixels = rows.flat_map(|y| (corner[0]..width.min(corner[0] + side)).map(move |x| y * width + x)).collect();
-                    tiles.push(Tile { corner, place: tile as u64, left, last: 0, under_way: 0, pixels });
+                    let entries = entries.len() - nth as usize..entries.len();
+                    tiles.push(Tile { corner, place: tile as u64, entries, left, last: 0, under_way: 0, pixels });
                 }
             }
         }
@@ -160,23 +232,13 @@ impl<'a> Machine<'a> {
             begun: 0,
             moved: 0,
             part: None,
+            from: u64::MAX,
             entries,
-            next: 0,
-            looked_at: 0,
+            queue: queue(timing, &tiles),
+            in_turn: queue(timing, &tiles).into(),
             tiles,
             empty,
-            list: Unit::new("list", 1),
-            reads: Requests::new(t.memory.outstanding),
-            burst: Done::default(),
-            waiting: VecDeque::new(),
-            records: BTreeMap::new(),
-            listed: Link::new(places(Pace { units: 1, latency: 1, interval: 1, fifo: t.fetch.fifo })),
-            fill: Fill::new(timing).leaving_out((scene.width * scene.height) as usize),
-            merge: Merge::new(timing, scene),
-            resolve: Unit::new("resolve", 1),
-            resolved: Vec::new(),
-            lit: Unit::new("resolve-shade", 1),
-            to_light: VecDeque::new(),
+            engines: (0..timing.engines).map(|_| Engine::new(timing, scene)).collect(),
             words: Requests::new(u32::MAX),
         }
     }
@@ -228,9 +290,17 @@ impl<'a> Machine<'a> {
         }
         self.listed_all = self.writes.have_all_come(self.now);
         if self.listed_all && !self.sorts() {
-            self.sorted = true;
-            self.leave_out(self.now);
+            self.begin_second_pass();
         }
+    }
+
+    /// All lists are there. If the longest is to be drawn first, their lengths are sorted: by two digits, each a cycle for every tile that has
+    /// an entry and for every value.
+    fn begin_second_pass(&mut self) {
+        let by_length = self.timing.timing.queue == Queue::Longest;
+        self.sorted = true;
+        self.from = self.now + if by_length { 2 * (self.tiles.len() as u64 + 256) } else { 0 };
+        self.leave_out(self.from, 0);
     }
 
     fn sorts(&self) -> bool {
@@ -255,8 +325,7 @@ impl<'a> Machine<'a> {
             return Act::Wait;
         }
         if self.passes == shape.passes {
-            self.sorted = true;
-            self.leave_out(self.now);
+            self.begin_second_pass();
             return Act::Starve;
         }
         self.passes += 1;
@@ -291,9 +360,8 @@ impl<'a> Machine<'a> {
         self.timing.timing.tile.buffers as usize
     }
 
-    /// Tiles without an entry are written behind the one before, which is resolved then.
-    fn leave_out(&mut self, when: u64) {
-        let tiles = self.resolved.len();
+    /// Tiles without an entry are written behind the one before, before which are so many that have one.
+    fn leave_out(&mut self, when: u64, tiles: usize) {
         let empty: Vec<u64> = self.empty.iter().filter(|(before, _)| *before == tiles).map(|(_, place)| *place).collect();
         empty.into_iter().for_each(|place| self.write_words(when, place));
     }
@@ -307,208 +375,245 @@ impl<'a> Machine<'a> {
         self.memory.ask(when, Client::FrameWrite, Direction::Write, WORDS + from..WORDS + from + bytes, &self.words.next());
     }
 
-    fn list(&mut self) -> Act {
-        if !self.sorted {
+    fn list(&mut self, e: usize) -> Act {
+        if self.now < self.from {
             return Act::Starve;
         }
-        while self.entries.get(self.next).is_some_and(|entry| self.has_stopped(entry.drawn)) {
-            self.leave_out_stamps(self.entries[self.next].drawn, self.entries[self.next].stamps);
-            self.next += 1;
+        loop {
+            let next = &mut self.engines[e].next;
+            if next.is_empty() {
+                let Some(tile) = self.queue.pop_front() else { return Act::Starve };
+                self.engines[e].taken.push(tile);
+                self.engines[e].next = self.tiles[tile].entries.clone();
+                continue;
+            }
+            let number = next.start;
+            let Entry { drawn, stamps, .. } = self.entries[number];
+            if !self.has_stopped(e, drawn) {
+                break;
+            }
+            self.leave_out_stamps(e, drawn, stamps);
+            self.engines[e].next.start += 1;
         }
-        let number = self.next;
-        if number == self.entries.len() {
-            return Act::Starve;
-        }
-        if !self.reads.is_free(self.now) {
+        let burst_bytes = self.burst();
+        let engine = &mut self.engines[e];
+        let number = engine.next.start;
+        if !engine.reads.is_free(self.now) {
             return Act::Wait;
         }
-        if !self.listed.has_room() {
+        if !engine.listed.has_room() {
             return Act::Block;
         }
         let Entry { nth, tile, .. } = self.entries[number];
-        if (nth * ENTRY_BYTES).is_multiple_of(self.burst()) {
-            self.burst = self.reads.next();
+        if (nth * ENTRY_BYTES).is_multiple_of(burst_bytes) {
+            engine.burst = engine.reads.next();
             let from = LISTS + tile * LIST_BYTES + nth * ENTRY_BYTES;
-            self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + self.burst(), &self.burst);
+            self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + burst_bytes, &engine.burst);
         }
-        self.waiting.push_back((self.burst.clone(), number));
-        self.records.insert(number, self.reads.next());
-        self.listed.push(self.now + 1, number);
-        self.next += 1;
+        engine.waiting.push_back((engine.burst.clone(), number));
+        let record = engine.reads.next();
+        engine.records.insert(number, record);
+        engine.listed.push(self.now + 1, number);
+        engine.next.start += 1;
         Act::Take(1)
     }
 
     /// Whether every pixel of a tile has stopped.
-    fn has_stopped(&self, tile: usize) -> bool {
-        self.tiles[tile].pixels.iter().all(|pixel| self.fill.stopped[*pixel] <= self.now)
+    fn has_stopped(&self, e: usize, tile: usize) -> bool {
+        self.tiles[tile].pixels.iter().all(|pixel| self.engines[e].fill.stopped[*pixel] <= self.now)
     }
 
     /// So many stamps of a tile come no more.
-    fn leave_out_stamps(&mut self, tile: usize, stamps: usize) {
+    fn leave_out_stamps(&mut self, e: usize, tile: usize, stamps: usize) {
         self.tiles[tile].left -= stamps;
         // A tile that has stopped waits for nobody but those under way.
-        if !self.has_stopped(tile) {
+        if !self.has_stopped(e, tile) {
             self.tiles[tile].last = self.tiles[tile].last.max(self.now);
         }
     }
 
     /// Records are read when it is known which.
-    fn read_records(&mut self) {
+    fn read_records(&mut self, e: usize) {
         let bytes = u64::from(self.timing.prepared_bytes);
-        self.waiting.retain(|(burst, number)| {
+        let Engine { waiting, records, .. } = &mut self.engines[e];
+        waiting.retain(|(burst, number)| {
             let is_known = burst.has_come(self.now);
             if is_known {
                 let from = RECORDS + self.entries[*number].record * bytes;
-                self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + bytes, &self.records[number]);
+                self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + bytes, &records[number]);
             }
             !is_known
         });
     }
 
-    fn raster(&mut self) -> Act {
-        self.pass_over();
-        if !self.fill.begun
-            && let Some(&number) = self.listed.front(self.now)
+    fn raster(&mut self, e: usize) -> Act {
+        self.pass_over(e);
+        if !self.engines[e].fill.begun
+            && let Some(&number) = self.engines[e].listed.front(self.now)
         {
-            self.looked_at = number;
+            self.engines[e].looked_at = number;
             let Entry { drawn, stamps, .. } = self.entries[number];
-            if self.has_stopped(drawn) {
-                self.listed.pop();
-                self.fill.left.clear();
-                self.leave_out_stamps(drawn, stamps);
-                self.fill.dropped += 1;
+            if self.has_stopped(e, drawn) {
+                self.engines[e].listed.pop();
+                self.engines[e].fill.left.clear();
+                self.leave_out_stamps(e, drawn, stamps);
+                self.engines[e].fill.dropped += 1;
                 return Act::Take(1);
             }
         }
-        let act = self.fill.raster(self.now, &mut self.listed, |number| {
+        let Engine { fill, listed, records, .. } = &mut self.engines[e];
+        let act = fill.raster(self.now, listed, |number| {
             let Entry { splat, corner, drawn, .. } = self.entries[*number];
             let last = corner.map(|at| at + self.timing.timing.tile.side_px as usize - 1);
-            self.records[number].has_come(self.now).then(|| {
+            records[number].has_come(self.now).then(|| {
                 let mut stamps = stamps_of(self.timing, self.scene, splat, [corner, last]);
                 stamps.iter_mut().for_each(|stamp| stamp.tile = drawn);
                 stamps
             })
         });
-        self.count_stamps();
+        self.count_stamps(e);
         act
     }
 
     /// What is left of a footprint that was begun is passed over in no time, if all of it has stopped.
-    fn pass_over(&mut self) {
-        if self.fill.begun {
-            self.fill.pass_over(self.now);
-            self.fill.begun = !self.fill.left.is_empty();
-            self.count_stamps();
+    fn pass_over(&mut self, e: usize) {
+        let fill = &mut self.engines[e].fill;
+        if fill.begun {
+            fill.pass_over(self.now);
+            fill.begun = !fill.left.is_empty();
+            self.count_stamps(e);
         }
     }
 
     /// Those of the footprint that raster looks at.
-    fn count_stamps(&mut self) {
-        let [passed, left_out] = std::mem::take(&mut self.fill.decided);
-        let tile = self.entries.get(self.looked_at).map_or(0, |entry| entry.drawn);
+    fn count_stamps(&mut self, e: usize) {
+        let [passed, left_out] = std::mem::take(&mut self.engines[e].fill.decided);
+        let tile = self.entries.get(self.engines[e].looked_at).map_or(0, |entry| entry.drawn);
         if left_out > 0 {
-            self.leave_out_stamps(tile, left_out);
+            self.leave_out_stamps(e, tile, left_out);
         }
         if passed > 0 {
             self.tiles[tile].under_way += passed;
         }
     }
 
-    fn gauss(&mut self) -> Act {
-        self.fill.gauss(self.now)
+    fn fragment(&mut self, e: usize) {
+        let (now, buffers) = (self.now, self.buffers());
+        let Engine { fill, merge, taken, resolved, .. } = &mut self.engines[e];
+        let stamp = fill.weighted.front(now);
+        let reason = stamp.map_or(Act::Starve, |stamp| {
+            let turn = taken.iter().position(|tile| *tile == stamp.tile).expect("a tile that was taken");
+            let before = turn.checked_sub(buffers);
+            let has_buffer = before.is_none_or(|turn| resolved.get(turn).is_some_and(|at| *at <= now));
+            if has_buffer { Act::Take(1) } else { Act::Block }
+        });
+        if merge.fragment(now, stamp, reason) {
+            fill.weighted.pop();
+        }
+        self.note_written(e);
     }
 
-    fn fragment(&mut self) -> Act {
-        let Some(stamp) = self.fill.weighted.front(self.now) else { return Act::Starve };
-        let before = stamp.tile.checked_sub(self.buffers());
-        let has_buffer = before.is_none_or(|tile| self.resolved.get(tile).is_some_and(|at| *at <= self.now));
-        if !has_buffer || !self.merge.may_take(self.now, stamp) {
-            return Act::Block;
-        }
-        let stamp = self.fill.weighted.pop();
-        let [cycles, written] = self.merge.take(self.now, &stamp);
-        let tile = &mut self.tiles[stamp.tile];
-        tile.left -= 1;
-        tile.under_way -= 1;
-        tile.last = tile.last.max(written);
-        for pixel in stamp.stops.iter().filter(|pixel| stamp.pixels.contains(pixel)) {
-            self.fill.stopped[*pixel] = self.fill.stopped[*pixel].min(written);
-        }
-        Act::Take(cycles)
-    }
-
-    fn resolve(&mut self) -> Act {
-        let tile = self.resolved.len();
-        let Some(&Tile { corner, place, left, last, under_way, .. }) = self.tiles.get(tile) else { return Act::Starve };
-        let is_through = left == 0 || self.has_stopped(tile);
-        if !is_through || under_way > 0 || last > self.now || !self.sorted {
-            return Act::Starve;
-        }
-        let [cycles, shades] = resolve_cycles(self.timing, self.scene, corner, [self.timing.timing.tile.side_px as usize; 2]);
-        let mut done = self.now + cycles + u64::from(self.timing.resolve.latency);
-        if shades > 0 {
-            let work = (self.now, shades * u64::from(self.timing.shade.interval));
-            if self.buffers() == 2 {
-                self.to_light.push_back(work)
-            } else {
-                self.merge.to_shade.push_back(work)
+    fn note_written(&mut self, e: usize) {
+        let Engine { fill, merge, .. } = &mut self.engines[e];
+        for (stamp, written) in merge.written.drain(..) {
+            let tile = &mut self.tiles[stamp.tile];
+            tile.left -= 1;
+            tile.under_way -= 1;
+            tile.last = tile.last.max(written);
+            for pixel in stamp.stops.iter().filter(|pixel| stamp.pixels.contains(pixel)) {
+                fill.stopped[*pixel] = fill.stopped[*pixel].min(written);
             }
+        }
+    }
+
+    /// The tile that an engine resolves next: if it is the only one, maybe before its list has begun.
+    fn next_resolved(&self, e: usize) -> Option<usize> {
+        let Engine { taken, resolved, .. } = &self.engines[e];
+        let in_turn = if self.engines.len() == 1 { &self.in_turn } else { taken };
+        in_turn.get(resolved.len()).copied().filter(|_| self.now >= self.from)
+    }
+
+    fn resolve_reason(&self, e: usize) -> Act {
+        let Some(tile) = self.next_resolved(e) else { return Act::Starve };
+        let Tile { left, last, under_way, .. } = self.tiles[tile];
+        let is_through = left == 0 || self.has_stopped(e, tile);
+        if !is_through || under_way > 0 || last > self.now { Act::Starve } else { Act::Take(1) }
+    }
+
+    fn resolve(&mut self, e: usize) {
+        let reason = self.resolve_reason(e);
+        let (tile, mut cycles, mut shades) = (self.next_resolved(e), Vec::new(), 0);
+        if reason == Act::Take(1) {
+            let corner = self.tiles[tile.expect("a tile")].corner;
+            (cycles, shades) = resolve_cycles(self.timing, self.scene, corner, [self.timing.timing.tile.side_px as usize; 2]);
+        }
+        if !resolve(&mut self.engines[e].resolve, self.now, reason, &cycles) {
+            return;
+        }
+        let tile = tile.expect("a tile");
+        let mut done = self.now + cycles.iter().max().expect("a unit") + u64::from(self.timing.resolve.latency);
+        let work = light(self.timing, self.now, shades);
+        if self.buffers() == 2 {
+            self.engines[e].to_light.extend(work);
+        } else {
+            self.engines[e].merge.to_shade.extend(work);
+        }
+        if shades > 0 {
             done += u64::from(self.timing.shade.latency);
         }
-        self.resolved.push(done);
-        self.write_words(done, place);
-        self.leave_out(done);
-        Act::Take(cycles)
+        self.engines[e].resolved.push(done);
+        self.write_words(done, self.tiles[tile].place);
+        self.leave_out(done, tile + 1);
     }
 
-    fn shade(&mut self) -> Act {
-        self.merge.shade(self.now)
-    }
-
-    fn light(&mut self) -> Act {
-        match self.to_light.front() {
-            Some(&(here, cycles)) if here <= self.now => {
-                self.to_light.pop_front();
-                Act::Take(cycles)
-            }
-            _ => Act::Starve,
+    fn light(&mut self, e: usize) -> Act {
+        let now = self.now;
+        match self.engines[e].to_light.pop_front_if(|(here, ..)| *here <= now) {
+            Some((_, cycles, _)) => Act::Take(cycles),
+            None => Act::Starve,
         }
     }
 
     fn tick(&mut self) {
         let now = self.now;
+        for e in 0..self.engines.len() {
+            self.engines[e].merge.begin_tick(now);
+            self.note_written(e);
+        }
         self.setup.tick(&mut self.memory);
         turn(self, now, |m| &mut m.bin, Self::bin);
         self.flush();
         self.move_part();
         turn(self, now, |m| &mut m.sort, Self::sort);
         self.move_part();
-        turn(self, now, |m| &mut m.list, Self::list);
-        self.read_records();
-        turn(self, now, |m| &mut m.fill.raster, Self::raster);
-        turn(self, now, |m| &mut m.fill.gauss, Self::gauss);
-        turn(self, now, |m| &mut m.merge.fragment, Self::fragment);
-        turn(self, now, |m| &mut m.resolve, Self::resolve);
-        turn(self, now, |m| &mut m.merge.shade, Self::shade);
-        turn(self, now, |m| &mut m.lit, Self::light);
+        for e in 0..self.engines.len() {
+            turn(self, now, |m| &mut m.engines[e].list, |m| m.list(e));
+        }
+        for e in 0..self.engines.len() {
+            self.read_records(e);
+            turn(self, now, |m| &mut m.engines[e].fill.raster, |m| m.raster(e));
+            turn(self, now, |m| &mut m.engines[e].fill.gauss, |m| m.engines[e].fill.gauss(now));
+            self.fragment(e);
+            self.resolve(e);
+            turn(self, now, |m| &mut m.engines[e].merge.shade, |m| m.engines[e].merge.shade(now));
+            turn(self, now, |m| &mut m.engines[e].lit, |m| m.light(e));
+        }
         self.memory.tick(now);
         self.setup.end_tick();
-        self.listed.tick();
-        self.fill.end_tick();
+        for engine in &mut self.engines {
+            engine.listed.tick();
+            engine.fill.end_tick();
+        }
         self.now += 1;
     }
 
     fn is_done(&mut self) -> bool {
-        self.pass_over();
+        (0..self.engines.len()).for_each(|e| self.pass_over(e));
         self.sorted
             && self.setup.is_done()
-            && self.next == self.entries.len()
-            && self.listed.items.is_empty()
-            && self.fill.is_done(self.now)
-            && self.merge.is_done(self.now)
-            && self.resolved.len() == self.tiles.len()
-            && self.to_light.is_empty()
-            && [&self.bin, &self.list, &self.resolve, &self.lit].iter().all(|unit| unit.is_idle(self.now))
+            && self.queue.is_empty()
+            && self.engines.iter().all(|engine| engine.is_done(self.now))
+            && self.bin.is_idle(self.now)
             && self.words.have_all_come(self.now)
     }
 }
@@ -518,11 +623,18 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
-    let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, .. } = machine;
-    let stamps = fill.taken();
-    let lit = if timing.timing.tile.buffers == 2 { vec![lit] } else { Vec::new() };
+    let Machine { memory, setup, bin, engines, .. } = machine;
+    let stamps = engines.iter().map(|engine| engine.fill.taken()).fold([0; 2], |[all, kept], [more, more_kept]| [all + more, kept + more_kept]);
     let (setup, shade) = setup.units();
-    let second = [fill.units(), vec![merge.fragment, shade.unwrap_or(merge.shade)], lit, vec![resolve]].concat();
-    let units = [setup, vec![bin], sort, vec![list.before(listed)], second].concat();
+    let mut second: Vec<Unit> = engines.into_iter().zip(0..).flat_map(|(engine, nth)| engine.units(timing, nth)).collect();
+    if let Some(shade) = shade {
+        // It is the only one that ever shades.
+        let at = second.iter().position(|unit| unit.name == "shade").expect("shade");
+        second[at] = shade;
+        second.retain(|unit| unit.name != "shade" || unit.others == 0);
+    }
+    let place = |unit: &Unit| ["list", "raster", "gauss", "fragment", "shade", "resolve-shade", "resolve"].iter().position(|name| *name == unit.name);
+    second.sort_by_key(place);
+    let units = [setup, vec![bin], sort, second].concat();
     Ticked { total, units, lookups: [0; 2], stamps, traffic: memory.traffic }
 }

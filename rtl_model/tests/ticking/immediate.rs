@@ -4,11 +4,11 @@
 //! within a cycle does not matter.
 
 use super::memory::{Done, LINES, Memory, Requests, WORDS};
-use super::parts::{Act, Fill, Link, Merge, SetUp, Stamp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
+use super::parts::{Act, Fill, Link, Merge, SetUp, Stamp, Ticked, Unit, light, places, resolve, resolve_cycles, run, stamps_of, turn};
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{Client, Direction};
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
 /// A line in the cache.
@@ -34,7 +34,8 @@ struct Lines {
     ways: usize,
     line_bytes: u64,
     clock: u64,
-    written_back: BTreeSet<usize>,
+    /// Lines that have left, and the stamps that had used each.
+    written_back: BTreeMap<usize, Vec<usize>>,
     touched: BTreeSet<usize>,
     reads: Requests,
     /// The stamps that used the line that left for the look-up that is not over yet.
@@ -53,13 +54,13 @@ impl Lines {
         if found.is_none() && set.len() == self.ways {
             let oldest = (0..set.len()).min_by_key(|way| set[*way].used).expect("a way");
             let victim = set.swap_remove(oldest);
-            self.written_back.insert(victim.line);
             // A stamp cannot wait for itself.
             self.before = victim.users.into_iter().filter(|user| *user != stamp).collect();
+            self.written_back.insert(victim.line, self.before.clone());
             let stamps = self.before.clone();
             self.held_up.push(HeldUp { client: Client::FrameWrite, line: victim.line, stamps, done: Done::default() });
         }
-        let must_read = found.is_none() && self.written_back.contains(&line);
+        let must_read = found.is_none() && self.written_back.contains_key(&line);
         if must_read && !self.reads.is_free(now) {
             return None;
         }
@@ -75,7 +76,9 @@ impl Lines {
             }
             return Some(way.read.clone());
         }
-        let stamps = std::mem::take(&mut self.before);
+        let mut stamps = std::mem::take(&mut self.before);
+        // What has not left yet cannot come back.
+        stamps.extend(self.written_back.get(&line).into_iter().flatten());
         let read = must_read.then(|| {
             let done = self.reads.next();
             self.held_up.push(HeldUp { client: Client::FrameRead, line, stamps, done: done.clone() });
@@ -93,8 +96,7 @@ impl Lines {
 
     /// Asks for what is no longer held up.
     fn send(&mut self, now: u64, memory: &mut Memory, written: &[Option<u64>]) {
-        // The last stamp is written last.
-        let is_held_up = |of: &HeldUp| !of.stamps.iter().rev().all(|stamp| written[*stamp].is_some_and(|at| at <= now));
+        let is_held_up = |of: &HeldUp| !of.stamps.iter().all(|stamp| written[*stamp].is_some_and(|at| at <= now));
         for HeldUp { client, line, done, .. } in self.held_up.extract_if(.., |of| !is_held_up(of)).collect::<Vec<_>>() {
             let direction = if client == Client::FrameRead { Direction::Read } else { Direction::Write };
             memory.ask(now, client, direction, self.bytes(line), &done);
@@ -130,8 +132,9 @@ struct Machine<'a> {
     merge: Merge,
     /// When each stamp is written, and when those that were taken all are.
     written: Vec<Option<u64>>,
+    taken: usize,
     all_written: u64,
-    resolve: Unit,
+    resolve: Vec<Unit>,
     /// For each line of the picture its read, if it has one; known when resolve begins. Those that are still to be asked for.
     line_reads: Option<Vec<Option<Done>>>,
     to_read: VecDeque<usize>,
@@ -161,7 +164,7 @@ impl<'a> Machine<'a> {
                 ways: t.cache.ways as usize,
                 line_bytes: timing.line_bytes.into(),
                 clock: 0,
-                written_back: BTreeSet::new(),
+                written_back: BTreeMap::new(),
                 touched: BTreeSet::new(),
                 reads: Requests::new(t.cache.misses),
                 before: Vec::new(),
@@ -172,8 +175,9 @@ impl<'a> Machine<'a> {
             looked_up: Link::new(places(timing.cache)),
             merge: Merge::new(timing, scene),
             written: vec![None; expected],
+            taken: 0,
             all_written: 0,
-            resolve: Unit::new("resolve", 1),
+            resolve: Unit::each("resolve", timing.resolve.units),
             line_reads: None,
             to_read: VecDeque::new(),
             reads: Requests::new(t.memory.outstanding),
@@ -222,19 +226,25 @@ impl<'a> Machine<'a> {
         }
     }
 
-    fn fragment(&mut self) -> Act {
-        let Some((stamp, reads)) = self.looked_up.front(self.now) else { return Act::Starve };
-        if !reads.iter().all(|read| read.has_come(self.now)) {
-            return Act::Wait;
+    fn fragment(&mut self) {
+        let first = self.looked_up.front(self.now);
+        let reason = match first {
+            None => Act::Starve,
+            Some((_, reads)) if !reads.iter().all(|read| read.has_come(self.now)) => Act::Wait,
+            Some(_) => Act::Take(1),
+        };
+        if self.merge.fragment(self.now, first.map(|(stamp, _)| stamp), reason) {
+            self.looked_up.pop();
+            self.taken += 1;
         }
-        if !self.merge.may_take(self.now, stamp) {
-            return Act::Block;
+        self.note_written();
+    }
+
+    fn note_written(&mut self) {
+        for (stamp, written) in self.merge.written.drain(..) {
+            self.all_written = self.all_written.max(written);
+            self.written[stamp.number] = Some(written);
         }
-        let (stamp, _) = self.looked_up.pop();
-        let [cycles, written] = self.merge.take(self.now, &stamp);
-        self.all_written = written;
-        self.written[stamp.number] = Some(written);
-        Act::Take(cycles)
     }
 
     fn lines_across_and_down(&self) -> [usize; 2] {
@@ -244,7 +254,7 @@ impl<'a> Machine<'a> {
 
     /// Once the last stamp is written, what resolve needs is read, whatever it does itself.
     fn read_lines(&mut self) {
-        if self.merge.fragment.log.len() < self.expected || self.all_written > self.now {
+        if self.taken < self.expected || self.merge.is_waiting() || self.all_written > self.now {
             return;
         }
         let [across, down] = self.lines_across_and_down();
@@ -263,22 +273,29 @@ impl<'a> Machine<'a> {
         }
     }
 
-    fn resolve(&mut self) -> Act {
-        let line = self.resolve.log.len();
+    fn resolve_reason(&self, line: usize) -> Act {
         let [across, down] = self.lines_across_and_down();
-        let Some(reads) = &self.line_reads else { return Act::Starve };
-        if line == across * down {
-            return Act::Starve;
+        match &self.line_reads {
+            None => Act::Starve,
+            Some(_) if line == across * down => Act::Starve,
+            Some(reads) if reads[line].as_ref().is_some_and(|read| !read.has_come(self.now)) => Act::Wait,
+            Some(_) => Act::Take(1),
         }
-        if reads[line].as_ref().is_some_and(|read| !read.has_come(self.now)) {
-            return Act::Wait;
-        }
+    }
+
+    fn resolve(&mut self) {
+        let line = self.resolve[0].log.len();
+        let [across, _] = self.lines_across_and_down();
         let size = self.timing.timing.cache.line_px.map(|size| size as usize);
         let corner = [line % across * size[0], line / across * size[1]];
-        let [cycles, shades] = resolve_cycles(self.timing, self.scene, corner, size);
-        let mut written = self.now + cycles + u64::from(self.timing.resolve.latency);
+        let reason = self.resolve_reason(line);
+        let (cycles, shades) = if reason == Act::Take(1) { resolve_cycles(self.timing, self.scene, corner, size) } else { (Vec::new(), 0) };
+        if !resolve(&mut self.resolve, self.now, reason, &cycles) {
+            return;
+        }
+        let mut written = self.now + cycles.iter().max().expect("a unit") + u64::from(self.timing.resolve.latency);
+        self.merge.to_shade.extend(light(self.timing, self.now, shades));
         if shades > 0 {
-            self.merge.to_shade.push_back((self.now, shades * u64::from(self.timing.shade.interval)));
             written += u64::from(self.timing.shade.latency);
         }
         let [width, height] = [self.scene.width, self.scene.height].map(|size| size as usize);
@@ -286,7 +303,6 @@ impl<'a> Machine<'a> {
         let [from, bytes] = [line * size[0] * size[1], inside].map(|words| words as u64 * u64::from(self.timing.frame_bytes));
         let words = WORDS + from..WORDS + from + bytes;
         self.memory.ask(written, Client::FrameWrite, Direction::Write, words, &self.words.next());
-        Act::Take(cycles)
     }
 
     fn shade(&mut self) -> Act {
@@ -295,14 +311,16 @@ impl<'a> Machine<'a> {
 
     fn tick(&mut self) {
         let now = self.now;
+        self.merge.begin_tick(now);
+        self.note_written();
         self.setup.tick(&mut self.memory);
         turn(self, now, |m| &mut m.fill.raster, Self::raster);
         turn(self, now, |m| &mut m.fill.gauss, Self::gauss);
         self.cache();
         self.lines.send(now, &mut self.memory, &self.written);
-        turn(self, now, |m| &mut m.merge.fragment, Self::fragment);
+        self.fragment();
         self.read_lines();
-        turn(self, now, |m| &mut m.resolve, Self::resolve);
+        self.resolve();
         turn(self, now, |m| &mut m.merge.shade, Self::shade);
         self.memory.tick(now);
         self.setup.end_tick();
@@ -313,14 +331,14 @@ impl<'a> Machine<'a> {
 
     fn is_done(&mut self) -> bool {
         let [across, down] = self.lines_across_and_down();
-        self.resolve.log.len() == across * down
+        self.resolve[0].log.len() == across * down
             && self.setup.is_done()
             && self.fill.is_done(self.now)
             && self.looking.is_none()
             && self.looked_up.items.is_empty()
             && self.merge.is_done(self.now)
-            && self.merge.fragment.log.len() == self.expected
-            && self.resolve.is_idle(self.now)
+            && self.taken == self.expected
+            && self.resolve.iter().all(|unit| unit.is_idle(self.now))
             && self.words.have_all_come(self.now)
     }
 }
@@ -332,6 +350,7 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let Machine { memory, setup, fill, cache, lines, looked_up, merge, resolve, .. } = machine;
     let stamps = fill.taken();
     let (setup, shade) = setup.units();
-    let units = [setup, fill.units(), vec![cache.before(looked_up), merge.fragment, shade.unwrap_or(merge.shade), resolve]].concat();
+    let (fragment, of_fragments) = merge.units();
+    let units = [setup, fill.units(), vec![cache.before(looked_up)], fragment, vec![shade.unwrap_or(of_fragments)], resolve].concat();
     Ticked { total, units, lookups: lines.lookups, stamps, traffic: memory.traffic }
 }

@@ -5,7 +5,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
 use rtl_model::machine::timing::{
-    Cache, Colour, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Technology, Timing,
+    Cache, Colour, DEFAULT, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Technology, Timing,
 };
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
@@ -76,9 +76,9 @@ pub fn random(rng: &mut Rng) -> Timing {
             latency: to(rng, 4),
             fifo: to(rng, 6),
         },
-        fragment: Fragment { latency: Some(to(rng, 9)), hazard: Some(to(rng, 9)), merge: rng.below(4) as u32 },
-        shade: Shade { latency: Some(to(rng, 9)), interval: to(rng, 3) },
-        resolve: Resolve { latency: Some(to(rng, 9)), interval: to(rng, 3) },
+        fragment: Fragment { latency: Some(to(rng, 9)), hazard: Some(to(rng, 9)), merge: rng.below(4) as u32, ..DEFAULT.fragment },
+        shade: Shade { units: None, latency: Some(to(rng, 9)), interval: to(rng, 3) },
+        resolve: Resolve { units: None, latency: Some(to(rng, 9)), interval: to(rng, 3) },
         memory: {
             let outstanding = match rng.below(3) {
                 0 => 1 << 16,

@@ -5,7 +5,7 @@ use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
 use rtl_model::timing::{Account, Client, Direction};
 use rtl_model::work::{Event, Fate};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::RangeInclusive;
 
 /// One of several side by side.
@@ -21,6 +21,8 @@ pub struct Side {
 #[derive(Clone, Debug)]
 pub struct Unit {
     pub name: &'static str,
+    /// How many of the same name come before its sides.
+    pub others: u32,
     pub sides: Vec<Side>,
     pub log: Vec<u64>,
     /// How full it was behind it.
@@ -50,7 +52,17 @@ pub enum Act {
 
 impl Unit {
     pub fn new(name: &'static str, sides: u32) -> Self {
-        Unit { name, sides: vec![Side::default(); sides as usize], log: Vec::new(), occupancy: Vec::new() }
+        Unit { name, others: 0, sides: vec![Side::default(); sides as usize], log: Vec::new(), occupancy: Vec::new() }
+    }
+
+    /// So many of them, each of one side.
+    pub fn each(name: &'static str, count: u32) -> Vec<Unit> {
+        (0..count).map(|others| Unit { others, ..Unit::new(name, 1) }).collect()
+    }
+
+    /// That of an engine, each of which has as many.
+    pub fn of_engine(self, engine: u32, each: u32) -> Self {
+        Unit { others: engine * each + self.others, ..self }
     }
 
     /// In the end it takes over what its FIFO counted.
@@ -147,8 +159,8 @@ pub struct Stamp {
     pub tested: Vec<usize>,
     /// Those that stop with it.
     pub stops: Vec<usize>,
-    pub merges: u64,
-    pub shades: Vec<u64>,
+    /// Those in which fragments merge, and how many are shaded for that.
+    pub merged: Vec<(usize, u64)>,
     /// Lines in the order in which pixels meet them.
     pub lines: Vec<usize>,
     /// Among those that reach the fragment unit.
@@ -188,8 +200,7 @@ pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first
                         stamp.stops.push(pixel);
                     }
                     if let Event::Merged(shades) = event {
-                        stamp.merges += 1;
-                        stamp.shades.push(u64::from(shades));
+                        stamp.merged.push((pixel, u64::from(shades)));
                     }
                     let line = y / line_height * lines_across + x / line_width;
                     if !stamp.lines.contains(&line) {
@@ -225,7 +236,7 @@ pub fn run<M>(machine: &mut M, tick: fn(&mut M), is_done: fn(&mut M) -> bool) ->
 }
 
 /// Every side of a unit gets its chance.
-pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, mut act: impl FnMut(&mut M) -> Act) {
+pub fn turn<M>(machine: &mut M, now: u64, unit: impl Fn(&mut M) -> &mut Unit, mut act: impl FnMut(&mut M) -> Act) {
     let mut reason = Act::Starve;
     for _ in 0..unit(machine).sides.len() {
         if !unit(machine).is_free(now) {
@@ -540,53 +551,149 @@ impl Fill {
     }
 }
 
-/// Fragment, and the light for its merges.
+/// A stamp that merges in a unit: those of its pixels that are this unit's.
+struct Merging {
+    number: usize,
+    pixels: Vec<usize>,
+    merges: u64,
+    /// Fragments that shade has not taken yet, and when the last that it took is lit.
+    left: u64,
+    lit: u64,
+}
+
+/// A fragment unit, with what is merged beside it, the oldest first, and when that one is through: known once it is lit.
+struct OfPixels {
+    unit: Unit,
+    merging: VecDeque<Merging>,
+    through: Option<u64>,
+}
+
+/// Fragment units, and the light for their merges.
 pub struct Merge {
     fragment_latency: u64,
     shade_pace: Pace,
     merge: u64,
+    in_flight: usize,
     hazard: u64,
-    pub fragment: Unit,
+    width: usize,
+    columns: usize,
+    units: Vec<OfPixels>,
     /// From when on each pixel can be taken again.
     pixel_free: Vec<u64>,
     pub shade: Unit,
-    /// Work for the shade unit, from which cycle on, and for how long.
-    pub to_shade: VecDeque<(u64, u64)>,
+    /// Work for shade units: from which cycle on, for how long, and for which fragment unit.
+    pub to_shade: VecDeque<(u64, u64, Option<usize>)>,
+    /// By number: stamps that are not written yet, for how many units they wait, and when the others have written them.
+    waiting: BTreeMap<usize, (Stamp, usize, u64)>,
+    /// Those that all units are through with since this was asked last, and when they are written.
+    pub written: Vec<(Stamp, u64)>,
 }
 
 impl Merge {
     pub fn new(timing: &Microarchitecture, scene: &Scene) -> Self {
+        let units = Unit::each("fragment", timing.fragment.units).into_iter();
         Merge {
             fragment_latency: timing.fragment.latency.into(),
             shade_pace: timing.shade,
             merge: timing.timing.fragment.merge.into(),
+            in_flight: timing.timing.fragment.merges_in_flight.unwrap_or(1) as usize,
             hazard: timing.hazard.into(),
-            fragment: Unit::new("fragment", 1),
+            width: scene.width as usize,
+            columns: timing.timing.raster.lanes[0] as usize,
+            units: units.map(|unit| OfPixels { unit, merging: VecDeque::new(), through: None }).collect(),
             pixel_free: vec![0; (scene.width * scene.height) as usize],
-            shade: Unit::new("shade", 1),
+            shade: Unit::new("shade", timing.shade.units),
             to_shade: VecDeque::new(),
+            waiting: BTreeMap::new(),
+            written: Vec::new(),
         }
     }
 
-    pub fn may_take(&self, now: u64, stamp: &Stamp) -> bool {
-        stamp.pixels.iter().all(|pixel| self.pixel_free[*pixel] <= now)
+    /// Whose a pixel is.
+    fn owner(&self, pixel: usize) -> usize {
+        (pixel % self.width + pixel / self.width * self.columns) % self.units.len()
     }
 
-    /// Takes a stamp: for how long, and when it is written.
-    pub fn take(&mut self, now: u64, stamp: &Stamp) -> [u64; 2] {
-        let shades: u64 = stamp.shades.iter().sum();
-        let [latency, interval] = [self.shade_pace.latency, self.shade_pace.interval].map(u64::from);
-        let cycles = 1 + stamp.merges * self.merge + if shades > 0 { latency + (shades - 1) * interval } else { 0 };
-        let last = now + cycles - 1;
-        stamp.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = last + self.hazard);
-        self.to_shade.extend((0..shades).map(|_| (now + 1, interval)));
-        [cycles, last + self.fragment_latency]
+    /// Before anything else happens in a cycle: what is lit is merged, in its turn.
+    pub fn begin_tick(&mut self, now: u64) {
+        for of in 0..self.units.len() {
+            loop {
+                let merge = self.merge;
+                let OfPixels { unit, merging, through } = &mut self.units[of];
+                let Some(first) = merging.front().filter(|first| first.left == 0 && first.lit <= now) else { break };
+                if *through.get_or_insert(now + first.merges * merge) > now {
+                    break;
+                }
+                *through = None;
+                let first = merging.pop_front().expect("the first");
+                debug_assert!(unit.sides.len() == 1);
+                first.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = now - 1 + self.hazard);
+                self.part_written(first.number, now - 1 + self.fragment_latency);
+            }
+            let OfPixels { unit, merging, .. } = &mut self.units[of];
+            if merging.len() >= self.in_flight {
+                unit.sides[0].until = unit.sides[0].until.max(now + 1);
+            }
+        }
+    }
+
+    fn part_written(&mut self, number: usize, when: u64) {
+        let (_, left, last) = self.waiting.get_mut(&number).expect("a stamp");
+        *left -= 1;
+        *last = when.max(*last);
+        if *left == 0 {
+            let (stamp, _, last) = self.waiting.remove(&number).expect("a stamp");
+            self.written.push((stamp, last));
+        }
+    }
+
+    /// Looks at the first stamp that waits, if one is here, and takes it if nothing but the units and its pixels stands in the way.
+    pub fn fragment(&mut self, now: u64, stamp: Option<&Stamp>, reason: Act) -> bool {
+        let has = |of: usize| {
+            let pixels = |stamp: &Stamp| stamp.pixels.iter().copied().chain(stamp.merged.iter().map(|(pixel, _)| *pixel)).collect::<Vec<_>>();
+            stamp.is_some_and(|stamp| pixels(stamp).into_iter().any(|pixel| self.owner(pixel) == of))
+        };
+        let owners: Vec<usize> = (0..self.units.len()).filter(|of| has(*of)).collect();
+        let can = |stamp: &Stamp| {
+            owners.iter().all(|of| self.units[*of].unit.is_free(now)) && stamp.pixels.iter().all(|pixel| self.pixel_free[*pixel] <= now)
+        };
+        let taken = matches!(reason, Act::Take(_)) && stamp.is_some_and(can);
+        let reason = if matches!(reason, Act::Take(_)) { Act::Block } else { reason };
+        if taken {
+            self.take(now, stamp.expect("a stamp"), &owners);
+        }
+        for (of, unit) in self.units.iter_mut().enumerate() {
+            unit.unit.count(now, if owners.contains(&of) { reason } else { Act::Starve });
+        }
+        taken
+    }
+
+    fn take(&mut self, now: u64, stamp: &Stamp, owners: &[usize]) {
+        self.waiting.insert(stamp.number, (stamp.clone(), owners.len(), 0));
+        for of in owners.iter().copied() {
+            let pixels: Vec<usize> = stamp.pixels.iter().copied().filter(|pixel| self.owner(*pixel) == of).collect();
+            let merged: Vec<u64> = stamp.merged.iter().filter(|(pixel, _)| self.owner(*pixel) == of).map(|(_, shades)| *shades).collect();
+            self.units[of].unit.take(now, 1);
+            if merged.is_empty() {
+                pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = now + self.hazard);
+                self.part_written(stamp.number, now + self.fragment_latency);
+                continue;
+            }
+            let (left, merges) = (merged.iter().sum(), merged.len() as u64);
+            pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = u64::MAX);
+            self.to_shade.extend((0..left).map(|_| (now + 1, self.shade_pace.interval.into(), Some(of))));
+            self.units[of].merging.push_back(Merging { number: stamp.number, pixels, merges, left, lit: now + 1 });
+        }
     }
 
     pub fn shade(&mut self, now: u64) -> Act {
         match self.to_shade.front() {
-            Some(&(here, cycles)) if here <= now => {
+            Some(&(here, cycles, owner)) if here <= now => {
                 self.to_shade.pop_front();
+                if let Some(owner) = owner {
+                    let of = self.units[owner].merging.iter_mut().find(|merging| merging.left > 0).expect("who waits for light");
+                    (of.left, of.lit) = (of.left - 1, now + u64::from(self.shade_pace.latency));
+                }
                 Act::Take(cycles)
             }
             _ => Act::Starve,
@@ -594,23 +701,56 @@ impl Merge {
     }
 
     pub fn is_done(&self, now: u64) -> bool {
-        self.to_shade.is_empty() && self.fragment.is_idle(now) && self.shade.is_idle(now)
+        let are_idle = self.units.iter().all(|of| of.merging.is_empty() && of.unit.is_idle(now));
+        self.to_shade.is_empty() && are_idle && self.written.is_empty() && self.shade.is_idle(now)
+    }
+
+    /// Stamps that were taken and that all units are not through with.
+    pub fn is_waiting(&self) -> bool {
+        !self.waiting.is_empty()
+    }
+
+    pub fn units(self) -> (Vec<Unit>, Unit) {
+        (self.units.into_iter().map(|of| of.unit).collect(), self.shade)
     }
 }
 
-/// For how long pixels hold resolve, and how many fragments are shaded for that.
-pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> [u64; 2] {
+/// Shares so many fragments out among the shade units, of a resolve that begins now.
+pub fn light(timing: &Microarchitecture, now: u64, shades: u64) -> Vec<(u64, u64, Option<usize>)> {
+    let mut shares = vec![0; timing.shade.units as usize];
+    (0..shades as usize).for_each(|nth| shares[nth % timing.shade.units as usize] += u64::from(timing.shade.interval));
+    shares.into_iter().filter(|share| *share > 0).map(|share| (now, share, None)).collect()
+}
+
+/// For how long pixels hold each resolve unit, and how many fragments are shaded for that.
+pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> (Vec<u64>, u64) {
     let [width, height] = [scene.width, scene.height].map(|size| size as usize);
-    let [mut cycles, mut shades] = [0; 2];
+    let mut held = vec![0; timing.resolve.units as usize];
+    let mut shades = 0;
+    let shaders = u64::from(timing.shade.units);
+    // So many at a time.
+    let light = |fragments: u64| (fragments + shaders - 1) / shaders * u64::from(timing.shade.interval);
     for y in top..height.min(top + rows) {
         for x in left..width.min(left + columns) {
             let end = scene.ends[y * width + x];
             let [lit, unlit] = [end.lit, end.unlit].map(u64::from);
-            // All come through one port, one after the other; light comes in its own time.
-            let light = unlit * u64::from(timing.shade.interval);
-            cycles += [lit + unlit, light, timing.resolve.interval.into()].into_iter().max().expect("three");
+            // All come through one port, one after the other; light comes in its own time. Whoever is free first takes the pixel.
+            let first = (0..held.len()).min_by_key(|unit| held[*unit]).expect("a unit");
+            held[first] += [lit + unlit, light(unlit), timing.resolve.interval.into()].into_iter().max().expect("three");
             shades += unlit;
         }
     }
-    [cycles, shades]
+    held.iter_mut().for_each(|cycles| *cycles = light(shades).max(*cycles));
+    (held, shades)
+}
+
+/// What all resolve units do in a cycle, who take what they take together.
+pub fn resolve(units: &mut [Unit], now: u64, reason: Act, cycles: &[u64]) -> bool {
+    let taken = matches!(reason, Act::Take(_)) && units.iter().all(|unit| unit.is_free(now));
+    if taken {
+        units.iter_mut().zip(cycles).for_each(|(unit, cycles)| unit.take(now, *cycles));
+    }
+    let reason = if matches!(reason, Act::Take(_)) { Act::Block } else { reason };
+    units.iter_mut().for_each(|unit| unit.count(now, reason));
+    taken
 }
