@@ -13,7 +13,7 @@ use crate::performance::clock;
 use crate::performance::cost::{CostReport, Prices};
 use rayon::prelude::*;
 use rtl_model::Machine;
-use rtl_model::machine::timing::{Colour, Organisation, Timing};
+use rtl_model::machine::timing::{Colour, Organisation, Queue, Timing};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{self, Cycles, Detail};
 use rtl_model::work::Work;
@@ -23,6 +23,9 @@ use serde_json::{Value, json};
 
 /// Answers that are told, at most.
 const MOST: usize = 5;
+
+/// Every order of tiles.
+const QUEUES: [Queue; 2] = [Queue::Order, Queue::Longest];
 
 /// The least gain that is told, as a part of the frames a second.
 const LEAST_GAIN: f64 = 0.001;
@@ -158,6 +161,8 @@ enum Way {
     Less,
     /// Nobody knows: twice as much, and half.
     Both,
+    /// It has another value.
+    Other,
     /// Another clock, technology or memory chip, not another design.
     Given,
 }
@@ -165,11 +170,11 @@ enum Way {
 /// What is done with the fields of this name, whatever unit has them; none of a name that is new.
 fn way(name: &str) -> Option<Way> {
     Some(match name {
-        "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses" | "bytes_per_cycle" | "outstanding" | "lanes" => {
-            Way::More
-        }
+        "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses" | "bytes_per_cycle" | "outstanding" | "lanes"
+        | "engines" | "merges_in_flight" => Way::More,
         "latency" | "interval" | "hazard" | "merge" => Way::Less,
         "side_px" | "line_px" | "burst_bytes" => Way::Both,
+        "queue" => Way::Other,
         "clock_hz" | "technology" | "organisation" | "ideal" | "hit_latency" | "miss_latency" | "row_bytes" | "banks" => Way::Given,
         _ => return None,
     })
@@ -177,16 +182,19 @@ fn way(name: &str) -> Option<Way> {
 
 /// Every change that is tried, in the order of the description.
 fn candidates(machine: &Elaborated) -> Vec<Candidate> {
-    let timing = json!(filled(machine));
-    let unused = match machine.timing.timing.organisation {
-        Organisation::Binned => "cache",
-        Organisation::Immediate => "tile",
+    let mut timing = json!(filled(machine));
+    timing["queue"] = json!(machine.timing.timing.queue);
+    let unused: &[&str] = match machine.timing.timing.organisation {
+        Organisation::Binned => &["cache"],
+        Organisation::Immediate => &["tile", "engines", "queue"],
     };
     let ways = clock::ways(machine);
     let mut all = Vec::new();
-    for (unit, fields) in timing.as_object().into_iter().flatten().filter(|(unit, _)| *unit != unused) {
-        for (name, from) in fields.as_object().into_iter().flatten() {
-            let field = format!("timing.{unit}.{name}");
+    for (unit, fields) in timing.as_object().into_iter().flatten().filter(|(unit, _)| !unused.contains(&unit.as_str())) {
+        // What is no unit's is a field by itself.
+        let own = [(unit, fields)].into_iter().filter(|(_, value)| !value.is_object());
+        for (name, from) in fields.as_object().into_iter().flatten().chain(own) {
+            let field = if fields.is_object() { format!("timing.{unit}.{name}") } else { format!("timing.{name}") };
             let least = match name.as_str() {
                 "latency" => ways.iter().find(|way| way.name == unit).map_or(1, |way| way.least),
                 "merge" => 0,
@@ -209,13 +217,16 @@ fn others(way: Way, from: &Value, least: u64) -> Vec<Value> {
         };
         return (0..pair.len()).flat_map(|at| others(way, &pair[at], least).into_iter().map(move |value| with(at, value))).collect();
     }
+    if way == Way::Other {
+        return QUEUES.into_iter().map(|queue| json!(queue)).filter(|queue| queue != from).collect();
+    }
     let Some(number) = from.as_u64() else { return Vec::new() };
     let (twice, half) = (number.saturating_mul(2), (number / 2).max(least));
     let mut values = match way {
         Way::More => vec![twice],
         Way::Less => vec![half, least],
         Way::Both => vec![twice, half],
-        Way::Given => Vec::new(),
+        Way::Other | Way::Given => Vec::new(),
     };
     values.retain(|value| *value != number && (way != Way::Less || *value < number));
     values.dedup();
@@ -235,6 +246,11 @@ fn filled(machine: &Elaborated) -> Timing {
         let latency = Some(most.pace.latency);
         timing.colour = Some(Colour { latency, interval: Some(most.pace.interval), ..colour });
     }
+    timing.engines = Some(built.engines);
+    timing.fragment.units = Some(built.fragment.units);
+    timing.fragment.merges_in_flight = Some(built.merges_in_flight);
+    timing.shade.units = Some(built.shade.units);
+    timing.resolve.units = Some(built.resolve.units);
     timing.raster.latency = Some(built.raster.latency);
     timing.gauss.latency = Some(built.gauss.latency);
     timing.fragment.latency = Some(built.fragment.latency);

@@ -22,7 +22,7 @@
 use crate::error::{Error, Result};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::scene::{strict_json, validate};
-use rtl_model::elaboration::microarchitecture::{Fifo, Pace};
+use rtl_model::elaboration::microarchitecture::{Fifo, Pace, Pipeline};
 use rtl_model::elaboration::{Operator, Part, unit};
 use rtl_model::machine::timing::Setup;
 use rtl_model::pipeline::Elaborated;
@@ -242,16 +242,27 @@ fn side_by_side(machine: &Elaborated, unit: &str) -> (u64, Option<u64>) {
             let colour = machine.timing.timing.colour.unwrap_or_default();
             (colour.units.into(), Some(colour.multipliers.into()))
         }
+        "raster" | "gauss" => (machine.timing.engines.into(), None),
+        "fragment" => (u64::from(machine.timing.engines * machine.timing.fragment.units), None),
+        "resolve" => (u64::from(machine.timing.engines * machine.timing.resolve.units), None),
         _ => (1, None),
+    }
+}
+
+/// Copies in one unit of what each of its lanes has: fragment units share those of the rasteriser.
+fn lanes(machine: &Elaborated, part: &Part) -> u64 {
+    match part.unit {
+        _ if !part.per_lane => 1,
+        "fragment" => machine.timing.lanes_of_fragment().into(),
+        _ => machine.timing.timing.raster.lanes.map(u64::from).iter().product(),
     }
 }
 
 /// Bits of the words of a unit.
 fn registers(machine: &Elaborated, unit: &str) -> u64 {
-    let lanes: u64 = machine.timing.timing.raster.lanes.map(u64::from).iter().product();
     let parts = machine.parts.iter().filter(|part| part.unit == unit);
     let bits = |part: &Part| match part.operator {
-        Operator::Register(bits) => u64::from(part.copies) * bits.max(0) as u64 * if part.per_lane { lanes } else { 1 },
+        Operator::Register(bits) => u64::from(part.copies) * bits.max(0) as u64 * lanes(machine, part),
         _ => 0,
     };
     parts.map(bits).sum()
@@ -259,16 +270,15 @@ fn registers(machine: &Elaborated, unit: &str) -> u64 {
 
 /// What units of a name are built of.
 fn built(machine: &Elaborated, unit: &str) -> Bits {
-    let lanes: u64 = machine.timing.timing.raster.lanes.map(u64::from).iter().product();
     let (units, shared) = side_by_side(machine, unit);
     let parts = machine.parts.iter().filter(|part| part.unit == unit);
     let mut bits = Bits::default();
     let mut multipliers = Vec::new();
-    for &Part { operator, copies, per_lane, .. } in parts {
-        let copies = u64::from(copies) * if per_lane { lanes } else { 1 };
-        match operator {
+    for part in parts {
+        let copies = u64::from(part.copies) * lanes(machine, part);
+        match part.operator {
             Operator::Multiplier([a, b]) => multipliers.push((a.max(b), a.min(b), copies)),
-            _ => bits.add(operator, units * copies),
+            operator => bits.add(operator, units * copies),
         }
     }
     // Those that take several products in turn are as wide as the widest.
@@ -280,7 +290,8 @@ fn built(machine: &Elaborated, unit: &str) -> Bits {
     }
     // Each word has a register, and each stage as many as are live in it.
     let stages = machine.timing.pipelines.iter().find(|pipeline| pipeline.unit == unit);
-    bits.register = bits.register.max(stages.map_or(0, |of| of.bits * u64::from(of.units)));
+    let of_all = |of: fn(&Pipeline) -> u64| stages.map_or(0, |stages| of(stages) * u64::from(stages.units));
+    bits.register = bits.register.max(of_all(|of| of.bits)) + of_all(|of| of.beside);
     bits
 }
 
@@ -344,8 +355,7 @@ impl Energy {
         let units: f64 = (machine.parts.iter())
             .map(|part| {
                 let mut bits = Bits::default();
-                let lanes = if part.per_lane { machine.timing.timing.raster.lanes } else { [1, 1] };
-                bits.add(part.operator, lanes.map(u64::from).iter().product::<u64>() * u64::from(part.copies));
+                bits.add(part.operator, lanes(machine, part) * u64::from(part.copies));
                 // Parts are those of all shade units, and an item goes through one.
                 let instances = if ["shade", "reflect"].contains(&part.unit) { f64::from(machine.timing.shade_units) } else { 1.0 };
                 let at_work = if part.unit == "colour" { colour_at_work } else { 1.0 };
@@ -369,11 +379,13 @@ impl Energy {
             })
             .sum();
         let units = units + stages;
-        let lanes: u32 = machine.timing.timing.raster.lanes.iter().product();
+        let lanes = machine.timing.lanes_of_fragment();
         let read_and_written = items("fragment") * f64::from(2 * lanes * 8 * machine.timing.fragment_bytes);
         let moved = |fifo: Fifo| {
             let idle = if ["project", "ellipse", "colour"].contains(&fifo.to) { idle_bits } else { 0 };
-            fifo.bits.min(1 << 20).saturating_sub(idle)
+            // Each fragment unit takes its own share of a slot.
+            let sharers = if fifo.to == "fragment" { machine.timing.fragment.units } else { 1 };
+            fifo.bits.min(1 << 20).saturating_sub(idle).div_ceil(sharers)
         };
         let queued: f64 = machine.timing.storage.fifos.map(|fifo| items(fifo.to) * f64::from(2 * moved(fifo))).iter().sum();
         let storage = read_and_written * of.memory + queued * of.fifo;

@@ -257,14 +257,14 @@ impl CyclesReport {
         text
     }
 
-    /// One line a tile that a splat was listed for, in the order in which they are drawn; none of a machine without tiles.
+    /// One line a tile that a splat was listed for, in the order in which engines take them; none of a machine without tiles.
     pub fn tiles_csv(&self) -> Option<String> {
         let Tiles { side_px, from, units, tiles, .. } = self.tiles.as_ref()?;
-        let of_unit = |unit: &&str| ["until", "busy", "starved", "blocked", "memory"].map(|what| format!("{unit}_{what}"));
+        let of_unit = |unit: &String| ["until", "busy", "starved", "blocked", "memory"].map(|what| format!("{unit}_{what}"));
         let heads: Vec<String> = units.iter().flat_map(of_unit).collect();
-        let mut text = format!("column,row,side_px,from,entries,done,cycles,{}\n", heads.join(","));
-        for TileCycles { at: [column, row], entries, done, cycles, shares } in tiles {
-            let _ = write!(text, "{column},{row},{side_px},{from},{entries},{done},{cycles}");
+        let mut text = format!("column,row,side_px,from,entries,done,cycles,engine,{}\n", heads.join(","));
+        for TileCycles { at: [column, row], engine, entries, done, cycles, shares } in tiles {
+            let _ = write!(text, "{column},{row},{side_px},{from},{entries},{done},{cycles},{engine}");
             for Share { until, account: timing::Account { busy, starved, blocked, memory } } in shares {
                 let _ = write!(text, ",{until},{busy},{starved},{blocked},{memory}");
             }

@@ -338,6 +338,9 @@ impl<'a> Fill<'a> {
 pub struct Merge<'a> {
     timing: &'a Microarchitecture,
     units: Vec<OfPixels>,
+    /// Whose fragments are shaded first, of one stamp: in the order of their numbers' bits from the last to the first, so that twice as many
+    /// units have the same order.
+    order: Vec<usize>,
     pub shade: Unit,
     hazards: Hazards,
     /// When all that was taken is written.
@@ -383,6 +386,7 @@ impl<'a> Merge<'a> {
         Merge {
             timing,
             units: (0..pace.units).map(unit).collect(),
+            order: (0..pace.units).map(|of| (of.reverse_bits() as u64 * u64::from(pace.units) / (1 << 32)) as usize).collect(),
             shade: shade.behind_others(nth * timing.shade.units),
             hazards: Hazards::new(timing, work),
             written: 0,
@@ -428,7 +432,7 @@ impl<'a> Merge<'a> {
         let here = ready.here.max(self.first_from);
         let mut parts = std::mem::take(&mut self.parts);
         parts.clear();
-        parts.extend((0..self.units.len()).filter(|unit| has_part(t, stamp, *unit)).map(|unit| {
+        parts.extend(self.order.iter().copied().filter(|unit| has_part(t, stamp, *unit)).map(|unit| {
             let [merges, shades] = merges_of(stamp, |piece| of_unit(t, unit, piece));
             Part { unit, merges, shades }
         }));
@@ -576,8 +580,8 @@ impl<'a> Resolve<'a> {
             }
             shades += left;
         }
-        // Light comes no faster than all shade units together give it.
-        let light = shades.div_ceil(shaders) * interval;
+        // Light comes no faster than all shade units together give it; who gets no pixel looks, too.
+        let light = (shades.div_ceil(shaders) * interval).max(1);
         cycles.iter_mut().for_each(|cycles| *cycles = light.max(*cycles));
         let free = self.units.iter().map(Unit::free).max().unwrap_or(0);
         let ready = Ready { room: if self.units.len() > 1 { ready.room.max(free) } else { ready.room }, ..ready };

@@ -3,7 +3,7 @@
 use crate::frames::frame;
 use proptest::prelude::*;
 use rtl_model::Machine;
-use rtl_model::machine::timing::{Organisation, Technology};
+use rtl_model::machine::timing::{Organisation, Queue, Technology};
 use rtl_model::pipeline::draw_measured;
 use rtl_model::timing::{Cycles, Detail, Limited, limit, replay};
 use rtl_model::work::Work;
@@ -47,6 +47,10 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
         ("tile/side_px", json!(24), "timing.tile.side_px is 24: it must be a multiple of 16 up to 1024"),
         ("tile/buffers", json!(3), "timing.tile.buffers is 3: it can be 1 or 2"),
         ("project/units", json!(0), "timing.project.units is 0: it can be 1 to 16"),
+        ("fragment/units", json!(3), "timing.fragment.units is 3: it must be a power of two, for pixels go to units by their address"),
+        ("fragment/merges_in_flight", json!(65), "timing.fragment.merges_in_flight is 65: it can be 1 to 64"),
+        ("shade/units", json!(0), "timing.shade.units is 0: it can be 1 to 16"),
+        ("resolve/units", json!(17), "timing.resolve.units is 17: it can be 1 to 16"),
         ("ellipse/interval", json!(0), "timing.ellipse.interval is 0: it can be 1 to 4096"),
         ("shade/latency", json!(2), "timing.shade.latency is 2, but its longest way takes 565.0 FO4: 3 cycles at 400 MHz in 28 nm"),
     ];
@@ -59,6 +63,25 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
     all.timing.clock_hz = 0;
     let misfits = all.elaborate().unwrap_err();
     assert!(misfits.len() >= 9 && misfits.iter().any(|misfit| misfit.starts_with("timing.clock_hz is 0")), "{misfits:#?}");
+}
+
+/// An immediate machine has no tiles that engines could share.
+#[test]
+fn engines_are_a_binned_machines() {
+    let mut machine = reference();
+    (machine.timing.engines, machine.timing.queue) = (Some(2), Queue::Longest);
+    assert!(machine.elaborate().is_ok());
+    machine.timing.organisation = Organisation::Immediate;
+    let misfits = machine.elaborate().unwrap_err();
+    assert_eq!(
+        misfits,
+        [
+            "timing.engines is 2, but an immediate machine has no tiles to share: binned would do",
+            "timing.queue is longest, but an immediate machine has no tiles: order would do"
+        ]
+    );
+    (machine.timing.organisation, machine.timing.engines) = (Organisation::Binned, Some(65));
+    assert_eq!(machine.elaborate().unwrap_err(), ["timing.engines is 65: it can be 1 to 64"]);
 }
 
 /// What a faster clock asks for, and what multipliers in turns do, is not had for nothing.

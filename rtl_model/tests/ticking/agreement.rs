@@ -293,6 +293,38 @@ fn a_drawn_and_binned_frame_ticks_as_it_is_replayed() {
     compare_drawn(Organisation::Binned, &NEVER_BINNED);
 }
 
+/// Of units side by side each shares pixels, fragments or tiles with the others.
+fn compare_several(organisation: Organisation, cases: u64) {
+    let mut seen = Seen::default();
+    for (size, splats) in [([4, 4], 3), ([12, 9], 12), ([60, 50], 40)] {
+        for seed in 0..cases {
+            let mut rng = Rng(seed);
+            let timing = of(organisation, &mut rng);
+            let timing = machines::several(&mut rng, timing);
+            let scene = scene::random(&mut rng, size, splats);
+            let scene = if seed % 4 == 3 { scene.lit() } else { scene };
+            let scene = if seed % 5 == 1 { scene.stopping(&mut rng) } else { scene };
+            let timing = machines::elaborate(timing);
+            match compare(&timing, &scene, &scene.record()) {
+                Ok(ticked) => seen.see(&ticked),
+                Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", timing.timing),
+            }
+        }
+    }
+    let waits: u64 = ["fragment blocked", "resolve blocked"].iter().map(|what| seen.0[*what].min(1)).sum();
+    assert_eq!(waits, 2, "{:?}", seen.0);
+}
+
+#[test]
+fn units_side_by_side_tick_as_they_are_replayed() {
+    compare_several(Organisation::Immediate, 250);
+}
+
+#[test]
+fn engines_tick_as_they_are_replayed() {
+    compare_several(Organisation::Binned, 250);
+}
+
 /// So many entries that they are sorted in several parts.
 #[test]
 fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {

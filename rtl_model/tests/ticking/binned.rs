@@ -148,7 +148,7 @@ impl Engine {
     }
 
     fn is_done(&self, now: u64) -> bool {
-        self.next.is_empty()
+        self.next.start == self.next.end
             && self.listed.items.is_empty()
             && self.fill.is_done(now)
             && self.merge.is_done(now)
@@ -381,7 +381,7 @@ impl<'a> Machine<'a> {
         }
         loop {
             let next = &mut self.engines[e].next;
-            if next.is_empty() {
+            if next.start == next.end {
                 let Some(tile) = self.queue.pop_front() else { return Act::Starve };
                 self.engines[e].taken.push(tile);
                 self.engines[e].next = self.tiles[tile].entries.clone();

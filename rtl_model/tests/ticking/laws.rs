@@ -1,7 +1,7 @@
 //! What can be said beforehand: how long does a frame take, by hand? Can more of anything make it slower?
 
 use crate::frames::Rng;
-use crate::machines::{elaborate, ideal, random};
+use crate::machines::{elaborate, ideal, random, several};
 use crate::scene::{End, Scene, Splat};
 use crate::{immediate, scene};
 use rtl_model::Machine;
@@ -167,6 +167,68 @@ fn more_of_anything_but_requests_is_never_slower_if_tiles_are_binned() {
     });
     found.retain(|(name, ..)| *name != "memory.outstanding");
     assert_eq!(found, []);
+}
+
+type Setting = fn(&mut Timing, u32);
+
+/// What can stand side by side, and how much more of it is tried.
+const SIDE_BY_SIDE: [(&str, Setting); 5] = [
+    ("fragment.units", |timing, more| timing.fragment.units = Some((timing.fragment.units.unwrap_or(1) << (1 + more % 2)).min(16))),
+    ("fragment.merges_in_flight", |timing, more| timing.fragment.merges_in_flight = Some(timing.fragment.merges_in_flight.unwrap_or(1) + more)),
+    ("shade.units", |timing, more| timing.shade.units = Some(timing.shade.units.unwrap_or(1) + more)),
+    ("resolve.units", |timing, more| timing.resolve.units = Some(timing.resolve.units.unwrap_or(1) + more)),
+    ("engines", |timing, more| timing.engines = Some(timing.engines.unwrap_or(1) + more)),
+];
+
+/// Which of them makes a frame slower if there is more of it: in how many of so many cases, and the first of them.
+fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Vec<(&'static str, u64, u64)> {
+    let mut found: Vec<(&str, u64, u64)> = Vec::new();
+    for seed in 0..cases {
+        let mut rng = Rng(seed);
+        let timing = of(&mut rng);
+        let scene = scene::random(&mut rng, [60, 40], 40).record();
+        let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
+        for (name, more_of) in SIDE_BY_SIDE.into_iter().filter(|(name, _)| timing.organisation == Organisation::Binned || *name != "engines") {
+            let mut more = timing;
+            more_of(&mut more, 1 + rng.below(3) as u32);
+            if replay(&elaborate(more), &scene, Detail::Accounts).total > before {
+                match found.iter_mut().find(|(other, ..)| *other == name) {
+                    Some((_, count, _)) => *count += 1,
+                    None => found.push((name, 1, seed)),
+                }
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn more_units_side_by_side_are_never_slower() {
+    let found = slower_side_by_side(800, |rng| {
+        let timing = random(rng);
+        several(rng, timing)
+    });
+    assert_eq!(found, []);
+}
+
+fn several_binned(rng: &mut Rng) -> Timing {
+    let timing = Timing { organisation: Organisation::Binned, ..random(rng) };
+    several(rng, timing)
+}
+
+#[test]
+fn several_engines_are_never_slower_than_one_nor_more_units_in_that() {
+    assert_eq!(slower_side_by_side(800, |rng| Timing { engines: None, ..several_binned(rng) }), []);
+}
+
+/// Which engine takes a tile follows from when lists are through, not from what waits behind them: of three engines one may take a tile that
+/// lies behind more work than on two.
+#[test]
+fn more_engines_can_be_slower_than_several_but_seldom_are() {
+    let cases = 1500;
+    let found = slower_side_by_side(cases, several_binned);
+    assert!(found.iter().any(|(name, ..)| *name == "engines"), "{found:?}");
+    assert!(found.iter().all(|(_, count, _)| count * 100 < cases), "{found:?}");
 }
 
 /// An entry that begins a burst asks for two things, but waits for one to be free: of five on their way, the one that it waits for may be

@@ -5,7 +5,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
 use rtl_model::machine::timing::{
-    Cache, Colour, DEFAULT, Fetch, Fragment, Memory, Organisation, Raster, Resolve, Setup, Shade, Stage, Technology, Timing,
+    Cache, Colour, DEFAULT, Fetch, Fragment, Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Stage, Technology, Timing,
 };
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
@@ -35,6 +35,21 @@ pub fn sorting(rng: &mut Rng, timing: Timing) -> Machine {
     machine.timing = timing;
     machine.sort.as_mut().unwrap().digit_bits = 1 + rng.below(8) as u32;
     machine
+}
+
+/// The same with several units side by side, and merges in flight; of a binned machine several engines, too.
+pub fn several(rng: &mut Rng, timing: Timing) -> Timing {
+    let mut some = |most: u64| (rng.below(3) > 0).then(|| 1 + rng.below(most) as u32);
+    let mut other = timing;
+    other.fragment.units = some(4).map(|log| 1 << (log - 1));
+    other.fragment.merges_in_flight = some(4);
+    other.shade.units = some(4);
+    other.resolve.units = some(4);
+    if timing.organisation == Organisation::Binned {
+        other.engines = some(4);
+        other.queue = if some(2) == Some(2) { Queue::Longest } else { Queue::Order };
+    }
+    other
 }
 
 pub fn random(rng: &mut Rng) -> Timing {

@@ -653,7 +653,9 @@ impl Merge {
             let pixels = |stamp: &Stamp| stamp.pixels.iter().copied().chain(stamp.merged.iter().map(|(pixel, _)| *pixel)).collect::<Vec<_>>();
             stamp.is_some_and(|stamp| pixels(stamp).into_iter().any(|pixel| self.owner(pixel) == of))
         };
-        let owners: Vec<usize> = (0..self.units.len()).filter(|of| has(*of)).collect();
+        let mut owners: Vec<usize> = (0..self.units.len()).filter(|of| has(*of)).collect();
+        // The even ones first, of these those that four divides, and so on.
+        owners.sort_by_key(|of| [1, 2, 4, 8].map(|bit| of & bit));
         let can = |stamp: &Stamp| {
             owners.iter().all(|of| self.units[*of].unit.is_free(now)) && stamp.pixels.iter().all(|pixel| self.pixel_free[*pixel] <= now)
         };
@@ -740,7 +742,8 @@ pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [u
             shades += unlit;
         }
     }
-    held.iter_mut().for_each(|cycles| *cycles = light(shades).max(*cycles));
+    // Who gets none looks, too.
+    held.iter_mut().for_each(|cycles| *cycles = light(shades).max(*cycles).max(1));
     (held, shades)
 }
 

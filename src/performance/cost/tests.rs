@@ -72,6 +72,45 @@ fn speed_is_paid_for() {
     assert!(more > 1.98 && more <= 2.0, "{more}");
 }
 
+/// Whatever stands side by side is built as often, and so is what stands between; nothing of it is free, even where it gains nothing.
+#[test]
+fn what_stands_side_by_side_is_paid_for() {
+    let reference = area(&[]);
+    let fields = [
+        "timing.fragment.merges_in_flight=2",
+        "timing.shade.units=2",
+        "timing.fragment.units=2",
+        "timing.fragment.units=16",
+        "timing.resolve.units=2",
+        "timing.engines=2",
+        "timing.queue=longest",
+    ];
+    for field in fields {
+        assert!(area(&[field]) > reference + 10.0, "{field}: {} is not more than {reference}", area(&[field]));
+    }
+    let unit = |settings: &[&str], name: &str| {
+        let cost = Cost::new(&built_with(settings), &DEFAULT);
+        cost.units.iter().find(|unit| unit.name == name).map_or(0.0, |unit| unit.area)
+    };
+    // An engine has all that follows the lists, and setup is there once.
+    for name in ["raster", "gauss", "fragment", "resolve"] {
+        assert_eq!(unit(&["timing.engines=4"], name), 4.0 * unit(&[], name), "{name}");
+    }
+    assert_eq!(unit(&["timing.engines=4"], "project"), unit(&[], "project"));
+    let storage = |settings: &[&str]| Cost::new(&built_with(settings), &DEFAULT).memory_bits;
+    assert_eq!(storage(&["timing.engines=4"]), 4 * storage(&[]));
+    // Units of a lane each are as many lanes as there were, until there are more units than lanes.
+    let of_lanes = [1, 4, 16].map(|units| unit(&[&format!("timing.fragment.units={units}")], "fragment"));
+    assert!(of_lanes[1] < 2.0 * of_lanes[0] && of_lanes[2] > 3.0 * of_lanes[1], "{of_lanes:?}");
+    // A merge in flight keeps both fragments of each lane in registers, which are not those of the stages.
+    let bits = |merges: u32| {
+        let cost = Cost::new(&built_with(&[&format!("timing.fragment.merges_in_flight={merges}")]), &DEFAULT);
+        cost.units.iter().find(|unit| unit.name == "fragment").unwrap().bits.register
+    };
+    let fragment = built_with(&[]).machine.fragment_bits() as u64;
+    assert_eq!(bits(5) - bits(1), 4 * 4 * (2 * fragment + 28));
+}
+
 /// Registers of 37 stages of shade: half of a fragment and half of a light in each.
 #[test]
 fn a_pipeline_has_as_many_registers_as_stages_times_live_bits() {

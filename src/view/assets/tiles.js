@@ -7,19 +7,28 @@ const tilesOf = (text, cycles) => {
   const [heads, ...lines] = text.trim().split('\n').map(line => line.split(','));
   const at = name => { const place = heads.indexOf(name); if (place < 0) throw new Error(`tiles.csv has no column ${name}`); return place; };
   const places = ['column', 'row', 'side_px', 'from', 'entries', 'done', 'cycles'].map(at);
-  const names = heads.filter(name => name.endsWith('_until')).map(name => name.slice(0, -6));
-  const of = names.map(name => ['until', 'busy', 'starved', 'blocked', 'memory'].map(what => at(`${name}_${what}`)));
+  const own = heads.filter(name => name.endsWith('_until')).map(name => name.slice(0, -6)), base = name => name.replace(/\.\d+$/, '');
+  const of = own.map(name => ['until', 'busy', 'starved', 'blocked', 'memory'].map(what => at(`${name}_${what}`)));
+  // Each engine has units of its own; a folder that does not say which has one.
+  const engine = heads.indexOf('engine'), engines = engine < 0 ? 1 : 1 + Math.max(0, ...lines.map(line => Number(line[engine])));
+  const names = Array.from({ length: engines }, (_, nth) => own.map(name => engines > 1 ? `${name} of engine ${nth}` : name)).flat();
+  const last = names.map(() => null);
   const tiles = lines.map(line => {
     const cells = line.map(Number);
     if (cells.length !== heads.length || !cells.every(Number.isSafeInteger)) throw new Error('tiles.csv has a line that is not of numbers');
-    const [column, row, side, from, entries, done, own] = places.map(place => cells[place]);
-    return { column, row, side, from, entries, done, cycles: own, units: of.map(places => places.map(place => cells[place])) };
+    const [column, row, side, from, entries, done, ownCycles] = places.map(place => cells[place]);
+    // Of another engine's tile a unit has no share: it ends where it begins.
+    const first = (engine < 0 ? 0 : cells[engine]) * own.length;
+    of.forEach((places, nth) => { last[first + nth] = places.map(place => cells[place]); });
+    const units = last.map((cells, nth) => nth >= first && nth < first + own.length ? cells : [cells?.[0] ?? from, 0, 0, 0, 0]);
+    return { column, row, side, from, entries, done, cycles: ownCycles, units };
   });
   if (!tiles.length) return null;
-  const busy = name => cycles.units.filter(unit => unit.name === name).reduce((sum, unit) => sum + unit.busy, 0);
+  const busy = name => cycles.units.filter(unit => base(unit.name) === name).reduce((sum, unit) => sum + unit.busy, 0);
   // Of the units of the second pass alone; shade may have worked in the first.
-  names.forEach((name, nth) => {
-    const sum = tiles.reduce((sum, tile) => sum + tile.units[nth][1], 0);
+  new Set(own.map(base)).forEach(name => {
+    const places = names.map((_, nth) => nth).filter(nth => base(own[nth % own.length]) === name);
+    const sum = tiles.reduce((sum, tile) => sum + places.reduce((sum, nth) => sum + tile.units[nth][1], 0), 0);
     if (name !== 'shade' && sum !== busy(name)) throw new Error('tiles.csv is of another frame than the report beside it');
   });
   const byPlace = new Map(tiles.map(tile => [tile.column + ',' + tile.row, tile]));
