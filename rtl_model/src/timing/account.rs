@@ -283,6 +283,11 @@ impl Unit {
         self.hold(ready, 1, busy.min(cycles), cycles)
     }
 
+    /// When it would take the next item.
+    pub fn when(&self, ready: Ready) -> u64 {
+        self.side.free.max(ready.here).max(ready.memory).max(ready.hazard).max(ready.room)
+    }
+
     /// Takes so many items, a cycle each, that need no room; says when it takes the first.
     #[inline(always)]
     pub fn take_run(&mut self, ready: Ready, items: u64) -> u64 {

@@ -13,9 +13,10 @@
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
-use super::stages::{Fill, Merge, Resolve, SetUp};
-use super::stamps::Piece;
+use super::stages::{Fill, Merge, Resolve, SetUp, Stamp};
 use super::stops::Stops;
+use super::texels;
+use super::texels::Texels;
 use super::tiles::Tiles;
 use crate::elaboration::microarchitecture;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
@@ -46,6 +47,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut merge = Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail);
     let mut resolve = Resolve::new(t, work, detail);
     let mut lit = Unit::new(super::RESOLVE_SHADE, t.shade, [Some(unit::RESOLVE), None], detail, t.lifted);
+    let mut lit_texels = Texels::new(t, work);
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     // When the buffers of the tiles before are free again, the one before last first.
     let mut buffers = [sorted; 2];
@@ -76,7 +78,12 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             }
             let now = list.take(ready, 1);
             list.behind.take(now);
-            memory.forget(now);
+            // Who waits for texels is behind list: resolve may ask for those of a tile that nothing was written to.
+            let asked_from = match merge.texels {
+                None => now,
+                Some(_) => merge.fragment.free().min(resolve.unit.free()),
+            };
+            memory.forget(now.min(asked_from));
             if needed > bursts {
                 let address = LISTS + tile as u64 * LIST_BYTES + bursts * burst;
                 burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
@@ -88,10 +95,13 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             outstanding.push(here);
 
             // The tile before is still in the buffer.
-            let mut next = |stamp: &[Piece], here| merge.stamp(stamp, Ready { here, room: buffer_free, ..Ready::default() });
+            let mut next = |stamp: Stamp, here| merge.stamp(stamp, Ready { here, room: buffer_free, ..Ready::default() }, &mut memory);
             let taken = match &mut stops {
                 None => fill.footprint(footprint, (corner_16, side), (now + 1, here), |stamp, here| next(stamp, here)[0]).0,
-                Some(stops) => fill.footprint_of_stops(footprint, (corner_16, side), (now + 1, here), stops, next),
+                // Of sheets nothing is shaded here.
+                Some(stops) => fill.footprint_of_stops(footprint, (corner_16, side), (now + 1, here), stops, |pieces, here| {
+                    next(Stamp { pieces, texels: &[] }, here)
+                }),
             };
             list.behind.give(taken);
         }
@@ -103,8 +113,11 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             if let Some(stops) = &stops {
                 merge.written = merge.written.max(stops.known());
             }
-            let shade = if t.timing.tile.buffers == 2 { &mut lit } else { &mut merge.shade };
-            done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade);
+            let shade = match t.timing.tile.buffers {
+                2 => (&mut lit, &mut lit_texels),
+                _ => (&mut merge.shade, &mut merge.texels),
+            };
+            done = resolve.pixels(across, down, Ready { here: merge.written, ..Ready::default() }, shade, &mut memory);
             buffers = [buffers[1], done];
             if detail >= Detail::Histograms {
                 let lit = Some(&lit).filter(|_| t.timing.tile.buffers == 2);
@@ -117,6 +130,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         let address = WORDS + tile as u64 * u64::from(side * side * t.frame_bytes);
         memory.write_later(done, Client::FrameWrite, address, bytes);
     }
+    let texels = texels::lookups([&setup.texels, &merge.texels, &lit_texels]);
     let (mut units, shade) = setup.units(merge.shade);
     units.push(bin);
     units.extend((!work.order.is_empty()).then_some(sort));
@@ -125,14 +139,14 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         units.push(lit);
     }
     units.push(resolve.unit);
-    Cycles { stamps: fill.stamps, tiles, ..Cycles::of(units, memory) }
+    Cycles { stamps: fill.stamps, tiles, texels, ..Cycles::of(units, memory) }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
 fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
-    let mut setup = SetUp::new(t, work, "bin", detail);
+    let mut setup = SetUp::new(t, work, "bin", memory, detail);
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
     let mut bin = Unit::new("bin", one, [Some(SetUp::last_name(t, work)), None], detail, t.lifted);
     let each = u64::from(!bin.is_lifted());

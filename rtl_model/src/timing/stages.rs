@@ -10,10 +10,12 @@ use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::stamps::{Piece, Stamps};
 use super::stops::Stops;
+use super::texels;
+use super::texels::Texels;
 use super::walk::Walk;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
-use crate::work::{Fate, Footprint, Work};
+use crate::work::{Fate, Footprint, NO_TEXEL, Work};
 use std::ops::Range;
 
 /// Fetch, project and ellipse, colour where harmonics become one, and shade where splats are lit before they are drawn: one splat each.
@@ -31,6 +33,11 @@ pub struct SetUp<'a> {
     outstanding: Outstanding,
     /// Where splats are found in a tree.
     walk: Option<Walk<'a>>,
+    /// What mirrors, of shade, and what each drawn splat looks up.
+    pub texels: Option<Texels>,
+    looked_up: std::slice::Iter<'a, u16>,
+    /// When the map of surroundings is on the chip.
+    loaded: u64,
     splat_bytes: u64,
     /// When the last splat was fetched.
     pub fetched: u64,
@@ -40,7 +47,8 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Microarchitecture, work: &'a Work, behind: &'static str, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &'a Work, behind: &'static str, memory: &mut Memory, detail: Detail) -> Self {
+        let loaded = texels::load(timing, work, memory);
         let shaded = work.preshaded.then_some(SetUp::shade_name(timing));
         let pace = timing.colour_of(work.harmonics).map(|colour| colour.pace);
         let coloured = pace.map(|_| unit::COLOUR);
@@ -58,7 +66,10 @@ impl<'a> SetUp<'a> {
             colour_pace: pace.unwrap_or(timing.ellipse),
             shade: shaded.map(|name| Unit::new(name, timing.shade, [Some(before_shade), Some(behind)], detail, timing.lifted)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
-            walk: Walk::new(timing, work),
+            walk: Walk::new(timing, work, loaded),
+            texels: Texels::new(timing, work).filter(|_| work.preshaded),
+            looked_up: work.texels.iter(),
+            loaded,
             splat_bytes: timing.record_bytes(work.shared_axes, work.harmonics).into(),
             fetched: 0,
             bursts: 0,
@@ -74,7 +85,7 @@ impl<'a> SetUp<'a> {
         }
         let burst = u64::from(self.timing.timing.memory.burst_bytes);
         let needed = ((index + 1) * self.splat_bytes).div_ceil(burst);
-        let memory = if needed > self.bursts { self.outstanding.free() } else { 0 };
+        let memory = if needed > self.bursts { self.outstanding.free().max(self.loaded) } else { 0 };
         (needed, Ready { room: self.fetch.behind.free(), memory, ..Ready::default() })
     }
 
@@ -123,10 +134,17 @@ impl<'a> SetUp<'a> {
         }
         let (mut now, mut here) = (now, now + u64::from(t.ellipse.latency));
         let mut last = &mut self.ellipse;
-        for (unit, pace) in [(&mut self.colour, self.colour_pace), (&mut self.shade, t.shade)] {
+        for (unit, pace, texels) in [(&mut self.colour, self.colour_pace, &mut None), (&mut self.shade, t.shade, &mut self.texels)] {
             let Some(unit) = unit else { continue };
             last.behind.take(now);
-            now = unit.take(Ready { here, room: unit.behind.free(), ..Ready::default() }, pace.interval.into());
+            let ready = Ready { here, room: unit.behind.free(), ..Ready::default() };
+            now = match texels {
+                None => unit.take(ready, pace.interval.into()),
+                Some(texels) => {
+                    let texel = self.looked_up.next().copied().unwrap_or(NO_TEXEL);
+                    texels.shade(unit, ready, pace.interval.into(), texel, memory)[0]
+                }
+            };
             last.behind.give(now);
             here = now + u64::from(pace.latency);
             last = unit;
@@ -221,7 +239,7 @@ impl<'a> Fill<'a> {
         footprint: &Footprint,
         (corner, side): ([u16; 2], u32),
         (here, memory): (u64, u64),
-        mut next: impl FnMut(&[Piece], u64) -> u64,
+        mut next: impl FnMut(Stamp, u64) -> u64,
     ) -> (u64, bool) {
         let t = self.timing;
         let ready = Ready { here, memory, ..Ready::default() };
@@ -246,7 +264,7 @@ impl<'a> Fill<'a> {
             if goes_on {
                 is_seen = true;
                 self.gauss.behind.take(now);
-                let taken = next(stamp, now + u64::from(t.gauss.latency));
+                let taken = next(Stamp { pieces: stamp, texels: self.walk.texels() }, now + u64::from(t.gauss.latency));
                 self.gauss.behind.give(taken);
             }
         }
@@ -325,12 +343,21 @@ impl<'a> Fill<'a> {
     }
 }
 
+/// A stamp that has a weight: its pieces, and what fragments of the footprint look up.
+#[derive(Clone, Copy, Debug)]
+pub struct Stamp<'a> {
+    pub pieces: &'a [Piece],
+    pub texels: &'a [u16],
+}
+
 /// Fragments: stamps come, merges take longer, and no pixel is taken twice at a time.
 pub struct Merge<'a> {
     timing: &'a Microarchitecture,
     pub fragment: Unit,
     pub shade: Unit,
     hazards: Hazards,
+    /// What mirrors, of shade.
+    pub texels: Option<Texels>,
     /// When all that was taken is written.
     pub written: u64,
 }
@@ -342,13 +369,14 @@ impl<'a> Merge<'a> {
             fragment: Unit::new(unit::FRAGMENT, timing.fragment, [Some(before), behind], detail, timing.lifted),
             shade: Unit::new(unit::SHADE, timing.shade, [Some(unit::FRAGMENT), None], detail, timing.lifted),
             hazards: Hazards::new(timing, work),
+            texels: Texels::new(timing, work),
             written: 0,
         }
     }
 
     /// Takes a stamp; says when, and when it is written.
     #[inline(always)]
-    pub fn stamp(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
+    pub fn stamp(&mut self, Stamp { pieces: stamp, texels }: Stamp, ready: Ready, memory: &mut Memory) -> [u64; 2] {
         let t = self.timing;
         let hazard = self.hazards.until(stamp, ready.here.max(self.fragment.free()));
         let [merges, shades] = match stamp {
@@ -360,9 +388,24 @@ impl<'a> Merge<'a> {
         if shades > 0 && !self.shade.is_lifted() {
             cycles += u64::from(t.shade.latency) + (shades - 1) * u64::from(t.shade.interval);
         }
-        let now = self.fragment.take(Ready { hazard, ..ready }, cycles);
-        for _ in 0..shades {
-            self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
+        let ready = Ready { hazard, ..ready };
+        if let (Some(cache), true) = (&mut self.texels, shades > 0) {
+            // Light comes a latency after the last one is taken, when its texels are here.
+            let here = self.fragment.when(ready) + 1;
+            let looked_up = stamp.iter().flat_map(|piece| &texels[piece.texels as usize..][..usize::from(piece.shades)]);
+            let interval = t.shade.interval.into();
+            let mut last = here;
+            for texel in looked_up {
+                [last, _] = cache.shade(&mut self.shade, Ready { here, ..Ready::default() }, interval, *texel, memory);
+            }
+            let latency = if self.shade.is_lifted() { 0 } else { u64::from(t.shade.latency) };
+            cycles = last - here + 1 + latency + merges * u64::from(t.timing.fragment.merge);
+        }
+        let now = self.fragment.take(ready, cycles);
+        if self.texels.is_none() {
+            for _ in 0..shades {
+                self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
+            }
         }
         // Infinitely fast, it still forwards nothing: what is under way stays so.
         let more = if self.fragment.is_lifted() { 0 } else { cycles - 1 };
@@ -380,11 +423,17 @@ pub struct Resolve<'a> {
     /// What each pixel holds: fragments, and how many of them are left to shade.
     held: Vec<[u8; 2]>,
     width: u32,
+    /// Of a frame that mirrors, what fragments look up that are left to shade, pixel by pixel, and where those of each pixel begin.
+    texels: Vec<u16>,
+    first_texels: Vec<u32>,
 }
 
 impl<'a> Resolve<'a> {
     pub fn new(timing: &'a Microarchitecture, work: &Work, detail: Detail) -> Self {
+        let (texels, first_texels) = if work.mirrors { work.texels_of_pixels() } else { (Vec::new(), Vec::new()) };
         Resolve {
+            texels,
+            first_texels,
             timing,
             unit: Unit::new(unit::RESOLVE, timing.resolve, [Some(unit::FRAGMENT), None], detail, timing.lifted),
             held: work.held(),
@@ -393,21 +442,43 @@ impl<'a> Resolve<'a> {
     }
 
     /// Takes these columns and rows of the picture, shading in a unit; says when the last of their words is there.
-    pub fn pixels(&mut self, columns: Range<u32>, rows: Range<u32>, ready: Ready, shade: &mut Unit) -> u64 {
+    pub fn pixels(
+        &mut self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        ready: Ready,
+        (shade, texels): (&mut Unit, &mut Option<Texels>),
+        memory: &mut Memory,
+    ) -> u64 {
         let t = self.timing;
         let interval = if shade.is_lifted() { 0 } else { u64::from(t.shade.interval) };
         let (mut cycles, mut shades) = (0, 0);
-        for row in rows {
+        for row in rows.clone() {
             let at = |column: u32| (row * self.width + column) as usize;
             for [fragments, left] in &self.held[at(columns.start)..at(columns.end)] {
                 cycles += (u64::from(*left) * interval).max((*fragments).into()).max(t.resolve.interval.into());
                 shades += u64::from(*left);
             }
         }
+        if let Some(cache) = texels {
+            let here = self.unit.when(ready);
+            for row in rows {
+                let at = |column: u32| (row * self.width + column) as usize;
+                for pixel in at(columns.start)..at(columns.end) {
+                    for texel in &self.texels[self.first_texels[pixel] as usize..][..usize::from(self.held[pixel][1])] {
+                        let [_, waited] = cache.shade(shade, Ready { here, ..Ready::default() }, interval, *texel, memory);
+                        cycles += waited;
+                    }
+                }
+            }
+        }
         let now = self.unit.take(ready, cycles);
         let done = now + if self.unit.is_lifted() { 0 } else { cycles } + u64::from(t.resolve.latency);
         if shades == 0 {
             return done;
+        }
+        if texels.is_some() {
+            return done + if shade.is_lifted() { 0 } else { u64::from(t.shade.latency) };
         }
         shade.take(Ready { here: now, ..Ready::default() }, shades * interval);
         done + if shade.is_lifted() { 0 } else { u64::from(t.shade.latency) }

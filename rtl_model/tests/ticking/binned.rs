@@ -13,7 +13,10 @@
 //! has stopped raster passes over in no time; where none is left, that takes it a cycle.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
-use super::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
+use super::parts::{
+    Act, Fill, HELD, Link, Merge, Mirror, SetUp, Stamp, Ticked, Unit, places, resolve_cycles, resolve_texels, run, stamps_of,
+    texels_looked_up, turn,
+};
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::timing::{Client, Direction};
@@ -100,6 +103,10 @@ struct Machine<'a> {
     resolved: Vec<u64>,
     lit: Unit,
     to_light: VecDeque<(u64, u64)>,
+    /// What mirrors, of that; and the tile that resolve waits with for its light: its place, when it was taken, and for how long and until when
+    /// it is done if it waits for nothing.
+    mirror: Option<Mirror>,
+    unwritten: Option<(u64, [u64; 3])>,
     words: Requests,
 }
 
@@ -177,6 +184,8 @@ impl<'a> Machine<'a> {
             resolved: Vec::new(),
             lit: Unit::new("resolve-shade", 1),
             to_light: VecDeque::new(),
+            mirror: Mirror::new(timing, scene),
+            unwritten: None,
             words: Requests::new(u32::MAX),
         }
     }
@@ -426,7 +435,14 @@ impl<'a> Machine<'a> {
             return Act::Block;
         }
         let stamp = self.fill.weighted.pop();
-        let [cycles, written] = self.merge.take(self.now, &stamp);
+        let (cycles, written) = self.merge.take(self.now, &stamp);
+        if let Some(written) = written {
+            self.wrote(&stamp, written);
+        }
+        Act::Take(cycles)
+    }
+
+    fn wrote(&mut self, stamp: &Stamp, written: u64) {
         let tile = &mut self.tiles[stamp.tile];
         tile.left -= 1;
         tile.under_way -= 1;
@@ -434,7 +450,6 @@ impl<'a> Machine<'a> {
         for pixel in stamp.stops.iter().filter(|pixel| stamp.pixels.contains(pixel)) {
             self.fill.stopped[*pixel] = self.fill.stopped[*pixel].min(written);
         }
-        Act::Take(cycles)
     }
 
     fn resolve(&mut self) -> Act {
@@ -446,6 +461,13 @@ impl<'a> Machine<'a> {
         }
         let [cycles, shades] = resolve_cycles(self.timing, self.scene, corner, [self.timing.timing.tile.side_px as usize; 2]);
         let mut done = self.now + cycles + u64::from(self.timing.resolve.latency);
+        let mirror = if self.buffers() == 2 { &mut self.mirror } else { &mut self.merge.mirror };
+        if let (Some(mirror), true) = (mirror, shades > 0) {
+            // Known when the last texels are here.
+            mirror.ask(self.now, resolve_texels(self.scene, corner, [self.timing.timing.tile.side_px as usize; 2]));
+            self.unwritten = Some((place, [self.now, cycles, done + u64::from(self.timing.shade.latency)]));
+            return Act::Take(HELD);
+        }
         if shades > 0 {
             let work = (self.now, shades * u64::from(self.timing.shade.interval));
             if self.buffers() == 2 {
@@ -455,17 +477,48 @@ impl<'a> Machine<'a> {
             }
             done += u64::from(self.timing.shade.latency);
         }
-        self.resolved.push(done);
-        self.write_words(done, place);
-        self.leave_out(done);
+        self.hand_out(place, done);
         Act::Take(cycles)
     }
 
+    /// A tile is resolved.
+    fn hand_out(&mut self, place: u64, done: u64) {
+        self.resolved.push(done);
+        self.write_words(done, place);
+        self.leave_out(done);
+    }
+
+    /// The tile that resolve waited with has its light, after so many cycles in which texels were waited for.
+    fn end_wait(&mut self, waited: u64) {
+        if let Some((place, [begun, cycles, done])) = self.unwritten.take() {
+            self.resolve.sides[0].until = begun + cycles + waited;
+            self.hand_out(place, done + waited);
+        }
+    }
+
     fn shade(&mut self) -> Act {
-        self.merge.shade(self.now)
+        if self.merge.mirror.is_none() {
+            return self.merge.shade(self.now);
+        }
+        let (act, stamp, waited) = self.merge.mirror(self.now, &mut self.memory);
+        if let Some((stamp, written)) = stamp {
+            self.wrote(&stamp, written);
+        }
+        if let Some(waited) = waited {
+            self.end_wait(waited);
+        }
+        act
     }
 
     fn light(&mut self) -> Act {
+        if let Some(mirror) = &mut self.mirror {
+            let (act, is_last) = mirror.shade(self.now, self.timing.shade.interval.into(), &mut self.memory);
+            if is_last {
+                let waited = std::mem::take(&mut mirror.waited);
+                self.end_wait(waited);
+            }
+            return act;
+        }
         match self.to_light.front() {
             Some(&(here, cycles)) if here <= self.now => {
                 self.to_light.pop_front();
@@ -508,6 +561,7 @@ impl<'a> Machine<'a> {
             && self.merge.is_done(self.now)
             && self.resolved.len() == self.tiles.len()
             && self.to_light.is_empty()
+            && self.mirror.as_ref().is_none_or(|mirror| mirror.queue.is_empty())
             && [&self.bin, &self.list, &self.resolve, &self.lit].iter().all(|unit| unit.is_idle(self.now))
             && self.words.have_all_come(self.now)
     }
@@ -518,11 +572,13 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
-    let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, .. } = machine;
+    let Machine { memory, setup, bin, list, listed, fill, merge, resolve, lit, mirror, .. } = machine;
     let stamps = fill.taken();
+    let texels = [&merge.mirror, &mirror].map(|mirror| mirror.as_ref().map(|mirror| &mirror.texels));
+    let texels = texels_looked_up([setup.texels.as_ref(), texels[0], texels[1]]);
     let lit = if timing.timing.tile.buffers == 2 { vec![lit] } else { Vec::new() };
     let (setup, shade) = setup.units();
     let second = [fill.units(), vec![merge.fragment, shade.unwrap_or(merge.shade)], lit, vec![resolve]].concat();
     let units = [setup, vec![bin], sort, vec![list.before(listed)], second].concat();
-    Ticked { total, units, lookups: [0; 2], stamps, traffic: memory.traffic }
+    Ticked { total, units, lookups: [0; 2], texels, stamps, traffic: memory.traffic }
 }

@@ -4,7 +4,10 @@
 //! within a cycle does not matter.
 
 use super::memory::{Done, LINES, Memory, Requests, WORDS};
-use super::parts::{Act, Fill, Link, Merge, SetUp, Stamp, Ticked, Unit, places, resolve_cycles, run, stamps_of, turn};
+use super::parts::{
+    Act, Fill, HELD, Link, Merge, SetUp, Stamp, Ticked, Unit, places, resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up,
+    turn,
+};
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{Client, Direction};
@@ -132,6 +135,10 @@ struct Machine<'a> {
     written: Vec<Option<u64>>,
     all_written: u64,
     resolve: Unit,
+    /// The line that resolve waits with for its light: when it will be written, if it waits no more.
+    unwritten: Option<(u64, Range<u64>)>,
+    /// When it took that, and for how long if it waited for nothing.
+    resolve_begun: [u64; 2],
     /// For each line of the picture its read, if it has one; known when resolve begins. Those that are still to be asked for.
     line_reads: Option<Vec<Option<Done>>>,
     to_read: VecDeque<usize>,
@@ -174,6 +181,8 @@ impl<'a> Machine<'a> {
             written: vec![None; expected],
             all_written: 0,
             resolve: Unit::new("resolve", 1),
+            unwritten: None,
+            resolve_begun: [0; 2],
             line_reads: None,
             to_read: VecDeque::new(),
             reads: Requests::new(t.memory.outstanding),
@@ -231,10 +240,14 @@ impl<'a> Machine<'a> {
             return Act::Block;
         }
         let (stamp, _) = self.looked_up.pop();
-        let [cycles, written] = self.merge.take(self.now, &stamp);
+        let (cycles, written) = self.merge.take(self.now, &stamp);
+        self.wrote(&stamp, written.unwrap_or(HELD));
+        Act::Take(cycles)
+    }
+
+    fn wrote(&mut self, stamp: &Stamp, written: u64) {
         self.all_written = written;
         self.written[stamp.number] = Some(written);
-        Act::Take(cycles)
     }
 
     fn lines_across_and_down(&self) -> [usize; 2] {
@@ -277,20 +290,46 @@ impl<'a> Machine<'a> {
         let corner = [line % across * size[0], line / across * size[1]];
         let [cycles, shades] = resolve_cycles(self.timing, self.scene, corner, size);
         let mut written = self.now + cycles + u64::from(self.timing.resolve.latency);
-        if shades > 0 {
+        let mirror = self.merge.mirror.as_mut().filter(|_| shades > 0);
+        let is_held = mirror.is_some();
+        if let Some(mirror) = mirror {
+            mirror.ask(self.now, resolve_texels(self.scene, corner, size));
+        } else if shades > 0 {
             self.merge.to_shade.push_back((self.now, shades * u64::from(self.timing.shade.interval)));
+        }
+        if shades > 0 {
             written += u64::from(self.timing.shade.latency);
         }
         let [width, height] = [self.scene.width, self.scene.height].map(|size| size as usize);
         let inside = size[0].min(width - corner[0]) * size[1].min(height - corner[1]);
         let [from, bytes] = [line * size[0] * size[1], inside].map(|words| words as u64 * u64::from(self.timing.frame_bytes));
         let words = WORDS + from..WORDS + from + bytes;
+        if is_held {
+            // Known when the last texels are here.
+            self.resolve_begun = [self.now, cycles];
+            self.unwritten = Some((written, words));
+            return Act::Take(HELD);
+        }
         self.memory.ask(written, Client::FrameWrite, Direction::Write, words, &self.words.next());
         Act::Take(cycles)
     }
 
     fn shade(&mut self) -> Act {
-        self.merge.shade(self.now)
+        if self.merge.mirror.is_none() {
+            return self.merge.shade(self.now);
+        }
+        let (act, stamp, waited) = self.merge.mirror(self.now, &mut self.memory);
+        if let Some((stamp, written)) = stamp {
+            self.wrote(&stamp, written);
+        }
+        if let Some(waited) = waited
+            && let Some((written, words)) = self.unwritten.take()
+        {
+            let [begun, cycles] = self.resolve_begun;
+            self.resolve.sides[0].until = begun + cycles + waited;
+            self.memory.ask(written + waited, Client::FrameWrite, Direction::Write, words, &self.words.next());
+        }
+        act
     }
 
     fn tick(&mut self) {
@@ -331,7 +370,8 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let Machine { memory, setup, fill, cache, lines, looked_up, merge, resolve, .. } = machine;
     let stamps = fill.taken();
+    let texels = texels_looked_up([setup.texels.as_ref(), merge.mirror.as_ref().map(|mirror| &mirror.texels)]);
     let (setup, shade) = setup.units();
     let units = [setup, fill.units(), vec![cache.before(looked_up), merge.fragment, shade.unwrap_or(merge.shade), resolve]].concat();
-    Ticked { total, units, lookups: lines.lookups, stamps, traffic: memory.traffic }
+    Ticked { total, units, lookups: lines.lookups, texels, stamps, traffic: memory.traffic }
 }

@@ -1,7 +1,7 @@
 //! What is a ticking machine made of? Units, FIFOs with credits, stamps; and the units that both organisations have.
 
-use super::memory::{Memory, Requests, SPLATS, Traffic};
-use super::scene::Scene;
+use super::memory::{Done, MAP, Memory, Requests, SPLATS, Traffic};
+use super::scene::{Asks, Scene};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
 use rtl_model::timing::{Account, Client, Direction};
 use rtl_model::work::{Event, Fate};
@@ -33,6 +33,8 @@ pub struct Ticked {
     pub total: u64,
     pub units: Vec<Unit>,
     pub lookups: [u64; 2],
+    /// Of the caches of the map of surroundings.
+    pub texels: [u64; 2],
     /// All that the raster took, and those that kept a pixel.
     pub stamps: [u64; 2],
     pub traffic: Traffic,
@@ -149,6 +151,8 @@ pub struct Stamp {
     pub stops: Vec<usize>,
     pub merges: u64,
     pub shades: Vec<u64>,
+    /// What they look up, one after the other.
+    pub texels: Vec<Option<[usize; 2]>>,
     /// Lines in the order in which pixels meet them.
     pub lines: Vec<usize>,
     /// Among those that reach the fragment unit.
@@ -159,6 +163,7 @@ pub struct Stamp {
 
 /// The stamps of a splat's part from one pixel to another.
 pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Stamp> {
+    let place = splat;
     let splat = &scene.splats[splat];
     if splat.fate != Fate::Drawn {
         return VecDeque::new();
@@ -190,6 +195,7 @@ pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first
                     if let Event::Merged(shades) = event {
                         stamp.merges += 1;
                         stamp.shades.push(u64::from(shades));
+                        stamp.texels.extend((0..shades.into()).map(|nth| scene.texel(Asks::Merge(place, pixel), nth)));
                     }
                     let line = y / line_height * lines_across + x / line_width;
                     if !stamp.lines.contains(&line) {
@@ -238,6 +244,68 @@ pub fn turn<M>(machine: &mut M, now: u64, unit: fn(&mut M) -> &mut Unit, mut act
     unit(machine).count(now, reason);
 }
 
+/// The cache of a map of surroundings, where it has one: sets of lines, the one used longest ago first.
+pub struct Texels {
+    sets: Vec<Vec<usize>>,
+    ways: usize,
+    line_texels: [usize; 2],
+    side: usize,
+    line_bytes: u64,
+    pub lookups: [u64; 2],
+    /// What the fragment waits for that shade would take next, once it has looked up.
+    awaited: Option<Vec<Done>>,
+}
+
+impl Texels {
+    pub fn new(timing: &Microarchitecture, scene: &Scene) -> Option<Self> {
+        let (shape, side) = (timing.map?, scene.mirrored?);
+        let cache = shape.cache?;
+        Some(Texels {
+            sets: (0..cache.lines / cache.ways).map(|_| Vec::new()).collect(),
+            ways: cache.ways as usize,
+            line_texels: cache.line_texels.map(|texels| texels as usize),
+            side,
+            line_bytes: u64::from(cache.line_texels[0] * cache.line_texels[1] * shape.texel_bytes),
+            lookups: [0; 2],
+            awaited: None,
+        })
+    }
+
+    /// Whether the fragment that shade looks at in this cycle has its texels; it looks them up when it is looked at first.
+    fn are_here(&mut self, now: u64, texel: Option<[usize; 2]>, memory: &mut Memory) -> bool {
+        if self.awaited.is_none() {
+            let mut lines = Vec::new();
+            for [column, row] in texel.iter().flat_map(|[x, y]| [[*x, *y], [x + 1, *y], [*x, y + 1], [x + 1, y + 1]]) {
+                let line = row / self.line_texels[1] * (self.side / self.line_texels[0]) + column / self.line_texels[0];
+                if !lines.contains(&line) {
+                    lines.push(line);
+                }
+            }
+            self.awaited = Some(lines.into_iter().filter_map(|line| self.look_up(now, line, memory)).collect());
+        }
+        self.awaited.iter().flatten().all(|done| done.has_come(now))
+    }
+
+    fn look_up(&mut self, now: u64, line: usize, memory: &mut Memory) -> Option<Done> {
+        let of = line % self.sets.len();
+        let set = &mut self.sets[of];
+        self.lookups[0] += 1;
+        if let Some(found) = set.iter().position(|other| *other == line) {
+            let line = set.remove(found);
+            set.push(line);
+            self.lookups[1] += 1;
+            return None;
+        }
+        if set.len() == self.ways {
+            set.remove(0);
+        }
+        set.push(line);
+        let (done, from) = (Done::default(), MAP + line as u64 * self.line_bytes);
+        memory.ask(now, Client::Environment, Direction::Read, from..from + self.line_bytes, &done);
+        Some(done)
+    }
+}
+
 /// Fetch, project and ellipse; and shade where splats are lit before they are drawn.
 pub struct SetUp<'a> {
     timing: &'a Microarchitecture,
@@ -254,6 +322,9 @@ pub struct SetUp<'a> {
     coloured: Link<usize>,
     shade: Unit,
     lit: Link<usize>,
+    pub texels: Option<Texels>,
+    /// The map that the chip has all of, once it is asked for.
+    map: Option<Done>,
 }
 
 impl<'a> SetUp<'a> {
@@ -273,7 +344,22 @@ impl<'a> SetUp<'a> {
             coloured: Link::new(places(colour_pace(timing, scene))),
             shade: Unit::new(if timing.lights_setup { "setup-shade" } else { "shade" }, timing.shade.units),
             lit: Link::new(places(timing.shade)),
+            texels: Texels::new(timing, scene),
+            map: None,
         }
+    }
+
+    /// Whether the chip has the map, if it is to have all of it.
+    fn has_map(&mut self, memory: &mut Memory) -> bool {
+        let Some(side) = self.scene.mirrored.filter(|_| self.timing.map.unwrap().cache.is_none()) else { return true };
+        let now = self.now;
+        let done = self.map.get_or_insert_with(|| {
+            let done = Done::default();
+            let bytes = (side * side) as u64 * u64::from(self.timing.map.unwrap().texel_bytes);
+            memory.ask(now, Client::Environment, Direction::Read, MAP..MAP + bytes, &done);
+            done
+        });
+        done.has_come(now)
     }
 
     /// The bursts that a record lies in.
@@ -288,9 +374,12 @@ impl<'a> SetUp<'a> {
     }
 
     fn fetch(&mut self, memory: &mut Memory) -> Act {
-        let record = self.fetch.log.len();
+        let (record, has_map) = (self.fetch.log.len(), self.has_map(memory));
         if record == self.scene.splats.len() {
             return Act::Starve;
+        }
+        if !has_map {
+            return Act::Wait;
         }
         let last = *self.bursts(record).end();
         if last >= self.requests.asked.len() && !self.requests.is_free(self.now) {
@@ -354,13 +443,19 @@ impl<'a> SetUp<'a> {
         Act::Take(pace.interval.into())
     }
 
-    fn shade(&mut self) -> Act {
+    fn shade(&mut self, memory: &mut Memory) -> Act {
         let from = if self.colours() { &mut self.coloured } else { &mut self.ellipses };
         let Some(&record) = from.front(self.now) else { return Act::Starve };
+        if let Some(texels) = &mut self.texels
+            && !texels.are_here(self.now, self.scene.texel(Asks::Splat(record), 0), memory)
+        {
+            return Act::Wait;
+        }
         if !self.lit.has_room() {
             return Act::Block;
         }
         from.pop();
+        self.texels.iter_mut().for_each(|texels| texels.awaited = None);
         self.lit.push(self.now + u64::from(self.timing.shade.latency), record);
         Act::Take(self.timing.shade.interval.into())
     }
@@ -383,7 +478,7 @@ impl<'a> SetUp<'a> {
             turn(self, now, |m| &mut m.colour, Self::colour);
         }
         if self.scene.preshaded {
-            turn(self, now, |m| &mut m.shade, Self::shade);
+            turn(self, now, |m| &mut m.shade, |m| m.shade(memory));
         }
     }
 
@@ -552,7 +647,49 @@ pub struct Merge {
     pub shade: Unit,
     /// Work for the shade unit, from which cycle on, and for how long.
     pub to_shade: VecDeque<(u64, u64)>,
+    /// What mirrors, of shade. Then fragments are shaded one by one, and the last of them says when those who wait for it go on.
+    pub mirror: Option<Mirror>,
+    /// The stamp that waits for its light.
+    waiting: Option<(u64, Stamp)>,
 }
+
+/// A shade unit that mirrors: its cache, and what it is to shade, from which cycle on, with whether it is the last of something.
+pub struct Mirror {
+    pub texels: Texels,
+    pub queue: VecDeque<(u64, Option<[usize; 2]>, bool)>,
+    /// Cycles that fragments waited for texels since the last of something.
+    pub waited: u64,
+}
+
+impl Mirror {
+    pub fn new(timing: &Microarchitecture, scene: &Scene) -> Option<Self> {
+        Texels::new(timing, scene).map(|texels| Mirror { texels, queue: VecDeque::new(), waited: 0 })
+    }
+
+    /// What is to be shaded together, from a cycle on.
+    pub fn ask(&mut self, here: u64, texels: Vec<Option<[usize; 2]>>) {
+        let last = texels.len() - 1;
+        self.queue.extend(texels.into_iter().enumerate().map(|(nth, texel)| (here, texel, nth == last)));
+    }
+
+    /// Looks at the next fragment; and whether it is taken, and is the last of something.
+    pub fn shade(&mut self, now: u64, interval: u64, memory: &mut Memory) -> (Act, bool) {
+        let Some(&(here, texel, is_last)) = self.queue.front() else { return (Act::Starve, false) };
+        if here > now {
+            return (Act::Starve, false);
+        }
+        if !self.texels.are_here(now, texel, memory) {
+            self.waited += 1;
+            return (Act::Wait, false);
+        }
+        self.texels.awaited = None;
+        self.queue.pop_front();
+        (Act::Take(interval), is_last)
+    }
+}
+
+/// For ever, until somebody says otherwise.
+pub const HELD: u64 = 1 << 40;
 
 impl Merge {
     pub fn new(timing: &Microarchitecture, scene: &Scene) -> Self {
@@ -565,6 +702,8 @@ impl Merge {
             pixel_free: vec![0; (scene.width * scene.height) as usize],
             shade: Unit::new("shade", 1),
             to_shade: VecDeque::new(),
+            mirror: Mirror::new(timing, scene),
+            waiting: None,
         }
     }
 
@@ -572,15 +711,37 @@ impl Merge {
         stamp.pixels.iter().all(|pixel| self.pixel_free[*pixel] <= now)
     }
 
-    /// Takes a stamp: for how long, and when it is written.
-    pub fn take(&mut self, now: u64, stamp: &Stamp) -> [u64; 2] {
+    /// Takes a stamp: for how long, and when it is written, if that is known.
+    pub fn take(&mut self, now: u64, stamp: &Stamp) -> (u64, Option<u64>) {
         let shades: u64 = stamp.shades.iter().sum();
+        if let (Some(mirror), true) = (&mut self.mirror, shades > 0) {
+            stamp.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = HELD);
+            mirror.ask(now + 1, stamp.texels.clone());
+            self.waiting = Some((now, stamp.clone()));
+            return (HELD, None);
+        }
         let [latency, interval] = [self.shade_pace.latency, self.shade_pace.interval].map(u64::from);
         let cycles = 1 + stamp.merges * self.merge + if shades > 0 { latency + (shades - 1) * interval } else { 0 };
         let last = now + cycles - 1;
         stamp.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = last + self.hazard);
         self.to_shade.extend((0..shades).map(|_| (now + 1, interval)));
-        [cycles, last + self.fragment_latency]
+        (cycles, Some(last + self.fragment_latency))
+    }
+
+    /// Shades with texels: the stamp that waited for this light, and when it is written; or, if it was none of fragment's, for how many cycles
+    /// texels were waited for.
+    pub fn mirror(&mut self, now: u64, memory: &mut Memory) -> (Act, Option<(Stamp, u64)>, Option<u64>) {
+        let Some(mirror) = &mut self.mirror else { return (Act::Starve, None, None) };
+        let (act, is_last) = mirror.shade(now, self.shade_pace.interval.into(), memory);
+        if !is_last {
+            return (act, None, None);
+        }
+        let waited = std::mem::take(&mut mirror.waited);
+        let Some((_, stamp)) = self.waiting.take() else { return (act, None, Some(waited)) };
+        let last = now + u64::from(self.shade_pace.latency) + stamp.merges * self.merge - 1;
+        self.fragment.sides[0].until = last + 1;
+        stamp.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = last + self.hazard);
+        (act, Some((stamp, last + self.fragment_latency)), None)
     }
 
     pub fn shade(&mut self, now: u64) -> Act {
@@ -594,7 +755,10 @@ impl Merge {
     }
 
     pub fn is_done(&self, now: u64) -> bool {
-        self.to_shade.is_empty() && self.fragment.is_idle(now) && self.shade.is_idle(now)
+        self.to_shade.is_empty()
+            && self.mirror.as_ref().is_none_or(|mirror| mirror.queue.is_empty())
+            && self.fragment.is_idle(now)
+            && self.shade.is_idle(now)
     }
 }
 
@@ -613,4 +777,17 @@ pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [u
         }
     }
     [cycles, shades]
+}
+
+/// What is looked up for these pixels in the end, one after the other.
+pub fn resolve_texels(scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> Vec<Option<[usize; 2]>> {
+    let [width, height] = [scene.width, scene.height].map(|size| size as usize);
+    let rows = top..height.min(top + rows);
+    let pixels = rows.flat_map(|y| (left..width.min(left + columns)).map(move |x| y * width + x));
+    pixels.flat_map(|pixel| (0..scene.ends[pixel].unlit.into()).map(move |nth| scene.texel(Asks::End(pixel), nth))).collect()
+}
+
+/// Look-ups of several caches, and those among them that had their line.
+pub fn texels_looked_up<const N: usize>(caches: [Option<&Texels>; N]) -> [u64; 2] {
+    caches.into_iter().flatten().fold([0; 2], |all, cache| [0, 1].map(|i| all[i] + cache.lookups[i]))
 }
