@@ -4,11 +4,10 @@ use crate::error::{Error, Result};
 use crate::golden;
 use crate::golden::{Arrival, Story};
 use crate::hardware::fixed;
-use crate::hardware::quantise::{Scale, quantise};
+use crate::hardware::quantise::{Quantised, Scale, quantise};
 use crate::output::text::{aligned, plain_table};
 use crate::scene::{Scene, Sheet};
 use rtl_model::Machine;
-use rtl_model::frame::Frame;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::Observer;
@@ -231,7 +230,7 @@ impl Seen {
         // What is lit is told by transfers alone.
         let draw = if quantised.frame.surroundings.is_some() { pipeline::draw_observed } else { pipeline::draw_with_decisions };
         let drawing = draw(&elaborated, &quantised.frame, &mut witness);
-        let mirrors = mirrors(&elaborated, &quantised.frame, &witness);
+        let mirrors = mirrors(&elaborated, &quantised, &witness);
         let story = golden::story(scene, &fixed::rules(machine), x, y);
         let word = drawing.frame[y * width + x].map(i64::from);
         Ok(Seen { machine: elaborated, scale: quantised.scale, witness, story, mirrors, word })
@@ -479,7 +478,7 @@ impl Told<'_> {
 }
 
 /// What the layers mirror that no merge had shaded: those were lit last, in the order of their slots.
-fn mirrors(machine: &Elaborated, frame: &Frame, witness: &Witness) -> Vec<ExplainedMirror> {
+fn mirrors(machine: &Elaborated, Quantised { frame, .. }: &Quantised, witness: &Witness) -> Vec<ExplainedMirror> {
     let (Some(words), Some(surroundings)) = (&machine.machine.reflect, &frame.surroundings) else { return Vec::new() };
     let highlights = machine.shade.highlights(&frame.lighting);
     let registers = shade::LightRegisters::of(frame, &highlights);

@@ -44,14 +44,14 @@ impl Texels {
             return now;
         }
         let [row, column] = texel.to_be_bytes().map(u32::from);
-        let [across, down] = self.cache.line_texels.map(u32::ilog2);
-        let columns = (1 << self.shape.index_bits) >> across;
+        let [across, down] = self.cache.line_texels;
+        let columns = (1 << self.shape.index_bits) / across;
         let corners = [[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]];
         let mut seen = [EMPTY; 4];
         let mut here = now;
         for nth in 0..4 {
             let [row, column] = corners[nth];
-            let line = (row >> down) * columns + (column >> across);
+            let line = row / down * columns + column / across;
             if !seen[..nth].contains(&line) {
                 here = here.max(self.line(now, line, memory));
             }
