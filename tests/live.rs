@@ -85,6 +85,15 @@ fn a_unit_answers_as_the_trace_says() {
         let machine = machine(name, &[]);
         answers_as_traced(&traced(&text, &machine, &Window::default()), &constants(&text, &machine), true);
     }
+    // Where mirrors are seen along rays, requests begin with their pixel.
+    let text = r#"{"splats": {"builtin": "glass-spheres", "count": 800}, "image": {"width": 24, "height": 24},
+        "materials": [{"unlit": true, "reflect": 0.25}, {"diffuse": 0.8, "reflect": 0.9}], "environment": {"builtin": "sky"}}"#;
+    let machine = splatsim::hardware::machines::load(root().join("docs/book/reflection/mirror.json"), &[]).unwrap();
+    let constants = constants(text, &machine);
+    let drawn = traced(text, &machine, &Window::default());
+    assert!(["fragment.request", "shade.in"].iter().all(|stream| drawn.field(stream, "x") == 0 && drawn.field(stream, "y") == 1));
+    answers_as_traced(&drawn, &constants, true);
+    answers_as_traced(&traced(text, &machine, &Window { stimulus: Some(100), ..Window::default() }), &constants, false);
 }
 
 #[test]

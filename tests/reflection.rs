@@ -6,8 +6,10 @@ use crate::program::PROGRAM;
 use assert_cmd::Command;
 use glam::DVec3;
 use rtl_model::Machine;
+use rtl_model::machine::timing::Environment;
 use rtl_model::machine::{FunctionUnit, Sight};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
+use rtl_model::timing::{self, Client, Cycles, Detail};
 use serde_json::{Value, json};
 use splatsim::accuracy::partial::{Choice, Stage};
 use splatsim::accuracy::{Lockstep, lockstep, metrics};
@@ -15,6 +17,7 @@ use splatsim::golden::{self, Reflection, Rules};
 use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::output::picture::Picture;
 use splatsim::performance::cost::{Cost, Prices};
+use splatsim::run::explain;
 use splatsim::scene::{Overrides, Scene};
 use std::path::Path;
 
@@ -153,7 +156,7 @@ fn random(rng: &mut Rng) -> Machine {
         overflow: Overflow::Saturate,
     };
     let m = machine.reflect.as_mut().unwrap();
-    for signed in [&mut m.slope, &mut m.facing, &mut m.direction] {
+    for signed in m.slope.iter_mut().chain([&mut m.facing, &mut m.direction]) {
         *signed = word(true);
     }
     for unsigned in [&mut m.coordinate, &mut m.fraction, &mut m.light, &mut m.reflectance] {
@@ -222,6 +225,96 @@ fn a_mirror_costs_area_and_cycles() {
     let rest =
         |machine: &Machine| cost(machine).units.into_iter().filter(|unit| !["reflect", "shade"].contains(&unit.name)).collect::<Vec<_>>();
     assert_eq!(rest(&mirror(Sight::Ray)), rest(&without));
+    let mut cache_alone = without;
+    cache_alone.timing.environment = Some(Environment::default());
+    assert!(cache_alone.elaborate().unwrap_err()[0].contains("no `reflect` that looks one up"));
+}
+
+/// The same bits from memory as from a table, with a cache's area in the place of the table's, its look-ups in the latency and its lines in the
+/// traffic; and a table is loaded before the frame.
+#[test]
+fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
+    let scene = spheres((48, 48));
+    let on_chip = mirror(Sight::Ray);
+    let behind = |lines: u32| {
+        let mut machine = on_chip.clone();
+        machine.timing.environment = Some(Environment { lines, ..Environment::default() });
+        machine
+    };
+    let drawn = |machine: &Machine| {
+        let elaborated = fixed::elaborate(machine).unwrap();
+        let (drawing, _, work) = fixed::draw_measured(&elaborated, &quantise::quantise(&scene, machine).unwrap());
+        let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
+        let bytes = cycles.memory.bytes[Client::Environment as usize];
+        (fixed::picture(&elaborated, &drawing).rgba, cycles, bytes, elaborated)
+    };
+    let (table, loaded, all, elaborated) = drawn(&on_chip);
+    let (small, few, of_few, _) = drawn(&behind(4));
+    let (large, many, of_many, cached) = drawn(&behind(64));
+    assert!(table == small && table == large);
+    // 64 × 64 texels of five bytes, in bursts of 64.
+    assert_eq!(all, [64 * 64 * 5, 0]);
+    assert_eq!(loaded.texels, [0; 2]);
+    // Lines of 16 texels lie in two bursts each, or in one and a quarter.
+    let read = |[lookups, hits]: [u64; 2]| lookups - hits;
+    assert!(read(few.texels) > read(many.texels) && read(many.texels) > 0 && few.texels[0] == many.texels[0]);
+    assert!((read(many.texels) * 128..=read(many.texels) * 192).contains(&of_many[0]) && of_few[0] > of_many[0] && of_many[1] == 0);
+    let waited = |cycles: &Cycles| cycles.units.iter().filter(|unit| unit.name == "shade").map(|unit| unit.account.memory).sum::<u64>();
+    assert!(waited(&few) > waited(&many) && waited(&many) > 0 && waited(&loaded) == 0);
+    assert!(few.total > many.total);
+    // Of the table nothing is left but what the reciprocal has; the cache is storage, and its lines take a look-up of tags.
+    let rom = |elaborated: &rtl_model::Elaborated| {
+        let cost = Cost::new(elaborated, &Prices::default());
+        (cost.units.iter().find(|unit| unit.name == "reflect").unwrap().bits.rom, cost.memory_bits)
+    };
+    assert_eq!(rom(&cached).0, 256 * 16);
+    assert_eq!(rom(&cached).1 - rom(&elaborated).1, 64 * (16 * 5 * 8 + 32));
+    assert!(cached.timing.paths.shade.cycles > elaborated.timing.paths.shade.cycles);
+    // Without surroundings neither reads anything.
+    let plain = Scene { environment: None, ..scene.clone() };
+    let work = fixed::draw_measured(&cached, &quantise::quantise(&plain, &behind(64)).unwrap()).2;
+    assert_eq!(timing::replay(&cached.timing, &work, Detail::Accounts).memory.bytes[Client::Environment as usize], [0; 2]);
+}
+
+/// A mirror in the middle of the picture: its ray, where that goes, what is looked up there, beside golden's.
+#[test]
+fn explain_tells_what_a_mirror_shows() {
+    let scene = spheres((48, 48));
+    for sight in [Sight::Ray, Sight::Axis] {
+        let machine = mirror(sight);
+        let told = (6..42).step_by(6).map(|x| explain::explained(&scene, &machine, [x, 22]).unwrap());
+        let told: Vec<_> = told.filter_map(|told| Some((told.pixel, told.mirrors?))).collect();
+        let same: Vec<_> = told.iter().filter(|(_, mirrors)| mirrors.fixed.len() == mirrors.golden.len()).collect();
+        assert!(same.len() > 1, "{} of {}", same.len(), told.len());
+        for (pixel, mirrors) in same {
+            for (fixed, golden) in mirrors.fixed.iter().zip(&mirrors.golden) {
+                // A decision that was taken otherwise moves a normal a little.
+                let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.02);
+                assert!(near(&fixed.slopes, &golden.slopes) && near(&fixed.share, &golden.share), "{pixel:?}: {fixed:?} {golden:?}");
+                assert_eq!(fixed.slopes == [0.0; 2], sight == Sight::Axis, "{pixel:?}: {fixed:?}");
+                assert!(near(&fixed.direction, &golden.direction), "{pixel:?}: {fixed:?} {golden:?}");
+                assert!((0..2).all(|i| fixed.texel[i].abs_diff(golden.texel[i]) <= 1), "{pixel:?}: {fixed:?} {golden:?}");
+            }
+        }
+        let text = explain::explain(&scene, &machine, told[0].0).unwrap();
+        assert!(text.contains("What layers mirror") && text.contains("texel"), "{text}");
+    }
+    let plain = Scene { environment: None, ..scene };
+    assert!(!explain::explain(&plain, &mirror(Sight::Ray), [24, 24]).unwrap().contains("mirror"));
+}
+
+/// Slopes are asked of a machine that looks along rays, and of no other.
+#[test]
+fn along_the_axis_no_slope_need_be_said() {
+    let scene = spheres((16, 16));
+    let without = |sight| {
+        let mut machine = mirror(sight);
+        machine.reflect.as_mut().unwrap().slope = None;
+        machine
+    };
+    assert_eq!(drawn(&scene, &without(Sight::Axis)), drawn(&scene, &mirror(Sight::Axis)));
+    let misfits = without(Sight::Ray).elaborate().unwrap_err();
+    assert_eq!(misfits, ["reflect.sight is `ray`, and it has no word reflect.slope: I2F14 would do"]);
 }
 
 #[test]
@@ -233,10 +326,15 @@ fn misfits_are_told_in_sentences() {
         (json!({"light": "I1F10"}), "reflect.light"),
         (json!({"fraction": "U0F8"}), "reflect.fraction"),
         (json!({"coordinate": "U1F40"}), "reflect.coordinate"),
+        (json!({"environment": {"ways": 64}}), "timing.environment has 32 lines in sets of 64"),
+        (json!({"environment": {"lines": 3}}), "timing.environment.lines is 3"),
+        (json!({"environment": {"line_texels": [128, 1]}}), "timing.environment.line_texels[0] is 128: it must be a power of two up to 64"),
+        (json!({"environment": {"line_texels": [4, 0]}}), "timing.environment.line_texels[1] is 0"),
     ] {
         let machine = mirror(Sight::Ray);
         let mut value = serde_json::to_value(&machine).unwrap();
-        value["reflect"].as_object_mut().unwrap().extend(change.as_object().unwrap().clone());
+        let of = if change.get("environment").is_some() { "timing" } else { "reflect" };
+        value[of].as_object_mut().unwrap().extend(change.as_object().unwrap().clone());
         let misfits = serde_json::from_value::<Machine>(value).unwrap().elaborate().unwrap_err();
         assert!(misfits.iter().any(|misfit| misfit.contains(part)), "{change}: {misfits:?}");
     }

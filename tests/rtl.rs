@@ -122,13 +122,14 @@ const GLASS_SPHERES: &str = r#"{"splats": {"builtin": "glass-spheres"}, "image":
 const MIRRORS: &str = r#"{"splats": {"builtin": "glass-spheres", "count": 1500}, "image": {"width": 32, "height": 32},
     "materials": [{"unlit": true, "reflect": 0.25}, {"diffuse": 0.8, "reflect": 0.9, "tint": [1, 0.8, 0.3]}], "environment": {"builtin": "sky"}}"#;
 
-/// The book's machine along the axis, and two with odd words.
-fn mirrors() -> [rtl_model::Machine; 3] {
+/// The book's machine, and two with odd words.
+fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
     let usual = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/reflection/mirror.json");
-    let settings = |more: &[&str]| {
-        ["timing.raster.lanes=[1,1]", "reflect.sight=axis"].iter().chain(more).map(|one| (*one).to_owned()).collect::<Vec<_>>()
-    };
+    let sight = format!("reflect.sight={sight}");
+    let settings =
+        |more: &[&str]| ["timing.raster.lanes=[1,1]", &sight].iter().chain(more).map(|one| (*one).to_owned()).collect::<Vec<_>>();
     let coarse = [
+        "reflect.slope=I2F4",
         "reflect.facing=I2F2",
         "reflect.direction=I2F3",
         "reflect.coordinate=U1F2",
@@ -139,6 +140,7 @@ fn mirrors() -> [rtl_model::Machine; 3] {
         r#"reflect.reciprocal={"table_bits":2,"newton_steps":0,"bits":5}"#,
     ];
     let fine = [
+        r#"reflect.slope={"format":"I2F18","round":"truncate"}"#,
         r#"reflect.facing={"format":"I3F20","round":"truncate"}"#,
         r#"reflect.direction={"format":"I2F22","round":"nearest-even"}"#,
         r#"reflect.coordinate={"format":"U2F20","round":"truncate"}"#,
@@ -155,14 +157,22 @@ fn mirrors_give_what_the_machine_gives() {
     if !have(&["iverilog", "verilator", "yosys"], "the twin of reflect") {
         return;
     }
-    for (nth, machine) in mirrors().iter().enumerate() {
+    for (nth, machine) in mirrors("axis").iter().chain(&mirrors("ray")).enumerate() {
         let made_up = traced(MIRRORS, machine, &Window { stimulus: Some(1), ..Window::default() });
-        let simulator = if nth == 0 { Simulator::Verilator } else { Simulator::Icarus };
+        let simulator = if nth % 3 == 0 { Simulator::Verilator } else { Simulator::Icarus };
         assert!(drive(simulator, &made_up, unit("shade"), 32, &STALLS) > 100);
     }
-    let drawn = traced(MIRRORS, &mirrors()[0], &Window::default());
-    assert!(drive(Simulator::Icarus, &drawn, unit("shade"), 32, &[]) > 100);
-    drive(Simulator::Icarus, &drawn, PIPELINE, 32, &[]);
+    for sight in ["axis", "ray"] {
+        let drawn = traced(MIRRORS, &mirrors(sight)[0], &Window::default());
+        assert!(drive(Simulator::Icarus, &drawn, unit("shade"), 32, &[]) > 100);
+        assert!(drive(Simulator::Icarus, &drawn, unit("fragment"), 32, &[]) > 100);
+        drive(Simulator::Icarus, &drawn, PIPELINE, 32, &[]);
+        is_sound(&drawn);
+    }
+}
+
+/// Neither Verilator nor Yosys finds anything to say of a shade unit that mirrors.
+fn is_sound(drawn: &Traced) {
     let lint = run(Command::new("verilator")
         .args(["--lint-only", "-Wall", "--top-module", "shade", "-y"])
         .arg(sources())
@@ -184,8 +194,8 @@ fn wrong_mirrors_are_found_out() {
     if !have(&["iverilog"], "mutants of reflect") {
         return;
     }
-    let trace = traced(MIRRORS, &mirrors()[0], &Window::default());
-    let mutants = [
+    let [along_axis, along_rays] = ["axis", "ray"].map(|sight| traced(MIRRORS, &mirrors(sight)[0], &Window::default()));
+    let of_axis = [
         ("reflect.sv", "COORDINATE_ONE - g_coordinate[1].near", "COORDINATE_ONE - g_coordinate[0].near"),
         ("reflect.sv", "(MIRRORED_W'(product) <<< 1)", "MIRRORED_W'(product)"),
         ("reflect.sv", "texels[{next_row, next_column}]", "texels[{next_row, column}]"),
@@ -195,7 +205,16 @@ fn wrong_mirrors_are_found_out() {
         ("reflect_line.sv", "finish - start", "start - finish"),
         ("shade.sv", "faces ? mirrored : lit", "lit"),
     ];
-    for (file, find, put) in mutants {
+    let of_rays = [
+        ("reflect.sv", "size[(1-axis)*SIZE_W+:SIZE_W]});", "size[0+:SIZE_W]}) + OFFSET_W'(2);"),
+        ("reflect.sv", "place[(1-axis)*SIZE_W+:SIZE_W]", "place[0+:SIZE_W]"),
+        ("reflect.sv", ".more(inverse_focal_places)", ".more(8'sd0)"),
+        ("reflect.sv", "+ (MIRRORED_W'(sight) <<<", "- (MIRRORED_W'(sight) <<<"),
+        ("reflect.sv", "TOWARDS_W'(part) * TOWARDS_W'(sight)", "(axis == 2 ? TOWARDS_W'(part) * TOWARDS_W'(sight) : '0)"),
+        ("shade.sv", ".x(s_data[machine_pkg::SHADE_IN_X_LSB+:X_W])", ".x(s_data[machine_pkg::SHADE_IN_Y_LSB+:X_W])"),
+    ];
+    let with = |trace| move |mutant| (trace, mutant);
+    for (trace, (file, find, put)) in of_axis.map(with(&along_axis)).into_iter().chain(of_rays.map(with(&along_rays))) {
         let folder = tempfile::tempdir().unwrap();
         for entry in twin_files() {
             std::fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
@@ -210,8 +229,8 @@ fn wrong_mirrors_are_found_out() {
         assert_eq!(text.matches(find).count(), 1, "{file}: {find}");
         std::fs::write(folder.path().join(file), text.replace(find, put)).unwrap();
         let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit("shade"), 32);
-        let given = device.drive(None, expected(&trace, unit("shade")), &[]);
-        assert!(fault(&trace, unit("shade"), &given).is_some(), "{file} without `{find}` gives the same");
+        let given = device.drive(None, expected(trace, unit("shade")), &[]);
+        assert!(fault(trace, unit("shade"), &given).is_some(), "{file} without `{find}` gives the same");
     }
 }
 

@@ -101,13 +101,15 @@ fn replay(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model:
 fn replay_shade(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
     let unwatched = &mut NoProbe;
     for (input, output) in trace.records("shade.in").iter().zip(trace.records("shade.out")) {
+        // Before the sums the pixel, if that is asked for.
+        let (place, sums) = input.split_at(input.len() - 9);
         let words = shade::Input {
-            weight: input[0],
-            colour: array(&input[1..4]),
-            opacity: input[4],
-            normal: array(&input[5..8]),
-            material: input[8] as u32,
-            pixel: [0; 2],
+            weight: sums[0],
+            colour: array(&sums[1..4]),
+            opacity: sums[4],
+            normal: array(&sums[5..8]),
+            material: sums[8] as u32,
+            pixel: if place.is_empty() { [0; 2] } else { array(place) },
         };
         let made = unit_replay::shade(elaborated, frame, &words, unwatched);
         assert_eq!([&made.colour[..], &[made.opacity]].concat(), output);

@@ -532,6 +532,8 @@ fn a_walker_costs_area_where_a_machine_has_one_and_holds_no_more_than_its_stack(
     let [none, small, large] = [&plain, &with(16), &with(1024)].map(cost);
     assert!(none.units.iter().all(|unit| unit.name != "fetch") && small.units.iter().any(|unit| unit.name == "fetch"));
     assert_eq!(large.memory_bits - small.memory_bits, 40 * (1024 - 16));
+    // What counts nodes by size: two counts of 32 bits for each of 256 values of a digit; and requests wait with or without a walker.
+    assert_eq!(small.memory_bits - none.memory_bits, 40 * 16 + 2 * 32 * 256);
     assert!(none.area + 1000.0 < small.area && small.area < large.area);
     let scene = cut(&ball(400), 4, EVERYTHING);
     let deepest = detail(&scene).cut.deepest as u32;

@@ -131,10 +131,13 @@ module fill #(
 
   // Shade.
 
-  localparam int SUMS_W = machine_pkg::FRAGMENT_REQUEST_W - MATERIAL_W;
-  wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] dark = {
-    held[machine_pkg::FRAGMENT_HELD_NORMAL_Z_LSB+:SUMS_W], held[machine_pkg::FRAGMENT_HELD_MATERIAL_LSB+:MATERIAL_W]
-  };
+  localparam int SUMS_W = machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB + machine_pkg::FRAGMENT_REQUEST_WEIGHT_W - MATERIAL_W;
+  // Where a request has no pixel its uppermost bits are none.
+  wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] dark = machine_pkg::FRAGMENT_REQUEST_W'({
+    held[machine_pkg::FRAGMENT_HELD_Y_LSB+:X_W+Y_W],
+    held[machine_pkg::FRAGMENT_HELD_NORMAL_Z_LSB+:SUMS_W],
+    held[machine_pkg::FRAGMENT_HELD_MATERIAL_LSB+:MATERIAL_W]
+  });
   assign asked = shade_ready;
   assign answered = lit_valid && layers_empty;
   assign lit_ready = layers_empty ? answer_ready : layer_dark && layer_ready;

@@ -70,7 +70,7 @@ module fragment #(
 
   // A slot: whether it is shaded, its depth, and what shade is asked: sums and material. A shaded one keeps its premultiplied colour and
   // its opacity where an unshaded one keeps their sums, and 0 for the rest.
-  localparam int ASKED_W = machine_pkg::FRAGMENT_REQUEST_W;
+  localparam int ASKED_W = machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB + machine_pkg::FRAGMENT_REQUEST_WEIGHT_W;
   localparam int DEPTH = ASKED_W;
   localparam int SHADED = DEPTH + DEPTH_W;
   localparam int SLOT_W = SHADED + 1;
@@ -403,7 +403,8 @@ module fragment #(
   wire asks_over = ask_over && !asked_over;
   wire asks_under = ask_under && !asked_under;
   assign q_valid = merging && (asks_over || asks_under);
-  assign q_data = asks_over ? over[ASKED_W-1:0] : under[ASKED_W-1:0];
+  // Where a request has no pixel its uppermost bits are none.
+  assign q_data = machine_pkg::FRAGMENT_REQUEST_W'({x, y, asks_over ? over[ASKED_W-1:0] : under[ASKED_W-1:0]});
 
   // An answer is the front one's as long as that is missing.
   wire awaits_over = ask_over && !here_over;

@@ -10,7 +10,7 @@
 module fragment_lit (
     // Of what shade is asked a light has but colour and opacity.
     // verilator lint_off UNUSEDSIGNAL
-    input wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] slot,        // what a slot holds
+    input wire [machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB+machine_pkg::FRAGMENT_REQUEST_WEIGHT_W-1:0] slot, // what a slot holds
     // verilator lint_on UNUSEDSIGNAL
     input wire shaded,                                            // whether it is shaded
     input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] light,        // what shade says, if it is not

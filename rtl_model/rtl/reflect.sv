@@ -1,6 +1,8 @@
-// Reflect: mirrors surroundings in what shade has lit, seen from far along the viewing axis. Twin of units/shade/reflect.rs. It stands in shade.
+// Reflect: mirrors surroundings in what shade has lit, seen along the pixel's ray or from far along the viewing axis. Twin of
+// units/shade/reflect.rs. It stands in shade.
 //
-//   normal N ->[ N.V ]->[ 2(N.V)N - V ]-> R ->[ 1/(|x|+|y|+|z|) ]->(*)-> |x|, |y| ->[ fold ]->[ map ]-> light
+//   pixel ->[ slope ]-> V = -(a, b, 1) -+
+//   normal N ->[ N.V ]-----------------+->[ 2(N.V)N - V ]-> R ->[ 1/(|x|+|y|+|z|) ]->(*)-> |x|, |y| ->[ fold ]->[ map ]-> light
 //   colour ->(* 1 - reflect)->(+)<-(* reflect*tint)<- light          +-> at most 1 -> colour
 //
 // Losses: all words are rounded; coordinates are clamped to 1, and so is what is mixed.
@@ -10,6 +12,14 @@
 module reflect #(
     parameter ROMS = "rom/" // folder of the tables, with its slash
 ) (
+`ifdef MACHINE_MIRRORS_ALONG_RAYS
+    // The frame's constants are every unit's: this one looks at the picture's size and the focal length.
+    // verilator lint_off UNUSEDSIGNAL
+    input wire [machine_pkg::FRAME_W-1:0] frame,
+    // verilator lint_on UNUSEDSIGNAL
+    input wire [machine_pkg::SHADE_IN_X_W-1:0] x,           // the pixel's column
+    input wire [machine_pkg::SHADE_IN_Y_W-1:0] y,           // and row
+`endif
     input wire [3*machine_pkg::SHADE_NORMAL_W-1:0] normal,  // N, turned towards the viewer: x, y, z, the first in the most significant bits
     input wire [machine_pkg::MATERIAL_W-1:0] material,      // a record of a material
     input wire [3*machine_pkg::SHADE_COLOUR_W-1:0] colour,  // what is lit: red, green, blue, likewise
@@ -24,26 +34,60 @@ module reflect #(
   localparam int LIGHT_W = machine_pkg::REFLECT_LIGHT_W;
   localparam int LIGHT_F = machine_pkg::REFLECT_LIGHT_F;
 
-  // N.V, with V = (0, 0, -1).
-  wire signed [NORMAL_W-1:0] forward = normal[0+:NORMAL_W];
-  wire signed [NORMAL_W:0] wider = (NORMAL_W + 1)'(forward);
-  wire signed [NORMAL_W:0] towards = -wider;
+  // -V: the pixel's ray (a, b, 1), x in the most significant bits; along the axis a and b are 0.
+`ifdef MACHINE_MIRRORS_ALONG_RAYS
+  localparam int SEEN_W = machine_pkg::REFLECT_SLOPE_W;
+  localparam int SEEN_F = machine_pkg::REFLECT_SLOPE_F;
+  localparam int SIZE_W = machine_pkg::FRAME_WIDTH_W;
+  localparam int OFFSET_W = SIZE_W + 2;
+  localparam int INVERSE_FOCAL_W = machine_pkg::ELLIPSE_INVERSE_FOCAL_W;
+  localparam int SLOPED_W = OFFSET_W + INVERSE_FOCAL_W + 1;
+  wire [INVERSE_FOCAL_W-1:0] inverse_focal = frame[machine_pkg::FRAME_INVERSE_FOCAL_LSB+:INVERSE_FOCAL_W];
+  wire signed [7:0] inverse_focal_places = frame[machine_pkg::FRAME_INVERSE_FOCAL_PLACES_LSB+:8];
+  wire [2*SIZE_W-1:0] place = {SIZE_W'(x), SIZE_W'(y)};
+  wire [2*SIZE_W-1:0] size = {frame[machine_pkg::FRAME_WIDTH_LSB+:SIZE_W], frame[machine_pkg::FRAME_HEIGHT_LSB+:SIZE_W]};
+  wire [3*SEEN_W-1:0] sights;
+  for (genvar axis = 0; axis < 2; axis++) begin : g_slope
+    // Twice the distance from the middle.
+    wire signed [OFFSET_W-1:0] offset =
+        $signed({1'b0, place[(1-axis)*SIZE_W+:SIZE_W], 1'b1}) - $signed({2'b0, size[(1-axis)*SIZE_W+:SIZE_W]});
+    wire signed [SLOPED_W-1:0] sloped = offset * $signed({1'b0, inverse_focal});
+    fit_shifted #(.IN_W(SLOPED_W), .PLACES(machine_pkg::ELLIPSE_INVERSE_FOCAL_F + 1 - SEEN_F), .MORE_W(8), .W(SEEN_W), .S(1),
+        .ROUND(machine_pkg::REFLECT_SLOPE_ROUND), .WRAP(machine_pkg::REFLECT_SLOPE_WRAP))
+        sloper (.exact(sloped), .more(inverse_focal_places), .word(sights[(2-axis)*SEEN_W+:SEEN_W]));
+  end
+  assign sights[0+:SEEN_W] = SEEN_W'(1) << SEEN_F;
+`else
+  localparam int SEEN_W = 2;
+  localparam int SEEN_F = 0;
+  wire [3*SEEN_W-1:0] sights = (3 * SEEN_W)'(1);
+`endif
+
+  // N.V, from the negative of its parts.
+  localparam int TOWARDS_W = NORMAL_W + SEEN_W + 2;
+  wire [3*TOWARDS_W-1:0] along;
+  wire signed [TOWARDS_W-1:0] towards = -($signed(along[0+:TOWARDS_W]) + $signed(along[TOWARDS_W+:TOWARDS_W]) + $signed(along[2*TOWARDS_W+:TOWARDS_W]));
   wire signed [FACING_W-1:0] facing;
-  fit #(.IN_W(NORMAL_W + 1), .PLACES(machine_pkg::SHADE_NORMAL_F - machine_pkg::REFLECT_FACING_F), .W(FACING_W), .S(1),
+  fit #(.IN_W(TOWARDS_W), .PLACES(machine_pkg::SHADE_NORMAL_F + SEEN_F - machine_pkg::REFLECT_FACING_F), .W(FACING_W), .S(1),
       .ROUND(machine_pkg::REFLECT_FACING_ROUND), .WRAP(machine_pkg::REFLECT_FACING_WRAP)) facer (.exact(towards), .word(facing));
 
   // R, and the magnitudes of its parts: x, y, z.
   localparam int PRODUCT_W = FACING_W + NORMAL_W;
   localparam int PRODUCT_F = machine_pkg::REFLECT_FACING_F + machine_pkg::SHADE_NORMAL_F;
-  localparam int MIRRORED_W = (PRODUCT_W > PRODUCT_F ? PRODUCT_W : PRODUCT_F) + 3;
+  localparam int MIRRORED_F = PRODUCT_F > SEEN_F ? PRODUCT_F : SEEN_F;
+  localparam int INTEGERS_W = PRODUCT_W - PRODUCT_F > SEEN_W - SEEN_F ? PRODUCT_W - PRODUCT_F : SEEN_W - SEEN_F;
+  localparam int MIRRORED_W = (INTEGERS_W > 0 ? INTEGERS_W : 0) + MIRRORED_F + 3;
   wire [3*DIRECTION_W-1:0] magnitudes;
   wire [2:0] less;
   for (genvar axis = 0; axis < 3; axis++) begin : g_axis
     wire signed [NORMAL_W-1:0] part = normal[(2-axis)*NORMAL_W+:NORMAL_W];
     wire signed [PRODUCT_W-1:0] product = facing * part;
-    wire signed [MIRRORED_W-1:0] exact = (MIRRORED_W'(product) <<< 1) + (axis == 2 ? MIRRORED_W'(1) << PRODUCT_F : '0);
+    wire signed [SEEN_W-1:0] sight = sights[(2-axis)*SEEN_W+:SEEN_W];
+    assign along[axis*TOWARDS_W+:TOWARDS_W] = TOWARDS_W'(part) * TOWARDS_W'(sight);
+    wire signed [MIRRORED_W-1:0] twice = (MIRRORED_W'(product) <<< 1) <<< (MIRRORED_F - PRODUCT_F);
+    wire signed [MIRRORED_W-1:0] exact = twice + (MIRRORED_W'(sight) <<< (MIRRORED_F - SEEN_F));
     wire signed [DIRECTION_W-1:0] word;
-    fit #(.IN_W(MIRRORED_W), .PLACES(PRODUCT_F - DIRECTION_F), .W(DIRECTION_W), .S(1), .ROUND(machine_pkg::REFLECT_DIRECTION_ROUND),
+    fit #(.IN_W(MIRRORED_W), .PLACES(MIRRORED_F - DIRECTION_F), .W(DIRECTION_W), .S(1), .ROUND(machine_pkg::REFLECT_DIRECTION_ROUND),
         .WRAP(machine_pkg::REFLECT_DIRECTION_WRAP)) mirror (.exact(exact), .word(word));
     assign less[axis] = word[DIRECTION_W-1];
     assign magnitudes[axis*DIRECTION_W+:DIRECTION_W] = less[axis] ? -word : word;

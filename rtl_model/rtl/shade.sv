@@ -248,7 +248,14 @@ module shade #(
   // The package of a frame with surroundings says so; its material records have words that those of others lack.
 `ifdef MACHINE_MIRRORS
   wire [3*COLOUR_W-1:0] mirrored;
+`ifdef MACHINE_MIRRORS_ALONG_RAYS
+  localparam int X_W = machine_pkg::SHADE_IN_X_W;
+  localparam int Y_W = machine_pkg::SHADE_IN_Y_W;
+  reflect #(.ROMS(ROMS)) mirror (.frame(frame), .x(s_data[machine_pkg::SHADE_IN_X_LSB+:X_W]), .y(s_data[machine_pkg::SHADE_IN_Y_LSB+:Y_W]),
+      .normal(normal), .material(answer), .colour(lit), .leaving(mirrored));
+`else
   reflect #(.ROMS(ROMS)) mirror (.normal(normal), .material(answer), .colour(lit), .leaving(mirrored));
+`endif
   assign leaving = faces ? mirrored : lit;
 `else
   assign leaving = lit;

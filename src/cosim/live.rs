@@ -123,7 +123,7 @@ impl Constants {
     pub fn new(scene: &Scene, machine: &Machine) -> Result<Self> {
         let elaborated = fixed::elaborate(machine)?;
         let mut frame = quantise(scene, machine)?.frame;
-        Window::default().check(&elaborated, &frame)?;
+        Window::default().check(&frame)?;
         // Units know no splats; of ellipsoids they know whether these have axes of their own.
         frame.splats = Vec::new();
         if let Some(ellipsoids) = &mut frame.ellipsoids {
@@ -154,10 +154,16 @@ impl Constants {
         Some((Port::new(stream), records))
     }
 
+    /// Whether requests to `shade` begin with their pixel.
+    fn asks_for_pixel(&self) -> bool {
+        ports::asks_for_pixel(&self.machine.machine, Kind::of(&self.frame))
+    }
+
     /// What `shade` says of a request.
     pub fn light(&self, request: &[i64]) -> [i64; 4] {
-        let &[weight, r, g, b, opacity, x, y, z, material] = request else { return [0; 4] };
-        let input = shade::Input { weight, colour: [r, g, b], opacity, normal: [x, y, z], material: material as u32, pixel: [0; 2] };
+        let (pixel, sums) = if self.asks_for_pixel() { request.split_at(2.min(request.len())) } else { (&[][..], request) };
+        let &[weight, r, g, b, opacity, x, y, z, material] = sums else { return [0; 4] };
+        let input = shade::Input { weight, colour: [r, g, b], opacity, normal: [x, y, z], material: material as u32, pixel: array(pixel) };
         let output = unit_replay::shade(&self.machine, &self.frame, &input, &mut NoProbe);
         let [r, g, b] = output.colour;
         [r, g, b, output.opacity]
@@ -375,7 +381,7 @@ impl<'a> Unit<'a> {
                 limits.extend([("x", [0, width - 1]), ("y", [0, height - 1]), ("weight", [1, format("weight").max()])]);
                 limits.push(("material", [0, materials - 1]));
             }
-            unit::SHADE => limits.push(("material", [0, materials - 1])),
+            unit::SHADE => limits.extend([("x", [0, width - 1]), ("y", [0, height - 1]), ("material", [0, materials - 1])]),
             _ => {}
         }
         for (name, range) in limits {
@@ -417,7 +423,8 @@ impl<'a> Unit<'a> {
         let (machine, frame, probe) = (&self.of.machine, &self.of.frame, &mut NoProbe);
         let deepest = machine.machine.fragment.layers as u8 - 1;
         let tile = |at: &[i64]| [at[1] / TILE_PX as i64, at[0] / TILE_PX as i64];
-        let light = |slot: &Slot| premultiplied(shade(&[&slot.sums[..], &[slot.material.into()]].concat()));
+        let place = if self.of.asks_for_pixel() { &words[..2] } else { &[] };
+        let light = |slot: &Slot| premultiplied(shade(&[place, &slot.sums[..], &[slot.material.into()]].concat()));
         let decision = match &mut self.state {
             State::None => return self.of.once(self.name, words),
             State::Sort(depths) => {

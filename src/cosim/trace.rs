@@ -54,7 +54,6 @@ use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Kind, Order, Stream};
 use rtl_model::timing::{self, Detail};
 use rtl_model::units::fragment::Slot;
-use rtl_model::units::shade::reflect::Reflect;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::fs;
@@ -109,7 +108,12 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
-    let rectangle = window.check(&elaborated, &frame)?;
+    let rectangle = window.check(&frame)?;
+    if window.waves.is_some() && frame.surroundings.is_some() && machine.timing.environment.is_some() {
+        return Err(Error::input(
+            "--waves: surroundings come from memory, and no wave shows who waits for them; left out, there are records",
+        ));
+    }
     let _open = files::Folder::open(folder)?;
     let folder = Folder { folder, machine: &elaborated, frame: &frame };
     let mut contents = if let Some(cases) = window.stimulus {
@@ -287,11 +291,7 @@ fn mixed(seed: u64, number: u64) -> u64 {
 
 impl Window {
     /// The rectangle that is wanted, to the column and row after the last.
-    pub(super) fn check(&self, machine: &Elaborated, frame: &Frame) -> Result<Rectangle> {
-        if frame.surroundings.is_some() && machine.shade.reflect().is_some_and(Reflect::asks_for_pixel) {
-            let sight = "its reflect.sight is `ray`, and a record of shade.in has no pixel yet: traces and single units are of `axis`";
-            return Err(Error::input(format!("machine {}: {sight}", machine.machine.name)));
-        }
+    pub(super) fn check(&self, frame: &Frame) -> Result<Rectangle> {
         let units = units(Kind::of(frame));
         if let Some(unknown) = self.units.iter().find(|unit| !units.contains(&unit.as_str())) {
             return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));

@@ -34,7 +34,7 @@ use intervals::Spanning;
 use shade::Shader;
 
 pub use fragments::{Decision, Merge, Side};
-pub use reflection::{Reflection, octahedral};
+pub use reflection::{Reflection, Seen, octahedral};
 pub use story::{Arrival, Layer, Story, story};
 pub use window::density as window_density;
 

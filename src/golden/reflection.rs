@@ -98,19 +98,59 @@ impl Surroundings {
     }
 
     fn light(&self, at: [f64; 2], normal: DVec3) -> [f64; 3] {
-        let ray = DVec3::new(at[0] / self.focal_px, at[1] / self.focal_px, 1.0);
-        let Some((way, texels)) = &self.map else {
-            return self.environment.light(self.rotation.transpose() * reflected(ray, normal));
-        };
-        let ray = if way.by_ray { ray } else { DVec3::Z };
-        between(texels, 1 << way.index_bits, place(reflected(ray, normal)))
+        let (_, direction) = self.direction(at, normal);
+        match &self.map {
+            None => self.environment.light(self.rotation.transpose() * direction),
+            Some((way, texels)) => between(texels, 1 << way.index_bits, place(direction)),
+        }
     }
+
+    /// The ray that is mirrored, and where it goes.
+    fn direction(&self, at: [f64; 2], normal: DVec3) -> (DVec3, DVec3) {
+        let along_axis = self.map.as_ref().is_some_and(|(way, _)| !way.by_ray);
+        let ray = if along_axis { DVec3::Z } else { DVec3::new(at[0] / self.focal_px, at[1] / self.focal_px, 1.0) };
+        (ray, reflected(ray, normal))
+    }
+
+    /// What a mirror of a material shows; none where it mirrors nothing.
+    pub fn seen(&self, material: u32, at: [f64; 2], normal: DVec3) -> Option<Seen> {
+        let Mirror { reflect, tint } = self.environment.mirrors[material as usize];
+        let (ray, direction) = self.direction(at, normal);
+        let side = self.map.as_ref().map_or(2, |(way, _)| 1 << way.index_bits);
+        (reflect != 0.0).then(|| Seen {
+            slopes: [ray.x, ray.y],
+            direction: direction.to_array(),
+            texel: texel(side, place(direction)),
+            light: self.light(at, normal),
+            share: tint.map(|tint| reflect * tint),
+        })
+    }
+}
+
+/// What a mirror shows at a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// a and b of the ray (a, b, 1) that is mirrored.
+    pub slopes: [f64; 2],
+    /// Where it goes, as long as it.
+    pub direction: [f64; 3],
+    /// Column and row of the first of the map's four texels.
+    pub texel: [usize; 2],
+    /// Light between them.
+    pub light: [f64; 3],
+    /// Share of the light in the colour that leaves: reflect times tint.
+    pub share: [f64; 3],
+}
+
+/// The first of four texels around a place.
+fn texel(side: usize, at: [f64; 2]) -> [usize; 2] {
+    at.map(|at| ((at * (side - 1) as f64).floor() as usize).min(side - 2))
 }
 
 /// Light between four texels.
 fn between(texels: &[[f64; 3]], side: usize, at: [f64; 2]) -> [f64; 3] {
     let [x, y] = at.map(|at| at * (side - 1) as f64);
-    let [left, above] = [x, y].map(|x| (x.floor() as usize).min(side - 2));
+    let [left, above] = texel(side, at);
     let parts = [[1.0 - (x - left as f64), x - left as f64], [1.0 - (y - above as f64), y - above as f64]];
     let mut light = [0.0; 3];
     for (down, part) in parts[1].into_iter().enumerate() {

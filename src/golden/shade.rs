@@ -5,7 +5,7 @@ use glam::{DVec3, DVec4};
 use super::Rules;
 use super::footprint::Footprint;
 use super::fragments::Fragment;
-use super::reflection::{Reflection, Surroundings};
+use super::reflection::{Reflection, Seen, Surroundings};
 use crate::scene::{Material, Scene};
 
 /// What shading needs of the scene, in camera space.
@@ -98,6 +98,12 @@ impl Shader {
         let Some(surroundings) = &self.surroundings else { return colour };
         let normal = facing(fragment.normal / fragment.weight);
         normal.map_or(colour, |normal| surroundings.mirrored(fragment.material, self.off_middle(fragment.pixel), normal, colour))
+    }
+
+    /// What a fragment mirrors; none where that is nothing, or it was shaded before.
+    pub fn mirrored(&self, fragment: &Fragment) -> Option<Seen> {
+        let surroundings = self.surroundings.as_ref().filter(|_| !fragment.shaded && fragment.weight != 0.0)?;
+        surroundings.seen(fragment.material, self.off_middle(fragment.pixel), facing(fragment.normal / fragment.weight)?)
     }
 
     /// A pixel's centre from the middle of the picture.

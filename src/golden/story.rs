@@ -3,6 +3,7 @@
 use super::footprint::{self, Footprint};
 use super::fragments::{Fragment, Golden, Slot, resolve};
 use super::intervals::Spanning;
+use super::reflection::Seen;
 use super::shade::{Shader, over};
 use super::sheets::{Fate, Pixel};
 use super::tiles::put_in_order;
@@ -60,6 +61,8 @@ pub struct Layer {
     pub colour: [f64; 3],
     /// Its final coverage α'.
     pub coverage: f64,
+    /// What it mirrors; none of a layer that a merge had shaded already.
+    pub mirrored: Option<Seen>,
 }
 
 impl Layer {
@@ -76,6 +79,7 @@ impl Layer {
             shaded: fragment.shaded,
             colour: premultiplied.truncate().to_array(),
             coverage: premultiplied.w,
+            mirrored: shader.mirrored(fragment),
         }
     }
 }

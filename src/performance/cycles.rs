@@ -37,6 +37,9 @@ pub struct CyclesReport {
     pub slots: [u64; 2],
     /// Lines that the cache looked up, and those that it had; none where there is no cache.
     pub lookups: Option<[u64; 2]>,
+    /// Lines of the map of surroundings that its caches looked up, and those that they had; only where it lies in memory.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub texels: Option<[u64; 2]>,
     /// Tile after tile of a binned machine, which `tiles.csv` has.
     #[serde(skip)]
     pub tiles: Option<Tiles>,
@@ -165,6 +168,7 @@ impl CyclesReport {
             },
             slots: cycles.stamps,
             lookups: (cycles.lookups[0] > 0).then_some(cycles.lookups),
+            texels: (cycles.texels[0] > 0).then_some(cycles.texels),
             tiles: cycles.tiles.clone(),
         }
     }
@@ -198,8 +202,9 @@ impl CyclesReport {
         let [moved, clients, rate] = [megabytes(memory.bytes), clients.join(", "), gigabytes(memory.bytes_per_second)];
         let traffic = format!("memory: {moved} ({clients}); {rate} {of_peak}");
         let _ = write!(text, "{}", wrapped(&traffic));
-        if let Some([lookups, hits]) = self.lookups {
-            let _ = write!(text, "\ncache: {} look-ups, {} hits", thousands(lookups), share(hits, lookups));
+        for (cache, lookups) in [("cache", self.lookups), ("cache of the surroundings", self.texels)] {
+            let Some([lookups, hits]) = lookups else { continue };
+            let _ = write!(text, "\n{cache}: {} look-ups, {} hits", thousands(lookups), share(hits, lookups));
         }
         let _ = write!(text, "\nslots: {} tested, {} kept a pixel", thousands(self.slots[0]), share(self.slots[1], self.slots[0]));
         text

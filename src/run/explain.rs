@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::golden;
 use crate::golden::{Arrival, Story};
 use crate::hardware::fixed;
-use crate::hardware::quantise::{Scale, quantise};
+use crate::hardware::quantise::{Quantised, Scale, quantise};
 use crate::output::text::{aligned, plain_table};
 use crate::scene::{Scene, Sheet};
 use rtl_model::Machine;
@@ -13,6 +13,8 @@ use rtl_model::pipeline::Elaborated;
 use rtl_model::probe::Observer;
 use rtl_model::units::fragment::{Contribution, Decision, Side};
 use rtl_model::units::resolve::Layer;
+use rtl_model::units::shade;
+use rtl_model::units::shade::reflect;
 use serde::Serialize;
 use std::any::Any;
 use std::collections::{HashMap, HashSet};
@@ -25,6 +27,8 @@ struct Witness {
     contributions: Vec<(Contribution, Decision)>,
     layers: Vec<Layer>,
     frame: Option<[i64; 4]>,
+    /// What was lit at the pixel since the last contribution to it, in the order of slots.
+    lit: Vec<shade::Input>,
 }
 
 impl Observer<'static> for Witness {
@@ -40,13 +44,21 @@ impl Observer<'static> for Witness {
         if let Ok(fork) = seen.downcast::<Witness>() {
             self.contributions.extend(fork.contributions);
             self.layers.extend(fork.layers);
+            self.lit.extend(fork.lit);
             self.frame = self.frame.or(fork.frame);
         }
     }
 
     fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
         if [x, y] == self.pixel {
+            self.lit.clear();
             self.contributions.push((*contribution, decision));
+        }
+    }
+
+    fn shade_out(&mut self, input: &shade::Input, _output: &shade::Output) {
+        if input.pixel == self.pixel.map(i64::from) {
+            self.lit.push(*input);
         }
     }
 
@@ -68,6 +80,9 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
     let mut text = format!("pixel {x},{y} of {} on {}\n\n", scene.name, machine.name);
     let _ = writeln!(text, "{}\n", side_by_side.contributions());
     let _ = writeln!(text, "{}\n", side_by_side.layers());
+    if let Some(mirrors) = side_by_side.mirrors() {
+        let _ = writeln!(text, "{mirrors}\n");
+    }
     let _ = write!(text, "{}", side_by_side.end(seen.word));
     Ok(text)
 }
@@ -96,6 +111,9 @@ pub struct Explained {
     pub contributions: Vec<ExplainedContribution>,
     /// Layers at the end, front to back.
     pub layers: ExplainedLayers,
+    /// What the layers mirror that no merge had shaded before; left out where that is nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mirrors: Option<ExplainedMirrors>,
     /// The machine's pixel.
     pub fixed: [f64; 4],
     /// `golden`'s.
@@ -158,12 +176,40 @@ pub struct ExplainedLayer {
     pub opacity: f64,
 }
 
+/// What the layers of both mirror.
+#[derive(Clone, Debug, Serialize)]
+pub struct ExplainedMirrors {
+    /// The machine's.
+    pub fixed: Vec<ExplainedMirror>,
+    /// `golden`'s.
+    pub golden: Vec<ExplainedMirror>,
+}
+
+/// What one layer mirrors.
+#[derive(Clone, Debug, Serialize)]
+pub struct ExplainedMirror {
+    /// The layer's place, front to back.
+    pub layer: usize,
+    /// a and b of the ray (a, b, 1) that is mirrored.
+    pub slopes: [f64; 2],
+    /// Where it goes, in camera space.
+    pub direction: [f64; 3],
+    /// Column and row of the first of the map's four texels.
+    pub texel: [usize; 2],
+    /// Light between them.
+    pub light: [f64; 3],
+    /// Share of the light in the colour that leaves: reflect times tint.
+    pub share: [f64; 3],
+}
+
 /// Everything that was seen of a pixel.
 struct Seen {
     machine: Elaborated,
     scale: Scale,
     witness: Witness,
     story: Story,
+    /// What the machine's layers mirror.
+    mirrors: Vec<ExplainedMirror>,
     /// The frame word.
     word: [i64; 4],
 }
@@ -181,15 +227,18 @@ impl Seen {
         let elaborated = fixed::elaborate(machine)?;
         let quantised = quantise(scene, machine)?;
         let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
-        let drawing = pipeline::draw_with_decisions(&elaborated, &quantised.frame, &mut witness);
+        // What is lit is told by transfers alone.
+        let draw = if quantised.frame.surroundings.is_some() { pipeline::draw_observed } else { pipeline::draw_with_decisions };
+        let drawing = draw(&elaborated, &quantised.frame, &mut witness);
+        let mirrors = mirrors(&elaborated, &quantised, &witness);
         let story = golden::story(scene, &fixed::rules(machine), x, y);
         let word = drawing.frame[y * width + x].map(i64::from);
-        Ok(Seen { machine: elaborated, scale: quantised.scale, witness, story, word })
+        Ok(Seen { machine: elaborated, scale: quantised.scale, witness, story, mirrors, word })
     }
 
     fn told<'a>(&'a self, scene: &'a Scene) -> Told<'a> {
-        let Seen { machine, scale, witness, story, .. } = self;
-        Told { machine, scale: *scale, fixed: witness, golden: story, sheet: scene.sheets.as_ref().map(|s| &s.of) }
+        let Seen { machine, scale, witness, story, mirrors, .. } = self;
+        Told { machine, scale: *scale, fixed: witness, golden: story, mirrors, sheet: scene.sheets.as_ref().map(|s| &s.of) }
     }
 }
 
@@ -198,6 +247,7 @@ struct Told<'a> {
     scale: Scale,
     fixed: &'a Witness,
     golden: &'a Story,
+    mirrors: &'a [ExplainedMirror],
     /// None where fragments are grouped by depth.
     sheet: Option<&'a Sheet>,
 }
@@ -326,6 +376,7 @@ impl Told<'_> {
             slots: machine.fragment.layers.into(),
             contributions: self.pairs().into_iter().map(contribution).collect(),
             layers: ExplainedLayers { fixed: fixed.collect(), golden: golden.collect() },
+            mirrors: self.both_mirrors(),
             fixed: word.map(|channel| format.value(channel)),
             golden: self.golden.rgba,
             frame_format: format.to_string(),
@@ -387,6 +438,30 @@ impl Told<'_> {
         format!("Layers at the end, front to back; colour is shaded and multiplied by opacity:\n\n{}", aligned(table))
     }
 
+    /// What layers mirror; none where that is nothing.
+    fn both_mirrors(&self) -> Option<ExplainedMirrors> {
+        let golden: Vec<ExplainedMirror> = (self.golden.layers.iter().enumerate())
+            .filter_map(|(layer, of)| {
+                let golden::Seen { slopes, direction, texel, light, share } = of.mirrored?;
+                Some(ExplainedMirror { layer, slopes, direction, texel, light, share })
+            })
+            .collect();
+        let fixed = self.mirrors.to_vec();
+        (!fixed.is_empty() || !golden.is_empty()).then_some(ExplainedMirrors { fixed, golden })
+    }
+
+    fn mirrors(&self) -> Option<String> {
+        let ExplainedMirrors { fixed, golden } = self.both_mirrors()?;
+        let mut table = plain_table(&["mirror", "ray a", "b", "goes to x", "y", "z", "texel", "light r", "g", "b", "share r", "g", "b"]);
+        for (whose, mirror) in fixed.iter().map(|one| ("fixed", one)).chain(golden.iter().map(|one| ("golden", one))) {
+            let ExplainedMirror { layer, slopes, direction, texel: [column, row], light, share } = mirror;
+            let numbers = |of: &[f64]| of.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>();
+            let cells = [vec![format!("{whose} {layer}")], numbers(slopes), numbers(direction), vec![format!("{column},{row}")]];
+            table.add_row([cells.concat(), numbers(light), numbers(share)].concat());
+        }
+        Some(format!("What layers mirror that no merge had shaded; texel is the first of four:\n\n{}", aligned(table).trim_fmt()))
+    }
+
     fn end(&self, word: [i64; 4]) -> String {
         let format = self.machine.machine.resolve.frame.format;
         let mut table = plain_table(&["blended", "red", "green", "blue", "alpha"]);
@@ -400,6 +475,31 @@ impl Told<'_> {
         let words = word.map(|word| format!("{word:x}")).join(" ");
         format!("{}\n\nframe word ({format}, hexadecimal): {words}", aligned(table))
     }
+}
+
+/// What the layers mirror that no merge had shaded: those were lit last, in the order of their slots.
+fn mirrors(machine: &Elaborated, Quantised { frame, .. }: &Quantised, witness: &Witness) -> Vec<ExplainedMirror> {
+    let (Some(words), Some(surroundings)) = (&machine.machine.reflect, &frame.surroundings) else { return Vec::new() };
+    let highlights = machine.shade.highlights(&frame.lighting);
+    let registers = shade::LightRegisters::of(frame, &highlights);
+    let mut unlit: Vec<(usize, &Layer)> = witness.layers.iter().enumerate().filter(|(_, layer)| !layer.merged).collect();
+    unlit.sort_by_key(|(_, layer)| layer.slot);
+    let slope = words.slope.map(|word| word.format);
+    let told = |((layer, _), input): ((usize, &Layer), &shade::Input)| {
+        let reflect::Seen { slopes, direction, texel, light } = machine.shade.mirrored(&registers, input)?;
+        Some(ExplainedMirror {
+            layer,
+            slopes: slopes.map(|word| slope.map_or(0.0, |format| format.value(word))),
+            direction: direction.map(|word| words.direction.format.value(word)),
+            texel,
+            light: light.map(|word| words.light.format.value(word)),
+            share: surroundings.mirrors[input.material as usize].mirrored.map(|word| words.reflectance.format.value(word)),
+        })
+    };
+    // Of splats that are lit before they are drawn nothing is lit here.
+    let mut all: Vec<ExplainedMirror> = unlit.into_iter().zip(&witness.lit).filter_map(told).collect();
+    all.sort_by_key(|mirror| mirror.layer);
+    all
 }
 
 /// A contribution in a table.

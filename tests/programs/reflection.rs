@@ -1,12 +1,15 @@
 //! Compares mirrors of the book's spheres by the size of their map, by where they are looked at from and by their words.
 //!
 //! ```sh
-//! cargo run --release --example reflection -- [FOLDER]
+//! cargo run --release --example reflection -- [FOLDER [DATA]]
 //! ```
-//! Prints three tables, and writes `reflection.png`: ideal, the machine along rays and along the axis, and the machine with a map of 8 × 8.
+//! Prints four tables, and writes `reflection.png`: ideal, the machine along rays and along the axis, and the machine with a map of 8 × 8. With
+//! the folder of scans it draws `reflection-scan.png` too: the dragon as chrome and as porcelain under the sky.
 
 use rtl_model::Machine;
 use rtl_model::machine::Sight;
+use rtl_model::timing::{self, Client, Detail};
+use serde_json::json;
 use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
 use splatsim::golden::{Rules, ideal, render};
@@ -14,7 +17,7 @@ use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::output::picture::Picture;
 use splatsim::performance::cost::{Cost, Prices};
 use splatsim::scene::{Overrides, Scene};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/reflection");
 
@@ -44,6 +47,48 @@ fn cost(machine: &Machine) -> Result<(f64, u32)> {
     Ok((area, elaborated.timing.shade.latency))
 }
 
+/// What a map in memory costs, beside one on the chip: the whole machine's area, a frame's cycles, what is read of the map, look-ups that hit.
+fn in_memory(scene: &Scene) -> Result<()> {
+    println!("\n| texels | lines of `timing.environment` | area | cycles | map, KB | hits |\n|---|---|---|---|---|---|");
+    for (bits, lines) in [6, 8].into_iter().flat_map(|bits| [None, Some(8), Some(32), Some(128)].map(|lines| (bits, lines))) {
+        let cache = lines.map(|lines| format!("timing.environment={{\"lines\":{lines}}}"));
+        let machine = machine(&std::iter::once(format!("reflect.index_bits={bits}")).chain(cache).collect::<Vec<_>>())?;
+        let elaborated = fixed::elaborate(&machine)?;
+        let (_, _, work) = fixed::draw_measured(&elaborated, &quantise::quantise(scene, &machine)?);
+        let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
+        let [read, _] = cycles.memory.bytes[Client::Environment as usize];
+        let [lookups, hits] = cycles.texels;
+        println!(
+            "| {0} × {0} | {1} | {2:.0} | {3} | {4:.1} | {5} |",
+            1 << bits,
+            lines.map_or("on the chip".into(), |lines: u32| lines.to_string()),
+            Cost::new(&elaborated, &Prices::default()).area,
+            cycles.total,
+            read as f64 / 1e3,
+            if lookups == 0 { "–".into() } else { format!("{:.1} %", 100.0 * hits as f64 / lookups as f64) }
+        );
+    }
+    Ok(())
+}
+
+/// A scan under the sky, as chrome and as porcelain.
+fn scan(data: &Path) -> Result<Picture> {
+    let of = |reflect: f64, diffuse: f64| {
+        let file = std::path::absolute(data.join("scans/dragon_stand_merged_normals_be.ply")).unwrap_or_default();
+        let scene = json!({
+            "splats": {"file": file},
+            "camera": {"eye": [0.061, 0.172, 0.26], "target": [-0.019, 0.112, -0.01], "up": [0, 1, 0], "fov_y_degrees": 40, "near": 0.01},
+            "image": {"width": 256, "height": 256, "background": [1, 1, 1, 1]},
+            "surface": {"z_threshold": 0.0016},
+            "lights": [{"direction": [0.4, 0.8, 0.5]}],
+            "materials": [{"ambient": 0.15, "diffuse": diffuse, "reflect": reflect}],
+            "environment": {"builtin": "sky"}
+        });
+        drawn(&Scene::from_text(&scene.to_string(), "dragon", Path::new("."), &Overrides::default(), 0)?, &machine(&[])?)
+    };
+    Ok(beside(&[of(1.0, 0.0)?, of(0.25, 0.8)?]))
+}
+
 /// Pictures side by side.
 fn beside(pictures: &[Picture]) -> Picture {
     let (height, width) = (pictures[0].height, pictures.iter().map(|picture| picture.width).sum());
@@ -53,7 +98,7 @@ fn beside(pictures: &[Picture]) -> Picture {
     Picture { width, height, rgba: all().map(|(of, at)| of.rgba[at]).collect(), covered: all().map(|(of, at)| of.covered[at]).collect() }
 }
 
-fn run(folder: Option<PathBuf>) -> Result<()> {
+fn run(folder: Option<PathBuf>, data: Option<PathBuf>) -> Result<()> {
     let scene = Scene::load(format!("{FOLDER}/spheres.json"), &Overrides::default())?;
     let ideal = ideal(&scene).picture;
     // The same rules for fragments, and surroundings as they are: what is left is the map's own.
@@ -101,14 +146,19 @@ fn run(folder: Option<PathBuf>) -> Result<()> {
         let machine = machine(&settings.into_iter().map(str::to_owned).collect::<Vec<_>>())?;
         println!("| {name} | {} | {:.0} |", db(&drawn(&scene, &machine)?, &golden(&scene, &machine)), cost(&machine)?.0);
     }
+    in_memory(&scene)?;
     let Some(folder) = folder else { return Ok(()) };
     pictures.push(drawn(&scene, &machine(&["reflect.index_bits=3".to_owned()])?)?);
     std::fs::create_dir_all(&folder).map_err(|e| Error::input(format!("{}: {e}", folder.display())))?;
+    if let Some(data) = data {
+        scan(&data)?.write_png(&folder.join("reflection-scan.png"))?;
+    }
     beside(&pictures).write_png(&folder.join("reflection.png"))
 }
 
 fn main() -> std::process::ExitCode {
-    match run(std::env::args().nth(1).map(PathBuf::from)) {
+    let [folder, data] = [1, 2].map(|nth| std::env::args().nth(nth).map(PathBuf::from));
+    match run(folder, data) {
         Ok(()) => std::process::ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("{error}");

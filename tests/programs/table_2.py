@@ -2,15 +2,22 @@
 """Draws three scenes of the sizes of Surface Splatting's Table 2 and prints that table again (docs/book/speed.md).
 
     cargo build --release
-    python3 tests/programs/table_2.py target/release/splatsim ../shared/data [FOLDER]
+    python3 tests/programs/table_2.py target/release/splatsim ../shared/data [FOLDER] [--peer PEER]
 
 A scanned head, a textured terrain and a helicopter with panes, each as a mesh from which `sample` makes as many points as the paper had.
 Frames a second of this computer are those of one thread; the simulated machine's are of `reference`, three fragments a pixel.
+
+PEER is a folder with a program in C++ that draws discs in f32: `peer.cpp`, which reads seven doubles a splat (position, normal, radius), and
+the headers that it needs in `ac_types/include`. It draws the same discs from the same camera, all opaque and grey; where the folder has
+`cputime.c`, a clock to be preloaded, its seconds are of CPU, so that other work disturbs them little. Left out, that column is.
 """
 
+import argparse
 import csv
 import json
 import os
+import re
+import struct
 import subprocess
 import sys
 from pathlib import Path
@@ -60,9 +67,68 @@ def run(program: str, cloud: Path, side: int, folder: Path) -> tuple[dict, float
     return json.loads((out / "report.json").read_text()), os.times().elapsed - started, usage.ru_maxrss * 1024 / 1e9
 
 
+# A point as `sample` writes it: position, normal, colour, opacity, radius.
+POINT = struct.Struct("<3d8f")
+# A splat as the peer reads it: position, normal, radius.
+RAW = struct.Struct("<7d")
+# Depth threshold of a scene that says none, in median radii.
+THRESHOLD = 4
+# A frame of the peer is drawn so often, and the median told.
+FRAMES = 5
+
+
+def replaced(text: str, pattern: str, by: str) -> str:
+    """The peer's source with one of its constants changed."""
+    changed, count = re.subn(pattern, lambda _: by, text)
+    if count != 1:
+        sys.exit(f"peer.cpp: {count} lines are like {pattern}, and one was expected")
+    return changed
+
+
+def peer_rate(peer: Path, cloud: Path, report: dict, side: int, folder: Path) -> float:
+    """Frames a second of the peer: the cloud's discs, from the camera that the report tells."""
+    head, _, points = cloud.read_bytes().partition(b"end_header\n")
+    splats = [(*point[:6], point[10]) for point in POINT.iter_unpack(points)]
+    if not splats or b"property float radius" not in head:
+        sys.exit(f"{cloud}: no points as `sample` writes them")
+    raw = folder / f"{cloud.stem}.raw"
+    raw.write_bytes(b"".join(RAW.pack(*splat) for splat in splats))
+    camera, listed = report["scene"]["camera"], lambda of: "{" + ", ".join(map(repr, of)) + "}"
+    # As scenes have it where they say nothing.
+    threshold = THRESHOLD * sorted(radius for *_, radius in splats)[len(splats) // 2]
+    text = (peer / "peer.cpp").read_text()
+    text = replaced(text, r"WIDTH = 512, HEIGHT = 512", f"WIDTH = {side}, HEIGHT = {side}")
+    text = replaced(text, r"scale = 4;", "scale = 1;")
+    at = [f"{name}[3] = {listed(camera[name])}" for name in ("eye", "target", "up")]
+    text = replaced(text, r"double eye\[3\] = \{.*?\}, target\[3\] = \{.*?\}, up\[3\] = \{.*?\}", f"double {', '.join(at)}")
+    text = replaced(text, r"40 \* M_PI / 360", f"{camera['fov_y_degrees']} * M_PI / 360")
+    text = replaced(text, r"v\.near_ = 0\.01 \* scale", f"v.near_ = {camera['near']} * scale")
+    text = replaced(text, r"v\.z_threshold = 0\.0016 \* scale", f"v.z_threshold = {threshold} * scale")
+    source, built = folder / "peer.cpp", folder / "peer"
+    source.write_text(text)
+    subprocess.run(["g++", "-std=c++17", "-O3", "-march=native", f"-I{peer / 'ac_types/include'}", source, "-o", built], check=True)
+    environment = dict(os.environ)
+    if (peer / "cputime.c").exists():
+        clock = (folder / "cputime.so").absolute()
+        subprocess.run(["gcc", "-O2", "-shared", "-fPIC", peer / "cputime.c", "-o", clock], check=True)
+        environment["LD_PRELOAD"] = str(clock)
+
+    def seconds() -> float:
+        told = subprocess.run([built, "float", raw], check=True, capture_output=True, text=True, env=environment).stdout
+        return float(told.split()[1])
+
+    return 1 / sorted(seconds() for _ in range(FRAMES))[FRAMES // 2]
+
+
 def main() -> None:
-    program, data = sys.argv[1], Path(sys.argv[2])
-    folder = Path(sys.argv[3] if len(sys.argv) > 3 else "out/table-2")
+    parser = argparse.ArgumentParser(description="Table 2 of Surface Splatting again.")
+    parser.add_argument("program")
+    parser.add_argument("data", type=Path)
+    parser.add_argument("folder", type=Path, nargs="?", default=Path("out/table-2"))
+    parser.add_argument("--peer", type=Path, help="a folder with peer.cpp")
+    parser.add_argument("--only", help="the one scene that is drawn")
+    given = parser.parse_args()
+    program, data, folder = given.program, given.data, given.folder
     folder.mkdir(parents=True, exist_ok=True)
     terrain(data, folder / "terrain.obj")
     scenes = [
@@ -70,13 +136,16 @@ def main() -> None:
         ("helicopter", HELICOPTER, [data / "models/helicopter/helicopter.obj"]),
         ("terrain", TERRAIN, [folder / "terrain.obj", "--texture-image", data / "terrain/vtkjs_dem.jpg"]),
     ]
-    print("| scene | points | size | the paper, frames/s | fixed | golden | simulated, frames/s | layers, the paper, MiB | here, MiB | memory, GB | s a run |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|")
+    f32 = "" if given.peer is None else " f32 |"
+    print(f"| scene | points | size | the paper, frames/s | fixed | golden |{f32} simulated, frames/s | layers, the paper, MiB | here, MiB | memory, GB | s a run |")
+    print(f"|---|---|---|---|---|---|{'---|' if f32 else ''}---|---|---|---|---|")
 
     def row(name: str, cloud: Path, points: int, side: int, paper: str) -> None:
         report, seconds, most = run(program, cloud, side, folder)
         host, pixels = report["host"], side * side
         rate = [1 / host[key] for key in ("fixed_seconds", "golden_seconds")]
+        if given.peer is not None:
+            rate.append(peer_rate(given.peer, cloud.with_suffix(".ply"), report, side, folder))
         machine = report["machine"]
         layers = [3 * PAPERS_FRAGMENT * pixels, 3 * machine["fragment_bits"] / 8 * pixels]
         cells = [name, f"{points:,}", f"{side}²", paper, *(f"{of:.2f}" for of in rate)]
@@ -84,13 +153,15 @@ def main() -> None:
         print(f"| {' | '.join([*cells, f'{most:.2f}', f'{seconds:.1f}'])} |", flush=True)
 
     for name, (points, *papers), mesh in scenes:
+        if given.only not in (None, name):
+            continue
         cloud = folder / f"{name}.ply"
         sample = [program, "sample", *mesh, "--points", points, "--pattern", "stratified", "--out", cloud, "--quiet"]
         subprocess.run([str(of) for of in sample], check=True)
         for side, paper in zip((256, 512), papers):
             row(name, scene(cloud, FACE if name == "head" else None), points, side, f"{paper}")
     # Does time grow with the points, and no faster?
-    for part in (4, 2):
+    for part in (4, 2) if given.only is None else ():
         points = TERRAIN[0] // part
         cloud = folder / f"terrain-{part}.ply"
         sample = [program, "sample", *scenes[2][2], "--points", points, "--pattern", "stratified", "--out", cloud, "--quiet"]

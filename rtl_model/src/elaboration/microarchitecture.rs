@@ -7,7 +7,7 @@
 
 use super::latency::Path;
 use super::{Elaboration, Operator, Part, unit};
-use crate::machine::timing::{Cache, Memory, Organisation, Queue, Setup, Technology, Tile, Timing};
+use crate::machine::timing::{Cache, Environment, Memory, Organisation, Queue, Setup, Technology, Tile, Timing};
 use crate::machine::{Group, Machine, Merge};
 use crate::num::Word;
 use schemars::JsonSchema;
@@ -108,6 +108,9 @@ pub struct Microarchitecture {
     pub frame_bytes: u32,
     /// Bytes of a line of the frame buffer.
     pub line_bytes: u32,
+    /// The map of surroundings, of a machine that mirrors them.
+    #[serde(skip)]
+    pub map: Option<MapShape>,
     /// Splats are lit in setup by a shade unit of its own, for fragments take theirs meanwhile: where they are grouped by windows.
     #[serde(skip)]
     pub lights_setup: bool,
@@ -126,6 +129,29 @@ pub struct Microarchitecture {
     /// A unit that is infinitely fast, to see what it costs: no machine has one.
     #[serde(skip)]
     pub lifted: Option<&'static str>,
+}
+
+/// The map of surroundings in memory: all of it is loaded before a frame, or lines of it by a cache while that is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MapShape {
+    /// 2^this texels a side.
+    pub index_bits: u32,
+    /// Bytes of a texel.
+    pub texel_bytes: u32,
+    /// Its cache; none where the chip has all of it.
+    pub cache: Option<Environment>,
+}
+
+impl MapShape {
+    /// Bytes of the map.
+    pub fn bytes(&self) -> u32 {
+        self.texel_bytes << (2 * self.index_bits)
+    }
+
+    /// Bytes of a line of its cache.
+    pub fn line_bytes(&self) -> u32 {
+        self.cache.map_or(0, |cache| cache.line_texels[0].saturating_mul(cache.line_texels[1]).saturating_mul(self.texel_bytes))
+    }
 }
 
 /// What harmonics of one degree take.
@@ -253,6 +279,8 @@ fn lanes_of_fragment(timing: &Timing) -> u32 {
 pub const ENTRY_BYTES: u32 = 4;
 /// Bits of a tree's node beside its splat, sphere and widest σ: cone, first child, how many.
 const NODE_BITS: i32 = 8 + 32 + 8;
+/// Bits of the digit by which a walker's list is sorted in a pass.
+pub const WALK_DIGIT_BITS: u32 = 8;
 /// Bits of an entry of a walker's stack.
 const STACK_BITS: u64 = 32 + 8;
 /// Bits of a pixel's place among those under way.
@@ -361,6 +389,7 @@ impl Machine {
                 t.cache.line_px[0], t.cache.line_px[1]
             )
         });
+        let map = self.map_shape(e);
         let project = setup(t.project, paths.project, project_products);
         let ellipse = setup(t.ellipse, paths.ellipse, ellipse_products);
         let raster = stage(t.raster.latency, paths.raster.cycles_at(t), t.raster.fifo);
@@ -410,7 +439,8 @@ impl Machine {
             fetch: stage(Some(1), 1, t.fetch.fifo),
             project,
             ellipse,
-            storage: self.storage(&widths, [fragment_bytes, frame_bytes], colour.last().map(|of| of.pace)),
+            storage: self.storage(&widths, [fragment_bytes, frame_bytes], colour.last().map(|of| of.pace), map),
+            map,
             colour,
             raster,
             gauss,
@@ -494,6 +524,37 @@ impl Machine {
         e.choice(unit::FETCH, engines, 2 * request);
     }
 
+    /// The map of surroundings, and what it cannot be.
+    fn map_shape(&self, e: &mut Elaboration) -> Option<MapShape> {
+        let cache = self.timing.environment;
+        e.require(cache.is_none() || self.reflect.is_some(), || {
+            "timing.environment is the cache of a map, and the machine has no `reflect` that looks one up: it can be left out".into()
+        });
+        let reflect = self.reflect.as_ref()?;
+        let index_bits = reflect.index_bits.clamp(1, 8);
+        if let Some(Environment { line_texels, lines, ways }) = cache {
+            for (name, value, most) in [
+                ("line_texels[0]", line_texels[0], 1 << index_bits),
+                ("line_texels[1]", line_texels[1], 1 << index_bits),
+                ("lines", lines, 1 << 16),
+                ("ways", ways, 64),
+            ] {
+                e.require(value.is_power_of_two() && value <= most, || {
+                    format!("timing.environment.{name} is {value}: it must be a power of two up to {most}")
+                });
+            }
+            e.require(ways > 64 || ways <= lines, || format!("timing.environment has {lines} lines in sets of {ways}: no set is full"));
+            let t = &self.timing;
+            let several = [t.engines, t.fragment.merges_in_flight, t.fragment.units, t.shade.units, t.resolve.units];
+            e.require(several.into_iter().all(|several| units(several) == 1), || {
+                "timing.environment, a map in memory, goes with one engine, one unit each of fragment, shade and resolve, and one merge in \
+                 flight: leave it out, and each shade unit has the map on the chip"
+                    .into()
+            });
+        }
+        Some(MapShape { index_bits, texel_bytes: bytes(3 * reflect.light.format.width()), cache })
+    }
+
     fn widths(&self, splat: i32, prepared: i32, colour: Option<&ColourPace>) -> Widths {
         let (t, p, f) = (&self.timing, &self.project, &self.fragment);
         let exponent = 8;
@@ -544,10 +605,12 @@ impl Machine {
         e.adders(unit::FETCH, 9, position + 2);
         e.adders(unit::FETCH, 8, camera + focal);
         e.adders(unit::FETCH, 6, 2 * camera);
+        // A count of the list's sort, up by one or summed up.
+        e.adders(unit::FETCH, 2, SORT_COUNT_BITS as i32);
     }
 
     /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps.
-    fn storage(&self, w: &Widths, [fragment_bytes, frame_bytes]: [u32; 2], coloured: Option<Pace>) -> Storage {
+    fn storage(&self, w: &Widths, [fragment_bytes, frame_bytes]: [u32; 2], coloured: Option<Pace>, map: Option<MapShape>) -> Storage {
         let t = &self.timing;
         let engines = units(t.engines);
         let fragments = u64::from(self.fragment.layers) * u64::from(fragment_bytes) * 8;
@@ -584,11 +647,17 @@ impl Machine {
         let requests = requests.saturating_mul(engines.into());
         // Both digits of the lengths of lists are counted at once.
         let length_counts = if t.queue == Queue::Longest { 2 * LENGTH_VALUES * LENGTH_COUNT_BITS } else { 0 };
-        // Number of a first child and how many there are, for each entry.
-        let stack = t.walk.map_or(0, |walk| u64::from(walk.stack) * STACK_BITS);
+        // Number of a first child and how many there are, for each entry; and what counts nodes by size where the largest come first: while one
+        // digit sorts, the next is counted.
+        let stack = t.walk.map_or(0, |walk| u64::from(walk.stack) * STACK_BITS + ((2 * SORT_COUNT_BITS) << WALK_DIGIT_BITS));
+        // Each shade unit has a cache of the map of surroundings, if that lies in memory.
+        let line_bits = map.map_or(0, |map| u64::from(map.line_bytes()) * 8 + TAG_BITS);
+        let lines = t.environment.map_or(0, |cache| u64::from(cache.lines) * u64::from(self.shade_units()));
+        let map_bits = line_bits.saturating_mul(lines);
+        let kept = pixels.saturating_add(tags + sort_counts + length_counts).saturating_add(requests).saturating_add(stack);
         Storage {
             fifos,
-            memory_bits: pixels.saturating_add(tags + sort_counts + length_counts).saturating_add(requests).saturating_add(stack),
+            memory_bits: kept.saturating_add(map_bits),
             frame_bits_per_pixel: if immediate { fragments } else { u64::from(frame_bytes) * 8 },
         }
     }

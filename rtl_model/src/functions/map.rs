@@ -1,5 +1,7 @@
 //! Map: colours over a square, read from a table of 2^k × 2^k texels, with straight lines between them.
 //!
+//! The table lies on the chip, or in memory behind a cache of its lines.
+//!
 //! ```text
 //! u, v ─►(× 2^k − 1)─►[ index | fraction ]─► four texels ─►(lines along u)─► two ─►(a line along v)─► light
 //! ```
@@ -12,7 +14,7 @@
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::num::{Exact, Fit, Format, Word, three};
-use crate::probe::{Probe, Tap};
+use crate::probe::{NoProbe, Probe, Tap};
 
 /// An elaborated map.
 #[derive(Clone, Debug)]
@@ -26,6 +28,9 @@ pub struct Map {
     one: i64,
 }
 
+/// Bits of a line's tag: which line, and when it was used.
+const TAG_BITS: i32 = 32;
+
 /// Words of a map.
 #[derive(Clone, Copy, Debug)]
 pub struct Words {
@@ -37,6 +42,8 @@ pub struct Words {
     pub fraction: Word,
     /// A texel.
     pub light: Word,
+    /// Lines of a set, where a cache has the texels; none where a table has them all.
+    pub cached: Option<u32>,
 }
 
 /// Longest way from a place to its light.
@@ -44,13 +51,19 @@ pub fn path(words: &Words) -> Path {
     let [fraction, light] = [words.fraction, words.light].map(|word| word.format.width());
     let line = Path::default().sum(light).product(light + 1, fraction).sum(light + fraction).fit(light);
     let index_bits = words.index_bits.min(64) as i32;
-    Path::default().sum(words.place_bits + index_bits).fit(fraction).table(2 * index_bits).then(line.times(2))
+    let placed = Path::default().sum(words.place_bits + index_bits).fit(fraction);
+    let read = match words.cached {
+        None => placed.table(2 * index_bits),
+        // Tags, then the line of the set that has it.
+        Some(ways) => placed.memory().sum(2 * index_bits).choose(ways.clamp(1, 64)),
+    };
+    read.then(line.times(2))
 }
 
 impl Map {
     /// Elaborates a unit's map, whose fraction and texels are that unit's words `fraction` and `light`.
     pub fn new(e: &mut Elaboration, unit: &'static str, words: Words) -> Self {
-        let Words { index_bits, place_bits, fraction, light } = words;
+        let Words { index_bits, place_bits, fraction, light, cached } = words;
         let place_bits = place_bits.clamp(0, 40) as u32;
         // u·2^k − u, of each axis.
         e.adders(unit, 2, place_bits as i32 + index_bits as i32);
@@ -58,7 +71,16 @@ impl Map {
         e.copies(2, |e| e.limit(unit, index_bits as i32));
         // Four texels at a time, of which each lies in a table of its own: even and odd columns and rows.
         let texels = 1 << (2 * index_bits - 2);
-        e.copies(4, |e| e.part(unit, Operator::Rom([texels, 3 * light.format.width()])));
+        // A cache's lines are storage: of those what is read counts here, and the tags that are compared.
+        let kept = if cached.is_some() { 0 } else { texels };
+        e.copies(4, |e| e.part(unit, Operator::Rom([kept, 3 * light.format.width()])));
+        if let Some(ways) = cached {
+            let ways = ways.clamp(1, 64);
+            e.copies(4, |e| {
+                e.adders(unit, ways, TAG_BITS);
+                e.choice(unit, ways, 3 * light.format.width());
+            });
+        }
         e.copies(2, |e| e.choice(unit, 4, 3 * light.format.width()));
         // Two lines along u and one along v, of three channels: a difference times a fraction, and what it begins with.
         let line = e.copies(9, |e| {
@@ -93,6 +115,11 @@ impl Map {
         (index as usize, fraction)
     }
 
+    /// Column and row of the first of the four texels that a place lies between.
+    pub fn texel(&self, place: [i64; 2]) -> [usize; 2] {
+        place.map(|place| self.step(place, &mut Tap::new(&mut NoProbe)).0)
+    }
+
     /// A line from one texel to another.
     fn line<P: Probe>(&self, from: [i64; 3], to: [i64; 3], fraction: i64, tap: &mut Tap<P>) -> [i64; 3] {
         tap.fit_three(&self.light, three!(i => from[i] * self.one + (to[i] - from[i]) * fraction))
@@ -101,6 +128,9 @@ impl Map {
     /// Light at a place, each coordinate from 0 to 1 with the elaborated fraction bits, among texels that lie row by row.
     pub fn light<P: Probe>(&self, texels: &[[i64; 3]], [u, v]: [i64; 2], tap: &mut Tap<P>) -> [i64; 3] {
         let ((column, right), (row, down)) = (self.step(u, tap), self.step(v, tap));
+        if P::WORK {
+            tap.probe.looked_up([column, row].map(|at| at as u8));
+        }
         let above = (row << self.index_bits) + column;
         let below = above + self.side();
         let upper = self.line(texels[above], texels[above + 1], right, tap);

@@ -454,8 +454,9 @@ pub enum Sight {
 pub struct Reflect {
     /// From where a mirror is looked at.
     pub sight: Sight,
-    /// a and b of the pixel's ray (a, b, 1); of `axis` they are 0, and this word is not built.
-    pub slope: Word,
+    /// a and b of the pixel's ray (a, b, 1). Of `axis` they are 0: the word is not built there, and may be left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slope: Option<Word>,
     /// N·V.
     pub facing: Word,
     /// R = 2(N·V)N − V.

@@ -129,6 +129,9 @@ pub struct Timing {
     pub fragment: Fragment,
     /// Normalise and light.
     pub shade: Shade,
+    /// The map of surroundings in memory, each shade unit with a cache of it; left out, it is a table on the chip.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environment: Option<Environment>,
     /// Blend into the frame.
     pub resolve: Resolve,
     /// Memory outside of the chip.
@@ -297,6 +300,25 @@ pub struct Shade {
     pub interval: u32,
 }
 
+/// A set-associative cache of the map of surroundings, the line used longest ago going first. Nothing is written to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "EnvironmentTiming")]
+#[serde(deny_unknown_fields, default)]
+pub struct Environment {
+    /// Texels of a line: columns and rows, powers of two.
+    pub line_texels: [u32; 2],
+    /// Lines, a power of two.
+    pub lines: u32,
+    /// Lines of a set, a power of two up to 64.
+    pub ways: u32,
+}
+
+impl Default for Environment {
+    fn default() -> Self {
+        Environment { line_texels: [4, 4], lines: 32, ways: 4 }
+    }
+}
+
 /// The resolve unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "ResolveTiming")]
@@ -354,6 +376,7 @@ pub const DEFAULT: Timing = Timing {
     tile: Tile { side_px: 16, buffers: 1 },
     fragment: Fragment { units: None, merges_in_flight: None, latency: None, hazard: None, merge: 1 },
     shade: Shade { units: None, latency: None, interval: 1 },
+    environment: None,
     resolve: Resolve { units: None, latency: None, interval: 1 },
     memory: Memory {
         ideal: false,

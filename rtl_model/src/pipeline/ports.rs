@@ -16,7 +16,7 @@
 //! Law: `records_have_the_widths_of_their_fields`.
 
 use crate::frame::Frame;
-use crate::machine::{Machine, Window};
+use crate::machine::{Machine, Sight, Window};
 use crate::num::{Format, Word};
 use crate::pipeline::Elaborated;
 use crate::records::{
@@ -257,6 +257,11 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     ]
 }
 
+/// Whether what is asked of shade has its pixel: mirrors are looked at along that one's ray.
+pub fn asks_for_pixel(m: &Machine, kind: Kind) -> bool {
+    kind.mirrors && m.reflect.is_some_and(|reflect| reflect.sight == Sight::Ray)
+}
+
 /// What a material does with its surroundings.
 fn mirrored(material: Stream, m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.mirrors, &m.reflect) else { return material };
@@ -329,14 +334,14 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
         ]);
     } else {
         streams.extend([
-            sums(Stream::new("fragment.request"), m),
+            asked("fragment.request", m, kind),
             premultiplied(Stream::new("fragment.answer"), m),
             start(m),
             lit(slot("fragment.held", m).unless(6, &["shaded"]), m).per_pixel(),
         ]);
     }
     streams.extend([
-        sums(Stream::new("shade.in"), m),
+        asked("shade.in", m, kind),
         premultiplied(Stream::new("shade.out"), m),
         premultiplied(Stream::new("resolve.in").naturals(&["x", "y"], PIXEL_BITS).naturals(&["last", "empty"], 1), m)
             .unless(4, &["empty"])
@@ -587,6 +592,12 @@ fn all_sums(stream: Stream, m: &Machine) -> Stream {
 
 fn sums(stream: Stream, m: &Machine) -> Stream {
     all_sums(stream, m).naturals(&["material"], MATERIAL_BITS)
+}
+
+/// What shade is asked of a fragment: where, if it looks along rays, and its sums.
+fn asked(name: &'static str, m: &Machine, kind: Kind) -> Stream {
+    let stream = Stream::new(name);
+    sums(if asks_for_pixel(m, kind) { stream.naturals(&["x", "y"], PIXEL_BITS) } else { stream }, m)
 }
 
 fn premultiplied(stream: Stream, m: &Machine) -> Stream {

@@ -111,6 +111,9 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         None if P::WORK && windows => probe.ellipsoids(true, false, 0),
         _ => {}
     }
+    if P::WORK && frame.surroundings.is_some() {
+        probe.mirrors();
+    }
     if let (Some(sort), true) = (&machine.sort, frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted)) {
         whole.sort(sort, probe);
     }
@@ -241,6 +244,9 @@ impl<'a> Lit<'a> {
         let tap = &mut Tap::new(probe);
         let lights = shade::LightRegisters::of(self.frame, &self.highlights);
         let input = emitting(self.machine, splat.rgb, normal, splat.material, tap);
+        if P::WORK && lights.surroundings.is_some() {
+            tap.probe.lit();
+        }
         if P::TRANSFERS {
             tap.probe.shade_in();
         }

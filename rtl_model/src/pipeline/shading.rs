@@ -40,6 +40,9 @@ pub(super) fn shade_slot<P: Probe>(
     tap: &mut Tap<P>,
 ) -> Premultiplied {
     let input = input_of(slot, pixel);
+    if P::WORK && lights.surroundings.is_some() {
+        tap.probe.lit();
+    }
     if P::TRANSFERS {
         tap.probe.shade_in();
     }

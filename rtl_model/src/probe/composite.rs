@@ -123,6 +123,18 @@ impl Probe for Composite {
         Probe::shaded(&mut self.recorder);
     }
 
+    fn lit(&mut self) {
+        Probe::lit(&mut self.recorder);
+    }
+
+    fn looked_up(&mut self, texel: [u8; 2]) {
+        Probe::looked_up(&mut self.recorder, texel);
+    }
+
+    fn mirrors(&mut self) {
+        Probe::mirrors(&mut self.recorder);
+    }
+
     #[inline(always)]
     fn held(&mut self, fragments: u8, shades: u8) {
         Probe::held(&mut self.recorder, fragments, shades);

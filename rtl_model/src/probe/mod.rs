@@ -98,6 +98,12 @@ pub trait Probe: Send + Sync + Sized {
     fn stopped(&mut self) {}
     /// A fragment is shaded so that it can merge.
     fn shaded(&mut self) {}
+    /// A fragment goes to shade, in a frame with surroundings.
+    fn lit(&mut self) {}
+    /// It mirrors them: column and row of the first of the four texels that it looks up.
+    fn looked_up(&mut self, _texel: [u8; 2]) {}
+    /// All splats have been set up, in a frame with surroundings.
+    fn mirrors(&mut self) {}
     /// The next pixel of a tile ends with so many fragments, of which so many are left to shade.
     #[inline(always)]
     fn held(&mut self, _fragments: u8, _shades: u8) {}

@@ -63,6 +63,18 @@ impl Probe for Recorder {
         Recorder::shaded(self);
     }
 
+    fn lit(&mut self) {
+        Recorder::lit(self);
+    }
+
+    fn looked_up(&mut self, texel: [u8; 2]) {
+        Recorder::looked_up(self, texel);
+    }
+
+    fn mirrors(&mut self) {
+        Recorder::mirrors(self);
+    }
+
     #[inline(always)]
     fn held(&mut self, fragments: u8, shades: u8) {
         self.pixel(fragments, shades);

@@ -15,9 +15,11 @@
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
-use super::stages::{Fill, Held, Merge, Resolve, SetUp};
-use super::stamps::{Piece, Stamps};
+use super::stages::{Fill, Held, Merge, Resolve, SetUp, Stamp};
+use super::stamps::Stamps;
 use super::stops::{self, Stops};
+use super::texels;
+use super::texels::Texels;
 use super::tiles::{Shares, TileCycles, Tiles, names};
 use crate::elaboration::microarchitecture::{self, LENGTH_VALUES, Microarchitecture, Pace};
 use crate::elaboration::unit;
@@ -44,6 +46,8 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
 
     let pass = SecondPass::new(t, work, &lists, if t.timing.queue == Queue::Longest { sorted + queue_cycles(&lists) } else { sorted });
     let (engines, stamps, tiles) = pass.run(&mut memory, detail);
+    let of_engine = engines.iter().map(|engine| texels::lookups([&engine.merge.texels, &engine.lit_texels]));
+    let texels = of_engine.fold(texels::lookups([&setup.texels]), |[all, had], [more, more_had]| [all + more, had + more_had]);
     let mut each: [Vec<Unit>; 7] = Default::default();
     for Engine { list, fill, merge, resolve, lit, .. } in engines {
         let (fragment, shade) = merge.units();
@@ -55,7 +59,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     units.push(bin);
     units.extend((!work.order.is_empty()).then_some(sort));
     units.extend([list, raster, gauss, fragment, shade, lit, resolve].into_iter().flatten());
-    Cycles { stamps, tiles, ..Cycles::of(units, memory) }
+    Cycles { stamps, tiles, texels, ..Cycles::of(units, memory) }
 }
 
 /// Between the passes the queue is sorted by the lengths of lists, a digit after the other: a cycle for each tile that has an entry, and one
@@ -84,6 +88,8 @@ struct Engine<'a> {
     resolve: Resolve<'a>,
     /// Shades what a tile holds in the end, where tiles have two buffers.
     lit: Option<Unit>,
+    /// What mirrors, of that.
+    lit_texels: Option<Texels>,
     outstanding: Outstanding,
     /// When the buffers of the tiles before are free again, the one before last first.
     buffers: [u64; 2],
@@ -116,6 +122,7 @@ impl<'a> Engine<'a> {
             merge: Merge::new(t, work, unit::GAUSS, Some(unit::RESOLVE), detail, nth),
             resolve: Resolve::new(t, Rc::clone(held), detail, nth),
             lit: (t.timing.tile.buffers == 2).then(|| lit().behind_others(nth * t.shade.units)),
+            lit_texels: Texels::new(t, work).filter(|_| t.timing.tile.buffers == 2),
             outstanding: Outstanding::new(t.timing.memory.outstanding),
             buffers: [from; 2],
             list_from: from,
@@ -222,7 +229,7 @@ impl<'a> SecondPass<'a> {
     ) -> bool {
         let t = self.t;
         let burst = u64::from(t.timing.memory.burst_bytes);
-        let Engine { list, fill, merge, outstanding, list_from, .. } = engine;
+        let Engine { list, fill, merge, resolve, outstanding, list_from, .. } = engine;
         let entries = self.lists.of(tile.place);
         let entry = entries[tile.nth];
         let footprint = &self.work.footprints[entry as usize];
@@ -238,7 +245,9 @@ impl<'a> SecondPass<'a> {
         }
         let now = list.take(ready, 1);
         list.behind.take(now);
-        memory.forget(now.min(others_from));
+        // Who waits for texels is behind list: resolve may ask for those of a tile that nothing was written to.
+        let asked_from = if merge.texels.is_none() { now } else { merge.free().min(resolve.free()) };
+        memory.forget(now.min(others_from).min(asked_from));
         if needed > tile.bursts {
             let address = LISTS + tile.place as u64 * LIST_BYTES + tile.bursts * burst;
             tile.burst_here = memory.request(now, Client::Lists, Direction::Read, address, burst);
@@ -251,11 +260,12 @@ impl<'a> SecondPass<'a> {
 
         // The tile before is still in the buffer.
         let room = tile.buffer_free;
-        let mut next = |stamp: &[Piece], here| merge.stamp(stamp, Ready { here, room, ..Ready::default() });
+        let mut next = |stamp: Stamp, here| merge.stamp(stamp, Ready { here, room, ..Ready::default() }, memory);
         let (area, from) = ((tile.corner.map(|at| at as u16), t.timing.tile.side_px), (now + 1, here));
         let taken = match stops {
             None => fill.footprint(walk, footprint, area, from, |stamp, here| next(stamp, here)[0]).0,
-            Some(stops) => fill.footprint_of_stops(walk, footprint, area, from, stops, next),
+            // Of sheets nothing is shaded here.
+            Some(stops) => fill.footprint_of_stops(walk, footprint, area, from, stops, |pieces, here| next(Stamp { pieces, texels: &[] }, here)),
         };
         list.behind.give(taken);
         tile.nth += 1;
@@ -266,8 +276,11 @@ impl<'a> SecondPass<'a> {
     fn resolve(&self, engine: &mut Engine, tile: &Tile, stops: Option<&Stops>, memory: &mut Memory) -> u64 {
         let [columns, rows] = self.area(tile.place);
         let written = engine.merge.written.max(stops.map_or(0, Stops::known));
-        let shade = engine.lit.as_mut().unwrap_or(&mut engine.merge.shade);
-        let done = engine.resolve.pixels(columns, rows, Ready { here: written, ..Ready::default() }, shade);
+        let shade = match &mut engine.lit {
+            Some(lit) => (lit, &mut engine.lit_texels),
+            None => (&mut engine.merge.shade, &mut engine.merge.texels),
+        };
+        let done = engine.resolve.pixels(columns, rows, Ready { here: written, ..Ready::default() }, shade, memory);
         engine.buffers = [engine.buffers[1], done];
         self.write(tile.place, done, memory);
         self.write_empty(tile.place + 1, done, memory);
@@ -299,7 +312,7 @@ impl<'a> SecondPass<'a> {
 fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
-    let mut setup = SetUp::new(t, work, "bin", detail);
+    let mut setup = SetUp::new(t, work, "bin", memory, detail);
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
     let mut bin = Unit::new("bin", one, [Some(SetUp::last_name(t, work)), None], detail, t.lifted);
     let each = u64::from(!bin.is_lifted());

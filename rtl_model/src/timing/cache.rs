@@ -9,7 +9,17 @@ use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::machine::timing::Cache as Description;
 
 /// Nothing is there.
-const EMPTY: u32 = u32::MAX;
+pub const EMPTY: u32 = u32::MAX;
+
+/// The first of the places in which a line can be, of so many sets of so many, and which of them has it.
+#[inline(always)]
+pub fn find(lines: &[u32], [sets, ways]: [u32; 2], line: u32) -> (usize, Option<usize>) {
+    let ways = ways as usize;
+    let first = (line & (sets - 1)) as usize * ways;
+    // All are looked at: a loop that ends where the line is would be guessed wrong too often.
+    let at = lines[first..first + ways].iter().zip(first..).fold(None, |at, (other, place)| if *other == line { Some(place) } else { at });
+    (first, at)
+}
 
 /// What is known of a line that is here.
 #[derive(Clone, Copy, Debug, Default)]
@@ -68,17 +78,9 @@ impl Cache {
         }
     }
 
-    /// The first of the places in which a line can be, and which of them has it.
     #[inline(always)]
     fn find(&self, line: u32) -> (usize, Option<usize>) {
-        let ways = self.description.ways as usize;
-        let first = (line & (self.sets - 1)) as usize * ways;
-        // All are looked at: a loop that ends where the line is would be guessed wrong too often.
-        let at = self.lines[first..first + ways]
-            .iter()
-            .zip(first..)
-            .fold(None, |at, (other, place)| if *other == line { Some(place) } else { at });
-        (first, at)
+        find(&self.lines, [self.sets, self.description.ways], line)
     }
 
     /// Looks a line up.

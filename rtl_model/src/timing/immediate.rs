@@ -12,6 +12,7 @@ use super::cache::Cache;
 use super::memory::{Client, Direction, LINES, Memory, Outstanding, WORDS};
 use super::stages::{Fill, Held, Merge, Resolve, SetUp};
 use super::stamps::{Piece, Stamps, below};
+use super::texels;
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::work::Work;
@@ -50,7 +51,7 @@ impl Lines {
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
     let t = timing;
     let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
-    let mut setup = SetUp::new(t, work, unit::RASTER, detail);
+    let mut setup = SetUp::new(t, work, unit::RASTER, &mut memory, detail);
     let mut fill = Fill::new(t, SetUp::last_name(t, work), "cache", detail, 0);
     let mut walk = Stamps::new(work, t.timing.raster.lanes);
     let mut lookup = Unit::new("cache", t.cache, [Some(unit::GAUSS), Some(unit::FRAGMENT)], detail, t.lifted);
@@ -64,7 +65,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
         let Some(footprint) = footprints.next() else { break };
         let (taken, is_seen) = fill.footprint(&mut walk, footprint, ([0, 0], u16::MAX.into()), (here, 0), |stamp, here| {
             touched.clear();
-            stamp.iter().for_each(|piece| lines.touch(piece, &mut touched));
+            stamp.pieces.iter().for_each(|piece| lines.touch(piece, &mut touched));
             let ready = Ready { here, room: lookup.behind.free(), ..Ready::default() };
             // What it waits for along the way holds it: the first look-up begins when it takes the stamp.
             let start = lookup.free().max(ready.here).max(ready.room);
@@ -77,7 +78,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
             let taken = lookup.take_with_memory(ready, touched.len() as u64, over + 1 - start);
             lookup.behind.take(taken);
             let here = over + u64::from(t.cache.latency);
-            let [now, written] = merge.stamp(stamp, Ready { here, memory: lines_here, ..Ready::default() });
+            let [now, written] = merge.stamp(stamp, Ready { here, memory: lines_here, ..Ready::default() }, &mut memory);
             lookup.behind.give(now);
             touched.iter().for_each(|(line, place)| cache.written(*line, *place, written));
             taken
@@ -91,10 +92,11 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     setup.end(&mut memory);
     let mut resolve = Resolve::new(t, Held::new(work), detail, 0);
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
+    let texels = texels::lookups([&setup.texels, &merge.texels]);
     let (fragment, shade) = merge.units();
     let (mut units, shade) = setup.units(vec![shade]);
     units.extend([fill.raster, fill.gauss, lookup].into_iter().chain(fragment).chain(shade).chain(resolve.units()));
-    Cycles { lookups: cache.lookups, stamps: fill.stamps, ..Cycles::of(units, memory) }
+    Cycles { lookups: cache.lookups, stamps: fill.stamps, texels, ..Cycles::of(units, memory) }
 }
 
 /// Line by line: what was touched is read, if the cache has it not; every word is written.
@@ -122,7 +124,7 @@ fn resolve_frame(
         let [left, top] = [line % lines.across * columns, line / lines.across * rows];
         let (across, down) = (left..(left + columns).min(work.width), top..(top + rows).min(work.height));
         let pixels = u64::from(across.end - left) * u64::from(down.end - top);
-        let done = resolve.pixels(across, down, ready, &mut merge.shade);
+        let done = resolve.pixels(across, down, ready, (&mut merge.shade, &mut merge.texels), memory);
         let address = WORDS + u64::from(line) * u64::from(columns * rows * t.frame_bytes);
         memory.write_later(done, Client::FrameWrite, address, pixels * u64::from(t.frame_bytes));
     }

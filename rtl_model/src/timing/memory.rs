@@ -31,6 +31,8 @@ pub enum Client {
     FrameRead,
     /// Fragments, or frame words, that leave.
     FrameWrite,
+    /// The map of surroundings.
+    Environment,
 }
 
 impl Client {
@@ -41,12 +43,13 @@ impl Client {
             Client::Lists => "lists",
             Client::FrameRead => "frame_read",
             Client::FrameWrite => "frame_write",
+            Client::Environment => "environment",
         }
     }
 }
 
 /// All of them, in the order of reports.
-pub const CLIENTS: [Client; 4] = [Client::Splats, Client::Lists, Client::FrameRead, Client::FrameWrite];
+pub const CLIENTS: [Client; 5] = [Client::Splats, Client::Lists, Client::FrameRead, Client::FrameWrite, Client::Environment];
 
 /// Where what lies: regions so far apart that no two share a row. Splat records begin at 0.
 const REGION: u64 = 1 << 40;
@@ -60,6 +63,8 @@ pub const LINES: u64 = 3 * REGION;
 pub const WORDS: u64 = 4 * REGION;
 /// Nodes of a tree that are drawn, by their size.
 pub const NODES: u64 = 5 * REGION;
+/// The map of surroundings.
+pub const MAP: u64 = 6 * REGION;
 
 /// Bins of the histogram of latencies.
 pub const LATENCY_BINS: usize = 24;

@@ -28,6 +28,7 @@ mod memory;
 mod stages;
 mod stamps;
 mod stops;
+mod texels;
 mod tiles;
 mod walk;
 
@@ -56,6 +57,8 @@ pub struct Cycles {
     pub requests: Vec<Request>,
     /// Lines looked up by the cache, and those among them that it had.
     pub lookups: [u64; 2],
+    /// Lines of the map of surroundings looked up by its caches, and those among them that they had.
+    pub texels: [u64; 2],
     /// Stamps of the rasteriser, and those among them that kept a pixel.
     pub stamps: [u64; 2],
     /// Degree of the harmonics that `colour` took.
@@ -71,7 +74,7 @@ impl Cycles {
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
         let units: Vec<UnitCycles> = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
         debug_assert!(units.iter().all(|unit| UNITS.contains(&unit.name)), "a unit is not listed");
-        Cycles { total, units, memory, requests, lookups: [0; 2], stamps: [0; 2], harmonics: 0, tiles: None }
+        Cycles { total, units, memory, requests, lookups: [0; 2], texels: [0; 2], stamps: [0; 2], harmonics: 0, tiles: None }
     }
 }
 

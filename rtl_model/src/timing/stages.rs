@@ -10,10 +10,12 @@ use super::hazards::Hazards;
 use super::memory::{Client, Direction, Memory, Outstanding};
 use super::stamps::{Piece, Stamps};
 use super::stops::Stops;
+use super::texels;
+use super::texels::Texels;
 use super::walk::Walk;
 use crate::elaboration::microarchitecture::{Microarchitecture, Pace};
 use crate::elaboration::unit;
-use crate::work::{Fate, Footprint, TILE_PX, Work};
+use crate::work::{Fate, Footprint, NO_TEXEL, TILE_PX, Work};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
@@ -33,6 +35,11 @@ pub struct SetUp<'a> {
     outstanding: Outstanding,
     /// Where splats are found in a tree.
     walk: Option<Walk<'a>>,
+    /// What mirrors, of shade, and what each drawn splat looks up.
+    pub texels: Option<Texels>,
+    looked_up: std::slice::Iter<'a, u16>,
+    /// When the map of surroundings is on the chip.
+    loaded: u64,
     splat_bytes: u64,
     /// When the last splat was fetched.
     pub fetched: u64,
@@ -42,7 +49,8 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Microarchitecture, work: &'a Work, behind: &'static str, detail: Detail) -> Self {
+    pub fn new(timing: &'a Microarchitecture, work: &'a Work, behind: &'static str, memory: &mut Memory, detail: Detail) -> Self {
+        let loaded = texels::load(timing, work, memory);
         let shaded = work.preshaded.then_some(SetUp::shade_name(timing));
         let pace = timing.colour_of(work.harmonics).map(|colour| colour.pace);
         let coloured = pace.map(|_| unit::COLOUR);
@@ -60,7 +68,10 @@ impl<'a> SetUp<'a> {
             colour_pace: pace.unwrap_or(timing.ellipse),
             shade: shaded.map(|name| Unit::new(name, timing.shade, [Some(before_shade), Some(behind)], detail, timing.lifted)),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
-            walk: Walk::new(timing, work),
+            walk: Walk::new(timing, work, loaded),
+            texels: Texels::new(timing, work).filter(|_| work.preshaded),
+            looked_up: work.texels.iter(),
+            loaded,
             splat_bytes: timing.record_bytes(work.shared_axes, work.harmonics).into(),
             fetched: 0,
             bursts: 0,
@@ -76,7 +87,7 @@ impl<'a> SetUp<'a> {
         }
         let burst = u64::from(self.timing.timing.memory.burst_bytes);
         let needed = ((index + 1) * self.splat_bytes).div_ceil(burst);
-        let memory = if needed > self.bursts { self.outstanding.free() } else { 0 };
+        let memory = if needed > self.bursts { self.outstanding.free().max(self.loaded) } else { 0 };
         (needed, Ready { room: self.fetch.behind.free(), memory, ..Ready::default() })
     }
 
@@ -125,10 +136,17 @@ impl<'a> SetUp<'a> {
         }
         let (mut now, mut here) = (now, now + u64::from(t.ellipse.latency));
         let mut last = &mut self.ellipse;
-        for (unit, pace) in [(&mut self.colour, self.colour_pace), (&mut self.shade, t.shade)] {
+        for (unit, pace, texels) in [(&mut self.colour, self.colour_pace, &mut None), (&mut self.shade, t.shade, &mut self.texels)] {
             let Some(unit) = unit else { continue };
             last.behind.take(now);
-            now = unit.take(Ready { here, room: unit.behind.free(), ..Ready::default() }, pace.interval.into());
+            let ready = Ready { here, room: unit.behind.free(), ..Ready::default() };
+            now = match texels {
+                None => unit.take(ready, pace.interval.into()),
+                Some(texels) => {
+                    let texel = self.looked_up.next().copied().unwrap_or(NO_TEXEL);
+                    texels.shade(unit, ready, pace.interval.into(), texel, memory)[0]
+                }
+            };
             last.behind.give(now);
             here = now + u64::from(pace.latency);
             last = unit;
@@ -224,7 +242,7 @@ impl<'a> Fill<'a> {
         footprint: &Footprint,
         (corner, side): ([u16; 2], u32),
         (here, memory): (u64, u64),
-        mut next: impl FnMut(&[Piece], u64) -> u64,
+        mut next: impl FnMut(Stamp, u64) -> u64,
     ) -> (u64, bool) {
         let t = self.timing;
         let ready = Ready { here, memory, ..Ready::default() };
@@ -249,7 +267,7 @@ impl<'a> Fill<'a> {
             if goes_on {
                 is_seen = true;
                 self.gauss.behind.take(now);
-                let taken = next(stamp, now + u64::from(t.gauss.latency));
+                let taken = next(Stamp { pieces: stamp, texels: walk.texels() }, now + u64::from(t.gauss.latency));
                 self.gauss.behind.give(taken);
             }
         }
@@ -329,6 +347,13 @@ impl<'a> Fill<'a> {
     }
 }
 
+/// A stamp that has a weight: its pieces, and what fragments of the footprint look up.
+#[derive(Clone, Copy, Debug)]
+pub struct Stamp<'a> {
+    pub pieces: &'a [Piece],
+    pub texels: &'a [u16],
+}
+
 /// Fragments: stamps come, merges take longer, and no pixel is taken twice at a time.
 ///
 /// ```text
@@ -343,6 +368,8 @@ pub struct Merge<'a> {
     order: Vec<usize>,
     pub shade: Unit,
     hazards: Hazards,
+    /// What mirrors, of shade.
+    pub texels: Option<Texels>,
     /// When all that was taken is written.
     pub written: u64,
     /// From when on the next stamp is the first that waits.
@@ -389,6 +416,7 @@ impl<'a> Merge<'a> {
             order: (0..pace.units).map(|of| (of.reverse_bits() as u64 * u64::from(pace.units) / (1 << 32)) as usize).collect(),
             shade: shade.behind_others(nth * timing.shade.units),
             hazards: Hazards::new(timing, work),
+            texels: Texels::new(timing, work),
             written: 0,
             first_from: 0,
             parts: Vec::new(),
@@ -397,15 +425,16 @@ impl<'a> Merge<'a> {
 
     /// Takes a stamp; says when, and when it is written.
     #[inline(always)]
-    pub fn stamp(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
-        let [now, written] = if self.units.len() == 1 { self.stamp_of_one(stamp, ready) } else { self.stamp_of_several(stamp, ready) };
+    pub fn stamp(&mut self, stamp: Stamp, ready: Ready, memory: &mut Memory) -> [u64; 2] {
+        let is_one = self.units.len() == 1;
+        let [now, written] = if is_one { self.stamp_of_one(stamp, ready, memory) } else { self.stamp_of_several(stamp.pieces, ready) };
         self.written = self.written.max(written);
         [now, written]
     }
 
     /// All pixels are one unit's.
     #[inline(always)]
-    fn stamp_of_one(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
+    fn stamp_of_one(&mut self, Stamp { pieces: stamp, texels }: Stamp, ready: Ready, memory: &mut Memory) -> [u64; 2] {
         let hazard = self.hazards.until(stamp, ready.here.max(self.units[0].unit.free()));
         let ready = Ready { hazard, ..ready };
         let now = self.units[0].unit.when(ready);
@@ -414,7 +443,13 @@ impl<'a> Merge<'a> {
             [piece] => piece.merges(u16::MAX),
             _ => merges_of(stamp, |_| u16::MAX),
         };
-        let written = self.take(Part { unit: 0, merges, shades }, ready, now);
+        let part = Part { unit: 0, merges, shades };
+        let written = if shades > 0 && self.texels.is_some() {
+            let lit = self.mirrored(stamp, texels, now, memory);
+            self.merge(part, ready, now, lit)
+        } else {
+            self.take(part, ready, now)
+        };
         let under_way = written - u64::from(self.timing.fragment.latency) + u64::from(self.timing.hazard);
         if merges == 0 || self.timing.merges_in_flight == 1 {
             self.hazards.take(stamp, under_way);
@@ -460,19 +495,38 @@ impl<'a> Merge<'a> {
 
     /// A unit takes its part of a stamp in this cycle, which is when it can; says when that is written.
     #[inline(always)]
-    fn take(&mut self, Part { unit, merges, shades }: Part, ready: Ready, now: u64) -> u64 {
+    fn take(&mut self, part: Part, ready: Ready, now: u64) -> u64 {
+        let t = self.timing;
+        if part.merges == 0 {
+            self.units[part.unit].unit.take(ready, 1);
+            return now + u64::from(t.fragment.latency);
+        }
+        let mut last = now + 1;
+        for _ in 0..part.shades {
+            last = self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
+        }
+        let lit = if part.shades == 0 || self.shade.is_lifted() { now + 1 } else { last + u64::from(t.shade.latency) };
+        self.merge(part, ready, now, lit)
+    }
+
+    /// Shades with texels from memory what a stamp's merges ask for, from the next cycle on; says when the last light comes.
+    fn mirrored(&mut self, stamp: &[Piece], texels: &[u16], now: u64, memory: &mut Memory) -> u64 {
+        let shade = self.timing.shade;
+        let mut last = now + 1;
+        let Some(cache) = &mut self.texels else { return last };
+        for texel in stamp.iter().flat_map(|piece| &texels[piece.texels as usize..][..piece.merges(u16::MAX)[1] as usize]) {
+            let ready = Ready { here: now + 1, ..Ready::default() };
+            [last, _] = cache.shade(&mut self.shade, ready, shade.interval.into(), *texel, memory);
+        }
+        last + if self.shade.is_lifted() { 0 } else { u64::from(shade.latency) }
+    }
+
+    /// A unit merges its part of a stamp, which it takes now, when light has come; says when that is written.
+    #[inline(always)]
+    fn merge(&mut self, Part { unit, merges, .. }: Part, ready: Ready, now: u64, lit: u64) -> u64 {
         let t = self.timing;
         let latency = u64::from(t.fragment.latency);
         let of = &mut self.units[unit];
-        if merges == 0 {
-            of.unit.take(ready, 1);
-            return now + latency;
-        }
-        let mut last = now + 1;
-        for _ in 0..shades {
-            last = self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
-        }
-        let lit = if shades == 0 || self.shade.is_lifted() { now + 1 } else { last + u64::from(t.shade.latency) };
         // Infinitely fast, it still forwards nothing: what is under way stays so.
         if of.unit.is_lifted() {
             of.unit.take(ready, 1);
@@ -488,6 +542,11 @@ impl<'a> Merge<'a> {
         let first = of.in_flight.front().copied().filter(|_| of.in_flight.len() == most).unwrap_or(0);
         of.unit.take(ready, first.saturating_sub(now).max(1));
         of.merged - 1 + latency
+    }
+
+    /// When a fragment unit is free for the next stamp.
+    pub fn free(&self) -> u64 {
+        self.units.iter().map(|of| of.unit.free()).min().unwrap_or(0)
     }
 
     /// Its units: fragment and shade.
@@ -538,17 +597,28 @@ pub struct Resolve<'a> {
 pub struct Held {
     pixels: Vec<[u8; 2]>,
     width: u32,
+    /// Of a frame that mirrors, what fragments look up that are left to shade, pixel by pixel, and where those of each pixel begin.
+    texels: Vec<u16>,
+    first_texels: Vec<u32>,
 }
 
 impl Held {
     pub fn new(work: &Work) -> Rc<Self> {
-        Rc::new(Held { pixels: work.held(), width: work.width })
+        let (texels, first_texels) = if work.mirrors { work.texels_of_pixels() } else { (Vec::new(), Vec::new()) };
+        Rc::new(Held { pixels: work.held(), width: work.width, texels, first_texels })
     }
 
     /// Of these columns and rows of the picture.
     fn of(&self, columns: Range<u32>, rows: Range<u32>) -> impl Iterator<Item = &[u8; 2]> {
         let at = |row: u32, column: u32| (row * self.width + column) as usize;
         rows.flat_map(move |row| &self.pixels[at(row, columns.start)..at(row, columns.end)])
+    }
+
+    /// What fragments there look up that are left to shade.
+    fn texels_of(&self, columns: Range<u32>, rows: Range<u32>) -> impl Iterator<Item = &u16> {
+        let at = |row: u32, column: u32| (row * self.width + column) as usize;
+        let pixels = rows.flat_map(move |row| at(row, columns.start)..at(row, columns.end));
+        pixels.flat_map(|pixel| &self.texels[self.first_texels[pixel] as usize..][..usize::from(self.pixels[pixel][1])])
     }
 }
 
@@ -565,14 +635,21 @@ impl<'a> Resolve<'a> {
     }
 
     /// Takes these columns and rows of the picture, shading in units; says when the last of their words is there.
-    pub fn pixels(&mut self, columns: Range<u32>, rows: Range<u32>, ready: Ready, shade: &mut Unit) -> u64 {
+    pub fn pixels(
+        &mut self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        ready: Ready,
+        (shade, texels): (&mut Unit, &mut Option<Texels>),
+        memory: &mut Memory,
+    ) -> u64 {
         let t = self.timing;
         let interval = if shade.is_lifted() { 0 } else { u64::from(t.shade.interval) };
         let shaders = u64::from(t.shade.units);
         let cycles = &mut self.cycles;
         cycles.fill(0);
         let mut shades = 0;
-        for [fragments, left] in self.held.of(columns, rows) {
+        for [fragments, left] in self.held.of(columns.clone(), rows.clone()) {
             let left = u64::from(*left);
             let held = (left.div_ceil(shaders) * interval).max((*fragments).into()).max(t.resolve.interval.into());
             if let Some(first) = cycles.iter_mut().min() {
@@ -585,6 +662,14 @@ impl<'a> Resolve<'a> {
         cycles.iter_mut().for_each(|cycles| *cycles = light.max(*cycles));
         let free = self.units.iter().map(Unit::free).max().unwrap_or(0);
         let ready = Ready { room: if self.units.len() > 1 { ready.room.max(free) } else { ready.room }, ..ready };
+        if let Some(cache) = texels {
+            // There is but one unit then.
+            let here = ready.here.max(free).max(ready.memory).max(ready.room);
+            for texel in self.held.texels_of(columns, rows) {
+                let [_, waited] = cache.shade(shade, Ready { here, ..Ready::default() }, interval, *texel, memory);
+                cycles[0] += waited;
+            }
+        }
         let mut now = 0;
         for (unit, cycles) in self.units.iter_mut().zip(&*cycles) {
             now = unit.take(ready, *cycles);
@@ -595,11 +680,16 @@ impl<'a> Resolve<'a> {
         if shades == 0 {
             return done;
         }
-        for nth in 0..shaders.min(shades) {
+        for nth in 0..if texels.is_some() { 0 } else { shaders.min(shades) } {
             let share = (shades - nth).div_ceil(shaders);
             shade.take(Ready { here: now, ..Ready::default() }, share * interval);
         }
         done + if shade.is_lifted() { 0 } else { u64::from(t.shade.latency) }
+    }
+
+    /// When one of its units is free.
+    pub fn free(&self) -> u64 {
+        self.units.iter().map(Unit::free).min().unwrap_or(0)
     }
 
     /// Its units.

@@ -30,6 +30,8 @@ pub struct Piece {
     pub merged: u16,
     /// Those in which one of them is shaded for that, and those in which both are.
     pub shaded: [u16; 2],
+    /// Of a frame that mirrors: where what these look up begins among [`Stamps::texels`].
+    pub texels: u32,
 }
 
 impl Piece {
@@ -59,6 +61,8 @@ struct Happened {
     merged: [u16; TILE_PX],
     /// Merges for which one fragment was shaded, and those for which two were.
     shaded: [[u16; TILE_PX]; 2],
+    /// Of a frame that mirrors, for each merge for which something was shaded: where, and what that looked up.
+    looked_up: Vec<(u8, [u16; 2])>,
 }
 
 /// Goes through footprints: all recorded tiles, and where each is.
@@ -77,6 +81,8 @@ pub struct Stamps<'a> {
     happened: Vec<Happened>,
     /// What a footprint's stamps keep, stamp by stamp, in each row by row.
     pieces: Vec<Piece>,
+    /// What fragments look up that are shaded for its merges, piece by piece.
+    texels: Vec<u16>,
     /// First and last column and row of the footprint's part.
     sides: [[u16; 2]; 2],
 }
@@ -98,6 +104,7 @@ impl<'a> Stamps<'a> {
             parts: Vec::new(),
             happened: Vec::new(),
             pieces: Vec::new(),
+            texels: Vec::new(),
             sides: [[0; 2]; 2],
         }
     }
@@ -121,6 +128,7 @@ impl<'a> Stamps<'a> {
         let left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
         let lies_in_tiles = tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
         self.pieces.clear();
+        self.texels.clear();
         let mut first_stamp = 0;
         for tile_row in tile(rows[0])..=tile(rows[1]) {
             let top = (tile_row * TILE_PX) as u16;
@@ -144,6 +152,11 @@ impl<'a> Stamps<'a> {
     #[inline(always)]
     pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
         self.pieces.chunk_by(|one, next| one.stamp == next.stamp)
+    }
+
+    /// What fragments look up that are shaded for its merges.
+    pub fn texels(&self) -> &[u16] {
+        &self.texels
     }
 
     /// Columns and rows of a stamp of it.
@@ -179,7 +192,7 @@ impl<'a> Stamps<'a> {
                     pixels: ((kept / (1 << at)) as u16 & self.width.pixels_of_one) << (column + u32::from(first)),
                     ..Piece::default()
                 };
-                self.pieces.push(if has_events { self.happened[0].of_piece(row as usize, piece) } else { piece });
+                self.pieces.push(if has_events { self.happened[0].of_piece(row as usize, piece, &mut self.texels) } else { piece });
             }
             all = all.get(4..).unwrap_or_default();
             row += 4;
@@ -205,7 +218,7 @@ impl<'a> Stamps<'a> {
                 self.happened.push(Happened::default());
             }
             if !events.is_empty() {
-                self.happened[nth].read(events, rows);
+                self.happened[nth].read(events, rows, self.readers[index].texels(events));
             }
         }
     }
@@ -220,7 +233,7 @@ impl<'a> Stamps<'a> {
                 for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
                     let strip = self.strip(left, y);
                     let piece = Piece { stamp: first_stamp + nth, strip, corner: [left, y], pixels, ..Piece::default() };
-                    self.pieces.push(if part.has_events { happened.of_piece(row, piece) } else { piece });
+                    self.pieces.push(if part.has_events { happened.of_piece(row, piece, &mut self.texels) } else { piece });
                 }
                 left += TILE_PX as u16;
             }
@@ -295,7 +308,8 @@ fn four(rows: &[u16]) -> u64 {
 
 impl Happened {
     /// Reads what became of a splat that has so many rows.
-    fn read(&mut self, events: &[(u8, Event)], rows: usize) {
+    fn read(&mut self, events: &[(u8, Event)], rows: usize, mut texels: &[u16]) {
+        self.looked_up.clear();
         let [one, two] = &mut self.shaded;
         [&mut self.faint, &mut self.merged, one, two].into_iter().for_each(|columns| columns[..rows].fill(0));
         for (place, event) in events {
@@ -306,6 +320,10 @@ impl Happened {
                     self.merged[row] |= pixel;
                     if let Some(nth) = usize::from(*shades).checked_sub(1) {
                         self.shaded[nth][row] |= pixel;
+                        if let Some((own, left)) = texels.split_at_checked(nth + 1).filter(|_| !texels.is_empty()) {
+                            self.looked_up.push((*place, [own[0], own[nth]]));
+                            texels = left;
+                        }
                     }
                 }
                 Event::Accumulated | Event::Inserted | Event::Evicted | Event::Replaced | Event::Stopped => {}
@@ -315,14 +333,32 @@ impl Happened {
 
     /// What else happened to a piece in this row.
     #[inline(always)]
-    fn of_piece(&self, row: usize, piece: Piece) -> Piece {
+    fn of_piece(&self, row: usize, piece: Piece, texels: &mut Vec<u16>) -> Piece {
         let faint = piece.pixels & self.faint[row];
         let pixels = piece.pixels & !faint;
         let merged = piece.pixels & self.merged[row];
         if merged == 0 {
             return Piece { pixels, faint, ..piece };
         }
-        Piece { pixels, faint, merged, shaded: self.shaded.map(|rows| merged & rows[row]), ..piece }
+        let first = texels.len() as u32;
+        if !self.looked_up.is_empty() {
+            self.look_up(row, merged, texels);
+        }
+        Piece { pixels, faint, merged, shaded: self.shaded.map(|rows| merged & rows[row]), texels: first, ..piece }
+    }
+
+    /// Appends what was looked up for these columns' merges in a row.
+    fn look_up(&self, row: usize, mut merged: u16, texels: &mut Vec<u16>) {
+        let [one, two] = self.shaded.map(|rows| rows[row]);
+        merged &= one | two;
+        while merged != 0 {
+            let column = merged.trailing_zeros() as usize;
+            let (pixel, at) = (merged & merged.wrapping_neg(), row * TILE_PX + column);
+            merged -= pixel;
+            if let Some((_, both)) = self.looked_up.iter().find(|(place, _)| usize::from(*place) == at) {
+                texels.extend(&both[..if two & pixel == 0 { 1 } else { 2 }]);
+            }
+        }
     }
 }
 

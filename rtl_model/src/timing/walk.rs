@@ -15,14 +15,14 @@
 
 use super::account::{Ready, Unit};
 use super::memory::{Client, Direction, Memory, NODES, Outstanding};
-use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::microarchitecture::{Microarchitecture, WALK_DIGIT_BITS};
 use crate::work::{Found, Visit, Work};
 
 /// Bytes of a list's entry: a size and a node.
 const ENTRY_BYTES: u64 = 8;
 /// Passes of the sort, and values of a digit.
 const PASSES: u64 = 2;
-const DIGITS: u64 = 256;
+const DIGITS: u64 = 1 << WALK_DIGIT_BITS;
 /// Bytes that the sort moves at a time.
 const PART_BYTES: u64 = 1 << 12;
 
@@ -54,8 +54,8 @@ pub struct Walk<'a> {
 }
 
 impl<'a> Walk<'a> {
-    /// None where splats lie in memory one after the other.
-    pub fn new(timing: &Microarchitecture, work: &'a Work) -> Option<Self> {
+    /// None where splats lie in memory one after the other. Nothing is read before something else is loaded.
+    pub fn new(timing: &Microarchitecture, work: &'a Work, loaded: u64) -> Option<Self> {
         (!work.walk.is_empty()).then(|| Walk {
             visits: &work.walk,
             ahead: work.ahead.max(1),
@@ -68,7 +68,7 @@ impl<'a> Walk<'a> {
             round: 0,
             groups: 1,
             begun: 0,
-            free: 0,
+            free: loaded,
             tested: 0,
             held: None,
             sorted: None,

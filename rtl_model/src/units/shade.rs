@@ -18,7 +18,7 @@ use crate::frame::{Frame, Light, Lighting, Material, Scaled};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table, reciprocal, square_root, table};
 use crate::machine::Machine;
 use crate::num::{Fit, Word, three};
-use crate::probe::{Probe, Tap};
+use crate::probe::{NoProbe, Probe, Tap};
 use crate::records::unit;
 use reflect::Reflect;
 
@@ -282,6 +282,20 @@ impl Shade {
         Output { colour: tap.fit_three(&self.premultiplied, three!(i => colour[i] * opacity)), opacity }
     }
 
+    /// What a fragment mirrors; none where that is nothing.
+    pub fn mirrored(&self, registers: &LightRegisters, input: &Input) -> Option<reflect::Seen> {
+        let (unit, of) = self.mirror(registers, input.material as usize).filter(|_| input.weight > 0)?;
+        let probe = &mut NoProbe;
+        let tap = &mut Tap::new(probe);
+        let (_, exponent) = self.reciprocal.one(input.weight, tap);
+        Some(unit.seen(of, input.pixel, self.unit_normal(input.normal, exponent, tap)?))
+    }
+
+    /// What mirrors in a material, and its registers; none where nothing does.
+    fn mirror<'a>(&'a self, registers: &'a LightRegisters, material: usize) -> Option<(&'a Reflect, &'a reflect::Registers<'a>)> {
+        self.reflect.as_ref().zip(registers.surroundings.as_ref()).filter(|(unit, of)| unit.mirrors(of, material))
+    }
+
     /// min(1, W/τ).
     fn coverage<P: Probe>(&self, registers: &LightRegisters, weight: i64, exponent: i64, tap: &mut Tap<P>) -> i64 {
         if weight >= registers.coverage_threshold {
@@ -296,7 +310,7 @@ impl Shade {
     fn lit<P: Probe>(&self, registers: &LightRegisters, input: &Input, rgb: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> [i64; 3] {
         let w = self.words;
         let material = input.material as usize;
-        let mirror = self.reflect.as_ref().zip(registers.surroundings.as_ref()).filter(|(unit, of)| unit.mirrors(of, material));
+        let mirror = self.mirror(registers, material);
         let (Material::BlinnPhong { ambient, diffuse, specular, .. }, Some(table)) =
             (&registers.lighting.materials[material], &registers.highlights[material])
         else {

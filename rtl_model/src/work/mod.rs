@@ -119,7 +119,12 @@ pub struct Tile {
     events: Vec<(u8, Event)>,
     /// Fragments at the end, and 16 times how many of them were left to shade.
     pixels: Vec<u8>,
+    /// Of a frame with surroundings what each fragment that was shaded looked up: for merges, event by event, then pixel by pixel.
+    texels: Vec<u16>,
 }
+
+/// In the place of a texel: nothing was looked up.
+pub const NO_TEXEL: u16 = u16::MAX;
 
 impl Tile {
     /// Fragments that a pixel, counted by rows, ended with, and how many were left to shade.
@@ -129,12 +134,18 @@ impl Tile {
 
     /// Bytes that it takes.
     fn bytes(&self) -> usize {
-        2 * (self.rows.len() + self.counts.len()) + size_of::<(u8, Event)>() * self.events.len() + self.pixels.len()
+        2 * (self.rows.len() + self.counts.len() + self.texels.len()) + size_of::<(u8, Event)>() * self.events.len() + self.pixels.len()
     }
 
     /// Reads it from its beginning.
     pub fn reader(&self) -> Reader<'_> {
-        Reader { rows: &self.rows, counts: &self.counts, events: &self.events }
+        Reader { rows: &self.rows, counts: &self.counts, events: &self.events, texels: &self.texels }
+    }
+
+    /// What the fragments looked up that were left to shade in the end, pixel by pixel.
+    pub fn texels_of_pixels(&self) -> &[u16] {
+        let left: usize = self.pixels.iter().map(|pixel| usize::from(pixel / 16)).sum();
+        &self.texels[self.texels.len().saturating_sub(left)..]
     }
 }
 
@@ -144,9 +155,18 @@ pub struct Reader<'a> {
     rows: &'a [u16],
     counts: &'a [u16],
     events: &'a [(u8, Event)],
+    texels: &'a [u16],
 }
 
 impl<'a> Reader<'a> {
+    /// What the fragments that were shaded for these events, the next ones, looked up; nothing where nothing is mirrored.
+    pub fn texels(&mut self, events: &[(u8, Event)]) -> &'a [u16] {
+        let shades = |(_, event): &(u8, Event)| if let Event::Merged(shades) = event { usize::from(*shades) } else { 0 };
+        let (texels, left) = self.texels.split_at_checked(events.iter().map(shades).sum()).unwrap_or_default();
+        self.texels = left;
+        texels
+    }
+
     /// Rows of the next splat, and of all that follow.
     #[inline(always)]
     pub fn rows(&self) -> &'a [u16] {
@@ -191,6 +211,10 @@ pub struct Work {
     pub ahead: u32,
     /// Nodes that are drawn, in that order; empty where they are drawn as the walk comes to them.
     pub listed: Vec<u32>,
+    /// The frame has surroundings, which the machine mirrors.
+    pub mirrors: bool,
+    /// Of such a frame, if splats are lit before they are drawn, what each drawn one looked up: a row and a column of the map, a byte each.
+    pub texels: Vec<u16>,
 }
 
 impl Work {
@@ -209,6 +233,7 @@ impl Work {
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
             + size_of::<Visit>() * self.walk.len()
             + 4 * self.listed.len()
+            + 2 * self.texels.len()
     }
 
     /// Most nodes of its walk that took a place on the walker's stack; 0 where there is no walk. Those that are asked for keep their places
@@ -242,6 +267,25 @@ impl Work {
         held
     }
 
+    /// What fragments look up that are left to shade, pixel by pixel, tile after tile; and by rows of the picture where each pixel's begin.
+    pub fn texels_of_pixels(&self) -> (Vec<u16>, Vec<u32>) {
+        let [width, height] = [self.width, self.height].map(|size| size as usize);
+        let (mut texels, mut first) = (Vec::new(), vec![0; width * height]);
+        for tile in &self.tiles {
+            let [x, y] = tile.corner.map(usize::from);
+            let mut next = texels.len() as u32;
+            for pixel in 0..TILE_PX * TILE_PX {
+                let [column, row] = [x + pixel % TILE_PX, y + pixel / TILE_PX];
+                if column < width && row < height {
+                    first[row * width + column] = next;
+                }
+                next += u32::from(tile.pixel(pixel)[1]);
+            }
+            texels.extend(tile.texels_of_pixels());
+        }
+        (texels, first)
+    }
+
     /// Whether a pixel stops before its last contribution.
     pub fn stops(&self) -> bool {
         self.tiles.iter().any(|tile| tile.events.iter().any(|(_, event)| *event == Event::Stopped))
@@ -264,6 +308,8 @@ struct TileRecorder {
     places: Vec<u8>,
     recorded: usize,
     shaded: u8,
+    /// What fragments looked up; of splats that are lit before they are drawn, if they are set up here.
+    texels: Vec<u16>,
 }
 
 /// Records the work of a frame, or of a part of it.
@@ -276,6 +322,7 @@ pub struct Recorder {
     preshaded: bool,
     shared_axes: bool,
     harmonics: u8,
+    mirrors: bool,
     tiles: Vec<Tile>,
     now: TileRecorder,
 }
@@ -286,7 +333,7 @@ pub const CULLED: [Fate; 6] = [Fate::Near, Fate::Outside, Fate::Transparent, Fat
 impl Recorder {
     /// Record of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
-        let Recorder { footprints, culled, order, preshaded, shared_axes, harmonics, mut tiles, .. } = self;
+        let Recorder { footprints, culled, order, preshaded, shared_axes, harmonics, mirrors, mut tiles, now } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
         for (splat, fate) in culled {
             fates[splat as usize] = fate;
@@ -305,6 +352,8 @@ impl Recorder {
             walk: Vec::new(),
             ahead: 0,
             listed: Vec::new(),
+            mirrors,
+            texels: now.texels,
         }
     }
 
@@ -318,6 +367,24 @@ impl Recorder {
         self.footprints.extend(other.footprints);
         self.culled.extend(other.culled);
         self.tiles.extend(other.tiles);
+        self.now.texels.extend(other.now.texels);
+    }
+
+    /// The frame has surroundings.
+    pub fn mirrors(&mut self) {
+        self.mirrors = true;
+    }
+
+    /// A fragment goes to shade, in a frame with surroundings.
+    pub fn lit(&mut self) {
+        self.now.texels.push(NO_TEXEL);
+    }
+
+    /// It looks up four texels, the first of them in this column and row.
+    pub fn looked_up(&mut self, [column, row]: [u8; 2]) {
+        if let Some(last) = self.now.texels.last_mut() {
+            *last = u16::from_be_bytes([row, column]);
+        }
     }
 
     /// Of eight splats, which were not drawn, by [`CULLED`], the first in the last place.
@@ -390,8 +457,9 @@ impl Recorder {
 
     /// The tile is done.
     pub fn tile(&mut self, corner: [u16; 2]) {
-        let TileRecorder { rows, counts, events, pixels, .. } = &mut self.now;
-        let tile = Tile { corner, rows: rows.clone(), counts: counts.clone(), events: events.clone(), pixels: pixels.clone() };
+        let TileRecorder { rows, counts, events, pixels, texels, .. } = &mut self.now;
+        let texels = std::mem::take(texels);
+        let tile = Tile { corner, rows: rows.clone(), counts: counts.clone(), events: events.clone(), pixels: pixels.clone(), texels };
         rows.clear();
         counts.clear();
         events.clear();

@@ -23,6 +23,8 @@ impl Work {
         require(self.harmonics <= 3, "its harmonics have a degree that none have")?;
         self.check_splats()?;
         self.check_walk()?;
+        let emitted = if self.mirrors && self.preshaded { self.footprints.len() } else { 0 };
+        require(self.texels.len() == emitted, "its splats look up other texels than they can")?;
         let columns = (self.width as usize).div_ceil(TILE_PX);
         let is_after = |pair: &[Tile]| pair[0].place(columns) < pair[1].place(columns);
         let lies_in = |tile: &Tile| (0..2).all(|i| usize::from(tile.corner[i]) % TILE_PX == 0 && u32::from(tile.corner[i]) < sizes[i]);
@@ -35,6 +37,10 @@ impl Work {
         for place in (0..lists.tiles()).filter(|place| !lists.of(*place).is_empty()) {
             let tile = tiles.next_if(|tile| tile.place(columns) == place).ok_or("a tile that a splat touches is not there")?;
             tile.check(lists.of(place).iter().map(|nth| &self.footprints[*nth as usize]))?;
+            require(
+                tile.texels.len() == if self.mirrors { tile.shades() } else { 0 },
+                "a tile's fragments look up other texels than they can",
+            )?;
         }
         require(tiles.next().is_none(), "a tile is there that no splat touches")
     }
@@ -91,6 +97,12 @@ impl Tile {
     fn place(&self, columns: usize) -> usize {
         let [column, row] = self.corner.map(|at| usize::from(at) / TILE_PX);
         row * columns + column
+    }
+
+    /// Fragments that are shaded: to merge, and in the end.
+    fn shades(&self) -> usize {
+        let merged = |(_, event): &(u8, Event)| if let Event::Merged(shades) = event { usize::from(*shades) } else { 0 };
+        self.events.iter().map(merged).sum::<usize>() + self.pixels.iter().map(|held| usize::from(held / 16)).sum::<usize>()
     }
 
     /// Whether it tells of these splats, in this order.

@@ -37,8 +37,11 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     if others.next().is_some() {
         return Some("a unit does not tick".into());
     }
-    let [ticked, replayed] = [(ticked.total, ticked.lookups, ticked.stamps), (replayed.total, replayed.lookups, replayed.stamps)];
-    (ticked != replayed).then(|| format!("total, look-ups, stamps: ticked {ticked:?}, replayed {replayed:?}"))
+    let [ticked, replayed] = [
+        (ticked.total, ticked.lookups, ticked.texels, ticked.stamps),
+        (replayed.total, replayed.lookups, replayed.texels, replayed.stamps),
+    ];
+    (ticked != replayed).then(|| format!("total, look-ups, texels, stamps: ticked {ticked:?}, replayed {replayed:?}"))
 }
 
 /// What is moved does not depend on when.
@@ -172,6 +175,8 @@ impl Seen {
             }
         }
         *self.0.entry("look-ups".into()).or_default() += ticked.lookups[0];
+        *self.0.entry("texels".into()).or_default() += ticked.texels[0];
+        *self.0.entry("texels that were here".into()).or_default() += ticked.texels[1];
         *self.0.entry("misses".into()).or_default() += ticked.lookups[0] - ticked.lookups[1];
     }
 
@@ -185,10 +190,21 @@ impl Seen {
 }
 
 /// What cannot happen to the units of an immediate machine.
-const NEVER: [&str; 7] =
-    ["ellipse memory", "colour memory", "setup-shade memory", "raster memory", "gauss memory", "shade memory", "resolve blocked"];
+const NEVER: [&str; 9] = [
+    "texels",
+    "texels that were here",
+    "ellipse memory",
+    "colour memory",
+    "setup-shade memory",
+    "raster memory",
+    "gauss memory",
+    "shade memory",
+    "resolve blocked",
+];
 /// And to those of a binned one, which looks nothing up.
-const NEVER_BINNED: [&str; 14] = [
+const NEVER_BINNED: [&str; 16] = [
+    "texels",
+    "texels that were here",
     "ellipse memory",
     "colour memory",
     "setup-shade memory",
@@ -281,6 +297,31 @@ fn a_frame_ticks_as_it_is_replayed() {
 #[test]
 fn a_binned_frame_ticks_as_it_is_replayed() {
     compare_random(Organisation::Binned, 1500, &NEVER_BINNED);
+}
+
+/// Surroundings in memory behind any cache, or loaded before the frame.
+#[test]
+fn a_frame_that_mirrors_ticks_as_it_is_replayed() {
+    let mut seen = Seen::default();
+    for (nth, organisation) in (0..).zip([Organisation::Immediate, Organisation::Binned]) {
+        for (size, splats, cases) in [([3, 3], 2, 300), ([8, 8], 5, 300), ([60, 50], 30, 60)] {
+            for seed in 0..cases {
+                let mut rng = Rng(seed + 1000 * nth);
+                let timing = machines::mirroring(&mut rng, of(organisation, &mut Rng(seed)));
+                let scene = scene::random(&mut rng, size, splats);
+                let scene = if seed % 4 == 3 { scene.lit() } else { scene };
+                let scene = Scene { mirrored: Some(1 << timing.map.unwrap().index_bits), ..scene };
+                match compare(&timing, &scene, &scene.record()) {
+                    Ok(ticked) => seen.see(&ticked),
+                    Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", timing.timing),
+                }
+            }
+        }
+    }
+    for what in ["shade memory", "resolve-shade memory", "fetch memory", "texels", "texels that were here"] {
+        assert!(seen.0[what] > 1000, "{what}: {:?}", seen.0);
+    }
+    assert!(seen.0["texels"] > seen.0["texels that were here"]);
 }
 
 #[test]

@@ -13,7 +13,10 @@
 //! has stopped raster passes over in no time; where none is left, that takes it a cycle.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
-use super::parts::{Act, Fill, Link, Merge, SetUp, Ticked, Unit, light, places, resolve, resolve_cycles, run, stamps_of, turn};
+use super::parts::{
+    Act, Fill, HELD, Link, Merge, Mirror, SetUp, Ticked, Unit, light, places, resolve, resolve_cycles, resolve_texels, run, stamps_of,
+    texels_looked_up, turn,
+};
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::machine::timing::Queue;
@@ -123,6 +126,10 @@ struct Engine {
     resolve: Vec<Unit>,
     lit: Unit,
     to_light: VecDeque<(u64, u64, Option<usize>)>,
+    /// What mirrors, of that; and the tile that resolve waits with for its light: which it is, when it was taken, and for how long and until when
+    /// it is done if it waits for nothing.
+    mirror: Option<Mirror>,
+    unwritten: Option<(usize, [u64; 3])>,
 }
 
 impl Engine {
@@ -144,6 +151,8 @@ impl Engine {
             resolve: Unit::each("resolve", timing.resolve.units),
             lit: Unit::new("resolve-shade", timing.shade.units),
             to_light: VecDeque::new(),
+            mirror: Mirror::new(timing, scene),
+            unwritten: None,
         }
     }
 
@@ -154,6 +163,7 @@ impl Engine {
             && self.merge.is_done(now)
             && self.resolved.len() >= self.taken.len()
             && self.to_light.is_empty()
+            && self.mirror.as_ref().is_none_or(|mirror| mirror.queue.is_empty())
             && [&self.list, &self.lit].into_iter().chain(&self.resolve).all(|unit| unit.is_idle(now))
     }
 
@@ -547,11 +557,23 @@ impl<'a> Machine<'a> {
             let corner = self.tiles[tile.expect("a tile")].corner;
             (cycles, shades) = resolve_cycles(self.timing, self.scene, corner, [self.timing.timing.tile.side_px as usize; 2]);
         }
-        if !resolve(&mut self.engines[e].resolve, self.now, reason, &cycles) {
+        let is_held = shades > 0 && self.engines[e].merge.mirror.is_some();
+        let held: Vec<u64> = if is_held { vec![HELD] } else { cycles.clone() };
+        if !resolve(&mut self.engines[e].resolve, self.now, reason, &held) {
             return;
         }
         let tile = tile.expect("a tile");
         let mut done = self.now + cycles.iter().max().expect("a unit") + u64::from(self.timing.resolve.latency);
+        if is_held {
+            // Known when the last texels are here.
+            let texels = resolve_texels(self.scene, self.tiles[tile].corner, [self.timing.timing.tile.side_px as usize; 2]);
+            let two = self.buffers() == 2;
+            let Engine { merge, mirror, unwritten, .. } = &mut self.engines[e];
+            let mirror = if two { mirror } else { &mut merge.mirror };
+            mirror.as_mut().expect("a mirror").ask(self.now, texels);
+            *unwritten = Some((tile, [self.now, cycles[0], done + u64::from(self.timing.shade.latency)]));
+            return;
+        }
         let work = light(self.timing, self.now, shades);
         if self.buffers() == 2 {
             self.engines[e].to_light.extend(work);
@@ -561,13 +583,42 @@ impl<'a> Machine<'a> {
         if shades > 0 {
             done += u64::from(self.timing.shade.latency);
         }
+        self.hand_out(e, tile, done);
+    }
+
+    /// A tile is resolved.
+    fn hand_out(&mut self, e: usize, tile: usize, done: u64) {
         self.engines[e].resolved.push(done);
         self.write_words(done, self.tiles[tile].place);
         self.leave_out(done, tile + 1);
     }
 
+    /// The tile that resolve waited with has its light, after so many cycles in which texels were waited for.
+    fn end_wait(&mut self, e: usize, waited: u64) {
+        if let Some((tile, [begun, cycles, done])) = self.engines[e].unwritten.take() {
+            self.engines[e].resolve[0].sides[0].until = begun + cycles + waited;
+            self.hand_out(e, tile, done + waited);
+        }
+    }
+
+    fn shade(&mut self, e: usize) -> Act {
+        let now = self.now;
+        if self.engines[e].merge.mirror.is_none() {
+            return self.engines[e].merge.shade(now);
+        }
+        let (act, waited) = self.engines[e].merge.mirror(now, &mut self.memory);
+        waited.into_iter().for_each(|waited| self.end_wait(e, waited));
+        act
+    }
+
     fn light(&mut self, e: usize) -> Act {
         let now = self.now;
+        if let Some(mirror) = &mut self.engines[e].mirror {
+            let (act, asked) = mirror.shade(now, self.timing.shade.interval.into(), &mut self.memory);
+            let waited = mirror.waited(asked);
+            waited.into_iter().for_each(|waited| self.end_wait(e, waited));
+            return act;
+        }
         match self.engines[e].to_light.pop_front_if(|(here, ..)| *here <= now) {
             Some((_, cycles, _)) => Act::Take(cycles),
             None => Act::Starve,
@@ -595,7 +646,7 @@ impl<'a> Machine<'a> {
             turn(self, now, |m| &mut m.engines[e].fill.gauss, |m| m.engines[e].fill.gauss(now));
             self.fragment(e);
             self.resolve(e);
-            turn(self, now, |m| &mut m.engines[e].merge.shade, |m| m.engines[e].merge.shade(now));
+            turn(self, now, |m| &mut m.engines[e].merge.shade, |m| m.shade(e));
             turn(self, now, |m| &mut m.engines[e].lit, |m| m.light(e));
         }
         self.memory.tick(now);
@@ -625,6 +676,9 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
     let Machine { memory, setup, bin, engines, .. } = machine;
     let stamps = engines.iter().map(|engine| engine.fill.taken()).fold([0; 2], |[all, kept], [more, more_kept]| [all + more, kept + more_kept]);
+    let of_engines = engines.iter().flat_map(|engine| [&engine.merge.mirror, &engine.mirror]);
+    let mirrors = of_engines.map(|mirror| texels_looked_up([mirror.as_ref().map(|mirror| &mirror.texels)]));
+    let texels = mirrors.fold(texels_looked_up([setup.texels.as_ref()]), |[all, had], [more, more_had]| [all + more, had + more_had]);
     let (setup, shade) = setup.units();
     let mut second: Vec<Unit> = engines.into_iter().zip(0..).flat_map(|(engine, nth)| engine.units(timing, nth)).collect();
     if let Some(shade) = shade {
@@ -636,5 +690,5 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let place = |unit: &Unit| ["list", "raster", "gauss", "fragment", "shade", "resolve-shade", "resolve"].iter().position(|name| *name == unit.name);
     second.sort_by_key(place);
     let units = [setup, vec![bin], sort, second].concat();
-    Ticked { total, units, lookups: [0; 2], stamps, traffic: memory.traffic }
+    Ticked { total, units, lookups: [0; 2], texels, stamps, traffic: memory.traffic }
 }

@@ -4,7 +4,10 @@
 //! within a cycle does not matter.
 
 use super::memory::{Done, LINES, Memory, Requests, WORDS};
-use super::parts::{Act, Fill, Link, Merge, SetUp, Stamp, Ticked, Unit, light, places, resolve, resolve_cycles, run, stamps_of, turn};
+use super::parts::{
+    Act, Fill, HELD, Link, Merge, SetUp, Stamp, Ticked, Unit, light, places, resolve, resolve_cycles, resolve_texels, run, stamps_of,
+    texels_looked_up, turn,
+};
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::timing::{Client, Direction};
@@ -135,6 +138,10 @@ struct Machine<'a> {
     taken: usize,
     all_written: u64,
     resolve: Vec<Unit>,
+    /// The line that resolve waits with for its light: when it will be written, if it waits no more.
+    unwritten: Option<(u64, Range<u64>)>,
+    /// When it took that, and for how long if it waited for nothing.
+    resolve_begun: [u64; 2],
     /// For each line of the picture its read, if it has one; known when resolve begins. Those that are still to be asked for.
     line_reads: Option<Vec<Option<Done>>>,
     to_read: VecDeque<usize>,
@@ -178,6 +185,8 @@ impl<'a> Machine<'a> {
             taken: 0,
             all_written: 0,
             resolve: Unit::each("resolve", timing.resolve.units),
+            unwritten: None,
+            resolve_begun: [0; 2],
             line_reads: None,
             to_read: VecDeque::new(),
             reads: Requests::new(t.memory.outstanding),
@@ -290,11 +299,17 @@ impl<'a> Machine<'a> {
         let corner = [line % across * size[0], line / across * size[1]];
         let reason = self.resolve_reason(line);
         let (cycles, shades) = if reason == Act::Take(1) { resolve_cycles(self.timing, self.scene, corner, size) } else { (Vec::new(), 0) };
-        if !resolve(&mut self.resolve, self.now, reason, &cycles) {
+        let mirror = self.merge.mirror.as_mut().filter(|_| shades > 0);
+        let is_held = mirror.is_some();
+        let held: Vec<u64> = if is_held { vec![HELD] } else { cycles.clone() };
+        if !resolve(&mut self.resolve, self.now, reason, &held) {
             return;
         }
         let mut written = self.now + cycles.iter().max().expect("a unit") + u64::from(self.timing.resolve.latency);
-        self.merge.to_shade.extend(light(self.timing, self.now, shades));
+        match mirror {
+            Some(mirror) => mirror.ask(self.now, resolve_texels(self.scene, corner, size)),
+            None => self.merge.to_shade.extend(light(self.timing, self.now, shades)),
+        }
         if shades > 0 {
             written += u64::from(self.timing.shade.latency);
         }
@@ -302,11 +317,28 @@ impl<'a> Machine<'a> {
         let inside = size[0].min(width - corner[0]) * size[1].min(height - corner[1]);
         let [from, bytes] = [line * size[0] * size[1], inside].map(|words| words as u64 * u64::from(self.timing.frame_bytes));
         let words = WORDS + from..WORDS + from + bytes;
+        if is_held {
+            // Known when the last texels are here.
+            self.resolve_begun = [self.now, cycles[0]];
+            self.unwritten = Some((written, words));
+            return;
+        }
         self.memory.ask(written, Client::FrameWrite, Direction::Write, words, &self.words.next());
     }
 
     fn shade(&mut self) -> Act {
-        self.merge.shade(self.now)
+        if self.merge.mirror.is_none() {
+            return self.merge.shade(self.now);
+        }
+        let (act, waited) = self.merge.mirror(self.now, &mut self.memory);
+        if let Some(waited) = waited
+            && let Some((written, words)) = self.unwritten.take()
+        {
+            let [begun, cycles] = self.resolve_begun;
+            self.resolve[0].sides[0].until = begun + cycles + waited;
+            self.memory.ask(written + waited, Client::FrameWrite, Direction::Write, words, &self.words.next());
+        }
+        act
     }
 
     fn tick(&mut self) {
@@ -349,8 +381,9 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let Machine { memory, setup, fill, cache, lines, looked_up, merge, resolve, .. } = machine;
     let stamps = fill.taken();
+    let texels = texels_looked_up([setup.texels.as_ref(), merge.mirror.as_ref().map(|mirror| &mirror.texels)]);
     let (setup, shade) = setup.units();
     let (fragment, of_fragments) = merge.units();
     let units = [setup, fill.units(), vec![cache.before(looked_up)], fragment, vec![shade.unwrap_or(of_fragments)], resolve].concat();
-    Ticked { total, units, lookups: lines.lookups, stamps, traffic: memory.traffic }
+    Ticked { total, units, lookups: lines.lookups, texels, stamps, traffic: memory.traffic }
 }

@@ -20,6 +20,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
         shared_axes: false,
         harmonics: 0,
         order: Vec::new(),
+        mirrored: None,
     }
 }
 
@@ -244,6 +245,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         shared_axes: false,
         harmonics: 0,
         order: Vec::new(),
+        mirrored: None,
     };
     let total = |outstanding: u32| {
         let timing =

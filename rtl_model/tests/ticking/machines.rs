@@ -5,7 +5,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
 use rtl_model::machine::timing::{
-    Cache, Colour, DEFAULT, Fetch, Fragment, Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Stage, Technology, Timing,
+    Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Stage, Technology, Timing,
 };
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
@@ -26,6 +26,26 @@ pub fn elaborate(timing: Timing) -> Microarchitecture {
     let mut machine = Machine::named("tiny").unwrap();
     machine.timing = timing;
     machine.colour = Some(machine::Colour { degree: 3 });
+    machine.elaborate().unwrap().timing
+}
+
+/// A machine that mirrors surroundings, by a map of any size on the chip or behind any cache.
+pub fn mirroring(rng: &mut Rng, timing: Timing) -> Microarchitecture {
+    let index_bits = 1 + rng.below(6) as u32;
+    let mut power = |most: u64| 1 << rng.below(most + 1);
+    let [columns, rows] = [power(2), power(2)].map(|texels: u32| texels.min(1 << index_bits));
+    let (lines, ways) = (power(5), power(2));
+    let cache = Environment { line_texels: [columns, rows], lines, ways: ways.min(lines) };
+    let environment = (rng.below(4) > 0).then_some(cache);
+    let reflect = serde_json::json!({
+        "sight": "axis", "facing": "I2F14", "direction": "I3F13", "reciprocal": {"table_bits": 8, "newton_steps": 1, "bits": 16},
+        "coordinate": "U1F12", "index_bits": index_bits, "fraction": "U1F7", "light": "U1F10", "reflectance": "U1F10"
+    });
+    let machine = Machine {
+        timing: Timing { environment, ..timing },
+        reflect: Some(serde_json::from_value(reflect).unwrap()),
+        ..Machine::named("tiny").unwrap()
+    };
     machine.elaborate().unwrap().timing
 }
 

@@ -1,6 +1,6 @@
 //! What does memory do in each cycle? One channel moves the bytes of the request that came first, and opens rows as it meets them.
 //!
-//! Of requests of the same cycle, splats go first, then lists and what they point to, then what leaves the frame, then what comes back;
+//! Of requests of the same cycle, splats go first, then lists and what they point to, then what leaves the frame, then what comes back, then texels;
 //! those of one client in the order of asking. Bytes come a latency after the channel has moved them: that of the row, open or another,
 //! for all that a request has in it. A channel as wide as all that is asked for is ideal memory.
 
@@ -17,6 +17,7 @@ pub const RECORDS: u64 = 1 << 40;
 pub const LISTS: u64 = 2 << 40;
 pub const LINES: u64 = 3 << 40;
 pub const WORDS: u64 = 4 << 40;
+pub const MAP: u64 = 6 << 40;
 /// Lists lie so far apart.
 pub const LIST_BYTES: u64 = 1 << 24;
 
@@ -110,6 +111,7 @@ impl Memory {
             Client::Lists => 1,
             Client::FrameWrite => 2,
             Client::FrameRead => 3,
+            Client::Environment => 4,
         };
         self.asked += 1;
         self.waiting.insert((when, turn, self.asked), Waiting { bytes, latency: None, here: 0, done: done.clone() });

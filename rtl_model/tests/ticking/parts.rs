@@ -1,7 +1,7 @@
 //! What is a ticking machine made of? Units, FIFOs with credits, stamps; and the units that both organisations have.
 
-use super::memory::{Memory, Requests, SPLATS, Traffic};
-use super::scene::Scene;
+use super::memory::{Done, MAP, Memory, Requests, SPLATS, Traffic};
+use super::scene::{Asks, Scene};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
 use rtl_model::timing::{Account, Client, Direction};
 use rtl_model::work::{Event, Fate};
@@ -35,6 +35,8 @@ pub struct Ticked {
     pub total: u64,
     pub units: Vec<Unit>,
     pub lookups: [u64; 2],
+    /// Of the caches of the map of surroundings.
+    pub texels: [u64; 2],
     /// All that the raster took, and those that kept a pixel.
     pub stamps: [u64; 2],
     pub traffic: Traffic,
@@ -161,6 +163,8 @@ pub struct Stamp {
     pub stops: Vec<usize>,
     /// Those in which fragments merge, and how many are shaded for that.
     pub merged: Vec<(usize, u64)>,
+    /// What they look up, one after the other.
+    pub texels: Vec<Option<[usize; 2]>>,
     /// Lines in the order in which pixels meet them.
     pub lines: Vec<usize>,
     /// Among those that reach the fragment unit.
@@ -171,6 +175,7 @@ pub struct Stamp {
 
 /// The stamps of a splat's part from one pixel to another.
 pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Stamp> {
+    let place = splat;
     let splat = &scene.splats[splat];
     if splat.fate != Fate::Drawn {
         return VecDeque::new();
@@ -201,6 +206,7 @@ pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first
                     }
                     if let Event::Merged(shades) = event {
                         stamp.merged.push((pixel, u64::from(shades)));
+                        stamp.texels.extend((0..shades.into()).map(|nth| scene.texel(Asks::Merge(place, pixel), nth)));
                     }
                     let line = y / line_height * lines_across + x / line_width;
                     if !stamp.lines.contains(&line) {
@@ -249,6 +255,68 @@ pub fn turn<M>(machine: &mut M, now: u64, unit: impl Fn(&mut M) -> &mut Unit, mu
     unit(machine).count(now, reason);
 }
 
+/// The cache of a map of surroundings, where it has one: sets of lines, the one used longest ago first.
+pub struct Texels {
+    sets: Vec<Vec<usize>>,
+    ways: usize,
+    line_texels: [usize; 2],
+    side: usize,
+    line_bytes: u64,
+    pub lookups: [u64; 2],
+    /// What the fragment waits for that shade would take next, once it has looked up.
+    awaited: Option<Vec<Done>>,
+}
+
+impl Texels {
+    pub fn new(timing: &Microarchitecture, scene: &Scene) -> Option<Self> {
+        let (shape, side) = (timing.map?, scene.mirrored?);
+        let cache = shape.cache?;
+        Some(Texels {
+            sets: (0..cache.lines / cache.ways).map(|_| Vec::new()).collect(),
+            ways: cache.ways as usize,
+            line_texels: cache.line_texels.map(|texels| texels as usize),
+            side,
+            line_bytes: u64::from(cache.line_texels[0] * cache.line_texels[1] * shape.texel_bytes),
+            lookups: [0; 2],
+            awaited: None,
+        })
+    }
+
+    /// Whether the fragment that shade looks at in this cycle has its texels; it looks them up when it is looked at first.
+    fn are_here(&mut self, now: u64, texel: Option<[usize; 2]>, memory: &mut Memory) -> bool {
+        if self.awaited.is_none() {
+            let mut lines = Vec::new();
+            for [column, row] in texel.iter().flat_map(|[x, y]| [[*x, *y], [x + 1, *y], [*x, y + 1], [x + 1, y + 1]]) {
+                let line = row / self.line_texels[1] * (self.side / self.line_texels[0]) + column / self.line_texels[0];
+                if !lines.contains(&line) {
+                    lines.push(line);
+                }
+            }
+            self.awaited = Some(lines.into_iter().filter_map(|line| self.look_up(now, line, memory)).collect());
+        }
+        self.awaited.iter().flatten().all(|done| done.has_come(now))
+    }
+
+    fn look_up(&mut self, now: u64, line: usize, memory: &mut Memory) -> Option<Done> {
+        let of = line % self.sets.len();
+        let set = &mut self.sets[of];
+        self.lookups[0] += 1;
+        if let Some(found) = set.iter().position(|other| *other == line) {
+            let line = set.remove(found);
+            set.push(line);
+            self.lookups[1] += 1;
+            return None;
+        }
+        if set.len() == self.ways {
+            set.remove(0);
+        }
+        set.push(line);
+        let (done, from) = (Done::default(), MAP + line as u64 * self.line_bytes);
+        memory.ask(now, Client::Environment, Direction::Read, from..from + self.line_bytes, &done);
+        Some(done)
+    }
+}
+
 /// Fetch, project and ellipse; and shade where splats are lit before they are drawn.
 pub struct SetUp<'a> {
     timing: &'a Microarchitecture,
@@ -265,6 +333,9 @@ pub struct SetUp<'a> {
     coloured: Link<usize>,
     shade: Unit,
     lit: Link<usize>,
+    pub texels: Option<Texels>,
+    /// The map that the chip has all of, once it is asked for.
+    map: Option<Done>,
 }
 
 impl<'a> SetUp<'a> {
@@ -284,7 +355,22 @@ impl<'a> SetUp<'a> {
             coloured: Link::new(places(colour_pace(timing, scene))),
             shade: Unit::new(if timing.lights_setup { "setup-shade" } else { "shade" }, timing.shade.units),
             lit: Link::new(places(timing.shade)),
+            texels: Texels::new(timing, scene),
+            map: None,
         }
+    }
+
+    /// Whether the chip has the map, if it is to have all of it.
+    fn has_map(&mut self, memory: &mut Memory) -> bool {
+        let Some(side) = self.scene.mirrored.filter(|_| self.timing.map.unwrap().cache.is_none()) else { return true };
+        let now = self.now;
+        let done = self.map.get_or_insert_with(|| {
+            let done = Done::default();
+            let bytes = (side * side) as u64 * u64::from(self.timing.map.unwrap().texel_bytes);
+            memory.ask(now, Client::Environment, Direction::Read, MAP..MAP + bytes, &done);
+            done
+        });
+        done.has_come(now)
     }
 
     /// The bursts that a record lies in.
@@ -299,9 +385,12 @@ impl<'a> SetUp<'a> {
     }
 
     fn fetch(&mut self, memory: &mut Memory) -> Act {
-        let record = self.fetch.log.len();
+        let (record, has_map) = (self.fetch.log.len(), self.has_map(memory));
         if record == self.scene.splats.len() {
             return Act::Starve;
+        }
+        if !has_map {
+            return Act::Wait;
         }
         let last = *self.bursts(record).end();
         if last >= self.requests.asked.len() && !self.requests.is_free(self.now) {
@@ -365,13 +454,19 @@ impl<'a> SetUp<'a> {
         Act::Take(pace.interval.into())
     }
 
-    fn shade(&mut self) -> Act {
+    fn shade(&mut self, memory: &mut Memory) -> Act {
         let from = if self.colours() { &mut self.coloured } else { &mut self.ellipses };
         let Some(&record) = from.front(self.now) else { return Act::Starve };
+        if let Some(texels) = &mut self.texels
+            && !texels.are_here(self.now, self.scene.texel(Asks::Splat(record), 0), memory)
+        {
+            return Act::Wait;
+        }
         if !self.lit.has_room() {
             return Act::Block;
         }
         from.pop();
+        self.texels.iter_mut().for_each(|texels| texels.awaited = None);
         self.lit.push(self.now + u64::from(self.timing.shade.latency), record);
         Act::Take(self.timing.shade.interval.into())
     }
@@ -394,7 +489,7 @@ impl<'a> SetUp<'a> {
             turn(self, now, |m| &mut m.colour, Self::colour);
         }
         if self.scene.preshaded {
-            turn(self, now, |m| &mut m.shade, Self::shade);
+            turn(self, now, |m| &mut m.shade, |m| m.shade(memory));
         }
     }
 
@@ -581,6 +676,8 @@ pub struct Merge {
     /// From when on each pixel can be taken again.
     pixel_free: Vec<u64>,
     pub shade: Unit,
+    /// What mirrors, of shade: then fragments are shaded one by one. A machine that has it has one of each unit.
+    pub mirror: Option<Mirror>,
     /// Work for shade units: from which cycle on, for how long, and for which fragment unit.
     pub to_shade: VecDeque<(u64, u64, Option<usize>)>,
     /// By number: stamps that are not written yet, for how many units they wait, and when the others have written them.
@@ -588,6 +685,60 @@ pub struct Merge {
     /// Those that all units are through with since this was asked last, and when they are written.
     pub written: Vec<(Stamp, u64)>,
 }
+
+/// Who waits for the light of a fragment: a merge, or resolve, if it is the last that it waits for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Asked {
+    Merge,
+    Resolve { is_last: bool },
+}
+
+/// A shade unit that mirrors: its cache, and what it is to shade, from which cycle on, and for whom.
+pub struct Mirror {
+    pub texels: Texels,
+    pub queue: VecDeque<(u64, Option<[usize; 2]>, Asked)>,
+    /// Cycles that fragments waited for texels since the last of something.
+    pub waited: u64,
+}
+
+impl Mirror {
+    pub fn new(timing: &Microarchitecture, scene: &Scene) -> Option<Self> {
+        Texels::new(timing, scene).map(|texels| Mirror { texels, queue: VecDeque::new(), waited: 0 })
+    }
+
+    /// What resolve is to have shaded together, from a cycle on.
+    pub fn ask(&mut self, here: u64, texels: Vec<Option<[usize; 2]>>) {
+        let last = texels.len() - 1;
+        self.queue.extend(texels.into_iter().enumerate().map(|(nth, texel)| (here, texel, Asked::Resolve { is_last: nth == last })));
+    }
+
+    /// Looks at the next fragment; and for whom it is taken.
+    pub fn shade(&mut self, now: u64, interval: u64, memory: &mut Memory) -> (Act, Option<Asked>) {
+        let Some(&(here, texel, asked)) = self.queue.front() else { return (Act::Starve, None) };
+        if here > now {
+            return (Act::Starve, None);
+        }
+        if !self.texels.are_here(now, texel, memory) {
+            self.waited += 1;
+            return (Act::Wait, None);
+        }
+        self.texels.awaited = None;
+        self.queue.pop_front();
+        if asked == Asked::Merge {
+            // Nobody counts these cycles.
+            self.waited = 0;
+        }
+        (Act::Take(interval), Some(asked))
+    }
+
+    /// If the last fragment is taken that resolve waits for: for how many cycles texels were waited for.
+    pub fn waited(&mut self, asked: Option<Asked>) -> Option<u64> {
+        (asked == Some(Asked::Resolve { is_last: true })).then(|| std::mem::take(&mut self.waited))
+    }
+}
+
+/// For ever, until somebody says otherwise.
+pub const HELD: u64 = 1 << 40;
 
 impl Merge {
     pub fn new(timing: &Microarchitecture, scene: &Scene) -> Self {
@@ -604,6 +755,7 @@ impl Merge {
             pixel_free: vec![0; (scene.width * scene.height) as usize],
             shade: Unit::new("shade", timing.shade.units),
             to_shade: VecDeque::new(),
+            mirror: Mirror::new(timing, scene),
             waiting: BTreeMap::new(),
             written: Vec::new(),
         }
@@ -683,7 +835,10 @@ impl Merge {
             }
             let (left, merges) = (merged.iter().sum(), merged.len() as u64);
             pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = u64::MAX);
-            self.to_shade.extend((0..left).map(|_| (now + 1, self.shade_pace.interval.into(), Some(of))));
+            match &mut self.mirror {
+                Some(mirror) => mirror.queue.extend(stamp.texels.iter().map(|texel| (now + 1, *texel, Asked::Merge))),
+                None => self.to_shade.extend((0..left).map(|_| (now + 1, self.shade_pace.interval.into(), Some(of)))),
+            }
             self.units[of].merging.push_back(Merging { number: stamp.number, pixels, merges, left, lit: now + 1 });
         }
     }
@@ -693,8 +848,7 @@ impl Merge {
             Some(&(here, cycles, owner)) if here <= now => {
                 self.to_shade.pop_front();
                 if let Some(owner) = owner {
-                    let of = self.units[owner].merging.iter_mut().find(|merging| merging.left > 0).expect("who waits for light");
-                    (of.left, of.lit) = (of.left - 1, now + u64::from(self.shade_pace.latency));
+                    self.light(owner, now);
                 }
                 Act::Take(cycles)
             }
@@ -702,9 +856,26 @@ impl Merge {
         }
     }
 
+    /// A fragment is taken to be shaded for one of a unit's merges.
+    fn light(&mut self, owner: usize, now: u64) {
+        let of = self.units[owner].merging.iter_mut().find(|merging| merging.left > 0).expect("who waits for light");
+        (of.left, of.lit) = (of.left - 1, now + u64::from(self.shade_pace.latency));
+    }
+
+    /// Shades with texels; if that was the last that resolve waits for: for how many cycles texels were waited for.
+    pub fn mirror(&mut self, now: u64, memory: &mut Memory) -> (Act, Option<u64>) {
+        let Some(mirror) = &mut self.mirror else { return (Act::Starve, None) };
+        let (act, asked) = mirror.shade(now, self.shade_pace.interval.into(), memory);
+        let waited = mirror.waited(asked);
+        if asked == Some(Asked::Merge) {
+            self.light(0, now);
+        }
+        (act, waited)
+    }
+
     pub fn is_done(&self, now: u64) -> bool {
         let are_idle = self.units.iter().all(|of| of.merging.is_empty() && of.unit.is_idle(now));
-        self.to_shade.is_empty() && are_idle && self.written.is_empty() && self.shade.is_idle(now)
+        self.to_shade.is_empty() && self.mirror.as_ref().is_none_or(|mirror| mirror.queue.is_empty()) && are_idle && self.written.is_empty() && self.shade.is_idle(now)
     }
 
     /// Stamps that were taken and that all units are not through with.
@@ -756,4 +927,17 @@ pub fn resolve(units: &mut [Unit], now: u64, reason: Act, cycles: &[u64]) -> boo
     let reason = if matches!(reason, Act::Take(_)) { Act::Block } else { reason };
     units.iter_mut().for_each(|unit| unit.count(now, reason));
     taken
+}
+
+/// What is looked up for these pixels in the end, one after the other.
+pub fn resolve_texels(scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> Vec<Option<[usize; 2]>> {
+    let [width, height] = [scene.width, scene.height].map(|size| size as usize);
+    let rows = top..height.min(top + rows);
+    let pixels = rows.flat_map(|y| (left..width.min(left + columns)).map(move |x| y * width + x));
+    pixels.flat_map(|pixel| (0..scene.ends[pixel].unlit.into()).map(move |nth| scene.texel(Asks::End(pixel), nth))).collect()
+}
+
+/// Look-ups of several caches, and those among them that had their line.
+pub fn texels_looked_up<const N: usize>(caches: [Option<&Texels>; N]) -> [u64; 2] {
+    caches.into_iter().flatten().fold([0; 2], |all, cache| [0, 1].map(|i| all[i] + cache.lookups[i]))
 }

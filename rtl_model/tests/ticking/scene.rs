@@ -54,6 +54,16 @@ pub struct Scene {
     pub harmonics: u8,
     /// In which order they are drawn, those that are: their places. Without one, as they come.
     pub order: Vec<usize>,
+    /// Surroundings are mirrored, in a map of so many texels a side.
+    pub mirrored: Option<usize>,
+}
+
+/// Whose light is asked for: a splat before it is drawn, or a pixel for a splat that makes it merge, or in the end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Asks {
+    Splat(usize),
+    Merge(usize, usize),
+    End(usize),
 }
 
 fn any_event(rng: &mut Rng, dull: u64) -> Event {
@@ -107,12 +117,36 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
     let lit = rng.below(4);
     let mut some = || if rng.below(4) < lit { rng.below(4) as u8 } else { 0 };
     let ends = (0..width * height).map(|_| End { lit: some(), unlit: some() }).collect();
-    let mut scene = Scene { width, height, splats, ends, preshaded: false, shared_axes: false, harmonics: 0, order: Vec::new() };
+    let mut scene =
+        Scene { width, height, splats, ends, preshaded: false, shared_axes: false, harmonics: 0, order: Vec::new(), mirrored: None };
     scene.clear_untouched();
     scene
 }
 
 impl Scene {
+    /// The first column and row of what somebody's nth fragment looks up, if it mirrors anything: neighbours mostly look beside each other.
+    pub fn texel(&self, asks: Asks, nth: usize) -> Option<[usize; 2]> {
+        let side = self.mirrored?;
+        let ([x, y], salt) = match asks {
+            Asks::Splat(place) => ([3 * place, place], place),
+            Asks::Merge(place, pixel) => ([pixel % self.width as usize, pixel / self.width as usize], place),
+            Asks::End(pixel) => ([pixel % self.width as usize, pixel / self.width as usize], 7),
+        };
+        let mut rng = Rng((x + 977 * y + 31 * salt + nth) as u64);
+        let near = |at: usize, by: u64| (at / 3 + by as usize) % (side - 1);
+        let texel = [near(x, rng.below(3)), near(y, rng.below(2))];
+        (rng.below(5) > 0).then_some(texel)
+    }
+
+    fn tell(&self, recorder: &mut Recorder, asks: Asks, fragments: u8) {
+        for nth in (0..fragments.into()).filter(|_| self.mirrored.is_some()) {
+            recorder.lit();
+            if let Some(texel) = self.texel(asks, nth) {
+                recorder.looked_up(texel.map(|at| at as u8));
+            }
+        }
+    }
+
     /// The same, its splats lit before they are drawn, and nothing after.
     pub fn lit(mut self) -> Self {
         self.ends.iter_mut().for_each(|end| end.unlit = 0);
@@ -200,6 +234,11 @@ impl Scene {
         for place in self.drawn() {
             recorder.drawn(place as u32, [self.splats[place].columns, self.splats[place].rows]);
         }
+        if self.mirrored.is_some() {
+            recorder.mirrors();
+        }
+        let mut setup = recorder.fork();
+        self.drawn().into_iter().filter(|_| self.preshaded).for_each(|place| self.tell(&mut setup, Asks::Splat(place), 1));
         if !self.order.is_empty() {
             recorder.sorted(self.in_order().into_iter().map(|(nth, _)| nth as u32).collect());
         }
@@ -220,12 +259,17 @@ impl Scene {
                             let [x, y] = [usize::from(left) + column, usize::from(top) + row];
                             if let Some(event) = splat.pixel(x - usize::from(splat.columns[0]), y - usize::from(splat.rows[0])) {
                                 places.push((16 * (row - rows.start) + column - columns.start) as u8);
-                                events.push(event);
+                                events.push((event, y * self.width as usize + x));
                             }
                         }
                     }
                     recorder.span(rows.len(), columns.start, &places);
-                    events.into_iter().for_each(|event| recorder.became(event));
+                    for (event, pixel) in events {
+                        if let Event::Merged(shades) = event {
+                            self.tell(&mut recorder, Asks::Merge(place, pixel), shades);
+                        }
+                        recorder.became(event);
+                    }
                 }
                 if !touched {
                     continue;
@@ -234,11 +278,13 @@ impl Scene {
                     let [x, y] = [usize::from(left) + pixel % TILE_PX, usize::from(top) + pixel / TILE_PX];
                     let is_inside = x < self.width as usize && y < self.height as usize;
                     let End { lit, unlit } = if is_inside { self.ends[y * self.width as usize + x] } else { End::default() };
+                    self.tell(&mut recorder, Asks::End(y * self.width as usize + x), unlit);
                     recorder.pixel(lit + unlit, unlit);
                 }
                 recorder.tile([left, top]);
             }
         }
+        recorder.absorb(setup);
         recorder.work(self.width, self.height)
     }
 
@@ -282,6 +328,7 @@ impl Scene {
         }
         let order = work.order.iter().map(|nth| work.footprints[*nth as usize].splat as usize).collect();
         let Work { width, height, preshaded, shared_axes, harmonics, .. } = *work;
-        Scene { width, height, splats, ends, preshaded, shared_axes, harmonics, order }
+        // What was looked up is not told again.
+        Scene { width, height, splats, ends, preshaded, shared_axes, harmonics, order, mirrored: None }
     }
 }

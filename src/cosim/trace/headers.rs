@@ -185,7 +185,11 @@ pub fn enums(kind: Kind) -> serde_json::Value {
 /// The package `machine_pkg`, for one machine and one frame's number of lights and materials.
 pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     // Read once, before the twins, which are others where materials mirror.
-    let mirrors = if frame.surroundings.is_some() { "`define MACHINE_MIRRORS\n" } else { "" };
+    let mirrors = match ports::asks_for_pixel(&machine.machine, Kind::of(frame)) {
+        true => "`define MACHINE_MIRRORS\n`define MACHINE_MIRRORS_ALONG_RAYS\n",
+        false if frame.surroundings.is_some() => "`define MACHINE_MIRRORS\n",
+        false => "",
+    };
     let mut text = format!(
         "// Formats, rules, timing and records of the machine {}, written by splatsim {}.\n\
          // For each word: _W bits, _F fraction bits, _S signed, _ROUND 0 truncate, 1 nearest, 2 nearest-even, _WRAP 0 saturate, 1 wrap.\n\

@@ -12,7 +12,7 @@ use super::transfers::{Key, NONE};
 use rtl_model::frame::Frame;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
-use rtl_model::pipeline::ports::{self, Kind, Stream, project_out_words};
+use rtl_model::pipeline::ports::{self, Kind, Stream, asks_for_pixel, project_out_words};
 use rtl_model::pipeline::unit_replay::{self, Fragments};
 use rtl_model::records::{PROJECT_FLAGS, unit};
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
@@ -185,6 +185,10 @@ impl Maker<'_> {
     fn formats(&self, stream: &str) -> Vec<Format> {
         let stream = self.streams.iter().find(|other| other.name == stream);
         stream.map_or_else(Vec::new, |stream| stream.fields.iter().map(|field| field.word.format).collect())
+    }
+
+    fn asks_for_pixel(&self) -> bool {
+        asks_for_pixel(&self.machine.machine, Kind::of(self.frame))
     }
 
     fn push(&mut self, name: &'static str, words: Vec<i64>, key: Key) -> usize {
@@ -521,7 +525,8 @@ impl Maker<'_> {
             &mut self.out.coverage,
         );
         for (slot, answer) in asked {
-            let request = self.push("fragment.request", [&slot.sums[..], &[slot.material.into()]].concat(), pixel_key(at, input));
+            let place = if self.asks_for_pixel() { &at[..] } else { &[] };
+            let request = self.push("fragment.request", [place, &slot.sums[..], &[slot.material.into()]].concat(), pixel_key(at, input));
             let [r, g, b] = answer.colour;
             self.push("fragment.answer", vec![r, g, b, answer.opacity], pixel_key(at, request));
         }
@@ -598,7 +603,8 @@ impl Maker<'_> {
     }
 
     fn shade(&mut self) {
-        let formats = self.formats("shade.in");
+        let by_pixel = self.asks_for_pixel();
+        let formats = self.formats("shade.in").split_off(if by_pixel { 2 } else { 0 });
         let threshold = self.frame.coverage_threshold;
         let mut kinds = self.words(&formats[..8]);
         let mut at_threshold = kinds.remove(0).1;
@@ -623,14 +629,17 @@ impl Maker<'_> {
             for mut words in records {
                 let material = self.random.below(self.frame.lighting.materials.len() as i64);
                 words.push(material);
-                let parent = self.push("shade.in", words.clone(), key(UNKNOWN));
+                let size = [self.frame.width, self.frame.height].map(i64::from);
+                let pixel = if by_pixel { size.map(|size| self.random.below(size)) } else { [0; 2] };
+                let place = if by_pixel { &pixel[..] } else { &[] };
+                let parent = self.push("shade.in", [place, &words].concat(), key(UNKNOWN));
                 let input = shade::Input {
                     weight: words[0],
                     colour: [words[1], words[2], words[3]],
                     opacity: words[4],
                     normal: [words[5], words[6], words[7]],
                     material: material as u32,
-                    pixel: [0; 2],
+                    pixel,
                 };
                 let output = unit_replay::shade(self.machine, self.frame, &input, &mut self.out.coverage);
                 let weight = match words[0] {

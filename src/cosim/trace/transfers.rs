@@ -9,7 +9,7 @@ use super::observer::{Arrival, Emitted, Held, Observations, SetUp, Shaded, flag,
 use super::stimulus::Made;
 use rtl_model::frame::{Each, Frame};
 use rtl_model::pipeline::Elaborated;
-use rtl_model::pipeline::ports::{Kind, project_out_words};
+use rtl_model::pipeline::ports::{Kind, asks_for_pixel, project_out_words};
 use rtl_model::pipeline::unit_replay;
 use rtl_model::units::fragment::Slot;
 use rtl_model::units::fragment::window::WindowRegisters;
@@ -324,7 +324,7 @@ impl<'a> Transfers<'a> {
         });
         all.extend([
             source("shade.in", self.shaded_records(), move |i, words| {
-                sums_of(self.shaded(i), words);
+                self.asked(self.shaded(i), words);
                 self.of_shaded(i, NONE, 0)
             }),
             source("shade.out", self.shaded_records(), move |i, words| {
@@ -355,6 +355,14 @@ impl<'a> Transfers<'a> {
             }),
         ]);
         all
+    }
+
+    /// What shade is asked of a fragment: where, if it looks along rays, and its sums.
+    fn asked(&self, shaded: &Shaded, words: &mut Vec<i64>) {
+        if asks_for_pixel(&self.machine.machine, self.kind) {
+            words.extend(shaded.input.pixel);
+        }
+        sums_of(shaded, words);
     }
 
     /// What setup has for ellipsoids alone: what is lit before it is drawn, and the sort.
@@ -447,7 +455,7 @@ impl<'a> Transfers<'a> {
     fn of_slots(&self) -> Vec<Source<'_>> {
         vec![
             source("fragment.request", self.merged.len(), move |i, words| {
-                sums_of(&self.merged[i], words);
+                self.asked(&self.merged[i], words);
                 self.of_merge(&self.merged[i], self.contribution(self.merged[i].key), 0)
             }),
             source("fragment.answer", self.merged.len(), move |i, words| {

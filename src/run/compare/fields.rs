@@ -22,7 +22,7 @@ pub(super) enum Kind {
 }
 
 /// A figure: its name, where it stands, how it is told, and whether it is told where both are equal.
-pub(super) const FIGURES: [(&str, &str, Kind, bool); 37] = [
+pub(super) const FIGURES: [(&str, &str, Kind, bool); 39] = [
     ("cycles", "/cycles/total", Kind::Count, true),
     ("clock, MHz", "/cycles/clock_hz", Kind::Scaled(1e-6), false),
     ("frames/s", "/cycles/frames_per_second", Kind::Tenths, true),
@@ -33,6 +33,8 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 37] = [
     ("memory at most, GB/s", "/cycles/memory/peak_bytes_per_second", Kind::Scaled(1e-9), false),
     ("cache look-ups", "/cycles/lookups/0", Kind::Count, false),
     ("cache hits", "/cycles/lookups/1", Kind::Count, false),
+    ("texel look-ups", "/cycles/texels/0", Kind::Count, false),
+    ("texel hits", "/cycles/texels/1", Kind::Count, false),
     ("slots tested", "/cycles/slots/0", Kind::Count, false),
     ("area, LUT equivalents", "/cost/area", Kind::Count, true),
     ("FIFOs, bits", "/cost/fifo_bits", Kind::Count, false),

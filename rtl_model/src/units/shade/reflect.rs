@@ -18,8 +18,8 @@ use crate::elaboration::latency::Path;
 use crate::frame::{Frame, Scaled, Surroundings};
 use crate::functions::{Map, Reciprocal, map, reciprocal};
 use crate::machine::{Machine, Reflect as Description, Sight};
-use crate::num::{Exact, Fit, Format, three};
-use crate::probe::{Probe, Tap};
+use crate::num::{Exact, Fit, Format, Word, three};
+use crate::probe::{NoProbe, Probe, Tap};
 use crate::records::unit;
 
 const UNIT: &str = unit::REFLECT;
@@ -48,10 +48,16 @@ impl<'a> Registers<'a> {
     }
 }
 
-fn map_words(m: &Description) -> map::Words {
+fn map_words(machine: &Machine, m: &Description) -> map::Words {
+    let cached = machine.timing.environment.map(|environment| environment.ways);
     let index_bits = m.index_bits.clamp(1, MOST_INDEX_BITS);
     // A place is half a coordinate, more or less than a half.
-    map::Words { index_bits, place_bits: m.coordinate.format.frac_bits + 1, fraction: m.fraction, light: m.light }
+    map::Words { index_bits, place_bits: m.coordinate.format.frac_bits + 1, fraction: m.fraction, light: m.light, cached }
+}
+
+/// The word of slopes. A machine that has none for its rays is a misfit, told as that.
+fn slope_word(m: &Description) -> Word {
+    m.slope.unwrap_or(m.facing)
 }
 
 /// Longest way from the unit normal to the light that it mirrors.
@@ -62,7 +68,10 @@ pub fn way_to_light(machine: &Machine, m: &Description) -> Path {
     let seen = match m.sight {
         // The normal's own third part, and three products.
         Sight::Axis => Path::default().fit(facing),
-        Sight::Ray => Path::default().product(normal, m.slope.format.width()).sum_of_three(normal + m.slope.format.width()).fit(facing),
+        Sight::Ray => {
+            let slope = slope_word(m).format.width();
+            Path::default().product(normal, slope).sum_of_three(normal + slope).fit(facing)
+        }
     };
     seen.product(facing, normal)
         .sum(facing + normal)
@@ -76,7 +85,7 @@ pub fn way_to_light(machine: &Machine, m: &Description) -> Path {
         // Folded, and on its side of the middle.
         .sum(coordinate)
         .sum(coordinate)
-        .then(map::path(&map_words(m)))
+        .then(map::path(&map_words(machine, m)))
 }
 
 /// Longest way from light to the colour that leaves.
@@ -97,6 +106,19 @@ pub struct Reflect {
     map: Map,
     colour: Fit,
     words: Words,
+}
+
+/// What a mirror shows at a pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seen {
+    /// a and b of the ray (`reflect.slope`).
+    pub slopes: [i64; 2],
+    /// R (`reflect.direction`).
+    pub direction: [i64; 3],
+    /// Column and row of the first of four texels.
+    pub texel: [usize; 2],
+    /// Light between them (`reflect.light`).
+    pub light: [i64; 3],
 }
 
 /// Places that align terms, and the words for 1.
@@ -123,9 +145,12 @@ impl Reflect {
     pub fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
         let m = machine.reflect.as_ref()?;
         let (normal, colour) = (machine.shade.normal, machine.shade.colour);
-        let is_ray = m.sight == Sight::Ray;
+        let (is_ray, slope_word) = (m.sight == Sight::Ray, slope_word(m));
+        e.require(!is_ray || m.slope.is_some(), || {
+            format!("{UNIT}.sight is `ray`, and it has no word {UNIT}.slope: {slope_word} would do")
+        });
         for (name, word, signed) in [
-            ("slope", m.slope, true),
+            ("slope", slope_word, true),
             ("facing", m.facing, true),
             ("direction", m.direction, true),
             ("coordinate", m.coordinate, false),
@@ -144,17 +169,17 @@ impl Reflect {
         let sloped = Exact::from(offset).times(machine.ellipse.inverse_focal).scaled(-1);
         let (slope, slope_places, facing_sum) = if is_ray {
             e.copies(2, |e| e.times(UNIT, offset, machine.ellipse.inverse_focal));
-            let slope = e.copies(2, |e| e.fit_shifted(UNIT, "slope", m.slope, sloped));
-            let along = e.copies(2, |e| e.times(UNIT, normal, m.slope));
-            (slope, m.slope.format.frac_bits.clamp(0, 30) as u32, e.sum(UNIT, [along, along, normal.into()]))
+            let slope = e.copies(2, |e| e.fit_shifted(UNIT, "slope", slope_word, sloped));
+            let along = e.copies(2, |e| e.times(UNIT, normal, slope_word));
+            (slope, slope_word.format.frac_bits.clamp(0, 30) as u32, e.sum(UNIT, [along, along, normal.into()]))
         } else {
-            (Fit::new(0, m.slope, sloped), 0, normal.into())
+            (Fit::new(0, slope_word, sloped), 0, normal.into())
         };
         // The normal's negative.
         e.adders(UNIT, 1, facing_sum.bits());
         let facing = e.fit(UNIT, "facing", m.facing, facing_sum);
         let doubled = e.copies(3, |e| e.times(UNIT, m.facing, normal)).doubled();
-        let seen = if is_ray { Exact::from(m.slope) } else { Exact { int_bits: 1, frac_bits: 0 } };
+        let seen = if is_ray { Exact::from(slope_word) } else { Exact { int_bits: 1, frac_bits: 0 } };
         let mirrored = e.copies(if is_ray { 3 } else { 1 }, |e| e.sum(UNIT, [doubled, seen]));
         let direction = e.copies(3, |e| e.fit(UNIT, "direction", m.direction, mirrored));
         let direction_bits = m.direction.format.width();
@@ -172,7 +197,7 @@ impl Reflect {
             e.adders(UNIT, 2, coordinate_bits);
             e.choice(UNIT, 2, coordinate_bits);
         });
-        let map = Map::new(e, UNIT, map_words(m));
+        let map = Map::new(e, UNIT, map_words(machine, m));
         let kept = e.copies(3, |e| e.times(UNIT, colour, m.reflectance));
         let lit = e.copies(3, |e| e.times(UNIT, m.light, m.reflectance));
         let mixed_places = kept.frac_bits.max(lit.frac_bits);
@@ -216,11 +241,6 @@ impl Reflect {
         &self.reciprocal
     }
 
-    /// Whether it asks for the pixel.
-    pub fn asks_for_pixel(&self) -> bool {
-        self.sight == Sight::Ray
-    }
-
     /// Whether a material mirrors anything: what does not passes as it is.
     pub fn mirrors(&self, registers: &Registers, material: usize) -> bool {
         let mirror = registers.surroundings.mirrors[material];
@@ -243,6 +263,17 @@ impl Reflect {
         let light = self.map.light(&registers.surroundings.texels, place, tap);
         let exact = three!(i => ((colour[i] * mirror.kept) << w.kept) + ((light[i] * mirror.mirrored[i]) << w.lit));
         tap.fit_three(&self.colour, three!(i => exact[i].min(w.colour_one)))
+    }
+
+    /// What a mirror of this unit normal shows at a pixel.
+    pub fn seen(&self, registers: &Registers, pixel: [i64; 2], normal: [i64; 3]) -> Seen {
+        let probe = &mut NoProbe;
+        let tap = &mut Tap::new(probe);
+        let slopes = self.slopes(registers, pixel, tap);
+        let direction = self.direction(registers, pixel, normal, tap);
+        let place = self.place(direction, tap);
+        let light = self.map.light(&registers.surroundings.texels, place, tap);
+        Seen { slopes, direction, texel: self.map.texel(place), light }
     }
 
     /// R, where the mirror is seen.

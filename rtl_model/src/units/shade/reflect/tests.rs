@@ -12,7 +12,7 @@ fn machine(sight: Sight) -> Machine {
     let word = |signed: bool, int_bits: i32, frac_bits: i32| Word::new(Format { signed, int_bits, frac_bits });
     let reflect = Description {
         sight,
-        slope: word(true, 2, 20),
+        slope: Some(word(true, 2, 20)),
         facing: word(true, 2, 20),
         direction: word(true, 3, 20),
         reciprocal: FunctionUnit { table_bits: 8, newton_steps: 2, bits: 24 },
