@@ -624,7 +624,8 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
     let Machine { memory, setup, bin, engines, .. } = machine;
-    let stamps = engines.iter().map(|engine| engine.fill.taken()).fold([0; 2], |[all, kept], [more, more_kept]| [all + more, kept + more_kept]);
+    let stamps =
+        engines.iter().map(|engine| engine.fill.taken()).fold([0; 2], |[all, kept], [more, more_kept]| [all + more, kept + more_kept]);
     let (setup, shade) = setup.units();
     let mut second: Vec<Unit> = engines.into_iter().zip(0..).flat_map(|(engine, nth)| engine.units(timing, nth)).collect();
     if let Some(shade) = shade {
@@ -633,7 +634,9 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
         second[at] = shade;
         second.retain(|unit| unit.name != "shade" || unit.others == 0);
     }
-    let place = |unit: &Unit| ["list", "raster", "gauss", "fragment", "shade", "resolve-shade", "resolve"].iter().position(|name| *name == unit.name);
+    let place = |unit: &Unit| {
+        ["list", "raster", "gauss", "fragment", "shade", "resolve-shade", "resolve"].iter().position(|name| *name == unit.name)
+    };
     second.sort_by_key(place);
     let units = [setup, vec![bin], sort, second].concat();
     Ticked { total, units, lookups: [0; 2], stamps, traffic: memory.traffic }
