@@ -51,7 +51,8 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut each: [Vec<Unit>; 7] = Default::default();
     for Engine { list, fill, merge, resolve, lit, .. } in engines {
         let (fragment, shade) = merge.units();
-        let of_engine = [vec![list], vec![fill.raster], vec![fill.gauss], fragment.collect(), vec![shade], lit.into_iter().collect(), resolve.units()];
+        let of_engine =
+            [vec![list], vec![fill.raster], vec![fill.gauss], fragment.collect(), vec![shade], lit.into_iter().collect(), resolve.units()];
         each.iter_mut().zip(of_engine).for_each(|(all, of_engine)| all.extend(of_engine));
     }
     let [list, raster, gauss, fragment, shade, lit, resolve] = each;

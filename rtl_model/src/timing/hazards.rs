@@ -64,7 +64,8 @@ impl Hazards {
     #[inline(never)]
     fn until_merged(&mut self, stamp: &[Piece], now: u64) -> u64 {
         self.merges.retain(|(until, ..)| *until > now);
-        let waits_for = |(_, strip, pixels): &&(u64, u32, u16)| stamp.iter().any(|piece| piece.strip == *strip && piece.pixels & pixels != 0);
+        let waits_for =
+            |(_, strip, pixels): &&(u64, u32, u16)| stamp.iter().any(|piece| piece.strip == *strip && piece.pixels & pixels != 0);
         self.merges.iter().filter(waits_for).map(|(until, ..)| *until).max().unwrap_or(now)
     }
 

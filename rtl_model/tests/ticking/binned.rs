@@ -675,7 +675,8 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let total = run(&mut machine, Machine::tick, Machine::is_done);
     let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
     let Machine { memory, setup, bin, engines, .. } = machine;
-    let stamps = engines.iter().map(|engine| engine.fill.taken()).fold([0; 2], |[all, kept], [more, more_kept]| [all + more, kept + more_kept]);
+    let stamps =
+        engines.iter().map(|engine| engine.fill.taken()).fold([0; 2], |[all, kept], [more, more_kept]| [all + more, kept + more_kept]);
     let of_engines = engines.iter().flat_map(|engine| [&engine.merge.mirror, &engine.mirror]);
     let mirrors = of_engines.map(|mirror| texels_looked_up([mirror.as_ref().map(|mirror| &mirror.texels)]));
     let texels = mirrors.fold(texels_looked_up([setup.texels.as_ref()]), |[all, had], [more, more_had]| [all + more, had + more_had]);
@@ -687,7 +688,9 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
         second[at] = shade;
         second.retain(|unit| unit.name != "shade" || unit.others == 0);
     }
-    let place = |unit: &Unit| ["list", "raster", "gauss", "fragment", "shade", "resolve-shade", "resolve"].iter().position(|name| *name == unit.name);
+    let place = |unit: &Unit| {
+        ["list", "raster", "gauss", "fragment", "shade", "resolve-shade", "resolve"].iter().position(|name| *name == unit.name)
+    };
     second.sort_by_key(place);
     let units = [setup, vec![bin], sort, second].concat();
     Ticked { total, units, lookups: [0; 2], texels, stamps, traffic: memory.traffic }

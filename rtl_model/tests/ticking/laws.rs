@@ -175,7 +175,9 @@ type Setting = fn(&mut Timing, u32);
 /// What can stand side by side, and how much more of it is tried.
 const SIDE_BY_SIDE: [(&str, Setting); 5] = [
     ("fragment.units", |timing, more| timing.fragment.units = Some((timing.fragment.units.unwrap_or(1) << (1 + more % 2)).min(16))),
-    ("fragment.merges_in_flight", |timing, more| timing.fragment.merges_in_flight = Some(timing.fragment.merges_in_flight.unwrap_or(1) + more)),
+    ("fragment.merges_in_flight", |timing, more| {
+        timing.fragment.merges_in_flight = Some(timing.fragment.merges_in_flight.unwrap_or(1) + more)
+    }),
     ("shade.units", |timing, more| timing.shade.units = Some(timing.shade.units.unwrap_or(1) + more)),
     ("resolve.units", |timing, more| timing.resolve.units = Some(timing.resolve.units.unwrap_or(1) + more)),
     ("engines", |timing, more| timing.engines = Some(timing.engines.unwrap_or(1) + more)),
@@ -189,7 +191,9 @@ fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Vec<(&'st
         let timing = of(&mut rng);
         let scene = scene::random(&mut rng, [60, 40], 40).record();
         let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
-        for (name, more_of) in SIDE_BY_SIDE.into_iter().filter(|(name, _)| timing.organisation == Organisation::Binned || *name != "engines") {
+        for (name, more_of) in
+            SIDE_BY_SIDE.into_iter().filter(|(name, _)| timing.organisation == Organisation::Binned || *name != "engines")
+        {
             let mut more = timing;
             more_of(&mut more, 1 + rng.below(3) as u32);
             if replay(&elaborate(more), &scene, Detail::Accounts).total > before {

@@ -802,7 +802,8 @@ impl Merge {
     /// Looks at the first stamp that waits, if one is here, and takes it if nothing but the units and its pixels stands in the way.
     pub fn fragment(&mut self, now: u64, stamp: Option<&Stamp>, reason: Act) -> bool {
         let has = |of: usize| {
-            let pixels = |stamp: &Stamp| stamp.pixels.iter().copied().chain(stamp.merged.iter().map(|(pixel, _)| *pixel)).collect::<Vec<_>>();
+            let pixels =
+                |stamp: &Stamp| stamp.pixels.iter().copied().chain(stamp.merged.iter().map(|(pixel, _)| *pixel)).collect::<Vec<_>>();
             stamp.is_some_and(|stamp| pixels(stamp).into_iter().any(|pixel| self.owner(pixel) == of))
         };
         let mut owners: Vec<usize> = (0..self.units.len()).filter(|of| has(*of)).collect();
