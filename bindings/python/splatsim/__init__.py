@@ -12,7 +12,7 @@ All of it is the Rust code of the command line, and gives the same bits. A fault
     5000
 """
 
-from splatsim._explore import Found, Rows, search, sweep
+from splatsim._explore import Found, Rows, draw, search, sweep
 from splatsim._frame import Frame, Recording, Replayed, Story, explain, replay, run, trace
 from splatsim._models import Machine, Scene
 from splatsim._native import VERSION as __version__
@@ -36,6 +36,7 @@ __all__ = [
     "Story",
     "Unit",
     "__version__",
+    "draw",
     "explain",
     "replay",
     "run",

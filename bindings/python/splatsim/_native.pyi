@@ -15,8 +15,13 @@ __all__ = [
     "Recording",
     "Scene",
     "SplatsimError",
+    "Stage",
+    "Sweep",
     "Unit",
+    "View",
+    "draw",
     "explain",
+    "measure",
     "run",
     "search",
     "sweep",
@@ -106,6 +111,29 @@ class Job:
     @property
     def json(self) -> str: ...
 
+@final
+class Sweep:
+    @staticmethod
+    def open(name: str, text: str | None, folder: str, most: int, prices: str | None) -> Sweep: ...
+    def counts(self) -> tuple[int, int]: ...
+    def missing(self, scene: int) -> list[list[int]]: ...
+    def plan(self) -> str: ...
+    def scene(self, scene: int) -> bytes: ...
+    def keep(self, numbers: list[int], batch: bytes) -> None: ...
+    def finish(self) -> Job: ...
+    def close(self) -> None: ...
+
+@final
+class Stage:
+    def __new__(cls, plan: str, number: int, scene: bytes, threads: int) -> Stage: ...
+    def draw(self, numbers: list[int], threads: int) -> bytes: ...
+
+@final
+class View:
+    def __new__(cls, view: bytes) -> View: ...
+
+def measure(views: list[View], machine: str, target: str, threads: int) -> str: ...
+def draw(name: str, text: str | None, numbers: list[int], prices: str | None) -> list[bytes]: ...
 def run(
     scene: Scene,
     machine: Machine | None,
@@ -151,5 +179,6 @@ def search(
     tries: int,
     only: list[str],
     prices: str | None,
+    crew: Any,
     progress: _Progress,
 ) -> Job: ...
