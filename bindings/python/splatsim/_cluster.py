@@ -92,7 +92,8 @@ def keep_shared(shared: Shared) -> Shared:
 def draw_points(shared: Shared, numbers: list[int]) -> tuple[bytes, float]:
     """A task: rows of points as Parquet, and the seconds that they took."""
     shared.check()
-    stage = _once(shared.key, lambda: _native.Stage(*shared.parts, 1), _MOST_KEPT)
+    plan, number, scene = shared.parts
+    stage = _once(shared.key, lambda: _native.Stage(plan, number, scene, 1), _MOST_KEPT)
     start = time.perf_counter()
     rows = stage.draw(numbers, 1)
     return rows, time.perf_counter() - start
@@ -101,10 +102,15 @@ def draw_points(shared: Shared, numbers: list[int]) -> tuple[bytes, float]:
 def measure_machines(*given: Any) -> list[str]:
     """A task: what machines do on views, which are shared. The last two are the machines and the target."""
     *views, machines, target = given
-    for view in views:
-        view.check()
-    sights = [_once(view.key, lambda view=view: _native.View(*view.parts), len(views) + _MOST_KEPT) for view in views]
+    sights = [_sight(view, len(views) + _MOST_KEPT) for view in views]
     return [_native.measure(sights, machine, target, 1) for machine in machines]
+
+
+def _sight(shared: Shared, most: int) -> _native.View:
+    shared.check()
+    [view] = shared.parts
+    sight: _native.View = _once(shared.key, lambda: _native.View(view), most)
+    return sight
 
 
 # --- On the client ---
@@ -124,16 +130,18 @@ class Task:
 def client_of(client: Any) -> Iterator[Any]:
     """A client: the caller's own, one for an address, or for True one of workers on this computer, each with one thread."""
     try:
-        from distributed import Client, LocalCluster
+        import distributed
     except ImportError:
         raise InputError("client: distributed is not installed: pip install 'splatsim[cluster]'") from None
+    # It has no types.
+    dask: Any = distributed
     if client is True:
-        with LocalCluster(threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as own:
+        with dask.LocalCluster(threads_per_worker=1, dashboard_address=None) as cluster, dask.Client(cluster) as own:
             yield own
     elif isinstance(client, str):
-        with Client(client) as own:
+        with dask.Client(client) as own:
             yield own
-    elif isinstance(client, Client) and not client.asynchronous:
+    elif isinstance(client, dask.Client) and not client.asynchronous:
         yield client
     else:
         raise InputError("client: a distributed.Client that is not asynchronous, a scheduler's address, or True is needed")

@@ -90,9 +90,10 @@ def sweep(
         else:
             from splatsim import _cluster
 
+            workers = stack.enter_context(_cluster.client_of(client))
             own = _native.Sweep.open(*_plan(plan), into, most, _optional(prices))
             stack.callback(own.close)
-            _cluster.carry_out(own, stack.enter_context(_cluster.client_of(client)), shown(progress))
+            _cluster.carry_out(own, workers, shown(progress))
             job = own.finish()
         table = pyarrow.parquet.read_table(Path(into) / "sweep.parquet")
         return Rows(table, job.summary, [Path(file) for file in job.files] if folder is not None else [])

@@ -28,7 +28,7 @@ class Cluster:
     def __init__(self, folder):
         self.folder, self.port = folder, free_port()
         self.address = f"tcp://127.0.0.1:{self.port}"
-        self.scheduler, self.workers = None, []
+        self.scheduler, self.workers, self.killed = None, [], 0
 
     def _start(self, name, *arguments):
         log = open(self.folder / f"{name}.log", "ab")
@@ -48,6 +48,7 @@ class Cluster:
         living = [worker for worker in self.workers if worker.poll() is None]
         if living:
             random.choice(living).kill()
+            self.killed += 1
             self.start_workers(1)
 
     def kill_scheduler(self):
@@ -69,13 +70,12 @@ class Cluster:
 
 
 def now_and_then(seconds, act):
-    """Does something again and again on a thread of its own; the function that ends it says how often it was done."""
-    is_over, count = threading.Event(), [0]
+    """Does something again and again on a thread of its own; the function that ends that."""
+    is_over = threading.Event()
 
     def work():
         while not is_over.wait(seconds * random.uniform(0.5, 1.5)):
             act()
-            count[0] += 1
 
     thread = threading.Thread(target=work)
     thread.start()
@@ -83,7 +83,6 @@ def now_and_then(seconds, act):
     def end():
         is_over.set()
         thread.join()
-        return count[0]
 
     return end
 

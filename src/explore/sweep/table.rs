@@ -136,6 +136,7 @@ impl Journal {
                 journal.file.set_len(whole.len() as u64).map_err(|e| cannot(&own, e))?;
             }
         }
+        batch::remove_parts(folder);
         batch::read_all(folder, &journal.columns, &mut journal.rows)?;
         if journal.file.metadata().map_err(|e| cannot(&own, e))?.len() == 0 {
             journal.file.write_all(format!("{header}\n").as_bytes()).map_err(|e| written(&own, e))?;

@@ -66,7 +66,7 @@ fn damaged(error: ParquetError) -> String {
 /// # Errors
 /// [`Error::Input`] where a file cannot be read or is damaged.
 pub(super) fn read_all(folder: &Path, columns: &[Column], rows: &mut BTreeMap<u64, Row>) -> Result<()> {
-    for path in files(folder) {
+    for path in files(folder, "parquet") {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let bytes = fs::read(&path).map_err(|e| input_error(&format!("cannot be read: {e}")))?;
         let found = unpacked(&bytes, columns)
@@ -83,11 +83,17 @@ pub(super) fn write(folder: &Path, first: u64, bytes: &[u8]) -> Result<()> {
     write_beside(&folder.join(format!("{first}.parquet")), |file| file.write_all(bytes).map_err(|e| e.to_string()))
 }
 
-/// In the order of their names.
-fn files(folder: &Path) -> Vec<PathBuf> {
+/// Removes what a process that was killed had begun to write; nobody else may be writing there.
+pub(super) fn remove_parts(folder: &Path) {
+    // What cannot be removed is in nobody's way but other readers'.
+    files(folder, "part").iter().for_each(|path| _ = fs::remove_file(path));
+}
+
+/// Those with an extension, in the order of their names.
+fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder.join(FOLDER)).into_iter().flatten().flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-    paths.retain(|path| path.extension().is_some_and(|extension| extension == "parquet"));
+    paths.retain(|path| path.extension().is_some_and(|other| other == extension));
     paths.sort();
     paths
 }
