@@ -6,10 +6,11 @@
 # A sweep as an array of Slurm, a part of its points a task; all write into one folder that every node sees:
 #
 #     parts=$(sbatch --parsable --array=1-64 bindings/slurm/sweep.sh plan.json rows)
-#     sbatch --dependency=afterok:$parts --wrap 'splatsim sweep plan.json --out rows'
+#     sbatch --dependency=afterany:$parts --wrap 'splatsim sweep plan.json --out rows'
 #
-# The second job draws nothing, and writes the table of all rows. A task that was killed goes on where it was: `scontrol requeue JOB_TASK`, or
-# the same two lines again. To draw some tasks anew name the number of parts too: `sbatch --array=3,17 bindings/slurm/sweep.sh plan.json rows 64`.
+# The second job draws what a task that failed has left, and writes the table of all rows. A task that was killed goes on where it was:
+# `scontrol requeue JOB_TASK`, or the same two lines again. To draw a few parts anew, say of how many they are:
+# `sbatch --array=3,17 bindings/slurm/sweep.sh plan.json rows 64`.
 # SPLATSIM names the program, where it is none of PATH.
 set -eu
 if [ "$#" -lt 2 ] || [ -z "${SLURM_ARRAY_TASK_ID:-}" ]; then

@@ -3,8 +3,8 @@
     python3 tests/programs/cluster.py [POINTS]
 
 Needs the Python package with `splatsim[cluster]`. Two sweeps: of points that take next to nothing, whose time is the overhead, and of points
-that each draw a frame. Columns: points a second; milliseconds a point beyond those of one process, all workers together; what comes over the
-network and into the folder for each point. Each is timed from the call to the table, with a client whose workers are up.
+that draw a frame each. Columns: points a second, and milliseconds a point, by the clock; processor milliseconds a point, of all processes
+together, and how many more than in one process; bytes of rows a point, and files. Timed from the call to the table, the workers being up.
 """
 
 import sys
@@ -32,34 +32,47 @@ def drawn(points):
     return {"size": [160, 120], "axes": axes}
 
 
-def timed(plan, folder, client):
-    start = time.perf_counter()
+def spent(client):
+    """Processor seconds of this process, which the scheduler is in, and of all workers."""
+    return time.process_time() + (0 if client is None else sum(client.run(time.process_time).values()))
+
+
+def timed(plan, folder, client=None):
+    """The rows, seconds, and processor seconds."""
+    before, start = spent(client), time.perf_counter()
     rows = splatsim.sweep(plan, folder, client=client).table
-    return rows, time.perf_counter() - start
+    seconds = time.perf_counter() - start
+    return own(rows), seconds, spent(client) - before
 
 
 def own(table):
+    """Without what differs from run to run."""
     return table.select([name for name in table.column_names if not name.startswith("host_")])
 
 
 def table(name, plan, place):
     (place / "scene.json").write_text(SCENE)
     plan = {"scenes": [str(place / "scene.json")], "machine": "tiny", **plan}
-    alone, alone_seconds = timed(plan, place / "alone", None)
+    alone, alone_seconds, alone_spent = timed(plan, place / "alone")
     count = alone.num_rows
-    print(f"\n{count} points, {name}\n")
-    print(f"{'':14} points/s  ms a point more  bytes a point  files")
-    print(f"{'one process':14} {count / alone_seconds:8.1f}  {'':15}  {'':13}  {'':5}")
+    print(f"{count} points, {name}")
+    print(f"{'':12} {'points/s':>10} {'ms a point':>10} {'CPU ms':>8} {'more':>6} {'bytes':>7} {'files':>6}")
+
+    def line(what, seconds, cpu, files):
+        told = [f"{count / seconds:10.1f}", f"{1000 * seconds / count:10.2f}", f"{1000 * cpu / count:8.2f}"]
+        if files:
+            told += [f"{1000 * (cpu - alone_spent) / count:6.2f}", f"{sum(files) / count:7.0f}", f"{len(files):6}"]
+        print(f"{what:12}", *told, flush=True)
+
+    line("one process", alone_seconds, alone_spent, [])
     for workers in (1, 2, 4):
-        settings = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None}
+        settings = {"n_workers": workers, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
         with distributed.LocalCluster(**settings) as cluster, distributed.Client(cluster) as client:
             client.wait_for_workers(workers)
-            rows, seconds = timed(plan, place / str(workers), client)
-        assert own(rows).equals(own(alone)), "the rows differ"
-        files = [path.stat().st_size for path in (place / str(workers) / "points").iterdir()]
-        more = 1000 * (seconds - alone_seconds) / count if workers == 1 else None
-        told = "" if more is None else f"{more:.2f}"
-        print(f"{f'{workers} workers':14} {count / seconds:8.1f}  {told:>15}  {sum(files) / count:13.0f}  {len(files):5}", flush=True)
+            rows, seconds, cpu = timed(plan, place / str(workers), client)
+        assert rows.equals(alone), "the rows differ"
+        line(f"{workers} worker" + "s" * (workers > 1), seconds, cpu, [path.stat().st_size for path in (place / str(workers) / "points").iterdir()])
+    print()
 
 
 def main():

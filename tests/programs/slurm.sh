@@ -83,8 +83,9 @@ echo "slurm: $(sinfo --version), a controller and a node of two processors"
 
 cd "$folder"
 # Points that take so long that there is time to kill a task before its last.
+echo '{"splats": {"builtin": "glass-spheres", "count": 20000}}' >scene.json
 cat >plan.json <<PLAN
-{"scenes": ["glass-spheres"], "size": [64, 48], "machine": "tiny", "axes": [
+{"scenes": ["scene.json"], "size": [64, 48], "machine": "tiny", "axes": [
     {"field": "gauss.weight", "add_frac_bits": [-2, 0]}, {"field": "fragment.layers", "range": [1, 4, 1]},
     {"field": "timing.raster.fifo", "values": [1, 4]}]}
 PLAN
@@ -99,7 +100,7 @@ echo "task 2: killed after $((lines - 1)) of 4 rows"
 scontrol requeue "${parts}_2"
 until_well sh -c "scontrol --oneliner show job ${parts}_2 | grep -q JobState=PENDING"
 scontrol update "jobid=${parts}_2" starttime=now
-joined=$(sbatch --parsable --dependency="afterok:$parts" --wrap "$program sweep plan.json --out rows")
+joined=$(sbatch --parsable --dependency="afterany:$parts" --wrap "$program sweep plan.json --out rows")
 until_well sh -c "scontrol --oneliner show job $joined | grep -q JobState=COMPLETED"
 if [ "$lines" -ge 5 ]; then
     echo "task 2 was over before it was killed"

@@ -22,15 +22,15 @@ from splatsim import _native
 from splatsim._native import InputError, JobError, SplatsimError
 from splatsim._report import Progress
 
-#: What a batch is to take, seconds; with many workers longer, so that no more than 200 batches end in a second: the client writes each.
+#: What a batch is to take, seconds; with many workers longer, so that no more than 100 end in a second: each is work for scheduler and client.
 BATCH_SECONDS = 1.0
-SECONDS_A_THREAD = 0.005
+SECONDS_A_THREAD = 0.01
 #: Batches for each thread of the workers: one that is drawn, and one that waits.
 BATCHES_A_THREAD = 2
 #: So many workers may die over one batch: what kills them all is the batch.
 MOST_DEATHS = 30
-#: Between two looks at what has landed, and at how many threads there are.
-LOOK_EVERY_SECONDS = 0.005
+#: Between two looks at what has landed, where nobody says that something has, and at how many threads there are.
+LOOK_EVERY_SECONDS = 0.1
 COUNT_EVERY_SECONDS = 2.0
 #: As often as results may fail to come, one after the other.
 MOST_FAULTS = 50
@@ -136,7 +136,7 @@ def client_of(client: Any) -> Iterator[Any]:
     # It has no types.
     dask: Any = distributed
     if client is True:
-        with dask.LocalCluster(threads_per_worker=1, dashboard_address=None) as cluster, dask.Client(cluster) as own:
+        with dask.LocalCluster(threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster, dask.Client(cluster) as own:
             yield own
     elif isinstance(client, str):
         with dask.Client(client) as own:
@@ -155,6 +155,7 @@ class Crew:
         self._flying: dict[Any, Task] = {}
         self._shared: dict[str, Shared] = {}
         self._futures: dict[str, Any] = {}
+        self._landing = threading.Event()
         self._threads, self._counted = 0, 0.0
         self._faults = 0
 
@@ -189,6 +190,7 @@ class Crew:
         futures = [self._future(key) for key in task.shared]
         future = self._client.submit(task.function, *futures, *task.arguments, pure=False)
         self._flying[future] = task
+        future.add_done_callback(lambda _: self._landing.set())
 
     def _future(self, key: str) -> Any:
         future = self._futures.get(key)
@@ -202,9 +204,10 @@ class Crew:
 
     def landed(self) -> list[tuple[Task, Any]]:
         """Tasks that are done, with their results; waits a little where there are none. What was lost flies again."""
+        self._landing.clear()
         over = [future for future in self._flying if future.done()]
         if not over:
-            time.sleep(LOOK_EVERY_SECONDS)
+            self._landing.wait(LOOK_EVERY_SECONDS)
             return []
         finished = [future for future in over if future.status == "finished"]
         for future in over:

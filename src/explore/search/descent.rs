@@ -334,6 +334,7 @@ pub fn annealed(problem: &mut impl Problem, from: &[u32], seed: u64, tries: u64)
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::collections::HashMap;
 
     /// Errors that add up, each four times as great a step; area that falls by a word's price a step.
     #[derive(Clone, Debug)]
@@ -408,6 +409,67 @@ mod tests {
             for knob in 0..4 {
                 prop_assert!(steps[knob] == sum.most || sum.allowed(&with(&steps, knob, steps[knob] + 1)) > 1.0);
             }
+        }
+    }
+
+    /// The same, measured some at a time: what was asked for, and how often nothing was known of it.
+    struct Crewed {
+        sum: Sum,
+        width: usize,
+        known: HashMap<Vec<u32>, f64>,
+        asked: Vec<Vec<u32>>,
+        surprises: usize,
+    }
+
+    impl Problem for Crewed {
+        fn most(&self) -> Vec<u32> {
+            self.sum.most()
+        }
+
+        fn area(&mut self, steps: &[u32]) -> Option<f64> {
+            self.sum.area(steps)
+        }
+
+        fn load(&mut self, steps: &[u32]) -> Result<f64> {
+            self.asked.push(steps.to_vec());
+            self.surprises += usize::from(!self.known.contains_key(steps));
+            self.sum.load(steps)
+        }
+
+        fn width(&self) -> usize {
+            self.width
+        }
+
+        fn foresee(&mut self, steps: &[Vec<u32>]) -> Result<()> {
+            self.known.extend(steps.iter().map(|steps| (steps.clone(), self.sum.allowed(steps))));
+            Ok(())
+        }
+
+        fn foreseen(&self, steps: &[u32]) -> Option<f64> {
+            self.known.get(steps).copied()
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+        #[test]
+        fn who_measures_ahead_asks_for_the_same(sum in sums(), seed in any::<u64>()) {
+            let way = |width: usize| {
+                let mut problem = Crewed { sum: sum.clone(), width, known: HashMap::new(), asked: Vec::new(), surprises: 0 };
+                let limits = limits(&mut problem).unwrap();
+                let (well, ill) = starts(&mut problem, &limits).unwrap();
+                let back = given_back(&mut problem, &ill).unwrap();
+                let down = taken_away(&mut problem, &well).unwrap();
+                let cold = annealed(&mut problem, &down, seed, 50).unwrap();
+                let last = taken_away(&mut problem, &cold).unwrap();
+                (vec![limits, well, ill, back, down, cold, last], problem.asked, problem.surprises)
+            };
+            let (found, asked, _) = way(1);
+            let (found_ahead, asked_ahead, surprises) = way(4);
+            prop_assert_eq!(found, found_ahead);
+            prop_assert_eq!(&asked, &asked_ahead);
+            // But for the first of a way, and of what is taken, all is known before it is asked for.
+            prop_assert!(surprises <= 4 + asked.len() / 3, "{surprises} of {}", asked.len());
         }
     }
 

@@ -15,7 +15,7 @@ use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::{ByteArray, ByteArrayType, DataType, DoubleType, Int64Type};
 use parquet::errors::{ParquetError, Result as Parquet};
 use parquet::file::metadata::KeyValue;
-use parquet::file::properties::WriterProperties;
+use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::reader::{FileReader, RowGroupReader, SerializedFileReader};
 use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
@@ -161,7 +161,14 @@ pub(super) fn parquet<'a>(columns: &[Column], rows: impl Iterator<Item = &'a Row
     let fields = columns.iter().map(field).collect::<Parquet<Vec<_>>>()?;
     let schema = Arc::new(Type::group_type_builder("sweep").with_fields(fields).build()?);
     let said = digest.map(|digest| vec![KeyValue::new(DIGEST.into(), digest)]);
-    let properties = WriterProperties::builder().set_compression(Compression::UNCOMPRESSED).set_key_value_metadata(said).build();
+    let properties = WriterProperties::builder().set_compression(Compression::UNCOMPRESSED);
+    // A batch has few rows: what would find some of them in a large file is most of it.
+    let properties = if said.is_some() {
+        properties.set_statistics_enabled(EnabledStatistics::None).set_dictionary_enabled(false).set_offset_index_disabled(true)
+    } else {
+        properties
+    };
+    let properties = properties.set_key_value_metadata(said).build();
     let mut bytes = Vec::new();
     let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(properties))?;
     let mut group = file.next_row_group()?;
