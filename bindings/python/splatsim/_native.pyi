@@ -24,6 +24,7 @@ __all__ = [
     "measure",
     "run",
     "search",
+    "sequence",
     "sweep",
     "trace",
 ]
@@ -144,6 +145,16 @@ def run(
     prices: str | None,
     progress: _Progress,
 ) -> Outcome: ...
+def sequence(
+    name: str,
+    size: tuple[int, int] | None,
+    cameras: str | None,
+    machine: Machine | None,
+    folder: str | None,
+    exr: bool,
+    video: str | None,
+    progress: _Progress,
+) -> tuple[str, str]: ...
 def explain(scene: Scene, machine: Machine | None, x: int, y: int) -> tuple[str, str]: ...
 def trace(
     scene: Scene,

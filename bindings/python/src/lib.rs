@@ -8,6 +8,7 @@ mod draw;
 mod explore;
 mod models;
 mod points;
+mod sequence;
 mod units;
 mod work;
 
@@ -25,6 +26,8 @@ mod _native {
     use crate::models::{Machine, Scene};
     #[pymodule_export]
     use crate::points::{Stage, Sweep, draw};
+    #[pymodule_export]
+    use crate::sequence::sequence;
     #[pymodule_export]
     use crate::units::Unit;
     #[pymodule_export]

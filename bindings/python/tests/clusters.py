@@ -12,8 +12,13 @@ from pathlib import Path
 
 import splatsim
 
-#: Processes find the package that is tested.
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(splatsim.__file__).parents[1]), "PYTHONDONTWRITEBYTECODE": "1"}
+#: Processes find the package that is tested; the scheduler forgives no worker its death, so that who asked has to ask again.
+ENVIRONMENT = {
+    **os.environ,
+    "PYTHONPATH": str(Path(splatsim.__file__).parents[1]),
+    "PYTHONDONTWRITEBYTECODE": "1",
+    "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0",
+}
 
 
 def free_port():
