@@ -32,6 +32,8 @@ MOST_DEATHS = 30
 #: Between two looks at what has landed, where nobody says that something has, and at how many threads there are.
 LOOK_EVERY_SECONDS = 0.1
 COUNT_EVERY_SECONDS = 2.0
+#: Between two calls of a progress callback.
+TELL_EVERY_SECONDS = 0.2
 #: As often as results may fail to come, one after the other.
 MOST_FAULTS = 50
 
@@ -175,15 +177,21 @@ class Crew:
         """Tasks under way."""
         return len(self._flying)
 
+    def told(self) -> str:
+        """Who works, in words."""
+        return f"{self._threads} threads of workers" if self._threads else "no worker yet"
+
+    def forget_unused(self) -> None:
+        """Drops what no task under way needs."""
+        used = {key for task in self._flying.values() for key in task.shared}
+        for key in set(self._shared) - used:
+            del self._shared[key]
+            self._futures.pop(key, None)
+
     def share(self, shared: Shared) -> str:
         """Something that tasks will need, by its key."""
         self._shared.setdefault(shared.key, shared)
         return shared.key
-
-    def forget(self, key: str) -> None:
-        """Drops what no task will need any more; those under way still have it."""
-        self._shared.pop(key, None)
-        self._futures.pop(key, None)
 
     def start(self, task: Task) -> None:
         """Asks for a task."""
@@ -323,38 +331,51 @@ def _taken(groups: deque[list[int]], size: int) -> list[int]:
 def carry_out(own: _native.Sweep, client: Any, tell: Progress | None) -> None:
     """Draws what a folder's sweep is missing on the workers of a client."""
     crew = Crew(client)
-    done, left, told = 0, 0, 0.0
-    scenes, _ = own.counts()
-    missing = [own.missing(nth) for nth in range(scenes)]
-    left = sum(len(group) for groups in missing for group in groups)
-    pace = _Pace()
-
-    def land() -> None:
-        nonlocal done, told
-        for task, (rows, seconds) in crew.landed():
-            [numbers] = task.arguments
-            own.keep(numbers, rows)
-            done += len(numbers)
-            pace.landed(len(numbers), seconds)
-        if tell is not None and (time.monotonic() - told > 0.2 or done == left):
-            told = time.monotonic()
-            tell(float(done), float(left), f"{crew.threads()} threads of workers")
-
     try:
-        for nth, groups in enumerate(missing):
-            if not groups:
-                continue
-            key = crew.share(Shared.of(own.plan(), nth, own.scene(nth)))
-            pace = _Pace()
-            waiting = deque(group[::-1] for group in groups)
-            while waiting:
-                while waiting and crew.flying() < BATCHES_A_THREAD * crew.threads():
-                    crew.start(Task(draw_points, (key,), (_taken(waiting, pace.size(crew.threads())),)))
-                land()
-        while crew.flying():
-            land()
+        _Drawing(own, crew, tell).all()
     finally:
         crew.cancel()
+
+
+class _Drawing:
+    """A sweep while its points are drawn."""
+
+    def __init__(self, own: _native.Sweep, crew: Crew, tell: Progress | None) -> None:
+        self._own, self._crew, self._tell = own, crew, tell
+        scenes, _ = own.counts()
+        self._missing = [own.missing(nth) for nth in range(scenes)]
+        self._left = sum(len(group) for groups in self._missing for group in groups)
+        self._done, self._told = 0, 0.0
+        self._pace = _Pace()
+
+    def all(self) -> None:
+        """Draws all that is missing; the last batches of a scene fly while the next scene's begin."""
+        for nth, groups in enumerate(self._missing):
+            if groups:
+                self._scene(nth, deque(group[::-1] for group in groups))
+        while self._crew.flying():
+            self._land()
+
+    def _scene(self, nth: int, waiting: deque[list[int]]) -> None:
+        self._crew.forget_unused()
+        key = self._crew.share(Shared.of(self._own.plan(), nth, self._own.scene(nth)))
+        self._pace = _Pace()
+        while waiting:
+            while waiting and self._crew.flying() < BATCHES_A_THREAD * self._crew.threads():
+                numbers = _taken(waiting, self._pace.size(self._crew.threads()))
+                self._crew.start(Task(draw_points, (key,), (numbers,)))
+            self._land()
+
+    def _land(self) -> None:
+        for task, (rows, seconds) in self._crew.landed():
+            [numbers] = task.arguments
+            self._own.keep(numbers, rows)
+            self._done += len(numbers)
+            self._pace.landed(len(numbers), seconds)
+        now = time.monotonic()
+        if self._tell is not None and (now - self._told > TELL_EVERY_SECONDS or self._done == self._left):
+            self._told = now
+            self._tell(float(self._done), float(self._left), self._crew.told())
 
 
 class _Measuring:
