@@ -1,4 +1,4 @@
-//! Parcel: a scene as bytes, for another process that cannot read its files.
+//! Parcel: makes bytes of a scene, for another process that cannot read its files.
 //!
 //! ```text
 //! Scene ─► "splatsim-scene VERSION\n", digest, postcard ─► Scene

@@ -4,9 +4,11 @@
 
 Needs the Python package with `splatsim[cluster]`. Two sweeps: of points that take next to nothing, whose time is the overhead, and of points
 that draw a frame each. Columns: points a second, and milliseconds a point, by the clock; processor milliseconds a point, of all processes
-together, and how many more than in one process; bytes of rows a point, and files. Timed from the call to the table, the workers being up.
+together, and how many more than in one process; bytes of rows a point, and files. Timed from the call to the table, the workers being up. In the end what a batch and a row cost the client.
 """
 
+import json
+import resource
 import sys
 import tempfile
 import time
@@ -15,6 +17,7 @@ from pathlib import Path
 import distributed
 
 import splatsim
+from splatsim import _cluster, _native
 
 SCENE = '{"splats": {"builtin": "glass-spheres", "count": 300}}'
 
@@ -75,11 +78,59 @@ def table(name, plan, place):
     print()
 
 
+def kept(place, plan, points):
+    """Processor milliseconds, bytes and bytes of memory of a batch of so many points in the client's hands, and milliseconds a row at the end."""
+    own = _native.Sweep.open("plan", json.dumps(plan), str(place), 10**6, None)
+    stage = _native.Stage(own.plan(), 0, own.scene(0), 1)
+    lists = [list(range(first, first + points)) for first in range(0, 1000 - points + 1, points)]
+    batches = [stage.draw(numbers, 1) for numbers in lists]
+    before, memory = time.process_time(), resident()
+    for numbers, batch in zip(lists, batches, strict=True):
+        own.keep(numbers, batch)
+    spent, more = time.process_time() - before, resident() - memory
+    before = time.process_time()
+    own.finish()
+    rows = len(lists) * points
+    return 1000 * spent / len(lists), sum(map(len, batches)) / len(lists), more / rows, 1000 * (time.process_time() - before) / rows
+
+
+def resident():
+    """Bytes of memory that this process has."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+
+def client(place):
+    """What batches and rows cost scheduler and client, which are one process here."""
+    (place / "scene.json").write_text(SCENE)
+    plan = {"scenes": [str(place / "scene.json")], "machine": "tiny", **cheap(1024)}
+    few, many = kept(place / "few", plan, 5), kept(place / "many", plan, 200)
+    by_row = [(more - less) / 195 for more, less in zip(many[:2], few[:2], strict=True)]
+    print(f"kept by the client: {few[0] - 5 * by_row[0]:.2f} CPU ms a batch and {1000 * by_row[0]:.0f} CPU µs a row")
+    print(f"sent and written:   {few[1] - 5 * by_row[1]:.0f} bytes a batch and {by_row[1]:.0f} a row")
+    print(f"until the end:      {many[2]:.0f} bytes of memory a row, and {1000 * many[3]:.0f} CPU µs to write its tables")
+    _cluster.BATCH_SECONDS = _cluster.SECONDS_A_THREAD = 0.0
+    settings = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
+    with distributed.LocalCluster(**settings) as cluster, distributed.Client(cluster) as own_client:
+        own_client.wait_for_workers(1)
+        before = time.process_time()
+        splatsim.sweep(plan, place / "one by one", client=own_client)
+        print(f"in all:             {1000 * (time.process_time() - before) / 1024:.1f} CPU ms a batch of one point, in scheduler and client together")
+    before = time.process_time()
+    own = _native.Sweep.open("plan", json.dumps(plan), str(place / "one by one"), 10**6, None)
+    print(f"going on:           {1000 * (time.process_time() - before) / 1024:.2f} CPU ms a row that is there")
+    own.close()
+    plan = {"scenes": ["glass-spheres"], "axes": [{"field": "fragment.layers", "values": [1]}]}
+    scene = _native.Sweep.open("plan", json.dumps(plan), str(place / "scene"), 1, None).scene(0)
+    print(f"a scene:            {len(scene)} bytes of glass-spheres, which has {len(splatsim.Scene('glass-spheres'))} splats")
+
+
 def main():
     points = int(sys.argv[1]) if len(sys.argv) > 1 else 2048
     for name, plan in [("one frame", cheap(points)), ("a frame and its lockstep each", drawn(max(8, points // 32)))]:
         with tempfile.TemporaryDirectory() as place:
             table(name, plan, Path(place))
+    with tempfile.TemporaryDirectory() as place:
+        client(Path(place))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-//! Crew: machines of a search, measured by whom Python asks; and a member, who measures.
+//! Crew: has machines of a search measured by whom Python asks, and measures them as a member.
 
 use crate::points::on_threads;
 use crate::work::{SplatsimError, done, sentence};

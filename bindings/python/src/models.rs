@@ -1,7 +1,7 @@
 //! Models: machines and scenes.
 
 use crate::work::{done, json, raised, refused};
-use pyo3::buffer::{Element, PyBuffer, ReadOnlyCell};
+use pyo3::buffer::{Element, PyBuffer};
 use pyo3::prelude::*;
 use splatsim::error::Error;
 use splatsim::hardware::machines::{self, File};
@@ -173,22 +173,21 @@ fn splats(py: Python<'_>, (position, normal, radius, rgb, opacity, material): &C
     let [position, normal, rgb] = [column(py, position, 3 * count)?, column(py, normal, 3 * count)?, column(py, rgb, 3 * count)?];
     let [radius, opacity] = [column(py, radius, count)?, column(py, opacity, count)?];
     let material = column(py, material, count)?;
-    let three = |cells: &[ReadOnlyCell<f64>], at: usize| [0, 1, 2].map(|axis| cells[3 * at + axis].get());
+    let three = |cells: &[f64], at: usize| [cells[3 * at], cells[3 * at + 1], cells[3 * at + 2]];
     let splat = |at: usize| Splat {
-        position: three(position, at).into(),
-        normal: three(normal, at).into(),
-        radius: radius[at].get(),
-        rgb: three(rgb, at),
-        opacity: opacity[at].get(),
-        material: material[at].get(),
+        position: three(&position, at).into(),
+        normal: three(&normal, at).into(),
+        radius: radius[at],
+        rgb: three(&rgb, at),
+        opacity: opacity[at],
+        material: material[at],
     };
     Ok((0..count).map(splat).collect())
 }
 
-/// An array's numbers where they lie.
-fn column<'a, T: Element>(py: Python<'a>, buffer: &'a PyBuffer<T>, count: usize) -> PyResult<&'a [ReadOnlyCell<T>]> {
+fn column<T: Element>(py: Python<'_>, buffer: &PyBuffer<T>, count: usize) -> PyResult<Vec<T>> {
     if buffer.item_count() != count {
         return Err(refused(format!("splats: an array has {} numbers, and {count} are needed", buffer.item_count())));
     }
-    buffer.as_slice(py).ok_or_else(|| refused("splats: an array's numbers do not follow each other"))
+    buffer.to_vec(py)
 }

@@ -1,4 +1,4 @@
-//! Points: a sweep piece by piece: a folder that rows come into, and a stage that draws some, in this process or another.
+//! Points: carries a sweep out piece by piece: a folder that rows come into, and a stage that draws some, in this process or another.
 
 use crate::explore::Job;
 use crate::work::{done, json, refused};

@@ -1,4 +1,4 @@
-//! Sequence: every frame of a scene, drawn and compared.
+//! Sequence: draws every frame of a scene, and compares.
 
 use crate::models::Machine;
 use crate::work::{done, json};
@@ -34,7 +34,10 @@ pub(crate) fn sequence(
         let (sequence, load_seconds) = timed(|| Sequence::load(&name, &Overrides { size }, cameras));
         let mut sequence = sequence?;
         if !sequence.is_sequence() {
-            return Err(Error::input(format!("{} has one camera: a scene with `cameras` or `camera_path` is needed", sequence.scene().name)));
+            return Err(Error::input(format!(
+                "{} has one camera: a scene with `cameras` or `camera_path` is needed",
+                sequence.scene().name
+            )));
         }
         let (drawing, mut outside) = Machine::of(machine.as_ref(), sequence.scene())?;
         fixed::elaborate(&drawing)?;

@@ -1,4 +1,4 @@
-//! Batch: rows as Parquet and back; files of rows that others have drawn.
+//! Batch: makes Parquet of rows and rows of Parquet, and keeps files of rows that others have drawn.
 //!
 //! ```text
 //! rows ─► Parquet, with a digest of all cells ─► points/FIRST.parquet ─► rows
