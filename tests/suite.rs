@@ -35,6 +35,7 @@ mod mixed;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;
+mod parcel;
 mod paths;
 mod pinned;
 mod program;
@@ -55,6 +56,7 @@ mod search;
 mod share;
 mod shared_input;
 mod sheets;
+mod slurm;
 mod stress;
 mod sweep;
 mod trace;

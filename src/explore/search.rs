@@ -11,6 +11,7 @@
 //! Laws (tests/search.rs): `a_machine_is_found_that_meets_the_target_elsewhere_too`, `it_is_close_to_the_best_of_all`,
 //! `a_search_that_is_killed_goes_on`.
 
+pub mod crew;
 mod descent;
 mod knobs;
 pub mod over_fragment;
@@ -30,16 +31,16 @@ use crate::output::progress::Progress;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
 use crate::run::evaluation::Evaluation;
-use crate::run::timed;
 use crate::scene::digest::{digest, digest_of};
 use crate::scene::{Camera, Scene};
+use crew::{Foresight, Measured};
 use descent::Problem;
 use knobs::Knob;
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -92,6 +93,7 @@ const COLUMNS: [(&str, Kind); 14] = [
 ];
 
 /// A scene as one camera sees it.
+#[derive(Serialize, Deserialize)]
 struct View {
     name: String,
     scene: Scene,
@@ -123,7 +125,7 @@ impl View {
 }
 
 /// Distance of a machine from the target.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Found {
     /// Least, fixed − golden; none where pictures are equal.
     pub psnr_db: Option<f64>,
@@ -186,7 +188,7 @@ fn method_psnr_db(views: &[View]) -> Option<f64> {
 }
 
 /// How far a machine is off on all of some views.
-fn found_on(views: &[View], drawn: impl Fn(&View) -> Result<Found>) -> Result<Found> {
+fn found_on<'v>(views: impl IntoIterator<Item = &'v View>, drawn: impl Fn(&View) -> Result<Found>) -> Result<Found> {
     let mut all: Option<Found> = None;
     for view in views {
         let found = drawn(view)?;
@@ -367,6 +369,7 @@ struct Search<'a> {
     method: &'static str,
     /// Machines that were asked for, drawn now or before.
     asked_for: HashSet<String>,
+    foresight: Foresight,
     /// The error allowed, squared, is so many times less than the target's.
     stricter: f64,
     progress: Progress,
@@ -390,6 +393,7 @@ impl<'a> Search<'a> {
             areas: HashMap::new(),
             method: "",
             asked_for: HashSet::new(),
+            foresight: Foresight::new(),
             stricter: 1.0,
             progress,
         }
@@ -433,32 +437,43 @@ impl<'a> Search<'a> {
         changes.join(" ")
     }
 
-    /// How far a machine is off on all views; drawn if it never was.
-    fn found(&mut self, steps: &[u32]) -> Result<Found> {
-        let Some(machine) = self.machine(steps) else { return Ok(HOPELESS) };
-        let Ok(elaborated) = machine.elaborate() else { return Ok(HOPELESS) };
+    /// A machine, and the key of its row; none where it cannot be built.
+    fn keyed(&self, steps: &[u32]) -> Option<(String, Machine, Elaborated)> {
+        let machine = self.machine(steps)?;
+        let elaborated = machine.elaborate().ok()?;
         let views: Vec<&str> = self.views.iter().map(|view| view.digest.as_str()).collect();
         let nameless = Machine { name: String::new(), ..machine.clone() };
         let all = json!([env!("CARGO_PKG_VERSION"), views, nameless, self.options.target.no_saturation, self.options.prices]);
-        let key = digest(all.to_string().as_bytes());
+        Some((digest(all.to_string().as_bytes()), machine, elaborated))
+    }
+
+    /// What a row says of how far its machine is off.
+    fn known(&self, key: &str) -> Option<Found> {
+        let row = self.known.get(key).and_then(|point| self.journal.get(*point))?;
+        let saturated = row[11].as_u64();
+        let is_hopeless = !row[5].is_null();
+        Some(if is_hopeless {
+            HOPELESS
+        } else {
+            Found {
+                psnr_db: row[6].as_f64(),
+                max_error: row[7].as_f64().unwrap_or(0.0),
+                fixed_vs_ideal_psnr_db: row[9].as_f64(),
+                fixed_vs_ideal_max_error: row[10].as_f64().unwrap_or(0.0),
+                saturated,
+            }
+        })
+    }
+
+    /// How far a machine is off on all views; drawn if it never was.
+    fn found(&mut self, steps: &[u32]) -> Result<Found> {
+        let Some((key, machine, elaborated)) = self.keyed(steps) else { return Ok(HOPELESS) };
         self.asked_for.insert(key.clone());
-        if let Some(row) = self.known.get(&key).and_then(|point| self.journal.get(*point)) {
-            let saturated = row[11].as_u64();
-            let is_hopeless = !row[5].is_null();
-            return Ok(if is_hopeless {
-                HOPELESS
-            } else {
-                Found {
-                    psnr_db: row[6].as_f64(),
-                    max_error: row[7].as_f64().unwrap_or(0.0),
-                    fixed_vs_ideal_psnr_db: row[9].as_f64(),
-                    fixed_vs_ideal_max_error: row[10].as_f64().unwrap_or(0.0),
-                    saturated,
-                }
-            });
+        if let Some(found) = self.known(&key) {
+            return Ok(found);
         }
-        let (found, seconds) = timed(|| found_on(&self.views, |view| drawn(&elaborated, view, self.options.target.no_saturation)));
-        let misfit = found.as_ref().err().map(Error::to_string);
+        let Measured { found, seconds } = self.foresight.taken(&self.views, &self.options.target, (&key, &machine), &elaborated)?;
+        let misfit = found.as_ref().err().cloned();
         let found = found.unwrap_or(HOPELESS);
         let area = Cost::new(&elaborated, &self.options.prices).area;
         let point = self.journal.rows().filter_map(|row| row[0].as_u64()).next_back().map_or(0, |last| last + 1);
@@ -491,6 +506,11 @@ impl<'a> Search<'a> {
         );
         self.progress.say(told);
         Ok(found)
+    }
+
+    /// The part of what is allowed, squared, that a machine takes.
+    fn load_of(&self, found: &Found) -> f64 {
+        if *found == HOPELESS { f64::INFINITY } else { self.options.target.load(found) * self.stricter }
     }
 
     fn step(&mut self, method: &str, steps: &[u32]) -> Result<Step> {
@@ -620,13 +640,16 @@ impl<'a> Search<'a> {
 
     fn outcome(&mut self, scenes: Vec<String>, path: Vec<Step>, views: Vec<Unseen>, learnt: Vec<String>, steps: &[u32]) -> Result<Outcome> {
         let mut tight = Vec::new();
-        for knob in 0..self.knobs.len() {
-            if steps[knob] == self.knobs[knob].most {
-                continue;
-            }
+        let lesser = |knob: usize| {
             let mut next = steps.to_vec();
             next[knob] += 1;
-            let found = self.found(&next)?;
+            next
+        };
+        let open: Vec<usize> = (0..self.knobs.len()).filter(|knob| steps[*knob] < self.knobs[*knob].most).collect();
+        let all: Vec<Vec<u32>> = open.iter().copied().map(lesser).collect();
+        self.foresee(&all)?;
+        for knob in open {
+            let found = self.found(&lesser(knob))?;
             if found == HOPELESS || self.options.target.load(&found) * self.stricter <= 1.0 {
                 continue;
             }
@@ -693,7 +716,30 @@ impl Problem for Search<'_> {
 
     fn load(&mut self, steps: &[u32]) -> Result<f64> {
         let found = self.found(steps)?;
-        Ok(if found == HOPELESS { f64::INFINITY } else { self.options.target.load(&found) * self.stricter })
+        Ok(self.load_of(&found))
+    }
+
+    fn width(&self) -> usize {
+        self.foresight.width()
+    }
+
+    fn foresee(&mut self, steps: &[Vec<u32>]) -> Result<()> {
+        if self.width() == 1 {
+            return Ok(());
+        }
+        let mut machines: Vec<(String, Machine)> = Vec::new();
+        for (key, machine, _) in steps.iter().filter_map(|steps| self.keyed(steps)) {
+            if !self.known.contains_key(&key) && !machines.iter().any(|(other, _)| *other == key) {
+                machines.push((key, machine));
+            }
+        }
+        self.foresight.measure(&self.views, &self.options.target, &machines)
+    }
+
+    fn foreseen(&self, steps: &[u32]) -> Option<f64> {
+        let Some((key, ..)) = self.keyed(steps) else { return Some(f64::INFINITY) };
+        let measured = || self.foresight.get(&key).map(|measured| measured.found.clone().unwrap_or(HOPELESS));
+        self.known(&key).or_else(measured).map(|found| self.load_of(&found))
     }
 }
 

@@ -1,9 +1,9 @@
 //! Sweep: many machines over one or many scenes, a row each; what they have in common is done once.
 //!
 //! ```text
-//! plan ─► points ─┬─ scene A ─┬─ machine, formats alone ─► frame, work, ranges, errors ─┬─ timing ─► cycles, energy ─► row
-//!                 │  ideal    │  golden, by its rules                                   └─ timing ─► …
-//!                 └─ scene B  └─ …
+//! plan ─► points ─┬─ scene A ─► stage ─► rows ─┬─► journal ─► sweep.csv, sweep.parquet
+//!                 └─ scene B ─► …              │
+//!                    drawn elsewhere ─► batch ─┘
 //! ```
 //! A point has a key: a digest of all that determines its row. A folder knows its rows by their keys, so that a sweep that was cut off
 //! goes on, and that no row comes from anything else than the plan says.
@@ -16,34 +16,21 @@ pub mod charts;
 pub mod columns;
 mod page;
 pub mod plan;
+pub mod stage;
 pub mod table;
 
-use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
-use crate::golden;
-use crate::golden::Rules;
-use crate::hardware::{fixed, machines};
 use crate::output::files::{Folder, write_beside};
-use crate::output::picture::Picture;
 use crate::output::progress::Progress;
 use crate::output::text::{thousands, wrapped};
-use crate::performance::cost::{CostReport, Prices};
-use crate::performance::cycles::CyclesReport;
-use crate::run::evaluation::Evaluation;
-use crate::run::report::MachineReport;
-use crate::run::timed;
+use crate::performance::cost::Prices;
 use crate::scene::Scene;
-use crate::scene::digest::{digest, digest_of};
-use columns::{Errors, Findings, Frame, Replay};
-use plan::{Change, Points};
+use plan::Points;
 use rayon::prelude::*;
-use rtl_model::Machine;
-use rtl_model::timing::{self, Detail};
 use serde_json::{Value, json};
-use std::collections::BTreeMap;
+use stage::{Head, Point, Stage};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use table::{Journal, Row, Table};
 
 /// Most points, if nobody asks for more.
@@ -91,140 +78,171 @@ pub struct Outcome {
     table: Table,
 }
 
-/// A machine of the plan on a scene.
-struct Point {
-    number: u64,
-    changes: Vec<Change>,
-    machine: Machine,
-    key: String,
-}
-
 /// Carries a plan out; what the folder has already is not done again.
 ///
 /// # Errors
 /// [`Error::Input`] where plan or folder are wrong, [`Error::Job`] where a row cannot be written.
 pub fn run(points: &Points, folder: &Path, options: &Options) -> Result<Outcome> {
-    let count = points.count();
-    if count > options.most {
-        let sentence =
-            format!("the plan has {} points, more than {}: --most {count} draws them all", thousands(count), thousands(options.most));
-        return Err(Error::input(sentence));
-    }
-    let mut scenes = Scenes::check(points)?;
-    let _open = Folder::shared(folder)?;
-    let fields = points.fields();
-    let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
-    let part = options.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
-    let mut journal = Journal::open(folder, &part, columns::all(&fields))?;
-    let is_mine = |number: u64| options.shard.is_none_or(|Shard { index, of }| number % of == index - 1);
-    let mine = (0..count).filter(|number| is_mine(*number)).count() as u64;
-    if let Some((last, _)) = journal.rows().filter_map(|row| Some((row[0].as_u64()?, row))).max_by_key(|(point, _)| *point)
-        && last >= count
-    {
-        return Err(Error::input(format!("{} has point {last}, and the plan {count} points: it is of another plan", folder.display())));
-    }
-    let known: Vec<u64> = journal.rows().filter_map(|row| row[0].as_u64()).filter(|number| is_mine(*number)).collect();
-    for number in &known {
-        let (scene, changes) = points.point(*number);
-        let point = Point::new(points, options, &scenes.heads[scene], *number, changes)?;
-        if journal.get(*number).and_then(|row| row[1].as_str()) != Some(&point.key) {
-            let told = format!("{}: point {number} was drawn from something else than now", folder.display());
-            return Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")));
-        }
-    }
-    journal.keep();
-    write_plan(folder, &told)?;
-    let progress = Progress::of_steps(options.progress, mine - known.len() as u64, "points");
-    let mut drawn = 0;
+    let mut sweep = Sweep::open(points.clone(), folder, options, Folder::shared)?;
     for nth in 0..points.plan.scenes.len() {
-        let on_scene: Vec<(u64, Vec<Change>)> = (0..count)
-            .filter(|number| is_mine(*number) && journal.get(*number).is_none())
-            .filter_map(|number| {
-                let (scene, changes) = points.point(number);
-                (scene == nth).then_some((number, changes))
-            })
-            .collect();
-        if on_scene.is_empty() {
-            continue;
-        }
-        let mut stage = Stage::new(points, scenes.take(nth)?, options);
-        let mut groups: Vec<Vec<Point>> = Vec::new();
-        let mut places = BTreeMap::new();
-        for (number, changes) in on_scene {
-            let point = Point::new(points, options, &stage.head, number, changes)?;
-            let formats = Machine { timing: points.base.timing, ..point.machine.clone() };
-            let formats = json!([formats, plan::exact_of(&point.changes)]).to_string();
-            let place = *places.entry(formats).or_insert(groups.len());
-            if place == groups.len() {
-                groups.push(Vec::new());
-            }
-            groups[place].push(point);
-        }
-        for group in groups {
-            for (number, row) in stage.rows(&group, &fields) {
-                journal.push(number, row)?;
-                drawn += 1;
-                progress.step();
-            }
+        let missing = sweep.missing(nth);
+        if !missing.is_empty() {
+            let stage = Stage::new(points, &options.prices, nth, sweep.scene(nth)?);
+            stage.draw(&missing, |number, row| sweep.push(number, row))?;
         }
     }
-    drop(progress);
-    let files = journal.write(folder, "sweep")?;
-    Ok(Outcome { counts: [count, mine, drawn], files, table: journal.table() })
+    sweep.finish()
+}
+
+/// A plan that is carried out into a folder: what is there, what is missing, whoever draws it.
+pub struct Sweep {
+    points: Points,
+    options: Options,
+    scenes: Scenes,
+    folder: PathBuf,
+    /// Locked as long as it is carried out.
+    _open: Folder,
+    journal: Journal,
+    progress: Progress,
+    drawn: u64,
+}
+
+impl Sweep {
+    /// Opens a folder, by [`Folder::shared`] where others draw parts of the same plan into it, and holds what it has against the plan.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where plan or folder are wrong, [`Error::Job`] where nothing can be written.
+    pub fn open(points: Points, folder: &Path, options: &Options, lock: fn(&Path) -> Result<Folder>) -> Result<Self> {
+        let count = points.count();
+        if count > options.most {
+            let sentence =
+                format!("the plan has {} points, more than {}: --most {count} draws them all", thousands(count), thousands(options.most));
+            return Err(Error::input(sentence));
+        }
+        let scenes = Scenes::check(&points)?;
+        let open = lock(folder)?;
+        let part = options.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
+        let mut journal = Journal::open(folder, &part, columns::all(&points.fields()))?;
+        if let Some(last) = journal.points().next_back().filter(|last| *last >= count) {
+            return Err(Error::input(format!("{} has point {last}, and the plan {count} points: it is of another plan", folder.display())));
+        }
+        check_keys(&points, &scenes.heads, &journal, folder, options)?;
+        journal.keep();
+        let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
+        write_plan(folder, &told)?;
+        let left = options.mine(count).filter(|number| journal.get(*number).is_none()).count() as u64;
+        let progress = Progress::of_steps(options.progress, left, "points");
+        Ok(Sweep { points, options: *options, scenes, folder: folder.to_owned(), _open: open, journal, progress, drawn: 0 })
+    }
+
+    /// The plan.
+    pub fn points(&self) -> &Points {
+        &self.points
+    }
+
+    /// Prices of bits.
+    pub fn prices(&self) -> Prices {
+        self.options.prices
+    }
+
+    /// Points of this part on the scene of a number that the folder does not have.
+    pub fn missing(&self, nth: usize) -> Vec<u64> {
+        self.options
+            .mine(self.points.count())
+            .filter(|number| self.points.point(*number).0 == nth && self.journal.get(*number).is_none())
+            .collect()
+    }
+
+    /// The scene of a number.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where it cannot be read any more.
+    pub fn scene(&mut self, nth: usize) -> Result<Scene> {
+        self.scenes.take(&self.points, nth)
+    }
+
+    /// Another row: in the folder before this returns.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where it cannot be written, or nobody wants it any more.
+    pub fn push(&mut self, number: u64, row: Row) -> Result<()> {
+        self.journal.push(number, row)?;
+        self.drawn += 1;
+        self.progress.step();
+        Ok(())
+    }
+
+    /// Rows that somebody else has drawn, as [`table::packed`] gives them: in the folder, as a file of its own, before this returns.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where they are not those of `numbers`, were drawn before, or cannot be written.
+    pub fn push_batch(&mut self, numbers: &[u64], batch: &[u8]) -> Result<()> {
+        self.journal.push_batch(&self.folder, numbers, batch)?;
+        self.drawn += numbers.len() as u64;
+        numbers.iter().for_each(|_| self.progress.step());
+        Ok(())
+    }
+
+    /// Writes the table of all rows that are there.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where it cannot be written.
+    pub fn finish(self) -> Result<Outcome> {
+        drop(self.progress);
+        let files = self.journal.write(&self.folder, "sweep")?;
+        let count = self.points.count();
+        let mine = self.options.mine(count).count() as u64;
+        Ok(Outcome { counts: [count, mine, self.drawn], files, table: self.journal.table() })
+    }
+}
+
+/// Refuses a folder whose rows were drawn from something else.
+fn check_keys(points: &Points, scenes: &[Head], journal: &Journal, folder: &Path, options: &Options) -> Result<()> {
+    let known: Vec<u64> = options.mine(points.count()).filter(|number| journal.get(*number).is_some()).collect();
+    let check = |number: &u64| {
+        let point = Point::new(points, &options.prices, &scenes[points.point(*number).0], *number)?;
+        if journal.get(*number).and_then(|row| row[1].as_str()) == Some(&point.key) {
+            return Ok(());
+        }
+        let told = format!("{}: point {number} was drawn from something else than now", folder.display());
+        Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")))
+    };
+    known.par_iter().map(check).collect()
+}
+
+impl Options {
+    /// Numbers of this part's points.
+    fn mine(&self, count: u64) -> impl Iterator<Item = u64> + use<> {
+        let shard = self.shard;
+        (0..count).filter(move |number| shard.is_none_or(|Shard { index, of }| number % of == index - 1))
+    }
 }
 
 /// Scenes of a plan, each of which can be loaded.
-struct Scenes<'a> {
-    points: &'a Points,
+struct Scenes {
     heads: Vec<Head>,
     /// The last one that was loaded, and which it is: most plans have one, which is loaded once.
     last: Option<(usize, Scene)>,
 }
 
-/// What a point is told of its scene.
-#[derive(Clone)]
-struct Head {
-    digest: String,
-    /// Whether a tree is walked, for which every machine pays.
-    has_tree: bool,
-}
-
-impl<'a> Scenes<'a> {
+impl Scenes {
     /// Loads every scene, before anything is written; they need not fit into memory together.
-    fn check(points: &'a Points) -> Result<Self> {
-        let mut scenes = Scenes { points, heads: Vec::new(), last: None };
+    fn check(points: &Points) -> Result<Self> {
+        let mut scenes = Scenes { heads: Vec::new(), last: None };
         for nth in 0..points.plan.scenes.len() {
             scenes.last = None;
             let scene = points.scene(nth)?;
-            scenes.heads.push(Head { digest: digest_of(&scene), has_tree: scene.detail.is_some() });
+            scenes.heads.push(Head::of(&scene));
             scenes.last = Some((nth, scene));
         }
         Ok(scenes)
     }
 
-    fn take(&mut self, nth: usize) -> Result<(Scene, Head)> {
-        let scene = match self.last.take() {
-            Some((last, scene)) if last == nth => scene,
-            _ => self.points.scene(nth)?,
-        };
-        Ok((scene, self.heads[nth].clone()))
-    }
-}
-
-impl Point {
-    fn new(points: &Points, options: &Options, scene: &Head, number: u64, changes: Vec<Change>) -> Result<Self> {
-        let mut machine = plan::machine_of(&points.base, &changes, &format!("point {number}"))?;
-        machines::pay(&mut machine, scene.has_tree);
-        let prices = json!(options.prices);
-        let all = json!([
-            env!("CARGO_PKG_VERSION"),
-            scene.digest,
-            Machine { name: String::new(), ..machine.clone() },
-            prices,
-            points.plan.lockstep,
-            plan::exact_of(&changes),
-        ]);
-        Ok(Point { number, changes, machine, key: digest(all.to_string().as_bytes()) })
+    fn take(&mut self, points: &Points, nth: usize) -> Result<Scene> {
+        match self.last.take() {
+            Some((last, scene)) if last == nth => Ok(scene),
+            _ => points.scene(nth),
+        }
     }
 }
 
@@ -234,142 +252,6 @@ impl Point {
 /// [`Error::Job`] where it cannot be written.
 pub fn write_plan(folder: &Path, told: &Value) -> Result<()> {
     write_beside(&folder.join("plan.json"), |file| serde_json::to_writer_pretty(file, told).map_err(|e| e.to_string()))
-}
-
-/// What all points on a scene have in common.
-struct Stage<'a> {
-    points: &'a Points,
-    options: &'a Options,
-    scene: Arc<Scene>,
-    head: Head,
-    ideal: Picture,
-    ideal_seconds: f64,
-    /// What golden makes by the rules that were needed last.
-    goldens: Vec<Golden>,
-}
-
-/// What golden makes by some rules.
-struct Golden {
-    rules: Rules,
-    picture: Picture,
-    /// Against ideal.
-    psnr_db: Option<f64>,
-    seconds: f64,
-}
-
-/// Golden pictures that are kept.
-const GOLDENS: usize = 16;
-
-impl<'a> Stage<'a> {
-    fn new(points: &'a Points, (scene, head): (Scene, Head), options: &'a Options) -> Self {
-        let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
-        Stage { points, options, scene: Arc::new(scene), head, ideal, ideal_seconds, goldens: Vec::new() }
-    }
-
-    fn golden(&mut self, rules: &Rules) -> &Golden {
-        let known = self.goldens.iter().position(|golden| golden.rules == *rules);
-        let at = known.unwrap_or_else(|| {
-            let (picture, seconds) = timed(|| golden::render(&self.scene, rules).picture);
-            let psnr_db = distance(&picture, &self.ideal).psnr_db;
-            self.goldens.truncate(GOLDENS - 1);
-            self.goldens.insert(0, Golden { rules: *rules, picture, psnr_db, seconds });
-            0
-        });
-        &self.goldens[at]
-    }
-
-    /// The rows of points whose machines differ in timing alone.
-    fn rows(&mut self, group: &[Point], fields: &[String]) -> Vec<(u64, Row)> {
-        let exact = plan::exact_of(&group[0].changes);
-        let (drawn, seconds) =
-            timed(|| if exact.is_empty() { self.drawn(&group[0].machine) } else { self.partial(&group[0].machine, &exact) });
-        let base = machines::value(&self.points.base);
-        let row = |point: &Point| {
-            let (found, own_seconds) = timed(|| match &drawn {
-                Ok(drawn) => drawn.on(&point.machine, &self.options.prices),
-                Err(sentence) => Err(sentence.clone()),
-            });
-            let mut found = found.unwrap_or_else(|sentence| Findings { misfit: Some(sentence), ..Findings::default() });
-            found.host_seconds = seconds / group.len() as f64 + own_seconds;
-            let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            let changes: Vec<String> = point.changes.iter().map(|(field, value)| format!("{field}={}", text(value))).collect();
-            let own = fields.iter().map(|field| {
-                let changed = point.changes.iter().find(|(other, _)| other == field).map(|(_, value)| value);
-                changed.or_else(|| base.pointer(&format!("/{}", field.replace('.', "/")))).map_or(Value::Null, |value| json!(text(value)))
-            });
-            let head = [json!(point.number), json!(point.key), json!(self.scene.name), json!(changes.join(" "))];
-            (point.number, head.into_iter().chain(own).chain(columns::cells(&found)).collect())
-        };
-        group.par_iter().map(row).collect()
-    }
-
-    /// All that does not depend on timing; or why the machine cannot draw.
-    fn drawn(&mut self, machine: &Machine) -> std::result::Result<Drawn, String> {
-        let scene = Arc::clone(&self.scene);
-        let evaluation = Evaluation::new(&scene, machine).map_err(|error| error.to_string())?;
-        let (observed, fixed_seconds) = timed(|| evaluation.observe());
-        let frame = Frame {
-            overflows: observed.overflows(),
-            outcomes: observed.drawing.outcomes,
-            fixed_seconds,
-            ideal_seconds: self.ideal_seconds,
-        };
-        let lockstep = self.points.plan.lockstep.then(|| evaluation.lockstep().summary(&observed.picture));
-        let errors = Some(self.errors(&observed.picture, &evaluation.rules())?);
-        Ok(Drawn { found: Findings { errors, frame: Some(frame), lockstep, ..Findings::default() }, work: Some(observed.work) })
-    }
-
-    /// The same in partial precision, some units or words in f64: errors alone, for no hardware does that.
-    fn partial(&mut self, machine: &Machine, exact: &[String]) -> std::result::Result<Drawn, String> {
-        let scene = Arc::clone(&self.scene);
-        let evaluation = Evaluation::new(&scene, machine).map_err(|error| error.to_string())?;
-        let is_exact = |word: &str| exact.iter().any(|name| machines::is_below(word, name));
-        let choice = partial::Choice::new(&evaluation.machine, |word| !is_exact(word));
-        let stage = partial::Stage::new(&scene, &evaluation.machine, &evaluation.quantised);
-        let picture = stage.fill(&choice, &stage.set_up(&choice));
-        let errors = Some(self.errors(&picture, &evaluation.rules())?);
-        Ok(Drawn { found: Findings { errors, ..Findings::default() }, work: None })
-    }
-
-    /// How far a picture is off; a sentence where a pixel of any of them has no finite number.
-    fn errors(&mut self, picture: &Picture, rules: &Rules) -> std::result::Result<Errors, String> {
-        let of_ideal = distance(picture, &self.ideal);
-        let golden = self.golden(rules);
-        let fixed_vs_golden = metrics(picture, &golden.picture);
-        let not_finite = fixed_vs_golden.not_finite.max(of_ideal.not_finite);
-        if not_finite > 0 {
-            return Err(format!("{not_finite} pixels have no finite number, and cannot be compared"));
-        }
-        Ok(Errors {
-            fixed_vs_golden,
-            golden_vs_ideal_psnr_db: golden.psnr_db,
-            fixed_vs_ideal_psnr_db: of_ideal.psnr_db,
-            golden_seconds: golden.seconds,
-        })
-    }
-}
-
-/// A frame, all but its time.
-struct Drawn {
-    found: Findings,
-    /// None where it was drawn in partial precision.
-    work: Option<rtl_model::work::Work>,
-}
-
-impl Drawn {
-    /// With the time that it takes on a machine.
-    fn on(&self, machine: &Machine, prices: &Prices) -> std::result::Result<Findings, String> {
-        let Some(work) = &self.work else { return Ok(self.found.clone()) };
-        let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
-        let units = timing::replay(&elaborated.timing, work, Detail::Accounts);
-        let replay = Replay {
-            cycles: CyclesReport::new(&elaborated.timing, work, &units),
-            cost: CostReport::new(&elaborated, &units, prices),
-            machine: MachineReport::new(&elaborated),
-            units,
-        };
-        Ok(Findings { replay: Some(replay), ..self.found.clone() })
-    }
 }
 
 impl Outcome {
@@ -420,6 +302,3 @@ impl Outcome {
         text
     }
 }
-
-#[cfg(test)]
-mod tests;

@@ -8,13 +8,14 @@ use exr::math::Vec2;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::output::colour::{srgb_decode, srgb_encode};
 use crate::output::files::write_beside;
 
 /// A finished picture: linear light, RGBA, colour premultiplied by alpha, over the background.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Picture {
     /// Pixels a row.
     pub width: usize,

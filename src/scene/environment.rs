@@ -7,7 +7,7 @@ use crate::output::colour::srgb_decode;
 use glam::DVec3;
 use image::{DynamicImage, ImageFormat, ImageReader, Limits};
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use std::io::Cursor;
 
@@ -27,7 +27,7 @@ pub enum BuiltinEnvironment {
 }
 
 /// Light from all around.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     /// Texels a row.
     width: usize,
@@ -40,7 +40,7 @@ pub struct Environment {
 }
 
 /// What a material does with its surroundings.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mirror {
     /// Share of what leaves it that is mirrored, 0 to 1; the rest is its own colour.
     pub reflect: f64,

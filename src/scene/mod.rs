@@ -15,6 +15,7 @@ mod json;
 pub(crate) mod memory;
 pub mod mesh;
 mod neighbours;
+pub mod parcel;
 mod path;
 mod placement;
 mod ply;
@@ -52,7 +53,7 @@ pub fn gaussian_cutoff() -> f64 {
 }
 
 /// One splat: a Gaussian disc (docs/book/algorithm.md §2), or an ellipsoid ([`Scene::ellipsoids`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Splat {
     /// Centre, world units.
     pub position: DVec3,
@@ -91,7 +92,7 @@ pub struct Camera {
 }
 
 /// The picture to make.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Image {
     /// Pixels, 1 to 16384.
     pub width: usize,
@@ -104,7 +105,7 @@ pub struct Image {
 }
 
 /// The footprint's constants.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Kernel {
     /// Fragments exist where the radial index is below this, > 0.
     pub cutoff: f64,
@@ -120,7 +121,7 @@ pub struct Kernel {
 }
 
 /// How a splat is filtered (SS Fig. 8). Splats without a low-pass filter are [`Filter::Ewa`] with a variance of 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Filter {
     /// The projected ellipse, convolved with the low-pass filter in the picture: the affine approximation at the splat's centre.
     Ewa,
@@ -132,7 +133,7 @@ pub enum Filter {
 }
 
 /// Meaning of an ellipsoid's amplitude.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Amplitude {
     /// That of the disc which its first two axes span (SS §5): for kernels flattened along the third, which is the normal.
     Disc,
@@ -143,7 +144,7 @@ pub enum Amplitude {
 }
 
 /// Principal axes of a splat's kernel.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Orientation {
     /// The axes are the columns of its matrix, world space.
     pub rotation: DQuat,
@@ -152,7 +153,7 @@ pub struct Orientation {
 }
 
 /// Axes and rules that make ellipsoids of a scene's splats (EWA §6.2, docs/book/algorithm.md §9).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ellipsoids {
     /// One for each splat, or a single one that all have.
     pub orientations: Vec<Orientation>,
@@ -174,7 +175,7 @@ impl Ellipsoids {
 }
 
 /// Opacity of an optical depth x.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Opacity {
     /// x, as far as 1: e^(−x) ≈ 1 − x (EWA (6)).
     Linear,
@@ -195,7 +196,7 @@ impl Opacity {
 }
 
 /// Which splats are one sheet.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Sheet {
     /// Those with the same number, which follow each other: a slice of a volume.
     Slice(Vec<u32>),
@@ -204,7 +205,7 @@ pub enum Sheet {
 }
 
 /// Grouping of splats by sheets instead of surfaces (EWA §7.1).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sheets {
     /// Which splats are one sheet.
     pub of: Sheet,
@@ -223,7 +224,7 @@ pub struct Sheets {
 }
 
 /// Rules by which fragments become surfaces.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
     /// ε: contributions nearer than this in depth belong together, world units, > 0.
     pub z_threshold: f64,
@@ -234,7 +235,7 @@ pub struct Surface {
 }
 
 /// A directional light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Light {
     /// Unit vector from the surface towards the light, world space.
     pub direction: DVec3,
@@ -243,7 +244,7 @@ pub struct Light {
 }
 
 /// Reflectance of a surface (docs/book/algorithm.md §7).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Material {
     /// The colour as it is.
     Unlit,
@@ -261,7 +262,7 @@ pub enum Material {
 }
 
 /// Everything a renderer needs.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// Name in reports: file name or built-in name.
     pub name: String,

@@ -12,8 +12,8 @@ All of it is the Rust code of the command line, and gives the same bits. A fault
     5000
 """
 
-from splatsim._explore import Found, Rows, search, sweep
-from splatsim._frame import Frame, Recording, Replayed, Story, explain, replay, run, trace
+from splatsim._explore import Found, Rows, draw, search, sweep
+from splatsim._frame import Drawn, Frame, Recording, Replayed, Story, explain, replay, run, sequence, trace
 from splatsim._models import Machine, Scene
 from splatsim._native import VERSION as __version__
 from splatsim._native import InputError, JobError, SplatsimError
@@ -22,6 +22,7 @@ from splatsim._unit import Answers, Unit
 
 __all__ = [
     "Answers",
+    "Drawn",
     "Found",
     "Frame",
     "InputError",
@@ -36,10 +37,12 @@ __all__ = [
     "Story",
     "Unit",
     "__version__",
+    "draw",
     "explain",
     "replay",
     "run",
     "search",
+    "sequence",
     "sweep",
     "trace",
 ]

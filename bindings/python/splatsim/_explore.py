@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -55,10 +55,21 @@ def _optional(path: Named | None) -> str | None:
     return None if path is None else os.fspath(path)
 
 
+def _plan(plan: Named | Mapping[str, Any]) -> tuple[str, str | None]:
+    return ("plan", as_json(plan, "plan")) if isinstance(plan, Mapping) else (os.fspath(plan), None)
+
+
+def draw(plan: Named | Mapping[str, Any], points: Iterable[int], *, prices: Named | None = None) -> pa.Table:
+    """Draws these points of a plan, numbered as in a sweep's column `point`: their rows, without a folder."""
+    batches = _native.draw(*_plan(plan), sorted(set(points)), _optional(prices))
+    return pa.concat_tables([pyarrow.parquet.read_table(pa.BufferReader(batch)) for batch in batches])
+
+
 def sweep(
     plan: Named | Mapping[str, Any],
     folder: Named | None = None,
     *,
+    client: Any = None,
     shard: str | None = None,
     most: int = 100_000,
     prices: Named | None = None,
@@ -67,13 +78,23 @@ def sweep(
     """Draws every machine of a plan, a row each: the command line's `sweep`.
 
     plan: a ready one's name, a file, or a dict as a file has it. folder: what it has already is not drawn again; left out, nothing is kept on
-    disk. shard: "2/5" draws part 2 of 5 alone.
+    disk. client: a `distributed.Client` whose workers draw, a scheduler's address, or True for workers on this computer. shard: "2/5" draws
+    part 2 of 5 alone.
     """
+    if client is not None and shard is not None:
+        raise _native.InputError("shard: with a client its workers share the whole plan")
     with ExitStack() as stack:
         into = _folder(folder, stack)
-        text = as_json(plan, "plan") if isinstance(plan, Mapping) else None
-        name = "plan" if isinstance(plan, Mapping) else os.fspath(plan)
-        job = _native.sweep(name, text, into, shard, most, _optional(prices), shown(progress))
+        if client is None:
+            job = _native.sweep(*_plan(plan), into, shard, most, _optional(prices), shown(progress))
+        else:
+            from splatsim import _cluster
+
+            workers = stack.enter_context(_cluster.client_of(client))
+            own = _native.Sweep.open(*_plan(plan), into, most, _optional(prices))
+            stack.callback(own.close)
+            _cluster.carry_out(own, workers, shown(progress))
+            job = own.finish()
         table = pyarrow.parquet.read_table(Path(into) / "sweep.parquet")
         return Rows(table, job.summary, [Path(file) for file in job.files] if folder is not None else [])
 
@@ -83,6 +104,7 @@ def search(
     machine: AnyMachine = None,
     folder: Named | None = None,
     *,
+    client: Any = None,
     target_psnr: float | None = None,
     max_error: float | None = None,
     against_ideal: bool = False,
@@ -94,12 +116,20 @@ def search(
     prices: Named | None = None,
     progress: Progress | bool = False,
 ) -> Found:
-    """Finds the narrowest machine that meets a target on all scenes, and on cameras that it did not see: the command line's `search`."""
+    """Finds the narrowest machine that meets a target on all scenes, and on cameras that it did not see: the command line's `search`.
+
+    client: as of `sweep`; its workers measure machines, and what is found is what one process finds.
+    """
     if target_psnr is None and max_error is None:
         raise _native.InputError("a search needs target_psnr or max_error")
     several = list(scenes) if isinstance(scenes, Sequence) and not isinstance(scenes, str) else [scenes]
     with ExitStack() as stack:
         into = _folder(folder, stack)
+        crew = None
+        if client is not None:
+            from splatsim import _cluster
+
+            crew = stack.enter_context(_cluster.measuring(client))
         job = _native.search(
             [of_scene(scene) for scene in several],
             of_machine(machine),
@@ -113,6 +143,7 @@ def search(
             tries,
             list(only),
             _optional(prices),
+            crew,
             shown(progress),
         )
         table = pyarrow.parquet.read_table(Path(into) / "search.parquet")

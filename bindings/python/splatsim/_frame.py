@@ -143,6 +143,7 @@ def run(
     *,
     attribute: bool = False,
     answers: bool = False,
+    requests: bool = False,
     timing: Timing | None = None,
     prices: Named | None = None,
     progress: Progress | bool = False,
@@ -150,11 +151,48 @@ def run(
     """Draws a scene on a machine and in exact arithmetic, and compares: the command line's `run`.
 
     machine: left out, the scene's usual one. attribute: tell which words make the error (draws 170 frames). answers: tell what would make it
-    faster. timing: replay with every value, as {"timing.raster.fifo": [1, 2, 4]}. prices: a file of what a bit costs.
+    faster. requests: keep the requests to memory, which `write` then writes too. timing: replay with every value, as {"timing.raster.fifo": [1, 2, 4]}. prices: a file of what a bit costs.
     """
     native = of_scene(scene), of_machine(machine)
     folder = None if prices is None else os.fspath(prices)
-    return Frame(_native.run(*native, attribute, answers, False, _axes(timing), folder, shown(progress)))
+    return Frame(_native.run(*native, attribute, answers, requests, _axes(timing), folder, shown(progress)))
+
+
+class Drawn(Node):
+    """All frames of a sequence: the report, as attributes."""
+
+    def __init__(self, fields: dict[str, Any], text: str) -> None:
+        super().__init__(fields)
+        self.text = text
+
+    @property
+    def rows(self) -> pa.Table:
+        """A row a frame."""
+        return table(self._fields["frames"])
+
+    def summary(self) -> str:
+        """What the command line prints."""
+        return self.text
+
+
+def sequence(
+    scene: Named,
+    machine: AnyMachine = None,
+    folder: Named | None = None,
+    *,
+    size: tuple[int, int] | None = None,
+    cameras: Named | None = None,
+    exr: bool = False,
+    y4m: Named | None = None,
+    progress: Progress | bool = False,
+) -> Drawn:
+    """Draws every frame of a scene that has `cameras` or a `camera_path`: the command line's `run` of a sequence.
+
+    cameras: a file of cameras instead of the scene's. folder: where pictures and the report go. y4m: a video of what the hardware draws.
+    """
+    paths = [None if path is None else os.fspath(path) for path in (cameras, folder, y4m)]
+    report, text = _native.sequence(os.fspath(scene), size, paths[0], of_machine(machine), paths[1], exr, paths[2], shown(progress))
+    return Drawn(json.loads(report), text)
 
 
 def replay(recording: Recording | Named, timing: Timing | None = None, *, answers: bool = False, prices: Named | None = None) -> Replayed:

@@ -15,10 +15,16 @@ __all__ = [
     "Recording",
     "Scene",
     "SplatsimError",
+    "Stage",
+    "Sweep",
     "Unit",
+    "View",
+    "draw",
     "explain",
+    "measure",
     "run",
     "search",
+    "sequence",
     "sweep",
     "trace",
 ]
@@ -106,6 +112,29 @@ class Job:
     @property
     def json(self) -> str: ...
 
+@final
+class Sweep:
+    @staticmethod
+    def open(name: str, text: str | None, folder: str, most: int, prices: str | None) -> Sweep: ...
+    def counts(self) -> tuple[int, int]: ...
+    def missing(self, scene: int) -> list[list[int]]: ...
+    def plan(self) -> str: ...
+    def scene(self, scene: int) -> bytes: ...
+    def keep(self, numbers: list[int], batch: bytes) -> None: ...
+    def finish(self) -> Job: ...
+    def close(self) -> None: ...
+
+@final
+class Stage:
+    def __new__(cls, plan: str, number: int, scene: bytes, threads: int) -> Stage: ...
+    def draw(self, numbers: list[int], threads: int) -> bytes: ...
+
+@final
+class View:
+    def __new__(cls, view: bytes) -> View: ...
+
+def measure(views: list[View], machine: str, target: str, threads: int) -> str: ...
+def draw(name: str, text: str | None, numbers: list[int], prices: str | None) -> list[bytes]: ...
 def run(
     scene: Scene,
     machine: Machine | None,
@@ -116,6 +145,16 @@ def run(
     prices: str | None,
     progress: _Progress,
 ) -> Outcome: ...
+def sequence(
+    name: str,
+    size: tuple[int, int] | None,
+    cameras: str | None,
+    machine: Machine | None,
+    folder: str | None,
+    exr: bool,
+    video: str | None,
+    progress: _Progress,
+) -> tuple[str, str]: ...
 def explain(scene: Scene, machine: Machine | None, x: int, y: int) -> tuple[str, str]: ...
 def trace(
     scene: Scene,
@@ -151,5 +190,6 @@ def search(
     tries: int,
     only: list[str],
     prices: str | None,
+    crew: Any,
     progress: _Progress,
 ) -> Job: ...

@@ -1,26 +1,28 @@
 //! Explore: sweeps and searches.
 
+use crate::crew::Asked;
 use crate::models::{Machine, Scene};
+use crate::points::plan;
 use crate::work::{done, json, raised, refused};
 use pyo3::prelude::*;
 use splatsim::explore::search as searching;
 use splatsim::explore::search::Target;
+use splatsim::explore::search::crew::on_crew;
 use splatsim::explore::sweep as sweeping;
-use splatsim::explore::sweep::plan::Points;
 use splatsim::hardware::searched::Against;
 use splatsim::performance::cost::Prices;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Outcome of a sweep or a search.
 #[pyclass(frozen, get_all, module = "splatsim._native")]
 pub(crate) struct Job {
     /// Files that were written.
-    files: Vec<PathBuf>,
+    pub files: Vec<PathBuf>,
     /// What the command line prints.
-    summary: String,
+    pub summary: String,
     /// The findings of a search; empty of a sweep, whose rows are in its files.
-    json: String,
+    pub json: String,
 }
 
 /// Carries a plan out.
@@ -39,10 +41,7 @@ pub(crate) fn sweep(
 ) -> PyResult<Job> {
     let shard = shard.map(|text| text.parse().map_err(|sentence| refused(format!("--shard {text}: {sentence}")))).transpose()?;
     done(py, progress, move || {
-        let points = match text {
-            Some(text) => Points::from_text(&text, &name, Path::new("")),
-            None => Points::load(&name),
-        }?;
+        let points = plan(&name, text.as_deref())?;
         let options = sweeping::Options { shard, most, prices: Prices::load_or_default(prices.as_deref())?, progress: false };
         let outcome = sweeping::run(&points, &folder, &options)?;
         Ok(Job { summary: outcome.summary(), files: outcome.files, json: String::new() })
@@ -51,7 +50,7 @@ pub(crate) fn sweep(
 
 /// Finds the narrowest machine that meets a target.
 #[pyfunction]
-#[pyo3(signature = (scenes, machine, folder, target_psnr, max_error, against_ideal, no_saturation, views, seed, tries, only, prices, progress))]
+#[pyo3(signature = (scenes, machine, folder, target_psnr, max_error, against_ideal, no_saturation, views, seed, tries, only, prices, crew, progress))]
 #[expect(clippy::too_many_arguments, reason = "as many as a search has options")]
 pub(crate) fn search(
     py: Python<'_>,
@@ -67,6 +66,7 @@ pub(crate) fn search(
     tries: u64,
     only: Vec<String>,
     prices: Option<PathBuf>,
+    crew: Option<Py<PyAny>>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Job> {
     let scenes: Vec<Arc<splatsim::scene::Scene>> = scenes.iter().map(|scene| Arc::clone(&scene.get().scene)).collect();
@@ -78,7 +78,11 @@ pub(crate) fn search(
         let prices = Prices::load_or_default(prices.as_deref())?;
         let options = searching::Options { target, views, seed, tries, only, prices, progress: false };
         let scenes: Vec<_> = scenes.iter().map(|scene| (**scene).clone()).collect();
-        searching::run(&scenes, &machine, &folder, &options)
+        let search = || searching::run(&scenes, &machine, &folder, &options);
+        match crew {
+            Some(crew) => on_crew(Box::new(Asked(crew)), search),
+            None => search(),
+        }
     })?;
     Ok(Job { summary: outcome.summary(), json: json(&outcome)?, files: outcome.files })
 }

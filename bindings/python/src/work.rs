@@ -30,6 +30,12 @@ pub(crate) fn raised(error: Error) -> PyErr {
     }
 }
 
+/// The fault that an exception of [`raised`] says.
+pub(crate) fn sentence(py: Python<'_>, raised: &PyErr) -> Error {
+    let sentence = raised.value(py).to_string();
+    if raised.is_instance_of::<InputError>(py) { Error::input(sentence) } else { Error::job(sentence) }
+}
+
 /// An exception for what only a call from Python can get wrong.
 pub(crate) fn refused(sentence: impl Into<String>) -> PyErr {
     raised(Error::input(sentence))

@@ -39,11 +39,11 @@ def files(folder):
 def test_a_run_is_the_command_line_s(splatsim_run, tmp_path, scene, settings):
     seen = splatsim.Scene(scene, size=(48, 32))
     machine = splatsim.Machine(seen.usual_machine).with_settings(*settings)
-    frame = splatsim.run(seen, machine)
+    frame = splatsim.run(seen, machine, requests=True)
     typed = [word for setting in settings for word in ("--set", setting)]
-    printed = splatsim_run("run", scene, *SIZE, *typed, "--out", "theirs", "--record", "theirs.work")
+    printed = splatsim_run("run", scene, *SIZE, *typed, "--requests", "--out", "theirs", "--record", "theirs.work")
     frame.write(tmp_path / "ours", exr=False)
-    assert files(tmp_path / "ours") == files(tmp_path / "theirs")
+    assert files(tmp_path / "ours") == files(tmp_path / "theirs") and list(tmp_path.glob("ours/requests.*"))
     theirs = json.loads((tmp_path / "theirs/report.json").read_text())
     assert without_host(frame.report.dict()) == without_host(theirs)
     assert frame.summary().splitlines()[:3] == printed.splitlines()[:3]
@@ -129,6 +129,22 @@ def test_a_story_is_the_command_line_s(splatsim_run):
     theirs = splatsim_run("explain", "glass-spheres", *SIZE, "--pixel", "24,16", "--json")
     assert story.numbers.dict() == json.loads(theirs)
     assert story.contributions.num_rows == len(story.numbers.contributions) > 0
+
+
+def test_a_sequence_is_the_command_line_s(splatsim_run, tmp_path):
+    camera = {"target": [0.4, 0.4, 0], "up": [0, 1, 0], "fov_y_degrees": 45, "near": 0.05}
+    moving = {**SCENE, "cameras": [{**camera, "eye": [0, 0, distance]} for distance in (2, 2.5, 3)]}
+    (tmp_path / "moving.json").write_text(json.dumps(moving))
+    drawn = splatsim.sequence(tmp_path / "moving.json", "tiny", tmp_path / "ours", y4m=tmp_path / "ours.y4m")
+    splatsim_run("run", "moving.json", "--machine", "tiny", "--out", "theirs", "--y4m", "theirs.y4m")
+    assert files(tmp_path / "ours") == files(tmp_path / "theirs")
+    assert (tmp_path / "ours.y4m").read_bytes() == (tmp_path / "theirs.y4m").read_bytes()
+    theirs = json.loads((tmp_path / "theirs/report.json").read_text())
+    # The path that was typed names the scene.
+    theirs["scene"]["name"] = drawn.scene.name
+    assert without_host(drawn.dict()) == without_host(theirs) and drawn.rows.num_rows == 3
+    with pytest.raises(splatsim.InputError, match="has one camera"):
+        splatsim.sequence("glass-spheres")
 
 
 def test_a_trace_is_the_command_line_s(splatsim_run, tmp_path):

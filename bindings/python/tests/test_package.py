@@ -148,3 +148,14 @@ def test_threads_draw_side_by_side():
     for thread in threads:
         thread.join()
     assert len(found) == 4 and all(np.array_equal(picture, expected) for picture in found)
+
+
+def test_another_seed_is_another_search():
+    scene = splatsim.Scene({"splats": {"builtin": "glass-spheres", "count": 300}}, size=(24, 16))
+
+    def rows(seed):
+        found = splatsim.search(scene, "reference", target_psnr=40, only=["gauss", "splat.rgb"], views=0, tries=20, seed=seed)
+        return found.table.drop_columns(["host_seconds"])
+
+    first = rows(0)
+    assert rows(0).equals(first) and not all(rows(seed).equals(first) for seed in (1, 2, 3))

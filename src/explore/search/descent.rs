@@ -29,6 +29,24 @@ pub trait Problem {
     /// # Errors
     /// Where it cannot be kept what was found.
     fn load(&mut self, steps: &[u32]) -> Result<f64>;
+
+    /// Loads that can be measured at once: 1 where nothing is gained by that.
+    fn width(&self) -> usize {
+        1
+    }
+
+    /// Measures loads that may be asked for, at once. Nothing that is found depends on it.
+    ///
+    /// # Errors
+    /// Where whoever measures fails.
+    fn foresee(&mut self, _steps: &[Vec<u32>]) -> Result<()> {
+        Ok(())
+    }
+
+    /// A load that was measured or asked for before.
+    fn foreseen(&self, _steps: &[u32]) -> Option<f64> {
+        None
+    }
 }
 
 /// Stands for a load without limit.
@@ -51,10 +69,41 @@ fn load(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
     Ok(problem.load(steps)?.min(ENDLESS))
 }
 
+/// A load; where it was never measured, others that may be asked for after it are measured beside it.
+fn load_ahead<P: Problem>(problem: &mut P, steps: &[u32], others: impl FnOnce(&mut P, usize) -> Vec<Vec<u32>>) -> Result<f64> {
+    let width = problem.width();
+    if width > 1 && problem.foreseen(steps).is_none() {
+        let mut all = others(problem, width - 1);
+        all.insert(0, steps.to_vec());
+        problem.foresee(&all)?;
+    }
+    problem.load(steps)
+}
+
+/// Measures what halving will ask for, all knobs side by side.
+fn foresee_limits(problem: &mut impl Problem, none: &[u32]) -> Result<()> {
+    let mut halves: Vec<[u32; 2]> = problem.most().iter().map(|most| [0, most + 1]).collect();
+    let middle = |[well, ill]: &[u32; 2]| (ill - well > 1).then(|| u32::midpoint(*well, *ill));
+    while problem.width() > 1 {
+        let asked: Vec<(usize, u32)> = halves.iter().enumerate().filter_map(|(knob, half)| Some((knob, middle(half)?))).collect();
+        if asked.is_empty() {
+            break;
+        }
+        let steps: Vec<Vec<u32>> = asked.iter().map(|(knob, middle)| with(none, *knob, *middle)).collect();
+        problem.foresee(&steps)?;
+        for ((knob, middle), steps) in asked.iter().zip(&steps) {
+            let is_well = problem.foreseen(steps).is_some_and(|load| load <= 1.0);
+            halves[*knob][usize::from(!is_well)] = *middle;
+        }
+    }
+    Ok(())
+}
+
 /// Steps that each knob can go alone, all others as they are.
 pub fn limits(problem: &mut impl Problem) -> Result<Vec<u32>> {
     let most = problem.most();
     let none = vec![0; most.len()];
+    foresee_limits(problem, &none)?;
     let mut limits = none.clone();
     for knob in 0..most.len() {
         let [mut well, mut ill] = [0, most[knob] + 1];
@@ -71,8 +120,11 @@ pub fn limits(problem: &mut impl Problem) -> Result<Vec<u32>> {
 pub fn starts(problem: &mut impl Problem, limits: &[u32]) -> Result<(Vec<u32>, Vec<u32>)> {
     let mut ill = limits.to_vec();
     for back in 0.. {
-        let steps: Vec<u32> = limits.iter().map(|limit| limit.saturating_sub(back)).collect();
-        if problem.load(&steps)? <= 1.0 || steps.iter().all(|step| *step == 0) {
+        let less = |back: u32| -> Vec<u32> { limits.iter().map(|limit| limit.saturating_sub(back)).collect() };
+        let steps = less(back);
+        if load_ahead(problem, &steps, |_, width| (back + 1..).take(width).map(less).collect())? <= 1.0
+            || steps.iter().all(|step| *step == 0)
+        {
             return Ok((steps, ill));
         }
         ill = steps;
@@ -113,8 +165,20 @@ fn unmeasured(knobs: usize) -> BinaryHeap<Thought> {
     (0..knobs).map(|knob| Thought { score: f64::INFINITY, knob, at: 0 }).collect()
 }
 
+/// The steps that come up next, as far as is known now: each one `more` or less of a knob.
+fn next_thoughts(thoughts: &BinaryHeap<Thought>, steps: &[u32], most: &[u32], more: i32, count: usize) -> Vec<Vec<u32>> {
+    let mut best: Vec<&Thought> = thoughts.iter().collect();
+    best.sort_by(|a, b| b.cmp(a));
+    let step = |thought: &Thought| {
+        let value = steps[thought.knob].checked_add_signed(more).filter(|value| *value <= most[thought.knob])?;
+        Some(with(steps, thought.knob, value))
+    };
+    best.into_iter().filter_map(step).take(count).collect()
+}
+
 /// From where all is not well: gives steps back, one after the other, until it is.
 pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> {
+    let most = problem.most();
     let mut steps = from.to_vec();
     let mut now = load(problem, &steps)?;
     let mut state = 1;
@@ -143,7 +207,8 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             thoughts.push(Thought { at: 0, ..thought });
             continue;
         }
-        let relief = now - load(problem, &next)?;
+        let then = load_ahead(problem, &next, |_, width| next_thoughts(&thoughts, &steps, &most, -1, width))?;
+        let relief = now - then.min(ENDLESS);
         if relief > 0.0 {
             let price = match (problem.area(&steps), problem.area(&next)) {
                 (Some(before), Some(after)) => (after - before).max(f64::MIN_POSITIVE),
@@ -174,7 +239,7 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
         if after >= before {
             continue;
         }
-        let then = load(problem, &next)?;
+        let then = load_ahead(problem, &next, |_, width| next_thoughts(&thoughts, &steps, &most, 1, width))?.min(ENDLESS);
         if then > 1.0 {
             continue;
         }
@@ -190,43 +255,75 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
     Ok(steps)
 }
 
+/// A walk of random exchanges, ever colder.
+#[derive(Clone)]
+struct Walk {
+    steps: Vec<u32>,
+    area: f64,
+    /// The area that it began at.
+    first: f64,
+    drawn: u64,
+    thought: u64,
+    tried: u64,
+    tries: u64,
+}
+
+impl Walk {
+    fn below(&mut self, count: u64) -> u64 {
+        self.drawn = self.drawn.wrapping_add(1);
+        mixed(mixed(self.drawn)) % count.max(1)
+    }
+
+    /// Steps that are a few exchanges away.
+    fn exchanged(&mut self, most: &[u32]) -> Vec<u32> {
+        let mut next = self.steps.clone();
+        for _ in 0..1 + self.below(2) {
+            let knob = self.below(most.len() as u64) as usize;
+            next[knob] = (next[knob] + 1 + self.below(2) as u32).min(most[knob]);
+        }
+        for _ in 0..self.below(3) {
+            let knob = self.below(most.len() as u64) as usize;
+            next[knob] = next[knob].saturating_sub(1 + self.below(2) as u32);
+        }
+        next
+    }
+
+    /// The steps that are tried next, and their area.
+    fn next(&mut self, problem: &mut impl Problem, most: &[u32]) -> Option<(Vec<u32>, f64)> {
+        while self.tried < self.tries && self.thought < self.tries * THOUGHTS {
+            let [by_tries, by_thoughts] = [self.tried as f64 / self.tries as f64, self.thought as f64 / (self.tries * THOUGHTS) as f64];
+            let heat = self.first * HOT * libm::pow(COLD / HOT, by_tries.max(by_thoughts));
+            self.thought += 1;
+            let next = self.exchanged(most);
+            let chance = self.below(1 << 32) as f64 / (1u64 << 32) as f64;
+            let Some(area) = problem.area(&next).filter(|_| next != self.steps) else { continue };
+            if area > self.area && libm::exp((self.area - area) / heat) < chance {
+                continue;
+            }
+            self.tried += 1;
+            return Some((next, area));
+        }
+        None
+    }
+}
+
 /// From where all is well: exchanges steps at random, ever colder; the best that was met. `tries` loads are asked for.
 pub fn annealed(problem: &mut impl Problem, from: &[u32], seed: u64, tries: u64) -> Result<Vec<u32>> {
     let most = problem.most();
     let Some(first) = problem.area(from).filter(|_| most.iter().any(|most| *most > 0)) else { return Ok(from.to_vec()) };
-    let (mut steps, mut area) = (from.to_vec(), first);
-    let (mut best, mut best_area) = (steps.clone(), area);
-    let mut drawn = seed;
-    let mut below = |count: u64| {
-        drawn = drawn.wrapping_add(1);
-        mixed(mixed(drawn)) % count.max(1)
-    };
-    let mut tried = 0;
-    for thought in 0..tries * THOUGHTS {
-        if tried == tries {
-            break;
-        }
-        let [by_tries, by_thoughts] = [tried as f64 / tries as f64, thought as f64 / (tries * THOUGHTS) as f64];
-        let heat = first * HOT * libm::pow(COLD / HOT, by_tries.max(by_thoughts));
-        let mut next = steps.clone();
-        for _ in 0..1 + below(2) {
-            let knob = below(most.len() as u64) as usize;
-            next[knob] = (next[knob] + 1 + below(2) as u32).min(most[knob]);
-        }
-        for _ in 0..below(3) {
-            let knob = below(most.len() as u64) as usize;
-            next[knob] = next[knob].saturating_sub(1 + below(2) as u32);
-        }
-        let chance = below(1 << 32) as f64 / (1u64 << 32) as f64;
-        let Some(next_area) = problem.area(&next).filter(|_| next != steps) else { continue };
-        if next_area > area && libm::exp((area - next_area) / heat) < chance {
-            continue;
-        }
-        tried += 1;
-        if problem.load(&next)? <= 1.0 {
-            (steps, area) = (next, next_area);
-            if area < best_area {
-                (best, best_area) = (steps.clone(), area);
+    let mut walk = Walk { steps: from.to_vec(), area: first, first, drawn: seed, thought: 0, tried: 0, tries };
+    let (mut best, mut best_area) = (from.to_vec(), first);
+    while let Some((next, next_area)) = walk.next(problem, &most) {
+        // As if none of them were taken.
+        let ahead = walk.clone();
+        let load = load_ahead(problem, &next, |problem, width| {
+            let mut ahead = ahead;
+            std::iter::from_fn(|| Some(ahead.next(problem, &most)?.0)).take(width).collect()
+        })?;
+        if load <= 1.0 {
+            (walk.steps, walk.area) = (next, next_area);
+            if walk.area < best_area {
+                (best, best_area) = (walk.steps.clone(), walk.area);
             }
         }
     }
@@ -237,6 +334,7 @@ pub fn annealed(problem: &mut impl Problem, from: &[u32], seed: u64, tries: u64)
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use std::collections::HashMap;
 
     /// Errors that add up, each four times as great a step; area that falls by a word's price a step.
     #[derive(Clone, Debug)]
@@ -311,6 +409,67 @@ mod tests {
             for knob in 0..4 {
                 prop_assert!(steps[knob] == sum.most || sum.allowed(&with(&steps, knob, steps[knob] + 1)) > 1.0);
             }
+        }
+    }
+
+    /// The same, measured some at a time: what was asked for, and how often nothing was known of it.
+    struct Crewed {
+        sum: Sum,
+        width: usize,
+        known: HashMap<Vec<u32>, f64>,
+        asked: Vec<Vec<u32>>,
+        surprises: usize,
+    }
+
+    impl Problem for Crewed {
+        fn most(&self) -> Vec<u32> {
+            self.sum.most()
+        }
+
+        fn area(&mut self, steps: &[u32]) -> Option<f64> {
+            self.sum.area(steps)
+        }
+
+        fn load(&mut self, steps: &[u32]) -> Result<f64> {
+            self.asked.push(steps.to_vec());
+            self.surprises += usize::from(!self.known.contains_key(steps));
+            self.sum.load(steps)
+        }
+
+        fn width(&self) -> usize {
+            self.width
+        }
+
+        fn foresee(&mut self, steps: &[Vec<u32>]) -> Result<()> {
+            self.known.extend(steps.iter().map(|steps| (steps.clone(), self.sum.allowed(steps))));
+            Ok(())
+        }
+
+        fn foreseen(&self, steps: &[u32]) -> Option<f64> {
+            self.known.get(steps).copied()
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+        #[test]
+        fn who_measures_ahead_asks_for_the_same(sum in sums(), seed in any::<u64>()) {
+            let way = |width: usize| {
+                let mut problem = Crewed { sum: sum.clone(), width, known: HashMap::new(), asked: Vec::new(), surprises: 0 };
+                let limits = limits(&mut problem).unwrap();
+                let (well, ill) = starts(&mut problem, &limits).unwrap();
+                let back = given_back(&mut problem, &ill).unwrap();
+                let down = taken_away(&mut problem, &well).unwrap();
+                let cold = annealed(&mut problem, &down, seed, 50).unwrap();
+                let last = taken_away(&mut problem, &cold).unwrap();
+                (vec![limits, well, ill, back, down, cold, last], problem.asked, problem.surprises)
+            };
+            let (found, asked, _) = way(1);
+            let (found_ahead, asked_ahead, surprises) = way(4);
+            prop_assert_eq!(found, found_ahead);
+            prop_assert_eq!(&asked, &asked_ahead);
+            // But for the first of a way, and of what is taken, all is known before it is asked for.
+            prop_assert!(surprises <= 4 + asked.len() / 3, "{surprises} of {}", asked.len());
         }
     }
 

@@ -16,6 +16,7 @@ use rtl_model::num::Format;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -126,7 +127,7 @@ fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
 }
 
 /// A plan that can be carried out.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Points {
     /// The plan.
     pub plan: Plan,
@@ -271,6 +272,22 @@ impl Points {
     /// Which scene a point is on, and what it changes.
     pub fn point(&self, number: u64) -> (usize, Vec<Change>) {
         ((number / self.machines) as usize, self.changes(number % self.machines))
+    }
+
+    /// Points in the order of the plan, those that may share a frame, for they differ in timing alone, together.
+    pub fn together(&self, numbers: &[u64]) -> Vec<Vec<u64>> {
+        let mut groups: Vec<Vec<u64>> = Vec::new();
+        let mut places = HashMap::new();
+        for number in numbers {
+            let (scene, changes) = self.point(*number);
+            let drawn: Vec<Change> = changes.into_iter().filter(|(field, _)| machines::changes_picture(field)).collect();
+            let place = *places.entry((scene, Value::from_iter(drawn).to_string())).or_insert(groups.len());
+            if place == groups.len() {
+                groups.push(Vec::new());
+            }
+            groups[place].push(*number);
+        }
+        groups
     }
 
     fn changes(&self, number: u64) -> Vec<Change> {

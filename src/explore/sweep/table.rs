@@ -3,25 +3,24 @@
 //! ```text
 //! points.jsonl          a line of columns, then a row a line: [digest, [cells]]   appended, a whole line or none counts
 //! points-2-of-5.jsonl   the same of a part
+//! points/17.parquet     rows that others have drawn, the first of point 17         written beside, then renamed
 //! sweep.csv, sweep.parquet   every row known, by its point                         written beside, then renamed
 //! ```
 //! A line that the end of the process cut short is written again; one that somebody changed is an error.
+
+mod batch;
+
+pub use batch::packed;
 
 use crate::error::{Error, Result};
 use crate::output::files::write_beside;
 use crate::output::progress::is_wanted;
 use crate::scene::digest::digest;
-use parquet::basic::{Compression, LogicalType, Repetition, Type as Physical};
-use parquet::data_type::{ByteArray, ByteArrayType, DoubleType, Int64Type};
-use parquet::file::properties::WriterProperties;
-use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::types::Type;
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Kind of a column's cells; any cell may be empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,6 +71,7 @@ impl Table {
             let text = fs::read(path).map_err(cannot)?;
             read(path, whole_lines(&text), header, &mut rows)?;
         }
+        batch::read_all(folder, &columns, &mut rows)?;
         if rows.is_empty() { Err(input_error("has no rows yet")) } else { Ok(Table { columns, rows: rows.into_values().collect() }) }
     }
 
@@ -136,6 +136,8 @@ impl Journal {
                 journal.file.set_len(whole.len() as u64).map_err(|e| cannot(&own, e))?;
             }
         }
+        batch::remove_parts(folder);
+        batch::read_all(folder, &journal.columns, &mut journal.rows)?;
         if journal.file.metadata().map_err(|e| cannot(&own, e))?.len() == 0 {
             journal.file.write_all(format!("{header}\n").as_bytes()).map_err(|e| written(&own, e))?;
         }
@@ -150,6 +152,11 @@ impl Journal {
     /// The row of a point.
     pub fn get(&self, point: u64) -> Option<&Row> {
         self.rows.get(&point)
+    }
+
+    /// Points that have a row.
+    pub fn points(&self) -> impl DoubleEndedIterator<Item = u64> {
+        self.rows.keys().copied()
     }
 
     /// All rows, by their points.
@@ -175,6 +182,24 @@ impl Journal {
         Ok(())
     }
 
+    /// Rows that somebody else has drawn, of these points: in a file of their own before this returns.
+    ///
+    /// # Errors
+    /// [`Error::Job`] where they are of other points, are there already, or cannot be written; or nobody wants them any more.
+    pub fn push_batch(&mut self, folder: &Path, points: &[u64], bytes: &[u8]) -> Result<()> {
+        is_wanted()?;
+        let rows = batch::unpacked(bytes, &self.columns).map_err(|what| Error::job(format!("a batch of rows {what}")))?;
+        let are_asked_for = rows.iter().map(|(point, _)| point).eq(points) && points.is_sorted_by(|a, b| a < b);
+        if !are_asked_for || points.iter().any(|point| self.rows.contains_key(point)) {
+            return Err(Error::job("a batch of rows is of other points than were asked for"));
+        }
+        if let Some(first) = points.first() {
+            batch::write(folder, *first, bytes)?;
+        }
+        self.rows.extend(rows);
+        Ok(())
+    }
+
     /// Writes all rows as `stem`.csv and as Parquet.
     ///
     /// # Errors
@@ -183,7 +208,7 @@ impl Journal {
         let [csv, parquet] = ["csv", "parquet"].map(|extension| folder.join(stem).with_extension(extension));
         let text = self.csv();
         write_beside(&csv, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
-        let bytes = self.parquet().map_err(|e| Error::job(format!("{}: {e}", parquet.display())))?;
+        let bytes = batch::parquet(&self.columns, self.rows(), None).map_err(|e| Error::job(format!("{}: {e}", parquet.display())))?;
         write_beside(&parquet, |file| file.write_all(&bytes).map_err(|e| e.to_string()))?;
         Ok(vec![csv, parquet])
     }
@@ -203,47 +228,6 @@ impl Journal {
             text += &(row.iter().map(cell).collect::<Vec<_>>().join(",") + "\n");
         }
         text
-    }
-
-    fn parquet(&self) -> parquet::errors::Result<Vec<u8>> {
-        let field = |(name, kind): &Column| {
-            let physical = match kind {
-                Kind::Text => Physical::BYTE_ARRAY,
-                Kind::Whole => Physical::INT64,
-                Kind::Number => Physical::DOUBLE,
-            };
-            let text = (*kind == Kind::Text).then_some(LogicalType::String);
-            Type::primitive_type_builder(name, physical).with_repetition(Repetition::OPTIONAL).with_logical_type(text).build().map(Arc::new)
-        };
-        let fields = self.columns.iter().map(field).collect::<parquet::errors::Result<Vec<_>>>()?;
-        let schema = Arc::new(Type::group_type_builder("sweep").with_fields(fields).build()?);
-        let properties = WriterProperties::builder().set_compression(Compression::UNCOMPRESSED).build();
-        let mut bytes = Vec::new();
-        let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(properties))?;
-        let mut group = file.next_row_group()?;
-        for (nth, (_, kind)) in self.columns.iter().enumerate() {
-            let Some(mut column) = group.next_column()? else { break };
-            let cells: Vec<&Value> = self.rows().map(|row| &row[nth]).collect();
-            let there: Vec<i16> = cells.iter().map(|cell| i16::from(!cell.is_null())).collect();
-            match kind {
-                Kind::Text => {
-                    let words: Vec<ByteArray> = cells.iter().filter_map(|cell| cell.as_str()).map(ByteArray::from).collect();
-                    column.typed::<ByteArrayType>().write_batch(&words, Some(&there), None)?;
-                }
-                Kind::Whole => {
-                    let numbers: Vec<i64> = cells.iter().filter_map(|cell| cell.as_i64()).collect();
-                    column.typed::<Int64Type>().write_batch(&numbers, Some(&there), None)?;
-                }
-                Kind::Number => {
-                    let numbers: Vec<f64> = cells.iter().filter_map(|cell| cell.as_f64()).collect();
-                    column.typed::<DoubleType>().write_batch(&numbers, Some(&there), None)?;
-                }
-            }
-            column.close()?;
-        }
-        group.close()?;
-        file.close()?;
-        Ok(bytes)
     }
 }
 

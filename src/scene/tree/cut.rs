@@ -14,6 +14,7 @@
 
 use super::super::{Filter, Scene, View};
 use super::{Node, Tree};
+use serde::{Deserialize, Serialize};
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 
@@ -23,7 +24,7 @@ const CONE_SLACK: f64 = 1.0 / 256.0;
 const SLACK_PX: f64 = 1.0;
 
 /// Order in which a cut is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Order {
     /// As the walk comes to them.
     Walk,
@@ -32,7 +33,7 @@ pub enum Order {
 }
 
 /// What a frame may take.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Budget {
     /// Splats that are drawn.
     pub splats: Option<u64>,
@@ -43,7 +44,7 @@ pub struct Budget {
 }
 
 /// How much of a tree is drawn.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Rules {
     /// No node that is larger is drawn, unless it is a leaf, pixels.
     pub pixels: f64,
@@ -58,7 +59,7 @@ pub struct Rules {
 }
 
 /// What became of a node that was read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Found {
     /// Too large: its children are read.
     Opened,
@@ -71,7 +72,7 @@ pub enum Found {
 }
 
 /// A node that was read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Visit {
     /// Its number.
     pub node: u32,
@@ -82,7 +83,7 @@ pub struct Visit {
 }
 
 /// What a view needs of a tree.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cut {
     /// Every node that was read, in order.
     pub visits: Vec<Visit>,
@@ -95,7 +96,7 @@ pub struct Cut {
 }
 
 /// A tree, and what is drawn of it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Detail {
     /// The tree.
     pub tree: Arc<Tree>,

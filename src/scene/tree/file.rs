@@ -42,7 +42,7 @@ pub fn bytes(tree: &Tree) -> Vec<u8> {
     [MAGIC, counts.as_flattened(), &Sha256::digest(&nodes), &nodes].concat()
 }
 
-/// Reads what [`bytes`] wrote; the error is the second half of a sentence that begins with the file's name.
+/// Reads what [`bytes()`] wrote; the error is the second half of a sentence that begins with the file's name.
 pub fn parse(bytes: &[u8]) -> Parsed<Tree> {
     let rest = bytes.strip_prefix(MAGIC).ok_or("is no tree of splats, as `splatsim tree` writes them")?;
     let damaged = |what: String| format!("is damaged: {what}");

@@ -16,6 +16,7 @@ pub mod file;
 
 use super::{LEAST_RADIUS, Splat, ply::FARTHEST};
 use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// Most children of a node.
 pub const MOST_CHILDREN: usize = 64;
@@ -27,7 +28,7 @@ const MARGIN: f64 = 1e-9;
 const CONE_MARGIN: f64 = 1e-9;
 
 /// A node.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Node {
     /// What is drawn of it.
     pub splat: Splat,
@@ -58,7 +59,7 @@ impl Node {
 }
 
 /// A tree of splats: the root first, then level by level; children of one node follow each other, in the order of their parents.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tree {
     nodes: Vec<Node>,
     leaves: usize,

@@ -1,0 +1,293 @@
+//! Stage: draws points of a plan on one scene, and keeps what they have in common; no folder, no order, any thread.
+//!
+//! ```text
+//! scene ─► ideal, once ─┐
+//! rules ─► golden, kept ┼─► frame, work, errors, kept ─┬─ timing ─► cycles, energy ─► row
+//! formats ─► machine ───┘                              └─ timing ─► …
+//! ```
+//! A row depends on the plan, the scene, prices and the version alone, which its key is a digest of: whoever draws it, where and beside what
+//! others, draws the same, but for the seconds of `host_`.
+
+use super::columns::{self, Errors, Findings, Frame, Replay};
+use super::plan::{self, Change, Points};
+use super::table::{Column, Row};
+use crate::accuracy::{distance, metrics, partial};
+use crate::error::{Error, Result};
+use crate::golden;
+use crate::golden::Rules;
+use crate::hardware::{fixed, machines};
+use crate::output::picture::Picture;
+use crate::performance::cost::{CostReport, Prices};
+use crate::performance::cycles::CyclesReport;
+use crate::run::evaluation::Evaluation;
+use crate::run::report::MachineReport;
+use crate::run::timed;
+use crate::scene::Scene;
+use crate::scene::digest::{digest, digest_of};
+use rayon::prelude::*;
+use rtl_model::Machine;
+use rtl_model::timing::{self, Detail};
+use serde_json::{Value, json};
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// What a point is told of its scene.
+#[derive(Clone, Debug)]
+pub(super) struct Head {
+    /// Of all that is drawn.
+    pub digest: String,
+    /// Whether a tree is walked, for which every machine pays.
+    pub has_tree: bool,
+}
+
+impl Head {
+    /// That of a scene.
+    pub fn of(scene: &Scene) -> Self {
+        Head { digest: digest_of(scene), has_tree: scene.detail.is_some() }
+    }
+}
+
+/// A machine of the plan on a scene.
+pub(super) struct Point {
+    number: u64,
+    changes: Vec<Change>,
+    machine: Machine,
+    /// A digest of all that determines the row.
+    pub key: String,
+}
+
+impl Point {
+    /// The point of a number.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where there is no such machine.
+    pub fn new(points: &Points, prices: &Prices, scene: &Head, number: u64) -> Result<Self> {
+        let (_, changes) = points.point(number);
+        let mut machine = plan::machine_of(&points.base, &changes, &format!("point {number}"))?;
+        machines::pay(&mut machine, scene.has_tree);
+        let all = json!([
+            env!("CARGO_PKG_VERSION"),
+            scene.digest,
+            Machine { name: String::new(), ..machine.clone() },
+            json!(prices),
+            points.plan.lockstep,
+            plan::exact_of(&changes),
+        ]);
+        Ok(Point { number, changes, machine, key: digest(all.to_string().as_bytes()) })
+    }
+
+    /// All that a frame depends on: the machine but for its timing, and what of it is exact.
+    fn formats(&self, points: &Points) -> String {
+        let machine = Machine { timing: points.base.timing, ..self.machine.clone() };
+        json!([machine, plan::exact_of(&self.changes)]).to_string()
+    }
+}
+
+/// What all points on a scene have in common. Threads may draw on it side by side.
+pub struct Stage {
+    points: Points,
+    prices: Prices,
+    nth: usize,
+    scene: Scene,
+    head: Head,
+    ideal: Picture,
+    ideal_seconds: f64,
+    goldens: Kept<Rules, Golden>,
+    frames: Kept<String, std::result::Result<Drawn, String>>,
+}
+
+/// What golden makes by some rules.
+struct Golden {
+    picture: Picture,
+    /// Against ideal.
+    psnr_db: Option<f64>,
+    seconds: f64,
+}
+
+/// Golden pictures that are kept.
+const GOLDENS: usize = 16;
+/// Frames that are kept: their work takes more memory than a picture.
+const FRAMES: usize = 2;
+
+impl Stage {
+    /// The plan's scene of a number, as [`Points::scene`] loads it; draws `ideal`.
+    pub fn new(points: &Points, prices: &Prices, nth: usize, scene: Scene) -> Self {
+        let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
+        let head = Head::of(&scene);
+        let (goldens, frames) = (Kept::new(GOLDENS), Kept::new(FRAMES));
+        Stage { points: points.clone(), prices: *prices, nth, scene, head, ideal, ideal_seconds, goldens, frames }
+    }
+
+    /// Columns of the rows.
+    pub fn columns(&self) -> Vec<Column> {
+        columns::all(&self.points.fields())
+    }
+
+    /// Draws points of this scene, and hands each one's row to `each` as it comes. Those that differ in timing alone share a frame.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where a point is none of this scene; what `each` says.
+    pub fn draw(&self, numbers: &[u64], mut each: impl FnMut(u64, Row) -> Result<()>) -> Result<()> {
+        for group in self.groups(numbers)? {
+            for (number, row) in self.rows(&group) {
+                each(number, row)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Points whose machines differ in timing alone, together.
+    fn groups(&self, numbers: &[u64]) -> Result<Vec<Vec<Point>>> {
+        let mut groups: Vec<Vec<Point>> = Vec::new();
+        let mut places = BTreeMap::new();
+        for number in numbers {
+            if *number >= self.points.count() || self.points.point(*number).0 != self.nth {
+                return Err(Error::input(format!("the plan has no point {number} on {}", self.scene.name)));
+            }
+            let point = Point::new(&self.points, &self.prices, &self.head, *number)?;
+            let place = *places.entry(point.formats(&self.points)).or_insert(groups.len());
+            if place == groups.len() {
+                groups.push(Vec::new());
+            }
+            groups[place].push(point);
+        }
+        Ok(groups)
+    }
+
+    fn golden(&self, rules: &Rules) -> Arc<Golden> {
+        self.goldens.get(rules, || {
+            let (picture, seconds) = timed(|| golden::render(&self.scene, rules).picture);
+            let psnr_db = distance(&picture, &self.ideal).psnr_db;
+            Golden { picture, psnr_db, seconds }
+        })
+    }
+
+    /// The rows of points whose machines differ in timing alone.
+    fn rows(&self, group: &[Point]) -> Vec<(u64, Row)> {
+        let formats = group[0].formats(&self.points);
+        let (drawn, seconds) = timed(|| self.frames.get(&formats, || self.frame(&group[0])));
+        let base = machines::value(&self.points.base);
+        let fields = self.points.fields();
+        let row = |point: &Point| {
+            let (found, own_seconds) = timed(|| match &*drawn {
+                Ok(drawn) => drawn.on(&point.machine, &self.prices),
+                Err(sentence) => Err(sentence.clone()),
+            });
+            let mut found = found.unwrap_or_else(|sentence| Findings { misfit: Some(sentence), ..Findings::default() });
+            found.host_seconds = seconds / group.len() as f64 + own_seconds;
+            let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+            let changes: Vec<String> = point.changes.iter().map(|(field, value)| format!("{field}={}", text(value))).collect();
+            let own = fields.iter().map(|field| {
+                let changed = point.changes.iter().find(|(other, _)| other == field).map(|(_, value)| value);
+                changed.or_else(|| base.pointer(&format!("/{}", field.replace('.', "/")))).map_or(Value::Null, |value| json!(text(value)))
+            });
+            let head = [json!(point.number), json!(point.key), json!(self.scene.name), json!(changes.join(" "))];
+            (point.number, head.into_iter().chain(own).chain(columns::cells(&found)).collect())
+        };
+        group.par_iter().map(row).collect()
+    }
+
+    /// All of a point that does not depend on timing; or why its machine cannot draw.
+    fn frame(&self, point: &Point) -> std::result::Result<Drawn, String> {
+        let exact = plan::exact_of(&point.changes);
+        if exact.is_empty() { self.drawn(&point.machine) } else { self.partial(&point.machine, &exact) }
+    }
+
+    fn drawn(&self, machine: &Machine) -> std::result::Result<Drawn, String> {
+        let evaluation = Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
+        let (observed, fixed_seconds) = timed(|| evaluation.observe());
+        let frame = Frame {
+            overflows: observed.overflows(),
+            outcomes: observed.drawing.outcomes,
+            fixed_seconds,
+            ideal_seconds: self.ideal_seconds,
+        };
+        let lockstep = self.points.plan.lockstep.then(|| evaluation.lockstep().summary(&observed.picture));
+        let errors = Some(self.errors(&observed.picture, &evaluation.rules())?);
+        Ok(Drawn { found: Findings { errors, frame: Some(frame), lockstep, ..Findings::default() }, work: Some(observed.work) })
+    }
+
+    /// The same in partial precision, some units or words in f64: errors alone, for no hardware does that.
+    fn partial(&self, machine: &Machine, exact: &[String]) -> std::result::Result<Drawn, String> {
+        let evaluation = Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
+        let is_exact = |word: &str| exact.iter().any(|name| machines::is_below(word, name));
+        let choice = partial::Choice::new(&evaluation.machine, |word| !is_exact(word));
+        let stage = partial::Stage::new(&self.scene, &evaluation.machine, &evaluation.quantised);
+        let picture = stage.fill(&choice, &stage.set_up(&choice));
+        let errors = Some(self.errors(&picture, &evaluation.rules())?);
+        Ok(Drawn { found: Findings { errors, ..Findings::default() }, work: None })
+    }
+
+    /// How far a picture is off; a sentence where a pixel of any of them has no finite number.
+    fn errors(&self, picture: &Picture, rules: &Rules) -> std::result::Result<Errors, String> {
+        let of_ideal = distance(picture, &self.ideal);
+        let golden = self.golden(rules);
+        let fixed_vs_golden = metrics(picture, &golden.picture);
+        let not_finite = fixed_vs_golden.not_finite.max(of_ideal.not_finite);
+        if not_finite > 0 {
+            return Err(format!("{not_finite} pixels have no finite number, and cannot be compared"));
+        }
+        Ok(Errors {
+            fixed_vs_golden,
+            golden_vs_ideal_psnr_db: golden.psnr_db,
+            fixed_vs_ideal_psnr_db: of_ideal.psnr_db,
+            golden_seconds: golden.seconds,
+        })
+    }
+}
+
+/// A frame, all but its time.
+struct Drawn {
+    found: Findings,
+    /// None where it was drawn in partial precision.
+    work: Option<rtl_model::work::Work>,
+}
+
+impl Drawn {
+    /// With the time that it takes on a machine.
+    fn on(&self, machine: &Machine, prices: &Prices) -> std::result::Result<Findings, String> {
+        let Some(work) = &self.work else { return Ok(self.found.clone()) };
+        let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
+        let units = timing::replay(&elaborated.timing, work, Detail::Accounts);
+        let replay = Replay {
+            cycles: CyclesReport::new(&elaborated.timing, work, &units),
+            cost: CostReport::new(&elaborated, &units, prices),
+            machine: MachineReport::new(&elaborated),
+            units,
+        };
+        Ok(Findings { replay: Some(replay), ..self.found.clone() })
+    }
+}
+
+/// The values that were asked for last: each made once, however many threads ask for it.
+struct Kept<K, V> {
+    most: usize,
+    /// The last one first.
+    values: Mutex<VecDeque<(K, Slot<V>)>>,
+}
+
+/// A value that is being made, or is there.
+type Slot<V> = Arc<OnceLock<Arc<V>>>;
+
+impl<K: PartialEq + Clone, V> Kept<K, V> {
+    fn new(most: usize) -> Self {
+        Kept { most, values: Mutex::default() }
+    }
+
+    fn get(&self, key: &K, make: impl FnOnce() -> V) -> Arc<V> {
+        let slot = self.slot(key);
+        Arc::clone(slot.get_or_init(|| Arc::new(make())))
+    }
+
+    fn slot(&self, key: &K) -> Slot<V> {
+        let mut values = self.values.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = values.iter().position(|(other, _)| other == key).and_then(|at| values.remove(at));
+        let slot = known.map_or_else(Slot::default, |(_, slot)| slot);
+        values.push_front((key.clone(), Arc::clone(&slot)));
+        values.truncate(self.most);
+        slot
+    }
+}
+
+#[cfg(test)]
+mod tests;

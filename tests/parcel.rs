@@ -1,0 +1,38 @@
+//! Does a scene that is packed for another process come out as it was?
+
+use splatsim::scene::tree::Tree;
+use splatsim::scene::tree::cut::{Budget, Detail, Order, Rules};
+use splatsim::scene::{Overrides, Scene, names, parcel};
+use std::sync::Arc;
+
+fn scenes() -> impl Iterator<Item = Scene> {
+    names().map(|name| Scene::load(name, &Overrides { size: Some((8, 6)) }).unwrap())
+}
+
+#[test]
+fn what_is_unpacked_is_what_was_packed() {
+    let with_a_tree = |scene: Scene| {
+        let rules = Rules { pixels: 1.0, order: Order::CoarseToFine, culls: true, ahead: 4, budget: Budget::default() };
+        let tree = Arc::new(Tree::new(&scene.splats[..100], 4).unwrap());
+        Scene { detail: Some(Detail::new(tree, rules)), ..scene }.cut()
+    };
+    let knot = with_a_tree(scenes().find(|scene| scene.ellipsoids.is_none()).unwrap());
+    let mut count = 0;
+    for scene in scenes().chain([knot]) {
+        assert!(parcel::unpacked(&parcel::packed(&scene).unwrap()).unwrap() == scene, "{}", scene.name);
+        count += 1;
+    }
+    assert!(count > 3);
+}
+
+#[test]
+fn no_damage_is_taken_for_a_scene() {
+    let packed = parcel::packed(&scenes().next().unwrap()).unwrap();
+    for (at, says) in [(3, "another version"), (60, "damaged"), (packed.len() / 2, "damaged"), (packed.len() - 9, "damaged")] {
+        let mut bytes = packed.clone();
+        bytes[at] ^= 4;
+        assert!(parcel::unpacked(&bytes).unwrap_err().to_string().contains(says), "byte {at}");
+    }
+    assert!(parcel::unpacked(&packed[..packed.len() - 1]).unwrap_err().to_string().contains("damaged"));
+    assert!(parcel::unpacked(&[]).is_err());
+}
