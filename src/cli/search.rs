@@ -3,7 +3,7 @@
 use super::arguments::{Common, folder_for, positive, written};
 use crate::error::Result;
 use crate::explore::search;
-use crate::explore::search::{Options, Target, over_fragment};
+use crate::explore::search::{Options, Target, over_fragment, over_timing};
 use crate::hardware::{machines, searched};
 use crate::performance::cost::Prices;
 use crate::scene::Scene;
@@ -18,11 +18,20 @@ pub(super) struct Typed {
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<OsString>,
     /// At least so many dB over all pixels
-    #[arg(long, value_name = "DB", value_parser = positive, required_unless_present = "max_error")]
+    #[arg(long, value_name = "DB", value_parser = positive, required_unless_present_any = ["max_error", "min_fps"])]
     target_psnr: Option<f64>,
     /// No pixel further off, linear light in [0, 1]
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     max_error: Option<f64>,
+    /// At least so many frames a second; fields of `timing` are searched
+    #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
+    min_fps: Option<f64>,
+    /// Least `area` (default), `energy` or `cycles`
+    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
+    minimise: Option<Minimise>,
+    /// Fields of `timing` and their values [default: see the book]
+    #[arg(long, value_name = "FILE", requires = "min_fps")]
+    domain: Option<PathBuf>,
     /// Both against golden or ideal
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Against::Golden)]
     against: Against,
@@ -81,8 +90,18 @@ enum By {
     Bytes,
 }
 
+/// [`over_timing::Minimise`] as typed.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Minimise {
+    Area,
+    Energy,
+    Cycles,
+}
+
 /// A search that can be done.
 pub(super) struct Job {
+    /// The frames a second that are wanted.
+    over_timing: Option<over_timing::Options>,
     /// What is to be least, where rules are searched and not words.
     over_fragment: Option<over_fragment::By>,
     scenes: Vec<Scene>,
@@ -117,7 +136,15 @@ impl Typed {
             _ => over_fragment::By::Area,
         };
         let over_fragment = self.over.map(|Over::Fragment| by);
-        Ok(Job { over_fragment, scenes, machine, folder, options, quiet: self.quiet })
+        let minimise = match self.minimise {
+            None | Some(Minimise::Area) => over_timing::Minimise::Area,
+            Some(Minimise::Energy) => over_timing::Minimise::Energy,
+            Some(Minimise::Cycles) => over_timing::Minimise::Cycles,
+        };
+        let domain = self.domain.as_deref().map(over_timing::read_domain).transpose()?.unwrap_or_default();
+        let Options { views, prices, progress, .. } = options.clone();
+        let over_timing = self.min_fps.map(|min_fps| over_timing::Options { min_fps, minimise, domain, views, prices, progress });
+        Ok(Job { over_timing, over_fragment, scenes, machine, folder, options, quiet: self.quiet })
     }
 }
 
@@ -129,8 +156,28 @@ impl Job {
             let end = written(&self.folder, &outcome.files);
             return Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) });
         }
+        if let Some(options) = &self.over_timing {
+            return self.over_timing(options);
+        }
         let outcome = search::run(&self.scenes, &self.machine, &self.folder, &self.options)?;
         let end = written(&self.folder, &outcome.files);
         Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) })
+    }
+    /// Timing alone; or timing, then words, then timing with these.
+    fn over_timing(&self, options: &over_timing::Options) -> Result<String> {
+        let Target { psnr_db, max_error, .. } = self.options.target;
+        let (scenes, folder) = (&self.scenes, &self.folder);
+        let mut told = Vec::new();
+        let last = if psnr_db.is_some() || max_error.is_some() {
+            let fast = over_timing::run(scenes, &self.machine, None, &folder.join("timing"), options)?;
+            let words = search::run(scenes, &fast.machine, &folder.join("words"), &self.options)?;
+            let last = over_timing::run(scenes, &words.machine, Some(&words.searched), folder, options)?;
+            told.extend([fast.summary(), words.summary()]);
+            last
+        } else {
+            over_timing::run(scenes, &self.machine, None, folder, options)?
+        };
+        told.extend([last.summary(), written(folder, &last.files)]);
+        Ok(if self.quiet { String::new() } else { told.join("\n\n") })
     }
 }

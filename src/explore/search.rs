@@ -14,6 +14,7 @@
 mod descent;
 mod knobs;
 pub mod over_fragment;
+pub mod over_timing;
 
 use crate::accuracy::distance;
 use crate::error::{Error, Result};
