@@ -14,6 +14,7 @@
 
 pub mod charts;
 pub mod columns;
+mod loss;
 mod page;
 pub mod plan;
 pub mod table;
@@ -89,6 +90,8 @@ pub struct Outcome {
     /// Files that were written.
     pub files: Vec<PathBuf>,
     table: Table,
+    /// What loses a decibel first, if bits were taken away.
+    loss: Option<String>,
 }
 
 /// A machine of the plan on a scene.
@@ -170,7 +173,8 @@ pub fn run(points: &Points, folder: &Path, options: &Options) -> Result<Outcome>
     }
     drop(progress);
     let files = journal.write(folder, "sweep")?;
-    Ok(Outcome { counts: [count, mine, drawn], files, table: journal.table() })
+    let table = journal.table();
+    Ok(Outcome { counts: [count, mine, drawn], files, loss: loss::first(&table, &points.base), table })
 }
 
 /// Scenes of a plan, each of which can be loaded.
@@ -416,6 +420,9 @@ impl Outcome {
             (by(columns::FIXED_VS_IDEAL_PSNR_DB), by(columns::AREA), by(columns::FRAMES_PER_SECOND));
         for (what, row) in [("worst", worst), ("best", best), ("least area", least), ("fastest", fastest)] {
             told(what, row);
+        }
+        if let Some(loss) = &self.loss {
+            let _ = write!(text, "\n\n{}", wrapped(loss));
         }
         text
     }

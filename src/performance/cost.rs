@@ -258,10 +258,10 @@ fn registers(machine: &Elaborated, unit: &str) -> u64 {
 }
 
 /// What units of a name are built of.
-fn built(machine: &Elaborated, unit: &str) -> Bits {
+fn built(machine: &Elaborated, name: &str) -> Bits {
     let lanes: u64 = machine.timing.timing.raster.lanes.map(u64::from).iter().product();
-    let (units, shared) = side_by_side(machine, unit);
-    let parts = machine.parts.iter().filter(|part| part.unit == unit);
+    let (units, shared) = side_by_side(machine, name);
+    let parts = machine.parts.iter().filter(|part| part.unit == name);
     let mut bits = Bits::default();
     let mut multipliers = Vec::new();
     for &Part { operator, copies, per_lane, .. } in parts {
@@ -275,11 +275,16 @@ fn built(machine: &Elaborated, unit: &str) -> Bits {
     multipliers.sort_unstable_by(|one, other| other.cmp(one));
     let mut left = shared.unwrap_or(u64::MAX);
     for (a, b, copies) in multipliers {
-        bits.add(Operator::Multiplier([a, b]), units * copies.min(left));
-        left = left.saturating_sub(copies);
+        let own = copies.min(left);
+        bits.add(Operator::Multiplier([a, b]), units * own);
+        // Who takes turns at another's multiplier has its operands chosen there; that of colours is a price without a datapath.
+        if name != unit::COLOUR {
+            bits.add(Operator::Multiplexer(a + b), units * (copies - own));
+        }
+        left -= own;
     }
     // Each word has a register, and each stage as many as are live in it.
-    let stages = machine.timing.pipelines.iter().find(|pipeline| pipeline.unit == unit);
+    let stages = machine.timing.pipelines.iter().find(|pipeline| pipeline.unit == name);
     bits.register = bits.register.max(stages.map_or(0, |of| of.bits * u64::from(of.units)));
     bits
 }

@@ -1,8 +1,8 @@
 //! Over timing: the cheapest microarchitecture that draws so many frames a second.
 //!
 //! ```text
-//! scenes ─► drawn once each ─► work ─┐
-//! domain ─► machine ─► built? ─► replay ─► frames/s, cost ─► grown until it is fast enough ─► cheaper, by one field, then by two
+//! scenes ─► drawn once each ─► work ──┐
+//! fields ─► machine ─► built? ─► replay ─► frames/s, cost ─► grown until it is fast enough ─► cheaper, by one field, then by two
 //!                                                                  ▲                                          │
 //!                                                                  └──── a view that is too slow counts too ◄─┘
 //! ```
@@ -11,27 +11,33 @@
 //!
 //! Laws (tests/search.rs): `the_cheapest_machine_that_is_fast_enough_is_found`, `a_machine_that_cannot_be_fast_enough_says_what_is_nearest`.
 
+mod climb;
+mod fields;
+
+use super::{Domain, Member};
 use crate::error::{Error, Result};
 use crate::explore::sweep::columns;
-use crate::explore::sweep::table::{Journal, Kind, named};
+use crate::explore::sweep::table::Kind;
 use crate::explore::sweep::write_plan;
-use crate::hardware::{fixed, machines, searched::SearchRecord};
+use crate::hardware::quantise::quantise;
+use crate::hardware::searched::{SearchRecord, Target};
+use crate::hardware::{fixed, machines};
 use crate::output::files::{Folder, write_beside};
-use crate::output::progress::Progress;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
-use crate::performance::cost::{CostReport, Prices};
-use crate::performance::cycles::CyclesReport;
+use crate::performance::cost::Prices;
+use crate::performance::cycles::frames_per_second;
 use crate::run::evaluation::Evaluation;
-use crate::scene::Scene;
-use crate::scene::digest::{digest, digest_of};
-use rayon::prelude::*;
+use crate::scene::digest::digest_of;
+use crate::scene::{Camera, Scene};
+use climb::{Search, State};
+pub use fields::{Bought, Field, read};
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
-use std::collections::HashMap;
+use serde::Serialize;
+use serde_json::json;
+use std::borrow::Cow;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -43,18 +49,8 @@ pub enum Minimise {
     Area,
     /// Joules a frame, of the scene that takes most.
     Energy,
-    /// Cycles a frame, of the scene that takes most.
+    /// Cycles a frame, of the scene that takes most, at the machine's own clock.
     Cycles,
-}
-
-/// A field of the machine, and the values that it may have.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Field {
-    /// As `timing.raster.lanes`.
-    pub field: String,
-    /// Values that are tried besides the machine's own.
-    pub values: Vec<Value>,
 }
 
 /// Options of a search over timing.
@@ -64,89 +60,16 @@ pub struct Options {
     pub min_fps: f64,
     /// What is to be least.
     pub minimise: Minimise,
-    /// Fields and values; those of [`domain`] where empty.
-    pub domain: Vec<Field>,
+    /// Fields and values; the usual ones where empty.
+    pub fields: Vec<Field>,
+    /// Memory that is bought; that of the machine where nothing is said.
+    pub memory: Option<Bought>,
     /// Unseen cameras of each scene that must be fast enough too.
     pub views: usize,
     /// What a bit costs.
     pub prices: Prices,
     /// Show how far it is.
     pub progress: bool,
-}
-
-/// What may be changed unless somebody says otherwise. Each costs area where it makes a frame faster. What memory is bought is given, as are
-/// the technology and what a unit does in a cycle.
-const DOMAIN: [(&str, &str); 25] = [
-    ("timing.clock_hz", "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 400e6, 500e6, 600e6, 800e6, 1000e6, 1200e6, 1500e6, 2000e6]"),
-    ("timing.fetch.fifo", "[1, 2, 4, 8, 16, 32]"),
-    ("timing.project.units", "[1, 2, 4]"),
-    ("timing.project.multipliers", "[null, 1, 2, 4, 8, 16]"),
-    ("timing.project.fifo", "[1, 2, 4, 8, 16]"),
-    ("timing.ellipse.units", "[1, 2, 4]"),
-    ("timing.ellipse.multipliers", "[null, 1, 2, 4, 8, 16]"),
-    ("timing.ellipse.fifo", "[1, 2, 4, 8, 16, 32]"),
-    ("timing.colour.units", "[1, 2, 4]"),
-    ("timing.colour.multipliers", "[1, 2, 4, 8, 16]"),
-    ("timing.raster.lanes", "[[1, 1], [2, 1], [4, 1], [2, 2], [8, 1], [4, 2], [8, 2], [4, 4], [8, 4], [8, 8]]"),
-    ("timing.raster.fifo", "[1, 2, 4, 8, 16, 32]"),
-    ("timing.gauss.fifo", "[1, 2, 4, 8, 16]"),
-    ("timing.cache.line_px", "[[4, 1], [2, 2], [4, 4], [8, 4], [8, 8]]"),
-    ("timing.cache.lines", "[16, 32, 64, 128, 256, 512, 1024, 2048]"),
-    ("timing.cache.ways", "[1, 2, 4, 8]"),
-    ("timing.cache.misses", "[1, 2, 4, 8, 16]"),
-    ("timing.cache.fifo", "[1, 2, 4, 8, 16, 32, 64]"),
-    ("timing.tile.side_px", "[16, 32, 48, 64]"),
-    ("timing.tile.buffers", "[1, 2]"),
-    ("timing.fragment.hazard", "[null, 1, 2, 3, 4]"),
-    ("timing.shade.interval", "[1, 2, 4]"),
-    ("timing.resolve.interval", "[1, 2, 4]"),
-    ("timing.memory.outstanding", "[1, 2, 4, 8, 16, 32, 64]"),
-    ("timing.walk.stack", "[256, 512, 1024]"),
-];
-
-/// The fields that a machine has of those above, with their values.
-pub fn domain(machine: &Machine) -> Vec<Field> {
-    use rtl_model::machine::timing::Organisation;
-    let value = machines::value(machine);
-    let unused = match machine.timing.organisation {
-        Organisation::Binned => "timing.cache",
-        Organisation::Immediate => "timing.tile",
-    };
-    let has = |field: &str| {
-        let unit = field.rsplit_once('.').map_or("", |(unit, _)| unit);
-        unit != unused && value.pointer(&pointer(unit)).is_some_and(Value::is_object)
-    };
-    let whole = |value: Value| value.as_f64().filter(|number| *number >= 1e6).map_or(value.clone(), |number| json!(number as u64));
-    let values = |text: &str| serde_json::from_str::<Vec<Value>>(text).unwrap_or_default().into_iter().map(whole).collect();
-    DOMAIN.iter().filter(|(field, _)| has(field)).map(|(field, text)| Field { field: (*field).to_owned(), values: values(text) }).collect()
-}
-
-fn pointer(path: &str) -> String {
-    format!("/{}", path.replace('.', "/"))
-}
-
-/// A domain from a file: a JSON array of fields and values.
-///
-/// # Errors
-/// [`Error::Input`] where it cannot be read, or is something else.
-pub fn read_domain(path: &Path) -> Result<Vec<Field>> {
-    let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
-    let text = std::fs::read(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-    let domain: Vec<Field> = serde_json::from_slice(&text).map_err(|e| input_error(format!("is no array of fields and values: {e}")))?;
-    if domain.is_empty() {
-        return Err(input_error("has no field".into()));
-    }
-    if let Some((_, field)) = domain.iter().enumerate().find(|(nth, field)| domain[..*nth].iter().any(|other| other.field == field.field)) {
-        return Err(input_error(format!("{} is there twice", field.field)));
-    }
-    Ok(domain)
-}
-
-/// Values of a field, the machine's own the first.
-#[derive(Clone, Debug)]
-struct Knob {
-    field: String,
-    values: Vec<Value>,
 }
 
 /// What a machine takes, the most of all scenes and views.
@@ -190,10 +113,11 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn new(scene: &Scene, name: String, machine: &Machine) -> Result<Self> {
+    fn new(member: &Member, machine: &Machine) -> Result<Self> {
+        let Member { name, scene } = member;
         let evaluation = Evaluation::new(scene, machine)?;
         let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
-        Ok(Recorded { name, digest: digest_of(scene), work })
+        Ok(Recorded { name: name.clone(), digest: digest_of(scene), work })
     }
 }
 
@@ -208,6 +132,20 @@ pub struct Step {
     pub tried: u64,
 }
 
+/// A view that was not searched on.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Unseen {
+    /// Which domain it is of.
+    #[serde(skip)]
+    of: usize,
+    /// Scene and number.
+    pub name: String,
+    /// The whole camera, as a scene file has it.
+    pub camera: Camera,
+    /// Frames a second.
+    pub frames_per_second: f64,
+}
+
 /// What was found.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Outcome {
@@ -220,14 +158,14 @@ pub struct Outcome {
     /// The machine that it began with.
     pub base: String,
     /// What might be changed.
-    pub domain: Vec<Field>,
+    pub fields: Vec<Field>,
     /// The way.
     pub path: Vec<Step>,
     /// Unseen views and their frames a second.
-    pub views: Vec<(String, f64)>,
+    pub views: Vec<Unseen>,
     /// Views that were too slow, and counted from then on.
     pub learnt: Vec<String>,
-    /// Fields that differ from the base's.
+    /// Fields that differ from the base's, as PATH=VALUE.
     pub changes: Vec<String>,
     /// What limits the slowest scene.
     pub limited_by: String,
@@ -240,12 +178,11 @@ pub struct Outcome {
 
 /// Rounds, each with another view, before it is given up.
 const ROUNDS: usize = 12;
-/// Machines of a batch that are replayed side by side, after which the journal has them.
-const BATCH: usize = 64;
-/// Pairs of changes that are replayed at a time, those first that single changes say most of.
-const PAIRS: usize = 256;
-/// By so much a pair may seem too slow and is tried all the same.
-const DOUBT: f64 = 1.05;
+/// The first of the cameras that the slowest is looked for among; unseen views come long before.
+const FIRST_LOOK: usize = 1_000_000;
+/// By so much more than a view needs the aim is raised, and so high at most, as a part.
+const MARGIN: f64 = 0.002;
+const MOST_ABOVE: f64 = 1.25;
 
 const COLUMNS: [(&str, Kind); 9] = [
     (columns::POINT, Kind::Whole),
@@ -259,386 +196,172 @@ const COLUMNS: [(&str, Kind); 9] = [
     (columns::CYCLES, Kind::Whole),
 ];
 
-/// A machine of the domain: the value of each field by its number.
-type State = Vec<usize>;
-
-/// What was measured of a state; none where it cannot be built.
-type Taken = Option<Measured>;
-
-struct Search<'a> {
-    options: &'a Options,
-    base: Machine,
-    knobs: Vec<Knob>,
-    frames: Vec<Recorded>,
-    journal: Journal,
-    /// Rows by their keys.
-    known: HashMap<String, u64>,
-    taken: HashMap<State, Taken>,
-    tried: u64,
-    progress: Progress,
+/// The fields that are searched; of those that nobody named the clock stays, where cycles are counted.
+fn fields_of(base: &Machine, options: &Options) -> Vec<Field> {
+    if !options.fields.is_empty() {
+        return options.fields.clone();
+    }
+    let is_told = |field: &Field| options.minimise != Minimise::Cycles || field.field != fields::CLOCK;
+    fields::usual(base).into_iter().filter(is_told).collect()
 }
 
-/// Searches, and writes `machine.json`, `search.json`, `search.csv` and `search.parquet`. `searched` goes into the machine's file.
+/// Refuses scenes that another timing draws otherwise.
+fn check_scenes<'a>(scenes: impl Iterator<Item = &'a Scene>, base: &Machine) -> Result<()> {
+    for scene in scenes {
+        let budget = scene.detail.as_ref().map(|detail| detail.rules.budget);
+        if budget.is_some_and(|budget| budget.bytes.or(budget.cycles).is_some()) {
+            let why = "has a budget of bytes or cycles, so that another machine draws other splats";
+            return Err(Error::input(format!("--min-fps: {} {why}", scene.name)));
+        }
+        quantise(scene, base)?;
+    }
+    Ok(())
+}
+
+/// Searches, and writes `machine.json`, `search.json`, `search.csv` and `search.parquet`. What the machine was searched for before, by its
+/// words, is in `searched`, and goes into its file.
 ///
 /// # Errors
-/// [`Error::Input`] where a scene does not fit the machine, or a field or value of the domain is none of it: nothing is written then.
-/// [`Error::Job`] where nothing in the domain is fast enough: rows of what was tried are left.
-pub fn run(scenes: &[Scene], base: &Machine, searched: Option<&SearchRecord>, folder: &Path, options: &Options) -> Result<Outcome> {
-    let fields = if options.domain.is_empty() { domain(base) } else { options.domain.clone() };
-    let value = machines::value(base);
-    let mut knobs = Vec::new();
-    for Field { field, values } in &fields {
-        if field != "timing" && !field.starts_with("timing.") {
-            return Err(Error::input(format!("{field}: is no field of timing: words are searched by --target-psnr")));
-        }
-        let own = value.pointer(&pointer(field)).cloned().unwrap_or(Value::Null);
-        let mut knob = Knob { field: field.clone(), values: vec![own.clone()] };
-        for value in values {
-            machines::with(base, &[(field.clone(), value.clone())], "the domain")?;
-            if !knob.values.contains(value) {
-                knob.values.push(value.clone());
-            }
-        }
-        knobs.push(knob);
-    }
+/// [`Error::Input`] where a scene does not fit the machine, or a field or value is none of it: nothing is written then. [`Error::Job`] where
+/// nothing that was tried is fast enough: rows of what was tried are left.
+pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, folder: &Path, options: &Options) -> Result<Outcome> {
+    let fields = fields_of(base, options);
+    let knobs = fields::knobs(base, &fields)?;
     fixed::elaborate(base)?;
-    let frames = scenes.iter().map(|scene| Recorded::new(scene, scene.name.clone(), base)).collect::<Result<Vec<_>>>()?;
+    let mut members: Vec<Member> = domains.iter().flat_map(Domain::first).collect();
+    check_scenes(members.iter().map(|member| &member.scene), base)?;
+    let frames = frames(domains, &members, base, options)?;
     let _open = Folder::open(folder)?;
-    let mut journal = Journal::open(folder, "", named(&COLUMNS))?;
-    journal.keep();
-    let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
-    let aim = json!({"min_fps": options.min_fps, "minimise": options.minimise, "domain": fields, "prices": options.prices});
+    let mut search = Search::new(options, base, knobs, frames, folder)?;
+    let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
+    let aim = json!({"min_fps": options.min_fps, "minimise": options.minimise, "fields": fields, "prices": options.prices});
     write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search_over_timing": aim, "scenes": names, "machine": base}))?;
-    let known = journal.rows().filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?))).collect();
-    let progress = Progress::of_messages(options.progress);
-    let mut search = Search { options, base: base.clone(), knobs, frames, journal, known, taken: HashMap::new(), tried: 0, progress };
     let mut path = Vec::new();
-    let first = vec![0; search.knobs.len()];
-    let mut best = first.clone();
+    let mut best = search.first();
+    search.step(&mut path, &base.name, &best)?;
     let mut next_view = 1;
     let mut learnt: Vec<String> = Vec::new();
+    let mut rounds = 0;
+    let mut slow_frames = Vec::new();
     let views = loop {
-        let method = if path.is_empty() { &base.name } else { "a view is too slow" };
-        search.step(&mut path, method, &best)?;
-        best = search.round(&best, &mut path)?;
-        let (views, failed) = search.unseen(scenes, &best, next_view)?;
+        best = match search.round(&best, &mut path)? {
+            Some(best) => best,
+            None if search.aim > options.min_fps => {
+                // An aim for one view stood for others; now they stand for themselves.
+                search.aim = options.min_fps;
+                slow_frames.drain(..).for_each(|frame| search.learn(frame));
+                continue;
+            }
+            None => return Err(Error::job(search.out_of_reach()?)),
+        };
+        let slow = unseen(&search, domains, &members, &best, next_view, options)?;
         next_view += options.views;
-        let Some(frame) = failed else { break views };
-        if learnt.len() + 1 == ROUNDS {
+        let (fps, frame, member) = match slow {
+            Seen::Fast(views) => break views,
+            Seen::Slow(fps, frame, member) => (fps, frame, member),
+        };
+        if rounds + 1 == ROUNDS {
             return Err(Error::job(format!("after {ROUNDS} rounds {} is still too slow: aim lower", frame.name)));
         }
-        learnt.push(frame.name.clone());
-        search.frames.push(frame);
-        search.taken.clear();
+        let method = frame.name.rsplit(" from ").next().map_or(String::new(), |from| format!("{from} is too slow"));
+        if !learnt.contains(&frame.name) {
+            learnt.push(frame.name.clone());
+        }
+        rounds += 1;
+        // What was replayed stays known where the aim alone is higher; a view that is too slow beyond that is looked at itself.
+        let aim = search.aim * (1.0 + MARGIN) * options.min_fps / fps;
+        if aim <= options.min_fps * MOST_ABOVE {
+            search.aim = aim;
+            slow_frames.push(frame);
+        } else {
+            search.learn(frame);
+        }
+        // It must hold from now on.
+        members.push(*member);
+        search.step(&mut path, &method, &best)?;
     };
     let machine = Machine { name: format!("{}-{}fps", base.name, options.min_fps), ..search.machine(&best)? };
-    let changes = search.changes(&best);
-    let limited_by = search.limited_by(&best)?;
-    drop(search.progress);
-    let mut files = search.journal.write(folder, "search")?;
-    let mut outcome = Outcome {
-        scenes: names,
-        min_fps: options.min_fps,
-        minimise: options.minimise,
-        base: base.name.clone(),
-        domain: fields,
-        path,
-        views,
-        learnt,
-        changes,
-        limited_by,
-        machine: machine.clone(),
-        files: Vec::new(),
-    };
-    let machine = machines::File { machine, searched: searched.cloned() };
-    for (name, value) in [("search.json", json!(outcome)), ("machine.json", json!(machine))] {
+    let (changes, limited_by) = (search.changes(&best), search.limited_by(&best)?);
+    let mut files = search.write(folder)?;
+    let searched = Some(searched.cloned().unwrap_or_else(|| record(domains, &views, options.min_fps)));
+    let file = machines::File { machine: machine.clone(), searched };
+    let (min_fps, minimise, base) = (options.min_fps, options.minimise, base.name.clone());
+    let outcome =
+        Outcome { scenes: names, min_fps, minimise, base, fields, path, views, learnt, changes, limited_by, machine, files: Vec::new() };
+    for (name, value) in [("search.json", json!(outcome)), ("machine.json", json!(file))] {
         let path = folder.join(name);
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string()))?;
         files.insert(0, path);
     }
-    outcome.files = files;
-    Ok(outcome)
+    Ok(Outcome { files, ..outcome })
 }
 
-impl Search<'_> {
-    fn machine(&self, state: &State) -> Result<Machine> {
-        let of = |(knob, at): (&Knob, &usize)| (knob.field.clone(), knob.values[*at].clone());
-        let changes: Vec<(String, Value)> = self.knobs.iter().zip(state).filter(|(_, at)| **at > 0).map(of).collect();
-        machines::with(&self.base, &changes, "the search")
-    }
-
-    /// Fields that a state changes, as PATH=VALUE.
-    fn changes(&self, state: &State) -> Vec<String> {
-        let of = |(knob, at): (&Knob, &usize)| format!("{}={}", knob.field, knob.values[*at]);
-        self.knobs.iter().zip(state).filter(|(_, at)| **at > 0).map(of).collect()
-    }
-
-    fn measure(&self, machine: &Machine) -> std::result::Result<Measured, String> {
-        let elaborated = fixed::elaborate(machine).map_err(|e| e.to_string())?;
-        let mut all: Option<Measured> = None;
-        for Recorded { work, .. } in &self.frames {
-            let cycles = timing::replay(&elaborated.timing, work, Detail::Accounts);
-            let cost = CostReport::new(&elaborated, &cycles, &self.options.prices);
-            let frames_per_second = CyclesReport::new(&elaborated.timing, work, &cycles).frames_per_second;
-            let found = Measured { frames_per_second, area: cost.cost.area, energy: cost.energy.total, cycles: cycles.total };
-            if ![found.frames_per_second, found.area, found.energy].iter().all(|figure| figure.is_finite()) {
-                return Err("has a figure that is no number".into());
-            }
-            all = Some(all.map_or(found, |all| all.and(found)));
-        }
-        all.ok_or_else(|| "there is no scene".into())
-    }
-
-    /// Measures states that are not known yet, each once.
-    fn measure_all(&mut self, states: &[State]) -> Result<()> {
-        let mut new: Vec<&State> = Vec::new();
-        for state in states.iter().filter(|state| !self.taken.contains_key(*state)) {
-            if !new.contains(&state) {
-                new.push(state);
-            }
-        }
-        let digests: Vec<&str> = self.frames.iter().map(|frame| frame.digest.as_str()).collect();
-        let names = self.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ");
-        for batch in new.chunks(BATCH) {
-            let one = |state: &&State| -> Result<(String, Option<std::result::Result<Measured, String>>)> {
-                let machine = self.machine(state)?;
-                let nameless = Machine { name: String::new(), ..machine.clone() };
-                let all = json!([env!("CARGO_PKG_VERSION"), digests, nameless, self.options.prices]);
-                let key = digest(all.to_string().as_bytes());
-                let measured = (!self.known.contains_key(&key)).then(|| self.measure(&machine));
-                Ok((key, measured))
-            };
-            let measured: Vec<_> = batch.par_iter().map(one).collect::<Result<_>>()?;
-            for (state, (key, measured)) in batch.iter().zip(measured) {
-                if let Some(measured) = measured {
-                    let point = self.journal.rows().next_back().and_then(|row| row[0].as_u64()).map_or(0, |last| last + 1);
-                    let (misfit, cells) = match measured {
-                        Ok(Measured { frames_per_second, area, energy, cycles }) => {
-                            (json!(""), [json!(frames_per_second), json!(area), json!(energy), json!(cycles)])
-                        }
-                        Err(sentence) => (json!(sentence), [const { Value::Null }; 4]),
-                    };
-                    let head = [json!(point), json!(key), json!(names), json!(self.changes(state).join(" ")), misfit];
-                    self.journal.push(point, head.into_iter().chain(cells).collect())?;
-                    self.known.insert(key.clone(), point);
-                }
-                let row = self.known.get(&key).and_then(|point| self.journal.get(*point));
-                let taken = row.and_then(|row| {
-                    let [frames_per_second, area, energy] = [row[5].as_f64()?, row[6].as_f64()?, row[7].as_f64()?];
-                    Some(Measured { frames_per_second, area, energy, cycles: row[8].as_u64()? })
-                });
-                self.taken.insert((*state).clone(), taken);
-                self.tried += 1;
-            }
-        }
-        Ok(())
-    }
-
-    fn taken(&mut self, state: &State) -> Result<Taken> {
-        self.measure_all(std::slice::from_ref(state))?;
-        Ok(self.taken.get(state).copied().flatten())
-    }
-
-    fn step(&mut self, path: &mut Vec<Step>, method: &str, state: &State) -> Result<()> {
-        let Some(found) = self.taken(state)? else { return Ok(()) };
-        self.progress.say(format!("{method}: {:.1} frames/s, {} machines tried", found.frames_per_second, self.tried));
-        path.push(Step { method: method.to_owned(), found, tried: self.tried });
-        Ok(())
-    }
-
-    fn is_fast(&self, found: &Measured) -> bool {
-        found.frames_per_second >= self.options.min_fps
-    }
-
-    fn cost(&self, found: &Measured) -> f64 {
-        found.of(self.options.minimise)
-    }
-
-    /// Every state that differs in one field, and what it takes; of those that cannot be built, nothing.
-    fn singles(&mut self, from: &State) -> Result<Vec<(usize, usize, Taken)>> {
-        let mut changes = Vec::new();
-        for (knob, of) in self.knobs.iter().enumerate() {
-            changes.extend((0..of.values.len()).filter(|at| *at != from[knob]).map(|at| (knob, at)));
-        }
-        let states: Vec<State> = changes.iter().map(|change| with(from, &[*change])).collect();
-        self.measure_all(&states)?;
-        Ok(changes.into_iter().zip(&states).map(|((knob, at), state)| (knob, at, self.taken.get(state).copied().flatten())).collect())
-    }
-
-    /// States that differ in two fields, those first that are best by what each change does alone: `wanted` gives a place in the order
-    /// from frames/s and cost as they seem, or none.
-    fn pairs(&mut self, from: &State, wanted: impl Fn(f64, f64) -> Option<f64>) -> Result<Vec<State>> {
-        let Some(now) = self.taken(from)? else { return Ok(Vec::new()) };
-        let cost = self.cost(&now);
-        let singles = self.singles(from)?;
-        // A change that cannot be built alone may be with another; nothing is known of it then.
-        let alone =
-            |taken: &Taken| taken.map_or((1.0, 1.0), |found| (found.frames_per_second / now.frames_per_second, self.cost(&found) / cost));
-        let mut pairs = Vec::new();
-        for (nth, (knob, at, taken)) in singles.iter().enumerate() {
-            for (other, other_at, other_taken) in singles[nth + 1..].iter().filter(|(other, ..)| other != knob) {
-                let ((fps, costs), (other_fps, other_costs)) = (alone(taken), alone(other_taken));
-                if let Some(place) = wanted(now.frames_per_second * fps * other_fps, cost * costs * other_costs) {
-                    pairs.push((place, with(from, &[(*knob, *at), (*other, *other_at)])));
-                }
-            }
-        }
-        pairs.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        let pairs: Vec<State> = pairs.into_iter().take(PAIRS).map(|(_, state)| state).collect();
-        self.measure_all(&pairs)?;
-        Ok(pairs)
-    }
-
-    /// Of some states that are built the one with the least place; the first of equals.
-    fn least(&self, states: impl IntoIterator<Item = State>, place: impl Fn(&Measured) -> Option<f64>) -> Option<State> {
-        let places = states.into_iter().filter_map(|state| {
-            let found = self.taken.get(&state).copied().flatten()?;
-            Some((place(&found)?, state))
-        });
-        places.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, state)| state)
-    }
-
-    /// Changes fields, one at a time and two where one does not help, until the machine is fast enough; as far as it goes where it never
-    /// is. Of what helps, that which costs least for its gain; with `at_any_cost` that which gains most, even beyond.
-    fn grown(&mut self, from: &State, at_any_cost: bool) -> Result<State> {
-        let mut state = from.clone();
-        loop {
-            let now = self.taken(&state)?;
-            if !at_any_cost && now.is_some_and(|found| self.is_fast(&found)) {
-                return Ok(state);
-            }
-            let singles = self.singles(&state)?.into_iter().map(|(knob, at, _)| with(&state, &[(knob, at)])).collect::<Vec<_>>();
-            // A base that cannot be built has no figures: anything that can is better.
-            let (fps, cost) = now.map_or((0.0, 0.0), |found| (found.frames_per_second, self.cost(&found)));
-            let place = |found: &Measured| {
-                let gain = libm::log(found.frames_per_second / fps.max(f64::MIN_POSITIVE));
-                let paid = self.cost(found) - cost;
-                let price = if paid <= 0.0 { -gain } else { paid / gain };
-                (gain > LEAST_GAIN).then_some(if at_any_cost { -gain } else { price })
-            };
-            let next = match self.least(singles, place) {
-                Some(next) => Some(next),
-                None => {
-                    let pairs = self.pairs(&state, |fps, _| Some(-fps))?;
-                    self.least(pairs, |found| (found.frames_per_second > fps * (1.0 + LEAST_GAIN)).then_some(-found.frames_per_second))
-                }
-            };
-            match next {
-                Some(next) => state = next,
-                None => return Ok(state),
-            }
-        }
-    }
-
-    /// From a machine that is fast enough: changes what makes it cheaper, while it stays so. By what is saved, or by what is saved for
-    /// the time that it takes.
-    fn cheaper(&mut self, from: &State, by_time: bool) -> Result<State> {
-        let mut state = from.clone();
-        while let Some(now) = self.taken(&state)? {
-            let cost = self.cost(&now);
-            let states = self.singles(&state)?.into_iter().map(|(knob, at, _)| with(&state, &[(knob, at)])).collect::<Vec<_>>();
-            let place = |found: &Measured| {
-                let saved = cost - self.cost(found);
-                let slower = libm::log(now.frames_per_second / found.frames_per_second).max(LEAST_GAIN);
-                (saved > 0.0 && self.is_fast(found)).then_some(if by_time { -saved / slower } else { -saved })
-            };
-            match self.least(states, place) {
-                Some(next) => state = next,
-                None => break,
-            }
-        }
-        Ok(state)
-    }
-
-    /// The cheapest that is met from a machine on.
-    fn round(&mut self, from: &State, path: &mut Vec<Step>) -> Result<State> {
-        let grown = self.grown(from, false)?;
-        let mut starts = vec![grown.clone()];
-        if !self.taken(&grown)?.is_some_and(|found| self.is_fast(&found)) {
-            let fastest = self.grown(&grown, true)?;
-            if !self.taken(&fastest)?.is_some_and(|found| self.is_fast(&found)) {
-                return Err(Error::job(self.without_end(&fastest)?));
-            }
-            starts = vec![fastest];
-        } else if grown != *from {
-            starts.push(self.grown(from, true)?);
-        }
-        self.step(path, "fast enough", &starts[0])?;
-        let mut ends = Vec::new();
-        for start in starts {
-            for by_time in [true, false] {
-                ends.push(self.cheaper(&start, by_time)?);
-            }
-        }
-        let cost = |found: &Measured| self.is_fast(found).then_some(self.cost(found));
-        let mut best = self.least(ends, cost).unwrap_or(grown);
-        self.step(path, "one field at a time", &best)?;
-        while let Some(now) = self.taken(&best)? {
-            let (least_fps, now) = (self.options.min_fps / DOUBT, self.cost(&now));
-            let pairs = self.pairs(&best, |fps, cost| (fps >= least_fps && cost < now).then_some(cost))?;
-            let next = self.least(pairs, |found| (self.is_fast(found) && self.cost(found) < now).then_some(self.cost(found)));
-            match next {
-                Some(next) => best = self.cheaper(&next, false)?,
-                None => break,
-            }
-        }
-        self.step(path, "two fields at a time", &best)?;
-        Ok(best)
-    }
-
-    /// Frames/s of unseen views, and the slowest where it is too slow.
-    fn unseen(&self, scenes: &[Scene], state: &State, first: usize) -> Result<(Vec<(String, f64)>, Option<Recorded>)> {
-        let machine = self.machine(state)?;
-        let elaborated = fixed::elaborate(&machine)?;
-        let mut views = Vec::new();
-        let mut slowest: Option<(f64, Recorded)> = None;
-        for nth in first..first + self.options.views {
-            for scene in scenes {
-                let turned = Scene { camera: scene.camera.turned(nth), ..scene.clone() }.cut();
-                let frame = Recorded::new(&turned, format!("{} from view {nth}", scene.name), &machine)?;
-                let cycles = timing::replay(&elaborated.timing, &frame.work, Detail::Accounts);
-                let fps = CyclesReport::new(&elaborated.timing, &frame.work, &cycles).frames_per_second;
-                views.push((frame.name.clone(), fps));
-                if !(fps >= self.options.min_fps) && slowest.as_ref().is_none_or(|(least, _)| fps < *least) {
-                    slowest = Some((fps, frame));
-                }
-            }
-        }
-        Ok((views, slowest.map(|(_, frame)| frame)))
-    }
-
-    /// What limits the slowest frame.
-    fn limited_by(&self, state: &State) -> Result<String> {
-        let elaborated = fixed::elaborate(&self.machine(state)?)?;
-        let reports = self.frames.iter().map(|Recorded { work, .. }| {
-            CyclesReport::new(&elaborated.timing, work, &timing::replay(&elaborated.timing, work, Detail::Accounts))
-        });
-        let slowest = reports.min_by(|a, b| a.frames_per_second.total_cmp(&b.frames_per_second));
-        Ok(slowest.map_or(String::new(), |report| report.limited_by()))
-    }
-
-    /// Says what comes nearest.
-    fn without_end(&mut self, state: &State) -> Result<String> {
-        let Options { min_fps, .. } = self.options;
-        let Some(found) = self.taken(state)? else { return Ok("no machine of the domain can be built".into()) };
-        let changes = self.changes(state).join(" ");
-        let changes = if changes.is_empty() { "the machine as it is".into() } else { changes };
-        let limited = self.limited_by(state)?;
-        let (fps, area) = (found.frames_per_second, thousands(found.area as u64));
-        let of = self.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ");
-        Ok(format!(
-            "no machine that was tried draws {min_fps} frames/s of {of}; the nearest draws {fps:.1} at {area} of area, limited by {limited}: {changes}"
-        ))
-    }
+/// What the file of a machine says whose words nobody searched.
+fn record(domains: &[Domain], views: &[Unseen], min_fps: f64) -> SearchRecord {
+    let of = |(nth, domain): (usize, &Domain)| {
+        let first = domain.first().into_iter().map(|member| member.scene.camera);
+        domain.record(first.chain(views.iter().filter(|view| view.of == nth).map(|view| view.camera)).collect())
+    };
+    let target = Target { frames_per_second: Some(min_fps), ..Target::default() };
+    SearchRecord { target, scenes: domains.iter().enumerate().map(of).collect() }
 }
 
-/// What is gained by less counts as nothing, as a part.
-const LEAST_GAIN: f64 = 1e-4;
+/// The frame that is searched on: the slowest, on the base, of what is looked at first and of as many cameras more as must hold unseen.
+fn frames(domains: &[Domain], members: &[Member], base: &Machine, options: &Options) -> Result<Vec<Recorded>> {
+    let built = fixed::elaborate(base)?;
+    let around = domains.iter().flat_map(|domain| (0..options.views).map(move |nth| domain.nth(FIRST_LOOK + nth)));
+    let mut slowest: Vec<(u64, Recorded)> = Vec::new();
+    for member in members.iter().map(|member| Ok(Cow::Borrowed(member))).chain(around.map(|member| member.map(Cow::Owned))) {
+        let frame = Recorded::new(&*member?, base)?;
+        let cycles = timing::replay(&built.timing, &frame.work, Detail::Accounts).total;
+        slowest.push((cycles, frame));
+        // The first of equals stays.
+        slowest.sort_by(|(a, _), (b, _)| b.cmp(a));
+        slowest.truncate(1);
+    }
+    Ok(slowest.into_iter().map(|(_, frame)| frame).collect())
+}
 
-fn with(state: &State, changes: &[(usize, usize)]) -> State {
-    let mut state = state.clone();
-    changes.iter().for_each(|(knob, at)| state[*knob] = *at);
-    state
+/// What unseen views say.
+enum Seen {
+    /// All are fast enough.
+    Fast(Vec<Unseen>),
+    /// One is not, the slowest, with so many frames a second.
+    Slow(f64, Recorded, Box<Member>),
+}
+
+/// Frames/s of what is looked at first, and of unseen views.
+fn unseen(search: &Search, domains: &[Domain], members: &[Member], state: &State, first: usize, options: &Options) -> Result<Seen> {
+    let machine = search.machine(state)?;
+    let built = fixed::elaborate(&machine)?;
+    let mut views: Vec<Unseen> = Vec::new();
+    let mut slowest: Option<(f64, Recorded, Box<Member>)> = None;
+    let mut look = |member: &Member| -> Result<f64> {
+        let frame = Recorded::new(member, &machine)?;
+        let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Accounts));
+        if fps < options.min_fps && slowest.as_ref().is_none_or(|(least, ..)| fps < *least) {
+            slowest = Some((fps, frame, Box::new(member.clone())));
+        }
+        Ok(fps)
+    };
+    let is_searched = |member: &Member| search.frames.iter().any(|frame| frame.name == member.name);
+    for member in members.iter().filter(|member| !is_searched(member)) {
+        look(member)?;
+    }
+    for (of, domain) in domains.iter().enumerate() {
+        for nth in first..first + options.views {
+            let member = domain.nth(nth)?;
+            let camera = member.scene.camera;
+            // A short list comes round again.
+            let is_known = is_searched(&member) || members.iter().any(|other| other.name == member.name);
+            if is_known || views.iter().any(|view| (view.of, view.camera) == (of, camera)) {
+                continue;
+            }
+            let frames_per_second = look(&member)?;
+            views.push(Unseen { of, name: member.name, camera, frames_per_second });
+        }
+    }
+    Ok(slowest.map_or(Seen::Fast(views), |(fps, frame, member)| Seen::Slow(fps, frame, member)))
 }
 
 impl Outcome {
@@ -665,7 +388,7 @@ impl Outcome {
         let changes = if self.changes.is_empty() { "nothing: it is the machine as it was".into() } else { self.changes.join(" ") };
         let _ = write!(text, "\n{}", wrapped(&format!("{}: {changes}", self.machine.name)));
         let _ = write!(text, "\n{}", wrapped(&format!("limited by {}", self.limited_by)));
-        let slowest = self.views.iter().map(|(_, fps)| *fps).fold(f64::INFINITY, f64::min);
+        let slowest = self.views.iter().map(|view| view.frames_per_second).fold(f64::INFINITY, f64::min);
         let views = match self.views.len() {
             0 => "no unseen view was tried".to_owned(),
             count => format!("fast enough on {count} unseen views, the slowest with {slowest:.1} frames/s"),
