@@ -23,13 +23,13 @@ pub(super) struct Typed {
     /// No pixel further off, linear light in [0, 1]
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     max_error: Option<f64>,
-    /// At least so many frames a second; fields of `timing` are searched
+    /// At least so many frames a second, by `timing`
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
     /// Least `area` (default), `energy` or `cycles`
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
     minimise: Option<Minimise>,
-    /// Fields of `timing` and their values [default: usual ones]
+    /// Fields of `timing` and values [default: usual]
     #[arg(long, value_name = "FILE", requires = "min_fps")]
     fields: Option<PathBuf>,
     /// Cameras of transforms.json, or of COLMAP's text
@@ -38,10 +38,10 @@ pub(super) struct Typed {
     /// Distances, as parts of each camera's: 0.25..2
     #[arg(long, value_name = "A..B")]
     distance: Option<Parts>,
-    /// Every view is the worst of so many, a flip is luck
+    /// Every view: the worst of so many
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     robust: u8,
-    /// `psnr` (default), or `lockstep`, which has no flips
+    /// `psnr`, or `lockstep`: no flips
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Metric::Psnr)]
     metric: Metric,
     /// Both against golden or ideal
