@@ -220,6 +220,7 @@ fn a_search_meets_no_target_with_what_is_no_number() {
     let asked = |target| search::Options {
         target,
         views: 1,
+        robust: 1,
         seed: 0,
         tries: 1,
         only: vec!["gauss.weight".into()],

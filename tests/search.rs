@@ -4,12 +4,13 @@ use crate::handmade::glass;
 use crate::program::PROGRAM;
 use crate::share;
 use assert_cmd::Command;
+use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use serde_json::{Value, json};
-use splatsim::explore::search::over_fragment;
+use splatsim::explore::search::{Domain, over_fragment, over_timing};
 use splatsim::hardware::{fixed, machines};
-use splatsim::performance::cost::Prices;
+use splatsim::performance::cost::{Cost, Prices};
 use splatsim::run::evaluation::Evaluation;
 use std::collections::HashSet;
 use std::fs;
@@ -454,4 +455,351 @@ fn the_cheapest_rule_is_found() {
     let refused =
         over_fragment::run(std::slice::from_ref(&scene), &base, folder.path(), 400.0, over_fragment::By::Area, &Prices::default(), false);
     assert!(refused.unwrap_err().to_string().contains("no rule with up to 8 layers reaches 400 dB"));
+}
+
+// ---- Over timing ----
+
+/// 2,592 machines, and the clock among their fields.
+fn grid() -> Vec<over_timing::Field> {
+    let field = |field: &str, values: Value| over_timing::Field { field: field.into(), values: values.as_array().unwrap().clone() };
+    vec![
+        field("timing.clock_hz", json!([200_000_000, 300_000_000, 400_000_000, 500_000_000])),
+        field("timing.raster.lanes", json!([[1, 1], [2, 2], [4, 1], [4, 4]])),
+        field("timing.raster.fifo", json!([2, 8, 16])),
+        field("timing.fragment.hazard", json!([null, 1, 2])),
+        field("timing.tile.side_px", json!([16, 32])),
+        field("timing.ellipse.multipliers", json!([null, 4, 16])),
+        field("timing.memory.outstanding", json!([2, 8, 16])),
+    ]
+}
+
+/// Frames a second and area of every machine of some fields, memory as fast at every clock.
+fn all_machines(base: &Machine, fields: &[over_timing::Field], work: &rtl_model::work::Work) -> Vec<(f64, f64)> {
+    let count: usize = fields.iter().map(|field| field.values.len()).product();
+    let of = |number: usize| {
+        let mut left = number;
+        let mut changes = Vec::new();
+        for over_timing::Field { field, values } in fields {
+            changes.push((field.clone(), values[left % values.len()].clone()));
+            left /= values.len();
+        }
+        let clock_hz = changes[0].1.as_u64().unwrap();
+        changes.push(("timing.memory.bytes_per_cycle".into(), json!(6_400_000_000 / clock_hz)));
+        changes.push(("timing.memory.hit_latency".into(), json!((20 * clock_hz).div_ceil(400_000_000))));
+        changes.push(("timing.memory.miss_latency".into(), json!((50 * clock_hz).div_ceil(400_000_000))));
+        let built = fixed::elaborate(&machines::with(base, &changes, "").unwrap()).ok()?;
+        let cycles = timing::replay(&built.timing, work, Detail::Accounts).total;
+        Some((clock_hz as f64 / cycles as f64, Cost::new(&built, &Prices::default()).area))
+    };
+    (0..count).into_par_iter().filter_map(of).collect()
+}
+
+/// Options that tell nothing.
+fn at_least(min_fps: f64, fields: Vec<over_timing::Field>) -> over_timing::Options {
+    let minimise = over_timing::Minimise::Area;
+    over_timing::Options { min_fps, minimise, fields, memory: None, views: 0, prices: Prices::default(), progress: false }
+}
+
+#[test]
+fn the_cheapest_machine_that_is_fast_enough_is_found() {
+    let scene = glass(5, 4);
+    let base = Machine::named("lean").unwrap();
+    let evaluation = Evaluation::new(&scene, &base).unwrap();
+    let all = all_machines(&base, &grid(), &evaluation.observe().work);
+    assert!(all.len() > 2000, "{}", all.len());
+    let fastest = all.iter().map(|(fps, _)| *fps).fold(0.0, f64::max);
+    let [least, most] = [f64::min, f64::max].map(|of| all.iter().map(|(_, area)| *area).reduce(of).unwrap());
+    for part in [0.3, 0.6, 0.8, 0.95, 0.999] {
+        let min_fps = part * fastest;
+        let best = all.iter().filter(|(fps, _)| *fps >= min_fps).map(|(_, area)| *area).fold(f64::INFINITY, f64::min);
+        let folder = tempfile::tempdir().unwrap();
+        let found = over_timing::run(&[Domain::around(scene.clone())], &base, None, folder.path(), &at_least(min_fps, grid())).unwrap();
+        let machine = read(&folder.path().join("machine.json"));
+        let built = fixed::elaborate(&machines::load(folder.path().join("machine.json"), &[]).unwrap()).unwrap();
+        assert_eq!(machine["timing"]["clock_hz"], json!(built.timing.timing.clock_hz));
+        let cycles = timing::replay(&built.timing, &evaluation.observe().work, Detail::Accounts).total;
+        let (fps, area) = (built.timing.timing.clock_hz as f64 / cycles as f64, Cost::new(&built, &Prices::default()).area);
+        assert!(fps >= min_fps, "{part}: {fps} of {min_fps}");
+        // Of what these fields take at all, not of the whole machine.
+        assert!(
+            area - best <= 0.05 * (most - least) && area <= 1.05 * best,
+            "{part}: {area}, where {best} can be had of {least} to {most}"
+        );
+        assert!(found.path.last().unwrap().tried < all.len() as u64, "{part}: everything was tried");
+    }
+}
+
+fn written_fields(folder: &Path, fields: &Value) -> String {
+    let path = folder.join("fields.json");
+    fs::write(&path, fields.to_string()).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// A few fields, quick to search.
+fn few(folder: &Path) -> String {
+    written_fields(folder, &json!(grid()[1..4]))
+}
+
+#[test]
+fn a_machine_that_cannot_be_fast_enough_says_what_is_nearest() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let arguments = ["search", &path, "--size", "24x18", "--machine", "lean", "--min-fps", "1e9", "--fields", &few(folder.path())];
+    let output = splatsim(&[&arguments[..], &["--views", "0", "--out", out.to_str().unwrap()]].concat());
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!((output.status.code(), told.trim_end().lines().count()), (Some(1), 1), "{told}");
+    assert!(told.contains("no machine that was tried draws 1000000000 frames/s of knot.json; the nearest draws "), "{told}");
+    // Nothing that was tried is nearer.
+    let nearest: f64 = told.split("the nearest draws ").nth(1).unwrap().split(' ').next().unwrap().parse().unwrap();
+    let text = fs::read_to_string(out.join("points.jsonl")).unwrap();
+    let fps = text.lines().skip(1).filter_map(|line| serde_json::from_str::<Value>(line).unwrap()[1][5].as_f64());
+    let fastest = fps.fold(0.0, f64::max);
+    assert!((nearest - fastest).abs() <= 0.051 && fastest > 0.0, "{nearest}, and {fastest} was tried");
+    assert!(!out.join("machine.json").exists());
+}
+
+#[test]
+fn a_search_over_timing_goes_on_and_finds_the_same_at_any_number_of_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let fields = few(folder.path());
+    let run = ["run", &path, "--size", "24x18", "--machine", "lean", "--quiet", "--out", folder.path().join("run").to_str().unwrap()]
+        .map(str::to_owned);
+    ok(&Command::new(PROGRAM.as_str()).args(run).output().unwrap());
+    let fps = read(&folder.path().join("run/report.json"))["cycles"]["frames_per_second"].as_f64().unwrap();
+    let target = format!("{:.0}", 0.7 * fps);
+    let search = |out: &Path, threads: &str| {
+        let all = ["search", &path, "--size", "24x18", "--machine", "lean", "--min-fps", &target, "--fields", &fields, "--views", "3"];
+        [&all[..], &["--threads", threads, "--out", out.to_str().unwrap()]].concat().into_iter().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let [whole, killed] = ["whole", "killed"].map(|name| folder.path().join(name));
+    let told = ok(&Command::new(PROGRAM.as_str()).args(search(&whole, "1")).output().unwrap());
+    assert!(told.lines().all(|line| line.chars().count() <= 80) && told.contains("fast enough on 3 unseen views"), "{told}");
+    for wait_ms in [60, 120] {
+        let mut child = std::process::Command::new(PROGRAM.as_str())
+            .args(search(&killed, "2"))
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(Duration::from_millis(wait_ms));
+        let _ = child.kill();
+        child.wait().unwrap();
+    }
+    ok(&Command::new(PROGRAM.as_str()).args(search(&killed, "2")).output().unwrap());
+    for name in ["machine.json", "search.json", "search.csv", "points.jsonl"] {
+        assert_eq!(fs::read(whole.join(name)).unwrap(), fs::read(killed.join(name)).unwrap(), "{name}");
+    }
+    // It is what `run` says of it, words as they were, and on unseen cameras too.
+    let found = read(&whole.join("search.json"));
+    let machine = whole.join("machine.json");
+    let ran = |scene: &str| {
+        let out = folder.path().join("found");
+        ok(&splatsim(&[
+            "run",
+            scene,
+            "--size",
+            "24x18",
+            "--machine",
+            machine.to_str().unwrap(),
+            "--out",
+            out.to_str().unwrap(),
+            "--quiet",
+        ]));
+        read(&out.join("report.json"))
+    };
+    let report = ran(&path);
+    let last = found["path"].as_array().unwrap().last().unwrap();
+    assert!(report["cycles"]["frames_per_second"].as_f64().unwrap() >= 0.7 * fps - 0.5);
+    assert_eq!(report["cost"]["area"], last["area"]);
+    for view in found["views"].as_array().unwrap() {
+        let report = ran(&scene(folder.path(), "view.json", &json!({"camera": view["camera"]})));
+        assert_eq!(report["cycles"]["frames_per_second"], view["frames_per_second"]);
+    }
+    assert_eq!(report["machine"]["outside_of_search"], json!([]));
+    assert_eq!(read(&machine)["searched"]["target"]["frames_per_second"], json!(target.parse::<f64>().unwrap()));
+    ok(&splatsim(&["chart", whole.to_str().unwrap()]));
+}
+
+#[test]
+fn a_machine_is_found_that_is_fast_and_good_enough() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let (fields, dir) = (few(folder.path()), out.to_str().unwrap());
+    let both = |fps: &str, db: &str| {
+        let all = ["search", &path, "--size", "24x18", "--min-fps", fps, "--target-psnr", db, "--fields", &fields, "--views", "2"];
+        splatsim(&[&all[..], &["--only", "gauss", "--only", "raster", "--tries", "5", "--out", dir]].concat())
+    };
+    // What words cannot reach is said before anything is written.
+    let output = both("100", "200");
+    assert_eq!(output.status.code(), Some(2), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(!out.exists());
+    let (_, whole) = ran(folder.path(), &path, "reference", "24x18");
+    let fps = read(&folder.path().join("run/report.json"))["cycles"]["frames_per_second"].as_f64().unwrap();
+    let aim = format!("{:.0}", 0.7 * fps);
+    let told = ok(&both(&aim, "32"));
+    assert!(told.contains("at least 32 dB") && told.contains("frames/s, least area"), "{told}");
+    let machine = out.join("machine.json");
+    let (psnr, area) = ran(folder.path(), &path, machine.to_str().unwrap(), "24x18");
+    let report = read(&folder.path().join("run/report.json"));
+    assert!(psnr >= 32.0 && area < 0.95 * whole, "{psnr} dB, {area} of {whole}");
+    let aim: f64 = aim.parse().unwrap();
+    assert!(report["cycles"]["frames_per_second"].as_f64().unwrap() >= aim);
+    assert_eq!(report["machine"]["outside_of_search"], json!([]));
+    let target = &read(&machine)["searched"]["target"];
+    assert_eq!((&target["psnr_db"], target["frames_per_second"].as_f64()), (&json!(32.0), Some(aim)));
+}
+
+#[test]
+fn what_has_no_price_is_no_field_of_a_search() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let with = |fields: Value, says: &str| {
+        let file = written_fields(folder.path(), &fields);
+        refused(&["search", &path, "--size", "8x8", "--min-fps", "60", "--fields", &file, "--out", out.to_str().unwrap()], says);
+        assert!(!out.exists());
+    };
+    with(json!([{"field": "timing.memory.bytes_per_cycle", "values": [64]}]), "is given, and can be set with --set: memory is bought");
+    with(json!([{"field": "timing.cache.ways", "values": [64]}]), "is given");
+    with(json!([{"field": "gauss.weight", "values": ["U0F8"]}]), "is no field of timing; --target-psnr searches words");
+    with(json!([{"field": "timing.raster.fofi", "values": [4]}]), "timing.raster.fofi is no known field");
+    with(json!([{"field": "timing.raster.fifo", "values": ["many"]}]), "--fields: ");
+    with(json!([{"field": "timing.raster.fifo", "values": []}]), "has no values");
+    with(json!([]), "has no field");
+    with(json!({"field": "timing.raster.fifo"}), "is no list of fields and values");
+    refused(&["search", &path, "--minimise", "area", "--target-psnr", "30"], "--min-fps");
+    refused(&["search", &path, "--min-fps", "nan"], "a number above 0 is needed");
+    refused(&["search", &path, "--min-fps", "60", "--over", "fragment"], "cannot be used with");
+}
+
+// ---- Domains ----
+
+#[test]
+fn a_machine_holds_on_the_whole_domain() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let quick = ["--target-psnr", "30", "--views", "5", "--tries", "5", "--only", "gauss", "--only", "project"];
+    let sizes = ["--size", "24x18", "--size", "48x36", "--distance", "0.5..2"];
+    ok(&splatsim(&[&["search", &path, "--out", out.to_str().unwrap()], &quick[..], &sizes[..]].concat()));
+    let machine = out.join("machine.json");
+    let scenes = read(&machine)["searched"]["scenes"].clone();
+    let sizes: Vec<_> = scenes.as_array().unwrap().iter().map(|scene| scene["width"].as_u64().unwrap()).collect();
+    assert_eq!(sizes, [24, 48]);
+    assert_eq!(scenes[0]["domain"]["distance"], json!([0.5, 2.0]));
+    // Unseen cameras are of all distances, and the machine holds there: `run` says so.
+    let framed = read_camera(&path);
+    let far = |camera: &Value| -> f64 {
+        let [eye, target] = ["eye", "target"].map(|name| serde_json::from_value::<[f64; 3]>(camera[name].clone()).unwrap());
+        (0..3).map(|axis| (eye[axis] - target[axis]).powi(2)).sum::<f64>().sqrt()
+    };
+    let own = far(&framed);
+    let found = read(&out.join("search.json"));
+    let views = found["views"].as_array().unwrap();
+    assert_eq!(views.len(), 10, "five of each size");
+    let parts: Vec<f64> = views.iter().take(5).map(|view| far(&view["camera"]) / own).collect();
+    assert!(
+        parts.iter().all(|part| (0.499..=2.001).contains(part))
+            && parts.iter().any(|part| *part < 0.8)
+            && parts.iter().any(|part| *part > 1.3)
+    );
+    for (nth, view) in views.iter().enumerate().step_by(3) {
+        let seen = scene(folder.path(), "view.json", &json!({"camera": view["camera"]}));
+        let (psnr, _) = ran(folder.path(), &seen, machine.to_str().unwrap(), if nth < 5 { "24x18" } else { "48x36" });
+        assert!(psnr >= 30.0 && (view["psnr_db"].as_f64().unwrap() - psnr).abs() < 1e-6, "{view}: {psnr}");
+        assert_eq!(read(&folder.path().join("run/report.json"))["machine"]["outside_of_search"], json!([]), "{view}");
+    }
+    // Nearer than the domain is outside of it.
+    let mut near = framed.clone();
+    let [eye, target] = ["eye", "target"].map(|name| serde_json::from_value::<[f64; 3]>(framed[name].clone()).unwrap());
+    near["eye"] = json!([0, 1, 2].map(|axis| target[axis] + 0.3 * (eye[axis] - target[axis])));
+    ran(folder.path(), &scene(folder.path(), "near.json", &json!({"camera": near})), machine.to_str().unwrap(), "24x18");
+    let outside = read(&folder.path().join("run/report.json"))["machine"]["outside_of_search"].clone();
+    assert!(outside[0].as_str().unwrap().contains("from its target instead of"), "{outside}");
+}
+
+#[test]
+fn cameras_of_a_list_are_a_domain() {
+    let folder = tempfile::tempdir().unwrap();
+    let framed = read_camera(&scene(folder.path(), "knot.json", &json!({})));
+    let cameras: Vec<Value> = (0..4)
+        .map(|nth| {
+            let mut camera = framed.clone();
+            camera["eye"][0] = json!(framed["eye"][0].as_f64().unwrap() + 0.4 * f64::from(nth));
+            camera
+        })
+        .collect();
+    let path = scene(folder.path(), "list.json", &json!({"cameras": cameras}));
+    let out = folder.path().join("out");
+    let quick =
+        ["--size", "24x18", "--target-psnr", "30", "--views", "9", "--tries", "5", "--only", "gauss", "--out", out.to_str().unwrap()];
+    let told = ok(&splatsim(&[&["search", &path], &quick[..]].concat()));
+    let found = read(&out.join("search.json"));
+    let [searched, unseen] = ["cameras", "views"].map(|name| found[name].as_array().unwrap().len());
+    assert_eq!(searched + unseen, 4, "each camera is searched on, or held out, once: {told}");
+    let machine = out.join("machine.json");
+    let domain = read(&machine)["searched"]["scenes"][0]["domain"].clone();
+    assert_eq!((domain["cameras"].as_array().unwrap().len(), &domain["around"]), (4, &json!(false)));
+    let outside = |camera: &Value| {
+        ran(folder.path(), &scene(folder.path(), "seen.json", &json!({"camera": camera})), machine.to_str().unwrap(), "24x18");
+        read(&folder.path().join("run/report.json"))["machine"]["outside_of_search"].clone()
+    };
+    assert_eq!(outside(&cameras[2]), json!([]));
+    let mut other = framed.clone();
+    other["eye"] = json!([-1.0, 0.0, 2.0].map(|part: f64| part * framed["eye"][2].as_f64().unwrap()));
+    assert_ne!(outside(&other), json!([]));
+    // The same of a file, and over timing too.
+    let matrix = json!([[1, 0, 0, 0.1], [0, 1, 0, 0.2], [0, 0, 1, 5], [0, 0, 0, 1]]);
+    let frames = json!({"camera_angle_x": 0.9, "w": 24, "h": 18, "frames": [{"transform_matrix": matrix}, {"transform_matrix": matrix}]});
+    let file = folder.path().join("transforms.json");
+    fs::write(&file, frames.to_string()).unwrap();
+    let out = folder.path().join("timed");
+    let knot = scene(folder.path(), "knot.json", &json!({}));
+    let arguments =
+        ["search", &knot, "--cameras", file.to_str().unwrap(), "--machine", "lean", "--min-fps", "10", "--fields", &few(folder.path())];
+    ok(&splatsim(&[&arguments[..], &["--out", out.to_str().unwrap()]].concat()));
+    assert_eq!(read(&out.join("machine.json"))["searched"]["scenes"][0]["domain"]["cameras"].as_array().unwrap().len(), 2);
+    refused(&["search", &knot, "--target-psnr", "30", "--distance", "2..1"], "the lesser first");
+    refused(&["search", &knot, "--target-psnr", "30", "--cameras", "no-such.json"], "no-such.json");
+    refused(&["run", &knot, "--size", "8x8", "--size", "9x9"], "search takes several");
+}
+
+#[test]
+fn flips_do_not_count_in_lockstep_and_luck_does_not_where_it_must_be_robust() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let search = |out: &Path, more: &[&str]| {
+        let quick = ["search", &path, "--size", "24x18", "--target-psnr", "40", "--views", "2", "--tries", "5", "--only", "raster"];
+        let told = ok(&splatsim(&[&quick[..], &["--out", out.to_str().unwrap()], more].concat()));
+        (told, read(&out.join("search.json")))
+    };
+    let out = folder.path().join("lockstep");
+    let (told, found) = search(&out, &["--metric", "lockstep"]);
+    assert!(told.contains("fixed − golden in lockstep") && told.contains("lockstep dB"), "{told}");
+    assert_eq!(read(&out.join("machine.json"))["searched"]["target"]["metric"], "lockstep");
+    let machine = out.join("machine.json");
+    ran(folder.path(), &path, machine.to_str().unwrap(), "24x18");
+    let accuracy = read(&folder.path().join("run/report.json"))["accuracy"].clone();
+    assert!(accuracy["lockstep"]["psnr_db"].as_f64().unwrap() >= 40.0, "{accuracy}");
+    let views = found["views"].as_array().unwrap();
+    assert!(views.iter().all(|view| view["lockstep"]["psnr_db"].as_f64().unwrap() >= 40.0), "{views:?}");
+    // The same again draws nothing.
+    let rows = fs::read(out.join("points.jsonl")).unwrap();
+    search(&out, &["--metric", "lockstep"]);
+    assert_eq!(rows, fs::read(out.join("points.jsonl")).unwrap());
+    refused(&["search", &path, "--target-psnr", "30", "--metric", "lockstep", "--against", "ideal"], "ideal is not");
+
+    // The worst of three: each of them is as good, and all are searched on.
+    let out = folder.path().join("robust");
+    let (_, found) = search(&out, &["--robust", "3"]);
+    let cameras = found["cameras"].as_array().unwrap();
+    assert!(cameras.len() >= 3 && cameras.len() % 3 == 0 && cameras[1]["name"] == "knot.json, nudged 1", "{cameras:?}");
+    for camera in &cameras[..3] {
+        let seen = scene(folder.path(), "seen.json", &json!({"camera": camera["camera"]}));
+        let (psnr, _) = ran(folder.path(), &seen, out.join("machine.json").to_str().unwrap(), "24x18");
+        assert!(psnr >= 40.0, "{camera}: {psnr}");
+    }
 }

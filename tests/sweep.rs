@@ -2,6 +2,7 @@
 
 use crate::program::PROGRAM;
 use assert_cmd::Command;
+use rtl_model::num::Format;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fs;
@@ -323,4 +324,44 @@ fn the_columnar_file_holds_what_the_csv_holds() {
             }
         }
     }
+}
+
+/// Two words together, each by its own bits; and what loses a decibel first.
+#[test]
+fn words_can_change_together_and_the_first_that_loses_a_decibel_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let bits = json!([-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1]);
+    let plan = json!({"scenes": ["terrain.json"], "size": [24, 16], "machine": "reference", "order": "one-at-a-time", "lockstep": false, "axes": [
+        {"fields": ["ellipse.conic", "ellipse.conic_cross"], "add_frac_bits": bits}, {"field": "gauss.weight", "add_frac_bits": [-3, -1]}]});
+    let out = folder.path().join("out");
+    let told = ok(&sweep(&written(folder.path(), &plan), &out, &[]));
+    let rows = rows(&out);
+    assert_eq!(rows.len(), 15);
+    let base = rtl_model::Machine::named("reference").unwrap().ellipse;
+    for (row, less) in rows[1..13].iter().zip((1..=12).rev()) {
+        let [conic, cross] =
+            [base.conic, base.conic_cross].map(|word| Format { frac_bits: word.format.frac_bits - less, ..word.format }.to_string());
+        assert_eq!(row["changes"], format!("ellipse.conic={conic} ellipse.conic_cross={cross}"));
+        assert_eq!([&row["ellipse.conic"], &row["ellipse.conic_cross"]], [&conic, &cross]);
+    }
+    // By hand: the least bits with which a decibel is lost.
+    let db = |row: &BTreeMap<String, String>| row["psnr_db"].parse::<f64>().unwrap_or(f64::INFINITY);
+    let whole = db(&rows[0]);
+    let together = (1..=12).filter(|less| whole - db(&rows[13 - less]) >= 1.0).min();
+    let weight = [(3, 13), (1, 14)].into_iter().filter(|(_, row)| whole - db(&rows[*row]) >= 1.0).map(|(less, _)| less).min();
+    let least = together.into_iter().chain(weight).min().expect("twelve bits are lost without a decibel");
+    let line = told.replace("\n    ", " ");
+    let bits = if least == 1 { "1 bit less".to_owned() } else { format!("{least} bits less") };
+    assert!(line.contains(&format!("with {bits}, ")) && line.contains("first to lose 1 dB: "), "{least}: {told}");
+    assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    let both = |more: Value| {
+        let mut plan = plan.clone();
+        plan["axes"] = json!([more]);
+        refused(&sweep(&written(folder.path(), &plan), &folder.path().join("none"), &[]))
+    };
+    assert!(both(json!({"field": "gauss.weight", "fields": ["gauss.weight"], "add_frac_bits": [1]})).contains("has `field` and `fields`"));
+    assert!(both(json!({"fields": ["gauss.weight", "gauss.weight"], "add_frac_bits": [1]})).contains("fields has gauss.weight twice"));
+    assert!(both(json!({"fields": ["gauss.wait"], "add_frac_bits": [1]})).contains("is no word"));
+    assert!(both(json!({"fields": ["*"], "add_frac_bits": [1]})).contains("change with nothing together"));
+    assert!(both(json!({"add_frac_bits": [1]})).contains("needs a `field`"));
 }

@@ -5,7 +5,7 @@ use crate::hardware::machines;
 use crate::hardware::machines::File;
 use crate::output::text::{listed, one_line, wrapped};
 use crate::scene::{Overrides, Scene};
-use clap::Args;
+use clap::{ArgAction, Args};
 use rtl_model::Machine;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -26,8 +26,8 @@ pub(super) struct Common {
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
     /// Size of the picture instead of the scene's own
-    #[arg(long, value_name = "WxH")]
-    size: Option<Pair<'x'>>,
+    #[arg(long, value_name = "WxH", action = ArgAction::Append)]
+    size: Vec<Pair<'x'>>,
     /// Frame of a sequence [default: 0, of run all]
     #[arg(long, value_name = "N")]
     pub frame: Option<usize>,
@@ -52,7 +52,10 @@ impl Common {
         let is_changed = self.settings.iter().any(|setting| machines::changes_picture(setting));
         let outside = file.outside(scene, is_changed);
         let File { machine, searched } = file;
-        let (Some(record), Some(outside)) = (searched, outside) else { return Ok(Within { machine, outside: None, warning: None }) };
+        let (Some(record), Some(mut outside)) = (searched, outside) else { return Ok(Within { machine, outside: None, warning: None }) };
+        if record.target.frames_per_second.is_some() && self.settings.iter().any(|setting| !machines::changes_picture(setting)) {
+            outside.push("a field of timing that --set changed".into());
+        }
         let (name, scenes, target) = (&machine.name, record.scene_names(), record.target_text());
         let here = listed(&outside);
         let warning = format!("machine {name} was searched on {scenes} for {target}, and may miss that here: {here}");
@@ -66,7 +69,22 @@ impl Common {
 
     /// Values that go before the scene's own.
     pub fn overrides(&self) -> Overrides {
-        Overrides { size: self.size.map(|Pair(width, height)| (width, height)) }
+        self.each_overrides()[0]
+    }
+
+    /// The same for each of several sizes; never empty.
+    pub fn each_overrides(&self) -> Vec<Overrides> {
+        let mut all: Vec<Overrides> = self.size.iter().map(|Pair(width, height)| Overrides { size: Some((*width, *height)) }).collect();
+        all.dedup();
+        if all.is_empty() { vec![Overrides::default()] } else { all }
+    }
+
+    /// Refuses several sizes, for a job that draws one picture.
+    pub fn of_one_size(&self) -> Result<Threads> {
+        match self.size.as_slice() {
+            [] | [_] => Ok(self.threads),
+            all => Err(Error::input(format!("--size: {} sizes are there, and one picture is drawn; search takes several", all.len()))),
+        }
     }
 }
 
@@ -119,6 +137,23 @@ impl FromStr for Span {
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let span = text.split_once("..").and_then(|(a, b)| Some(Span([a.parse().ok()?, b.parse().ok()?])));
         span.ok_or_else(|| "two whole numbers with `..` between them are needed".into())
+    }
+}
+
+/// A range of parts, A..B, above 0.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Parts(pub [f64; 2]);
+
+impl FromStr for Parts {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let parts = text.split_once("..").and_then(|(a, b)| Some([positive(a).ok()?, positive(b).ok()?]));
+        let is_range = |[a, b]: &[f64; 2]| a <= b && (1e-3..=1e3).contains(a) && (1e-3..=1e3).contains(b);
+        parts
+            .filter(is_range)
+            .map(Parts)
+            .ok_or_else(|| "two numbers from 0.001 to 1000 with `..` between them are needed, the lesser first".into())
     }
 }
 

@@ -92,7 +92,7 @@ enum Command {
 impl Command {
     fn run(self) -> Result<String> {
         match self {
-            Command::Run(typed) => typed.common.threads.run(|| typed.check()?.run()),
+            Command::Run(typed) => typed.common.of_one_size()?.run(|| typed.check()?.run()),
             Command::Replay(typed) => typed.threads.run(|| typed.check()?.run()),
             Command::Compare(typed) => typed.threads.run(|| typed.check()?.run()),
             Command::Stress(typed) => typed.threads.run(|| typed.check()?.run()),
@@ -100,10 +100,10 @@ impl Command {
             Command::Search(typed) => typed.common.threads.run(|| typed.check()?.run()),
             Command::Chart(typed) => typed.run(),
             Command::View(typed) => typed.run(),
-            Command::Trace(typed) => typed.common.threads.run(|| typed.check()?.run()),
+            Command::Trace(typed) => typed.common.of_one_size()?.run(|| typed.check()?.run()),
             Command::Diff(typed) => typed.check()?.run(),
-            Command::Unit(typed) => typed.common.threads.run(|| typed.check()?.run()),
-            Command::Explain(typed) => typed.common.threads.run(|| typed.run()),
+            Command::Unit(typed) => typed.common.of_one_size()?.run(|| typed.check()?.run()),
+            Command::Explain(typed) => typed.common.of_one_size()?.run(|| typed.run()),
             Command::Machine(typed) => typed.run(),
             Command::Scene(typed) => typed.run(),
             Command::Sample(typed) => typed.threads.run(|| typed.check()?.run()),

@@ -1,15 +1,15 @@
 //! Search: finds the narrowest machine that meets a target on a scene.
 
-use super::arguments::{Common, folder_for, positive, written};
-use crate::error::Result;
+use super::arguments::{Common, Parts, folder_for, positive, written};
+use crate::error::{Error, Result};
 use crate::explore::search;
-use crate::explore::search::{Options, Target, over_fragment};
+use crate::explore::search::{Domain, Options, Target, over_fragment, over_timing};
 use crate::hardware::{machines, searched};
 use crate::performance::cost::Prices;
-use crate::scene::Scene;
+use crate::scene::{CameraFile, Scene, Sequence};
 use clap::{Args, ValueEnum};
 use rtl_model::Machine;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
@@ -18,17 +18,38 @@ pub(super) struct Typed {
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<OsString>,
     /// At least so many dB over all pixels
-    #[arg(long, value_name = "DB", value_parser = positive, required_unless_present = "max_error")]
+    #[arg(long, value_name = "DB", value_parser = positive, required_unless_present_any = ["max_error", "min_fps"])]
     target_psnr: Option<f64>,
     /// No pixel further off, linear light in [0, 1]
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     max_error: Option<f64>,
+    /// At least so many frames a second, by `timing`
+    #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
+    min_fps: Option<f64>,
+    /// Least `area` (default), `energy` or `cycles`
+    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
+    minimise: Option<Minimise>,
+    /// Fields of `timing` and values [default: usual]
+    #[arg(long, value_name = "FILE", requires = "min_fps")]
+    fields: Option<PathBuf>,
+    /// Cameras of transforms.json, or of COLMAP's text
+    #[arg(long, value_name = "FILE", conflicts_with = "frame")]
+    cameras: Option<PathBuf>,
+    /// Distances, as parts of each camera's: 0.25..2
+    #[arg(long, value_name = "A..B")]
+    distance: Option<Parts>,
+    /// Every view: the worst of so many
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
+    robust: u8,
+    /// `psnr`, or `lockstep`: no flips
+    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Metric::Psnr)]
+    metric: Metric,
     /// Both against golden or ideal
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Against::Golden)]
     against: Against,
     /// Rules and layers instead of words: `fragment`
     #[arg(long, value_name = "UNIT", value_enum, hide_possible_values = true, requires = "target_psnr",
-        conflicts_with_all = ["max_error", "against", "no_saturation", "views", "only", "tries", "seed"])]
+        conflicts_with_all = ["max_error", "against", "no_saturation", "views", "only", "tries", "seed", "cameras", "distance", "robust", "metric"])]
     over: Option<Over>,
     /// Least `area` (default) or `bytes` a pixel
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "over")]
@@ -68,6 +89,13 @@ enum Against {
     Ideal,
 }
 
+/// [`searched::Metric`] as typed.
+#[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
+enum Metric {
+    Psnr,
+    Lockstep,
+}
+
 /// What is searched instead of words.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Over {
@@ -81,11 +109,21 @@ enum By {
     Bytes,
 }
 
+/// [`over_timing::Minimise`] as typed.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Minimise {
+    Area,
+    Energy,
+    Cycles,
+}
+
 /// A search that can be done.
 pub(super) struct Job {
+    /// The frames a second that are wanted.
+    over_timing: Option<over_timing::Options>,
     /// What is to be least, where rules are searched and not words.
     over_fragment: Option<over_fragment::By>,
-    scenes: Vec<Scene>,
+    domains: Vec<Domain>,
     machine: Machine,
     folder: PathBuf,
     options: Options,
@@ -94,17 +132,14 @@ pub(super) struct Job {
 
 impl Typed {
     pub fn check(self) -> Result<Job> {
-        let scenes: Vec<Scene> = self.scenes.iter().map(|name| self.common.scene(name)).collect::<Result<_>>()?;
-        let mut machine = self.common.machine(&scenes[0])?;
-        machines::pay(&mut machine, scenes.iter().any(|scene| scene.detail.is_some()));
-        let against = match self.against {
-            Against::Golden => searched::Against::Golden,
-            Against::Ideal => searched::Against::Ideal,
-        };
-        let target = Target { psnr_db: self.target_psnr, max_error: self.max_error, no_saturation: self.no_saturation, against };
+        let domains = self.domains()?;
+        let mut machine = self.common.machine(domains[0].scene())?;
+        machines::pay(&mut machine, domains.iter().any(|domain| domain.scene().detail.is_some()));
+        let target = self.target()?;
         let options = Options {
             target,
             views: self.views.into(),
+            robust: self.robust.into(),
             seed: self.seed,
             tries: self.tries.into(),
             only: self.only,
@@ -117,7 +152,55 @@ impl Typed {
             _ => over_fragment::By::Area,
         };
         let over_fragment = self.over.map(|Over::Fragment| by);
-        Ok(Job { over_fragment, scenes, machine, folder, options, quiet: self.quiet })
+        let minimise = match self.minimise {
+            None | Some(Minimise::Area) => over_timing::Minimise::Area,
+            Some(Minimise::Energy) => over_timing::Minimise::Energy,
+            Some(Minimise::Cycles) => over_timing::Minimise::Cycles,
+        };
+        let fields = self.fields.as_deref().map(over_timing::read).transpose()?.unwrap_or_default();
+        let Options { views, prices, progress, .. } = options.clone();
+        let memory = Some(over_timing::Bought::of(&machine));
+        let over_timing = self.min_fps.map(|min_fps| over_timing::Options { min_fps, minimise, fields, memory, views, prices, progress });
+        Ok(Job { over_timing, over_fragment, domains, machine, folder, options, quiet: self.quiet })
+    }
+
+    /// Every scene at every size.
+    fn domains(&self) -> Result<Vec<Domain>> {
+        let cameras = self.cameras.as_deref().map(CameraFile::read).transpose()?;
+        let distance = self.distance.map_or([1.0; 2], |Parts(distance)| distance);
+        let mut domains = Vec::new();
+        for name in &self.scenes {
+            for overrides in self.common.each_overrides() {
+                let load = |name: &OsStr| Sequence::load(name, &overrides, cameras.clone());
+                domains.push(Domain::load(name, load, self.common.frame)?.from_distances(distance));
+            }
+        }
+        Domain::label_all(&mut domains);
+        Ok(domains)
+    }
+
+    fn target(&self) -> Result<Target> {
+        let against = match self.against {
+            Against::Golden => searched::Against::Golden,
+            Against::Ideal => searched::Against::Ideal,
+        };
+        let metric = match self.metric {
+            Metric::Psnr => searched::Metric::Psnr,
+            Metric::Lockstep if against == searched::Against::Ideal => {
+                return Err(Error::input(
+                    "--metric lockstep: golden is led by the machine's decisions, ideal is not: --against golden would do",
+                ));
+            }
+            Metric::Lockstep => searched::Metric::Lockstep,
+        };
+        Ok(Target {
+            psnr_db: self.target_psnr,
+            max_error: self.max_error,
+            no_saturation: self.no_saturation,
+            against,
+            metric,
+            frames_per_second: self.min_fps,
+        })
     }
 }
 
@@ -125,12 +208,34 @@ impl Job {
     pub fn run(self) -> Result<String> {
         if let (Some(by), Some(target)) = (self.over_fragment, self.options.target.psnr_db) {
             let Options { prices, progress, .. } = &self.options;
-            let outcome = over_fragment::run(&self.scenes, &self.machine, &self.folder, target, by, prices, *progress)?;
-            let end = written(&self.folder, &outcome.files);
-            return Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) });
+            let scenes: Vec<Scene> = self.domains.iter().map(|domain| domain.scene().clone()).collect();
+            let outcome = over_fragment::run(&scenes, &self.machine, &self.folder, target, by, prices, *progress)?;
+            return Ok(self.told(&[outcome.summary()], &outcome.files));
         }
-        let outcome = search::run(&self.scenes, &self.machine, &self.folder, &self.options)?;
-        let end = written(&self.folder, &outcome.files);
-        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) })
+        if let Some(options) = &self.over_timing {
+            return self.over_timing(options);
+        }
+        let outcome = search::run_on(&self.domains, &self.machine, &self.folder, &self.options)?;
+        Ok(self.told(&[outcome.summary()], &outcome.files))
+    }
+
+    /// Timing alone; or timing, then words, then timing with these.
+    fn over_timing(&self, options: &over_timing::Options) -> Result<String> {
+        let Target { psnr_db, max_error, no_saturation, .. } = self.options.target;
+        let (domains, folder) = (&self.domains, &self.folder);
+        if psnr_db.is_none() && max_error.is_none() && !no_saturation {
+            let outcome = over_timing::run(domains, &self.machine, None, folder, options)?;
+            return Ok(self.told(&[outcome.summary()], &outcome.files));
+        }
+        // Before anything is written.
+        search::check(domains, &self.machine, &self.options)?;
+        let fast = over_timing::run(domains, &self.machine, None, &folder.join("timing"), options)?;
+        let words = search::run_on(domains, &fast.machine, &folder.join("words"), &self.options)?;
+        let last = over_timing::run(domains, &words.machine, Some(&words.searched), folder, options)?;
+        Ok(self.told(&[fast.summary(), words.summary(), last.summary()], &last.files))
+    }
+
+    fn told(&self, summaries: &[String], files: &[PathBuf]) -> String {
+        if self.quiet { String::new() } else { format!("{}\n\n{}", summaries.join("\n\n"), written(&self.folder, files)) }
     }
 }

@@ -13,16 +13,19 @@
 
 pub mod crew;
 mod descent;
+mod domain;
 mod knobs;
 pub mod over_fragment;
+pub mod over_timing;
 
 use crate::accuracy::distance;
 use crate::error::{Error, Result};
-use crate::explore::sweep::table::{Journal, Kind, Row, named};
+use crate::explore::sweep::columns;
+use crate::explore::sweep::table::{Column, Journal, Kind, Row, named};
 use crate::explore::sweep::write_plan;
 use crate::golden;
 use crate::hardware::quantise::quantise;
-pub use crate::hardware::searched::{Against, Target};
+pub use crate::hardware::searched::{Against, Metric, Target};
 use crate::hardware::searched::{SceneRecord, SearchRecord};
 use crate::hardware::{fixed, machines};
 use crate::output::files::{Folder, write_beside};
@@ -35,6 +38,7 @@ use crate::scene::digest::{digest, digest_of};
 use crate::scene::{Camera, Scene};
 use crew::{Foresight, Measured};
 use descent::Problem;
+pub use domain::{Domain, Member};
 use knobs::Knob;
 use rtl_model::Machine;
 use rtl_model::num::Format;
@@ -54,6 +58,8 @@ pub struct Options {
     pub target: Target,
     /// Unseen cameras that must hold too.
     pub views: usize,
+    /// Every view counts as the worst of so many cameras less than a pixel apart: a flip is luck.
+    pub robust: usize,
     /// Another seed, another annealing.
     pub seed: u64,
     /// Machines that annealing draws.
@@ -92,9 +98,19 @@ const COLUMNS: [(&str, Kind); 14] = [
     ("host_seconds", Kind::Number),
 ];
 
+/// Columns of a search in lockstep, behind those.
+const LOCKSTEP_COLUMNS: [(&str, Kind); 2] = [(columns::LOCKSTEP_PSNR_DB, Kind::Number), (columns::LOCKSTEP_MAX_ERROR, Kind::Number)];
+
+fn columns_of(target: &Target) -> Vec<Column> {
+    let more: &[_] = if target.metric == Metric::Lockstep { &LOCKSTEP_COLUMNS } else { &[] };
+    named(&[&COLUMNS, more].concat())
+}
+
 /// A scene as one camera sees it.
 #[derive(Serialize, Deserialize)]
 struct View {
+    /// Which domain it is of.
+    of: usize,
     name: String,
     scene: Scene,
     golden: Picture,
@@ -105,22 +121,16 @@ struct View {
 }
 
 impl View {
-    fn new(scene: &Scene, name: String, machine: &Machine) -> Self {
-        let golden = golden::render(scene, &fixed::rules(machine)).picture;
-        let ideal = golden::ideal(scene).picture;
+    fn new(of: usize, Member { name, scene }: Member, machine: &Machine) -> Self {
+        let golden = golden::render(&scene, &fixed::rules(machine)).picture;
+        let ideal = golden::ideal(&scene).picture;
         let golden_vs_ideal_psnr_db = distance(&golden, &ideal).psnr_db;
-        View { name, digest: digest_of(scene), scene: scene.clone(), golden, ideal, golden_vs_ideal_psnr_db }
+        View { of, name, digest: digest_of(&scene), scene, golden, ideal, golden_vs_ideal_psnr_db }
     }
 
     /// Without the scene.
     fn short_name(&self) -> &str {
         self.name.rsplit(" from ").next().unwrap_or_default()
-    }
-
-    /// The n-th of the cameras that nobody asked for: around the target, by golden angles, a little above and below.
-    fn unseen(scene: &Scene, nth: usize, machine: &Machine) -> Self {
-        let turned = Scene { camera: scene.camera.turned(nth), ..scene.clone() }.cut();
-        View::new(&turned, format!("{} from view {nth}", scene.name), machine)
     }
 }
 
@@ -137,6 +147,24 @@ pub struct Found {
     pub fixed_vs_ideal_max_error: f64,
     /// Words that left their range; none where nobody looked.
     pub saturated: Option<u64>,
+    /// Against golden that the machine's decisions lead; none where nobody looked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lockstep: Option<InLockstep>,
+}
+
+/// Rounding alone, without flips.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct InLockstep {
+    /// Least; none where pictures are equal.
+    pub psnr_db: Option<f64>,
+    /// Greatest.
+    pub max_error: f64,
+}
+
+impl InLockstep {
+    fn and(self, other: InLockstep) -> InLockstep {
+        InLockstep { psnr_db: least(self.psnr_db, other.psnr_db), max_error: self.max_error.max(other.max_error) }
+    }
 }
 
 impl Found {
@@ -147,30 +175,33 @@ impl Found {
             psnr_db: least(self.psnr_db, other.psnr_db),
             max_error: self.max_error.max(other.max_error),
             saturated: self.saturated.zip(other.saturated).map(|(a, b)| a + b),
+            lockstep: self.lockstep.zip(other.lockstep).map(|(a, b)| a.and(b)),
         }
     }
 
-    /// Decibels against one of the two.
-    fn psnr_db_against(&self, against: Against) -> Option<f64> {
-        match against {
-            Against::Golden => self.psnr_db,
-            Against::Ideal => self.fixed_vs_ideal_psnr_db,
+    /// Decibels as a target measures them; none where pictures are equal.
+    fn psnr_db_of(&self, target: &Target) -> Option<f64> {
+        match (target.metric, target.against) {
+            (Metric::Lockstep, _) => self.lockstep.map_or(Some(f64::NEG_INFINITY), |lockstep| lockstep.psnr_db),
+            (Metric::Psnr, Against::Golden) => self.psnr_db,
+            (Metric::Psnr, Against::Ideal) => self.fixed_vs_ideal_psnr_db,
         }
     }
 
-    fn max_error_against(&self, against: Against) -> f64 {
-        match against {
-            Against::Golden => self.max_error,
-            Against::Ideal => self.fixed_vs_ideal_max_error,
+    fn max_error_of(&self, target: &Target) -> f64 {
+        match (target.metric, target.against) {
+            (Metric::Lockstep, _) => self.lockstep.map_or(f64::INFINITY, |lockstep| lockstep.max_error),
+            (Metric::Psnr, Against::Golden) => self.max_error,
+            (Metric::Psnr, Against::Ideal) => self.fixed_vs_ideal_max_error,
         }
     }
+}
 
-    fn psnr(&self, against: Against) -> String {
-        match self.psnr_db_against(against) {
-            None => "equal".into(),
-            Some(db) if db.is_finite() => format!("{db:.1}"),
-            Some(_) => "no".into(),
-        }
+fn decibels(psnr_db: Option<f64>) -> String {
+    match psnr_db {
+        None => "equal".into(),
+        Some(db) if db.is_finite() => format!("{db:.1}"),
+        Some(_) => "no".into(),
     }
 }
 
@@ -205,17 +236,16 @@ impl Target {
         }
         let names = views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
         let lost = found.saturated.filter(|count| *count > 0).map_or(String::new(), |count| format!(", {count} words out of range"));
-        let against = self.against;
-        let (psnr, error) = (found.psnr(against), found.max_error_against(against));
-        let reached = format!("{machine} reaches {psnr} dB, {}, at most {error:.4} off{lost}", against.difference());
-        let method = method_psnr_db(views).filter(|_| against == Against::Ideal);
+        let (psnr, error) = (decibels(found.psnr_db_of(self)), found.max_error_of(self));
+        let reached = format!("{machine} reaches {psnr} dB, {}, at most {error:.4} off{lost}", self.difference());
+        let method = method_psnr_db(views).filter(|_| self.against == Against::Ideal);
         let method = method.map_or(String::new(), |db| format!("; golden − ideal alone is {db:.1} dB, and no word changes that"));
         Err(format!("the target is out of reach: on {names} {reached}{method}"))
     }
 
     /// Part of what is allowed, squared: at most 1 is well.
     fn load(&self, found: &Found) -> f64 {
-        let (psnr_db, error) = (found.psnr_db_against(self.against), found.max_error_against(self.against));
+        let (psnr_db, error) = (found.psnr_db_of(self), found.max_error_of(self));
         let by_psnr = self.psnr_db.zip(psnr_db).map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
         let by_error = self.max_error.map_or(0.0, |most| error / most * (error / most));
         let lost = if self.no_saturation && found.saturated.unwrap_or(0) > 0 { f64::INFINITY } else { 0.0 };
@@ -267,6 +297,9 @@ pub struct Outcome {
 /// A view that was not searched on.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Unseen {
+    /// Which domain it is of.
+    #[serde(skip)]
+    of: usize,
     /// Scene and number.
     pub name: String,
     /// Where its eye is.
@@ -297,30 +330,61 @@ pub struct CriticalWord {
     pub psnr_db: Option<f64>,
 }
 
+/// Searches on scenes from all around, each from the distance of its own camera.
+///
+/// # Errors
+/// As [`run_on`].
+pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, options: &Options) -> Result<Outcome> {
+    let domains: Vec<Domain> = scenes.iter().cloned().map(Domain::around).collect();
+    run_on(&domains, machine, folder, options)
+}
+
+/// What is searched on at first, with the cameras beside each.
+fn first_views(domains: &[Domain], machine: &Machine, options: &Options) -> Result<Vec<View>> {
+    let mut views = Vec::new();
+    for (of, domain) in domains.iter().enumerate() {
+        for member in domain.first() {
+            quantise(&member.scene, machine)?;
+            views.extend(member.and_beside(options.robust).into_iter().map(|member| View::new(of, member, machine)));
+        }
+    }
+    Ok(views)
+}
+
+/// Refuses a target that the machine as it is misses on what is searched on at first.
+///
+/// # Errors
+/// [`Error::Input`] where it does.
+pub fn check(domains: &[Domain], machine: &Machine, options: &Options) -> Result<()> {
+    checked(domains, machine, options).map(drop)
+}
+
+fn checked(domains: &[Domain], machine: &Machine, options: &Options) -> Result<Vec<View>> {
+    let elaborated = fixed::elaborate(machine)?;
+    let views = first_views(domains, machine, options)?;
+    let found = found_on(&views, |view| drawn(&elaborated, view, &options.target))?;
+    options.target.check_reach(&found, &views, &machine.name).map_err(Error::input)?;
+    Ok(views)
+}
+
 /// Searches.
 ///
 /// # Errors
 /// [`Error::Input`] where the target cannot be met by the machine as it is, or the folder is of something else; [`Error::Job`] where
 /// what is found cannot be written, or holds on no unseen view.
-pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, options: &Options) -> Result<Outcome> {
+pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Options) -> Result<Outcome> {
     let knobs = knobs::all(machine, &options.only);
     if let Some(name) = options.only.iter().find(|name| !knobs.iter().any(|knob| machines::is_below(&knob.path, name))) {
         return Err(Error::input(format!("--only {name}: machine {} has no such unit, word or size", machine.name)));
     }
-    let elaborated = fixed::elaborate(machine)?;
-    for scene in scenes {
-        quantise(scene, machine)?;
-    }
-    let views: Vec<View> = scenes.iter().map(|scene| View::new(scene, scene.name.clone(), machine)).collect();
     // Before anything is written.
-    let found = found_on(&views, |view| drawn(&elaborated, view, options.target.no_saturation))?;
-    options.target.check_reach(&found, &views, &machine.name).map_err(Error::input)?;
+    let views = checked(domains, machine, options)?;
     let _open = Folder::open(folder)?;
-    let mut journal = Journal::open(folder, "", named(&COLUMNS))?;
+    let mut journal = Journal::open(folder, "", columns_of(&options.target))?;
     journal.keep();
-    let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
+    let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
     write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": options.target, "scenes": names, "machine": machine}))?;
-    let mut search = Search::new(machine, knobs, scenes, views, journal, options);
+    let mut search = Search::new(machine, knobs, domains, views, journal, options);
     let none = vec![0; search.knobs.len()];
     search.check_reach()?;
     let mut path = vec![search.step(&machine.name, &none)?];
@@ -329,12 +393,13 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, options: &Options
     let mut steps: Option<Vec<u32>> = None;
     loop {
         let best = search.round(steps.as_deref(), &mut path)?;
-        let (held, failed) = search.verified(scenes, &best, next_view)?;
+        let (held, failed) = search.verified(&best, next_view)?;
         next_view += options.views;
-        let Some((worst, found)) = failed else {
+        let Some((found, views)) = failed else {
             let outcome = search.outcome(names, path, held, learnt, &best)?;
             return search.write(outcome, folder);
         };
+        let worst = &views[0];
         if learnt.len() + 1 == ROUNDS {
             return Err(Error::job(format!("after {ROUNDS} rounds {} still misses the target: aim lower", worst.name)));
         }
@@ -343,18 +408,18 @@ pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, options: &Options
         let load = options.target.load(&found);
         // Views differ: what just meets the target on some misses it on others.
         search.stricter *= if load.is_finite() { load.min(MOST_STRICTER) } else { 1.0 };
-        search.learn(worst);
+        search.learn(views);
         search.check_reach()?;
         steps = Some(best);
     }
 }
 
-/// Views with what was found there, and the worst that fails.
-type Verdict = (Vec<Unseen>, Option<(View, Found)>);
+/// Views with what was found there, and the worst that fails with the cameras beside it.
+type Verdict = (Vec<Unseen>, Option<(Found, Vec<View>)>);
 
 /// What is known.
 struct Search<'a> {
-    scenes: &'a [Scene],
+    domains: &'a [Domain],
     options: &'a Options,
     base: Machine,
     /// The base with integer bits cut.
@@ -376,12 +441,12 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(machine: &Machine, knobs: Vec<Knob>, scenes: &'a [Scene], views: Vec<View>, journal: Journal, options: &'a Options) -> Self {
+    fn new(machine: &Machine, knobs: Vec<Knob>, domains: &'a [Domain], views: Vec<View>, journal: Journal, options: &'a Options) -> Self {
         let known = journal.rows().filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?))).collect();
         let progress = Progress::of_messages(options.progress);
         let (base, cut, fields) = (machine.clone(), machine.clone(), machines::value(machine));
         Search {
-            scenes,
+            domains,
             options,
             base,
             cut,
@@ -399,9 +464,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// One more view to look at.
-    fn learn(&mut self, view: View) {
-        self.views.push(view);
+    /// One more view to look at, with the cameras beside it.
+    fn learn(&mut self, views: Vec<View>) {
+        self.views.extend(views);
         self.areas.clear();
     }
 
@@ -461,6 +526,8 @@ impl<'a> Search<'a> {
                 fixed_vs_ideal_psnr_db: row[9].as_f64(),
                 fixed_vs_ideal_max_error: row[10].as_f64().unwrap_or(0.0),
                 saturated,
+                lockstep: (row.len() > COLUMNS.len())
+                    .then(|| InLockstep { psnr_db: row[14].as_f64(), max_error: row[15].as_f64().unwrap_or(f64::INFINITY) }),
             }
         })
     }
@@ -479,7 +546,7 @@ impl<'a> Search<'a> {
         let point = self.journal.rows().filter_map(|row| row[0].as_u64()).next_back().map_or(0, |last| last + 1);
         let scene = self.views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
         let seen = misfit.is_none();
-        let row: Row = vec![
+        let mut row: Row = vec![
             json!(point),
             json!(key),
             json!(scene),
@@ -495,6 +562,9 @@ impl<'a> Search<'a> {
             json!(area),
             json!(seconds),
         ];
+        if self.options.target.metric == Metric::Lockstep {
+            row.extend([json!(found.lockstep.and_then(|of| of.psnr_db)), json!(found.lockstep.map(|of| of.max_error))]);
+        }
         self.journal.push(point, row)?;
         self.known.insert(key, point);
         let told = format!(
@@ -502,7 +572,7 @@ impl<'a> Search<'a> {
             self.method,
             self.asked_for.len(),
             thousands(area as u64),
-            found.psnr(self.options.target.against)
+            decibels(found.psnr_db_of(&self.options.target))
         );
         self.progress.say(told);
         Ok(found)
@@ -522,10 +592,11 @@ impl<'a> Search<'a> {
     fn cut(&mut self) -> Result<()> {
         let elaborated = fixed::elaborate(&self.base)?;
         let mut needed: HashMap<String, i32> = HashMap::new();
-        let turned = |scene: &Scene, nth| Scene { camera: scene.camera.turned(nth), ..scene.clone() }.cut();
-        let around = self.scenes.iter().flat_map(|scene| (0..RANGE_VIEWS).map(move |nth| turned(scene, FIRST_RANGE_VIEW + nth)));
-        let all = self.views.iter().map(|view| Cow::Borrowed(&view.scene)).chain(around.map(Cow::Owned));
+        let range = FIRST_RANGE_VIEW..FIRST_RANGE_VIEW + RANGE_VIEWS;
+        let around = self.domains.iter().flat_map(|domain| range.clone().map(|nth| domain.nth(nth).map(|member| Cow::Owned(member.scene))));
+        let all = self.views.iter().map(|view| Ok(Cow::Borrowed(&view.scene))).chain(around);
         for scene in all {
+            let scene = scene?;
             let Ok(quantised) = quantise(&scene, &self.base) else { continue };
             let (_, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
             for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
@@ -618,20 +689,29 @@ impl<'a> Search<'a> {
     }
 
     /// How the machine does on unseen views, and the worst that fails.
-    fn verified(&mut self, scenes: &[Scene], steps: &[u32], from: usize) -> Result<Verdict> {
+    fn verified(&mut self, steps: &[u32], from: usize) -> Result<Verdict> {
         let Some(machine) = self.machine(steps) else { return Ok((Vec::new(), None)) };
         let elaborated = fixed::elaborate(&machine)?;
-        let mut held = Vec::new();
-        let mut worst: Option<(f64, (View, Found))> = None;
-        for scene in scenes {
+        let target = &self.options.target;
+        let mut held: Vec<Unseen> = Vec::new();
+        let mut worst: Option<(f64, (Found, Vec<View>))> = None;
+        for (of, domain) in self.domains.iter().enumerate() {
             for nth in from..from + self.options.views {
-                let view = View::unseen(scene, nth, &machine);
-                let found = drawn(&elaborated, &view, self.options.target.no_saturation).unwrap_or(HOPELESS);
-                let load = self.options.target.load(&found);
-                self.progress.say(format!("{}: {} dB", view.name, found.psnr(self.options.target.against)));
-                held.push(Unseen { name: view.name.clone(), eye: view.scene.camera.eye.to_array(), camera: view.scene.camera, found });
+                let member = domain.nth(nth)?;
+                let (name, camera) = (member.name.clone(), member.scene.camera);
+                let searched = self.views.iter().map(|view| (view.of, &view.scene.camera));
+                // A short list comes round again.
+                if searched.chain(held.iter().map(|view| (view.of, &view.camera))).any(|seen| seen == (of, &camera)) {
+                    continue;
+                }
+                let views: Vec<View> =
+                    member.and_beside(self.options.robust).into_iter().map(|member| View::new(of, member, &machine)).collect();
+                let found = found_on(&views, |view| drawn(&elaborated, view, target)).unwrap_or(HOPELESS);
+                let load = target.load(&found);
+                self.progress.say(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
+                held.push(Unseen { of, name, eye: camera.eye.to_array(), camera, found });
                 if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
-                    worst = Some((load, (view, found)));
+                    worst = Some((load, (found, views)));
                 }
             }
         }
@@ -657,7 +737,7 @@ impl<'a> Search<'a> {
             tight.push(CriticalWord {
                 path: path.clone(),
                 value: self.knobs[knob].value(steps[knob]),
-                psnr_db: found.psnr_db_against(self.options.target.against),
+                psnr_db: found.psnr_db_of(&self.options.target),
             });
         }
         let worth = |tight: &CriticalWord| tight.psnr_db.unwrap_or(f64::INFINITY);
@@ -666,8 +746,10 @@ impl<'a> Search<'a> {
             (Some(db), _) => format!("{db}dB"),
             (None, most) => format!("{}", most.unwrap_or(0.0)),
         };
-        let stem = |name: &String| Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let name = format!("{}-{aim}", scenes.iter().map(stem).collect::<Vec<_>>().join("-"));
+        let stem = |domain: &Domain| Path::new(&domain.scene().name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let mut stems: Vec<String> = self.domains.iter().map(stem).collect();
+        stems.dedup();
+        let name = format!("{}-{aim}", stems.join("-"));
         let machine = Machine { name, ..self.machine(steps).unwrap_or_else(|| self.base.clone()) };
         let (target, base) = (self.options.target, self.base.name.clone());
         let cameras = self.views.iter().map(|view| Searched { name: view.name.clone(), camera: view.scene.camera }).collect();
@@ -677,14 +759,11 @@ impl<'a> Search<'a> {
 
     /// Each scene with the cameras that were searched on, then those of unseen views.
     fn scene_records(&self, unseen: &[Unseen]) -> Vec<SceneRecord> {
-        let is_of =
-            |name: &str, scene: &Scene| name == scene.name || name.strip_prefix(&scene.name).is_some_and(|rest| rest.starts_with(" from "));
-        let record = |scene: &Scene| {
-            let searched = self.views.iter().map(|view| (&view.name, view.scene.camera));
-            let all = searched.chain(unseen.iter().map(|view| (&view.name, view.camera)));
-            SceneRecord::new(scene, all.filter(|(name, _)| is_of(name, scene)).map(|(_, camera)| camera).collect())
+        let record = |(of, domain): (usize, &Domain)| {
+            let searched = self.views.iter().filter(|view| view.of == of).map(|view| view.scene.camera);
+            domain.record(searched.chain(unseen.iter().filter(|view| view.of == of).map(|view| view.camera)).collect())
         };
-        self.scenes.iter().map(record).collect()
+        self.domains.iter().enumerate().map(record).collect()
     }
 
     fn write(self, outcome: Outcome, folder: &Path) -> Result<Outcome> {
@@ -750,12 +829,13 @@ const HOPELESS: Found = Found {
     fixed_vs_ideal_psnr_db: Some(f64::NEG_INFINITY),
     fixed_vs_ideal_max_error: f64::INFINITY,
     saturated: None,
+    lockstep: None,
 };
 
 /// Draws a view and compares.
-fn drawn(elaborated: &Elaborated, view: &View, observed: bool) -> Result<Found> {
+fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<Found> {
     let evaluation = Evaluation::on(&view.scene, elaborated)?;
-    let (picture, saturated) = if observed {
+    let (picture, saturated) = if target.no_saturation {
         let observed = evaluation.observe();
         let lost = observed.overflows().total();
         (observed.picture, Some(lost))
@@ -763,7 +843,8 @@ fn drawn(elaborated: &Elaborated, view: &View, observed: bool) -> Result<Found> 
         (evaluation.picture(&evaluation.draw()), None)
     };
     let [apart, whole] = [&view.golden, &view.ideal].map(|other| distance(&picture, other));
-    let not_finite = apart.not_finite.max(whole.not_finite);
+    let led = (target.metric == Metric::Lockstep).then(|| evaluation.lockstep().summary(&picture));
+    let not_finite = apart.not_finite.max(whole.not_finite).max(led.map_or(0, |led| led.not_finite));
     if not_finite > 0 {
         return Err(Error::job(format!("{}: {not_finite} pixels have no finite number, and meet no target", view.name)));
     }
@@ -773,6 +854,7 @@ fn drawn(elaborated: &Elaborated, view: &View, observed: bool) -> Result<Found> 
         fixed_vs_ideal_psnr_db: whole.psnr_db,
         fixed_vs_ideal_max_error: whole.max_error,
         saturated,
+        lockstep: led.map(|led| InLockstep { psnr_db: led.psnr_db, max_error: led.max_error }),
     })
 }
 
@@ -799,18 +881,18 @@ impl Outcome {
     /// The way and what it led to, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let (first, last) = (&self.path[0], &self.path[self.path.len() - 1]);
-        let against = self.target.against;
+        let is_led = self.target.metric == Metric::Lockstep;
         let head = format!("{}, from {}: {}", self.scenes.join(", "), self.base, self.target.aims().join(", "));
-        let mut table = plain_table(&["", "area", "", "golden dB", "ideal dB", "max error", "drawn"]);
+        let mut table = plain_table(&["", "area", "", if is_led { "lockstep dB" } else { "golden dB" }, "ideal dB", "max error", "drawn"]);
         for Step { method, area, found, drawn } in &self.path {
             let part = format!("{:.1}%", 100.0 * area / first.area);
             table.add_row([
                 method.clone(),
                 thousands(*area as u64),
                 part,
-                found.psnr(Against::Golden),
-                found.psnr(Against::Ideal),
-                format!("{:.4}", found.max_error_against(against)),
+                decibels(if is_led { found.psnr_db_of(&self.target) } else { found.psnr_db }),
+                decibels(found.fixed_vs_ideal_psnr_db),
+                format!("{:.4}", found.max_error_of(&self.target)),
                 thousands(*drawn),
             ]);
         }
@@ -823,7 +905,7 @@ impl Outcome {
             let whole = Cost::new(&reference, &Prices::default()).area;
             let _ = write!(text, ", {:.1}% less than reference", 100.0 * (1.0 - last.area / whole));
         }
-        let worst = self.views.iter().filter_map(|view| view.found.psnr_db_against(against)).fold(f64::INFINITY, f64::min);
+        let worst = self.views.iter().filter_map(|view| view.found.psnr_db_of(&self.target)).fold(f64::INFINITY, f64::min);
         let worst = if worst.is_finite() { format!(", the worst with {worst:.1} dB") } else { String::new() };
         let views = match self.views.len() {
             0 => "no unseen view was tried".to_owned(),

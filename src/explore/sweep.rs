@@ -14,6 +14,7 @@
 
 pub mod charts;
 pub mod columns;
+mod loss;
 mod page;
 pub mod plan;
 pub mod stage;
@@ -76,6 +77,8 @@ pub struct Outcome {
     /// Files that were written.
     pub files: Vec<PathBuf>,
     table: Table,
+    /// What loses a decibel first, if bits were taken away.
+    loss: Option<String>,
 }
 
 /// Carries a plan out; what the folder has already is not done again.
@@ -192,7 +195,8 @@ impl Sweep {
         let files = self.journal.write(&self.folder, "sweep")?;
         let count = self.points.count();
         let mine = self.options.mine(count).count() as u64;
-        Ok(Outcome { counts: [count, mine, self.drawn], files, table: self.journal.table() })
+        let table = self.journal.table();
+        Ok(Outcome { counts: [count, mine, self.drawn], files, loss: loss::first(&table, &self.points.base), table })
     }
 }
 
@@ -298,6 +302,9 @@ impl Outcome {
             (by(columns::FIXED_VS_IDEAL_PSNR_DB), by(columns::AREA), by(columns::FRAMES_PER_SECOND));
         for (what, row) in [("worst", worst), ("best", best), ("least area", least), ("fastest", fastest)] {
             told(what, row);
+        }
+        if let Some(loss) = &self.loss {
+            let _ = write!(text, "\n\n{}", wrapped(loss));
         }
         text
     }

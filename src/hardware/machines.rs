@@ -171,7 +171,7 @@ fn check_depth(path: &str, whose: &str) -> Result<()> {
 }
 
 /// The value with whole numbers where it has some with a point or an exponent, as 1e9.
-fn whole(value: Value) -> Value {
+pub(crate) fn whole(value: Value) -> Value {
     // Up to here, every whole number is one of f64.
     const LARGEST: f64 = 9_007_199_254_740_992.0;
     match value {

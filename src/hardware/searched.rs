@@ -31,6 +31,23 @@ impl Against {
     }
 }
 
+/// How decibels, or the greatest error, are measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Metric {
+    /// Of the two pictures as they are, flips and all.
+    #[default]
+    Psnr,
+    /// Of the machine's picture and golden's that the machine's own decisions lead: rounding alone, no flips.
+    Lockstep,
+}
+
+impl Metric {
+    fn is_usual(&self) -> bool {
+        *self == Metric::default()
+    }
+}
+
 /// What a machine must reach, on every scene and view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -44,6 +61,12 @@ pub struct Target {
     /// What both are measured against.
     #[serde(default)]
     pub against: Against,
+    /// How both are measured; left out where flips count.
+    #[serde(default, skip_serializing_if = "Metric::is_usual")]
+    pub metric: Metric,
+    /// At least so many frames a second.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames_per_second: Option<f64>,
 }
 
 /// For what a machine was searched: there it meets the target, and nothing is known of it elsewhere.
@@ -72,6 +95,21 @@ pub struct SceneRecord {
     pub distance: [f64; 2],
     /// Cameras that were searched on, then those that it held on unseen.
     pub cameras: Vec<Camera>,
+    /// Where those were taken from; left out where from all around the first, as far as it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub domain: Option<DomainRecord>,
+}
+
+/// All cameras that a machine was searched for: some of them it was tried on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DomainRecord {
+    /// Of a list, or the scene's own.
+    pub cameras: Vec<Camera>,
+    /// And all around their targets.
+    pub around: bool,
+    /// The nearest and the farthest, as a part of the distance of each.
+    pub distance: [f64; 2],
 }
 
 /// By such a part distances may differ, and eyes and targets lie apart, as a part of the distance.
@@ -93,6 +131,7 @@ impl SceneRecord {
             height: scene.image.height,
             distance: [least, most],
             cameras,
+            domain: None,
         }
     }
 
@@ -109,13 +148,12 @@ impl SceneRecord {
 
     /// How a camera lies outside. From its distance a record of several holds all around, as their unseen ones showed.
     fn camera_outside(&self, camera: &Camera) -> Option<String> {
+        if let Some(domain) = &self.domain {
+            return domain.outside(camera);
+        }
         let now = distance(camera);
-        let is_near = |a: f64, b: f64| (a - b).abs() <= SAME * b.abs();
-        let sees_alike = |other: &&Camera| {
-            is_near(camera.fov_y_degrees, other.fov_y_degrees) && (camera.target - other.target).length() <= SAME * distance(other)
-        };
-        let Some(alike) = self.cameras.iter().find(sees_alike) else {
-            return Some("a camera with another target or angle of view".into());
+        let Some(alike) = self.cameras.iter().find(|other| sees_alike(camera, other)) else {
+            return Some(ANOTHER.into());
         };
         let [least, most] = self.distance;
         if now < least * (1.0 - SAME) || now > most * (1.0 + SAME) {
@@ -124,6 +162,39 @@ impl SceneRecord {
         }
         let is_same = (camera.eye - alike.eye).length() <= SAME * distance(alike);
         (self.cameras.len() == 1 && !is_same).then(|| "an eye that looks from another side".into())
+    }
+}
+
+/// Of a camera that is none of those that were searched.
+const ANOTHER: &str = "a camera with another target or angle of view";
+
+fn is_near(a: f64, b: f64) -> bool {
+    (a - b).abs() <= SAME * b.abs()
+}
+
+fn sees_alike(camera: &Camera, other: &Camera) -> bool {
+    is_near(camera.fov_y_degrees, other.fov_y_degrees) && (camera.target - other.target).length() <= SAME * distance(other)
+}
+
+impl DomainRecord {
+    /// How a camera lies outside, beside the one that it is nearest to.
+    fn outside(&self, camera: &Camera) -> Option<String> {
+        let [nearest, farthest] = self.distance;
+        let now = distance(camera);
+        let mut outside = Some(ANOTHER.to_owned());
+        for own in self.cameras.iter().filter(|own| sees_alike(camera, own)) {
+            let [least, most] = [nearest, farthest].map(|part| part * distance(own));
+            if now < least * (1.0 - SAME) || now > most * (1.0 + SAME) {
+                outside = Some(format!("an eye {now:.3} from its target instead of {least:.3} to {most:.3}"));
+                continue;
+            }
+            let there = own.scaled(now / distance(own)).eye;
+            if self.around || (camera.eye - there).length() <= SAME * now {
+                return None;
+            }
+            outside = Some("an eye that looks from another side".into());
+        }
+        outside
     }
 }
 
@@ -151,13 +222,20 @@ impl SearchRecord {
 }
 
 impl Target {
+    /// The difference of pictures that it measures.
+    pub fn difference(&self) -> String {
+        let metric = if self.metric == Metric::Lockstep { " in lockstep" } else { "" };
+        format!("{}{metric}", self.against.difference())
+    }
+
     /// What is wanted, in words.
     pub fn aims(&self) -> Vec<String> {
-        let against = self.against.difference();
+        let against = self.difference();
         let mut aims = Vec::new();
         aims.extend(self.psnr_db.map(|db| format!("at least {db} dB, {against}")));
         aims.extend(self.max_error.map(|most| format!("nowhere more than {most} off, {against}")));
         aims.extend(self.no_saturation.then(|| "no saturation".to_owned()));
+        aims.extend(self.frames_per_second.map(|fps| format!("at least {fps} frames/s")));
         aims
     }
 }

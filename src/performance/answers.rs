@@ -11,6 +11,7 @@ use crate::hardware::{fixed, machines};
 use crate::output::text::{aligned, plain_table, wrapped};
 use crate::performance::clock;
 use crate::performance::cost::{CostReport, Prices};
+use crate::performance::cycles::frames_per_second;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Colour, Organisation, Queue, Timing};
@@ -80,7 +81,7 @@ impl Answers {
                 from: from.clone(),
                 to: to.clone(),
                 cycles: taken.total,
-                frames_per_second: if taken.total == 0 { 0.0 } else { 1.0 / (taken.total as f64 / built.timing.timing.clock_hz as f64) },
+                frames_per_second: frames_per_second(&built.timing, &taken),
                 faster: if taken.total == 0 { 0.0 } else { cycles.total as f64 / taken.total as f64 - 1.0 },
                 bytes: taken.memory.total_bytes(),
                 area: cost.cost.area,

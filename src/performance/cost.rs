@@ -269,9 +269,9 @@ fn registers(machine: &Elaborated, unit: &str) -> u64 {
 }
 
 /// What units of a name are built of.
-fn built(machine: &Elaborated, unit: &str) -> Bits {
-    let (units, shared) = side_by_side(machine, unit);
-    let parts = machine.parts.iter().filter(|part| part.unit == unit);
+fn built(machine: &Elaborated, name: &str) -> Bits {
+    let (units, shared) = side_by_side(machine, name);
+    let parts = machine.parts.iter().filter(|part| part.unit == name);
     let mut bits = Bits::default();
     let mut multipliers = Vec::new();
     for part in parts {
@@ -285,11 +285,16 @@ fn built(machine: &Elaborated, unit: &str) -> Bits {
     multipliers.sort_unstable_by(|one, other| other.cmp(one));
     let mut left = shared.unwrap_or(u64::MAX);
     for (a, b, copies) in multipliers {
-        bits.add(Operator::Multiplier([a, b]), units * copies.min(left));
-        left = left.saturating_sub(copies);
+        let own = copies.min(left);
+        bits.add(Operator::Multiplier([a, b]), units * own);
+        // Who takes turns at another's multiplier has its operands chosen there; that of colours is a price without a datapath.
+        if name != unit::COLOUR {
+            bits.add(Operator::Multiplexer(a + b), units * (copies - own));
+        }
+        left -= own;
     }
     // Each word has a register, and each stage as many as are live in it.
-    let stages = machine.timing.pipelines.iter().find(|pipeline| pipeline.unit == unit);
+    let stages = machine.timing.pipelines.iter().find(|pipeline| pipeline.unit == name);
     let of_all = |of: fn(&Pipeline) -> u64| stages.map_or(0, |stages| of(stages) * u64::from(stages.units));
     bits.register = bits.register.max(of_all(|of| of.bits)) + of_all(|of| of.beside);
     bits

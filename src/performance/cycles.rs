@@ -128,6 +128,11 @@ pub struct ClientReport {
     pub bytes_written: u64,
 }
 
+/// Frames a second of such a frame; 0 of one that takes no time.
+pub fn frames_per_second(timing: &Microarchitecture, cycles: &Cycles) -> f64 {
+    if cycles.total == 0 { 0.0 } else { 1.0 / (cycles.total as f64 / timing.timing.clock_hz as f64) }
+}
+
 impl CyclesReport {
     /// Report of a replay of this work.
     pub fn new(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Self {
@@ -146,7 +151,7 @@ impl CyclesReport {
         CyclesReport {
             total: cycles.total,
             clock_hz,
-            frames_per_second: per_second(1),
+            frames_per_second: frames_per_second(timing, cycles),
             bottleneck: limit.name,
             limit: LimitReport {
                 by: match limit.by {

@@ -1,6 +1,6 @@
 //! Camera: chooses the eye that a scene does not name, so that its splats fill the picture.
 
-use super::{Camera, Splat, neighbours::lone_radius};
+use super::{Camera, Image, Splat, neighbours::lone_radius};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -102,6 +102,29 @@ impl Camera {
         let height = way.angle_between(up).to_degrees();
         let rise = rise.clamp(height - 175.0, height - 5.0);
         Camera { eye: self.target + DQuat::from_axis_angle(right, -rise.to_radians()) * way, ..*self }
+    }
+
+    /// The same from a distance that is such a part of its own, with the near plane at the same part of it.
+    pub fn scaled(&self, distance: f64) -> Camera {
+        // Where it stays, not a bit changes.
+        if distance == 1.0 {
+            return *self;
+        }
+        Camera { eye: self.target + distance * (self.eye - self.target), near: distance * self.near, ..*self }
+    }
+
+    /// The n-th camera beside it, in whose picture the target's surroundings lie less than half a pixel to the side, and up or down. The 0th
+    /// is this one.
+    pub fn nudged(&self, nth: usize, image: &Image) -> Camera {
+        if nth == 0 {
+            return *self;
+        }
+        let view = self.view(image);
+        let pixel = (self.target - self.eye).length() / view.focal_px;
+        // Evenly spread over the pixel: multiples of the plastic number's inverse and of its square.
+        let [x, y] = [0.754_877_666_247, 0.569_840_290_998].map(|step| ((nth as f64 * step).fract() - 0.5) * pixel);
+        let by = view.rotation.row(0) * x + view.rotation.row(1) * y;
+        Camera { eye: self.eye + by, target: self.target + by, ..*self }
     }
 }
 

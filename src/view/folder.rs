@@ -340,7 +340,7 @@ fn points(table: &Table, plan: &Value, whose: &str) -> Result<Value> {
     machines::from_value(machine, &format!("{whose}: machine"))?;
     let columns =
         table.columns.iter().enumerate().map(|(at, (name, _))| (name.clone(), table.rows.iter().map(|row| row[at].clone()).collect()));
-    let title = if plan.get("search").is_some() { "search" } else { "sweep" };
+    let title = if ["search", "search_over_timing"].iter().any(|name| plan.get(name).is_some()) { "search" } else { "sweep" };
     Ok(json!({"title": title, "machine": machine, "columns": columns.map(column).collect::<Vec<_>>()}))
 }
 

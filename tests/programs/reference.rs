@@ -27,6 +27,7 @@ pub fn pages() -> Vec<Page> {
         page("sequence.md", "Sequence report", SEQUENCE, &of::<splatsim::run::sequence::Report>()),
         page("stress.md", "Stress catalogue", STRESS, &of::<splatsim::explore::stress::Catalogue>()),
         page("search.md", "Search", SEARCH, &of::<splatsim::explore::search::Outcome>()),
+        page("search-over-timing.md", "Search over timing", OVER_TIMING, &of::<splatsim::explore::search::over_timing::Outcome>()),
     ]
 }
 
@@ -40,6 +41,7 @@ const REPORT: &str = "What `report.json` says, which `run --out DIR` writes. All
 const COMPARE: &str = "What `compare.json` says, which `compare --out DIR` writes and `compare --json` prints.";
 const STRESS: &str = "What `stress.json` says, which `stress --out DIR` writes.";
 const SEARCH: &str = "What `search.json` says, which `search` writes beside the machine that it found.";
+const OVER_TIMING: &str = "What `search.json` says where `search --min-fps` wrote it.";
 const MACHINE: &str = "What a machine file may say: `--machine FILE`; `machine schema` prints this as a JSON Schema, `machine show NAME` a whole file. \
     A file with a field `base`, the name of a machine, need only say what differs from it. The command line changes one field with `--set PATH=VALUE`, as \
     `--set gauss.weight=U-2F10`.";

@@ -73,10 +73,10 @@ pub(crate) fn search(
     let first = scenes.first().ok_or_else(|| refused("a search needs a scene, one at least"))?;
     let (machine, _) = Machine::of(machine, first).map_err(raised)?;
     let against = if against_ideal { Against::Ideal } else { Against::Golden };
-    let target = Target { psnr_db: target_psnr, max_error, no_saturation, against };
+    let target = Target { psnr_db: target_psnr, max_error, no_saturation, against, ..Target::default() };
     let outcome = done(py, progress, move || {
         let prices = Prices::load_or_default(prices.as_deref())?;
-        let options = searching::Options { target, views, seed, tries, only, prices, progress: false };
+        let options = searching::Options { target, views, robust: 1, seed, tries, only, prices, progress: false };
         let scenes: Vec<_> = scenes.iter().map(|scene| (**scene).clone()).collect();
         let search = || searching::run(&scenes, &machine, &folder, &options);
         match crew {

@@ -58,7 +58,7 @@ pub(super) struct Measured {
 impl Measured {
     /// Draws, here.
     pub fn on<'v>(views: impl IntoIterator<Item = &'v View>, elaborated: &Elaborated, target: &Target) -> Self {
-        let (found, seconds) = timed(|| found_on(views, |view| drawn(elaborated, view, target.no_saturation)));
+        let (found, seconds) = timed(|| found_on(views, |view| drawn(elaborated, view, target)));
         Measured { found: found.map_err(|error| error.to_string()), seconds }
     }
 }

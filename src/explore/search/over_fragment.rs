@@ -22,7 +22,7 @@ use crate::output::picture::Picture;
 use crate::output::progress::Progress;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cost::{Cost, Prices};
-use crate::performance::cycles::CyclesReport;
+use crate::performance::cycles::frames_per_second;
 use crate::run::evaluation::Evaluation;
 use crate::scene::Scene;
 use rtl_model::Machine;
@@ -140,10 +140,10 @@ fn with_rule(base: &Machine, rule: Rule, layers: u32) -> Option<Machine> {
 }
 
 /// Frames a second of the machine, by a replay of what it draws.
-fn frames_per_second(evaluation: &Evaluation) -> f64 {
+fn replayed(evaluation: &Evaluation) -> f64 {
     let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
     let machine = &evaluation.machine.timing;
-    CyclesReport::new(machine, &work, &timing::replay(machine, &work, Detail::Accounts)).frames_per_second
+    frames_per_second(machine, &timing::replay(machine, &work, Detail::Accounts))
 }
 
 /// Tries all rules, and writes `machine.json`, the cheapest for all scenes, `choices.json` and a chart, `rules.png`.
@@ -184,7 +184,7 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
         };
         for (scene, ideal) in scenes.iter().zip(&ideals) {
             let evaluation = Evaluation::on(scene, &elaborated)?;
-            let (golden, frames) = rayon::join(|| evaluation.golden(), || frames_per_second(&evaluation));
+            let (golden, frames) = rayon::join(|| evaluation.golden(), || replayed(&evaluation));
             let apart = distance(&golden.picture, ideal);
             // What is no number reaches nothing.
             let db = if apart.not_finite > 0 { Some(f64::NEG_INFINITY) } else { apart.psnr_db };

@@ -139,7 +139,11 @@ impl Sought {
         let search: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
         let last = search["path"].as_array().and_then(|path| path.last());
         let found = ["area", "psnr_db", "max_error"].map(|name| last.and_then(|last| last[name].as_f64()));
-        let column = if target["against"] == "ideal" { columns::FIXED_VS_IDEAL_PSNR_DB } else { columns::PSNR_DB };
+        let column = match (target["metric"].as_str(), target["against"].as_str()) {
+            (Some("lockstep"), _) => columns::LOCKSTEP_PSNR_DB,
+            (_, Some("ideal")) => columns::FIXED_VS_IDEAL_PSNR_DB,
+            _ => columns::PSNR_DB,
+        };
         Sought { psnr_db: target["psnr_db"].as_f64(), column, found }
     }
 }

@@ -56,13 +56,18 @@ fn yes() -> bool {
     true
 }
 
-/// A field, and what it is to be: values, a range, or other bits.
+/// A field, or several together, and what it is to be: values, a range, or other bits.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
     /// A field of the machine, as `gauss.weight` or `timing.raster.lanes`; `*` is every word that can be so, one at a time; `exact` lists
     /// units and words that are f64 instead, as `["raster", "splat.rgb"]`: of such a machine only errors are known.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
     pub field: String,
+    /// Instead of one field several that change together, as `["ellipse.conic", "ellipse.conic_cross"]`: each has the value, or so many bits
+    /// more than it has itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub fields: Vec<String>,
     /// These values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<Vec<Value>>,
@@ -135,8 +140,8 @@ pub struct Points {
     pub base: Machine,
     /// Where relative paths begin.
     folder: PathBuf,
-    /// What is tried, in the order of the plan, on each scene.
-    axes: Vec<(String, Vec<Value>)>,
+    /// What is tried, in the order of the plan, on each scene: of each axis its steps.
+    axes: Vec<Vec<Vec<Change>>>,
     /// Machines a scene.
     machines: u64,
 }
@@ -224,8 +229,9 @@ impl Points {
         let mut axes = Vec::new();
         for (nth, axis) in plan.axes.iter().enumerate() {
             let input_error = |sentence: String| Error::input(format!("axes[{nth}]: {sentence}"));
+            let named = axis.named().map_err(input_error)?;
             if axis.field != "*" {
-                axes.push((axis.field.clone(), axis.values(&words).map_err(input_error)?));
+                axes.push(axis.steps(&named, &words).map_err(input_error)?);
                 continue;
             }
             if plan.order != Order::OneAtATime {
@@ -233,24 +239,26 @@ impl Points {
             }
             for (field, _) in &words {
                 let axis = Axis { field: field.clone(), ..axis.clone() };
-                let mut values = axis.values(&words).map_err(input_error)?;
+                let mut steps = axis.steps(&[field], &words).map_err(input_error)?;
                 // Some words have no bit more to give, or none less.
-                values.retain(|value| machines::with(&base, &[(field.clone(), value.clone())], "").is_ok());
-                axes.push((field.clone(), values));
+                steps.retain(|changes| machines::with(&base, changes, "").is_ok());
+                axes.push(steps);
             }
         }
-        for (nth, (field, values)) in axes.iter().enumerate() {
-            if axes[..nth].iter().any(|(other, _)| other == field) {
-                return Err(Error::input(format!("axes has {field} twice")));
-            }
-            for value in values {
-                if field == EXACT {
-                    check_exact(value, &words)?;
+        let mut seen: Vec<&str> = Vec::new();
+        for steps in &axes {
+            for (field, _) in steps.first().into_iter().flatten() {
+                if seen.contains(&field.as_str()) {
+                    return Err(Error::input(format!("axes has {field} twice")));
                 }
-                machine_of(&base, &[(field.clone(), value.clone())], "axes")?;
+                seen.push(field);
+            }
+            for changes in steps {
+                changes.iter().filter(|(field, _)| field == EXACT).try_for_each(|(_, value)| check_exact(value, &words))?;
+                machine_of(&base, changes, "axes")?;
             }
         }
-        let counts = axes.iter().map(|(_, values)| values.len() as u64);
+        let counts = axes.iter().map(|steps| steps.len() as u64);
         let machines = match plan.order {
             Order::Grid => counts.fold(1, u64::saturating_mul),
             Order::OneAtATime => 1 + counts.sum::<u64>(),
@@ -291,25 +299,24 @@ impl Points {
     }
 
     fn changes(&self, number: u64) -> Vec<Change> {
-        let value = |axis: usize, nth: u64| (self.axes[axis].0.clone(), self.axes[axis].1[nth as usize].clone());
-        let count = |axis: usize| self.axes[axis].1.len() as u64;
+        let step = |axis: usize, nth: u64| self.axes[axis][nth as usize].clone();
+        let count = |axis: usize| self.axes[axis].len() as u64;
         match self.plan.order {
             Order::Grid => {
                 // The last axis changes fastest.
                 let mut left = number;
-                let mut changes: Vec<Change> = Vec::new();
+                let mut steps: Vec<Vec<Change>> = Vec::new();
                 for axis in (0..self.axes.len()).rev() {
-                    changes.push(value(axis, left % count(axis)));
+                    steps.push(step(axis, left % count(axis)));
                     left /= count(axis);
                 }
-                changes.reverse();
-                changes
+                steps.into_iter().rev().flatten().collect()
             }
             Order::OneAtATime => {
                 let Some(mut left) = number.checked_sub(1) else { return Vec::new() };
                 for axis in 0..self.axes.len() {
                     if left < count(axis) {
-                        return vec![value(axis, left)];
+                        return step(axis, left);
                     }
                     left -= count(axis);
                 }
@@ -318,15 +325,15 @@ impl Points {
             Order::Sample => {
                 let place = |axis: usize| shuffled(number, self.machines, self.plan.seed.wrapping_add(axis as u64));
                 (0..self.axes.len())
-                    .map(|axis| value(axis, (u128::from(place(axis)) * u128::from(count(axis)) / u128::from(self.machines)) as u64))
+                    .flat_map(|axis| step(axis, (u128::from(place(axis)) * u128::from(count(axis)) / u128::from(self.machines)) as u64))
                     .collect()
             }
         }
     }
 
-    /// Fields that have an axis of their own, in the order of the plan; `*` has none.
+    /// Fields that an axis names, in the order of the plan; `*` is none.
     pub fn fields(&self) -> Vec<String> {
-        self.plan.axes.iter().map(|axis| axis.field.clone()).filter(|field| field != "*").collect()
+        self.plan.axes.iter().flat_map(|axis| axis.named().unwrap_or_default()).filter(|field| *field != "*").cloned().collect()
     }
 
     /// Loads a scene of the plan.
@@ -351,6 +358,32 @@ pub fn schema() -> Value {
 }
 
 impl Axis {
+    /// Its field, or its fields.
+    fn named(&self) -> std::result::Result<Vec<&String>, String> {
+        match (self.field.as_str(), self.fields.as_slice()) {
+            ("", []) => Err("needs a `field`, or `fields` that change together".into()),
+            (_, []) => Ok(vec![&self.field]),
+            ("", fields) if fields.iter().any(|field| field == "*" || field == EXACT) => {
+                Err(format!("fields: `*` and `{EXACT}` change with nothing together"))
+            }
+            ("", fields) => match fields.iter().enumerate().find(|(nth, field)| fields[..*nth].contains(field)) {
+                Some((_, field)) => Err(format!("fields has {} twice", clipped(field))),
+                None => Ok(fields.iter().collect()),
+            },
+            _ => Err("has `field` and `fields`; one of both is right".into()),
+        }
+    }
+
+    /// What is changed, step by step: all of its fields in each.
+    fn steps(&self, named: &[&String], words: &[(String, Format)]) -> std::result::Result<Vec<Vec<Change>>, String> {
+        let of_each: Vec<Vec<Value>> = named
+            .iter()
+            .map(|field| Axis { field: (*field).clone(), fields: Vec::new(), ..self.clone() }.values(words))
+            .collect::<std::result::Result<_, _>>()?;
+        let step = |nth: usize| named.iter().zip(&of_each).map(|(field, values)| ((*field).clone(), values[nth].clone())).collect();
+        Ok((0..of_each[0].len()).map(step).collect())
+    }
+
     fn values(&self, words: &[(String, Format)]) -> std::result::Result<Vec<Value>, String> {
         let no_bits = self.add_frac_bits.is_none() && self.add_int_bits.is_none();
         let values = match (&self.values, self.range) {

@@ -180,3 +180,16 @@ fn prices_are_read_whole_or_refused_in_a_sentence() {
     assert!(refused("[").starts_with("prices.json: not JSON"));
     assert!(matches!(Prices::load(&folder.path().join("none.json")), Err(Error::Input(sentence)) if sentence.contains("cannot be read")));
 }
+
+#[test]
+fn who_takes_turns_at_a_multiplier_pays_for_the_choice_of_its_operands() {
+    let bits = |setting: &str| built(&built_with(&[setting]), "project");
+    let whole = built(&built_with(&[]), "project");
+    let mut before = whole.multiplexer;
+    for count in [64, 16, 4, 1] {
+        let shared = bits(&format!("timing.project.multipliers={count}"));
+        assert!(shared.multiplexer >= before && shared.multiplier <= whole.multiplier, "{count}");
+        before = shared.multiplexer;
+    }
+    assert!(before > whole.multiplexer);
+}

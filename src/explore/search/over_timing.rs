@@ -1,0 +1,399 @@
+//! Over timing: the cheapest microarchitecture that draws so many frames a second.
+//!
+//! ```text
+//! scenes ─► drawn once each ─► work ──┐
+//! fields ─► machine ─► built? ─► replay ─► frames/s, cost ─► grown until it is fast enough ─► cheaper, by one field, then by two
+//!                                                                  ▲                                          │
+//!                                                                  └──── a view that is too slow counts too ◄─┘
+//! ```
+//! Words stay as they are, so that no picture changes: a scene is drawn once, and every machine replays what was recorded. A machine whose
+//! unit cannot keep its clock is not built, and is no candidate. Every machine that was tried is a row of a journal, as in `sweep`.
+//!
+//! Laws (tests/search.rs): `the_cheapest_machine_that_is_fast_enough_is_found`, `a_machine_that_cannot_be_fast_enough_says_what_is_nearest`.
+
+mod climb;
+mod fields;
+
+use super::{Domain, Member};
+use crate::error::{Error, Result};
+use crate::explore::sweep::columns;
+use crate::explore::sweep::table::Kind;
+use crate::explore::sweep::write_plan;
+use crate::hardware::quantise::quantise;
+use crate::hardware::searched::{SearchRecord, Target};
+use crate::hardware::{fixed, machines};
+use crate::output::files::{Folder, write_beside};
+use crate::output::text::{aligned, plain_table, thousands, wrapped};
+use crate::performance::cost::Prices;
+use crate::performance::cycles::frames_per_second;
+use crate::run::evaluation::Evaluation;
+use crate::scene::digest::digest_of;
+use crate::scene::{Camera, Scene};
+use climb::{Search, State};
+pub use fields::{Bought, Field, read};
+use rtl_model::Machine;
+use rtl_model::timing::{self, Detail};
+use rtl_model::work::Work;
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::json;
+use std::borrow::Cow;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// What is to be least.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Minimise {
+    /// Area of the machine, in the unit of the prices.
+    Area,
+    /// Joules a frame, of the scene that takes most.
+    Energy,
+    /// Cycles a frame, of the scene that takes most, at the machine's own clock.
+    Cycles,
+}
+
+/// Options of a search over timing.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Frames a second that every scene must reach.
+    pub min_fps: f64,
+    /// What is to be least.
+    pub minimise: Minimise,
+    /// Fields and values; the usual ones where empty.
+    pub fields: Vec<Field>,
+    /// Memory that is bought; that of the machine where nothing is said.
+    pub memory: Option<Bought>,
+    /// Unseen cameras of each scene that must be fast enough too.
+    pub views: usize,
+    /// What a bit costs.
+    pub prices: Prices,
+    /// Show how far it is.
+    pub progress: bool,
+}
+
+/// What a machine takes, the most of all scenes and views.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Measured {
+    /// Frames a second of the slowest.
+    pub frames_per_second: f64,
+    /// Area in the unit of the prices.
+    pub area: f64,
+    /// Joules a frame.
+    pub energy: f64,
+    /// Cycles a frame.
+    pub cycles: u64,
+}
+
+impl Measured {
+    fn of(&self, minimise: Minimise) -> f64 {
+        match minimise {
+            Minimise::Area => self.area,
+            Minimise::Energy => self.energy,
+            Minimise::Cycles => self.cycles as f64,
+        }
+    }
+
+    /// Of two frames on one machine.
+    fn and(self, other: Measured) -> Measured {
+        Measured {
+            frames_per_second: self.frames_per_second.min(other.frames_per_second),
+            area: self.area,
+            energy: self.energy.max(other.energy),
+            cycles: self.cycles.max(other.cycles),
+        }
+    }
+}
+
+/// A frame that machines replay.
+struct Recorded {
+    name: String,
+    digest: String,
+    work: Work,
+}
+
+impl Recorded {
+    fn new(member: &Member, machine: &Machine) -> Result<Self> {
+        let Member { name, scene } = member;
+        let evaluation = Evaluation::new(scene, machine)?;
+        let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
+        Ok(Recorded { name: name.clone(), digest: digest_of(scene), work })
+    }
+}
+
+/// A step of the way.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Step {
+    /// What was done.
+    pub method: String,
+    #[serde(flatten)]
+    found: Measured,
+    /// Different machines tried until then.
+    pub tried: u64,
+}
+
+/// A view that was not searched on.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Unseen {
+    /// Which domain it is of.
+    #[serde(skip)]
+    of: usize,
+    /// Scene and number.
+    pub name: String,
+    /// The whole camera, as a scene file has it.
+    pub camera: Camera,
+    /// Frames a second.
+    pub frames_per_second: f64,
+}
+
+/// What was found.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct Outcome {
+    /// The scenes.
+    pub scenes: Vec<String>,
+    /// Frames a second that every one must reach.
+    pub min_fps: f64,
+    /// What was to be least.
+    pub minimise: Minimise,
+    /// The machine that it began with.
+    pub base: String,
+    /// What might be changed.
+    pub fields: Vec<Field>,
+    /// The way.
+    pub path: Vec<Step>,
+    /// Unseen views and their frames a second.
+    pub views: Vec<Unseen>,
+    /// Views that were too slow, and counted from then on.
+    pub learnt: Vec<String>,
+    /// Fields that differ from the base's, as PATH=VALUE.
+    pub changes: Vec<String>,
+    /// What limits the slowest scene.
+    pub limited_by: String,
+    /// The machine.
+    pub machine: Machine,
+    /// Files that were written.
+    #[serde(skip)]
+    pub files: Vec<PathBuf>,
+}
+
+/// Rounds, each with another view, before it is given up.
+const ROUNDS: usize = 12;
+/// The first of the cameras that the slowest is looked for among; unseen views come long before.
+const FIRST_LOOK: usize = 1_000_000;
+/// By so much more than a view needs the aim is raised, and so high at most, as a part.
+const MARGIN: f64 = 0.002;
+const MOST_ABOVE: f64 = 1.25;
+
+const COLUMNS: [(&str, Kind); 9] = [
+    (columns::POINT, Kind::Whole),
+    (columns::KEY, Kind::Text),
+    (columns::SCENE, Kind::Text),
+    (columns::CHANGES, Kind::Text),
+    (columns::MISFIT, Kind::Text),
+    (columns::FRAMES_PER_SECOND, Kind::Number),
+    (columns::AREA, Kind::Number),
+    (columns::ENERGY_J, Kind::Number),
+    (columns::CYCLES, Kind::Whole),
+];
+
+/// The fields that are searched; of those that nobody named the clock stays, where cycles are counted.
+fn fields_of(base: &Machine, options: &Options) -> Vec<Field> {
+    if !options.fields.is_empty() {
+        return options.fields.clone();
+    }
+    let is_told = |field: &Field| options.minimise != Minimise::Cycles || field.field != fields::CLOCK;
+    fields::usual(base).into_iter().filter(is_told).collect()
+}
+
+/// Refuses scenes that another timing draws otherwise.
+fn check_scenes<'a>(scenes: impl Iterator<Item = &'a Scene>, base: &Machine) -> Result<()> {
+    for scene in scenes {
+        let budget = scene.detail.as_ref().map(|detail| detail.rules.budget);
+        if budget.is_some_and(|budget| budget.bytes.or(budget.cycles).is_some()) {
+            let why = "has a budget of bytes or cycles, so that another machine draws other splats";
+            return Err(Error::input(format!("--min-fps: {} {why}", scene.name)));
+        }
+        quantise(scene, base)?;
+    }
+    Ok(())
+}
+
+/// Searches, and writes `machine.json`, `search.json`, `search.csv` and `search.parquet`. What the machine was searched for before, by its
+/// words, is in `searched`, and goes into its file.
+///
+/// # Errors
+/// [`Error::Input`] where a scene does not fit the machine, or a field or value is none of it: nothing is written then. [`Error::Job`] where
+/// nothing that was tried is fast enough: rows of what was tried are left.
+pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, folder: &Path, options: &Options) -> Result<Outcome> {
+    let fields = fields_of(base, options);
+    let knobs = fields::knobs(base, &fields)?;
+    fixed::elaborate(base)?;
+    let mut members: Vec<Member> = domains.iter().flat_map(Domain::first).collect();
+    check_scenes(members.iter().map(|member| &member.scene), base)?;
+    let frames = frames(domains, &members, base, options)?;
+    let _open = Folder::open(folder)?;
+    let mut search = Search::new(options, base, knobs, frames, folder)?;
+    let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
+    let aim = json!({"min_fps": options.min_fps, "minimise": options.minimise, "fields": fields, "prices": options.prices});
+    write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search_over_timing": aim, "scenes": names, "machine": base}))?;
+    let mut path = Vec::new();
+    let mut best = search.first();
+    search.step(&mut path, &base.name, &best)?;
+    let mut next_view = 1;
+    let mut learnt: Vec<String> = Vec::new();
+    let mut rounds = 0;
+    let mut slow_frames = Vec::new();
+    let views = loop {
+        best = match search.round(&best, &mut path)? {
+            Some(best) => best,
+            None if search.aim > options.min_fps => {
+                // An aim for one view stood for others; now they stand for themselves.
+                search.aim = options.min_fps;
+                slow_frames.drain(..).for_each(|frame| search.learn(frame));
+                continue;
+            }
+            None => return Err(Error::job(search.out_of_reach()?)),
+        };
+        let slow = unseen(&search, domains, &members, &best, next_view, options)?;
+        next_view += options.views;
+        let (fps, frame, member) = match slow {
+            Seen::Fast(views) => break views,
+            Seen::Slow(fps, frame, member) => (fps, frame, member),
+        };
+        if rounds + 1 == ROUNDS {
+            return Err(Error::job(format!("after {ROUNDS} rounds {} is still too slow: aim lower", frame.name)));
+        }
+        let method = frame.name.rsplit(" from ").next().map_or(String::new(), |from| format!("{from} is too slow"));
+        if !learnt.contains(&frame.name) {
+            learnt.push(frame.name.clone());
+        }
+        rounds += 1;
+        // What was replayed stays known where the aim alone is higher; a view that is too slow beyond that is looked at itself.
+        let aim = search.aim * (1.0 + MARGIN) * options.min_fps / fps;
+        if aim <= options.min_fps * MOST_ABOVE {
+            search.aim = aim;
+            slow_frames.push(frame);
+        } else {
+            search.learn(frame);
+        }
+        // It must hold from now on.
+        members.push(*member);
+        search.step(&mut path, &method, &best)?;
+    };
+    let machine = Machine { name: format!("{}-{}fps", base.name, options.min_fps), ..search.machine(&best)? };
+    let (changes, limited_by) = (search.changes(&best), search.limited_by(&best)?);
+    let mut files = search.write(folder)?;
+    let searched = Some(searched.cloned().unwrap_or_else(|| record(domains, &views, options.min_fps)));
+    let file = machines::File { machine: machine.clone(), searched };
+    let (min_fps, minimise, base) = (options.min_fps, options.minimise, base.name.clone());
+    let outcome =
+        Outcome { scenes: names, min_fps, minimise, base, fields, path, views, learnt, changes, limited_by, machine, files: Vec::new() };
+    for (name, value) in [("search.json", json!(outcome)), ("machine.json", json!(file))] {
+        let path = folder.join(name);
+        write_beside(&path, |file| serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string()))?;
+        files.insert(0, path);
+    }
+    Ok(Outcome { files, ..outcome })
+}
+
+/// What the file of a machine says whose words nobody searched.
+fn record(domains: &[Domain], views: &[Unseen], min_fps: f64) -> SearchRecord {
+    let of = |(nth, domain): (usize, &Domain)| {
+        let first = domain.first().into_iter().map(|member| member.scene.camera);
+        domain.record(first.chain(views.iter().filter(|view| view.of == nth).map(|view| view.camera)).collect())
+    };
+    let target = Target { frames_per_second: Some(min_fps), ..Target::default() };
+    SearchRecord { target, scenes: domains.iter().enumerate().map(of).collect() }
+}
+
+/// The frame that is searched on: the slowest, on the base, of what is looked at first and of as many cameras more as must hold unseen.
+fn frames(domains: &[Domain], members: &[Member], base: &Machine, options: &Options) -> Result<Vec<Recorded>> {
+    let built = fixed::elaborate(base)?;
+    let around = domains.iter().flat_map(|domain| (0..options.views).map(move |nth| domain.nth(FIRST_LOOK + nth)));
+    let mut slowest: Vec<(u64, Recorded)> = Vec::new();
+    for member in members.iter().map(|member| Ok(Cow::Borrowed(member))).chain(around.map(|member| member.map(Cow::Owned))) {
+        let frame = Recorded::new(&*member?, base)?;
+        let cycles = timing::replay(&built.timing, &frame.work, Detail::Accounts).total;
+        slowest.push((cycles, frame));
+        // The first of equals stays.
+        slowest.sort_by(|(a, _), (b, _)| b.cmp(a));
+        slowest.truncate(1);
+    }
+    Ok(slowest.into_iter().map(|(_, frame)| frame).collect())
+}
+
+/// What unseen views say.
+enum Seen {
+    /// All are fast enough.
+    Fast(Vec<Unseen>),
+    /// One is not, the slowest, with so many frames a second.
+    Slow(f64, Recorded, Box<Member>),
+}
+
+/// Frames/s of what is looked at first, and of unseen views.
+fn unseen(search: &Search, domains: &[Domain], members: &[Member], state: &State, first: usize, options: &Options) -> Result<Seen> {
+    let machine = search.machine(state)?;
+    let built = fixed::elaborate(&machine)?;
+    let mut views: Vec<Unseen> = Vec::new();
+    let mut slowest: Option<(f64, Recorded, Box<Member>)> = None;
+    let mut look = |member: &Member| -> Result<f64> {
+        let frame = Recorded::new(member, &machine)?;
+        let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Accounts));
+        if fps < options.min_fps && slowest.as_ref().is_none_or(|(least, ..)| fps < *least) {
+            slowest = Some((fps, frame, Box::new(member.clone())));
+        }
+        Ok(fps)
+    };
+    let is_searched = |member: &Member| search.frames.iter().any(|frame| frame.name == member.name);
+    for member in members.iter().filter(|member| !is_searched(member)) {
+        look(member)?;
+    }
+    for (of, domain) in domains.iter().enumerate() {
+        for nth in first..first + options.views {
+            let member = domain.nth(nth)?;
+            let camera = member.scene.camera;
+            // A short list comes round again.
+            let is_known = is_searched(&member) || members.iter().any(|other| other.name == member.name);
+            if is_known || views.iter().any(|view| (view.of, view.camera) == (of, camera)) {
+                continue;
+            }
+            let frames_per_second = look(&member)?;
+            views.push(Unseen { of, name: member.name, camera, frames_per_second });
+        }
+    }
+    Ok(slowest.map_or(Seen::Fast(views), |(fps, frame, member)| Seen::Slow(fps, frame, member)))
+}
+
+impl Outcome {
+    /// The way and what it led to, at most 80 columns wide.
+    pub fn summary(&self) -> String {
+        let what = match self.minimise {
+            Minimise::Area => "area",
+            Minimise::Energy => "energy",
+            Minimise::Cycles => "cycles",
+        };
+        let head = format!("{}, from {}: at least {} frames/s, least {what}", self.scenes.join(", "), self.base, self.min_fps);
+        let mut table = plain_table(&["", "area", "frames/s", "energy mJ", "cycles", "tried"]);
+        for Step { method, found, tried } in &self.path {
+            table.add_row([
+                method.clone(),
+                thousands(found.area as u64),
+                format!("{:.1}", found.frames_per_second),
+                format!("{:.2}", found.energy * 1e3),
+                thousands(found.cycles),
+                thousands(*tried),
+            ]);
+        }
+        let mut text = format!("{}\n\n{}\n", wrapped(&head), aligned(table).trim_fmt());
+        let changes = if self.changes.is_empty() { "nothing: it is the machine as it was".into() } else { self.changes.join(" ") };
+        let _ = write!(text, "\n{}", wrapped(&format!("{}: {changes}", self.machine.name)));
+        let _ = write!(text, "\n{}", wrapped(&format!("limited by {}", self.limited_by)));
+        let slowest = self.views.iter().map(|view| view.frames_per_second).fold(f64::INFINITY, f64::min);
+        let views = match self.views.len() {
+            0 => "no unseen view was tried".to_owned(),
+            count => format!("fast enough on {count} unseen views, the slowest with {slowest:.1} frames/s"),
+        };
+        let _ = write!(text, "\n{}", wrapped(&views));
+        text
+    }
+}

@@ -1,0 +1,233 @@
+//! Fields: which fields of `timing` a search over timing may change, and to which values.
+//!
+//! Whatever makes a machine better here costs area, or the clock refuses it. What has no price is given: the technology, what memory is
+//! bought, how a cache compares its ways. Memory stays as fast in bytes a second and in nanoseconds whatever the clock is.
+
+use crate::error::{Error, Result};
+use crate::hardware::machines;
+use crate::scene::strict_json;
+use rtl_model::Machine;
+use rtl_model::machine::timing::{Memory, Organisation};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// A field of the machine, and values that it may have.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Field {
+    /// As `timing.raster.lanes`.
+    pub field: String,
+    /// Values that are tried besides the machine's own.
+    pub values: Vec<Value>,
+}
+
+/// What may be changed unless somebody says otherwise; of these a machine's schema decides which there are.
+const FIELDS: [(&str, &str); 29] = [
+    (CLOCK, "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]"),
+    ("timing.fetch.fifo", "[1, 2, 4, 8, 16, 32]"),
+    ("timing.project.units", "[1, 2, 4]"),
+    ("timing.project.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16]"),
+    ("timing.project.multipliers", "[null, 1, 2, 4, 8, 16]"),
+    ("timing.project.fifo", "[1, 2, 4, 8, 16]"),
+    ("timing.ellipse.units", "[1, 2, 4]"),
+    ("timing.ellipse.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32]"),
+    ("timing.ellipse.multipliers", "[null, 1, 2, 4, 8, 16]"),
+    ("timing.ellipse.fifo", "[1, 2, 4, 8, 16, 32]"),
+    ("timing.colour.units", "[1, 2, 4]"),
+    ("timing.colour.multipliers", "[1, 2, 4, 8, 16]"),
+    ("timing.raster.lanes", "[[1, 1], [2, 1], [4, 1], [2, 2], [8, 1], [4, 2], [8, 2], [4, 4], [8, 4], [8, 8]]"),
+    ("timing.raster.latency", "[1, 2, 3, 4, 6]"),
+    ("timing.raster.fifo", "[1, 2, 4, 8, 16, 32]"),
+    ("timing.gauss.latency", "[1, 2, 3, 4]"),
+    ("timing.gauss.fifo", "[1, 2, 4, 8, 16]"),
+    ("timing.cache.line_px", "[[4, 1], [2, 2], [4, 4], [8, 4], [8, 8]]"),
+    ("timing.cache.lines", "[16, 32, 64, 128, 256, 512, 1024, 2048]"),
+    ("timing.cache.misses", "[1, 2, 4, 8, 16]"),
+    ("timing.cache.fifo", "[1, 2, 4, 8, 16, 32, 64]"),
+    ("timing.tile.side_px", "[16, 32, 48, 64]"),
+    ("timing.tile.buffers", "[1, 2]"),
+    ("timing.fragment.latency", "[1, 2, 3, 4]"),
+    ("timing.fragment.hazard", "[null, 1, 2, 3, 4]"),
+    ("timing.shade.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16]"),
+    ("timing.shade.interval", "[1, 2, 4]"),
+    ("timing.resolve.interval", "[1, 2, 4]"),
+    ("timing.memory.outstanding", "[1, 2, 4, 8, 16, 32, 64]"),
+];
+
+/// The one field whose change changes what memory says.
+pub(super) const CLOCK: &str = "timing.clock_hz";
+
+/// What costs nothing that is counted, so that a search would only take the most of it; and why.
+const GIVEN: [(&str, &str); 11] = [
+    ("timing.technology", "what a machine is built in has no price"),
+    ("timing.memory.ideal", MEMORY),
+    ("timing.memory.bytes_per_cycle", MEMORY),
+    ("timing.memory.hit_latency", MEMORY),
+    ("timing.memory.miss_latency", MEMORY),
+    ("timing.memory.burst_bytes", MEMORY),
+    ("timing.memory.row_bytes", MEMORY),
+    ("timing.memory.banks", MEMORY),
+    ("timing.cache.ways", "what compares the ways of a set has no price"),
+    ("timing.cache.latency", "a look-up takes as long as its memory, which nothing here knows"),
+    ("timing.walk.stack", "a tree's depth asks for it"),
+];
+const MEMORY: &str = "memory is bought, and has no price";
+
+fn pointer(path: &str) -> String {
+    format!("/{}", path.replace('.', "/"))
+}
+
+/// The fields that a machine has of those above, with their values.
+pub(super) fn usual(machine: &Machine) -> Vec<Field> {
+    let value = machines::value(machine);
+    let unused = match machine.timing.organisation {
+        Organisation::Binned => "timing.cache",
+        Organisation::Immediate => "timing.tile",
+    };
+    // What a unit for colours takes may be left out where there is one.
+    let place = |unit: &str| if unit == "timing.colour" { "/colour".to_owned() } else { pointer(unit) };
+    let has = |unit: &str| unit != unused && value.pointer(&place(unit)).is_some_and(Value::is_object);
+    let there = FIELDS.iter().filter(|(field, _)| field.rsplit_once('.').is_some_and(|(unit, _)| has(unit)));
+    let values = |text: &str| serde_json::from_str::<Vec<Value>>(text).unwrap_or_default().into_iter().map(machines::whole).collect();
+    let fields = there.map(|(field, text)| Field { field: (*field).to_owned(), values: values(text) });
+    // A field that this machine's description does not know yet is left out.
+    fields
+        .filter(|field| field.values.iter().any(|value| machines::with(machine, &[(field.field.clone(), value.clone())], "").is_ok()))
+        .collect()
+}
+
+/// Fields and values from a file: a JSON array.
+///
+/// # Errors
+/// [`Error::Input`] where it cannot be read, or is something else.
+pub fn read(path: &Path) -> Result<Vec<Field>> {
+    let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+    let value = strict_json::parse(&text).map_err(input_error)?;
+    let fields: Vec<Field> = serde_path_to_error::deserialize(&value).map_err(|e| {
+        input_error(format!(
+            "is no list of fields and values, as [{{\"field\": \"timing.raster.fifo\", \"values\": [1, 2]}}]: {}",
+            e.inner()
+        ))
+    })?;
+    if fields.is_empty() {
+        return Err(input_error("has no field".into()));
+    }
+    check(&fields).map_err(input_error)?;
+    Ok(fields)
+}
+
+fn check(fields: &[Field]) -> std::result::Result<(), String> {
+    for (nth, Field { field, values }) in fields.iter().enumerate() {
+        if !field.starts_with("timing.") {
+            return Err(format!("{field} is no field of timing; --target-psnr searches words"));
+        }
+        if let Some((given, why)) = GIVEN.iter().find(|(given, _)| given == field) {
+            return Err(format!("{given} is given, and can be set with --set: {why}"));
+        }
+        if fields[..nth].iter().any(|other| other.field == *field) {
+            return Err(format!("{field} is there twice"));
+        }
+        if values.is_empty() {
+            return Err(format!("{field} has no values"));
+        }
+    }
+    Ok(())
+}
+
+/// A field and its values, the machine's own the first.
+#[derive(Clone, Debug)]
+pub(super) struct Knob {
+    pub field: String,
+    pub values: Vec<Value>,
+}
+
+/// A knob for each field.
+///
+/// # Errors
+/// [`Error::Input`] where the machine has no such field, or the field no such value.
+pub(super) fn knobs(machine: &Machine, fields: &[Field]) -> Result<Vec<Knob>> {
+    check(fields).map_err(Error::input)?;
+    let value = machines::value(machine);
+    let knob = |Field { field, values }: &Field| {
+        let own = value.pointer(&pointer(field)).cloned().unwrap_or(Value::Null);
+        let mut knob = Knob { field: field.clone(), values: vec![own] };
+        for value in values {
+            let value = machines::whole(value.clone());
+            machines::with(machine, &[(field.clone(), value.clone())], "--fields")?;
+            if !knob.values.contains(&value) {
+                knob.values.push(value);
+            }
+        }
+        Ok(knob)
+    };
+    fields.iter().map(knob).collect()
+}
+
+/// Memory that is bought: as fast in bytes a second and in nanoseconds at any clock.
+#[derive(Clone, Copy, Debug)]
+pub struct Bought {
+    clock_hz: u64,
+    memory: Memory,
+}
+
+impl Bought {
+    /// Of a machine as it is described.
+    pub fn of(machine: &Machine) -> Self {
+        Bought { clock_hz: machine.timing.clock_hz, memory: machine.timing.memory }
+    }
+
+    /// What a machine must say of it that has the clock of `changes`, where they have one. Bytes and cycles are whole, and rounded to the worse.
+    pub(super) fn fields_at(&self, changes: &[(String, Value)]) -> Vec<(String, Value)> {
+        let clock = changes.iter().find(|(field, _)| field == CLOCK).and_then(|(_, value)| value.as_u64());
+        let Some(clock) = clock.filter(|clock| *clock > 0) else { return Vec::new() };
+        let [own, clock] = [self.clock_hz, clock].map(u128::from);
+        let slower = |cycles: u32| (u128::from(cycles) * clock).div_ceil(own.max(1));
+        let Memory { bytes_per_cycle, hit_latency, miss_latency, .. } = self.memory;
+        let fields = [
+            ("bytes_per_cycle", u128::from(bytes_per_cycle) * own / clock),
+            ("hit_latency", slower(hit_latency)),
+            ("miss_latency", slower(miss_latency)),
+        ];
+        // What no field can say cannot be built either.
+        let value = |number: u128| json!(u32::try_from(number).unwrap_or(u32::MAX));
+        fields.into_iter().map(|(name, number)| (format!("timing.memory.{name}"), value(number))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_stays_as_fast_whatever_the_clock() {
+        let machine = Machine::named("reference").unwrap();
+        let bought = Bought::of(&machine);
+        for clock_hz in [50_000_000_u64, 400_000_000, 550_000_000, 1_000_000_000] {
+            let fields = bought.fields_at(&[(CLOCK.into(), json!(clock_hz))]);
+            let [bytes, hit, miss] = [0, 1, 2].map(|nth| fields[nth].1.as_u64().unwrap());
+            assert!(bytes * clock_hz <= 16 * 400_000_000 && (bytes + 1) * clock_hz > 16 * 400_000_000, "{clock_hz}: {bytes}");
+            for (cycles, own) in [(hit, 20), (miss, 50)] {
+                assert!(cycles * 400_000_000 >= own * clock_hz && (cycles - 1) * 400_000_000 < own * clock_hz, "{clock_hz}: {cycles}");
+            }
+        }
+        assert!(bought.fields_at(&[("timing.raster.fifo".into(), json!(4))]).is_empty());
+    }
+
+    #[test]
+    fn every_usual_field_is_one_of_a_machine() {
+        let machine = Machine::named("gaussian").unwrap();
+        let immediate = machines::changed(&Machine::named("reference").unwrap(), "timing.organisation=immediate", "").unwrap();
+        let of_some: Vec<String> = [&machine, &immediate].into_iter().flat_map(usual).map(|field| field.field).collect();
+        for (field, text) in FIELDS {
+            assert!(of_some.iter().any(|other| other == field), "{field}");
+            assert!(serde_json::from_str::<Vec<Value>>(text).is_ok_and(|values| values.len() > 1), "{field}");
+            assert!(GIVEN.iter().all(|(given, _)| *given != field), "{field}");
+        }
+        for machine in [&machine, &immediate] {
+            knobs(machine, &usual(machine)).unwrap();
+        }
+    }
+}
