@@ -7,9 +7,10 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
-use splatsim::accuracy::{Lockstep, lockstep};
+use splatsim::accuracy::{Lockstep, Tiles, lockstep, lockstep_in};
 use splatsim::hardware::{fixed, quantise};
 use splatsim::scene::{Overrides, Scene};
+use std::collections::HashSet;
 
 fn scene(name: &str, size: (usize, usize)) -> Scene {
     Scene::load(name, &Overrides { size: Some(size) }).unwrap()
@@ -72,6 +73,42 @@ fn the_bound_of_the_reference_machine_says_something() {
         assert!(summary.share_under_4_255 >= 0.9, "{}: {summary:?}", scene.name);
         // Not for want of errors.
         assert!(summary.max_ratio > 0.2, "{}: {summary:?}", scene.name);
+    }
+}
+
+/// Of the tiles that are held, a sampled frame says what the whole one says; of all else, nothing.
+#[test]
+fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
+    for (scene, name) in [(scene("glass-spheres", (150, 100)), "tiny"), (scene("nested-shells", (90, 70)), "volume")] {
+        let machine = Machine::named(name).unwrap();
+        let (elaborated, quantised) = (fixed::elaborate(&machine).unwrap(), quantise::quantise(&scene, &machine).unwrap());
+        let [whole, sampled] = [Tiles::All, Tiles::Sampled].map(|tiles| lockstep_in(&scene, &elaborated, &quantised, tiles));
+        let columns = scene.image.width;
+        let mut tiles = HashSet::new();
+        for pixel in 0..whole.bound.len() {
+            let [column, row] = [pixel % columns / 16, pixel / columns / 16];
+            let of = |frame: &Lockstep| (frame.bound[pixel], frame.error[pixel], frame.flipped[pixel], frame.led.rgba[pixel]);
+            if (column + 3 * row) % 8 == 0 {
+                assert_eq!(of(&sampled), of(&whole), "{name}, pixel {pixel}");
+                tiles.insert([column, row]);
+            } else {
+                assert_eq!((sampled.bound[pixel], sampled.error[pixel], sampled.flipped[pixel]), (0.0, 0.0, 0));
+            }
+        }
+        // A share of what is told, and not none of it.
+        let told = |frame: &Lockstep| frame.summary(&frame.led);
+        let is_held = |pixel: &usize| tiles.contains(&[pixel % columns / 16, pixel / columns / 16]);
+        let held = (0..whole.bound.len()).filter(is_held).count() as u64;
+        assert!(held > 0 && held < whole.bound.len() as u64 / 4, "{held}");
+        assert_eq!((told(&sampled).sampled_pixels, told(&whole).sampled_pixels), (Some(held), None));
+        assert!((1..told(&whole).decision_flips).contains(&told(&sampled).decision_flips), "{:?}", sampled.flips);
+        // What is wrong in a tile that is not held is not seen, nor is it where nothing is wrong.
+        let mut wrong = whole.led.clone();
+        let beside = (0..wrong.rgba.len()).find(|pixel| !is_held(pixel)).unwrap();
+        wrong.rgba[beside] = [9.0; 4];
+        assert_eq!(sampled.summary(&wrong).psnr_db, None);
+        wrong.rgba[0][1] += 0.5;
+        assert!(sampled.summary(&wrong).max_error > 0.4);
     }
 }
 

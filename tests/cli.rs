@@ -139,6 +139,33 @@ fn a_preview_says_what_it_leaves_out_and_is_a_run_of_that_size_else() {
 }
 
 #[test]
+fn less_is_held_in_lockstep_on_request_and_said_so() {
+    let out = folder();
+    let run = |check: &str| {
+        let all = [&["run"], &SMALL[..], &["--out", out.path().to_str().unwrap(), "--check", check]].concat();
+        let text = says(&all);
+        let report: Value = serde_json::from_slice(&std::fs::read(out.path().join("report.json")).unwrap()).unwrap();
+        (text, report)
+    };
+    let [(_, mut full), (sampled_text, mut sampled), (none_text, mut none)] = ["full", "sampled", "none"].map(run);
+    assert_eq!(sampled["accuracy"]["lockstep"]["sampled_pixels"], 512);
+    assert!(full["accuracy"]["lockstep"].get("sampled_pixels").is_none() && none["accuracy"].get("lockstep").is_none());
+    assert!(sampled_text.contains("in lockstep at 512 of 1,920 pixels, golden"), "{sampled_text}");
+    assert!(none_text.contains("not held in lockstep, so no bound was checked"), "{none_text}");
+    assert!(none_text.lines().chain(sampled_text.lines()).all(|line| line.chars().count() <= 80), "{none_text}");
+    // Pictures of the last run, which are not of this one, are gone.
+    let left = WRITTEN.into_iter().filter(|name| !["bounds.png", "flips.png"].contains(name));
+    assert_eq!(names_in(out.path()), left.collect::<Vec<_>>());
+    // All else is as it is.
+    for report in [&mut full, &mut sampled, &mut none] {
+        report.as_object_mut().unwrap().remove("host");
+        report["accuracy"].as_object_mut().unwrap().remove("lockstep");
+    }
+    assert!(full == sampled && full == none);
+    refused(&["run", "--check", "some"], "full, sampled, none");
+}
+
+#[test]
 fn a_run_replaces_the_files_of_the_last_one_and_makes_its_folder() {
     let out = folder();
     let deep = out.path().join("a/b");

@@ -1087,7 +1087,7 @@ fn share_of(mutants: &[Mutant], [k, n]: [usize; 2]) -> Vec<&Mutant> {
 fn all_shares_of_the_mutants_are_all_and_each_has_every_unit() {
     let whole =
         |mutants: &[&Mutant]| mutants.iter().map(|mutant| (mutant.unit, mutant.file, mutant.find, mutant.put)).collect::<HashSet<_>>();
-    let shares = ["1/6", "2/6", "3/6", "4/6", "5/6", "6/6"].map(|share| share_of(MUTANTS, share::parse(Some(share))));
+    let shares: Vec<_> = (1..=12).map(|k| share_of(MUTANTS, share::parse(Some(&format!("{k}/12"))))).collect();
     let all = share_of(MUTANTS, share::parse(None));
     assert_eq!(all.len(), MUTANTS.len());
     assert!(shares.iter().all(|share| share.len() < all.len() / 3));

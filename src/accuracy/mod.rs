@@ -10,6 +10,6 @@ pub mod proofs;
 pub mod ranges;
 
 pub use error_picture::{ErrorPicture, error_picture};
-pub use lockstep::{BoundSummary, Flips, KINDS, Lockstep, Summary, lockstep};
+pub use lockstep::{BoundSummary, Flips, KINDS, Lockstep, Summary, Tiles, lockstep, lockstep_in};
 pub(crate) use metrics::db_text;
 pub use metrics::{Distance, Metrics, distance, is_finite, metrics, pixel_error};

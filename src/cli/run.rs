@@ -16,9 +16,9 @@ use crate::run;
 use crate::run::detail::bounded;
 use crate::run::preview;
 use crate::run::preview::Preview;
-use crate::run::{Options, Outcome, timed};
+use crate::run::{Check, Options, Outcome, timed};
 use crate::scene::{CameraFile, Scene, Sequence};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use rtl_model::Machine;
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -51,6 +51,9 @@ pub(super) struct Typed {
     /// Write what happened into this file, for `replay`
     #[arg(long, value_name = "FILE", conflicts_with = "preview")]
     record: Option<PathBuf>,
+    /// Held in lockstep: `full`, `sampled` (1 tile in 8), `none`
+    #[arg(long, value_name = "HOW", value_enum, hide_possible_values = true, default_value_t = Checked::Full)]
+    check: Checked,
     /// Tell which words make the error (draws 170 frames)
     #[arg(long)]
     attribute: bool,
@@ -69,6 +72,24 @@ pub(super) struct Typed {
     /// Print no summary
     #[arg(long)]
     quiet: bool,
+}
+
+/// [`Check`] as typed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Checked {
+    Full,
+    Sampled,
+    None,
+}
+
+impl From<Checked> for Check {
+    fn from(checked: Checked) -> Check {
+        match checked {
+            Checked::Full => Check::Full,
+            Checked::Sampled => Check::Sampled,
+            Checked::None => Check::None,
+        }
+    }
 }
 
 /// A run that can be done.
@@ -137,6 +158,7 @@ impl Typed {
         }
         let options = Options {
             attribution: self.attribute,
+            check: self.check.into(),
             timings,
             answers: self.answers,
             requests: self.requests,

@@ -8,7 +8,7 @@
 //! ```
 
 use crate::accuracy::ranges::{Overflows, SignalReport};
-use crate::accuracy::{Lockstep, lockstep};
+use crate::accuracy::{Lockstep, Tiles, lockstep_in};
 use crate::error::Result;
 use crate::golden;
 use crate::golden::{Rendering, Rules};
@@ -104,6 +104,11 @@ impl<'a> Evaluation<'a> {
 
     /// The machine with `golden` led by its decisions.
     pub fn lockstep(&self) -> Lockstep {
-        lockstep(&self.scene, &self.machine, &self.quantised)
+        self.lockstep_in(Tiles::All)
+    }
+
+    /// The same in some tiles.
+    pub fn lockstep_in(&self, tiles: Tiles) -> Lockstep {
+        lockstep_in(&self.scene, &self.machine, &self.quantised, tiles)
     }
 }

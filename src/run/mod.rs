@@ -15,7 +15,7 @@ pub mod report;
 pub mod sequence;
 
 use crate::accuracy::attribution::attribute;
-use crate::accuracy::{ErrorPicture, Lockstep, error_picture, metrics, ranges};
+use crate::accuracy::{ErrorPicture, Lockstep, Tiles, error_picture, metrics, ranges};
 use crate::error::Result;
 use crate::golden;
 use crate::golden::Rendering;
@@ -38,11 +38,35 @@ use rtl_model::work::Work;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// How much of a frame is held in lockstep.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Check {
+    /// All of it.
+    #[default]
+    Full,
+    /// One tile in eight.
+    Sampled,
+    /// Nothing.
+    None,
+}
+
+impl Check {
+    fn tiles(self) -> Option<Tiles> {
+        match self {
+            Check::Full => Some(Tiles::All),
+            Check::Sampled => Some(Tiles::Sampled),
+            Check::None => None,
+        }
+    }
+}
+
 /// Options of a run: what is done only where it was asked for.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Attribute the error.
     pub attribution: bool,
+    /// What is held in lockstep.
+    pub check: Check,
     /// The frame on other microarchitectures.
     pub timings: Option<Variants>,
     /// What would make the frame faster.
@@ -72,8 +96,8 @@ pub struct Outcome {
     pub ideal: Picture,
     /// |fixed − golden|, scaled to be seen.
     pub error: ErrorPicture,
-    /// The machine with `golden` in lockstep.
-    pub lockstep: Lockstep,
+    /// The machine with `golden` in lockstep, unless that was not wanted.
+    pub lockstep: Option<Lockstep>,
     /// Every request to memory, if that was asked for.
     pub requests: Option<Requests>,
     /// Recorded work, if that was asked for.
@@ -104,7 +128,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let answers = options.answers.then(|| Answers::new(&elaborated, &work, &cycles, &options.prices));
     let (golden, golden_seconds) = timed(|| evaluation.golden());
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
-    let (lockstep, lockstep_seconds) = timed(|| evaluation.lockstep());
+    let (lockstep, lockstep_seconds) = timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
     let (attribution, attribution_seconds) =
         timed(|| attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture)));
 
@@ -130,7 +154,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
             fixed_vs_golden: metrics(&fixed, &golden.picture),
             golden_vs_ideal: metrics(&golden.picture, &ideal.picture),
             fixed_vs_ideal: metrics(&fixed, &ideal.picture),
-            lockstep: lockstep.summary(&fixed),
+            lockstep: lockstep.as_ref().map(|lockstep| lockstep.summary(&fixed)),
         },
         fragments: drawing.outcomes.into(),
         signals,
@@ -153,7 +177,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
             replay_seconds,
             golden_seconds,
             ideal_seconds,
-            lockstep_seconds,
+            lockstep_seconds: lockstep.is_some().then_some(lockstep_seconds),
             attribution_seconds: attributed.then_some(attribution_seconds),
             whole_seconds: None,
             fragments_per_second: fragments as f64 / fixed_seconds,
@@ -183,10 +207,9 @@ impl Outcome {
     /// [`crate::error::Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path, exr: bool) -> Result<Vec<PathBuf>> {
         let mut written = Vec::new();
-        let flips = self.lockstep.flip_picture();
-        let pictures =
-            [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal), ("error", &self.error.picture), ("flips", &flips)];
-        for (name, picture) in pictures {
+        let flips = self.lockstep.as_ref().map(Lockstep::flip_picture);
+        let pictures = [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal), ("error", &self.error.picture)];
+        for (name, picture) in pictures.into_iter().chain(flips.iter().map(|flips| ("flips", flips))) {
             let path = folder.join(name).with_extension("png");
             let shown = matches!(name, "fixed" | "golden" | "ideal") && self.encoded;
             if shown {
@@ -201,9 +224,16 @@ impl Outcome {
             picture.write_exr(&path)?;
             written.push(path);
         }
-        let path = folder.join("bounds.png");
-        chart::write_png(&[&self.lockstep.bound_chart()], 1, [900, 640], &path)?;
-        written.push(path);
+        if let Some(lockstep) = &self.lockstep {
+            let path = folder.join("bounds.png");
+            chart::write_png(&[&lockstep.bound_chart()], 1, [900, 640], &path)?;
+            written.push(path);
+        } else {
+            // Those of the last run would lie beside pictures that they are not of.
+            for name in ["flips.png", "bounds.png"] {
+                let _ = std::fs::remove_file(folder.join(name));
+            }
+        }
         if let Some(attribution) = &self.report.attribution {
             let [units, words] = attribution.charts();
             let path = folder.join("attribution.png");

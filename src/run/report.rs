@@ -137,8 +137,9 @@ pub struct Accuracy {
     pub golden_vs_ideal: Metrics,
     /// The whole error: the arithmetic's and the method's.
     pub fixed_vs_ideal: Metrics,
-    /// The arithmetic's error alone: against `golden` led by the machine's decisions.
-    pub lockstep: Summary,
+    /// The arithmetic's error alone: against `golden` led by the machine's decisions. Absent after `run --check none`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lockstep: Option<Summary>,
 }
 
 /// Outcomes of contributions.
@@ -219,8 +220,9 @@ pub struct Host {
     pub golden_seconds: f64,
     /// `ideal`.
     pub ideal_seconds: f64,
-    /// The machine with `golden` in lockstep.
-    pub lockstep_seconds: f64,
+    /// The machine with `golden` in lockstep; absent after `run --check none`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lockstep_seconds: Option<f64>,
     /// Finding out who makes the error; only where that was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attribution_seconds: Option<f64>,
@@ -317,16 +319,19 @@ impl Report {
     }
 
     fn lockstep_summary(&self) -> String {
-        let l = &self.accuracy.lockstep;
+        let Some(l) = &self.accuracy.lockstep else { return "not held in lockstep, so no bound was checked (--check none)".into() };
         let f = &l.flips;
         let kinds = f.by_kind().into_iter().chain([("unexplained", f.unexplained)]);
         let kinds: Vec<String> =
             kinds.filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{} {kind}", thousands(count))).collect();
         let kinds = if kinds.is_empty() { String::new() } else { format!(" ({})", kinds.join(", ")) };
         let db = db_text(l.psnr_db, l.not_finite, |db| format!("{db:.1} dB"));
+        let all = self.scene.width * self.scene.height;
+        let sampled =
+            l.sampled_pixels.map_or(String::new(), |pixels| format!(" at {} of {} pixels", thousands(pixels), thousands(all as u64)));
         let bound = l.bound.nine_in_ten.map_or("infinite".into(), |bound| format!("{:.2}/255", 255.0 * bound));
         [
-            format!("in lockstep, golden led by the machine's decisions: {db}, at most {:.4} off", l.max_error),
+            format!("in lockstep{sampled}, golden led by the machine's decisions: {db}, at most {:.4} off", l.max_error),
             format!("bound: {bound} at nine covered pixels in ten, exceeded at {}", thousands(l.bound_violations)),
             format!("decisions that golden takes otherwise: {}{kinds}", thousands(l.decision_flips)),
         ]

@@ -62,6 +62,7 @@ pub(crate) fn run(
             outside_of_search,
             frame,
             scene_file: file,
+            ..Options::default()
         };
         let outcome = drawn(&scene, &machine, 0.0, &options)?;
         Ok(Outcome { outcome: Arc::new(outcome), machine })

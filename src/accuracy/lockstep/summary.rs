@@ -1,11 +1,12 @@
 //! Summary: what a frame in lockstep says in numbers, and in two pictures.
 
-use super::{Flips, KINDS, Lockstep};
+use super::{Flips, KINDS, Lockstep, TILE_PX, Tiles};
 use crate::accuracy::metrics::{is_zero, metrics};
 use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::picture::Picture;
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::borrow::Cow;
 
 /// A bound below which it says something: a few steps of an 8-bit display.
 const TELLING: f64 = 4.0 / 255.0;
@@ -24,6 +25,9 @@ pub struct Summary {
     pub bound_violations: u64,
     /// Decisions that `golden` would have taken otherwise.
     pub decision_flips: u64,
+    /// Pixels that were held in lockstep, where these are not all (`run --check sampled`): all else here is of them alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sampled_pixels: Option<u64>,
     /// The same by kind.
     pub flips: Flips,
     /// Bounds of the covered pixels.
@@ -50,7 +54,7 @@ pub struct BoundSummary {
 impl Lockstep {
     /// In numbers; `fixed` is the machine's picture.
     pub fn summary(&self, fixed: &Picture) -> Summary {
-        let metrics = metrics(fixed, &self.led);
+        let metrics = metrics(&self.held_part(fixed), &self.held_part(&self.led));
         Summary {
             psnr_db: metrics.psnr_db,
             max_error: metrics.max_error,
@@ -59,13 +63,31 @@ impl Lockstep {
             bound_violations: self.violations.max(metrics.not_finite),
             decision_flips: self.flips.total(),
             flips: self.flips,
+            sampled_pixels: (self.tiles != Tiles::All).then(|| (0..self.bound.len()).filter(|&i| self.holds(i)).count() as u64),
             bound: self.bound_summary(),
         }
     }
 
-    /// Bound and error of each covered pixel.
+    /// Whether a pixel was held.
+    fn holds(&self, pixel: usize) -> bool {
+        let [x, y] = [pixel % self.led.width, pixel / self.led.width];
+        self.tiles.has(x / TILE_PX, y / TILE_PX)
+    }
+
+    /// A picture's pixels that were held, all in one row where these are not all.
+    fn held_part<'p>(&self, picture: &'p Picture) -> Cow<'p, Picture> {
+        if self.tiles == Tiles::All {
+            return Cow::Borrowed(picture);
+        }
+        let held: Vec<usize> = (0..picture.rgba.len()).filter(|&pixel| self.holds(pixel)).collect();
+        let rgba = held.iter().map(|&pixel| picture.rgba[pixel]).collect();
+        let covered = held.iter().map(|&pixel| picture.covered[pixel]).collect();
+        Cow::Owned(Picture { width: held.len(), height: 1, rgba, covered })
+    }
+
+    /// Bound and error of each covered pixel that was held.
     fn covered(&self) -> impl Iterator<Item = [f64; 2]> {
-        (0..self.bound.len()).filter(|&i| self.led.covered[i]).map(|i| [self.bound[i], self.error[i]])
+        (0..self.bound.len()).filter(|&i| self.led.covered[i] && self.holds(i)).map(|i| [self.bound[i], self.error[i]])
     }
 
     fn bound_summary(&self) -> BoundSummary {
@@ -88,7 +110,7 @@ impl Lockstep {
         }
     }
 
-    /// Where decisions flipped: a colour for each kind, on what `led` shows in grey.
+    /// Where decisions flipped: a colour for each kind, on what `led` shows in grey; black where nothing was held.
     pub fn flip_picture(&self) -> Picture {
         const COLOURS: [[f64; 3]; KINDS.len()] = [
             [1.0, 1.0, 1.0],
@@ -103,14 +125,17 @@ impl Lockstep {
             [0.5, 0.5, 1.0],
             [0.7, 1.0, 0.4],
         ];
-        let pixel = |(rgba, kinds): (&[f64; 4], &u16)| {
+        let pixel = |(number, (rgba, kinds)): (usize, (&[f64; 4], &u16))| {
+            if !self.holds(number) {
+                return [0.0, 0.0, 0.0, 1.0];
+            }
             // The rarest kind of a pixel wins.
             let kind = (0..KINDS.len()).rev().find(|kind| kinds >> kind & 1 == 1);
             let grey = 0.15 * (0.2 * rgba[0] + 0.7 * rgba[1] + 0.1 * rgba[2]).clamp(0.0, 1.0);
             let [r, g, b] = kind.map_or([grey; 3], |kind| COLOURS[kind]);
             [r, g, b, 1.0]
         };
-        Picture { rgba: self.led.rgba.iter().zip(&self.flipped).map(pixel).collect(), ..self.led.clone() }
+        Picture { rgba: self.led.rgba.iter().zip(&self.flipped).enumerate().map(pixel).collect(), ..self.led.clone() }
     }
 
     /// Error over bound at every covered pixel; nothing may lie above the line.

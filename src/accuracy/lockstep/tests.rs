@@ -12,7 +12,7 @@ fn pretending(settings: &[&str]) -> Lockstep {
     let [drawn, claimed] = [&settings[..], &[]].map(|settings| machines::load("reference", settings).unwrap());
     let quantised = quantise(&scene, &claimed).unwrap();
     assert_eq!(quantised, quantise(&scene, &drawn).unwrap());
-    held_to(&scene, &fixed::elaborate(&drawn).unwrap(), &fixed::elaborate(&claimed).unwrap(), &quantised)
+    held_to(&scene, &fixed::elaborate(&drawn).unwrap(), &fixed::elaborate(&claimed).unwrap(), &quantised, Tiles::All)
 }
 
 #[test]

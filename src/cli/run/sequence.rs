@@ -1,6 +1,6 @@
 //! Sequence: a run of all frames of a scene.
 
-use super::Typed;
+use super::{Checked, Typed};
 use crate::cli::arguments::Within;
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
@@ -60,6 +60,7 @@ impl Typed {
             ("--attribute", self.attribute),
             ("--timing", !self.timing.is_empty()),
             ("--answers", self.answers),
+            ("--check", self.check != Checked::Full),
             ("--prices", self.prices.is_some()),
             ("--ranges", self.ranges),
         ];

@@ -187,6 +187,7 @@ impl Found {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::accuracy::Tiles;
 
     fn grey(values: &[f64]) -> Picture {
         let rgba = values.iter().map(|value| [*value, *value, *value, 1.0]).collect();
@@ -195,7 +196,15 @@ mod tests {
 
     fn told(bound: f64, flipped: u16) -> Lockstep {
         let flips = Flips::default();
-        Lockstep { led: grey(&[0.5]), bound: vec![bound], error: vec![0.0], flipped: vec![flipped], violations: 0, flips }
+        Lockstep {
+            tiles: Tiles::All,
+            led: grey(&[0.5]),
+            bound: vec![bound],
+            error: vec![0.0],
+            flipped: vec![flipped],
+            violations: 0,
+            flips,
+        }
     }
 
     #[test]
