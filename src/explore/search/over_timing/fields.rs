@@ -24,7 +24,7 @@ pub struct Field {
 }
 
 /// What may be changed unless somebody says otherwise; of these a machine's schema decides which there are.
-const FIELDS: [(&str, &str); 29] = [
+const FIELDS: [(&str, &str); 35] = [
     (CLOCK, "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]"),
     ("timing.fetch.fifo", "[1, 2, 4, 8, 16, 32]"),
     ("timing.project.units", "[1, 2, 4]"),
@@ -48,10 +48,16 @@ const FIELDS: [(&str, &str); 29] = [
     ("timing.cache.fifo", "[1, 2, 4, 8, 16, 32, 64]"),
     ("timing.tile.side_px", "[16, 32, 48, 64]"),
     ("timing.tile.buffers", "[1, 2]"),
+    ("timing.engines", "[1, 2, 4, 8, 16]"),
+    ("timing.queue", "[\"order\", \"longest\"]"),
+    ("timing.fragment.units", "[1, 2, 4]"),
+    ("timing.fragment.merges_in_flight", "[1, 2, 4, 8, 16]"),
     ("timing.fragment.latency", "[1, 2, 3, 4]"),
     ("timing.fragment.hazard", "[null, 1, 2, 3, 4]"),
+    ("timing.shade.units", "[1, 2, 4]"),
     ("timing.shade.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16]"),
     ("timing.shade.interval", "[1, 2, 4]"),
+    ("timing.resolve.units", "[1, 2, 4]"),
     ("timing.resolve.interval", "[1, 2, 4]"),
     ("timing.memory.outstanding", "[1, 2, 4, 8, 16, 32, 64]"),
 ];
@@ -82,14 +88,14 @@ fn pointer(path: &str) -> String {
 /// The fields that a machine has of those above, with their values.
 pub(super) fn usual(machine: &Machine) -> Vec<Field> {
     let value = machines::value(machine);
-    let unused = match machine.timing.organisation {
-        Organisation::Binned => "timing.cache",
-        Organisation::Immediate => "timing.tile",
+    let unused: &[&str] = match machine.timing.organisation {
+        Organisation::Binned => &["timing.cache"],
+        Organisation::Immediate => &["timing.tile", "timing.engines", "timing.queue"],
     };
     // What a unit for colours takes may be left out where there is one.
     let place = |unit: &str| if unit == "timing.colour" { "/colour".to_owned() } else { pointer(unit) };
-    let has = |unit: &str| unit != unused && value.pointer(&place(unit)).is_some_and(Value::is_object);
-    let there = FIELDS.iter().filter(|(field, _)| field.rsplit_once('.').is_some_and(|(unit, _)| has(unit)));
+    let has = |unit: &str| !unused.contains(&unit) && value.pointer(&place(unit)).is_some_and(Value::is_object);
+    let there = FIELDS.iter().filter(|(field, _)| !unused.contains(field) && field.rsplit_once('.').is_some_and(|(unit, _)| has(unit)));
     let values = |text: &str| serde_json::from_str::<Vec<Value>>(text).unwrap_or_default().into_iter().map(machines::whole).collect();
     let fields = there.map(|(field, text)| Field { field: (*field).to_owned(), values: values(text) });
     // A field that this machine's description does not know yet is left out.
