@@ -266,7 +266,9 @@ impl<'a> SecondPass<'a> {
         let taken = match stops {
             None => fill.footprint(walk, footprint, area, from, |stamp, here| next(stamp, here)[0]).0,
             // Of sheets nothing is shaded here.
-            Some(stops) => fill.footprint_of_stops(walk, footprint, area, from, stops, |pieces, here| next(Stamp { pieces, texels: &[] }, here)),
+            Some(stops) => {
+                fill.footprint_of_stops(walk, footprint, area, from, stops, |pieces, here| next(Stamp { pieces, texels: &[] }, here))
+            }
         };
         list.behind.give(taken);
         tile.nth += 1;

@@ -876,7 +876,11 @@ impl Merge {
 
     pub fn is_done(&self, now: u64) -> bool {
         let are_idle = self.units.iter().all(|of| of.merging.is_empty() && of.unit.is_idle(now));
-        self.to_shade.is_empty() && self.mirror.as_ref().is_none_or(|mirror| mirror.queue.is_empty()) && are_idle && self.written.is_empty() && self.shade.is_idle(now)
+        self.to_shade.is_empty()
+            && self.mirror.as_ref().is_none_or(|mirror| mirror.queue.is_empty())
+            && are_idle
+            && self.written.is_empty()
+            && self.shade.is_idle(now)
     }
 
     /// Stamps that were taken and that all units are not through with.
