@@ -33,7 +33,7 @@ pub struct CyclesReport {
     pub units: Vec<UnitReport>,
     /// Traffic to memory and back.
     pub memory: MemoryReport,
-    /// Slots that the rasteriser tested, and those that kept a pixel.
+    /// Stamps that the rasteriser tested, and those that kept a pixel.
     pub slots: [u64; 2],
     /// Lines that the cache looked up, and those that it had; none where there is no cache.
     pub lookups: Option<[u64; 2]>,
@@ -211,7 +211,7 @@ impl CyclesReport {
             let Some([lookups, hits]) = lookups else { continue };
             let _ = write!(text, "\n{cache}: {} look-ups, {} hits", thousands(lookups), share(hits, lookups));
         }
-        let _ = write!(text, "\nslots: {} tested, {} kept a pixel", thousands(self.slots[0]), share(self.slots[1], self.slots[0]));
+        let _ = write!(text, "\nstamps: {} tested, {} kept a pixel", thousands(self.slots[0]), share(self.slots[1], self.slots[0]));
         text
     }
 

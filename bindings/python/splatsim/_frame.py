@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -141,6 +141,7 @@ def run(
     scene: AnyScene = "glass-spheres",
     machine: AnyMachine = None,
     *,
+    check: Literal["full", "sampled", "none"] = "full",
     attribute: bool = False,
     answers: bool = False,
     requests: bool = False,
@@ -150,12 +151,13 @@ def run(
 ) -> Frame:
     """Draws a scene on a machine and in exact arithmetic, and compares: the command line's `run`.
 
-    machine: left out, the scene's usual one. attribute: tell which words make the error (draws 170 frames). answers: tell what would make it
-    faster. requests: keep the requests to memory, which `write` then writes too. timing: replay with every value, as {"timing.raster.fifo": [1, 2, 4]}. prices: a file of what a bit costs.
+    machine: left out, the scene's usual one. check: what is held in lockstep, "sampled" one tile in eight. attribute: tell which words make
+    the error (draws 170 frames). answers: tell what would make it faster. requests: keep the requests to memory, which `write` then writes
+    too. timing: replay with every value, as {"timing.raster.fifo": [1, 2, 4]}. prices: a file of what a bit costs.
     """
     native = of_scene(scene), of_machine(machine)
     folder = None if prices is None else os.fspath(prices)
-    return Frame(_native.run(*native, attribute, answers, requests, _axes(timing), folder, shown(progress)))
+    return Frame(_native.run(*native, check, attribute, answers, requests, _axes(timing), folder, shown(progress)))
 
 
 class Drawn(Node):

@@ -138,6 +138,7 @@ def draw(name: str, text: str | None, numbers: list[int], prices: str | None) ->
 def run(
     scene: Scene,
     machine: Machine | None,
+    check: str,
     attribute: bool,
     answers: bool,
     requests: bool,

@@ -11,7 +11,7 @@ use splatsim::performance::cost::Prices;
 use splatsim::performance::recording;
 use splatsim::performance::timings::{Axes, Variants};
 use splatsim::run::explain::{explain as told, explained};
-use splatsim::run::{Options, Outcome as Drawn, run as drawn};
+use splatsim::run::{Check, Options, Outcome as Drawn, run as drawn};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -29,12 +29,13 @@ fn axes(texts: &[String]) -> PyResult<Vec<Axes>> {
 
 /// Draws a scene on a machine and in exact arithmetic.
 #[pyfunction]
-#[pyo3(signature = (scene, machine, attribute, answers, requests, timing, prices, progress))]
+#[pyo3(signature = (scene, machine, check, attribute, answers, requests, timing, prices, progress))]
 #[expect(clippy::too_many_arguments, reason = "as many as a run has options")]
 pub(crate) fn run(
     py: Python<'_>,
     scene: &Scene,
     machine: Option<&Machine>,
+    check: &str,
     attribute: bool,
     answers: bool,
     requests: bool,
@@ -44,6 +45,12 @@ pub(crate) fn run(
 ) -> PyResult<Outcome> {
     let (machine, outside_of_search) = Machine::of(machine, &scene.scene).map_err(raised)?;
     let axes = axes(&timing)?;
+    let check = match check {
+        "full" => Check::Full,
+        "sampled" => Check::Sampled,
+        "none" => Check::None,
+        other => return Err(refused(format!("check is {other}: it can be full, sampled or none"))),
+    };
     let Scene { scene, frame, file, .. } = scene.clone();
     done(py, progress, move || {
         fixed::elaborate(&machine)?;
@@ -62,7 +69,7 @@ pub(crate) fn run(
             outside_of_search,
             frame,
             scene_file: file,
-            ..Options::default()
+            check,
         };
         let outcome = drawn(&scene, &machine, 0.0, &options)?;
         Ok(Outcome { outcome: Arc::new(outcome), machine })

@@ -51,6 +51,18 @@ def test_a_run_is_the_command_line_s(splatsim_run, tmp_path, scene, settings):
     assert (tmp_path / "ours.work").read_bytes() == (tmp_path / "theirs.work").read_bytes()
 
 
+@pytest.mark.parametrize("check", ["sampled", "none"])
+def test_as_much_is_held_in_lockstep_as_the_command_line_holds(splatsim_run, tmp_path, check):
+    frame = splatsim.run(splatsim.Scene("glass-spheres", size=(48, 32)), check=check)
+    splatsim_run("run", "glass-spheres", *SIZE, "--check", check, "--out", "theirs")
+    frame.write(tmp_path / "ours", exr=False)
+    assert files(tmp_path / "ours") == files(tmp_path / "theirs")
+    accuracy = json.loads((tmp_path / "theirs/report.json").read_text())["accuracy"]
+    assert frame.report.accuracy.dict() == accuracy and ("lockstep" in accuracy) == (check == "sampled")
+    with pytest.raises(splatsim.InputError, match="full, sampled or none"):
+        splatsim.run("glass-spheres", check="some")
+
+
 def test_pictures_are_those_of_the_files(tmp_path, splatsim_run):
     frame = splatsim.run(splatsim.Scene("glass-spheres", size=(48, 32)))
     assert frame.fixed.shape == frame.golden.shape == frame.ideal.shape == frame.error.shape == (32, 48, 4)

@@ -212,21 +212,21 @@ impl Default for Colour {
 #[schemars(rename = "RasterTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Raster {
-    /// Pixels tested in a cycle: columns and rows of a slot. One covered pixel costs the whole slot.
+    /// Pixels tested in a cycle: columns and rows of a stamp. One covered pixel costs the whole stamp.
     pub lanes: [u32; 2],
-    /// Cycles from a slot to its contributions; left out, what the formats and the clock ask for.
+    /// Cycles from a stamp to its contributions; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Slots that can wait behind it.
     pub fifo: u32,
 }
 
-/// A unit that takes a slot a cycle.
+/// A unit that takes a stamp a cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "StageTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
-    /// Cycles from a slot to its result; left out, what the formats and the clock ask for.
+    /// Cycles from a stamp to its result; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Slots that can wait behind it.
@@ -268,8 +268,8 @@ pub struct Tile {
 #[schemars(rename = "FragmentTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Fragment {
-    /// Units that share the rasteriser's lanes, a power of two: pixel (x, y) is that of unit x + y·columns of a slot, modulo units, so that
-    /// the pixels of a slot are dealt out evenly. A slot waits for all of the units that its pixels need; left out, 1.
+    /// Units that share the rasteriser's lanes, a power of two: pixel (x, y) is that of unit x + y·columns of a stamp, modulo units, so that
+    /// the pixels of a stamp are dealt out evenly. A stamp waits for all of the units that its pixels need; left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
     /// Slots whose fragments are merged at a time in a unit; when there are so many, the unit takes none. Left out, 1: merging holds the unit.
@@ -281,7 +281,7 @@ pub struct Fragment {
     /// Cycles before the same pixel can be taken again; left out, the latency. 1 with forwarding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hazard: Option<u32>,
-    /// Further cycles for each fragment of a slot that makes two merge, besides shading them.
+    /// Further cycles for each fragment of a stamp that makes two merge, besides shading them.
     pub merge: u32,
 }
 
@@ -358,7 +358,7 @@ pub struct Memory {
     pub banks: u32,
 }
 
-/// The default microarchitecture: tiles, one slot of 4×1 pixels a cycle, everything pipelined, memory of 6.4 GB/s.
+/// The default microarchitecture: tiles, one stamp of 4×1 pixels a cycle, everything pipelined, memory of 6.4 GB/s.
 pub const DEFAULT: Timing = Timing {
     clock_hz: 400_000_000,
     technology: Technology::Nm28,

@@ -35,7 +35,7 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 39] = [
     ("cache hits", "/cycles/lookups/1", Kind::Count, false),
     ("texel look-ups", "/cycles/texels/0", Kind::Count, false),
     ("texel hits", "/cycles/texels/1", Kind::Count, false),
-    ("slots tested", "/cycles/slots/0", Kind::Count, false),
+    ("stamps tested", "/cycles/slots/0", Kind::Count, false),
     ("area, LUT equivalents", "/cost/area", Kind::Count, true),
     ("FIFOs, bits", "/cost/fifo_bits", Kind::Count, false),
     ("tiles, cache, bits", "/cost/memory_bits", Kind::Count, false),
