@@ -907,7 +907,7 @@ pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [u
     let mut shades = 0;
     let shaders = u64::from(timing.shade.units);
     // So many at a time.
-    let light = |fragments: u64| (fragments + shaders - 1) / shaders * u64::from(timing.shade.interval);
+    let light = |fragments: u64| fragments.div_ceil(shaders) * u64::from(timing.shade.interval);
     for y in top..height.min(top + rows) {
         for x in left..width.min(left + columns) {
             let end = scene.ends[y * width + x];

@@ -258,7 +258,7 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
         next_view += options.views;
         let (fps, frame, member) = match slow {
             Seen::Fast(views) => break views,
-            Seen::Slow(fps, frame, member) => (fps, frame, member),
+            Seen::Slow(fps, frame, member) => (fps, *frame, member),
         };
         if rounds + 1 == ROUNDS {
             return Err(Error::job(format!("after {ROUNDS} rounds {} is still too slow: aim lower", frame.name)));
@@ -327,7 +327,7 @@ enum Seen {
     /// All are fast enough.
     Fast(Vec<Unseen>),
     /// One is not, the slowest, with so many frames a second.
-    Slow(f64, Recorded, Box<Member>),
+    Slow(f64, Box<Recorded>, Box<Member>),
 }
 
 /// Frames/s of what is looked at first, and of unseen views.
@@ -361,7 +361,7 @@ fn unseen(search: &Search, domains: &[Domain], members: &[Member], state: &State
             views.push(Unseen { of, name: member.name, camera, frames_per_second });
         }
     }
-    Ok(slowest.map_or(Seen::Fast(views), |(fps, frame, member)| Seen::Slow(fps, frame, member)))
+    Ok(slowest.map_or(Seen::Fast(views), |(fps, frame, member)| Seen::Slow(fps, Box::new(frame), member)))
 }
 
 impl Outcome {
