@@ -62,8 +62,8 @@ fn main() -> Result<()> {
         let series = series.into_iter().enumerate();
         panels.push(Panel {
             title: format!("{}: 1 to 16 engines", scene.name),
-            x: Axis::log("area, million LUT equivalents"),
-            y: Axis::log("frames/s"),
+            x: Axis::linear("area, million LUT equivalents"),
+            y: Axis::linear("frames/s"),
             series: series.map(|(colour, (name, points))| Series { name, points, mark: Mark::Rings, colour }).collect(),
             ..Panel::default()
         });
