@@ -148,9 +148,9 @@ fn less_is_held_in_lockstep_on_request_and_said_so() {
         (text, report)
     };
     let [(_, mut full), (sampled_text, mut sampled), (none_text, mut none)] = ["full", "sampled", "none"].map(run);
-    assert_eq!(sampled["accuracy"]["lockstep"]["sampled_pixels"], 512);
+    assert_eq!(sampled["accuracy"]["lockstep"]["sampled_pixels"], 384);
     assert!(full["accuracy"]["lockstep"].get("sampled_pixels").is_none() && none["accuracy"].get("lockstep").is_none());
-    assert!(sampled_text.contains("in lockstep at 512 of 1,920 pixels, golden"), "{sampled_text}");
+    assert!(sampled_text.contains("in lockstep at 384 of 1,920 pixels, golden"), "{sampled_text}");
     assert!(none_text.contains("not held in lockstep, so no bound was checked"), "{none_text}");
     assert!(none_text.lines().chain(sampled_text.lines()).all(|line| line.chars().count() <= 80), "{none_text}");
     // Pictures of the last run, which are not of this one, are gone.
