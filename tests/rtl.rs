@@ -157,12 +157,13 @@ fn mirrors_give_what_the_machine_gives() {
     if !have(&["iverilog", "verilator", "yosys"], "the twin of reflect") {
         return;
     }
-    for (nth, machine) in mirrors("axis").iter().chain(&mirrors("ray")).enumerate() {
+    let [axis, ray] = ["axis", "ray"].map(mirrors);
+    for (nth, machine) in share::mine(axis.iter().chain(&ray).enumerate()) {
         let made_up = traced(MIRRORS, machine, &Window { stimulus: Some(1), ..Window::default() });
         let simulator = if nth % 3 == 0 { Simulator::Verilator } else { Simulator::Icarus };
         assert!(drive(simulator, &made_up, unit("shade"), 32, &STALLS) > 100);
     }
-    for sight in ["axis", "ray"] {
+    for sight in share::mine(["axis", "ray"]) {
         let drawn = traced(MIRRORS, &mirrors(sight)[0], &Window::default());
         assert!(drive(Simulator::Icarus, &drawn, unit("shade"), 32, &[]) > 100);
         assert!(drive(Simulator::Icarus, &drawn, unit("fragment"), 32, &[]) > 100);
