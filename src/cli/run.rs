@@ -51,7 +51,7 @@ pub(super) struct Typed {
     /// Write what happened into this file, for `replay`
     #[arg(long, value_name = "FILE", conflicts_with = "preview")]
     record: Option<PathBuf>,
-    /// Lockstep: `full`, `sampled` (1 tile in 8), `none`
+    /// Lockstep: `full`, `sampled`, `none`
     #[arg(long, value_name = "HOW", value_enum, hide_possible_values = true, default_value_t = Checked::Full)]
     check: Checked,
     /// Tell which words make the error (draws 170 frames)
