@@ -13,6 +13,7 @@ use splatsim::hardware::{fixed, machines};
 use splatsim::performance::cost::{Cost, Prices};
 use splatsim::run::evaluation::Evaluation;
 use std::collections::HashSet;
+use std::ffi::OsStr;
 use std::fs;
 use std::path::Path;
 use std::process::{Output, Stdio};
@@ -165,6 +166,15 @@ fn it_is_close_to_the_best_of_all() {
     }
 }
 
+/// Starts the program and kills it after so many milliseconds, wherever it is by then.
+fn start_and_kill(wait_ms: u64, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) {
+    let mut command = std::process::Command::new(PROGRAM.as_str());
+    let mut child = command.args(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    std::thread::sleep(Duration::from_millis(wait_ms));
+    let _ = child.kill();
+    child.wait().unwrap();
+}
+
 #[test]
 fn a_search_that_is_killed_goes_on() {
     let folder = tempfile::tempdir().unwrap();
@@ -178,15 +188,7 @@ fn a_search_that_is_killed_goes_on() {
     let run = |out: &Path| ok(&Command::new(PROGRAM.as_str()).args(arguments(out.to_str().unwrap())).output().unwrap());
     run(&whole);
     for wait_ms in [30, 200, 90, 400, 260, 150] {
-        let mut child = std::process::Command::new(PROGRAM.as_str())
-            .args(arguments(killed.to_str().unwrap()))
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        std::thread::sleep(Duration::from_millis(wait_ms));
-        let _ = child.kill();
-        child.wait().unwrap();
+        start_and_kill(wait_ms, arguments(killed.to_str().unwrap()));
     }
     run(&killed);
     assert_eq!(fs::read(whole.join("machine.json")).unwrap(), fs::read(killed.join("machine.json")).unwrap());
@@ -577,15 +579,7 @@ fn a_search_over_timing_goes_on_and_finds_the_same_at_any_number_of_threads() {
     let told = ok(&Command::new(PROGRAM.as_str()).args(search(&whole, "1")).output().unwrap());
     assert!(told.lines().all(|line| line.chars().count() <= 80) && told.contains("fast enough on 3 unseen views"), "{told}");
     for wait_ms in [60, 120] {
-        let mut child = std::process::Command::new(PROGRAM.as_str())
-            .args(search(&killed, "2"))
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        std::thread::sleep(Duration::from_millis(wait_ms));
-        let _ = child.kill();
-        child.wait().unwrap();
+        start_and_kill(wait_ms, search(&killed, "2"));
     }
     ok(&Command::new(PROGRAM.as_str()).args(search(&killed, "2")).output().unwrap());
     for name in ["machine.json", "search.json", "search.csv", "points.jsonl"] {

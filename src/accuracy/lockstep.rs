@@ -160,7 +160,7 @@ pub enum Tiles {
     /// All of them.
     #[default]
     All,
-    /// One in eight, so chosen that each row and each column of tiles has some.
+    /// One in eight: of any eight beside or below each other one.
     Sampled,
 }
 

@@ -388,7 +388,7 @@ impl Energy {
         let read_and_written = items("fragment") * f64::from(2 * lanes * 8 * machine.timing.fragment_bytes);
         let moved = |fifo: Fifo| {
             let idle = if ["project", "ellipse", "colour"].contains(&fifo.to) { idle_bits } else { 0 };
-            // Each fragment unit takes its own share of a slot.
+            // Each fragment unit takes its own share of a stamp.
             let sharers = if fifo.to == "fragment" { machine.timing.fragment.units } else { 1 };
             fifo.bits.min(1 << 20).saturating_sub(idle).div_ceil(sharers)
         };

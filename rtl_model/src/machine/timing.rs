@@ -217,7 +217,7 @@ pub struct Raster {
     /// Cycles from a stamp to its contributions; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Slots that can wait behind it.
+    /// Stamps that can wait behind it.
     pub fifo: u32,
 }
 
@@ -229,7 +229,7 @@ pub struct Stage {
     /// Cycles from a stamp to its result; left out, what the formats and the clock ask for.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Slots that can wait behind it.
+    /// Stamps that can wait behind it.
     pub fifo: u32,
 }
 
@@ -248,7 +248,7 @@ pub struct Cache {
     pub misses: u32,
     /// Cycles of a look-up.
     pub latency: u32,
-    /// Slots that can wait behind it for their lines.
+    /// Stamps that can wait behind it for their lines.
     pub fifo: u32,
 }
 
@@ -272,7 +272,7 @@ pub struct Fragment {
     /// the pixels of a stamp are dealt out evenly. A stamp waits for all of the units that its pixels need; left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
-    /// Slots whose fragments are merged at a time in a unit; when there are so many, the unit takes none. Left out, 1: merging holds the unit.
+    /// Stamps whose fragments are merged at a time in a unit; when there are so many, the unit takes none. Left out, 1: merging holds the unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub merges_in_flight: Option<u32>,
     /// Cycles from reading a fragment to having written it; left out, what the formats and the clock ask for.

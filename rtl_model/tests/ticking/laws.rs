@@ -122,9 +122,19 @@ const RAISES: [(&str, Field); 11] = [
     ("memory.outstanding", |timing| &mut timing.memory.outstanding),
 ];
 
-/// What makes a frame slower if there is more of it: in how many of so many cases, and the first of them.
-fn slower(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Vec<(&'static str, u64, u64)> {
-    let mut found: Vec<(&str, u64, u64)> = Vec::new();
+/// What makes a frame slower if there is more of it: its name, in how many cases, and the first of them.
+type Slower = Vec<(&'static str, u64, u64)>;
+
+fn note(found: &mut Slower, name: &'static str, seed: u64) {
+    match found.iter_mut().find(|(other, ..)| *other == name) {
+        Some((_, count, _)) => *count += 1,
+        None => found.push((name, 1, seed)),
+    }
+}
+
+/// What makes a frame slower, in so many cases.
+fn slower(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
+    let mut found = Slower::new();
     for seed in 0..cases {
         let mut rng = Rng(seed);
         let timing = of(&mut rng);
@@ -135,10 +145,7 @@ fn slower(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Vec<(&'static str, u64
             *field(&mut more) += 1 + rng.below(4) as u32;
             more.tile.buffers = more.tile.buffers.min(2);
             if replay(&elaborate(more), &scene, Detail::Accounts).total > before {
-                match found.iter_mut().find(|(other, ..)| *other == name) {
-                    Some((_, count, _)) => *count += 1,
-                    None => found.push((name, 1, seed)),
-                }
+                note(&mut found, name, seed);
             }
         }
     }
@@ -184,8 +191,8 @@ const SIDE_BY_SIDE: [(&str, Setting); 5] = [
 ];
 
 /// Which of them makes a frame slower if there is more of it: in how many of so many cases, and the first of them.
-fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Vec<(&'static str, u64, u64)> {
-    let mut found: Vec<(&str, u64, u64)> = Vec::new();
+fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
+    let mut found = Slower::new();
     for seed in 0..cases {
         let mut rng = Rng(seed);
         let timing = of(&mut rng);
@@ -197,10 +204,7 @@ fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Vec<(&'st
             let mut more = timing;
             more_of(&mut more, 1 + rng.below(3) as u32);
             if replay(&elaborate(more), &scene, Detail::Accounts).total > before {
-                match found.iter_mut().find(|(other, ..)| *other == name) {
-                    Some((_, count, _)) => *count += 1,
-                    None => found.push((name, 1, seed)),
-                }
+                note(&mut found, name, seed);
             }
         }
     }
