@@ -130,7 +130,8 @@ pub(crate) use {three, two};
 pub struct Plain(pub [i64; LANES]);
 
 impl Plain {
-    #[inline(always)]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline(always))]
     pub(super) fn zip(self, other: Plain, f: impl Fn(i64, i64) -> i64) -> Self {
         let mut out = self.0;
         for (own, other) in out.iter_mut().zip(other.0) {

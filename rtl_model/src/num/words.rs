@@ -119,7 +119,8 @@ pub trait Exacts: Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<O
 pub struct PlainWords(pub [i32; LANES]);
 
 impl PlainWords {
-    #[inline]
+    #[cfg_attr(debug_assertions, inline(never))]
+    #[cfg_attr(not(debug_assertions), inline)]
     fn zip(self, other: PlainWords, f: impl Fn(i32, i32) -> i32) -> Self {
         let mut out = self.0;
         for (own, other) in out.iter_mut().zip(other.0) {
