@@ -46,12 +46,14 @@ const LONG: &str = "run --attribute --out out";
 
 /// What takes long and is tested elsewhere too has its turn in one run of CI in so many, and in `.ci/full`: a search of two minutes and what
 /// reads its machine, the stress catalogue, and searches over rules and distances.
-const IN_TURN: [(&str, usize); 5] = [
+const IN_TURN: [(&str, usize); 7] = [
     ("search torus-knot --size 64x64 ", 2),
     ("run torus-knot --size 64x64 --machine found/", 2),
     ("stress --out out", 3),
     ("search torus-knot --size 96x96 --over fragment ", 4),
     ("search torus-knot --size 32x32 --distance ", 5),
+    ("run bouquet --size 256x256", 6),
+    ("run nested-shells --size 256x256 --out out", 7),
 ];
 
 /// Whether this run prints what a command prints.

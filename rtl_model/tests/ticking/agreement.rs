@@ -180,6 +180,15 @@ impl Seen {
         *self.0.entry("misses".into()).or_default() += ticked.lookups[0] - ticked.lookups[1];
     }
 
+    /// Of frames that were drawn: a third of them need not have met all that seldom happens.
+    fn demand_of_drawn(&self, never: &[&str]) {
+        if crate::share::share()[1] == 1 {
+            return self.demand(15, never);
+        }
+        assert!(self.0.iter().all(|(what, cycles)| *cycles == 0 || !never.contains(&what.as_str())), "{:?}", self.0);
+        assert!(self.0["fragment blocked"] > 15 && self.0["resolve busy"] > 15, "{:?}", self.0);
+    }
+
     fn demand(&self, least: u64, never: &[&str]) {
         for (what, cycles) in &self.0 {
             // Few are drawn that have a colour to wait with.
@@ -228,10 +237,23 @@ pub fn of(organisation: Organisation, rng: &mut Rng) -> Timing {
     timing
 }
 
+/// A third of the seeds, in a run that has a share of the long work; all, where none is asked for.
+fn seeds(cases: u64) -> impl Iterator<Item = u64> {
+    let [k, n] = crate::share::share();
+    let n = n.min(3);
+    // Eight in a row: what a scene has depends on remainders of the seed.
+    (0..cases).filter(move |seed| seed / 8 % n as u64 == (k % n) as u64)
+}
+
+/// How much must have been seen in these.
+fn of_all(least: u64) -> u64 {
+    least / crate::share::share()[1].min(3) as u64
+}
+
 fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
     let mut seen = Seen::default();
     for (size, splats, share) in [([3, 3], 1, 1), ([4, 4], 3, 2), ([8, 8], 6, 2), ([20, 20], 12, 2), ([60, 50], 40, 3)] {
-        for seed in 0..cases * share {
+        for seed in seeds(cases * share) {
             let mut rng = Rng(seed);
             let timing = of(organisation, &mut rng);
             let scene = scene::random(&mut rng, size, splats);
@@ -249,7 +271,7 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
             }
         }
     }
-    seen.demand(1000, never);
+    seen.demand(of_all(1000), never);
 }
 
 fn compare_drawn(organisation: Organisation, never: &[&str]) {
@@ -258,7 +280,7 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
     for (name, frames) in
         Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES).map(|name| (name, 80)).chain([("volume", 240)]).chain(sorting)
     {
-        for seed in 0..frames {
+        for seed in seeds(frames) {
             let mut machine = Machine::named(name).unwrap();
             machine.timing = of(organisation, &mut Rng(seed));
             if machine.fragment.window.is_some() {
@@ -286,7 +308,7 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
             }
         }
     }
-    seen.demand(15, never);
+    seen.demand_of_drawn(never);
 }
 
 #[test]
@@ -305,7 +327,7 @@ fn a_frame_that_mirrors_ticks_as_it_is_replayed() {
     let mut seen = Seen::default();
     for (nth, organisation) in (0..).zip([Organisation::Immediate, Organisation::Binned]) {
         for (size, splats, cases) in [([3, 3], 2, 300), ([8, 8], 5, 300), ([60, 50], 30, 60)] {
-            for seed in 0..cases {
+            for seed in seeds(cases) {
                 let mut rng = Rng(seed + 1000 * nth);
                 let timing = machines::mirroring(&mut rng, of(organisation, &mut Rng(seed)));
                 let scene = scene::random(&mut rng, size, splats);
@@ -319,7 +341,7 @@ fn a_frame_that_mirrors_ticks_as_it_is_replayed() {
         }
     }
     for what in ["shade memory", "resolve-shade memory", "fetch memory", "texels", "texels that were here"] {
-        assert!(seen.0[what] > 1000, "{what}: {:?}", seen.0);
+        assert!(seen.0[what] > of_all(1000), "{what}: {:?}", seen.0);
     }
     assert!(seen.0["texels"] > seen.0["texels that were here"]);
 }
@@ -338,7 +360,7 @@ fn a_drawn_and_binned_frame_ticks_as_it_is_replayed() {
 fn compare_several(organisation: Organisation, cases: u64) {
     let mut seen = Seen::default();
     for (size, splats) in [([4, 4], 3), ([12, 9], 12), ([60, 50], 40)] {
-        for seed in 0..cases {
+        for seed in seeds(cases) {
             let mut rng = Rng(seed);
             let timing = of(organisation, &mut rng);
             let timing = machines::several(&mut rng, timing);
@@ -370,7 +392,7 @@ fn engines_tick_as_they_are_replayed() {
 #[test]
 fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
     let mut parts = 0;
-    for seed in 0..400 {
+    for seed in seeds(400) {
         let mut rng = Rng(seed);
         let timing = of(Organisation::Binned, &mut rng);
         let scene = scene::random(&mut rng, [120, 100], 2000).sorted(&mut rng);

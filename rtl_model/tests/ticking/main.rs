@@ -11,3 +11,6 @@ mod machines;
 mod memory;
 mod parts;
 mod scene;
+#[path = "../../../tests/share/mod.rs"]
+#[expect(dead_code, reason = "the tests of the program use the rest")]
+mod share;
