@@ -1173,9 +1173,13 @@ fn one_by_one(records: usize, mut stage: Stage, behind: &[u64]) -> Told {
     Told { due: taken.iter().map(|now| now + stage.latency).collect(), taken, ..Told::default() }
 }
 
-/// The raster takes a cycle for each pixel of a box; what is kept needs a place behind.
-fn walk(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
+/// The raster takes a cycle for each pixel of a box, and each needs a place behind: what is kept until it is taken there, what is not for as
+/// long as it takes to know that.
+fn walk(trace: &Traced, stage: Stage, behind: &[u64]) -> Told {
     let mut told = Told::default();
+    // From when on each place that was taken is free again, the first one first.
+    let mut given: Vec<u64> = Vec::new();
+    let mut free = 0;
     let [left, right, top, bottom] = ["first_column", "last_column", "first_row", "last_row"].map(|name| trace.field("raster.in", name));
     let mut kept = trace.records("raster.out").into_iter().peekable();
     for splat in trace.records("raster.in") {
@@ -1183,8 +1187,12 @@ fn walk(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
         for y in splat[top]..=splat[bottom] {
             for x in splat[left]..=splat[right] {
                 let is_kept = kept.next_if(|fragment| fragment[..3] == [splat[0], x, y]).is_some();
-                let now = stage.take(0, stage.interval, behind, is_kept);
+                let room = given.len().checked_sub(stage.room).map_or(0, |nth| given[nth]);
+                let now = u64::max(free, room);
+                free = now + stage.interval;
                 first = first.or(Some(now));
+                let again = if is_kept { behind[told.due.len()] + 1 } else { now + stage.latency };
+                given.insert(given.partition_point(|other| *other <= again), again);
                 if is_kept {
                     told.due.push(now + stage.latency);
                 }

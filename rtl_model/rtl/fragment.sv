@@ -9,7 +9,12 @@
 //
 // A contribution is taken in one cycle, its pixel is there and is decided upon in the next, and HAZARD - 2 registers later, which synthesis
 // may retime into sums and products, it is written: so the same pixel can be taken again after HAZARD cycles, any other one in the next
-// cycle. While two fragments are shaded and merged nothing is taken: s_ready sees the decision in its own cycle, as the timing model does.
+// cycle. While two fragments are shaded and merged nothing is taken: s_ready sees in its own cycle whether they are, as the timing model does.
+//
+// That is the unit's shortest loop: are two merged ->[ s_ready ]-> the next one is taken, read and compared. So as much as can be known before
+// is worked out in front of the registers: how near is near, what is opaque in each slot, and of the contribution, were it alone. What is
+// behind them asks only whether anything matches, and whether something opaque lies in front of the deepest. The nearest slot, sums, the
+// order of all and the pair lie in no loop but the pixel's, which has HAZARD registers.
 //
 // Losses: each sum is rounded once a contribution (fragment_sum); so is what a merge writes back (fragment_over); the depth is cut to the
 // comparators' word; a light is cut to what a slot can hold, and what a slot holds to a light.
@@ -162,14 +167,27 @@ module fragment #(
   wire [LIVE_W-1:0] write_live;
 
   wire [SLOTS_W-1:0] slots;
+  wire [LAYERS-1:0] slots_opaque;
   for (genvar slot = 0; slot < LAYERS; slot++) begin : g_slots
     logic [SLOT_W-1:0] memory[0:PIXELS-1];
     logic [SLOT_W-1:0] out;
+    logic out_opaque;
+    wire [SLOT_W-1:0] word = memory[read_pixel];
+    wire word_opaque;
+    fragment_opaque is_opaque (
+        .shaded(word[SHADED]),
+        .weight(word[WEIGHT+:WEIGHT_W]),
+        .opacity(word[OPACITY+:OPACITY_W]),
+        .coverage_threshold(coverage_threshold),
+        .opaque(word_opaque)
+    );
     always_ff @(posedge clk) begin
       if (write && write_mask[slot]) memory[write_pixel] <= write_slots[slot*SLOT_W+:SLOT_W];
-      if (read) out <= memory[read_pixel];
+      if (read) out <= word;
+      if (read) out_opaque <= word_opaque;
     end
     assign slots[slot*SLOT_W+:SLOT_W] = out;
+    assign slots_opaque[slot] = out_opaque;
   end
 
   // How many slots are in use. A memory cannot be emptied at once: which pixels have been touched at all is kept in registers.
@@ -189,6 +207,7 @@ module fragment #(
 
   // With a hazard of 1 a pixel is read in the cycle in which it is written.
   wire [SLOTS_W-1:0] held;
+  wire [LAYERS-1:0] held_opaque;
   wire [LIVE_W-1:0] held_live;
   if (HAZARD == 1) begin : g_forward
     logic [LAYERS-1:0] mask;
@@ -204,24 +223,100 @@ module fragment #(
       end
     end
     for (genvar slot = 0; slot < LAYERS; slot++) begin : g_slot
-      assign held[slot*SLOT_W+:SLOT_W] = late && mask[slot] ? late_slots[slot*SLOT_W+:SLOT_W] : slots[slot*SLOT_W+:SLOT_W];
+      wire [SLOT_W-1:0] late_slot = late_slots[slot*SLOT_W+:SLOT_W];
+      wire late_opaque;
+      fragment_opaque is_opaque (
+          .shaded(late_slot[SHADED]),
+          .weight(late_slot[WEIGHT+:WEIGHT_W]),
+          .opacity(late_slot[OPACITY+:OPACITY_W]),
+          .coverage_threshold(coverage_threshold),
+          .opaque(late_opaque)
+      );
+      assign held[slot*SLOT_W+:SLOT_W] = late && mask[slot] ? late_slot : slots[slot*SLOT_W+:SLOT_W];
+      assign held_opaque[slot] = late && mask[slot] ? late_opaque : slots_opaque[slot];
     end
     assign held_live = late ? late_live : live;
   end else begin : g_stall
     assign held = slots;
+    assign held_opaque = slots_opaque;
     assign held_live = live;
   end
 
   // Contribute: the contribution, and its pixel as it is.
 
+  // Ahead of its register: its depth, between which depths a slot is near, and whether it is opaque alone.
+  wire [DEPTH_W-1:0] s_depth;
+  fit #(
+      .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
+      .PLACES(machine_pkg::RASTER_EXACT_DEPTH_F - machine_pkg::FRAGMENT_DEPTH_F),
+      .W(DEPTH_W),
+      .S(machine_pkg::FRAGMENT_DEPTH_S),
+      .ROUND(machine_pkg::FRAGMENT_DEPTH_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_DEPTH_WRAP)
+  ) fit_depth (
+      .exact($signed(s_data[machine_pkg::FRAGMENT_IN_DEPTH_LSB+:machine_pkg::FRAGMENT_IN_DEPTH_W])),
+      .word(s_depth)
+  );
+  wire [WEIGHT_W-1:0] s_weight;
+  wire [OPACITY_W-1:0] s_opacity;
+  wire s_opaque;
+  fragment_sum #(
+      .ATTRIBUTE_W(1),
+      .W(WEIGHT_W),
+      .F(machine_pkg::FRAGMENT_WEIGHT_SUM_F),
+      .S(machine_pkg::FRAGMENT_WEIGHT_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_WEIGHT_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_WEIGHT_SUM_WRAP)
+  ) weight_alone (
+      .sum({WEIGHT_W{1'b0}}),
+      .weight(s_data[machine_pkg::FRAGMENT_IN_WEIGHT_LSB+:GAUSS_W]),
+      .attribute(1'b1),
+      .next(s_weight)
+  );
+  fragment_sum #(
+      .ATTRIBUTE_W(ALPHA_W),
+      .ATTRIBUTE_F(machine_pkg::SPLAT_OPACITY_F),
+      .ATTRIBUTE_S(machine_pkg::SPLAT_OPACITY_S),
+      .W(OPACITY_W),
+      .F(machine_pkg::FRAGMENT_OPACITY_SUM_F),
+      .S(machine_pkg::FRAGMENT_OPACITY_SUM_S),
+      .ROUND(machine_pkg::FRAGMENT_OPACITY_SUM_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_OPACITY_SUM_WRAP)
+  ) opacity_alone (
+      .sum({OPACITY_W{1'b0}}),
+      .weight(s_data[machine_pkg::FRAGMENT_IN_WEIGHT_LSB+:GAUSS_W]),
+      .attribute(s_data[machine_pkg::FRAGMENT_IN_OPACITY_LSB+:ALPHA_W]),
+      .next(s_opacity)
+  );
+  fragment_opaque is_opaque_alone (
+      .shaded(1'b0),
+      .weight(s_weight),
+      .opacity(s_opacity),
+      .coverage_threshold(coverage_threshold),
+      .opaque(s_opaque)
+  );
+
   logic taken;
+  // Of its depth what is kept is the comparators' word.
+  // verilator lint_off UNUSEDSIGNAL
   logic [machine_pkg::FRAGMENT_IN_W-1:0] contribution;
+  // verilator lint_on UNUSEDSIGNAL
   logic [PIXEL_W-1:0] pixel;
+  logic [DEPTH_W-1:0] depth;
+  logic signed [DEPTH_W+1:0] nearest;
+  logic [DEPTH_W:0] farthest;
+  logic opaque_alone;
   wire leave;
   always_ff @(posedge clk) begin
     taken <= !rst && (take || taken && !leave);
-    if (take) contribution <= s_data;
-    if (take) pixel <= read_pixel;
+    if (take) begin
+      contribution <= s_data;
+      pixel <= read_pixel;
+      depth <= s_depth;
+      nearest <= $signed({2'b00, s_depth}) - $signed({2'b00, z_threshold});
+      farthest <= {1'b0, s_depth} + {1'b0, z_threshold};
+      opaque_alone <= s_opaque;
+    end
   end
 
   wire [X_W-1:0] x = contribution[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
@@ -231,18 +326,6 @@ module fragment #(
   wire [3*RGB_W-1:0] colour = contribution[machine_pkg::FRAGMENT_IN_BLUE_LSB+:3*RGB_W];
   wire [3*N_W-1:0] normal = contribution[machine_pkg::FRAGMENT_IN_NORMAL_Z_LSB+:3*N_W];
   wire [MATERIAL_W-1:0] material = contribution[machine_pkg::FRAGMENT_IN_MATERIAL_LSB+:MATERIAL_W];
-  wire [DEPTH_W-1:0] depth;
-  fit #(
-      .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
-      .PLACES(machine_pkg::RASTER_EXACT_DEPTH_F - machine_pkg::FRAGMENT_DEPTH_F),
-      .W(DEPTH_W),
-      .S(machine_pkg::FRAGMENT_DEPTH_S),
-      .ROUND(machine_pkg::FRAGMENT_DEPTH_ROUND),
-      .WRAP(machine_pkg::FRAGMENT_DEPTH_WRAP)
-  ) fit_depth (
-      .exact($signed(contribution[machine_pkg::FRAGMENT_IN_DEPTH_LSB+:machine_pkg::FRAGMENT_IN_DEPTH_W])),
-      .word(depth)
-  );
 
   // Match: the first of the nearest.
   wire [LAYERS-1:0] there;
@@ -253,10 +336,11 @@ module fragment #(
     wire [DEPTH_W-1:0] distance = its_depth > depth ? its_depth - depth : depth - its_depth;
     assign distances[slot*DEPTH_W+:DEPTH_W] = distance;
     assign there[slot] = held_live > LIVE_W'(slot);
-    assign near[slot] = there[slot] && !held[slot*SLOT_W+SHADED] && distance < z_threshold;
+    wire is_near = $signed({2'b00, its_depth}) > nearest && {1'b0, its_depth} < farthest;
+    assign near[slot] = there[slot] && !held[slot*SLOT_W+SHADED] && is_near;
   end
   wire [LAYERS-1:0] found = least(near, distances);
-  wire matched = found != '0;
+  wire matched = near != '0;
   wire full = there[LAYERS-1];
 
   // Accumulate: the sums of what was found, or of a fresh fragment.
@@ -328,18 +412,24 @@ module fragment #(
   assign becomes[MATERIAL+:MATERIAL_W] = matched ? was[MATERIAL+:MATERIAL_W] : material;
   assign becomes[SHADED] = 1'b0;
 
-  // Overflow: all in depth order. Stable: the fresh one, the last, comes after its equals.
+  // Overflow: all in depth order. Stable: the fresh one, the last, comes after its equals. Nothing has matched then: it is alone.
   wire [PLACES-1:0] stacked = {taken, there};
   wire [STACK_W-1:0] unsorted = {becomes, held};
-  wire [PLACES-1:0] opaque;
+  wire [LAYERS*DEPTH_W-1:0] held_depths;
+  wire [PLACES*DEPTH_W-1:0] depths = {depth, held_depths};
+  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_depth
+    assign held_depths[slot*DEPTH_W+:DEPTH_W] = held[slot*SLOT_W+DEPTH+:DEPTH_W];
+  end
+  wire [PLACES-1:0] opaque = {opaque_alone, held_opaque};
+  wire [PLACES-1:0] deepest;
   // Of each place which of them has it, and of each of them which place it has.
   wire [PLACES*PLACES-1:0] comes;
   wire [PLACES*PLACES-1:0] goes;
   for (genvar one = 0; one < PLACES; one++) begin : g_rank
-    wire [DEPTH_W-1:0] its_depth = unsorted[one*SLOT_W+DEPTH+:DEPTH_W];
+    wire [DEPTH_W-1:0] its_depth = depths[one*DEPTH_W+:DEPTH_W];
     wire [PLACES-1:0] in_front;
     for (genvar other = 0; other < PLACES; other++) begin : g_in_front
-      wire [DEPTH_W-1:0] other_depth = unsorted[other*SLOT_W+DEPTH+:DEPTH_W];
+      wire [DEPTH_W-1:0] other_depth = depths[other*DEPTH_W+:DEPTH_W];
       assign in_front[other] = stacked[other] && (other_depth < its_depth || other_depth == its_depth && other < one);
     end
     wire [PLACE_W-1:0] rank = count(in_front);
@@ -347,19 +437,13 @@ module fragment #(
       assign goes[one*PLACES+place] = stacked[one] && rank == PLACE_W'(place);
       assign comes[place*PLACES+one] = goes[one*PLACES+place];
     end
-    fragment_opaque is_opaque (
-        .shaded(unsorted[one*SLOT_W+SHADED]),
-        .weight(unsorted[one*SLOT_W+WEIGHT+:WEIGHT_W]),
-        .opacity(unsorted[one*SLOT_W+OPACITY+:OPACITY_W]),
-        .coverage_threshold(coverage_threshold),
-        .opaque(opaque[one])
-    );
+    // All others are there, and in front.
+    assign deepest[one] = (in_front | PLACES'(1) << one) == '1;
   end
   wire [STACK_W-1:0] sorted;
   for (genvar place = 0; place < PLACES; place++) begin : g_sorted
     assign sorted[place*SLOT_W+:SLOT_W] = chosen(comes[place*PLACES+:PLACES], unsorted);
   end
-  wire [PLACES-1:0] deepest = comes[LAYERS*PLACES+:PLACES];
   wire fresh_first = goes[LAYERS*PLACES];
   wire hides = (opaque & ~deepest) != '0;
 
@@ -488,7 +572,8 @@ module fragment #(
   );
 
   // A merge keeps the unit until its last cycle; anything else is gone when the next one comes.
-  wire free = leave && (!merging || MERGE_CYCLES == 0);
+  wire room;
+  wire free = MERGE_CYCLES == 0 ? leave : taken && !merging && room;
 
   // Which pixels were taken in the last HAZARD - 1 cycles; a merge counts as taken in its last cycle.
   wire waits;
@@ -524,7 +609,6 @@ module fragment #(
   localparam int REST_OF_LATENCY = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_LATENCY - 1 : 1;
   localparam int REST_OF_ROOM = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_ROOM - 1 : machine_pkg::FRAGMENT_ROOM;
   wire decided = taken && (!merging || complete);
-  wire room;
   pipe #(
       .W(machine_pkg::FRAGMENT_OUT_W),
       .LATENCY(REST_OF_LATENCY),

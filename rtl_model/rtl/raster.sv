@@ -5,8 +5,9 @@
 //               +-> by_column ->(+)--+
 //               +------> z ->(+)-> ...            z of the tangent plane, clamped to depth +- depth_range on its way out
 //
-// A row is seeded afresh, or rows are differenced as pixels are. A pixel that makes a fragment waits for room behind, one that makes none
-// does not: so the seed of a box is made in the very cycle that takes its first pixel, and the splat with it.
+// A row is seeded afresh, or rows are differenced as pixels are. Whether a pixel makes a fragment is known when it is through the registers
+// behind: so each takes a place, and one that makes none gives it back then. The walk knows nothing of seeds and tests, and waits for neither:
+// its own loop is a count of pixels and a count of places, and what a splat's first pixel takes lies in no loop.
 //
 // Losses: offset, gradient, the seeds of radial and z, and the differences are rounded; a radial index below 0, where differencing may
 // leave it, is 0.
@@ -221,10 +222,10 @@ module raster #(
   // Before its first pixel a splat waits where it was.
   wire here = walking || s_valid;
   wire room;
-  assign takes = here && (room || !kept);
-  assign s_ready = !walking && (room || (s_valid && !kept));
+  assign takes = here && room;
+  assign s_ready = !walking && room;
   pipe #(.W(OUT_W), .LATENCY(machine_pkg::RASTER_LATENCY), .INTERVAL(machine_pkg::RASTER_INTERVAL), .ROOM(machine_pkg::RASTER_ROOM))
-      behind (.clk(clk), .rst(rst), .s_valid(here && kept), .s_ready(room), .s_keeps(1'b1), .s_data({tag, x, y, natural, clamped}),
+      behind (.clk(clk), .rst(rst), .s_valid(here), .s_ready(room), .s_keeps(kept), .s_data({tag, x, y, natural, clamped}),
       .m_valid(m_valid), .m_ready(m_ready), .m_data(m_data));
 
   always_ff @(posedge clk) begin

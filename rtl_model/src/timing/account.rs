@@ -3,6 +3,7 @@
 //! Laws: `every_cycle_of_the_default_machines_is_accounted_for`, `a_frame_ticks_as_it_is_replayed`.
 
 use crate::elaboration::microarchitecture::Pace;
+use std::collections::VecDeque;
 
 /// Cycles of a unit. They sum to the frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -137,6 +138,11 @@ pub struct Places {
     left: usize,
     room: usize,
     mask: usize,
+    /// Items that nothing comes of: from when on the place of the first of some is free again, and how many there are, a cycle apart. The first
+    /// of them come first.
+    vanishing: VecDeque<(u64, u64)>,
+    /// How many these are: those among them that have vanished are found out when it matters.
+    vanishing_items: u64,
     /// Whether it is asked how many are taken, and how often so many were.
     is_counted: bool,
     occupancy: Box<[u64]>,
@@ -146,7 +152,20 @@ impl Places {
     pub fn new(room: usize, is_counted: bool) -> Self {
         let size = room.next_power_of_two();
         let (free, occupancy) = (vec![0; size].into(), vec![0; room + 1].into());
-        Places { free, claimed: 0, counted: 0, given: 0, left: 0, room, mask: size - 1, is_counted, occupancy }
+        let vanishing = VecDeque::new();
+        Places {
+            free,
+            claimed: 0,
+            counted: 0,
+            given: 0,
+            left: 0,
+            room,
+            mask: size - 1,
+            vanishing,
+            vanishing_items: 0,
+            is_counted,
+            occupancy,
+        }
     }
 
     #[inline(always)]
@@ -164,6 +183,69 @@ impl Places {
     pub fn free(&self) -> u64 {
         // Before the first item lie cycles that nobody has written yet.
         self.free[self.at(self.claimed.wrapping_sub(self.room))]
+    }
+
+    /// The first cycle from this one on in which one is free, where some are taken by items that vanish.
+    #[inline(always)]
+    pub fn free_from(&mut self, now: u64) -> u64 {
+        if self.are_free(now, self.vanishing_items) { now } else { self.free_late(now) }
+    }
+
+    /// Whether one is free beside so many that items which vanish have.
+    #[inline(always)]
+    fn are_free(&self, now: u64, vanishing: u64) -> bool {
+        let places = self.room.saturating_sub(vanishing as usize);
+        places > 0 && self.free[self.at(self.claimed.wrapping_sub(places))] <= now
+    }
+
+    /// The same where it matters which have vanished by now. Who asks may still find another reason to take it sooner, so that only what has
+    /// vanished by now is forgotten.
+    #[inline(never)]
+    fn free_late(&mut self, now: u64) -> u64 {
+        while let Some((first, count)) = self.vanishing.front_mut().filter(|(first, _)| *first <= now) {
+            let gone = (*count).min(now + 1 - *first);
+            (*first, *count) = (*first + gone, *count - gone);
+            self.vanishing_items -= gone;
+            if *count == 0 {
+                self.vanishing.pop_front();
+            }
+        }
+        if self.are_free(now, self.vanishing_items) {
+            return now;
+        }
+        let (mut at, mut left) = (now, self.vanishing_items);
+        for (first, count) in &self.vanishing {
+            for again in *first..first + count {
+                // Until then so many are left, and what is given back may be sooner.
+                let given = self.given_beside(left).max(at);
+                if given <= again {
+                    return given;
+                }
+                (at, left) = (again, left - 1);
+            }
+        }
+        self.given_beside(left).max(at)
+    }
+
+    /// From when on one is free beside so many that items which vanish have.
+    fn given_beside(&self, vanishing: u64) -> u64 {
+        let places = self.room.saturating_sub(vanishing as usize);
+        if places == 0 { u64::MAX } else { self.free[self.at(self.claimed.wrapping_sub(places))] }
+    }
+
+    /// Whether any number of items that vanish can be taken from this cycle on, one a cycle, each of which has its place for so many: at most one
+    /// less than that have one beside those that were taken before.
+    #[inline(always)]
+    pub fn has_run(&self, now: u64, latency: u32) -> bool {
+        self.are_free(now, u64::from(latency) - 1)
+    }
+
+    /// So many items that vanish were taken, a cycle apart; the place of the first is free again from this cycle on.
+    #[inline(always)]
+    pub fn vanish(&mut self, from: u64, items: u64) {
+        let last = items.min(self.room as u64);
+        self.vanishing.push_back((from + items - last, last));
+        self.vanishing_items += last;
     }
 
     /// Takes one in a cycle in which one is free.

@@ -250,13 +250,13 @@ impl<'a> Fill<'a> {
         let (mut first_taken, mut gone_through, mut is_seen) = (u64::MAX, 0, false);
         for stamp in walk.kept() {
             self.stamps[1] += 1;
-            // Stamps that keep nothing wait for no room.
             let empty = stamp[0].stamp - gone_through;
             gone_through = stamp[0].stamp + 1;
             if empty > 0 {
-                first_taken = first_taken.min(self.raster.take_run(ready, empty.into()));
+                first_taken = first_taken.min(self.empty_stamps(ready, empty.into()));
             }
-            let now = self.raster.take(Ready { room: self.raster.behind.free(), ..ready }, 1);
+            let room = self.raster.behind.free_from(self.raster.when(ready));
+            let now = self.raster.take(Ready { room, ..ready }, 1);
             first_taken = first_taken.min(now);
             self.raster.behind.take(now);
             let goes_on = stamp.iter().fold(0, |all, piece| all | piece.pixels) != 0;
@@ -273,9 +273,38 @@ impl<'a> Fill<'a> {
         }
         self.stamps[0] += u64::from(stamps);
         if gone_through < stamps {
-            first_taken = first_taken.min(self.raster.take_run(ready, (stamps - gone_through).into()));
+            first_taken = first_taken.min(self.empty_stamps(ready, (stamps - gone_through).into()));
         }
         (first_taken, is_seen)
+    }
+
+    /// Stamps that keep nothing: each has a place as long as it takes to know that. Says when the first is taken.
+    #[inline(always)]
+    fn empty_stamps(&mut self, ready: Ready, stamps: u64) -> u64 {
+        // One that is infinitely fast knows at once.
+        if self.raster.is_lifted() {
+            return self.raster.take_run(ready, stamps);
+        }
+        if self.raster.behind.has_run(self.raster.when(ready), self.timing.raster.latency) {
+            let first = self.raster.take_run(ready, stamps);
+            self.raster.behind.vanish(first + u64::from(self.timing.raster.latency), stamps);
+            return first;
+        }
+        self.blocked_stamps(ready, stamps)
+    }
+
+    /// The same where there is not always room.
+    #[inline(never)]
+    fn blocked_stamps(&mut self, ready: Ready, stamps: u64) -> u64 {
+        let latency = u64::from(self.timing.raster.latency);
+        let mut first_taken = u64::MAX;
+        for _ in 0..stamps {
+            let room = self.raster.behind.free_from(self.raster.when(ready));
+            let now = self.raster.take(Ready { room, ..ready }, 1);
+            self.raster.behind.vanish(now + latency, 1);
+            first_taken = first_taken.min(now);
+        }
+        first_taken
     }
 
     /// The same where pixels stop, and with the cycle in which each stamp is written. Stamps of which every pixel has stopped are passed over;
@@ -304,9 +333,9 @@ impl<'a> Fill<'a> {
             let stopped = stops.area(walk.area(nth));
             let has_weight = stamp.iter().any(|piece| piece.pixels != 0);
             let whole = stops.whole(stamp);
-            let room = if stamp.is_empty() { 0 } else { self.raster.behind.free() };
-            // The stamp is looked at until it has room, or needs none.
-            let looked = if whole <= now.max(room) { now.max(whole) } else { now.max(room) };
+            let room = if self.raster.is_lifted() && stamp.is_empty() { now } else { self.raster.behind.free_from(now) };
+            // The stamp is looked at until it has room, or all of it has stopped.
+            let looked = if stopped <= room { now.max(stopped) } else { room };
             let waited = Ready { room: looked, ..ready };
             if stopped <= looked {
                 self.raster.wait(waited);
@@ -317,7 +346,11 @@ impl<'a> Fill<'a> {
             }
             self.stamps[0] += 1;
             if whole <= looked {
-                first_taken = first_taken.min(self.raster.take(waited, 1));
+                let now = self.raster.take(waited, 1);
+                first_taken = first_taken.min(now);
+                if !self.raster.is_lifted() {
+                    self.raster.behind.vanish(now + u64::from(t.raster.latency), 1);
+                }
                 if has_weight {
                     stops.leave_out(looked);
                 }

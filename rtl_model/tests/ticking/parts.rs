@@ -112,13 +112,15 @@ pub struct Link<T> {
     pub credits: u32,
     /// Given back in this cycle.
     pub returned: u32,
+    /// From when on each place is free again that has an item which does not come out.
+    pub vanishing: VecDeque<u64>,
     /// How often so many places were taken when another one was, with that.
     pub occupancy: Vec<u64>,
 }
 
 impl<T> Link<T> {
     pub fn new(places: u32) -> Self {
-        Link { items: VecDeque::new(), credits: places, returned: 0, occupancy: vec![0; places as usize + 1] }
+        Link { items: VecDeque::new(), credits: places, returned: 0, vanishing: VecDeque::new(), occupancy: vec![0; places as usize + 1] }
     }
 
     pub fn has_room(&self) -> bool {
@@ -127,8 +129,22 @@ impl<T> Link<T> {
 
     pub fn reserve(&mut self) {
         self.credits = self.credits.checked_sub(1).expect("a place");
-        let taken = self.occupancy.len() - 1 - self.credits as usize;
+        let taken = self.occupancy.len() - 1 - self.credits as usize - self.vanishing.len();
         self.occupancy[taken] += 1;
+    }
+
+    /// What does not come out has a place until then.
+    pub fn vanish(&mut self, free_again: u64) {
+        self.credits = self.credits.checked_sub(1).expect("a place");
+        self.vanishing.push_back(free_again);
+    }
+
+    /// Before anything happens in a cycle.
+    pub fn begin_tick(&mut self, now: u64) {
+        while self.vanishing.front().is_some_and(|free_again| *free_again <= now) {
+            self.vanishing.pop_front();
+            self.credits += 1;
+        }
     }
 
     pub fn push(&mut self, here: u64, item: T) {
@@ -577,6 +593,7 @@ impl Fill {
 
     /// Looks at a footprint, of which `stamps` says which it has, unless they are on their way.
     pub fn raster<T>(&mut self, now: u64, from: &mut Link<T>, stamps: impl FnOnce(&T) -> Option<VecDeque<Stamp>>) -> Act {
+        self.stamps.begin_tick(now);
         if self.left.is_empty() {
             self.begun = false;
             let Some(item) = from.front(now) else { return Act::Starve };
@@ -592,7 +609,7 @@ impl Fill {
         }
         let is_left = |pixel: &usize| self.stopped.get(*pixel).is_none_or(|from| *from > now);
         let is_kept = self.left[0].pixels.iter().chain(&self.left[0].faint).any(is_left);
-        if is_kept && !self.stamps.has_room() {
+        if !self.stamps.has_room() {
             return Act::Block;
         }
         if !std::mem::replace(&mut self.begun, true) {
@@ -609,6 +626,8 @@ impl Fill {
             stamp.number = self.numbered;
             self.numbered += usize::from(!stamp.pixels.is_empty());
             self.stamps.push(now + self.latencies[0], stamp);
+        } else {
+            self.stamps.vanish(now + self.latencies[0]);
         }
         Act::Take(1)
     }
