@@ -121,6 +121,15 @@ impl Words for Word {
         Counted(PlainWords::from_array(words))
     }
 
+    fn from_bytes(bytes: [u8; LANES]) -> Self {
+        Counted(PlainWords::from_bytes(bytes))
+    }
+
+    // Of the host's short forms alone: no unit's function multiplies so.
+    fn times(self, other: Self) -> Self {
+        Counted(self.0.times(other.0))
+    }
+
     fn to_array(self) -> [i32; LANES] {
         self.0.to_array()
     }

@@ -78,6 +78,25 @@ impl Table {
         value.exact().left(self.fraction_bits) + delta * fraction
     }
 
+    /// Whether words of 32 bits hold all of [`Table::natural_words`].
+    pub fn is_short(&self) -> bool {
+        let held = |[value, step]: &[i64; 2]| {
+            let product = (i128::from(*step) << self.fraction_bits.min(62)) + i128::from(self.fit.half());
+            (0..1 << 31).contains(value) && (-1i128 << 31..1 << 31).contains(&product)
+        };
+        self.fit.is_simple() && self.fraction_bits < 31 && self.fit.places() == i64::from(self.fraction_bits) && self.words.iter().all(held)
+    }
+
+    /// The fitted words of eight arguments, none of them negative, where [`Table::is_short`] holds and the word is known to reach all results.
+    #[inline(always)]
+    pub fn natural_words<W: Words>(&self, argument: W) -> W {
+        // What is cut below the word's places comes of the step alone.
+        let fraction = argument & W::splat((1 << self.fraction_bits) - 1);
+        let address = argument.right(self.fraction_bits);
+        let [value, step] = [address.look_up(&self.short[0]), address.look_up(&self.short[1])];
+        value + (step.times(fraction) + W::splat(self.fit.half())).right(self.fraction_bits)
+    }
+
     /// Interpolation between two words.
     pub fn interpolation(&self) -> Interpolation {
         self.interpolation

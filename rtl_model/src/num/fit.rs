@@ -186,6 +186,12 @@ impl Fit {
         (exact + L::splat(self.half)).right_unsigned(self.right)
     }
 
+    /// [`Fit::lanes_unsigned`] of words of 31 bits, which hold what is added to them, for a word of as many that is simple.
+    #[inline(always)]
+    pub fn natural_words<W: Words>(&self, exact: W) -> W {
+        (exact + W::splat(self.half)).right(self.right).min(W::splat(self.max))
+    }
+
     #[inline(always)]
     fn limit_lanes<L: Lanes>(&self, words: L) -> L {
         words.max(L::splat(self.min)).min(L::splat(self.max))

@@ -79,6 +79,10 @@ pub trait Lanes:
         limits: [&[i32; LANES]; 2],
     ) -> Self::Words;
 
+    /// Says that an item will soon be read.
+    #[inline(always)]
+    fn soon<T>(_item: &T) {}
+
     /// Whether any lane is negative.
     #[inline(always)]
     fn any_negative(self) -> bool {

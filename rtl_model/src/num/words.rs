@@ -27,6 +27,8 @@ pub trait Words:
 
     /// From one word a lane.
     fn from_array(words: [i32; LANES]) -> Self;
+    /// From one natural number a lane.
+    fn from_bytes(bytes: [u8; LANES]) -> Self;
     /// One word a lane.
     fn to_array(self) -> [i32; LANES];
     /// The same word, of at most 32 bits, on every lane.
@@ -49,6 +51,8 @@ pub trait Words:
     fn is_zero(self) -> Self;
     /// Magnitude of each lane, of which none is −2^31.
     fn abs(self) -> Self;
+    /// The product of each lane where it is a word of 32 bits.
+    fn times(self, other: Self) -> Self;
     /// The entries of a table of 2^n words at each lane's low n bits.
     fn look_up(self, table: &[i32]) -> Self;
     /// The signs of the lanes, bit by bit, the first lane in the last place: a condition as bits.
@@ -136,6 +140,14 @@ impl Words for PlainWords {
     #[inline]
     fn from_array(words: [i32; LANES]) -> Self {
         PlainWords(words)
+    }
+    #[inline]
+    fn from_bytes(bytes: [u8; LANES]) -> Self {
+        PlainWords(bytes.map(i32::from))
+    }
+    #[inline]
+    fn times(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
     }
     #[inline]
     fn to_array(self) -> [i32; LANES] {

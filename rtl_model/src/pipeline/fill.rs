@@ -3,26 +3,38 @@
 use super::shading::{input_of, layer_of, lit_layer, shade_for_merge, shade_slot};
 use super::{Drawing, Elaborated, Setup, SetupRecord};
 use crate::frame::{Each, Frame};
-use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
+use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, Widely, plainly};
 use crate::kernels::{Accumulator, Path, Tile};
-use crate::num::{LANES, Lanes};
+use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
-use crate::units::{raster, shade};
+use crate::units::{gauss, raster, shade};
 use crate::work::Bins;
 use rayon::prelude::*;
 
 /// The second half: raster, gauss, fragment, shade and resolve.
 pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
+    fill_at_most(Widely::there(), machine, frame, setup, probe)
+}
+
+/// [`fill`] with no more of the host than this.
+pub(super) fn fill_at_most<P: Probe>(widest: Option<Widely>, machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
     let (true, Some(host)) = (P::QUICK, Vectorised::there()) else {
         return fill_as::<false, i64, P>(Plainly, machine, frame, setup, probe);
     };
     // Paths of their own for what is common: each is compiled once more for every probe.
     let simple = machine.gauss.is_simple() && machine.fragment.is_simple();
-    match (simple, machine.fragment.is_narrow()) {
+    let narrow = machine.fragment.is_narrow();
+    // Where words are watched, once is enough.
+    if !P::WORDS
+        && let (true, true, Some(host)) = (simple, narrow, widest)
+    {
+        return fill_as::<true, i32, P>(host, machine, frame, setup, probe);
+    }
+    match (simple, narrow) {
         (true, true) => fill_as::<true, i32, P>(host, machine, frame, setup, probe),
         (true, false) => fill_as::<true, i64, P>(host, machine, frame, setup, probe),
         (false, _) => fill_as::<false, i64, P>(host, machine, frame, setup, probe),
@@ -41,13 +53,19 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
     let registers = FragmentRegisters { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
     let sheets = frame.sheets.as_ref().map(|sheets| machine.fragment.sheets(sheets));
     let windows = machine.windows(frame);
+    let is_short = SIMPLE_FITS
+        && frame.window.is_none()
+        && machine.raster.is_short(machine.raster.cutoff(frame.view.cutoff))
+        && machine.gauss.is_narrow()
+        && machine.fragment.is_depth_narrow();
     let bins = bins(frame, setup);
     let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
     // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
     let clusters = || windows.as_ref().map(|_| Clusters::default());
     let start = || Run { tile: Box::<Tile<L>>::default(), clusters: clusters(), probe: probe.fork(), done: Vec::new() };
     let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
-        let shared = Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref(), windows: windows.as_ref() };
+        let shared =
+            Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref(), windows: windows.as_ref(), is_short };
         let part =
             Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
         let Run { tile, clusters, probe, .. } = &mut run;
@@ -97,8 +115,7 @@ struct Run<L, P> {
 /// Which splats touch which tile. A call of its own, so that its instructions can be counted.
 #[inline(never)]
 fn bins(frame: &Frame, setup: &Setup) -> Bins {
-    let boxes = setup.entries().map(|(entry, splat)| (entry, [splat.raster.columns, splat.raster.rows]));
-    Bins::new([frame.width, frame.height], TILE_PX, boxes)
+    Bins::new([frame.width, frame.height], TILE_PX, setup.boxes())
 }
 
 /// A tile's part of the frame.
@@ -133,6 +150,15 @@ struct Shared<'a> {
     registers: FragmentRegisters,
     sheets: Option<&'a SheetRegisters<'a>>,
     windows: Option<&'a WindowRegisters>,
+    /// Whether raster, gauss and fragment may go through words of 32 bits.
+    is_short: bool,
+}
+
+/// What raster and gauss are, and whose fragments are shaded where.
+struct Units<'a> {
+    raster: raster::Raster,
+    gauss: gauss::Gauss,
+    here: (Shared<'a>, Part<'a>),
 }
 
 /// A tile, and the entries that touch it.
@@ -175,8 +201,15 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
         self.tile.clear();
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
+        // Copies that nobody else can see, so that the host need not load their constants again and again.
+        let Elaborated { raster, gauss, .. } = self.shared.machine;
+        let units = &Units { raster: raster.clone(), gauss: gauss.clone(), here: (self.shared, self.part) };
+        let mut later = self.part.splats;
         for splats in self.part.splats.chunks(Self::AT_A_TIME) {
-            self.splats::<AnyLanes>(splats, &mut span, &mut outcomes);
+            // Records lie scattered: those of the next time are on their way meanwhile.
+            later = later.get(Self::AT_A_TIME..).unwrap_or_default();
+            later.iter().take(Self::AT_A_TIME).for_each(|&entry| AnyLanes::soon(self.shared.setup.splat(entry)));
+            self.splats::<AnyLanes>(units, splats, &mut span, &mut outcomes);
         }
         self.resolve(outcomes)
     }
@@ -188,18 +221,30 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
 
     /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
     #[inline(always)]
-    fn splats<V: Lanes>(&mut self, splats: &[u32], span: &mut raster::Span, outcomes: &mut Outcomes) {
-        let Shared { machine, frame, setup, .. } = self.shared;
+    fn splats<V: Lanes>(&mut self, units: &Units, splats: &[u32], span: &mut raster::Span, outcomes: &mut Outcomes) {
+        let Shared { frame, setup, .. } = self.shared;
+        let raster = &units.raster;
         let size_px = [frame.width, frame.height];
-        let cutoff = machine.raster.cutoff(frame.view.cutoff);
+        let cutoff = raster.cutoff(frame.view.cutoff);
         // Beyond the last splat, the last again: a lane that nobody looks at.
         let record: [&SetupRecord; LANES] = std::array::from_fn(|lane| setup.splat(splats[lane.min(splats.len() - 1)]));
         let inputs = record.map(|splat| &splat.raster);
         let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
-        let walks = machine.raster.enter::<V, P>(size_px, self.part.corner, &inputs, tap);
+        let walks = raster.enter::<V, P>(size_px, self.part.corner, &inputs, tap);
+        let is_short = SIMPLE_FITS && !P::WORDS && !P::DECISIONS && self.shared.is_short;
+        let short = if is_short { raster.short_depths::<V>(&walks) } else { 0 };
         for lane in 0..splats.len().min(LANES) {
             let tap = &mut Tap::new(&mut *self.probe);
-            machine.raster.span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap);
+            // Asked before the bits, so that it is not compiled where it is never so.
+            if is_short && short & 1 << lane != 0 && raster.short_span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap) {
+                let mut first = 0;
+                while first < span.fragments() {
+                    self.contribute_short::<V>(units, record[lane], (&walks, lane), span, first, outcomes);
+                    first += LANES;
+                }
+                continue;
+            }
+            raster.span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap);
             if P::WORK {
                 let (rows, left) = walks.part(lane);
                 tap.probe.span(rows, left, span.all());
@@ -209,8 +254,64 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             }
             let mut first = 0;
             while first < span.fragments() {
-                self.contribute::<V>(record[lane], (&walks, lane), span, first, outcomes);
+                self.contribute::<V>(units, record[lane], (&walks, lane), span, first, outcomes);
                 first += Self::AT_A_TIME;
+            }
+        }
+    }
+
+    /// [`Self::contribute`] in words of 32 bits, with nobody watching.
+    #[inline(always)]
+    fn contribute_short<V: Lanes>(
+        &mut self,
+        units: &Units,
+        record: &SetupRecord,
+        (walks, lane): (&raster::Walks, usize),
+        span: &raster::Span,
+        first: usize,
+        outcomes: &mut Outcomes,
+    ) {
+        let Shared { machine, registers, sheets, .. } = self.shared;
+        let count = (span.fragments() - first).min(LANES);
+        let [radial, depth] = units.raster.short_fragments::<V::Words>(walks, lane, span, first);
+        let weight = units.gauss.words(radial, record.amplitude);
+        let pixels = walks.pixels(lane, span.places(first));
+        let least = sheets.map_or(1, |registers| registers.sheets.least_weight.max(1));
+        let tap = &mut Tap::new(&mut *self.probe).first(count);
+        let mut left = weight.above(V::Words::splat(least - 1)).signs() & tap.live;
+        let (weight, depth) = (weight.to_array(), machine.fragment.depth_words(depth).to_array());
+        // Small enough to be handed on in registers.
+        let here = &units.here;
+        let tile = &mut *self.tile;
+        let Some(registers_of_sheets) = sheets else {
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize % LANES;
+                left &= left - 1;
+                let pixel = pixels[lane];
+                let shade = move |slot: &Slot, tap: &mut Tap<P>| {
+                    let (Shared { machine, lights, .. }, part) = here;
+                    shade_for_merge(machine, lights, slot, part.pixel(pixel), tap)
+                };
+                let input = fragment::Input {
+                    weight: weight[lane].into(),
+                    depth: depth[lane].into(),
+                    attributes: &record.attributes,
+                    material: &record.material,
+                };
+                let decision = machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, shade, tap);
+                if !matches!(decision, Decision::Accumulated(_)) {
+                    outcomes.count(decision);
+                }
+            }
+            return;
+        };
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize % LANES;
+            left &= left - 1;
+            let (pixel, weight, registers) = (pixels[lane], weight[lane].into(), registers_of_sheets);
+            let decision = self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight, record, registers, tap });
+            if !matches!(decision, Decision::Accumulated(_)) {
+                outcomes.count(decision);
             }
         }
     }
@@ -219,6 +320,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     #[inline(always)]
     fn contribute<V: Lanes>(
         &mut self,
+        units: &Units,
         record: &SetupRecord,
         (walks, lane): (&raster::Walks, usize),
         span: &raster::Span,
@@ -230,8 +332,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         let count = (span.fragments() - first).min(Self::AT_A_TIME);
         let tap = &mut Tap::new(&mut *self.probe).first(count);
         let places = span.places(first);
-        let [radial, depth] = machine.raster.fragments::<V>(walks, lane, span, places);
-        let [radial_index, weight] = machine.gauss.lanes::<SIMPLE_FITS, V, P>(radial, i64::from(record.amplitude), tap);
+        let [radial, depth] = units.raster.fragments::<V>(walks, lane, span, places);
+        let [radial_index, weight] = units.gauss.lanes::<SIMPLE_FITS, V, P>(radial, i64::from(record.amplitude), tap);
         let pixels = walks.pixels(lane, places);
         if P::TRANSFERS {
             let [x, y] = self.part.pixel(pixels[0]);
@@ -316,7 +418,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     }
 
     /// Shades all fragments of the tile that are not shaded yet, eight at a time, where the host gains by it: in the order of pixels
-    /// and slots. None otherwise, and of sheets, which are not shaded here.
+    /// and slots. None otherwise, and of sheets, which are not shaded here. A call of its own, so that its instructions can be counted.
+    #[inline(never)]
     fn shade_side_by_side(&mut self) -> Vec<shade::Output> {
         let Shared { machine, lights, sheets, windows, .. } = self.shared;
         if !H::VECTORISED

@@ -14,17 +14,19 @@ use crate::units::{ellipse, project, raster, shade};
 use crate::work::CULLED;
 use rayon::prelude::*;
 
-/// A splat that has been set up: what waits in memory between setup and raster.
+/// A splat that has been set up: what waits in memory between setup and raster. Two lines of the host's cache: what raster and gauss want,
+/// and what fragment adds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(C, align(64))]
 pub struct SetupRecord {
     pub(super) raster: raster::Input,
     pub(super) amplitude: i32,
-    pub(super) attributes: Attributes,
-    pub(super) material: u32,
-    pub(super) splat: u32,
     /// Of windows alone: the splat's own colour under the lights, and how fast it hides what lies behind it.
     pub(super) light: [i32; 3],
     pub(super) density: i32,
+    pub(super) attributes: Attributes,
+    pub(super) material: u32,
+    pub(super) splat: u32,
 }
 
 /// Splats set up, and those that fell out.
@@ -32,6 +34,8 @@ pub struct SetupRecord {
 pub struct Setup {
     /// In input order, block by block: joining them would copy every splat once more.
     blocks: Vec<Vec<SetupRecord>>,
+    /// Their boxes, first and last column, first and last row, once more and close together: whoever bins them wants nothing else.
+    boxes: Vec<Vec<[[u16; 2]; 2]>>,
     /// In which order they are drawn; empty: as they lie there.
     order: Vec<u32>,
     /// Not drawn.
@@ -69,12 +73,22 @@ impl Setup {
     }
 
     /// Every splat in the order in which they are drawn, with what a bin calls it.
-    pub(super) fn entries(&self) -> impl Iterator<Item = (u32, &SetupRecord)> + Clone {
+    fn entries(&self) -> impl Iterator<Item = (u32, &SetupRecord)> + Clone {
+        self.numbers().map(|number| (number, self.splat(number)))
+    }
+
+    /// Every splat's box in the order in which they are drawn, with what a bin calls it.
+    pub(super) fn boxes(&self) -> impl Iterator<Item = (u32, [[u16; 2]; 2])> + Clone {
+        self.numbers().map(|number| (number, self.boxes[number as usize / BLOCK_SPLATS][number as usize % BLOCK_SPLATS]))
+    }
+
+    /// What a bin calls the splats, in the order in which they are drawn.
+    fn numbers(&self) -> impl Iterator<Item = u32> + Clone {
         let numbered = |(block, splats): (usize, &'_ Vec<SetupRecord>)| (block * BLOCK_SPLATS, splats.len());
         let sorted = self.order.iter().copied();
         let blocks = if self.order.is_empty() { &self.blocks[..] } else { &[] };
         let numbers = blocks.iter().enumerate().map(numbered).flat_map(|(first, count)| first..first + count);
-        sorted.chain(numbers.map(|number| number as u32)).map(|number| (number, self.splat(number)))
+        sorted.chain(numbers.map(|number| number as u32))
     }
 }
 
@@ -100,6 +114,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
     let mut whole = Setup::default();
     for (part, fork) in blocks {
         whole.blocks.extend(part.blocks);
+        whole.boxes.extend(part.boxes);
         whole.culled.absorb(&part.culled);
         probe.absorb(fork);
     }
@@ -145,7 +160,7 @@ impl<P: Probe> Kernel for SetUp<'_, P> {
         let (project, ellipse, view) = (self.machine.project.clone(), self.machine.ellipse.clone(), self.frame.view.clone());
         let units = Units { project: &project, ellipse: &ellipse, view: &view, size_px: [self.frame.width, self.frame.height] };
         let lit = self.frame.window.as_ref().map(|_| Lit::new(self.machine, self.frame));
-        let mut out = Block { records: vec![SetupRecord::default(); self.splats.len()], count: 0, culled: Culled::default() };
+        let mut out = Block::of(self.splats.len());
         if P::TRANSFERS {
             for (splat, first) in self.splats.iter().zip(self.first..) {
                 units.set_up::<L::Words, P>(&[*splat; LANES], 1, first, lit.as_ref(), self.probe, &mut out);
@@ -187,7 +202,7 @@ impl<P: Probe> Kernel for SetUpEllipsoids<'_, P> {
         let units = Units { project: &self.machine.project, ellipse: &self.machine.ellipse, view, size_px: [*width, *height] };
         let is_lit = self.ellipsoids.preshaded || self.frame.window.is_some();
         let lit = is_lit.then(|| Lit::new(self.machine, self.frame));
-        let mut out = Block { records: vec![SetupRecord::default(); self.splats.len()], count: 0, culled: Culled::default() };
+        let mut out = Block::of(self.splats.len());
         let at_a_time = if P::TRANSFERS { 1 } else { LANES };
         for (group, splats) in self.splats.chunks(at_a_time).enumerate() {
             let mut eight = [Splat::default(); LANES];
@@ -273,14 +288,21 @@ struct Units<'a> {
 /// A block's splats, set up: the first `count` so far.
 struct Block {
     records: Vec<SetupRecord>,
+    boxes: Vec<[[u16; 2]; 2]>,
     count: usize,
     culled: Culled,
 }
 
 impl Block {
+    /// None yet of so many.
+    fn of(splats: usize) -> Self {
+        Block { records: vec![SetupRecord::default(); splats], boxes: vec![[[0; 2]; 2]; splats], count: 0, culled: Culled::default() }
+    }
+
     fn done(mut self) -> Setup {
         self.records.truncate(self.count);
-        Setup { blocks: vec![self.records], order: Vec::new(), culled: self.culled }
+        self.boxes.truncate(self.count);
+        Setup { blocks: vec![self.records], boxes: vec![self.boxes], order: Vec::new(), culled: self.culled }
     }
 }
 
@@ -413,6 +435,7 @@ impl Units<'_> {
             if P::WORK {
                 tap.probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
             }
+            out.boxes[out.count] = [halves(columns), halves(rows)];
             out.records[out.count] = SetupRecord {
                 raster: raster::Input {
                     pixel: [x, y],

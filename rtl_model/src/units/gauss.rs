@@ -13,7 +13,7 @@ use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Table, table};
 use crate::machine::Machine;
-use crate::num::{Fit, Lanes};
+use crate::num::{Exacts, Fit, Lanes, Words};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
 
@@ -35,6 +35,8 @@ pub struct Gauss {
     weight: Fit,
     /// Whether 32 bits hold every radial index below the cutoff, and every weight, before they are limited.
     is_natural: bool,
+    /// Whether [`Gauss::words`] may be asked, for r below 2^30.
+    is_narrow: bool,
 }
 
 impl Gauss {
@@ -64,9 +66,15 @@ impl Gauss {
         let weighed = e.times(UNIT, machine.ellipse.amplitude, m.falloff);
         let radial_index = e.fit(UNIT, "radial_index", m.radial_index, machine.raster.radial.into());
         let weight = e.fit(UNIT, "weight", m.weight, weighed);
+        let table = Table::new(falloff, shape.index_bits, argument.width() as u32, shape.interpolation, &words);
+        let short = |fit: &Fit| fit.is_simple() && fit.places() < 31 && fit.word.format.width() < 32;
+        let [falloff_max, amplitude_max] = [m.falloff, machine.ellipse.amplitude].map(|word| i128::from(word.format.max()));
+        let most = falloff_max * amplitude_max + i128::from(weight.half());
+        let room = 1i128 << (31 + weight.places().clamp(0, 62));
         Gauss {
+            is_narrow: [radial_index, weight].iter().all(short) && falloff_max < 1 << 31 && most < room && table.is_short(),
             radial_index,
-            table: Table::new(falloff, shape.index_bits, argument.width() as u32, shape.interpolation, &words),
+            table,
             weight,
             is_natural: radial_index.is_natural(machine.raster.cutoff.format.int_bits) && weight.is_natural(weighed.int_bits),
         }
@@ -85,6 +93,19 @@ impl Gauss {
     /// Whether all of its fits are plain.
     pub fn is_simple(&self) -> bool {
         self.is_natural && self.table.fit().is_simple()
+    }
+
+    /// Whether [`Gauss::words`] may be asked, for r below 2^30.
+    pub fn is_narrow(&self) -> bool {
+        self.is_narrow
+    }
+
+    /// Weight of eight fragments of one splat, whose r is neither negative nor above 2^30: [`Gauss::lanes`] in words of 32 bits.
+    #[inline(always)]
+    pub fn words<W: Words>(&self, radial: W, amplitude: i32) -> W {
+        let falloff = self.table.natural_words(self.radial_index.natural_words(radial));
+        let exact = W::splat(amplitude.into()) * falloff;
+        (exact + W::Exact::splat(self.weight.half())).cut(self.weight.places() as u32).min(W::splat(self.weight.limits()[1]))
     }
 
     /// Radial index and weight of eight fragments of one splat, whose r is not negative.

@@ -23,7 +23,7 @@ use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::machine::{Machine, Rows};
 use crate::num::register::Held;
-use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, three, two};
+use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, Words, three, two};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
 
@@ -136,11 +136,16 @@ pub struct Span {
     radial: [[[Held; LANES]; 2]; SIDE_PX],
     /// z of each row's first pixel, unclamped, as its register holds it (`raster.depth`), where rows are seeded afresh.
     depth: [Held; SIDE_PX],
+    /// Where words of 32 bits hold them: r of each fragment, at least 0, and z of its row's first pixel.
+    short_radial: [i32; SPAN_FRAGMENTS + LANES],
+    short_depth: [i32; SPAN_FRAGMENTS + LANES],
 }
 
 impl Default for Span {
     fn default() -> Self {
-        Span { fragments: 0, place: [0; SPAN_FRAGMENTS + LANES], radial: [[[0; LANES]; 2]; SIDE_PX], depth: [0; SIDE_PX] }
+        const ROOM: usize = SPAN_FRAGMENTS + LANES;
+        let (radial, depth) = ([[[0; LANES]; 2]; SIDE_PX], [0; SIDE_PX]);
+        Span { fragments: 0, place: [0; ROOM], radial, depth, short_radial: [0; ROOM], short_depth: [0; ROOM] }
     }
 }
 
@@ -163,15 +168,34 @@ impl Span {
         self.place[first..first + LANES].try_into().unwrap_or_default()
     }
 
-    /// Keeps those of eight pixels of a row that lie in the part and below the cutoff.
+    /// Keeps those of eight pixels of a row that lie in the part, of which it has `columns`, and below the cutoff. `SHORT`: words of 32 bits
+    /// hold each r, and the depth of the row, if it has its own.
     #[inline(always)]
-    fn keep<L: Lanes>(&mut self, [row, eight]: [usize; 2], radial: L, cutoff: L, columns: usize) {
-        let inside = cutoff.above(radial).signs() & first_bits(columns - eight * LANES);
-        self.radial[row][eight] = radial.to_array();
-        let places = PLACES[usize::from(inside)] + EACH * (SIDE_PX * row + LANES * eight) as u64;
+    fn keep<const SHORT: bool, L: Lanes>(
+        &mut self,
+        [row, eight]: [usize; 2],
+        radial: L,
+        cutoff: L,
+        columns: u8,
+        register: Register,
+        depth: Option<i32>,
+    ) {
+        let inside = cutoff.above(radial).signs() & columns;
+        let lanes = PLACES[usize::from(inside)];
+        let places = lanes + EACH * (SIDE_PX * row + LANES * eight) as u64;
         // No more fragments than pixels: eight always have room.
         let kept = self.fragments % SPAN_FRAGMENTS;
         self.place[kept..kept + LANES].copy_from_slice(&places.to_le_bytes());
+        if SHORT {
+            let radial = register.read_unsigned(radial.max(L::splat(0))).low();
+            let kept_radial = radial.pick(L::Words::from_bytes(lanes.to_le_bytes()));
+            self.short_radial[kept..kept + LANES].copy_from_slice(&kept_radial.to_array());
+            if let Some(depth) = depth {
+                self.short_depth[kept..kept + LANES].fill(depth);
+            }
+        } else {
+            self.radial[row][eight] = radial.to_array();
+        }
         self.fragments += inside.count_ones() as usize;
     }
 }
@@ -238,6 +262,8 @@ pub struct Raster {
     radial_register: Register,
     depth_register: Register,
     places: Places,
+    /// Below this z, and all that is added to it, is a word of 31 bits in all places that it goes through; 0 where a clamp is none.
+    short_depth: i64,
 }
 
 /// Left shifts that bring words to common places.
@@ -363,7 +389,12 @@ impl Raster {
         });
         let camera = f(machine.project.depth);
         let finest = f(m.depth).max(camera).max(f(s.depth_range));
+        let clamp = [places(finest, f(m.depth)), places(finest, camera), places(finest, f(s.depth_range))];
+        let depth_slope_places = places(f(m.depth), f(s.depth_slope));
+        let deepest = [(machine.project.depth, clamp[1]), (s.depth_range, clamp[2])].map(|(word, by)| i128::from(word.format.max()) << by);
+        let are_short = deepest[0] + deepest[1] < 1 << 30 && clamp[0] < 16 && depth_slope_places < 16;
         Raster {
+            short_depth: if are_short { 1 << (31 - clamp[0] as i32).min(bits(m.depth) - 1).max(0) } else { 0 },
             rows: m.rows,
             offset,
             gradient,
@@ -379,9 +410,9 @@ impl Raster {
                 cutoff: places(f(m.radial), f(m.cutoff)),
                 first: places(f(m.radial), f(m.first)),
                 second: places(f(m.radial), f(m.second)),
-                depth_slope: places(f(m.depth), f(s.depth_slope)),
+                depth_slope: depth_slope_places,
                 plane: [places(plane.frac_bits, lean.frac_bits), places(plane.frac_bits, camera)],
-                clamp: [places(finest, f(m.depth)), places(finest, camera), places(finest, f(s.depth_range))],
+                clamp,
             },
         }
     }
@@ -461,6 +492,69 @@ impl Raster {
         self.radial_register.load_lanes(tap.fit(&self.second, conic.left(1)), self.places.second)
     }
 
+    /// Whether words of 31 bits hold what lies below a cutoff, and every depth that leaves a clamp.
+    pub fn is_short(&self, cutoff: Held) -> bool {
+        self.radial_register.read(cutoff) <= 1 << 30 && self.short_depth > 0
+    }
+
+    /// Which splats' depths words of 32 bits hold wherever they go, bit by bit, the first in the last place.
+    #[inline(always)]
+    pub fn short_depths<L: Lanes>(&self, walks: &Walks) -> u8 {
+        let slopes = two!(axis => magnitude(L::from_array(walks.depth_slope[axis])));
+        match self.rows {
+            Rows::Differenced => self.are_short(L::from_array(walks.seed.depth), slopes[0] + slopes[1]).signs(),
+            // Each row's is seen to when it is seeded.
+            Rows::Seeded => u8::MAX,
+        }
+    }
+
+    /// Whether z, from what a register holds, stays short in a square with this sum of slopes.
+    #[inline(always)]
+    fn are_short<L: Lanes>(&self, held: L, slopes: L) -> L {
+        // Elaboration has seen to it that 64 bits hold this: words of at most 48 bits, and two of 32 moved up by less than 20.
+        let farthest = slopes.left(SIDE_PX.ilog2() + self.places.depth_slope) + magnitude(self.depth_register.read_lanes(held));
+        L::splat(self.short_depth).above(farthest)
+    }
+
+    /// [`Raster::span`] in words of 32 bits, where [`Raster::is_short`] and [`Raster::short_depths`] say so; false where a row turns out not
+    /// to have room.
+    #[inline(always)]
+    #[must_use]
+    #[expect(clippy::too_many_arguments, reason = "as `span`")]
+    pub fn short_span<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        walks: &Walks,
+        lane: usize,
+        input: &Input,
+        cutoff: Held,
+        span: &mut Span,
+        tap: &mut Tap<P>,
+    ) -> bool {
+        span.fragments = 0;
+        match self.rows {
+            Rows::Differenced => {
+                self.walk_down::<true, L, P>(walks, lane, cutoff, span, tap);
+                true
+            }
+            Rows::Seeded => self.row_by_row::<true, L, P>(size_px, walks, lane, input, cutoff, span, tap),
+        }
+    }
+
+    /// [`Raster::fragments`] of a [`Raster::short_span`].
+    #[inline(always)]
+    pub fn short_fragments<W: Words>(&self, walks: &Walks, lane: usize, span: &Span, first: usize) -> [W; 2] {
+        let place = W::from_bytes(span.places(first));
+        let [column, row] = [place & W::splat(SIDE_PX as i64 - 1), place.right(SIDE_PX.ilog2())];
+        let [by_column, by_row] = two!(axis => W::splat(walks.depth_slope[axis][lane]));
+        let (start, lean) = match self.rows {
+            Rows::Differenced => (W::splat(self.depth_register.read(walks.seed.depth[lane])), column.times(by_column) + row.times(by_row)),
+            Rows::Seeded => (eight(&span.short_depth, first), column.times(by_column)),
+        };
+        let depth = (start + lean.left(self.places.depth_slope)).left(self.places.clamp[0]);
+        [eight(&span.short_radial, first), depth.max(W::splat(walks.nearest[lane])).min(W::splat(walks.deepest[lane]))]
+    }
+
     /// Makes the fragments of one of the splats.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
@@ -476,14 +570,14 @@ impl Raster {
     ) {
         span.fragments = 0;
         match self.rows {
-            Rows::Differenced => self.walk_down::<L, P>(walks, lane, cutoff, span, tap),
-            Rows::Seeded => self.row_by_row::<L, P>(size_px, walks, lane, input, cutoff, span, tap),
+            Rows::Differenced => self.walk_down::<false, L, P>(walks, lane, cutoff, span, tap),
+            Rows::Seeded => _ = self.row_by_row::<false, L, P>(size_px, walks, lane, input, cutoff, span, tap),
         }
     }
 
     /// Every column steps from row to row.
     #[inline(always)]
-    fn walk_down<L: Lanes, P: Probe>(&self, w: &Walks, lane: usize, cutoff: Held, span: &mut Span, tap: &mut Tap<P>) {
+    fn walk_down<const SHORT: bool, L: Lanes, P: Probe>(&self, w: &Walks, lane: usize, cutoff: Held, span: &mut Span, tap: &mut Tap<P>) {
         let [columns, rows] = w.size(lane);
         if P::WORDS {
             self.watch_rows(w, lane, tap);
@@ -492,8 +586,9 @@ impl Raster {
         for eight in 0..eights(columns) {
             let mut radial: L = side_by_side(w.seed.radial[lane], w.seed.by_column[lane], w.by_column_twice[lane], eight);
             let mut by_row: L = side_by_side(w.by_row[lane], w.by_both[lane], 0, eight);
+            let inside = first_bits(columns - eight * LANES);
             for row in 0..rows {
-                span.keep([row, eight], radial, L::splat(cutoff), columns);
+                span.keep::<SHORT, L>([row, eight], radial, L::splat(cutoff), inside, self.radial_register, None);
                 radial = radial.wrapping_add(by_row);
                 by_row = by_row.wrapping_add(by_row_twice);
             }
@@ -503,7 +598,7 @@ impl Raster {
     /// Every row is seeded afresh, eight rows at a time.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "as `span`")]
-    fn row_by_row<L: Lanes, P: Probe>(
+    fn row_by_row<const SHORT: bool, L: Lanes, P: Probe>(
         &self,
         size_px: [u32; 2],
         walks: &Walks,
@@ -512,7 +607,7 @@ impl Raster {
         cutoff: Held,
         span: &mut Span,
         tap: &mut Tap<P>,
-    ) {
+    ) -> bool {
         let [columns, rows] = walks.size(lane);
         let by_column_twice = walks.by_column_twice[lane];
         let splat = Splats::<L>::all(input);
@@ -523,20 +618,28 @@ impl Raster {
             }
             let y = L::splat(walks.top[lane] + first as i64) + L::from_array(COLUMNS[0]);
             let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
-            let seed = seed.skip(L::splat(by_column_twice), depth_by_column, L::splat(walks.columns_on[lane])).to_array();
+            let seed = seed.skip(L::splat(by_column_twice), depth_by_column, L::splat(walks.columns_on[lane]));
+            if SHORT && !self.are_short(seed.depth, magnitude(splat.depth_slope[0])).signs() & first_bits(rows - first) != 0 {
+                return false;
+            }
+            let seed = seed.to_array();
             for row in first..rows.min(first + LANES) {
                 let [radial, by_column] = [seed.radial[row % LANES], seed.by_column[row % LANES]];
                 if P::WORDS {
                     let seed = Seed { radial, by_column, depth: seed.depth[row % LANES] };
                     self.watch_row(&seed, by_column_twice, walks.depth_slope[0][lane], columns, tap);
                 }
-                span.depth[row] = seed.depth[row % LANES];
+                let depth = seed.depth[row % LANES];
+                span.depth[row] = depth;
+                let depth = Some(self.depth_register.read(depth) as i32);
                 for eight in 0..eights(columns) {
                     let radial = side_by_side(radial, by_column, by_column_twice, eight);
-                    span.keep([row, eight], radial, L::splat(cutoff), columns);
+                    let inside = first_bits(columns - eight * LANES);
+                    span.keep::<SHORT, L>([row, eight], radial, L::splat(cutoff), inside, self.radial_register, depth);
                 }
             }
         }
+        true
     }
 
     /// Shows the probe how far the registers go in the part of a box, and where they wrap.
@@ -722,6 +825,19 @@ fn after<L: Lanes>(value: L, first: L, second: L, steps: L) -> L {
 fn side_by_side<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
     let [columns, pairs] = [L::from_array(COLUMNS[eight]), L::from_array(PAIRS[eight])];
     L::splat(value).wrapping_add(L::splat(first).times(columns)).wrapping_add(L::splat(second).times(pairs))
+}
+
+/// The magnitude of each lane.
+#[inline(always)]
+fn magnitude<L: Lanes>(words: L) -> L {
+    words.max(-words)
+}
+
+/// Eight words, from one of a span's fragments on.
+#[inline(always)]
+fn eight<W: Words>(words: &[i32; SPAN_FRAGMENTS + LANES], first: usize) -> W {
+    let first = first % SPAN_FRAGMENTS;
+    W::from_array(words[first..first + LANES].try_into().unwrap_or_default())
 }
 
 /// The least and the greatest of four.

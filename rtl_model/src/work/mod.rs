@@ -523,10 +523,12 @@ impl Bins {
 #[inline(always)]
 pub fn each_tile(sides: [[u16; 2]; 2], side_px: usize, columns: usize, mut visit: impl FnMut(usize)) {
     let tile = |pixel: u16| (u32::from(pixel) / side_px as u32) as usize;
-    let [across, down] = sides.map(|[first, last]| tile(first)..=tile(last));
-    for row in down {
-        for column in across.clone() {
-            visit(row * columns + column);
-        }
+    let [[left, right], [top, bottom]] = sides.map(|side| side.map(tile));
+    // Most touch one.
+    if left == right && top == bottom {
+        return visit(top * columns + left);
+    }
+    for row in top..bottom + 1 {
+        (left..right + 1).for_each(|column| visit(row * columns + column));
     }
 }

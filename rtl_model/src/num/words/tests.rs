@@ -1,7 +1,7 @@
 //! Vector words are held to plain words, operation by operation; plain words to what the words say.
 
 use super::*;
-use crate::kernels::host::{Kernel, plainly, vectorised};
+use crate::kernels::host::{Kernel, plainly, vectorised, widely};
 use crate::num::Lanes;
 use proptest::prelude::*;
 
@@ -42,6 +42,8 @@ impl Everything<'_> {
             a.look_up(self.table),
             W::splat(i64::from(a.signs())),
             a.pick(b & W::splat(7)),
+            a.right(16).times(b.right(16)),
+            W::from_bytes(std::array::from_fn(|byte| self.words[byte % 3][byte] as u8)),
         ];
         let rows = [a, b, c, half_a, half_b, -half_a, -half_b, a & c];
         all.into_iter().chain(W::transposed(rows)).chain(W::transposed(W::transposed(rows))).map(W::to_array).collect()
@@ -130,12 +132,14 @@ proptest! {
         exacts[1][equal] = exacts[0][equal];
         let table: Vec<i32> = (0..1 << table_bits).map(|i| i * 1_000_003 - 7).collect();
         let work = || Everything { words, exacts, by, table: &table };
-        let (vector, plain) = (vectorised(work()), plainly(work()));
-        for (operation, (vector, plain)) in vector.0.iter().zip(&plain.0).enumerate() {
-            prop_assert_eq!(vector, plain, "operation {} of words", operation);
-        }
-        for (operation, (vector, plain)) in vector.1.iter().zip(&plain.1).enumerate() {
-            prop_assert_eq!(vector, plain, "operation {} of exact results", operation);
+        let plain = plainly(work());
+        for vector in [vectorised(work()), widely(work())] {
+            for (operation, (vector, plain)) in vector.0.iter().zip(&plain.0).enumerate() {
+                prop_assert_eq!(vector, plain, "operation {} of words", operation);
+            }
+            for (operation, (vector, plain)) in vector.1.iter().zip(&plain.1).enumerate() {
+                prop_assert_eq!(vector, plain, "operation {} of exact results", operation);
+            }
         }
     }
 }
@@ -153,7 +157,8 @@ fn leading_zeros_do_not_round() {
     for power in 0..63 {
         let near = [-2, -1, 0, 1, 2, 1 << (power / 2), -(1 << (power / 2)), (1 << power) - 1];
         let numbers = near.map(|step| ((1i64 << power).saturating_add(step)).max(1));
-        assert_eq!(vectorised(LeadingZeros(numbers)), numbers.map(|number| number.leading_zeros() as i32), "{numbers:?}");
+        let zeros = numbers.map(|number| number.leading_zeros() as i32);
+        assert_eq!([vectorised(LeadingZeros(numbers)), widely(LeadingZeros(numbers))], [zeros; 2], "{numbers:?}");
     }
 }
 

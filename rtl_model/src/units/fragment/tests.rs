@@ -3,7 +3,8 @@
 use super::*;
 use crate::kernels::Path;
 use crate::num::lanes::Plain;
-use crate::num::{Format, Overflow, Rounding};
+use crate::num::words::PlainWords;
+use crate::num::{Format, LANES, Overflow, Rounding};
 use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
 
@@ -376,4 +377,17 @@ fn what_lies_behind_an_opaque_fragment_is_evicted() {
     // It covers too little of the pixel.
     let thin = Arrival { weight: 100, ..at(100, true) };
     assert_eq!(story(&[thin, at(200, false), at(300, false)]), Decision::Merged(1, 2));
+}
+
+/// What the short form is told is what the wide one is: depths that raster lets through, and a little beyond 0.
+#[test]
+fn words_of_32_bits_hold_depths_as_wide_ones_do() {
+    for name in ["reference", "lean", "volume", "gaussian"] {
+        let fragment = Machine::named(name).unwrap().elaborate().unwrap().fragment;
+        assert!(fragment.is_depth_narrow(), "{name} has no short form");
+        for depth in (-1 << 30..=1 << 30).step_by(1_234_567).chain(-70..70).chain((1 << 30) - 70..1 << 30) {
+            let wide = fragment.depth::<false, Plain, _>(Plain([depth; LANES]), &mut Tap::new(&mut NoProbe)).0[0];
+            assert_eq!(i64::from(fragment.depth_words(PlainWords([depth as i32; LANES])).0[0]), wide, "{name} at {depth}");
+        }
+    }
 }

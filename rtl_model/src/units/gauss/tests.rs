@@ -1,7 +1,9 @@
 //! Gauss: laws of a weight.
 
 use super::*;
+use crate::num::LANES;
 use crate::num::lanes::Plain;
+use crate::num::words::PlainWords;
 use crate::probe::NoProbe;
 use proptest::prelude::*;
 
@@ -18,10 +20,14 @@ fn one(machine: &Machine, gauss: &Gauss, radial: i64, amplitude: i64) -> [i64; 2
     let tap = &mut Tap::new(probe);
     let radial_index = gauss.radial_index.one(radial);
     let words = [radial_index, gauss.weight.one(amplitude * gauss.table.fit().one(gauss.table.exact(radial_index)))];
-    assert_eq!(gauss.lanes::<false, _, _>(Plain::splat(radial), amplitude, tap).map(|lanes| lanes.0[0]), words);
+    assert_eq!(gauss.lanes::<false, _, _>(Plain([radial; LANES]), amplitude, tap).map(|lanes| lanes.0[0]), words);
     let reach = machine.raster.radial.format.frac_bits + machine.raster.cutoff.format.int_bits;
     if gauss.is_simple() && radial >> reach == 0 {
-        assert_eq!(gauss.lanes::<true, _, _>(Plain::splat(radial), amplitude, tap).map(|lanes| lanes.0[0]), words);
+        assert_eq!(gauss.lanes::<true, _, _>(Plain([radial; LANES]), amplitude, tap).map(|lanes| lanes.0[0]), words);
+    }
+    if gauss.is_narrow() && radial <= 1 << 30 {
+        let [radial, amplitude] = [radial, amplitude].map(|word| word as i32);
+        assert_eq!(i64::from(gauss.words(PlainWords([radial; LANES]), amplitude).0[0]), words[1], "in words of 32 bits");
     }
     words
 }
@@ -44,6 +50,21 @@ proptest! {
         let [radial_index, weight] = one(&machine, &gauss, radial, amplitude);
         prop_assert!((0..=most(&machine, amplitude)).contains(&weight));
         prop_assert!((0..=machine.gauss.radial_index.format.max()).contains(&radial_index));
+    }
+}
+
+/// The form that fills the picture, on the machines that it is for: every r that it may be asked, in steps, and those at the end.
+#[test]
+fn words_of_32_bits_weigh_as_wide_ones_do() {
+    for name in ["reference", "lean"] {
+        let (machine, gauss) = gauss(name);
+        assert!(gauss.is_narrow(), "{name} has no short form");
+        let below = (1i64 << (machine.raster.radial.format.frac_bits + 2)).min(1 << 30);
+        for radial in (0..=below).step_by(below as usize / 10_000).chain(below - 3..=below) {
+            for amplitude in [0, 1, 12_345, machine.ellipse.amplitude.format.max()] {
+                one(&machine, &gauss, radial, amplitude);
+            }
+        }
     }
 }
 

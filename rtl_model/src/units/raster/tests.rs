@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::num::lanes::Plain;
+use crate::num::words::PlainWords;
 use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
 
@@ -337,6 +338,40 @@ proptest! {
             let [_, clamped] = raster.fragments::<Plain>(&walks, LANE, &span, [0; LANES]);
             let clamped = clamped.0[0] as f64 * f64::from(-clamped_frac_bits).exp2();
             prop_assert!((clamped - plane.clamp(z - range, z + range)).abs() <= bound);
+        }
+    }
+}
+
+proptest! {
+    /// The same fragments, with the same r and z, or none where words of 32 bits have no room for them: then steep ones alone.
+    #[test]
+    fn words_of_32_bits_walk_as_wide_ones_do(
+        name in names(), differenced in any::<bool>(), shape in shapes(), steep in prop::array::uniform2(-40.0..40.0), is_steep in any::<bool>(),
+    ) {
+        let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
+        let raster = unit(&machine);
+        let shape = if is_steep { Shape { depth_slope: steep, ..shape } } else { shape };
+        let input = shape.input(&machine);
+        let cutoff = raster.cutoff(1 << (machine.raster.cutoff.format.frac_bits + 1));
+        let is_short = raster.is_short(cutoff);
+        prop_assert!(is_short || !["reference", "lean"].contains(&name), "{} has no short form", name);
+        let square = input.columns[0] / 16 * 16;
+        let square = [square, input.rows[0] / 16 * 16];
+        let (walks, wide) = drawn(&raster, &input, square, cutoff, &mut NoProbe);
+        let mut short = Span::default();
+        let probe = &mut NoProbe;
+        let tap = &mut Tap::new(probe);
+        let has_room = is_short
+            && raster.short_depths::<Plain>(&walks) & 1 << LANE != 0
+            && raster.short_span::<Plain, _>(SIZE_PX, &walks, LANE, &input, cutoff, &mut short, tap);
+        prop_assert!(has_room || is_steep || !is_short, "no room for a flat splat");
+        if has_room {
+            prop_assert_eq!(short.all(), wide.all());
+            for first in 0..wide.fragments() {
+                let words = raster.short_fragments::<PlainWords>(&walks, LANE, &short, first).map(|words| i64::from(words.0[0]));
+                let lanes = raster.fragments::<Plain>(&walks, LANE, &wide, wide.places(first)).map(|lanes| lanes.0[0]);
+                prop_assert_eq!(words, lanes, "at {}", wide.all()[first]);
+            }
         }
     }
 }
