@@ -1,4 +1,5 @@
 //! Draws a scene once on a machine, one thread, with no probe, or with ranges measured and work recorded: for counting instructions.
+//! Arguments: scene, machine, `plain` or `measured`, pixels a side. `instructions.sh` counts a few cases and prints a table.
 //!
 //! ```sh
 //! cargo build --release --example instructions
@@ -6,7 +7,7 @@
 //!   valgrind --tool=callgrind --callgrind-out-file=/tmp/$1.out --collect-atstart=no "${@:2}" \
 //!     target/release/examples/instructions ../shared/data/scenes/dragon.json reference $probe
 //! }
-//! probe=   # or: measured
+//! probe=plain   # or: measured
 //! count setup --toggle-collect="instructions::setup*"
 //! count fill --toggle-collect="instructions::fill*"
 //! count fragments --toggle-collect="instructions::fill*" --toggle-collect="*fill::bins*" --toggle-collect="*::shade_for_merge*" \
@@ -15,7 +16,7 @@
 //! ```
 //! "Collected" of the first run over the splats printed is instructions a splat in setup; that of the second over the fragments
 //! printed is instructions a fragment in all that follows. The third leaves out binning, the shading of fragments that merge, and
-//! resolving: raster, gauss and fragment alone.
+//! resolving: raster, gauss and fragment alone. Valgrind knows no AVX-512: what is counted is what hosts without it do.
 
 use rtl_model::machine::Machine;
 use rtl_model::pipeline::Elaborated;
@@ -45,13 +46,16 @@ fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
     let scene = arguments.next().unwrap_or_else(|| "glass-spheres".into());
     let name = arguments.next().unwrap_or_else(|| "reference".into());
-    let scene = Scene::load(&scene, &Overrides::default())?;
+    let measured = arguments.next().as_deref() == Some("measured");
+    let side = arguments.next().map(|side| side.parse::<usize>().map_err(|_| Error::input(format!("{side} is no number of pixels"))));
+    let size = side.transpose()?.map(|side| (side, side));
+    let scene = Scene::load(&scene, &Overrides { size })?;
     let machine =
         Machine::named(&name).ok_or_else(|| Error::input(format!("no machine {name}; there are {}", Machine::NAMES.join(", "))))?;
     let elaborated = splatsim::hardware::fixed::elaborate(&machine)?;
     let quantised = quantise(&scene, &machine)?;
     let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
-    let mut probe = (arguments.next().as_deref() == Some("measured")).then(|| Composite::new(&elaborated.signals));
+    let mut probe = measured.then(|| Composite::new(&elaborated.signals));
     let drawing = one_thread.install(|| {
         let setup = setup(&elaborated, &quantised, &mut probe);
         fill(&elaborated, &quantised, &setup, &mut probe)
