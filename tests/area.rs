@@ -84,6 +84,40 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
     assert!(text.contains(printed.trim_end()), "the book's table begins otherwise: {printed}");
 }
 
+/// Machine and unit of a row of what `depths.sh` prints, and its gates, cycles, gates of a stage, of the loop, and from an input to s_ready.
+fn depths(printed: &str) -> Vec<([String; 2], [f64; 5])> {
+    let row = |line: &str| {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        ([0, 1].map(|at| words[at].to_owned()), [2, 3, 4, 5, 6].map(|at| words[at].parse().unwrap()))
+    };
+    printed.lines().skip(1).map(row).collect()
+}
+
+/// Whatever waits for itself does so for forty gates of two inputs at most, of every unit of every machine in the book's table; of the smallest
+/// units it is counted anew.
+#[test]
+fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock.md"));
+    let table =
+        text.split("<!-- depths -->\n```text\n").nth(1).and_then(|rest| rest.split("\n```").next()).expect("the book's table of depths");
+    let told = depths(table);
+    assert_eq!(told.len(), 12);
+    for (of, [.., loop_gates, _]) in &told {
+        assert!((1.0..=40.0).contains(loop_gates), "{of:?}: {loop_gates}");
+    }
+    if !have(&["yosys", "python3"], "depths of the twins") {
+        return;
+    }
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/depths.sh");
+    let units: Vec<&str> = share::mine(["raster", "gauss", "resolve"]).collect();
+    let output = run(Command::new("sh").args([script, "--gates", "--splatsim", &PROGRAM, "--units", &units.join(","), "tiny"]));
+    let counted = depths(&String::from_utf8(output.stdout).unwrap());
+    assert_eq!(counted.len(), units.len());
+    for row in &counted {
+        assert!(told.contains(row), "the book's table lacks {row:?}");
+    }
+}
+
 #[test]
 fn the_fit_is_what_the_book_says() {
     let (rows, told) = fit();

@@ -4,6 +4,7 @@
 
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use rtl_model::elaboration::latency::{self, Path};
+use rtl_model::machine::Merge;
 use rtl_model::pipeline::Elaborated;
 
 /// A unit by its way and the cycles that it takes.
@@ -33,6 +34,11 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
         highest_hz: path.highest_clock(timing.technology, cycles),
     };
     let [raster, fragment, layer] = t.paths.one_cycle.map(|(_, _, path)| path);
+    // A pixel that is taken again sooner than its decision is out.
+    let pixel = (t.hazard < t.fragment.latency).then(|| way("fragment, a pixel", t.paths.fragment, t.hazard));
+    let f = &machine.machine.fragment;
+    let merges = f.sheets.is_none() && f.merge != Merge::Replace && timing.fragment.merge > 0;
+    let merge = merges.then(|| way("fragment, a merge", t.paths.over, timing.fragment.merge));
     let colour = t.colour.last().map(|of| way("colour", t.paths.colour[t.colour.len().clamp(1, 3) - 1].path, of.pace.latency));
     [("project", t.paths.project, t.project.latency), ("ellipse", t.paths.ellipse, t.ellipse.latency)]
         .map(|(name, path, cycles)| way(name, path, cycles))
@@ -45,11 +51,14 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
                 ("gauss", t.paths.gauss, t.gauss.latency),
                 ("fragment", t.paths.fragment, t.fragment.latency),
                 ("fragment, a stamp", fragment, 1),
-                ("shade", t.paths.shade, t.shade.latency),
-                ("resolve", t.paths.resolve, t.resolve.latency),
-                ("resolve, a layer", layer, 1),
             ]
             .map(|(name, path, cycles)| way(name, path, cycles)),
+        )
+        .chain(pixel)
+        .chain(merge)
+        .chain(
+            [("shade", t.paths.shade, t.shade.latency), ("resolve", t.paths.resolve, t.resolve.latency), ("resolve, a layer", layer, 1)]
+                .map(|(name, path, cycles)| way(name, path, cycles)),
         )
         .collect()
 }
@@ -98,7 +107,6 @@ mod tests {
                 machine.timing.raster.latency = Some(t.raster.latency);
                 machine.timing.gauss.latency = Some(t.gauss.latency);
                 machine.timing.fragment.latency = Some(t.fragment.latency);
-                machine.timing.fragment.merge = 4096;
                 machine.timing.shade.latency = Some(t.shade.latency);
                 machine.timing.resolve.latency = Some(t.resolve.latency);
                 let of_those = |way: &Way| way.highest_hz.filter(|_| way.name != "colour");

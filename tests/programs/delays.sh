@@ -99,10 +99,7 @@ for file; do
         [ "$unit" != raster ] || parameters="-chparam TAG_W 1"
         # ROMs are found from the trace's folder.
         ps=$(work=$work/$machine; picoseconds "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources; hierarchy -top $unit $parameters" "synth -flatten -top $unit")
-        # Of these two what a stamp takes in its one cycle, which is in the table after the unit.
-        row=$unit
-        case $unit in raster|fragment) row=$unit, ;; esac
-        fo4_of=$(awk -v row="$row" '$1 == row { for (i = 2; i <= NF; i++) if ($i ~ /^[0-9.]+$/) { print $i; exit } }' "$work/$machine.clock")
+        fo4_of=$(awk -v row="$unit" '$1 == row { for (i = 2; i <= NF; i++) if ($i ~ /^[0-9.]+$/) { print $i; exit } }' "$work/$machine.clock")
         awk -v n="$machine" -v u="$unit" -v ps="$ps" -v fo4="$fo4" -v m="$fo4_of" 'BEGIN { printf "%-10s %-9s %8.0f %7.1f %7.1f %6.2f\n", n, u, ps, ps / fo4, m, ps / fo4 / m }'
     done
 done

@@ -235,7 +235,7 @@ pub struct Paths {
     pub shade: Path,
     /// Of a pixel.
     pub resolve: Path,
-    /// Of what takes one cycle by its nature, or as the twins are built: its name, its unit.
+    /// Of what takes one cycle by its nature, or as the twins are built, for it waits for itself: its name, its unit.
     pub one_cycle: [(&'static str, &'static str, Path); 3],
 }
 
@@ -686,12 +686,15 @@ fn check_paths(t: &Timing, paths: &Paths, degree: u32, merges: bool, e: &mut Ela
         ("raster.latency", t.raster.latency, Some(paths.raster)),
         ("gauss.latency", t.gauss.latency, Some(paths.gauss)),
         ("fragment.latency", t.fragment.latency, Some(paths.fragment)),
+        // What is forwarded has gone the whole way.
+        ("fragment.hazard", t.fragment.hazard, Some(paths.fragment)),
         ("fragment.merge", merges.then_some(t.fragment.merge), Some(paths.over)),
         ("shade.latency", t.shade.latency, Some(paths.shade)),
         ("resolve.latency", t.resolve.latency, Some(paths.resolve)),
     ];
     let said = ways.into_iter().filter_map(|(name, given, path)| Some((name, given?, path?)));
-    // The next layer waits for the transmittance behind this one, the next stamp for what becomes of this one.
+    // The next layer waits for the transmittance behind this one, the next stamp for whether this one is merged, the next pixel for the sums of
+    // this one: no registers cut what waits for itself.
     let slowest = paths.one_cycle.into_iter().max_by_key(|(_, _, path)| path.delay);
     if let Some((item, unit, path)) = slowest.filter(|(_, _, path)| path.least_cycles(t.technology, t.clock_hz) != Some(1)) {
         let allowed = said.filter_map(|(_, given, path)| path.highest_clock(t.technology, given));

@@ -148,7 +148,7 @@ impl Machine {
             shade: shade::path(self),
             resolve: resolve::path(self),
             one_cycle: [
-                ("a stamp", unit::RASTER, raster::path(self)),
+                ("a stamp", unit::RASTER, raster::stamp(self)),
                 ("a stamp", unit::FRAGMENT, fragment::stamp(self)),
                 ("a layer", unit::RESOLVE, resolve::layer(self)),
             ],

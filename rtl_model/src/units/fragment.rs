@@ -97,31 +97,38 @@ pub fn path(machine: &Machine) -> Path {
         .choose(m.layers.saturating_add(1))
         .memory();
     // No part of it is longer.
-    Path { delay: way.delay.max(stamp(machine).delay), ..way }
+    Path { delay: way.delay.max(decision(machine).delay).max(stamp(machine).delay), ..way }
 }
 
-/// What a stamp takes in the one cycle that it holds the unit, as the twin is built: read, the nearest slot, the sum, what is opaque, the order
-/// of all slots, write. Only then does the twin know whether it can take another.
-pub fn stamp(machine: &Machine) -> Path {
+/// From a pixel that is read to its slots as they are written, as the twin is built: the nearest slot, the sum, the order of all slots.
+fn decision(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
     let (depth, sum) = (bits(m.depth), bits(m.colour_sum).max(bits(m.normal_sum)));
-    let limit = bits(m.opaque) + bits(m.weight_sum);
+    nearest(machine).choose(m.layers).sum(sum).fit(sum).sum(depth).choose(m.layers.saturating_add(1)).choose(3).memory()
+}
+
+/// From a pixel that is read to the nearest slot.
+fn nearest(machine: &Machine) -> Path {
+    let m = &machine.fragment;
+    let depth = m.depth.format.width();
     let nearer = Path::default().sum(depth).choose(2);
-    Path::default()
-        .memory()
-        .sum(depth)
-        .sum(depth)
-        .choose(2)
-        .then(nearer.times(m.layers.clamp(1, 64).next_power_of_two().ilog2()))
-        .sum(sum)
-        .fit(sum)
-        .product(bits(m.opaque), bits(m.weight_sum))
-        .sum(limit)
-        .sum(depth)
-        .choose(m.layers.saturating_add(1))
-        .choose(3)
-        .memory()
+    Path::default().memory().sum(depth).sum(depth).choose(2).then(nearer.times(m.layers.clamp(1, 64).next_power_of_two().ilog2()))
+}
+
+/// What a stamp takes in the one cycle in which the twin has to know whether it can take another: of a slot whether it is near, and the
+/// deepest of all, each a comparison; what is opaque it has known since the pixel was read. Twins of sheets and of windows know only with
+/// their decision, which has to tell what is opaque, too.
+pub fn stamp(machine: &Machine) -> Path {
+    let m = &machine.fragment;
+    let bits = |word: Word| word.format.width();
+    let places = m.layers.saturating_add(1);
+    if m.sheets.is_none() && m.group == Group::First {
+        return Path::default().sum(bits(m.depth) + 2).choose(places).choose(places).choose(4).choose(4);
+    }
+    let (depth, sum, limit) = (bits(m.depth), bits(m.colour_sum).max(bits(m.normal_sum)), bits(m.opaque) + bits(m.weight_sum));
+    let summed = nearest(machine).sum(sum).fit(sum);
+    summed.product(bits(m.opaque), bits(m.weight_sum)).sum(limit).sum(depth).choose(places).choose(3).memory()
 }
 
 /// What merging two fragments that are shaded takes: the front over the back, and a slot again.

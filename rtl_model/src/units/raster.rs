@@ -249,6 +249,13 @@ pub fn path(machine: &Machine) -> Path {
         .sum(bits(m.radial))
 }
 
+/// What lies in one cycle: from a pixel's registers to the next one's, as a seed, the next column or the next row has them. Which pixel is
+/// next it knows before any seed.
+pub fn stamp(machine: &Machine) -> Path {
+    let m = &machine.raster;
+    Path::default().choose(2).sum(m.radial.format.width().max(m.depth.format.width())).choose(2)
+}
+
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Raster {

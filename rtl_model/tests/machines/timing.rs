@@ -93,15 +93,22 @@ fn a_machine_cannot_be_faster_than_its_operators() {
         machine.elaborate().map(|elaborated| elaborated.timing)
     };
     let refused = |change: &dyn Fn(&mut Machine)| built(change).unwrap_err();
-    // In open 180 nm cells a stamp takes fragment 17.4 ns and its register half a one.
+    // In open 180 nm cells a layer takes resolve 5.8 ns and its register half a one.
     let misfits = refused(&|m| m.timing.technology = Technology::Nm180);
     assert_eq!(
         misfits,
-        ["timing.clock_hz is 400000000, but a stamp takes fragment 177.3 FO4, and has one cycle: at most 55 MHz in 180 nm"]
+        ["timing.clock_hz is 400000000, but a layer takes resolve 59.5 FO4, and has one cycle: at most 156 MHz in 180 nm"]
     );
-    assert!(built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 55_000_000)).is_ok());
+    assert!(built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 156_000_000)).is_ok());
     let misfits = refused(&|m| m.timing.clock_hz = 2_500_000_000);
-    assert!(misfits.len() == 1 && misfits[0].ends_with("at most 548 MHz in 28 nm"), "{misfits:?}");
+    assert!(misfits.len() == 1 && misfits[0].ends_with("at most 1536 MHz in 28 nm"), "{misfits:?}");
+    // A pixel is not taken again before it has gone the whole way.
+    let soon = |clock_hz| move |m: &mut Machine| (m.timing.fragment.hazard, m.timing.clock_hz) = (Some(1), clock_hz);
+    assert!(built(&soon(700_000_000)).is_ok());
+    assert_eq!(
+        refused(&soon(750_000_000)),
+        ["timing.fragment.hazard is 1, but its longest way takes 132.1 FO4: 2 cycles at 750 MHz in 28 nm"]
+    );
     // A latency that would do at a slow clock does not at a fast one.
     let three = |clock_hz| move |m: &mut Machine| (m.timing.shade.latency, m.timing.clock_hz) = (Some(3), clock_hz);
     assert!(built(&three(500_000_000)).is_ok());

@@ -1,0 +1,92 @@
+#!/bin/sh
+# How deep is the logic between the registers of the twins, and which clock does that allow? Synthesises each unit (rtl_model/rtl) to gates of
+# two inputs and multiplexers with Yosys (Debian: yosys), and counts; then maps it to the open 180 nm cells of Debian's qflow-tech-osu018 with
+# ABC, as fast as ABC makes it.
+#
+#   depths.sh [--splatsim BINARY] [--units UNIT,...] [--gates] [MACHINE...]
+#
+# For each machine (tiny, lean, reference) and unit (gauss, resolve, raster, fragment) prints:
+#   gates      those of the longest way; an inverter is none
+#   cycles     the latency of the machine
+#   a stage    gates of a stage, where the way's registers are moved so that they cut it evenly
+#   loop       gates of the longest loop, a register of it: what no moved register cuts
+#   ready      gates from an input to s_ready: what a handshake adds to the loops of others
+#   ps, ps     picoseconds of a stage, and of the longest way between two registers of a loop as they stand
+#   MHz        the clock that the longer of these allows, with 5 FO4 for a register
+# With --gates the last three are left out. A way through a chain of registers, such as that of a place which is given back, has registers to
+# spare: it counts for loop, not for the picoseconds.
+set -euf
+here=$(cd "$(dirname "$0")" && pwd)
+rtl=$here/../../rtl_model/rtl
+splatsim=$here/../../target/release/splatsim
+cells=/usr/share/qflow/tech/osu018/osu018_stdcells.lib
+units=gauss,resolve,raster,fragment
+delays=yes
+while [ $# -gt 0 ]; do
+    case $1 in
+        --splatsim) splatsim=$(realpath "$2"); shift 2 ;;
+        --units) units=$2; shift 2 ;;
+        --gates) delays=no; shift ;;
+        -*) echo "depths.sh: what is $1?" >&2; exit 2 ;;
+        *) break ;;
+    esac
+done
+[ $# -gt 0 ] || set -- tiny lean reference
+[ $delays = no ] || [ -f $cells ] || { echo "depths.sh: $cells is missing: apt-get install qflow-tech-osu018" >&2; exit 2; }
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+trap 'exit 1' INT TERM
+. "$here/logic.sh"
+sources=$(echo "$sources" | sed "s|$work/pipe.sv|$rtl/pipe.sv|")
+
+# Maps for speed, sizes gates, and says the longest way.
+cat > "$work/script" << 'END_OF_SCRIPT'
+strash
+dch
+map -B 0.9
+topo
+buffer -c
+upsize
+dnsize
+stime -p
+END_OF_SCRIPT
+
+# machine, what Yosys does: whatever it says otherwise is told where it fails
+with_yosys() {
+    (cd "$work/$1" && yosys -q -p "$2" > yosys.log 2>&1) || { cat "$work/$1/yosys.log" >&2; exit 1; }
+}
+
+# machine, what Yosys reads: picoseconds of the longest way
+picoseconds() {
+    with_yosys "$1" "$2; tee -o abc.log abc -liberty $cells -script ../script"
+    sed -n 's/.*Delay = *\([0-9.]*\) ps.*/\1/p' "$work/$1/abc.log" | sort -rn | sed -n 1p
+}
+
+printf '%-10s %-9s %6s %6s %8s %6s %6s' machine unit gates cycles 'a stage' loop ready
+[ $delays = no ] || printf ' %7s %7s %5s' ps ps MHz
+printf '\n'
+for file; do
+    machine=$(basename "$file" .json)
+    # Of the trace only the package and the ROMs matter.
+    "$splatsim" trace glass-spheres --size 16x16 --stimulus 1 --machine "$file" --set 'timing.raster.lanes=[1,1]' --quiet --out "$work/$machine" > /dev/null
+    for unit in $(echo "$units" | tr , ' '); do
+        parameters=
+        [ "$unit" != fragment ] || parameters="-chparam WIDTH 2 -chparam HEIGHT 2"
+        [ "$unit" != raster ] || parameters="-chparam TAG_W 1"
+        cycles=$(sed -n "s/.* $(echo "$unit" | tr a-z A-Z)_LATENCY = \([0-9]*\);/\1/p" "$work/$machine/machine_pkg.sv")
+        with_yosys "$machine" "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources; hierarchy -top $unit $parameters; synth -flatten -top $unit; rename -top top; write_json top.json"
+        read -r gates loop ready << END_OF_DEPTHS
+$(python3 "$here/depths.py" "$work/$machine/top.json" top "$work/$machine/loop.txt")
+END_OF_DEPTHS
+        printf '%-10s %-9s %6s %6s %8s %6s %6s' "$machine" "$unit" "$gates" "$cycles" $(((gates + cycles - 1) / cycles)) "$loop" "$ready"
+        if [ $delays = yes ]; then
+            whole=$(picoseconds "$machine" "read_json top.json; dfflibmap -liberty $cells")
+            looped=$(picoseconds "$machine" "read_json top.json; select -read loop.txt; setattr -set submod \"loop\" %; select -clear; submod; cd top_loop")
+            awk -v whole="$whole" -v cycles="$cycles" -v loop="$looped" 'BEGIN {
+                stage = whole / cycles
+                printf " %7.0f %7.0f %5.0f", stage, loop, 1e6 / ((stage > loop ? stage : loop) + 5 * 98)
+            }'
+        fi
+        printf '\n'
+    done
+done
