@@ -95,10 +95,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     let refused = |change: &dyn Fn(&mut Machine)| built(change).unwrap_err();
     // In open 180 nm cells a layer takes resolve 5.8 ns and its register half a one.
     let misfits = refused(&|m| m.timing.technology = Technology::Nm180);
-    assert_eq!(
-        misfits,
-        ["timing.clock_hz is 400000000, but a layer takes resolve 59.5 FO4, and has one cycle: at most 156 MHz in 180 nm"]
-    );
+    assert_eq!(misfits, ["timing.clock_hz is 400000000, but a layer takes resolve 59.5 FO4, and has one cycle: at most 156 MHz in 180 nm"]);
     assert!(built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 156_000_000)).is_ok());
     let misfits = refused(&|m| m.timing.clock_hz = 2_500_000_000);
     assert!(misfits.len() == 1 && misfits[0].ends_with("at most 1536 MHz in 28 nm"), "{misfits:?}");
