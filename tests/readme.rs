@@ -45,7 +45,8 @@ const EXAMPLE: &str = "cargo run --release --example ";
 const LONG: &str = "run --attribute --out out";
 
 /// What takes long and is tested elsewhere too has its turn in one run of CI in so many, and in `.ci/full`: a search of two minutes and what
-/// reads its machine, the stress catalogue, and searches over rules and distances.
+/// reads its machine, the stress catalogue, searches over rules and distances, and two pictures of
+/// ellipsoids.
 const IN_TURN: [(&str, usize); 7] = [
     ("search torus-knot --size 64x64 ", 2),
     ("run torus-knot --size 64x64 --machine found/", 2),

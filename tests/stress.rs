@@ -341,7 +341,7 @@ fn a_hundred_thousand_contributions_meet_on_one_pixel() {
     let (scene, count) = worst("crowd");
     assert_eq!(golden::render(&scene, &golden::Rules::default()).outcomes.most_in_a_pixel, 100_000);
     assert_eq!(count, 1e5);
-    // Half a minute a machine: some runs have one, none has two.
+    // Half a minute a machine: a run that has a share has one at most.
     for (_, machine) in Machine::NAMES.into_iter().enumerate().filter(|(number, _)| share::is_mine(*number)) {
         let found = found("crowd", machine, 1e5);
         assert!(found.overflowed.contains(&"fragment.weight_sum".to_owned()) && found.saturated > 0, "{machine}: {:?}", found.overflowed);

@@ -201,7 +201,7 @@ pub fn announcement(scene: &Scene, machine: &Machine) -> Result<Option<(String, 
 /// A run of the whole does more than what is timed here: it draws with every watcher, and in lockstep. Fitted, on the long side: glass-spheres
 /// at 2048² and the dragon scan at 1600² took 21 and 12 s where this told 35 and 15 (two cores).
 const RUN_OVER_FIGURES: f64 = 3.0;
-/// A splat is set up in the time of so many contributions (instructions: 340 and 250).
+/// A splat is set up in the time of so many contributions (instructions, when this was fitted: 340 and 250).
 const SET_UP: f64 = 1.36;
 
 /// How many times as long a frame takes with other contributions of as many splats.

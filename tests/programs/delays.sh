@@ -26,21 +26,9 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
 
-# Maps for speed, sizes gates, and says the longest way.
-cat > "$work/script" << 'END'
-strash
-dch
-map -B 0.9
-topo
-buffer -c
-upsize
-dnsize
-stime -p
-END
-
-# what is read, what is done before: picoseconds of the longest way
+# what is read, what is done before: picoseconds of the longest way, mapped for speed, gates sized
 picoseconds() {
-    (cd "$work" && yosys -q -p "$1; $2; dfflibmap -liberty $cells; tee -o abc.log abc -liberty $cells -script script" > /dev/null 2> err) || { cat "$work/err" >&2; exit 1; }
+    (cd "$work" && yosys -q -p "$1; $2; dfflibmap -liberty $cells; tee -o abc.log abc -liberty $cells -script $here/fastest.abc" > /dev/null 2> err) || { cat "$work/err" >&2; exit 1; }
     # The longest of all modules of logic.
     sed -n 's/.*Delay = *\([0-9.]*\) ps.*/\1/p' "$work/abc.log" | sort -rn | sed -n 1p
 }
@@ -92,7 +80,6 @@ for file; do
     machine=$(basename "$file" .json)
     "$splatsim" trace glass-spheres --size 16x16 --stimulus 1 --machine "$file" --set 'timing.raster.lanes=[1,1]' --quiet --out "$work/$machine" > /dev/null
     "$splatsim" machine clock "$file" > "$work/$machine.clock"
-    cp "$work/script" "$work/$machine/script"
     for unit in $(echo "$units" | tr , ' '); do
         parameters=
         [ "$unit" != fragment ] || parameters="-chparam WIDTH 2 -chparam HEIGHT 2"

@@ -39,26 +39,14 @@ trap 'exit 1' INT TERM
 . "$here/logic.sh"
 sources=$(echo "$sources" | sed "s|$work/pipe.sv|$rtl/pipe.sv|")
 
-# Maps for speed, sizes gates, and says the longest way.
-cat > "$work/script" << 'END_OF_SCRIPT'
-strash
-dch
-map -B 0.9
-topo
-buffer -c
-upsize
-dnsize
-stime -p
-END_OF_SCRIPT
-
 # machine, what Yosys does: whatever it says otherwise is told where it fails
 with_yosys() {
     (cd "$work/$1" && yosys -q -p "$2" > yosys.log 2>&1) || { cat "$work/$1/yosys.log" >&2; exit 1; }
 }
 
-# machine, what Yosys reads: picoseconds of the longest way
+# machine, what Yosys reads: picoseconds of the longest way, mapped for speed, gates sized
 picoseconds() {
-    with_yosys "$1" "$2; tee -o abc.log abc -liberty $cells -script ../script"
+    with_yosys "$1" "$2; tee -o abc.log abc -liberty $cells -script $here/fastest.abc"
     sed -n 's/.*Delay = *\([0-9.]*\) ps.*/\1/p' "$work/$1/abc.log" | sort -rn | sed -n 1p
 }
 
