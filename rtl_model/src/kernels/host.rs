@@ -24,53 +24,27 @@ pub trait Host: Copy + Send + Sync {
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 }
 
-/// With vector instructions. Whoever has one knows that they are there.
+/// With vector instructions, those of AVX-512 too or none of them. Whoever has one knows that they are there.
 #[derive(Clone, Copy, Debug)]
-pub struct Vectorised(());
+pub struct Vectorised<const AVX_512: bool>(());
 
-impl Vectorised {
+impl<const AVX_512: bool> Vectorised<AVX_512> {
     /// If the host has them.
     pub fn there() -> Option<Self> {
         #[cfg(target_arch = "x86_64")]
-        return avx2::is_there().then_some(Vectorised(()));
+        return if AVX_512 { avx2::is_avx_512_there() } else { avx2::is_there() }.then_some(Vectorised(()));
         #[cfg(not(target_arch = "x86_64"))]
         None
     }
 }
 
-impl Host for Vectorised {
+impl<const AVX_512: bool> Host for Vectorised<AVX_512> {
     const VECTORISED: bool = true;
 
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the features were detected when this was made.
-        return unsafe { avx2::run(kernel) };
-        #[cfg(not(target_arch = "x86_64"))]
-        plainly(kernel)
-    }
-}
-
-/// With those of AVX-512 too. Whoever has one knows that they are there.
-#[derive(Clone, Copy, Debug)]
-pub struct Widely(());
-
-impl Widely {
-    /// If the host has them.
-    pub fn there() -> Option<Self> {
-        #[cfg(target_arch = "x86_64")]
-        return avx2::is_avx_512_there().then_some(Widely(()));
-        #[cfg(not(target_arch = "x86_64"))]
-        None
-    }
-}
-
-impl Host for Widely {
-    const VECTORISED: bool = true;
-
-    fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: the features were detected when this was made.
-        return unsafe { avx2::run_with_avx_512(kernel) };
+        return unsafe { if AVX_512 { avx2::run_with_avx_512(kernel) } else { avx2::run(kernel) } };
         #[cfg(not(target_arch = "x86_64"))]
         plainly(kernel)
     }
@@ -90,7 +64,7 @@ impl Host for Plainly {
 
 /// Runs work with vector instructions where they are there, AVX-512 too.
 pub fn widely<K: Kernel>(kernel: K) -> K::Output {
-    match Widely::there() {
+    match Vectorised::<true>::there() {
         Some(host) => host.run(kernel),
         None => vectorised(kernel),
     }
@@ -98,7 +72,7 @@ pub fn widely<K: Kernel>(kernel: K) -> K::Output {
 
 /// Runs work with vector instructions where they are there, but none of AVX-512.
 pub fn vectorised<K: Kernel>(kernel: K) -> K::Output {
-    match Vectorised::there() {
+    match Vectorised::<false>::there() {
         Some(host) => host.run(kernel),
         None => plainly(kernel),
     }

@@ -3,7 +3,7 @@
 use super::shading::{input_of, layer_of, lit_layer, shade_for_merge, shade_slot};
 use super::{Drawing, Elaborated, Setup, SetupRecord};
 use crate::frame::{Each, Frame};
-use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, Widely, plainly};
+use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
 use crate::kernels::{Accumulator, Path, Tile};
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Probe, Ranges, Tap};
@@ -17,12 +17,18 @@ use rayon::prelude::*;
 
 /// The second half: raster, gauss, fragment, shade and resolve.
 pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
-    fill_at_most(Widely::there(), machine, frame, setup, probe)
+    fill_at_most(Vectorised::there(), machine, frame, setup, probe)
 }
 
 /// [`fill`] with no more of the host than this.
-pub(super) fn fill_at_most<P: Probe>(widest: Option<Widely>, machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
-    let (true, Some(host)) = (P::QUICK, Vectorised::there()) else {
+pub(super) fn fill_at_most<P: Probe>(
+    widest: Option<Vectorised<true>>,
+    machine: &Elaborated,
+    frame: &Frame,
+    setup: &Setup,
+    probe: &mut P,
+) -> Drawing {
+    let (true, Some(host)) = (P::QUICK, Vectorised::<false>::there()) else {
         return fill_as::<false, i64, P>(Plainly, machine, frame, setup, probe);
     };
     // Paths of their own for what is common: each is compiled once more for every probe.
