@@ -34,7 +34,7 @@ fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
 fn media(size: u32, side: u32) -> Vec<(String, rtl_model::Machine)> {
     let one_lane = "timing.raster.lanes=[1,1]";
     let nearest = ["fragment.sheets.table.index_bits=5", "fragment.sheets.table.interpolation=nearest", one_lane];
-    let stops = ["fragment.layers=2", "timing.fragment.hazard=1", "timing.fragment.merge=3", one_lane];
+    let stops = ["fragment.layers=2", "timing.technology=ideal", "timing.fragment.hazard=1", "timing.fragment.merge=3", one_lane];
     vec![
         (shells(size, side, &json!({"stop": 0.6})), machine("volume", &[one_lane])),
         (shells(size, side, &json!({"order": "back-to-front", "opacity": "linear"})), machine("volume", &nearest)),
@@ -729,22 +729,29 @@ fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 
         // A line for each 4×4 pixels of 64×64, and no set that is too small for those that come to it.
         "timing.cache.lines=256",
         "timing.cache.misses=256",
+        &latency,
+        &fifo,
+    ];
+    modelled(trace, scene, wired, &settings).total
+}
+
+/// What the timing model says of a frame on a machine with these settings, and memory that nobody waits for.
+fn modelled(trace: &Traced, scene: &str, wired: &Machine, settings: &[&str]) -> timing::Cycles {
+    let memory = [
         "timing.memory.bytes_per_cycle=1048576",
         "timing.memory.hit_latency=1",
         "timing.memory.miss_latency=1",
         "timing.memory.outstanding=1048576",
-        &latency,
-        &fifo,
     ];
-    let machine = settings.iter().fold(wired.clone(), |machine, setting| changed(&machine, setting, setting).unwrap());
+    let machine = settings.iter().chain(&memory).fold(wired.clone(), |machine, setting| changed(&machine, setting, setting).unwrap());
     let elaborated = fixed::elaborate(&Machine { sort: None, ..machine }).unwrap();
     let frame = quantise(&scene_of(scene), wired).unwrap().frame;
     let drawn = pipeline::draw_unobserved(&fixed::elaborate(wired).unwrap(), &frame).frame;
     let (drawing, _, work) = pipeline::draw_measured(&elaborated, &ordered(frame, &as_drawn(trace)));
     assert_eq!(drawing.frame, drawn, "in the order of the sort it is another frame");
-    let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
+    let cycles = timing::replay(&elaborated.timing, &work, Detail::Histograms);
     assert_eq!(cycles.memory.bytes[timing::Client::FrameRead as usize], [0, 0], "a line came back from memory");
-    cycles.total
+    cycles
 }
 
 /// What a frame may end with, in discs: one alone at pixel (0, 0), which is inserted; one there that merges; a needle across the picture,
@@ -1208,6 +1215,7 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     const MERGED: i64 = 2;
     /// What is evicted, where windows say so; the first outcome of windows alone, and the first of those that form them.
     const EVICTED: i64 = 3;
+    const DROPPED: i64 = 5;
     const LATE: i64 = 6;
     const SUMMED: i64 = 9;
     const PARENT: usize = 4;
@@ -1223,15 +1231,22 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
         let asked = trace.keys("fragment.request").into_iter().map(|key| key[PARENT] as usize);
         asked.filter(|record| *record < decisions.len()).for_each(|record| shades[record] += 1);
     }
-    // Windows are formed a slot a cycle, and judged, before anything is decided by them: the first of a merge's cycles.
-    let forms = constant(trace, "FRAGMENT_LAYERS") + 2;
+    // Windows are formed a slot a cycle, and judged, before anything is decided by them: the first of a merge's cycles. What those leave goes
+    // to a quotient, twice, to three steps on the way, and to what is blended.
+    let layers = constant(trace, "FRAGMENT_LAYERS");
+    let spare = merge.saturating_sub(layers + 5);
+    let forms = layers + 3 + spare / 4 + 3 * ((spare - spare / 4 * 2) / 4);
     // A splat that is a sheet of its own is blended as fast as it would be added.
     let blends_at_once = is_sheets && trace.records("frame")[0][trace.field("frame", "each_splat")] == 1;
     let mut told = Told::default();
     let mut under_way: HashMap<[i64; 2], u64> = HashMap::new();
+    let mut stopped: HashSet<[i64; 2]> = HashSet::new();
     for (decision, shades) in decisions.iter().zip(shades) {
         let evicts = is_windows && decision[outcome] == EVICTED;
-        let merges = if is_windows { evicts || decision[outcome] >= LATE } else { decision[outcome] == MERGED && !blends_at_once };
+        // What is dropped first made a sheet be blended by which its pixel stops.
+        let stops = is_sheets && decision[outcome] == DROPPED && stopped.insert([decision[0], decision[1]]);
+        let blends = !blends_at_once && (decision[outcome] == MERGED || stops);
+        let merges = if is_windows { evicts || decision[outcome] >= LATE } else { blends };
         let forms = if evicts || is_windows && decision[outcome] >= SUMMED { forms } else { 0 };
         let merge = if merges { merge } else { 0 };
         let cycles = 1 + merge + if shades > 0 { light + (shades - 1) * next_light } else { 0 };

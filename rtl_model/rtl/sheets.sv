@@ -10,7 +10,8 @@
 //
 // A contribution is taken in one cycle, its pixel is there and is decided upon in the next, and HAZARD - 2 registers later it is written:
 // so the same pixel can be taken again after HAZARD cycles, any other one in the next cycle. While a sheet is blended because another
-// begins nothing is taken, MERGE_CYCLES cycles more, as the timing model has it.
+// begins nothing is taken, MERGE_CYCLES cycles more, as the timing model has it: also where the pixel stops by that. So s_ready waits for a
+// comparison of sheets' numbers, and for no sum, table or blend: those lie in no loop but the pixel's, which has HAZARD registers.
 //
 // Losses: each sum is rounded once a contribution (fragment_sum); so is what a blend writes back (fragment_over); what a sheet comes to is
 // cut to a light, and what the composite keeps to a light.
@@ -264,7 +265,7 @@ module sheets #(
   );
 
   // A sheet that is blended because another begins keeps the unit until its last cycle; anything else is gone when the next one comes.
-  wire merging = taken && outcome == MERGED && !each_splat;
+  wire merging = taken && blends && !each_splat;
   wire free = leave && (!merging || MERGE_CYCLES == 0);
   wire waits;
   wire rests;

@@ -10,9 +10,13 @@
 //   m <- what became of each contribution        h <- after the last one: the windows of all pixels, lit, each of them a layer
 //
 // A contribution is taken in one cycle, its pixel is there and is decided upon in the next, and HAZARD - 2 registers later it is written:
-// so the same pixel can be taken again after HAZARD cycles, any other one in the next cycle. What finds no slot free takes a cycle more for
-// each of the slots and its own, and one to judge; all of them share one quotient. What is blended, summed or closed keeps the unit for
-// MERGE_CYCLES cycles more, as the timing model has it, and for as long as shade takes.
+// so the same pixel can be taken again after HAZARD cycles, any other one in the next cycle. What is blended, summed or closed keeps the
+// unit for MERGE_CYCLES cycles more, as the timing model has it, and for as long as shade takes; it is written in the last of them.
+//
+// What finds no slot free forms windows first: its slots go by, one a cycle, and whatever is found out of them has registers behind it,
+// which synthesis may retime; so has what is blended. All of it shares one quotient, and nothing changes before it is written. How many
+// registers there are follows from MERGE_CYCLES, of which elaboration asks for as many as operators take. No more is done in one cycle than
+// to find out whether a contribution keeps the unit, by comparisons of depths alone, and to go on with what is seen from slot to slot.
 //
 // Losses: each sum is rounded once a contribution (fragment_sum); so is what two slots add up to, what is blended into a closed slot, and
 // each transmittance and quotient on the way.
@@ -59,6 +63,13 @@ module windows #(
   localparam int SLOT_NUMBER_W = machine_pkg::FRAGMENT_OUT_SLOT_W;
   localparam int HAZARD = machine_pkg::FRAGMENT_HAZARD;
   localparam int MERGE_CYCLES = machine_pkg::FRAGMENT_MERGE_CYCLES;
+  // Registers behind: whether a slot joins a window, a quotient, what is seen of a slot, the pair that costs least, and what is blended.
+  localparam int SPARE = MERGE_CYCLES - LAYERS - 5;
+  localparam int QUOTIENT_STAGES = SPARE / 4;
+  localparam int STAGES = (SPARE - 2 * QUOTIENT_STAGES) / 4;
+  localparam int BLEND_STAGES = SPARE - 2 * QUOTIENT_STAGES - 3 * STAGES;
+  // Cycles from finding no slot free to knowing the pair.
+  localparam int FORMING = LAYERS + 3 + QUOTIENT_STAGES + 3 * STAGES;
   localparam bit INTERVAL = machine_pkg::FRAGMENT_GROUP == machine_pkg::GROUP_INTERVAL;
   localparam bit LATE = machine_pkg::FRAGMENT_LATE != 0;
   localparam bit INSIDE = machine_pkg::FRAGMENT_INSIDE != 0;
@@ -184,6 +195,11 @@ module windows #(
     gap = z < near ? near - z : z > far ? z - far : '0;
   endfunction
 
+  // Whether a span stays narrow with a depth, if it is narrow: it lies between the depth less a width and the depth and that width.
+  function spans(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input signed [DEPTH_W+1:0] from, input [DEPTH_W:0] to);
+    spans = $signed({2'b00, near}) > from && {1'b0, far} < to;
+  endfunction
+
   // Whether one closed slot lies behind the front of another and before its farthest depth.
   function encloses(input [DEPTH_W-1:0] front_far, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] its_near, input [DEPTH_W-1:0] its_far);
     encloses = INSIDE && front_far < its_near && its_far < far;
@@ -228,19 +244,35 @@ module windows #(
   // A memory cannot be emptied at once: which pixels have been touched at all is kept in registers.
   logic [STATE_W-1:0] memory[0:PIXELS-1];
   logic [STATE_W-1:0] out;
+  logic [3*LAYERS-1:0] out_narrow;
   logic [PIXELS-1:0] touched;
   logic touched_out;
   wire empty_all;
+  wire [STATE_W-1:0] read_state = memory[read_pixel];
+  wire [3*LAYERS-1:0] read_narrow;
   always_ff @(posedge clk) begin
     if (write) memory[write_pixel] <= write_state;
-    if (read) out <= memory[read_pixel];
+    if (read) out <= read_state;
+    if (read) out_narrow <= read_narrow;
     if (read) touched_out <= touched[read_pixel];
     if (rst || empty_all) touched <= '0;
     else if (write) touched[write_pixel] <= 1'b1;
   end
+  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_read
+    windows_narrow is_narrow (
+        .near(read_state[slot*SLOT_W+NEAR+:DEPTH_W]),
+        .far(read_state[slot*SLOT_W+FAR+:DEPTH_W]),
+        .front_far(read_state[slot*SLOT_W+FRONT_FAR+:DEPTH_W]),
+        .back_near(read_state[slot*SLOT_W+BACK_NEAR+:DEPTH_W]),
+        .reach(reach),
+        .threshold(z_threshold),
+        .narrow(read_narrow[3*slot+:3])
+    );
+  end
 
   // With a hazard of 1 a pixel is read in the cycle in which it is written.
   wire [STATE_W-1:0] state;
+  wire [3*LAYERS-1:0] narrow;
   if (HAZARD == 1) begin : g_forward
     logic [STATE_W-1:0] late_state;
     logic late_one;
@@ -250,23 +282,64 @@ module windows #(
         late_state <= write_state;
       end
     end
+    wire [3*LAYERS-1:0] late_narrow;
+    for (genvar slot = 0; slot < LAYERS; slot++) begin : g_slot
+      windows_narrow is_narrow (
+          .near(late_state[slot*SLOT_W+NEAR+:DEPTH_W]),
+          .far(late_state[slot*SLOT_W+FAR+:DEPTH_W]),
+          .front_far(late_state[slot*SLOT_W+FRONT_FAR+:DEPTH_W]),
+          .back_near(late_state[slot*SLOT_W+BACK_NEAR+:DEPTH_W]),
+          .reach(reach),
+          .threshold(z_threshold),
+          .narrow(late_narrow[3*slot+:3])
+      );
+    end
     assign state = late_one ? late_state : touched_out ? out : '0;
+    assign narrow = late_one ? late_narrow : out_narrow;
   end else begin : g_stall
     assign state = touched_out ? out : '0;
+    assign narrow = out_narrow;
   end
   wire [SLOTS_W-1:0] held = state[SLOTS_W-1:0];
   wire [LIVE_W-1:0] live = state[SLOTS_W+:LIVE_W];
 
   // Contribute: the contribution, and its pixel as it is.
 
+  // Ahead of its register: its depth, and between which depths a span is still narrow with it.
+  wire [DEPTH_W-1:0] s_z;
+  fit #(
+      .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
+      .PLACES(machine_pkg::RASTER_EXACT_DEPTH_F - DEPTH_F),
+      .W(DEPTH_W),
+      .S(machine_pkg::FRAGMENT_DEPTH_S),
+      .ROUND(machine_pkg::FRAGMENT_DEPTH_ROUND),
+      .WRAP(machine_pkg::FRAGMENT_DEPTH_WRAP)
+  ) fit_depth (
+      .exact($signed(s_data[machine_pkg::FRAGMENT_IN_DEPTH_LSB+:machine_pkg::FRAGMENT_IN_DEPTH_W])),
+      .word(s_z)
+  );
+
   logic taken;
+  // Of its depth what is kept is the comparators' word.
+  // verilator lint_off UNUSEDSIGNAL
   logic [machine_pkg::FRAGMENT_IN_W-1:0] contribution;
+  // verilator lint_on UNUSEDSIGNAL
   logic [PIXEL_W-1:0] pixel;
+  logic [DEPTH_W-1:0] z;
+  logic signed [DEPTH_W+1:0] reach_from, side_from;
+  logic [DEPTH_W:0] reach_to, side_to;
   wire leave;
   always_ff @(posedge clk) begin
     taken <= !rst && (take || taken && !leave);
-    if (take) contribution <= s_data;
-    if (take) pixel <= read_pixel;
+    if (take) begin
+      contribution <= s_data;
+      pixel <= read_pixel;
+      z <= s_z;
+      reach_from <= $signed({2'b00, s_z}) - $signed({2'b00, reach});
+      reach_to <= {1'b0, s_z} + {1'b0, reach};
+      side_from <= $signed({2'b00, s_z}) - $signed({2'b00, z_threshold});
+      side_to <= {1'b0, s_z} + {1'b0, z_threshold};
+    end
   end
 
   wire [X_W-1:0] x = contribution[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
@@ -278,19 +351,6 @@ module windows #(
   wire [MATERIAL_W-1:0] material = contribution[machine_pkg::FRAGMENT_IN_MATERIAL_LSB+:MATERIAL_W];
   wire [3*RGB_W-1:0] own_light = contribution[machine_pkg::FRAGMENT_IN_LIGHT_B_LSB+:3*RGB_W];
   wire [DENSITY_W-1:0] density = contribution[machine_pkg::FRAGMENT_IN_DENSITY_LSB+:DENSITY_W];
-  wire [DEPTH_W-1:0] z;
-  fit #(
-      .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
-      .PLACES(machine_pkg::RASTER_EXACT_DEPTH_F - DEPTH_F),
-      .W(DEPTH_W),
-      .S(machine_pkg::FRAGMENT_DEPTH_S),
-      .ROUND(machine_pkg::FRAGMENT_DEPTH_ROUND),
-      .WRAP(machine_pkg::FRAGMENT_DEPTH_WRAP)
-  ) fit_depth (
-      .exact($signed(contribution[machine_pkg::FRAGMENT_IN_DEPTH_LSB+:machine_pkg::FRAGMENT_IN_DEPTH_W])),
-      .word(z)
-  );
-
   // 1, 2: the first of the nearest open slots that it joins; of the nearest sides that it is late for; and the last slot around it.
   wire [LAYERS-1:0] there, joins_open, lies_in;
   wire [SIDES-1:0] late_sides;
@@ -302,14 +362,14 @@ module windows #(
     wire [DEPTH_W-1:0] far = its[FAR+:DEPTH_W];
     wire [DEPTH_W-1:0] front_far = its[FRONT_FAR+:DEPTH_W];
     wire [DEPTH_W-1:0] back_near = its[BACK_NEAR+:DEPTH_W];
-    wire [DEPTH_W-1:0] apart = gap(near, far, z);
     wire closed = there[slot] && its[CLOSED];
+    wire spanned = near <= z && z <= far;
     assign there[slot] = live > LIVE_W'(slot);
-    assign open_gaps[slot*DEPTH_W+:DEPTH_W] = apart;
-    assign joins_open[slot] = there[slot] && !its[CLOSED] && (apart == '0 || farther(far, z) - nearer(near, z) < reach);
+    assign open_gaps[slot*DEPTH_W+:DEPTH_W] = gap(near, far, z);
+    assign joins_open[slot] = there[slot] && !its[CLOSED] && (spanned || narrow[3*slot] && spans(near, far, reach_from, reach_to));
     assign side_gaps[2*slot*DEPTH_W+:2*DEPTH_W] = {gap(back_near, far, z), gap(near, front_far, z)};
-    assign late_sides[2*slot] = LATE && closed && farther(front_far, z) - nearer(near, z) < z_threshold;
-    assign late_sides[2*slot+1] = LATE && closed && farther(far, z) - nearer(back_near, z) < z_threshold;
+    assign late_sides[2*slot] = LATE && closed && narrow[3*slot+1] && spans(near, front_far, side_from, side_to);
+    assign late_sides[2*slot+1] = LATE && closed && narrow[3*slot+2] && spans(back_near, far, side_from, side_to);
     assign lies_in[slot] = INSIDE && closed && near < z && z < far;
   end
   wire [LAYERS-1:0] found = LAYERS'(least(SIDES'(joins_open), (SIDES * DEPTH_W)'(open_gaps)));
@@ -320,9 +380,10 @@ module windows #(
     // The last of those that it lies in: none behind it.
     assign around[slot] = lies_in[slot] && (lies_in >> (slot + 1)) == '0;
   end
-  wire matched = found != '0;
-  wire is_late = !matched && late_side != '0;
-  wire is_inside = !matched && !is_late && around != '0;
+  // Which of these it is, no order of slots is needed for.
+  wire matched = joins_open != '0;
+  wire is_late = !matched && late_sides != '0;
+  wire is_inside = !matched && late_sides == '0 && lies_in != '0;
   wire full = there[LAYERS-1];
 
   // Accumulate: the sums of what was found, or of a fresh slot.
@@ -441,52 +502,67 @@ module windows #(
   // What takes several cycles has its slots here: an overflow, and the windows of a pixel in the end.
   localparam [1:0] DECIDES = 2'd0, WALKS = 2'd1, JUDGES = 2'd2;
   localparam [1:0] FORMS = 2'd0, LIGHTS = 2'd1, PUTS = 2'd2, OFFERS = 2'd3;
+  localparam int COUNT_W = $clog2(FORMING);
   logic [1:0] phase;
   logic [1:0] ends;
   logic busy;
   logic [STACK_W-1:0] stack;
   logic [SLOT_NUMBER_W-1:0] place;
+  logic [COUNT_W-1:0] cycles;
   logic [PLACE_W-1:0] step;
-  wire loads;
-  wire steps;
+  wire loads, steps, puts, lit_up, is_blended;
   wire deciding = taken && phase == DECIDES;
-  wire judging = taken && phase == JUDGES;
+  wire judged = phase == JUDGES;
+  wire judging = taken && judged;
   wire overflows = !matched && !is_late && !is_inside && full;
   always_ff @(posedge clk) begin
-    if (rst || leave) phase <= DECIDES;
-    else if (deciding && overflows) phase <= WALKS;
-    else if (phase == WALKS && step == PLACE_W'(LAYERS)) phase <= JUDGES;
+    if (rst || take) phase <= DECIDES;
+    else if (deciding && overflows || loads) phase <= WALKS;
+    else if (phase == WALKS && cycles == COUNT_W'(FORMING - 2)) phase <= JUDGES;
     if (deciding || loads) begin
       stack <= sorted;
       place <= number(fresh_place);
       step <= '0;
-    end else if (phase == WALKS || steps) step <= step + PLACE_W'(1);
+    end else if (steps) step <= step + PLACE_W'(1);
+    if (deciding || loads || lit_up) cycles <= '0;
+    else if (phase == WALKS || puts && !is_blended) cycles <= cycles + COUNT_W'(1);
   end
-  wire [PLACES-1:0] at_step = PLACES'(1) << step;
-  wire [SLOT_W-1:0] slot_now = chosen(at_step, stack);
+  wire [PLACES-1:0] at_slot = PLACES'(1) << (phase == WALKS ? cycles : COUNT_W'(step));
+  wire [SLOT_W-1:0] slot_now = chosen(at_slot, stack);
   wire [DEPTH_W-1:0] near_now = slot_now[NEAR+:DEPTH_W];
 
-  // 4: whether it joins the window before it: its mean depth lies before the window's end.
+  // 4: which of the slots before it could start a window that it joins: its mean depth lies before the window's end. And whether one does.
   localparam int ENDS_F = WEIGHT_F + DEPTH_F;
   localparam int MEAN_UP = ENDS_F > DEPTHS_F ? ENDS_F - DEPTHS_F : 0;
   localparam int ENDS_UP = DEPTHS_F > ENDS_F ? DEPTHS_F - ENDS_F : 0;
   localparam int MEAN_W = WEIGHT_W + DEPTH_W + 1 + ENDS_UP > DEPTHS_W + MEAN_UP ? WEIGHT_W + DEPTH_W + 1 + ENDS_UP : DEPTHS_W + MEAN_UP;
-  logic growing;
-  logic [DEPTH_W-1:0] start;
-  logic [PLACE_W-1:0] first;
   wire [WEIGHT_W-1:0] weight_now = slot_now[WEIGHT+:WEIGHT_W];
-  wire [DEPTH_W:0] end_of_window = (DEPTH_W + 1)'(start) + (DEPTH_W + 1)'(z_threshold);
   wire [MEAN_W-1:0] mean = MEAN_W'(slot_now[DEPTHS+:DEPTHS_W]) << MEAN_UP;
-  wire [MEAN_W-1:0] least_beyond = (MEAN_W'(weight_now) * MEAN_W'(end_of_window)) << ENDS_UP;
-  wire joins = growing && !slot_now[CLOSED] && (weight_now == '0 ? (DEPTH_W + 1)'(near_now) < end_of_window : mean < least_beyond);
-  wire [PLACE_W-1:0] first_now = joins ? first : step;
-  wire [DEPTH_W-1:0] start_now = joins ? start : near_now;
+  wire [LAYERS-1:0] lies_before_end, can_join;
+  for (genvar earlier = 0; earlier < LAYERS; earlier++) begin : g_join
+    wire [DEPTH_W:0] end_of_window = (DEPTH_W + 1)'(stack[earlier*SLOT_W+NEAR+:DEPTH_W]) + (DEPTH_W + 1)'(z_threshold);
+    wire [MEAN_W-1:0] least_beyond = (MEAN_W'(weight_now) * MEAN_W'(end_of_window)) << ENDS_UP;
+    assign lies_before_end[earlier] =
+        !slot_now[CLOSED] && (weight_now == '0 ? (DEPTH_W + 1)'(near_now) < end_of_window : mean < least_beyond);
+  end
+  wire [PLACES-1:0] at_join;
+  delay #(.W(PLACES + LAYERS), .STAGES(STAGES)) join_stages (
+      .clk(clk), .now({phase == WALKS ? at_slot : '0, lies_before_end}), .late({at_join, can_join}));
+  wire [SLOT_W-1:0] slot_joining = chosen(at_join, stack);
+  logic growing;
+  logic [PLACES-1:0] first;
+  wire joins = growing && (first[LAYERS-1:0] & can_join) != '0;
+  wire [PLACES-1:0] first_now = joins ? first : at_join;
 
   // What is seen: of a window through those before it, and of a slot through the closed ones before it.
   wire [PART_W-1:0] part;
   logic [THROUGH_W-1:0] through;
   logic [WEIGHT_W+3:0] window_weight;
   logic [OPACITY_W+3:0] window_opacity;
+  wire ends_window;
+  wire [PLACES-1:0] at_through;
+  delay #(.W(PLACES + 1), .STAGES(QUOTIENT_STAGES)) quotient_stages (
+      .clk(clk), .now({at_join, growing && !joins}), .late({at_through, ends_window}));
   wire [THROUGH_W-1:0] through_window;
   wire [PART_W-1:0] clear_part = PART_ONE - part;
   wire signed [THROUGH_W+PART_W+1:0] exact_through = $signed({1'b0, through}) * $signed({1'b0, clear_part});
@@ -501,7 +577,10 @@ module windows #(
       .exact(exact_through),
       .word(through_window)
   );
-  wire [THROUGH_W-1:0] through_now = growing && !joins ? through_window : through;
+  logic [PLACES-1:0] at_seen;
+  // verilator lint_off UNUSEDSIGNAL
+  wire [SLOT_W-1:0] slot_seen = chosen(at_seen, stack);
+  // verilator lint_on UNUSEDSIGNAL
   for (genvar earlier = 0; earlier < LAYERS; earlier++) begin : g_seen
     wire [SLOT_W-1:0] its = stack[earlier*SLOT_W+:SLOT_W];
     wire [4*LIGHT_W-1:0] lit;
@@ -509,10 +588,10 @@ module windows #(
     fragment_read read_slot (.colours(its[COLOURS+:3*COLOUR_W]), .opacity(its[OPACITY+:OPACITY_W]), .lit(lit));
     windows_rest of_light (.opacity(lit[LIGHT_W-1:0]), .through(rest));
     wire unused_colours = &{1'b0, lit[4*LIGHT_W-1:LIGHT_W]};
-    wire [THROUGH_W-1:0] behind = near_now < its[FAR+:DEPTH_W] ? its[BEHIND_FRONT+:THROUGH_W] : rest;
+    wire [THROUGH_W-1:0] behind = slot_seen[NEAR+:DEPTH_W] < its[FAR+:DEPTH_W] ? its[BEHIND_FRONT+:THROUGH_W] : rest;
     wire [THROUGH_W-1:0] seen_so_far, seen_on;
     if (earlier == 0) begin : g_first
-      assign seen_so_far = through_now;
+      assign seen_so_far = through;
     end else begin : g_next
       assign seen_so_far = g_seen[earlier-1].seen_on;
     end
@@ -528,38 +607,44 @@ module windows #(
         .exact(exact),
         .word(seen_fitted)
     );
-    assign seen_on = PLACE_W'(earlier) < step && its[CLOSED] ? seen_fitted : seen_so_far;
+    assign seen_on = (at_seen >> (earlier + 1)) != '0 && its[CLOSED] ? seen_fitted : seen_so_far;
   end
-  logic [PLACES*PLACE_W-1:0] firsts;
-  // Where the deepest window starts matters to no pair.
-  // verilator lint_off UNUSEDSIGNAL
-  logic [PLACES*DEPTH_W-1:0] starts;
-  // verilator lint_on UNUSEDSIGNAL
-  logic [PLACES*POWERS-1:0] powers;
+  wire [PLACES-1:0] at_power;
+  wire [THROUGH_W-1:0] seen_of_slot;
+  delay #(.W(PLACES + THROUGH_W), .STAGES(STAGES)) seen_stages (
+      .clk(clk), .now({at_seen, g_seen[LAYERS-1].seen_on}), .late({at_power, seen_of_slot}));
+  // Of each slot which one starts its window, and the power.
+  wire [PLACES*PLACES-1:0] firsts;
+  wire [PLACES*POWERS-1:0] powers;
+  for (genvar slot = 0; slot < PLACES; slot++) begin : g_found
+    logic [PLACES-1:0] its_first;
+    logic [POWERS-1:0] its_power;
+    always_ff @(posedge clk) begin
+      if (at_join[slot]) its_first <= first_now;
+      if (at_power[slot]) its_power <= power_of(seen_of_slot);
+    end
+    assign firsts[slot*PLACES+:PLACES] = its_first;
+    assign powers[slot*POWERS+:POWERS] = its_power;
+  end
   always_ff @(posedge clk) begin
     if (deciding || loads) begin
       growing <= 1'b0;
       through <= THROUGH_ONE;
-    end else if (phase == WALKS) begin
-      growing <= !slot_now[CLOSED];
-      through <= through_now;
-    end else if (steps) growing <= 1'b1;
-    else if (walking && ends == LIGHTS) growing <= 1'b0;
-    if (phase == WALKS || steps) begin
-      first <= first_now;
-      start <= start_now;
-      window_weight <= (joins ? window_weight : '0) + (WEIGHT_W + 4)'(weight_now);
-      window_opacity <= (joins ? window_opacity : '0) + (OPACITY_W + 4)'(slot_now[OPACITY+:OPACITY_W]);
+    end else begin
+      if (at_join != '0) growing <= !slot_joining[CLOSED];
+      if (ends_window && at_through != '0) through <= through_window;
     end
-    if (phase == WALKS) begin
-      firsts[step*PLACE_W+:PLACE_W] <= first_now;
-      starts[step*DEPTH_W+:DEPTH_W] <= start_now;
-      powers[step*POWERS+:POWERS] <= power_of(g_seen[LAYERS-1].seen_on);
+    at_seen <= at_through;
+    if (at_join != '0) begin
+      first <= first_now;
+      window_weight <= (joins ? window_weight : '0) + (WEIGHT_W + 4)'(slot_joining[WEIGHT+:WEIGHT_W]);
+      window_opacity <= (joins ? window_opacity : '0) + (OPACITY_W + 4)'(slot_joining[OPACITY+:OPACITY_W]);
     end
   end
 
   // 5: whether nothing is seen of the deepest.
-  wire evicts = EVICTS && powers[LAYERS*POWERS+:POWERS] == '0;
+  wire hides_deepest = EVICTS && powers[LAYERS*POWERS+:POWERS] == '0;
+  wire evicts;
 
   // 6: the pair that costs least, of equals the one nearer to the eye.
   localparam int COST_W = 2 * DEPTH_W + 2 + POWERS - 1;
@@ -577,8 +662,11 @@ module windows #(
     wire [SLOT_W-1:0] b = stack[(front+1)*SLOT_W+:SLOT_W];
     wire [DEPTH_W-1:0] far = farther(a[FAR+:DEPTH_W], b[FAR+:DEPTH_W]);
     wire [DEPTH_W-1:0] width = far - a[NEAR+:DEPTH_W];
-    wire of_one = firsts[front*PLACE_W+:PLACE_W] == firsts[(front+1)*PLACE_W+:PLACE_W];
-    wire [DEPTH_W:0] reaches = (DEPTH_W + 1)'(z_threshold) + (DEPTH_W + 1)'(far - starts[front*DEPTH_W+:DEPTH_W]);
+    wire of_one = firsts[front*PLACES+:PLACES] == firsts[(front+1)*PLACES+:PLACES];
+    // verilator lint_off UNUSEDSIGNAL
+    wire [SLOT_W-1:0] starts = chosen(firsts[front*PLACES+:PLACES], stack);
+    // verilator lint_on UNUSEDSIGNAL
+    wire [DEPTH_W:0] reaches = (DEPTH_W + 1)'(z_threshold) + (DEPTH_W + 1)'(far - starts[NEAR+:DEPTH_W]);
     wire [COST_W-1:0] whole = of_one ? COST_W'(width) * COST_W'(reaches) : (COST_W'(z_threshold) * COST_W'(z_threshold)) << 1;
     assign costs[front*COST_W+:COST_W] = times_power(whole, powers[front*POWERS+:POWERS]);
     assign may_sum[front] = !INTERVAL && !a[CLOSED] && !b[CLOSED] && width < z_threshold;
@@ -600,7 +688,8 @@ module windows #(
       end
     end
   endfunction
-  wire [LAYERS-1:0] pair = cheapest(may_sum, costs);
+  wire [LAYERS-1:0] pair;
+  delay #(.W(LAYERS + 1), .STAGES(STAGES)) judge_stages (.clk(clk), .now({hides_deepest, cheapest(may_sum, costs)}), .late({evicts, pair}));
   wire sums_up = !evicts && pair != '0;
 
   // Two open slots in one: a pair, or in the end a window and the slot that joins it.
@@ -672,7 +761,7 @@ module windows #(
   wire ask_back = !deepest[CLOSED];
   wire ask_front = !shaded[CLOSED];
   logic asked_back, asked_front, here_back;
-  logic [machine_pkg::FRAGMENT_ANSWER_W-1:0] light_back;
+  logic [machine_pkg::FRAGMENT_ANSWER_W-1:0] light_back, light_front;
   wire lighting = walking && busy && ends == LIGHTS;
   wire asks_back = closes && ask_back && !asked_back;
   wire asks_front = (closes || lighting) && ask_front && !asked_front;
@@ -686,7 +775,7 @@ module windows #(
   // An answer is the back one's as long as that is missing.
   wire awaits_back = closes && ask_back && !here_back;
   wire complete = awaits_back ? a_valid && !ask_front : a_valid || !ask_front;
-  wire lit_up = lighting && (a_valid || !ask_front);
+  assign lit_up = lighting && (a_valid || !ask_front);
   assign a_ready = lighting || closes && (awaits_back && ask_front || leave && (awaits_back || ask_front));
   always_ff @(posedge clk) begin
     if (rst || leave || lit_up) begin
@@ -700,7 +789,8 @@ module windows #(
       end
       if (closes && a_valid && a_ready) here_back <= 1'b1;
     end
-    if (a_valid && a_ready) light_back <= a_data;
+    if (a_valid && a_ready && awaits_back) light_back <= a_data;
+    if (a_valid && a_ready && !awaits_back) light_front <= a_data;
   end
   // verilator lint_off UNUSEDSIGNAL
   wire [SLOT_W-1:0] shut_back, shut_front;
@@ -710,7 +800,7 @@ module windows #(
       .REST_W(REST_W)
   ) close_back (
       .slot(deepest),
-      .light(here_back ? light_back : a_data),
+      .light(light_back),
       .shut(shut_back)
   );
   windows_close #(
@@ -718,7 +808,7 @@ module windows #(
       .REST_W(REST_W)
   ) close_front (
       .slot(shaded),
-      .light(a_data),
+      .light(light_front),
       .shut(shut_front)
   );
 
@@ -783,7 +873,8 @@ module windows #(
   wire [QUOTIENT_W-1:0] most = QUOTIENT_W'(window_weight) > QUOTIENT_W'(coverage_threshold)
       ? QUOTIENT_W'(window_weight) : QUOTIENT_W'(coverage_threshold);
   wire is_window = phase == WALKS;
-  wire is_late_one = deciding && is_late;
+  wire is_late_one = phase == DECIDES && is_late;
+  wire [PART_W-1:0] part_now;
   windows_quotient #(
       .W(QUOTIENT_W),
       .PLACES_W(PLACES_W),
@@ -792,8 +883,9 @@ module windows #(
       .numerator(is_window ? QUOTIENT_W'(window_opacity) : is_late_one ? numerator_late : numerator_inside),
       .denominator(is_window ? most : is_late_one ? denominator_late : denominator_inside),
       .places(is_window ? OF_WINDOW : is_late_one ? OF_LATE : OF_INSIDE),
-      .part(part)
+      .part(part_now)
   );
+  delay #(.W(PART_W), .STAGES(QUOTIENT_STAGES)) part_stages (.clk(clk), .now(part_now), .late(part));
 
   // 2: a late contribution to one side of a closed slot.
   wire [LAYERS-1:0] late_slot = late_front | late_back;
@@ -840,9 +932,9 @@ module windows #(
   logic [SLOT_W-1:0] last;
   wire [4*LIGHT_W-1:0] splat_lit;
   windows_splat #(.ROMS(ROMS)) splat (.weight(weight), .density(density), .light(own_light), .lit(splat_lit));
-  wire [SLOT_W-1:0] outer = walking ? last : judging ? shut_front : chosen({1'b0, around}, {SLOT_W'(0), held});
-  wire [DEPTH_W-1:0] inner_near = walking ? window[NEAR+:DEPTH_W] : judging ? shut_back[NEAR+:DEPTH_W] : z;
-  wire [DEPTH_W-1:0] inner_far = walking ? window[FAR+:DEPTH_W] : judging ? shut_back[FAR+:DEPTH_W] : z;
+  wire [SLOT_W-1:0] outer = walking ? last : judged ? shut_front : chosen({1'b0, around}, {SLOT_W'(0), held});
+  wire [DEPTH_W-1:0] inner_near = walking ? window[NEAR+:DEPTH_W] : judged ? shut_back[NEAR+:DEPTH_W] : z;
+  wire [DEPTH_W-1:0] inner_far = walking ? window[FAR+:DEPTH_W] : judged ? shut_back[FAR+:DEPTH_W] : z;
   wire [DEPTH_W:0] twice_inner = (DEPTH_W + 1)'(inner_near) + (DEPTH_W + 1)'(inner_far);
   wire [DEPTH_W:0] twice_middle = (DEPTH_W + 1)'(outer[FRONT_FAR+:DEPTH_W]) + (DEPTH_W + 1)'(outer[BACK_NEAR+:DEPTH_W]);
   wire [SLOT_W-1:0] becomes_inside;
@@ -855,7 +947,7 @@ module windows #(
       .behind_front(outer[BEHIND_FRONT+:THROUGH_W]),
       .before_back(outer[THROUGH_W-1:0]),
       .nearer_back(twice_inner >= twice_middle),
-      .x(walking ? over : judging ? under : splat_lit),
+      .x(walking ? over : judged ? under : splat_lit),
       .numerator(numerator_inside),
       .denominator(denominator_inside),
       .lost(part),
@@ -880,20 +972,28 @@ module windows #(
   wire [SLOT_NUMBER_W-1:0] decided_slot = judging ? slot_in_the_end : slot_at_once;
   wire [SLOT_NUMBER_W-1:0] decided_place = judging && !evicts ? place : '0;
 
+  // What becomes of the one slot that is blended, summed or closed; in the end of a layer that a window comes inside of.
+  wire [SLOT_W-1:0] changed_in_the_end = sums_up ? summed : is_closed_inside ? becomes_inside : behind;
+  wire [SLOT_W-1:0] changed_at_once = is_late ? becomes_late : becomes_inside;
+  wire [SLOT_W-1:0] changed;
+  delay #(.W(SLOT_W), .STAGES(BLEND_STAGES)) blend_stages (
+      .clk(clk), .now(walking ? becomes_inside : judged ? changed_in_the_end : changed_at_once), .late(changed));
+
+  wire settles;
   wire [SLOTS_W-1:0] decided_slots;
   for (genvar slot = 0; slot < LAYERS; slot++) begin : g_decided
     // Behind a pair that was summed all move up by one.
     wire behind_pair = sums_up && (pair & LAYERS'((1 << slot) - 1)) != '0;
     wire [SLOT_W-1:0] stays = behind_pair ? stack[(slot+1)*SLOT_W+:SLOT_W] : stack[slot*SLOT_W+:SLOT_W];
-    wire [SLOT_W-1:0] deepest_now = is_closed_inside ? becomes_inside : behind;
-    wire [SLOT_W-1:0] in_the_end = sums_up && pair[slot] ? summed : !evicts && !sums_up && slot == LAYERS - 1 ? deepest_now : stays;
-    wire [SLOT_W-1:0] changed = matched ? becomes : is_late ? becomes_late : becomes_inside;
-    wire [SLOT_W-1:0] at_once = outcome_at_once == INSERTED ? sorted[slot*SLOT_W+:SLOT_W]
-        : changed_slot[slot] ? changed : held[slot*SLOT_W+:SLOT_W];
-    assign decided_slots[slot*SLOT_W+:SLOT_W] = judging ? in_the_end : at_once;
+    wire closes_here = !evicts && !sums_up && slot == LAYERS - 1;
+    wire [SLOT_W-1:0] in_the_end = sums_up && pair[slot] || closes_here ? changed : stays;
+    wire [SLOT_W-1:0] its = held[slot*SLOT_W+:SLOT_W];
+    wire [SLOT_W-1:0] at_once = !matched ? sorted[slot*SLOT_W+:SLOT_W] : found[slot] ? becomes : its;
+    assign decided_slots[slot*SLOT_W+:SLOT_W] = !settles ? at_once : judged ? in_the_end : changed_slot[slot] ? changed : its;
   end
-  wire [LIVE_W-1:0] decided_live = outcome == INSERTED ? live + LIVE_W'(1) : live;
+  wire [LIVE_W-1:0] decided_live = matched || settles ? live : live + LIVE_W'(1);
 
+  wire merges = judging || is_late || is_inside;
   wire under_way;
   fragment_late #(
       .W(PIXEL_W + STATE_W),
@@ -901,7 +1001,7 @@ module windows #(
   ) write_late (
       .clk(clk),
       .rst(rst),
-      .decided(leave),
+      .decided(leave && !merges || settles),
       .decision({pixel, decided_live, decided_slots}),
       .write(write),
       .written({write_pixel, write_state}),
@@ -909,8 +1009,7 @@ module windows #(
   );
 
   // What is blended, summed, closed or evicted keeps the unit until its last cycle; anything else is gone when the next one comes.
-  wire merges = outcome != ACCUMULATED && outcome != INSERTED;
-  wire free = leave && (!merges || MERGE_CYCLES == 0);
+  wire free = leave && !merges;
   wire waits;
   wire rests;
   fragment_hazard #(
@@ -925,18 +1024,16 @@ module windows #(
       .pixel(pixel),
       .waits(waits)
   );
-  // Of its cycles those are over that windows took.
-  localparam int SPENT = LAYERS + 2;
-  localparam int REST_AT_ONCE = MERGE_CYCLES > 1 ? MERGE_CYCLES - 1 : 0;
-  localparam int REST_IN_THE_END = REST_AT_ONCE > SPENT ? REST_AT_ONCE - SPENT : 0;
-  localparam int REST_COUNT_W = $clog2(REST_AT_ONCE + 2);
+  // Its further cycles, less those that windows took. In the last of them it is written.
+  localparam int REST_COUNT_W = $clog2(MERGE_CYCLES);
   logic [REST_COUNT_W-1:0] rest_cycles;
   always_ff @(posedge clk) begin
     if (rst) rest_cycles <= '0;
-    else if (leave && merges) rest_cycles <= judging ? REST_COUNT_W'(REST_IN_THE_END) : REST_COUNT_W'(REST_AT_ONCE);
+    else if (leave && merges) rest_cycles <= judging ? REST_COUNT_W'(MERGE_CYCLES - 1 - FORMING) : REST_COUNT_W'(MERGE_CYCLES - 1);
     else if (rests) rest_cycles <= rest_cycles - REST_COUNT_W'(1);
   end
   assign rests = rest_cycles != '0;
+  assign settles = rest_cycles == REST_COUNT_W'(1);
 
   // The decision's way out: the rest of the unit's latency.
   localparam int REST_OF_LATENCY = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_LATENCY - 1 : 1;
@@ -963,25 +1060,36 @@ module windows #(
   logic done;
   assign s_ready = !walking && !done && !rests && !(s_valid && waits) && (!taken || free);
 
-  // Walk: the windows of all pixels, row by row. A pixel is read and sorted; slots join a window as long as they can; the window is shaded,
-  // and is either blended inside of the layer before it, or a layer itself, for which the one before is offered.
+  // Walk: the windows of all pixels, row by row. A pixel is read and sorted, and its windows are formed; the slots of a window add up; the
+  // window is shaded, and is either blended inside of the layer before it, or a layer itself, for which the one before is offered.
 
-  wire begins = drain && !s_valid && !taken && !under_way && !walking && !done;
+  wire begins = drain && !s_valid && !taken && !rests && !under_way && !walking && !done;
   logic [X_W-1:0] at_x;
   logic [Y_W-1:0] at_y;
   logic here;
   logic has_last;
-  logic [PLACE_W-1:0] last_first;
+  logic adds;
+  logic [PLACES-1:0] window_first;
+  logic [SLOT_NUMBER_W-1:0] last_first;
   wire [PLACE_W-1:0] live_places = PLACE_W'(live);
   wire empty = walking && here && live == '0;
-  wire forms = walking && busy && ends == FORMS;
-  wire puts = walking && busy && ends == PUTS;
+  wire forms = walking && busy && judged && ends == FORMS;
+  assign puts = walking && busy && ends == PUTS;
   wire offers = walking && busy && ends == OFFERS;
-  wire goes_on = forms && step < live_places && (!growing || joins && !window[CLOSED]);
+  wire [PLACES-1:0] first_of_slot;
+  for (genvar one = 0; one < PLACES; one++) begin : g_first
+    wire [PLACES-1:0] starts;
+    for (genvar slot = 0; slot < PLACES; slot++) begin : g_slot
+      assign starts[slot] = at_slot[slot] && firsts[slot*PLACES+one];
+    end
+    assign first_of_slot[one] = starts != '0;
+  end
+  wire goes_on = forms && step < live_places && (!adds || first_of_slot == window_first);
   wire is_within =
       has_last && encloses(last[FRONT_FAR+:DEPTH_W], last[FAR+:DEPTH_W], window[NEAR+:DEPTH_W], window[FAR+:DEPTH_W]);
-  wire hands_out = puts && has_last && !is_within;
-  wire put = puts && (!hands_out || h_ready);
+  assign is_blended = puts && cycles == COUNT_W'(QUOTIENT_STAGES + BLEND_STAGES);
+  wire hands_out = is_blended && has_last && !is_within;
+  wire put = is_blended && (!hands_out || h_ready);
   assign loads = walking && here && !busy && live != '0;
   assign steps = goes_on;
   assign h_valid = empty || hands_out || offers;
@@ -1017,25 +1125,25 @@ module windows #(
     if (loads) begin
       ends <= FORMS;
       has_last <= 1'b0;
+      adds <= 1'b0;
     end
-    if (forms) begin
-      if (goes_on) window <= growing ? summed : slot_now;
-      else ends <= LIGHTS;
-    end
-    if (lit_up) begin
-      window <= shut_front;
-      ends <= PUTS;
-    end
+    if (goes_on) begin
+      window <= adds ? summed : slot_now;
+      window_first <= first_of_slot;
+      adds <= 1'b1;
+    end else if (forms) ends <= LIGHTS;
+    if (lit_up) ends <= PUTS;
     if (put) begin
       has_last <= 1'b1;
-      last <= is_within ? becomes_inside : window;
-      if (!is_within) last_first <= first;
+      last <= is_within ? changed : shut_front;
+      if (!is_within) last_first <= number(window_first);
+      adds <= 1'b0;
       ends <= step < live_places ? FORMS : OFFERS;
     end
   end
   wire [4*LIGHT_W-1:0] lit_last;
   fragment_read read_last (.colours(last[COLOURS+:3*COLOUR_W]), .opacity(last[OPACITY+:OPACITY_W]), .lit(lit_last));
-  assign h_data = {at_x, at_y, SLOT_NUMBER_W'(last_first), last[NEAR+:DEPTH_W], lit_last};
+  assign h_data = {at_x, at_y, last_first, last[NEAR+:DEPTH_W], lit_last};
 endmodule
 
 `default_nettype wire

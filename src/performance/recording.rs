@@ -1,7 +1,7 @@
 //! Recording: a frame's work in a file, so that its time can be asked for again without drawing it.
 //!
 //! ```text
-//! run --record FILE ─► "splatsim-work-4\n", machine and scene's name, what happened ─► replay FILE: any timing of the same machine
+//! run --record FILE ─► "splatsim-work-5\n", machine and scene's name, what happened ─► replay FILE: any timing of the same machine
 //! ```
 //! What happened depends on everything of a machine but its `timing`: only that can be changed.
 //!
@@ -29,7 +29,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Beginning of a file of this kind.
-const MAGIC: &[u8] = b"splatsim-work-4\n";
+const MAGIC: &[u8] = b"splatsim-work-5\n";
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];

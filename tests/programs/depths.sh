@@ -5,7 +5,7 @@
 #
 #   depths.sh [--splatsim BINARY] [--units UNIT,...] [--gates] [MACHINE...]
 #
-# For each machine (tiny, lean, reference) and unit (gauss, resolve, raster, fragment) prints:
+# For each machine (tiny, lean, reference, window, volume, gaussian) and unit (gauss, resolve, raster, fragment or what takes its place) prints:
 #   gates      those of the longest way; an inverter is none
 #   cycles     the latency of the machine
 #   a stage    gates of a stage, where the way's registers are moved so that they cut it evenly
@@ -31,7 +31,7 @@ while [ $# -gt 0 ]; do
         *) break ;;
     esac
 done
-[ $# -gt 0 ] || set -- tiny lean reference
+[ $# -gt 0 ] || set -- tiny lean reference window volume gaussian
 [ $delays = no ] || [ -f $cells ] || { echo "depths.sh: $cells is missing: apt-get install qflow-tech-osu018" >&2; exit 2; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -55,13 +55,19 @@ printf '%-10s %-9s %6s %6s %8s %6s %6s' machine unit gates cycles 'a stage' loop
 printf '\n'
 for file; do
     machine=$(basename "$file" .json)
+    scene=glass-spheres grouper=fragment
+    case $machine in
+        window) grouper=windows ;;
+        volume) scene=nested-shells grouper=sheets ;;
+        gaussian) scene=bouquet grouper=sheets ;;
+    esac
     # Of the trace only the package and the ROMs matter.
-    "$splatsim" trace glass-spheres --size 16x16 --stimulus 1 --machine "$file" --set 'timing.raster.lanes=[1,1]' --quiet --out "$work/$machine" > /dev/null
+    "$splatsim" trace $scene --size 16x16 --stimulus 1 --machine "$file" --set 'timing.raster.lanes=[1,1]' --quiet --out "$work/$machine" > /dev/null
     for unit in $(echo "$units" | tr , ' '); do
-        parameters=
-        [ "$unit" != fragment ] || parameters="-chparam WIDTH 2 -chparam HEIGHT 2"
+        parameters= of=$unit
+        [ "$unit" != fragment ] || unit=$grouper parameters="-chparam WIDTH 2 -chparam HEIGHT 2"
         [ "$unit" != raster ] || parameters="-chparam TAG_W 1"
-        cycles=$(sed -n "s/.* $(echo "$unit" | tr a-z A-Z)_LATENCY = \([0-9]*\);/\1/p" "$work/$machine/machine_pkg.sv")
+        cycles=$(sed -n "s/.* $(echo "$of" | tr a-z A-Z)_LATENCY = \([0-9]*\);/\1/p" "$work/$machine/machine_pkg.sv")
         with_yosys "$machine" "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources; hierarchy -top $unit $parameters; synth -flatten -top $unit; rename -top top; write_json top.json"
         read -r gates loop ready << END_OF_DEPTHS
 $(python3 "$here/depths.py" "$work/$machine/top.json" top "$work/$machine/loop.txt")

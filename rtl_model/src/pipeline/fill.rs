@@ -396,11 +396,11 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 outcomes.count(decision);
             }
             if P::WORK {
+                // A Gaussian that is blended at once takes no longer than one that is added; nor does what a stopped pixel drops.
+                let each = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat);
                 if sheets.is_some() && !had_stopped && has_stopped(tile, pixel) {
-                    tap.probe.stopped();
+                    tap.probe.stopped(!each);
                 } else {
-                    // A Gaussian that is blended at once takes no longer than one that is added; nor does what a stopped pixel drops.
-                    let each = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat);
                     let plain = had_stopped || each && decision == Decision::Merged(0, 1);
                     // Windows are formed before it is known that the deepest is hidden: that takes as long as a sum.
                     let is_formed = windows.is_some() && matches!(decision, Decision::Evicted(_));

@@ -20,8 +20,8 @@ use crate::machine::{Machine, Sight, Window};
 use crate::num::{Format, Word};
 use crate::pipeline::Elaborated;
 use crate::records::{
-    DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, PROJECT_FLAGS, PROJECTED, ProjectOut, RasterIn, RasterOut, SheetIn, TRANSPARENT,
-    WindowIn,
+    DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, PROJECT_FLAGS, PROJECTED, ProjectOut, RasterIn, RasterOut, SHEET_BITS, SheetIn,
+    TRANSPARENT, WindowIn,
 };
 use crate::units::raster::Raster;
 
@@ -35,8 +35,6 @@ pub const MATERIAL_BITS: i32 = 8;
 const TAG_BITS: i32 = 32;
 /// Bits of a slot's number.
 const SLOT_BITS: i32 = 4;
-/// Bits of a sheet's number.
-pub const SHEET_BITS: i32 = 31;
 
 /// Kind of frame: all that records depend on beside the machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

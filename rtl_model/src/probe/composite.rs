@@ -115,8 +115,8 @@ impl Probe for Composite {
         Probe::became(&mut self.recorder, decision);
     }
 
-    fn stopped(&mut self) {
-        Probe::stopped(&mut self.recorder);
+    fn stopped(&mut self, by_merge: bool) {
+        Probe::stopped(&mut self.recorder, by_merge);
     }
 
     fn shaded(&mut self) {

@@ -94,8 +94,8 @@ pub trait Probe: Send + Sync + Sized {
     /// The next place had this outcome; none where its weight rounds to 0.
     #[inline(always)]
     fn became(&mut self, _decision: Option<Decision>) {}
-    /// The next place's pixel stopped with this contribution, whatever became of that.
-    fn stopped(&mut self) {}
+    /// The next place's pixel stopped with this contribution, whatever became of that: by the sheet before, or by itself.
+    fn stopped(&mut self, _by_merge: bool) {}
     /// A fragment is shaded so that it can merge.
     fn shaded(&mut self) {}
     /// A fragment goes to shade, in a frame with surroundings.

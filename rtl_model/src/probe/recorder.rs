@@ -55,8 +55,8 @@ impl Probe for Recorder {
         Recorder::became(self, event);
     }
 
-    fn stopped(&mut self) {
-        Recorder::became(self, Event::Stopped);
+    fn stopped(&mut self, by_merge: bool) {
+        Recorder::became(self, if by_merge { Event::MergedAndStopped } else { Event::Stopped });
     }
 
     fn shaded(&mut self) {

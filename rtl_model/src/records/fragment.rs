@@ -158,6 +158,9 @@ pub struct Slot {
     pub shaded: bool,
 }
 
+/// Bits of a sheet's number.
+pub const SHEET_BITS: i32 = 31;
+
 /// In the key of the composite: the pixel takes nothing more.
 pub const STOPPED: i32 = 1;
 

@@ -326,6 +326,7 @@ impl Happened {
                         }
                     }
                 }
+                Event::MergedAndStopped => self.merged[row] |= pixel,
                 Event::Accumulated | Event::Inserted | Event::Evicted | Event::Replaced | Event::Stopped => {}
             }
         }

@@ -14,7 +14,7 @@
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_pixel_that_has_stopped_takes_no_cycle`.
 
 use super::stamps::Piece;
-use crate::work::{Event, TILE_PX, Work};
+use crate::work::{TILE_PX, Work};
 use std::ops::Range;
 
 /// Pixels, tile by tile.
@@ -58,7 +58,7 @@ impl Stops {
                 let first = usize::from(footprint.rows[0]).max(top);
                 let end = (usize::from(footprint.rows[1]) + 1).min(top + TILE_PX);
                 let (_, events) = reader.splat(end - first);
-                for (place, _) in events.iter().filter(|(_, event)| *event == Event::Stopped) {
+                for (place, _) in events.iter().filter(|(_, event)| event.stops()) {
                     let [x, y] = [left + usize::from(*place) % TILE_PX, first + usize::from(*place) / TILE_PX];
                     if x < width && y < height {
                         let at = &mut by[y * width + x];

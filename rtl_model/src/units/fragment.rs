@@ -14,12 +14,12 @@
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
-use crate::functions::Reciprocal;
+use crate::functions::{Reciprocal, table};
 use crate::kernels::{Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits};
 use crate::machine::{FragmentDepth, Group, Machine, Merge};
 use crate::num::{Exact, Fit, Lanes, Word, Words, three};
 use crate::probe::{Probe, Tap};
-use crate::records::unit;
+use crate::records::{SHEET_BITS, unit};
 use sheets::Sheets;
 use std::cmp::Ordering;
 use window::Windows;
@@ -97,7 +97,20 @@ pub fn path(machine: &Machine) -> Path {
         .choose(m.layers.saturating_add(1))
         .memory();
     // No part of it is longer.
-    Path { delay: way.delay.max(decision(machine).delay).max(stamp(machine).delay), ..way }
+    let longest = [way, decision(machine), sheet(machine), stamp(machine)].into_iter().map(|way| way.delay).max();
+    Path { delay: longest.unwrap_or_default(), ..way }
+}
+
+/// From a contribution that is a sheet of its own to the composite with it: its sums, what a sheet comes to, front over back, and whether
+/// the pixel stops by that. A sheet that is open comes to the same, its sums behind it.
+fn sheet(machine: &Machine) -> Path {
+    let m = &machine.fragment;
+    let Some(words) = &m.sheets else { return Path::default() };
+    let bits = |word: Word| word.format.width();
+    let (sum, ratio) = (bits(m.colour_sum).max(bits(m.weight_sum)), bits(words.ratio));
+    let summed = Path::default().memory().product(bits(machine.gauss.weight), bits(machine.splat.rgb)).sum(sum).fit(sum);
+    let scaled = summed.fit(bits(words.depth_index)).then(table::path(words.table, ratio)).product(sum, ratio);
+    scaled.fit(bits(machine.shade.premultiplied)).then(over(machine)).sum(bits(m.opacity_sum)).choose(3).memory()
 }
 
 /// From a pixel that is read to its slots as they are written, as the twin is built: the nearest slot, the sum, the order of all slots.
@@ -117,18 +130,17 @@ fn nearest(machine: &Machine) -> Path {
 }
 
 /// What a stamp takes in the one cycle in which the twin has to know whether it can take another: of a slot whether it is near, and the
-/// deepest of all, each a comparison; what is opaque it has known since the pixel was read. Twins of sheets and of windows know only with
-/// their decision, which has to tell what is opaque, too.
+/// deepest of all, each a comparison; what is opaque it has known since the pixel was read. Of sheets it is whether the open one has the same
+/// number. Windows are formed a slot a cycle, which asks for more than whether a slot is near.
 pub fn stamp(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
     let places = m.layers.saturating_add(1);
-    if m.sheets.is_none() && m.group == Group::First {
-        return Path::default().sum(bits(m.depth) + 2).choose(places).choose(places).choose(4).choose(4);
+    if m.sheets.is_some() {
+        return Path::default().sum(SHEET_BITS).choose(4).choose(4);
     }
-    let (depth, sum, limit) = (bits(m.depth), bits(m.colour_sum).max(bits(m.normal_sum)), bits(m.opaque) + bits(m.weight_sum));
-    let summed = nearest(machine).sum(sum).fit(sum);
-    summed.product(bits(m.opaque), bits(m.weight_sum)).sum(limit).sum(depth).choose(places).choose(3).memory()
+    let near = Path::default().sum(bits(m.depth) + 2).choose(places).choose(places).choose(4).choose(4);
+    near.beside(window::slot(machine))
 }
 
 /// What merging two fragments that are shaded takes: the front over the back, and a slot again.

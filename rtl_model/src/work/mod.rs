@@ -86,6 +86,15 @@ pub enum Event {
     Replaced,
     /// Made its pixel stop: whatever comes after it there is recorded as if it were added, and changes nothing.
     Stopped,
+    /// The same by the sheet that was blended because it begins another: that takes as long as a merge.
+    MergedAndStopped,
+}
+
+impl Event {
+    /// Whether its pixel takes nothing more.
+    pub fn stops(self) -> bool {
+        matches!(self, Event::Stopped | Event::MergedAndStopped)
+    }
 }
 
 /// Where a drawn splat lies.
@@ -288,7 +297,7 @@ impl Work {
 
     /// Whether a pixel stops before its last contribution.
     pub fn stops(&self) -> bool {
-        self.tiles.iter().any(|tile| tile.events.iter().any(|(_, event)| *event == Event::Stopped))
+        self.tiles.iter().any(|tile| tile.events.iter().any(|(_, event)| event.stops()))
     }
 
     /// Rows of the boxes of all drawn splats.

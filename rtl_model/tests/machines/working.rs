@@ -179,14 +179,15 @@ fn where_a_pixel_stops_is_recorded() {
                 let decisions = witness.pixels.remove(&pixel).unwrap_or_default();
                 let kept: Vec<_> = events.into_iter().filter(|(_, event)| *event != Event::Faint).collect();
                 assert_eq!(kept.len(), decisions.len());
-                let stops = kept.iter().position(|(_, event)| *event == Event::Stopped);
+                let stops = kept.iter().position(|(_, event)| event.stops());
                 for (nth, ((splat, event), (of, decision))) in kept.into_iter().zip(decisions).enumerate() {
                     assert_eq!(splat, of);
                     match stops {
                         Some(at) if nth > at => assert_eq!((event, decision), (Event::Accumulated, Decision::Dropped), "{pixel:?}"),
-                        // The last one may count still.
+                        // The last one may count still; a sheet before it has been blended.
                         Some(at) if nth == at => {
-                            assert_eq!(decision == Decision::Dropped, !sheets.keeps_last || sheets.each == Each::Slice)
+                            assert_eq!(decision == Decision::Dropped, !sheets.keeps_last || sheets.each == Each::Slice);
+                            assert_eq!(event == Event::MergedAndStopped, sheets.each == Each::Slice);
                         }
                         _ => assert_ne!(decision, Decision::Dropped, "{pixel:?} has not stopped"),
                     }

@@ -217,8 +217,11 @@ pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first
                         continue;
                     }
                     stamp.pixels.push(pixel);
-                    if event == Event::Stopped {
+                    if event == Event::Stopped || event == Event::MergedAndStopped {
                         stamp.stops.push(pixel);
+                    }
+                    if event == Event::MergedAndStopped {
+                        stamp.merged.push((pixel, 0));
                     }
                     if let Event::Merged(shades) = event {
                         stamp.merged.push((pixel, u64::from(shades)));

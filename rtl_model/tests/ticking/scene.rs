@@ -177,7 +177,10 @@ impl Scene {
                 match (*event, &mut before) {
                     (None | Some(Event::Faint), _) => {}
                     (Some(_), _) if has_stopped => *event = Some(Event::Accumulated),
-                    (Some(_), Some(0)) => (*event, has_stopped) = (Some(Event::Stopped), true),
+                    (Some(_), Some(0)) => {
+                        let merges = rng.below(2) == 0;
+                        (*event, has_stopped) = (Some(if merges { Event::MergedAndStopped } else { Event::Stopped }), true);
+                    }
                     (Some(_), Some(left)) => *left -= 1,
                     (Some(_), None) => {}
                 }

@@ -509,7 +509,7 @@ impl<'a> Transfers<'a> {
             Each::Splat => self.splats[splat as usize],
             Each::Slice => sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
         };
-        i64::from(number) & ((1 << rtl_model::pipeline::ports::SHEET_BITS) - 1)
+        i64::from(number) & ((1 << rtl_model::records::SHEET_BITS) - 1)
     }
 
     /// A splat's colour, as it is drawn: windows sum up the one that it has.

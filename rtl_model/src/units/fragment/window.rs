@@ -232,6 +232,13 @@ pub fn overflow_path(machine: &Machine) -> Path {
     if words.inside { windows.beside(inside) } else { windows }
 }
 
+/// What forming windows takes in the one cycle of a slot: T of the next one.
+pub fn slot(machine: &Machine) -> Path {
+    let Some(words) = &machine.fragment.window else { return Path::default() };
+    let [part, through] = [words.part, words.through].map(|word| word.format.width());
+    Path::default().product(part, through).fit(through).choose(2)
+}
+
 /// Cycles of that way: as many as its operators have, or as the clock asks for.
 pub fn overflow_cycles(machine: &Machine) -> u32 {
     overflow_path(machine).cycles_at(&machine.timing)
@@ -293,8 +300,8 @@ impl Windows {
             let sum = e.sum(UNIT, [product, words.depth_sum.into()]);
             e.fit(UNIT, "window.depth_sum", words.depth_sum, sum)
         });
-        // 4: does the next join: Σw·z against Σw times where the window ends.
-        let ends = e.times(UNIT, weight, m.depth);
+        // 4: does the next join, whichever before it starts the window: Σw·z against Σw times where that ends.
+        let ends = e.copies(layers, |e| e.times(UNIT, weight, m.depth));
         e.copies(layers, |e| e.sum(UNIT, [ends, words.depth_sum.into()]));
         let mean_align = align([words.depth_sum.format.frac_bits, ends.frac_bits]);
         e.holds_exact("fragment.weight_sum · fragment.depth, to compare it with fragment.window.depth_sum,", ends.plus(words.depth_sum));

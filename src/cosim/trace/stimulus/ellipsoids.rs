@@ -4,8 +4,9 @@ use super::super::observer::{least_weight, outcome, outcomes};
 use super::{CONTRIBUTIONS, Maker, UNKNOWN, key, pixel_key};
 use rtl_model::frame::Each;
 use rtl_model::num::Format;
-use rtl_model::pipeline::ports::{self, Kind};
+use rtl_model::pipeline::ports::Kind;
 use rtl_model::pipeline::unit_replay::{self, Sheets};
+use rtl_model::records::SHEET_BITS;
 use rtl_model::units::fragment::sheets::Held;
 use rtl_model::units::fragment::{OPACITY, TILE_PX, WEIGHT};
 use std::collections::BTreeMap;
@@ -167,7 +168,7 @@ impl Maker<'_> {
         let sheet = match random.below(8) {
             0 => open + 1,
             1 => open - 1,
-            2 => open ^ (1 << (ports::SHEET_BITS - 1)),
+            2 => open ^ (1 << (SHEET_BITS - 1)),
             3 => random.word(format),
             _ => open,
         };
@@ -216,7 +217,7 @@ impl Maker<'_> {
         if slices && open.is_none() {
             return;
         }
-        let next = open.map_or(words[3], |open| (open + 1) & ((1 << ports::SHEET_BITS) - 1));
+        let next = open.map_or(words[3], |open| (open + 1) & ((1 << SHEET_BITS) - 1));
         let with = |weight: i64, words: &[i64]| {
             let mut words: [i64; 7] = words.try_into().unwrap_or_default();
             (words[2], words[3]) = (weight, open.unwrap_or(next));
@@ -273,7 +274,7 @@ impl Maker<'_> {
             for (other, name) in [(open, "the same sheet"), (open + 1, "the sheet after"), (open - 1, "the sheet before")] {
                 meet.count_if(sheet == other, "fragment", name);
             }
-            meet.count_if(sheet == open ^ (1 << (ports::SHEET_BITS - 1)), "fragment", "a sheet that differs in its first bit");
+            meet.count_if(sheet == open ^ (1 << (SHEET_BITS - 1)), "fragment", "a sheet that differs in its first bit");
             let one = self.machine.machine.fragment.weight_sum.format.one();
             meet.count_if(sheet != open && sums[WEIGHT] > one, "fragment", "a sheet of more than 1 is blended");
         }
