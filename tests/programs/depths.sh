@@ -31,13 +31,15 @@ while [ $# -gt 0 ]; do
         *) break ;;
     esac
 done
-[ $# -gt 0 ] || set -- tiny lean reference window volume gaussian
+[ $# -gt 0 ] || set -- tiny lean reference
 [ $delays = no ] || [ -f $cells ] || { echo "depths.sh: $cells is missing: apt-get install qflow-tech-osu018" >&2; exit 2; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
 . "$here/logic.sh"
-sources=$(echo "$sources" | sed "s|$work/pipe.sv|$rtl/pipe.sv|")
+# Yosys 0.23 derives a part of windows twice where parameters are given on the command line: its own defaults are those here.
+sed 's/int WIDTH = 16,/int WIDTH = 2,/; s/int HEIGHT = 16,/int HEIGHT = 2,/' "$rtl/windows.sv" > "$work/windows.sv"
+sources=$(echo "$sources" | sed "s|$work/pipe.sv|$rtl/pipe.sv|; s|$rtl/windows.sv|$work/windows.sv|")
 
 # machine, what Yosys does: whatever it says otherwise is told where it fails
 with_yosys() {
@@ -66,6 +68,7 @@ for file; do
     for unit in $(echo "$units" | tr , ' '); do
         parameters= of=$unit
         [ "$unit" != fragment ] || unit=$grouper parameters="-chparam WIDTH 2 -chparam HEIGHT 2"
+        [ "$unit" != windows ] || parameters=
         [ "$unit" != raster ] || parameters="-chparam TAG_W 1"
         cycles=$(sed -n "s/.* $(echo "$of" | tr a-z A-Z)_LATENCY = \([0-9]*\);/\1/p" "$work/$machine/machine_pkg.sv")
         with_yosys "$machine" "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources; hierarchy -top $unit $parameters; synth -flatten -top $unit; rename -top top; write_json top.json"
