@@ -270,6 +270,60 @@ fn a_billion_points_are_refused_with_their_count() {
     }
 }
 
+/// A pan of three frames, written into a folder.
+fn pan(folder: &Path, pan_pixels: f64) -> String {
+    let camera = json!({"eye": [0.0, 0.0, 4.5], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 45, "near": 0.05});
+    let scene = json!({"splats": {"builtin": "torus-knot"}, "image": {"width": 40, "height": 30},
+        "camera_path": {"pan_pixels": pan_pixels, "frames": 3, "camera": camera}});
+    let path = folder.join("pan.json");
+    fs::write(&path, scene.to_string()).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// Of machines, and of one in partial precision against golden alone; only cameras that follow decide.
+#[test]
+fn a_row_flickers_as_the_run_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = pan(folder.path(), 0.0625);
+    let axes = json!([{"field": "gauss.weight", "add_frac_bits": [-2, 2]}, {"field": "exact", "values": [["gauss"]]}]);
+    let plan = json!({"scenes": ["pan.json"], "machine": "tiny", "order": "one-at-a-time", "lockstep": false, "flicker": 3, "axes": axes});
+    let (plan, out) = (written(folder.path(), &plan), folder.path().join("out"));
+    ok(&sweep(&plan, &out, &[]));
+    let rows = rows(&out);
+    assert_eq!(rows.len(), 4);
+    for row in &rows[..3] {
+        let run_out = folder.path().join(format!("run-{}", row["point"]));
+        let settings = row["changes"].split(' ').filter(|change| !change.is_empty()).flat_map(|change| ["--set", change]);
+        let arguments = ["run", &scene, "--machine", "tiny", "--out", run_out.to_str().unwrap()];
+        ok(&splatsim().args(arguments.into_iter().chain(settings)).output().unwrap());
+        let report: Value = serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap()).unwrap();
+        let flicker = &report["flicker"];
+        assert!(flicker["fixed_vs_golden"]["jumps"].as_f64().unwrap() > 0.0, "{flicker}");
+        for (column, part) in [("", "fixed_vs_golden"), ("golden_vs_ideal_", "golden_vs_ideal"), ("fixed_vs_ideal_", "fixed_vs_ideal")] {
+            for figure in ["mean", "jumps"] {
+                assert_eq!(row[&format!("{column}flicker_{figure}")], flicker[part][figure].to_string(), "{column} {figure} of {row:?}");
+            }
+        }
+    }
+    let mean = |row: &BTreeMap<String, String>| row["flicker_mean"].parse::<f64>().unwrap();
+    assert!(mean(&rows[3]) != mean(&rows[0]) && mean(&rows[3]) > 0.0 && rows[3]["cycles"].is_empty(), "{:?}", rows[3]);
+
+    pan(folder.path(), 0.125);
+    let told = refused(&sweep(&plan, &out, &[]));
+    assert!(told.contains("was drawn from something else than now"), "{told}");
+    for (scene, frames, says) in [
+        ("pan.json", 4, "flicker: pan: 4 frames are asked for, and it has 3"),
+        ("terrain", 2, "flicker: terrain: 2 frames are asked for, and it has 1"),
+        ("nested-shells", 2, "flicker: nested-shells: frames of volumes, Gaussians and trees are not swept"),
+        ("pan.json", 1, "flicker must be at least 2"),
+        ("pan.json", 33, "flicker must be at most 32"),
+    ] {
+        let plan = json!({"scenes": [scene], "size": [24, 16], "axes": [], "flicker": frames});
+        let told = refused(&sweep(&written(folder.path(), &plan), &folder.path().join("none"), &[]));
+        assert!(told.contains(says) && !folder.path().join("none").exists(), "{told}");
+    }
+}
+
 /// With nothing exact it is the machine, with all of it golden; between them what `run --attribute` says.
 #[test]
 fn units_and_words_can_be_exact() {

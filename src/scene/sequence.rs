@@ -44,6 +44,11 @@ impl Sequence {
         &self.cameras
     }
 
+    /// Whether frames differ in the camera alone, as those of surfaces do.
+    pub fn shares_splats(&self) -> bool {
+        self.shares_splats
+    }
+
     /// The scene as the frame that was asked for last shows it: at first the first.
     pub fn scene(&self) -> &Scene {
         &self.scene

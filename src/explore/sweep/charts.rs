@@ -290,6 +290,7 @@ impl Rows {
             self.speed_area(),
             self.sensitivity(),
             self.curves(),
+            self.flicker(),
             self.layers(),
             self.cycles(),
             self.host_speed(),
@@ -535,6 +536,46 @@ impl Rows {
             all.push(Series { name: "6 dB a bit".into(), points: vec![low, high], mark: Mark::Dashed, colour: 6 });
         }
         Panel { title, x: Axis::linear(x), y: Axis::linear("PSNR, dB"), series: all, ..Panel::default() }
+    }
+
+    /// Words with several values: how often still pixels jump by bits, and by decibels.
+    fn flicker(&self) -> Option<Figure> {
+        let mut charts: Vec<Box<dyn Chart>> = Vec::new();
+        for scene in self.scenes() {
+            let all = self.one_word(scene);
+            let mut fields: Vec<&str> = all.iter().map(|(field, ..)| *field).filter(|field| !field.is_empty()).collect();
+            fields.sort_unstable();
+            fields.dedup();
+            let mut by_bits: Vec<Series> = Vec::new();
+            let mut by_db: Vec<Series> = Vec::new();
+            for field in fields {
+                let mut rows: Vec<(i32, &Row)> = (all.iter())
+                    .filter(|(other, [int, _], _)| (*other == field || other.is_empty()) && *int == 0)
+                    .map(|(_, [_, frac], row)| (*frac, *row))
+                    .collect();
+                rows.sort_by_key(|(bits, _)| *bits);
+                // On a scale of powers nothing can be shown of no jump at all.
+                let percent = |row: &Row| self.number(row, columns::FLICKER_JUMPS).map(|jumps| 100.0 * jumps).filter(|jumps| *jumps > 0.0);
+                let series = |points: Vec<[f64; 2]>, colour: usize| Series { name: field.to_owned(), points, mark: Mark::Rings, colour };
+                let bits: Vec<[f64; 2]> = rows.iter().filter_map(|(bits, row)| Some([f64::from(*bits), percent(row)?])).collect();
+                if bits.len() < 3 {
+                    continue;
+                }
+                by_bits.push(series(bits, by_bits.len()));
+                let place = |(_, row): &(i32, &Row)| Some([self.number(row, columns::PSNR_DB)?, percent(row)?]);
+                by_db.push(series(rows.iter().filter_map(place).collect(), by_db.len()));
+            }
+            let y = || Axis::log("still pixels that jump, %");
+            let of_bits = format!("fraction bits more than {} has", self.base.name);
+            for (series, what, x) in [(by_bits, "by bits", of_bits.as_str()), (by_db, "by decibels", "fixed − golden, dB, first frame")] {
+                if !series.is_empty() {
+                    let title = format!("{}: jumps {what}", cut(scene));
+                    charts.push(Box::new(Panel { title, x: Axis::linear(x), y: y(), series, ..Panel::default() }));
+                }
+            }
+        }
+        let says = "How many of the pixels that should not change from frame to frame change by more than 4/255, fixed − golden. Words of equal decibels may flicker differently: what moves a splat does so in one frame, what rounds its weight errs in all frames alike.";
+        figure("flicker", "Flicker by bits of one word".into(), says, charts, [600, 420])
     }
 
     /// Layers and rules for merging: the method's error, and merges.

@@ -4,6 +4,7 @@
 
 use super::table::{Column, Kind, Row, named};
 use crate::accuracy::ranges::Overflows;
+use crate::accuracy::flicker::Flicker;
 use crate::accuracy::{Metrics, Summary};
 use crate::performance::cost::CostReport;
 use crate::performance::cycles::CyclesReport;
@@ -20,6 +21,7 @@ pub(super) struct Findings {
     pub errors: Option<Errors>,
     pub frame: Option<Frame>,
     pub lockstep: Option<Summary>,
+    pub flicker: Option<Flicker>,
     pub replay: Option<Replay>,
     pub host_seconds: f64,
 }
@@ -85,6 +87,12 @@ figures! {
     LOCKSTEP_MAX_ERROR = "lockstep_max_error", Number, |f| of(&f.lockstep, |l| json!(l.max_error));
     BOUND_VIOLATIONS = "bound_violations", Whole, |f| of(&f.lockstep, |l| json!(l.bound_violations));
     DECISION_FLIPS = "decision_flips", Whole, |f| of(&f.lockstep, |l| json!(l.decision_flips));
+    FLICKER_MEAN = "flicker_mean", Number, |f| of(&f.flicker, |f| json!(f.fixed_vs_golden.mean));
+    FLICKER_JUMPS = "flicker_jumps", Number, |f| of(&f.flicker, |f| json!(f.fixed_vs_golden.jumps));
+    GOLDEN_VS_IDEAL_FLICKER_MEAN = "golden_vs_ideal_flicker_mean", Number, |f| of(&f.flicker, |f| json!(f.golden_vs_ideal.mean));
+    GOLDEN_VS_IDEAL_FLICKER_JUMPS = "golden_vs_ideal_flicker_jumps", Number, |f| of(&f.flicker, |f| json!(f.golden_vs_ideal.jumps));
+    FIXED_VS_IDEAL_FLICKER_MEAN = "fixed_vs_ideal_flicker_mean", Number, |f| of(&f.flicker, |f| json!(f.fixed_vs_ideal.mean));
+    FIXED_VS_IDEAL_FLICKER_JUMPS = "fixed_vs_ideal_flicker_jumps", Number, |f| of(&f.flicker, |f| json!(f.fixed_vs_ideal.jumps));
     SATURATED = "saturated", Whole, |f| of(&f.frame, |frame| json!(frame.overflows.saturated));
     WRAPPED = "wrapped", Whole, |f| of(&f.frame, |frame| json!(frame.overflows.wrapped));
     CONTRIBUTIONS = "contributions", Whole, |f| of(&f.frame, |frame| json!(frame.outcomes.total()));

@@ -8,9 +8,9 @@
 use crate::accuracy::partial::UNITS;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
-use crate::output::text::clipped;
+use crate::output::text::{clipped, thousands};
 use crate::scene::digest::mixed;
-use crate::scene::{Overrides, Scene, strict_json, validate};
+use crate::scene::{Camera, Overrides, Scene, Sequence, strict_json, validate};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use schemars::JsonSchema;
@@ -46,6 +46,11 @@ pub struct Plan {
     /// Hold each machine to its golden twin in lockstep too, which takes most of a point's time.
     #[serde(default = "yes")]
     pub lockstep: bool,
+    /// Draw so many frames of scenes with many cameras, from the first on, and tell how errors change from frame to frame; all other figures
+    /// are the first frame's. Of surfaces.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 2, max = 32))]
+    pub flicker: Option<usize>,
 }
 
 fn reference() -> String {
@@ -144,6 +149,8 @@ pub struct Points {
     axes: Vec<Vec<Vec<Change>>>,
     /// Machines a scene.
     machines: u64,
+    /// Of each scene the cameras whose frames are compared with those before them; none where that is not asked for.
+    cameras: Vec<Vec<Camera>>,
 }
 
 /// Plans that need no file.
@@ -269,7 +276,30 @@ impl Points {
         if plan.order != Order::Sample && plan.points.is_some() {
             return Err(Error::input("points belongs to \"order\": \"sample\""));
         }
-        Ok(Points { plan, base, folder, axes, machines })
+        let mut points = Points { plan, base, folder, axes, machines, cameras: Vec::new() };
+        if let Some(frames) = points.plan.flicker {
+            points.cameras = (0..points.plan.scenes.len()).map(|nth| points.film(nth, frames)).collect::<Result<_>>()?;
+        }
+        Ok(points)
+    }
+
+    /// The first cameras of a scene.
+    fn film(&self, nth: usize, frames: usize) -> Result<Vec<Camera>> {
+        let (name, overrides) = self.named(nth);
+        let sequence = Sequence::load(name, &overrides, None)?;
+        let input_error = |what: String| Err(Error::input(format!("flicker: {}: {what}", sequence.scene().name)));
+        if !sequence.shares_splats() {
+            return input_error("frames of volumes, Gaussians and trees are not swept; `run` draws all frames of one machine".into());
+        }
+        match sequence.cameras().get(..frames) {
+            Some(cameras) => Ok(cameras.to_vec()),
+            None => input_error(format!("{frames} frames are asked for, and it has {}", thousands(sequence.cameras().len() as u64))),
+        }
+    }
+
+    /// The cameras of a scene that flicker is told of; none where it is not.
+    pub fn cameras(&self, nth: usize) -> &[Camera] {
+        self.cameras.get(nth).map_or(&[], Vec::as_slice)
     }
 
     /// Count.
@@ -341,8 +371,14 @@ impl Points {
     /// # Errors
     /// [`Error::Input`] as [`Scene::load`].
     pub fn scene(&self, nth: usize) -> Result<Scene> {
+        let (name, overrides) = self.named(nth);
+        Scene::load(name, &overrides)
+    }
+
+    /// What a scene is loaded by.
+    fn named(&self, nth: usize) -> (PathBuf, Overrides) {
         let size = self.plan.size.map(|[width, height]| (width, height));
-        Scene::load(beside(&self.folder, &self.plan.scenes[nth]), &Overrides { size })
+        (beside(&self.folder, &self.plan.scenes[nth]), Overrides { size })
     }
 }
 

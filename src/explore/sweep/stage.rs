@@ -11,6 +11,7 @@
 use super::columns::{self, Errors, Findings, Frame, Replay};
 use super::plan::{self, Change, Points};
 use super::table::{Column, Row};
+use crate::accuracy::flicker::{Flicker, Pictures, Sums};
 use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
 use crate::golden;
@@ -22,12 +23,13 @@ use crate::performance::cycles::CyclesReport;
 use crate::run::evaluation::Evaluation;
 use crate::run::report::MachineReport;
 use crate::run::timed;
-use crate::scene::Scene;
+use crate::scene::{Camera, Scene};
 use crate::scene::digest::{digest, digest_of};
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use serde_json::{Value, json};
+use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -62,18 +64,22 @@ impl Point {
     /// # Errors
     /// [`Error::Input`] where there is no such machine.
     pub fn new(points: &Points, prices: &Prices, scene: &Head, number: u64) -> Result<Self> {
-        let (_, changes) = points.point(number);
+        let (nth, changes) = points.point(number);
         let mut machine = plan::machine_of(&points.base, &changes, &format!("point {number}"))?;
         machines::pay(&mut machine, scene.has_tree);
-        let all = json!([
-            env!("CARGO_PKG_VERSION"),
-            scene.digest,
-            Machine { name: String::new(), ..machine.clone() },
+        let mut all = vec![
+            json!(env!("CARGO_PKG_VERSION")),
+            json!(scene.digest),
+            json!(Machine { name: String::new(), ..machine.clone() }),
             json!(prices),
-            points.plan.lockstep,
-            plan::exact_of(&changes),
-        ]);
-        Ok(Point { number, changes, machine, key: digest(all.to_string().as_bytes()) })
+            json!(points.plan.lockstep),
+            json!(plan::exact_of(&changes)),
+        ];
+        let cameras = points.cameras(nth);
+        if !cameras.is_empty() {
+            all.push(json!(cameras));
+        }
+        Ok(Point { number, changes, machine, key: digest(Value::Array(all).to_string().as_bytes()) })
     }
 
     /// All that a frame depends on: the machine but for its timing, and what of it is exact.
@@ -91,6 +97,8 @@ pub struct Stage {
     scene: Scene,
     head: Head,
     ideal: Picture,
+    /// The frames that follow, where flicker is told.
+    film: Vec<Picture>,
     ideal_seconds: f64,
     goldens: Kept<Rules, Golden>,
     frames: Kept<String, std::result::Result<Drawn, String>>,
@@ -99,6 +107,8 @@ pub struct Stage {
 /// What golden makes by some rules.
 struct Golden {
     picture: Picture,
+    /// The frames that follow, where flicker is told.
+    film: Vec<Picture>,
     /// Against ideal.
     psnr_db: Option<f64>,
     seconds: f64,
@@ -114,8 +124,9 @@ impl Stage {
     pub fn new(points: &Points, prices: &Prices, nth: usize, scene: Scene) -> Self {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
         let head = Head::of(&scene);
-        let (goldens, frames) = (Kept::new(GOLDENS), Kept::new(FRAMES));
-        Stage { points: points.clone(), prices: *prices, nth, scene, head, ideal, ideal_seconds, goldens, frames }
+        let film = frames(&scene, points.cameras(nth), |seen| golden::ideal(seen).picture);
+        let (goldens, frames) = (Kept::new((GOLDENS / (1 + film.len())).max(1)), Kept::new(FRAMES));
+        Stage { points: points.clone(), prices: *prices, nth, scene, head, ideal, film, ideal_seconds, goldens, frames }
     }
 
     /// Columns of the rows.
@@ -158,7 +169,8 @@ impl Stage {
         self.goldens.get(rules, || {
             let (picture, seconds) = timed(|| golden::render(&self.scene, rules).picture);
             let psnr_db = distance(&picture, &self.ideal).psnr_db;
-            Golden { picture, psnr_db, seconds }
+            let film = frames(&self.scene, self.points.cameras(self.nth), |seen| golden::render(seen, rules).picture);
+            Golden { picture, film, psnr_db, seconds }
         })
     }
 
@@ -204,7 +216,11 @@ impl Stage {
         };
         let lockstep = self.points.plan.lockstep.then(|| evaluation.lockstep().summary(&observed.picture));
         let errors = Some(self.errors(&observed.picture, &evaluation.rules())?);
-        Ok(Drawn { found: Findings { errors, frame: Some(frame), lockstep, ..Findings::default() }, work: Some(observed.work) })
+        let flicker = self.flicker(observed.picture, &evaluation.rules(), |seen| {
+            let evaluation = Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?;
+            Ok(evaluation.picture(&evaluation.draw()))
+        })?;
+        Ok(Drawn { found: Findings { errors, frame: Some(frame), lockstep, flicker, ..Findings::default() }, work: Some(observed.work) })
     }
 
     /// The same in partial precision, some units or words in f64: errors alone, for no hardware does that.
@@ -212,10 +228,40 @@ impl Stage {
         let evaluation = Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
         let is_exact = |word: &str| exact.iter().any(|name| machines::is_below(word, name));
         let choice = partial::Choice::new(&evaluation.machine, |word| !is_exact(word));
-        let stage = partial::Stage::new(&self.scene, &evaluation.machine, &evaluation.quantised);
-        let picture = stage.fill(&choice, &stage.set_up(&choice));
-        let errors = Some(self.errors(&picture, &evaluation.rules())?);
-        Ok(Drawn { found: Findings { errors, ..Findings::default() }, work: None })
+        let picture = |evaluation: &Evaluation| {
+            let stage = partial::Stage::new(&evaluation.scene, &evaluation.machine, &evaluation.quantised);
+            stage.fill(&choice, &stage.set_up(&choice))
+        };
+        let first = picture(&evaluation);
+        let errors = Some(self.errors(&first, &evaluation.rules())?);
+        let flicker = self.flicker(first, &evaluation.rules(), |seen| {
+            Ok(picture(&Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?))
+        })?;
+        Ok(Drawn { found: Findings { errors, flicker, ..Findings::default() }, work: None })
+    }
+
+    /// How errors change from frame to frame, where that is asked for; a sentence where a frame cannot be drawn.
+    fn flicker(
+        &self,
+        first: Picture,
+        rules: &Rules,
+        mut draw: impl FnMut(&Scene) -> std::result::Result<Picture, String>,
+    ) -> std::result::Result<Option<Flicker>, String> {
+        let cameras = self.points.cameras(self.nth);
+        if cameras.is_empty() {
+            return Ok(None);
+        }
+        let golden = self.golden(rules);
+        let mut drawn = frames(&self.scene, cameras, |seen| draw(seen)).into_iter().zip(1..);
+        let mut before = Pictures { fixed: first, golden: golden.picture.clone(), ideal: self.ideal.clone() };
+        let mut all = Sums::default();
+        for ((golden, ideal), (fixed, number)) in golden.film.iter().zip(&self.film).zip(&mut drawn) {
+            let fixed = fixed.map_err(|sentence| format!("frame {number}: {sentence}"))?;
+            let now = Pictures { fixed, golden: golden.clone(), ideal: ideal.clone() };
+            all = all.and(&Sums::new(&before, &now));
+            before = now;
+        }
+        Ok(Some(all.flicker()))
     }
 
     /// How far a picture is off; a sentence where a pixel of any of them has no finite number.
@@ -234,6 +280,17 @@ impl Stage {
             golden_seconds: golden.seconds,
         })
     }
+}
+
+/// What is made of a scene as each camera but the first sees it.
+fn frames<T>(scene: &Scene, cameras: &[Camera], mut draw: impl FnMut(&Scene) -> T) -> Vec<T> {
+    let later = cameras.get(1..).unwrap_or_default();
+    let mut seen = if later.is_empty() { Cow::Borrowed(scene) } else { Cow::Owned(scene.clone()) };
+    let frame = |camera: &Camera| {
+        seen.to_mut().camera = *camera;
+        draw(&seen)
+    };
+    later.iter().map(frame).collect()
 }
 
 /// A frame, all but its time.

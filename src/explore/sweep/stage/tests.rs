@@ -22,7 +22,7 @@ fn a_picture_with_what_is_no_number_makes_a_row_without_numbers() {
         let mut picture = stage.golden(&rules).picture.clone();
         picture.rgba[9][2] = wrong;
         stage.goldens = Kept::new(1);
-        stage.goldens.get(&rules, || Golden { picture, psnr_db: None, seconds: 0.0 });
+        stage.goldens.get(&rules, || Golden { picture, film: Vec::new(), psnr_db: None, seconds: 0.0 });
     };
     assert_eq!(drawn(&|_| ()), Ok(()));
     for wrong in [f64::NAN, f64::INFINITY] {
