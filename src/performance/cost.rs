@@ -15,7 +15,7 @@
 //!   storage.
 //! - *Energy* from Horowitz, "Computing's energy problem" (ISSCC 2014, 45 nm): an adder 0.1 pJ and a multiplier 3.1 pJ for 32 bits, 64
 //!   bits from a small memory 10 pJ, from DRAM 1.3 nJ. What is not in it is assumed: a multiplexer or register bit takes what an adder bit
-//!   does, and what stands still a hundredth of what an adder bit does, every cycle.
+//!   does, and what stands still a hundredth of what an adder bit does, every 2.5 ns. Other technologies: `technology.rs`.
 //!
 //! Law: `the_parts_of_a_raster_grow_as_synthesis_says`.
 
@@ -30,6 +30,10 @@ use rtl_model::timing::Cycles;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+
+pub mod technology;
+
+use technology::Scales;
 
 /// Price of each kind of bit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -64,15 +68,21 @@ pub struct PerBit {
 pub struct Prices {
     /// LUT equivalents a bit.
     pub area: PerBit,
-    /// Picojoules a bit that works.
+    /// Picojoules a bit that works, in 45 nm.
     pub energy_pj: PerBit,
-    /// Picojoules a byte to or from memory outside of the chip.
+    /// Picojoules a byte to or from memory outside of the chip, whatever the technology.
     #[schemars(range(min = 0))]
     pub dram_pj_per_byte: f64,
-    /// Picojoules a cycle for each LUT equivalent, at work or not.
+    /// Picojoules in 2.5 ns, a cycle at 400 MHz, for each LUT equivalent, at work or not, in 45 nm.
     #[schemars(range(min = 0))]
     pub static_pj_per_area: f64,
+    /// Energy in each technology, as a part of what is said here; where this is left out, it is the same in all of them.
+    #[serde(default = "Scales::none")]
+    pub technology: Scales,
 }
+
+/// Seconds of which `static_pj_per_area` tells.
+const STATIC_SECONDS: f64 = 2.5e-9;
 
 /// See the head of this file.
 pub const DEFAULT: Prices = Prices {
@@ -80,6 +90,7 @@ pub const DEFAULT: Prices = Prices {
     energy_pj: PerBit { multiplier: 0.003, adder: 0.003, multiplexer: 0.003, register: 0.003, rom: 0.16, fifo: 0.16, memory: 0.16 },
     dram_pj_per_byte: 162.5,
     static_pj_per_area: 0.00003,
+    technology: technology::DEFAULT,
 };
 
 impl Default for Prices {
@@ -395,8 +406,12 @@ impl Energy {
         let queued: f64 = machine.timing.storage.fifos.map(|fifo| items(fifo.to) * f64::from(2 * moved(fifo))).iter().sum();
         let storage = read_and_written * of.memory + queued * of.fifo;
         let dram = cycles.memory.total_bytes() as f64 * prices.dram_pj_per_byte;
-        let leakage = cost.area * cycles.total as f64 * prices.static_pj_per_area;
-        let [units, storage, dram, leakage] = [units, storage, dram, leakage].map(|picojoules| picojoules * 1e-12);
+        let timing = &machine.timing.timing;
+        let seconds = cycles.total as f64 / timing.clock_hz as f64;
+        let leakage = cost.area * seconds / STATIC_SECONDS * prices.static_pj_per_area;
+        let scale = prices.technology.of(timing.technology);
+        let [units, storage, dram, leakage] =
+            [units * scale.dynamic, storage * scale.dynamic, dram, leakage * scale.leakage].map(|picojoules| picojoules * 1e-12);
         Energy { total: units + storage + dram + leakage, units, storage, dram, leakage }
     }
 }

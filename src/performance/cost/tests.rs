@@ -1,3 +1,4 @@
+use super::technology::Scale;
 use super::*;
 use crate::hardware::{fixed, machines};
 use rtl_model::timing::{self, Detail};
@@ -158,6 +159,37 @@ fn energy_is_the_sum_of_its_parts_and_grows_with_traffic() {
     assert!(energy.dram > 0.0 && energy.leakage > 0.0);
     let dearer = Energy::new(&machine, &cost, &cycles, &Prices { dram_pj_per_byte: 2.0 * DEFAULT.dram_pj_per_byte, ..DEFAULT });
     assert_eq!(dearer.dram, 2.0 * energy.dram);
+}
+
+/// Work and the cycles that it takes are the same; only what a cycle lasts and what a bit takes differ.
+#[test]
+fn a_technology_and_a_clock_show_in_energy() {
+    let work = rtl_model::work::Work { width: 64, height: 64, ..Default::default() };
+    let of = |settings: &[&str], prices: &Prices| {
+        let machine = built_with(settings);
+        let mut cycles = timing::replay(&machine.timing, &work, Detail::Accounts);
+        cycles.units.iter_mut().for_each(|unit| unit.items = 1000);
+        cycles.total = 1_000_000;
+        Energy::new(&machine, &Cost::new(&machine, prices), &cycles, prices)
+    };
+    let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
+    // Latencies of the slowest suit all.
+    let in_technology = |technology: &str, clock_hz: &str| {
+        of(&[&format!("timing.technology={technology}"), &format!("timing.clock_hz={clock_hz}")], &DEFAULT)
+    };
+    let [old, new] = ["180nm", "7nm"].map(|technology| in_technology(technology, "5e6"));
+    let Scale { dynamic, leakage } = DEFAULT.technology.nm180;
+    assert!(close(old.units / new.units, dynamic / DEFAULT.technology.nm7.dynamic) && new.units > 0.0, "{old:?} {new:?}");
+    assert!(close(old.storage / new.storage, dynamic / DEFAULT.technology.nm7.dynamic) && old.dram == new.dram);
+    assert!(close(old.leakage / new.leakage, leakage / DEFAULT.technology.nm7.leakage) && new.leakage > 0.0);
+    // Twice the clock: the same work, half the time.
+    let faster = in_technology("7nm", "1e7");
+    assert!(close(2.0 * faster.leakage, new.leakage) && faster.units == new.units && faster.storage == new.storage);
+    // As before there were technologies: at 400 MHz, whatever it is built in.
+    let plain = Prices { technology: Scales::none(), ..DEFAULT };
+    let [a, b] = ["28nm", "7nm"].map(|technology| of(&[&format!("timing.technology={technology}")], &plain));
+    assert_eq!(a, b);
+    assert!(close(a.leakage, Cost::new(&built_with(&[]), &plain).area * 1e6 * DEFAULT.static_pj_per_area * 1e-12));
 }
 
 #[test]
