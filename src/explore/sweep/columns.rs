@@ -3,8 +3,8 @@
 //! A new column is a line here. Its constant is how charts and summaries name it, so that a mistyped column does not compile.
 
 use super::table::{Column, Kind, Row, named};
-use crate::accuracy::ranges::Overflows;
 use crate::accuracy::flicker::Flicker;
+use crate::accuracy::ranges::Overflows;
 use crate::accuracy::{Metrics, Summary};
 use crate::performance::cost::CostReport;
 use crate::performance::cycles::CyclesReport;
