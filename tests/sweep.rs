@@ -312,11 +312,11 @@ fn a_row_flickers_as_the_run_does() {
     let told = refused(&sweep(&plan, &out, &[]));
     assert!(told.contains("was drawn from something else than now"), "{told}");
     for (scene, frames, says) in [
-        ("pan.json", 4, "flicker: pan: 4 frames are asked for, and it has 3"),
+        ("pan.json", 4, "flicker: pan.json: 4 frames are asked for, and it has 3"),
         ("terrain", 2, "flicker: terrain: 2 frames are asked for, and it has 1"),
         ("nested-shells", 2, "flicker: nested-shells: frames of volumes, Gaussians and trees are not swept"),
-        ("pan.json", 1, "flicker must be at least 2"),
-        ("pan.json", 33, "flicker must be at most 32"),
+        ("pan.json", 1, "flicker is 1; it must be at least 2"),
+        ("pan.json", 33, "flicker is 33; it must be at least 2 and at most 32"),
     ] {
         let plan = json!({"scenes": [scene], "size": [24, 16], "axes": [], "flicker": frames});
         let told = refused(&sweep(&written(folder.path(), &plan), &folder.path().join("none"), &[]));

@@ -120,8 +120,6 @@ const WINDOWS: &[Mutant] = &[
     Mutant { unit: "windows", file: "windows.sv", find: "spans(back_near, far, side_from, side_to)", put: "spans(back_near, far, side_from, side_to + 1'b1)" },
     Mutant { unit: "windows", file: "windows.sv", find: "closed && near < z && z < far", put: "closed && near < z" },
     Mutant { unit: "windows", file: "windows.sv", find: "narrow[3*slot] && ", put: "" },
-    Mutant { unit: "windows", file: "windows_narrow.sv", find: "front_far - near < threshold, far", put: "front_far - near <= threshold, far" },
-    Mutant { unit: "windows", file: "windows.sv", find: "late_one ? late_narrow : out_narrow", put: "out_narrow" },
     Mutant { unit: "windows", file: "windows.sv", find: "joins ? first : at_join", put: "at_join" },
     Mutant { unit: "windows", file: "windows.sv", find: "(at_seen >> (earlier + 1))", put: "(at_seen >> earlier)" },
     Mutant { unit: "windows", file: "windows.sv", find: "leave && !merges || settles", put: "leave || settles" },
