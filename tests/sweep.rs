@@ -261,7 +261,7 @@ fn a_billion_points_are_refused_with_their_count() {
     assert!(told.contains("1,000,000,000 points") && told.contains("--most 1000000000"), "{told}");
     assert!(!folder.path().join("out").exists(), "a refused plan leaves a folder");
     for (arguments, says) in [
-        (vec!["sweep", "no-such-plan"], "ready are precision, precision-in-lockstep, curves, architecture, layers"),
+        (vec!["sweep", "no-such-plan"], "ready are precision, precision-in-lockstep, curves, architecture, layers, clock"),
         (vec!["sweep", "precision", "--shard", "3/2"], "I from 1 to N"),
         (vec!["sweep", "precision", "--shard", "0/2"], "I from 1 to N"),
     ] {

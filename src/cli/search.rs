@@ -26,7 +26,7 @@ pub(super) struct Typed {
     /// At least so many frames a second, by `timing`
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
-    /// Least `area` (default), `energy` or `cycles`
+    /// Least `area` (default), `gates`, `energy` or `cycles`
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
     minimise: Option<Minimise>,
     /// Fields of `timing` and values [default: usual]
@@ -113,6 +113,7 @@ enum By {
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum Minimise {
     Area,
+    Gates,
     Energy,
     Cycles,
 }
@@ -154,6 +155,7 @@ impl Typed {
         let over_fragment = self.over.map(|Over::Fragment| by);
         let minimise = match self.minimise {
             None | Some(Minimise::Area) => over_timing::Minimise::Area,
+            Some(Minimise::Gates) => over_timing::Minimise::Gates,
             Some(Minimise::Energy) => over_timing::Minimise::Energy,
             Some(Minimise::Cycles) => over_timing::Minimise::Cycles,
         };

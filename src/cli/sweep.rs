@@ -12,7 +12,7 @@ use std::path::PathBuf;
 
 /// End of the help text.
 pub(super) const HELP: &str =
-    "Ready plans: precision, precision-in-lockstep, curves, architecture, layers\n`scene plan-schema` says what a plan may hold";
+    "Ready plans: precision, precision-in-lockstep, curves, architecture, layers,\nclock\n`scene plan-schema` says what a plan may hold";
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {

@@ -63,6 +63,15 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
         .collect()
 }
 
+/// From a splat to a word of its pixels, nanoseconds: the latencies of all units, one after the other, where nothing waits.
+pub fn latency_ns(machine: &Elaborated) -> f64 {
+    let t = &machine.timing;
+    let colour = t.colour.last().map(|of| of.pace.latency);
+    let units = [t.project, t.ellipse, t.raster, t.gauss, t.fragment, t.shade, t.resolve].map(|pace| pace.latency);
+    let cycles: u64 = units.into_iter().chain(colour).map(u64::from).sum();
+    cycles as f64 / t.timing.clock_hz as f64 * 1e9
+}
+
 /// The table, at most 80 columns wide.
 pub fn table(machine: &Elaborated) -> String {
     let timing = &machine.timing.timing;

@@ -31,6 +31,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
+mod gates;
 pub mod technology;
 
 use technology::Scales;
@@ -68,6 +69,10 @@ pub struct PerBit {
 pub struct Prices {
     /// LUT equivalents a bit.
     pub area: PerBit,
+    /// Gate equivalents a bit, NAND2 of standard cells: of a multiplier each bit but one of one operand times bits but one of the other, and
+    /// an AND for each that is left; what rounds takes none.
+    #[serde(default = "default_gates")]
+    pub gates: PerBit,
     /// Picojoules a bit that works, in 45 nm.
     pub energy_pj: PerBit,
     /// Picojoules a byte to or from memory outside of the chip, whatever the technology.
@@ -84,9 +89,14 @@ pub struct Prices {
 /// Seconds of which `static_pj_per_area` tells.
 const STATIC_SECONDS: f64 = 2.5e-9;
 
+fn default_gates() -> PerBit {
+    DEFAULT.gates
+}
+
 /// See the head of this file.
 pub const DEFAULT: Prices = Prices {
     area: PerBit { multiplier: 2.4, adder: 0.5, multiplexer: 0.8, register: 0.5, rom: 0.03, fifo: 1.0 / 48.0, memory: 1.0 / 48.0 },
+    gates: gates::DEFAULT,
     energy_pj: PerBit { multiplier: 0.003, adder: 0.003, multiplexer: 0.003, register: 0.003, rom: 0.16, fifo: 0.16, memory: 0.16 },
     dram_pj_per_byte: 162.5,
     static_pj_per_area: 0.00003,
@@ -148,7 +158,7 @@ impl Bits {
                 self.multiplier += copies * bits(a) * bits(b);
                 self.blocks_18 += copies * bits(a).div_ceil(18) * bits(b).div_ceil(18);
             }
-            Operator::Adder(width) => self.adder += copies * bits(width),
+            Operator::Adder(width) | Operator::Rounder(width) => self.adder += copies * bits(width),
             Operator::Multiplexer(width) => self.multiplexer += copies * bits(width),
             Operator::Register(width) => self.register += copies * bits(width),
             Operator::Rom([words, width]) => {
@@ -172,9 +182,24 @@ pub struct UnitCost {
     pub name: &'static str,
     /// LUT equivalents, of all that work side by side.
     pub area: f64,
+    /// Gate equivalents of the same: logic and flip-flops.
+    pub gates: f64,
     /// Bits that it is built of.
     #[serde(flatten)]
     pub bits: Bits,
+}
+
+/// Gate equivalents of a machine: of how many NAND2 of standard cells it has the area.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Gates {
+    /// Logic, flip-flops, and FIFOs and memory at what their bits are priced: one figure, for comparing machines.
+    pub total: f64,
+    /// Operators of all units.
+    pub logic: f64,
+    /// Words and stages of all units.
+    pub flip_flops: f64,
+    /// FIFOs and memory on the chip, thousands of bits.
+    pub sram_kbit: f64,
 }
 
 /// Area of a machine.
@@ -182,6 +207,8 @@ pub struct UnitCost {
 pub struct Cost {
     /// LUT equivalents: units, FIFOs, memory on the chip.
     pub area: f64,
+    /// Gate equivalents, in standard cells.
+    pub gates: Gates,
     /// Every unit, in the order of the diagram.
     pub units: Vec<UnitCost>,
     /// Bits of all FIFOs.
@@ -202,14 +229,24 @@ impl Cost {
             .into_iter()
             .filter(is_there)
             .map(|name| {
-                let bits = built(machine, name);
-                UnitCost { name, area: bits.price(&prices.area, bits.rom), bits }
+                let (bits, logic) = built(machine, name, &prices.gates);
+                let gates = logic + bits.register as f64 * prices.gates.register;
+                UnitCost { name, area: bits.price(&prices.area, bits.rom), gates, bits }
             })
             .collect();
-        let fifo_bits = storage.fifos.map(|fifo| u64::from(fifo.places) * u64::from(fifo.bits)).iter().sum();
+        let fifo_bits: u64 = storage.fifos.map(|fifo| u64::from(fifo.places) * u64::from(fifo.bits)).iter().sum();
         let stored = fifo_bits as f64 * prices.area.fifo + storage.memory_bits as f64 * prices.area.memory;
+        let stored_gates = fifo_bits as f64 * prices.gates.fifo + storage.memory_bits as f64 * prices.gates.memory;
+        let gates = units.iter().map(|unit| unit.gates).sum::<f64>();
+        let flip_flops = units.iter().map(|unit| unit.bits.register).sum::<u64>() as f64 * prices.gates.register;
         Cost {
             area: units.iter().map(|unit| unit.area).sum::<f64>() + stored,
+            gates: Gates {
+                total: gates + stored_gates,
+                logic: gates - flip_flops,
+                flip_flops,
+                sram_kbit: fifo_bits.saturating_add(storage.memory_bits) as f64 / 1e3,
+            },
             units,
             fifo_bits,
             memory_bits: storage.memory_bits,
@@ -219,24 +256,29 @@ impl Cost {
 
     /// The table, at most 80 columns wide.
     pub fn table(&self) -> String {
-        let mut table = plain_table(&["", "area", "", "18×18", "adders", "choices", "registers", "tables"]);
+        let mut table = plain_table(&["", "area", "", "gates", "18×18", "adders", "choices", "registers", "tables"]);
         let percent = |area: f64| share(area as u64, self.area as u64);
-        for UnitCost { name, area, bits } in &self.units {
+        for UnitCost { name, area, gates, bits } in &self.units {
             let bits = [bits.blocks_18, bits.adder, bits.multiplexer, bits.register, bits.rom].map(thousands);
-            table.add_row([(*name).to_owned(), thousands(*area as u64), percent(*area)].into_iter().chain(bits));
+            let areas = [thousands(*area as u64), percent(*area), thousands(*gates as u64)];
+            table.add_row([(*name).to_owned()].into_iter().chain(areas).chain(bits));
         }
         let units: f64 = self.units.iter().map(|unit| unit.area).sum();
         let stored = self.area - units;
-        table.add_row(["storage".into(), thousands(stored as u64), percent(stored)]);
+        let Gates { total, logic, flip_flops, sram_kbit } = self.gates;
+        table.add_row(["storage".into(), thousands(stored as u64), percent(stored), thousands((total - logic - flip_flops) as u64)]);
         let stored = format!(
             "FIFOs {} bits, memory {} bits; a pixel of the frame buffer {} bits",
             thousands(self.fifo_bits),
             thousands(self.memory_bits),
             thousands(self.frame_bits_per_pixel)
         );
+        let [logic, flip_flops, kilobits] = [logic, flip_flops, sram_kbit].map(|count| thousands(count as u64));
+        let gates = format!("gates {logic} NAND2 of logic, {flip_flops} of flip-flops; SRAM {kilobits} kbit");
         format!(
-            "area {} LUT equivalents; blocks counted, all else in bits\n{}\n{}",
+            "area {} LUT equivalents; blocks counted, all else in bits\n{}\n{}\n{}",
             thousands(self.area as u64),
+            wrapped(&gates),
             aligned(table).trim_fmt(),
             wrapped(&stored)
         )
@@ -279,17 +321,21 @@ fn registers(machine: &Elaborated, unit: &str) -> u64 {
     parts.map(bits).sum()
 }
 
-/// What units of a name are built of.
-fn built(machine: &Elaborated, name: &str) -> Bits {
+/// What units of a name are built of, and gate equivalents of their logic.
+fn built(machine: &Elaborated, name: &str, prices: &PerBit) -> (Bits, f64) {
     let (units, shared) = side_by_side(machine, name);
     let parts = machine.parts.iter().filter(|part| part.unit == name);
-    let mut bits = Bits::default();
+    let (mut bits, mut logic) = (Bits::default(), 0.0);
+    let mut add = |operator: Operator, copies: u64| {
+        bits.add(operator, copies);
+        logic += copies as f64 * gates::of(prices, operator);
+    };
     let mut multipliers = Vec::new();
     for part in parts {
         let copies = u64::from(part.copies) * lanes(machine, part);
         match part.operator {
             Operator::Multiplier([a, b]) => multipliers.push((a.max(b), a.min(b), copies)),
-            operator => bits.add(operator, units * copies),
+            operator => add(operator, units * copies),
         }
     }
     // Those that take several products in turn are as wide as the widest.
@@ -297,10 +343,10 @@ fn built(machine: &Elaborated, name: &str) -> Bits {
     let mut left = shared.unwrap_or(u64::MAX);
     for (a, b, copies) in multipliers {
         let own = copies.min(left);
-        bits.add(Operator::Multiplier([a, b]), units * own);
+        add(Operator::Multiplier([a, b]), units * own);
         // Who takes turns at another's multiplier has its operands chosen there; that of colours is a price without a datapath.
         if name != unit::COLOUR {
-            bits.add(Operator::Multiplexer(a + b), units * (copies - own));
+            add(Operator::Multiplexer(a + b), units * (copies - own));
         }
         left -= own;
     }
@@ -308,7 +354,7 @@ fn built(machine: &Elaborated, name: &str) -> Bits {
     let stages = machine.timing.pipelines.iter().find(|pipeline| pipeline.unit == name);
     let of_all = |of: fn(&Pipeline) -> u64| stages.map_or(0, |stages| of(stages) * u64::from(stages.units));
     bits.register = bits.register.max(of_all(|of| of.bits)) + of_all(|of| of.beside);
-    bits
+    (bits, logic)
 }
 
 /// A machine's area, and a frame's energy on it.

@@ -260,7 +260,7 @@ pub(crate) fn in_brackets(text: &str, known: &[&str]) -> String {
 mod tests {
     use super::*;
 
-    const NAMES: [&str; 5] = ["precision", "precision-in-lockstep", "curves", "architecture", "layers"];
+    const NAMES: [&str; 6] = ["precision", "precision-in-lockstep", "curves", "architecture", "layers", "clock"];
 
     #[test]
     fn a_misspelt_name_has_a_nearest_one_and_a_strange_one_has_none() {

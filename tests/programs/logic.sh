@@ -1,4 +1,4 @@
-# Shell, read by area.sh, delays.sh and depths.sh: the units' own logic. Makes $work/pipe.sv, in which wires stand for the registers and the FIFO behind
+# Shell, read by area.sh, delays.sh, depths.sh and gates.sh: the units' own logic. Makes $work/pipe.sv, in which wires stand for the registers and the FIFO behind
 # each unit, and $sources, that and all units of $rtl with their parts.
 cat > "$work/pipe.sv" << 'END'
 module pipe #(parameter int W = 1, parameter int LATENCY = 1, parameter int INTERVAL = 1, parameter int ROOM = 1) (

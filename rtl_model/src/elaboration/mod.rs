@@ -20,6 +20,8 @@ pub enum Operator {
     Multiplier([i32; 2]),
     /// A sum, a difference or a comparison of so many bits.
     Adder(i32),
+    /// What rounds a result to a word of so many bits.
+    Rounder(i32),
     /// A choice of one of two words of so many bits.
     Multiplexer(i32),
     /// A word of so many bits that is kept for a cycle.
@@ -190,7 +192,7 @@ impl Elaboration {
         let bits = word.format.width();
         self.part(unit, Operator::Register(bits));
         if word.round != Rounding::Truncate && from.frac_bits > word.format.frac_bits {
-            self.part(unit, Operator::Adder(bits));
+            self.part(unit, Operator::Rounder(bits));
         }
         if word.overflow == Overflow::Saturate && from.int_bits > Exact::from(word).int_bits {
             self.part(unit, Operator::Multiplexer(bits));

@@ -47,6 +47,8 @@ use std::path::{Path, PathBuf};
 pub enum Minimise {
     /// Area of the machine, in the unit of the prices.
     Area,
+    /// Gate equivalents of the machine, what is stored at what its bits are priced.
+    Gates,
     /// Joules a frame, of the scene that takes most.
     Energy,
     /// Cycles a frame, of the scene that takes most, at the machine's own clock.
@@ -79,16 +81,26 @@ pub struct Measured {
     pub frames_per_second: f64,
     /// Area in the unit of the prices.
     pub area: f64,
+    /// Gate equivalents.
+    pub gates: f64,
     /// Joules a frame.
     pub energy: f64,
     /// Cycles a frame.
     pub cycles: u64,
 }
 
+impl Minimise {
+    /// Whether it is known of a machine that has drawn nothing.
+    fn is_known_at_once(self) -> bool {
+        matches!(self, Minimise::Area | Minimise::Gates)
+    }
+}
+
 impl Measured {
     fn of(&self, minimise: Minimise) -> f64 {
         match minimise {
             Minimise::Area => self.area,
+            Minimise::Gates => self.gates,
             Minimise::Energy => self.energy,
             Minimise::Cycles => self.cycles as f64,
         }
@@ -99,6 +111,7 @@ impl Measured {
         Measured {
             frames_per_second: self.frames_per_second.min(other.frames_per_second),
             area: self.area,
+            gates: self.gates,
             energy: self.energy.max(other.energy),
             cycles: self.cycles.max(other.cycles),
         }
@@ -184,7 +197,7 @@ const FIRST_LOOK: usize = 1_000_000;
 const MARGIN: f64 = 0.002;
 const MOST_ABOVE: f64 = 1.25;
 
-const COLUMNS: [(&str, Kind); 9] = [
+const COLUMNS: [(&str, Kind); 10] = [
     (columns::POINT, Kind::Whole),
     (columns::KEY, Kind::Text),
     (columns::SCENE, Kind::Text),
@@ -194,6 +207,7 @@ const COLUMNS: [(&str, Kind); 9] = [
     (columns::AREA, Kind::Number),
     (columns::ENERGY_J, Kind::Number),
     (columns::CYCLES, Kind::Whole),
+    (columns::GATES, Kind::Number),
 ];
 
 /// The fields that are searched; of those that nobody named the clock stays, where cycles are counted.
@@ -369,15 +383,21 @@ impl Outcome {
     pub fn summary(&self) -> String {
         let what = match self.minimise {
             Minimise::Area => "area",
+            Minimise::Gates => "gates",
             Minimise::Energy => "energy",
             Minimise::Cycles => "cycles",
         };
         let head = format!("{}, from {}: at least {} frames/s, least {what}", self.scenes.join(", "), self.base, self.min_fps);
-        let mut table = plain_table(&["", "area", "frames/s", "energy mJ", "cycles", "tried"]);
+        // Of two ways to tell how large it is, that which counts.
+        let (size, size_of): (_, fn(&Measured) -> f64) = match self.minimise {
+            Minimise::Gates => ("gates", |found| found.gates),
+            _ => ("area", |found| found.area),
+        };
+        let mut table = plain_table(&["", size, "frames/s", "energy mJ", "cycles", "tried"]);
         for Step { method, found, tried } in &self.path {
             table.add_row([
                 method.clone(),
-                thousands(found.area as u64),
+                thousands(size_of(found) as u64),
                 format!("{:.1}", found.frames_per_second),
                 format!("{:.2}", found.energy * 1e3),
                 thousands(found.cycles),

@@ -292,6 +292,7 @@ impl Rows {
             self.curves(),
             self.flicker(),
             self.layers(),
+            self.clock(),
             self.cycles(),
             self.host_speed(),
         ];
@@ -609,6 +610,36 @@ impl Rows {
         }
         let says = "What another layer, or another rule for merging, buys: no word makes the picture better than this.";
         figure("layers", "Layers and rules for merging".into(), says, charts, [600, 420])
+    }
+
+    /// Clocks: what they cost in gates, and what they buy in latency and frames a second.
+    fn clock(&self) -> Option<Figure> {
+        const FIELD: &str = "timing.clock_hz";
+        let mut charts: Vec<Box<dyn Chart>> = Vec::new();
+        for scene in self.scenes() {
+            // Nothing else is changed.
+            let is_alone = |row: &&Row| self.changes(row).iter().all(|(field, _)| *field == FIELD);
+            let mut rows: Vec<(f64, &Row)> = (self.of(scene).filter(is_alone))
+                .filter_map(|row| Some((self.table.text(row, FIELD).parse::<f64>().ok()? / 1e6, row)))
+                .collect();
+            rows.sort_by(|a, b| a.0.total_cmp(&b.0));
+            if rows.len() < CURVE {
+                continue;
+            }
+            let figures = [
+                (columns::GATES, 1e-3, "gates, thousand NAND2"),
+                (columns::LATENCY_NS, 1.0, "latency of all units, ns"),
+                (columns::FRAMES_PER_SECOND, 1.0, SPEED[1]),
+            ];
+            for (column, scale, label) in figures {
+                let points = rows.iter().filter_map(|(clock, row)| Some([*clock, self.number(row, column)? * scale])).collect();
+                let series = vec![Series { name: self.base.name.clone(), points, mark: Mark::Rings, colour: 0 }];
+                let title = format!("{}: {}", cut(scene), label.split(',').next().unwrap_or_default());
+                charts.push(Box::new(Panel { title, x: Axis::linear("clock, MHz"), y: Axis::linear(label), series, ..Panel::default() }));
+            }
+        }
+        let says = "What a faster clock costs and buys, all else as it is. Where latencies are left out, they are as long as the clock asks for: up to the knee every operator's own registers are enough, and a faster clock costs nothing; beyond it there are more stages, and latency gains less and less.";
+        figure("clock", "Gates and latency by clock".into(), says, charts, [600, 420])
     }
 
     fn machine(&self, row: &Row) -> Result<Machine> {

@@ -51,6 +51,8 @@ pub(super) struct Replay {
     pub cost: CostReport,
     pub machine: MachineReport,
     pub units: Cycles,
+    /// From a splat to a pixel's word through units that wait for nothing.
+    pub latency_ns: f64,
 }
 
 /// A figure of a point.
@@ -110,6 +112,9 @@ figures! {
     FRAGMENT_BITS = "fragment_bits", Whole, |f| of(&f.replay, |r| json!(r.machine.fragment_bits));
     WIDEST_OPERAND_BITS = "widest_operand_bits", Whole, |f| of(&f.replay, |r| json!(r.machine.widest_operand_bits));
     ENERGY_J = "energy_j", Number, |f| of(&f.replay, |r| json!(r.cost.energy.total));
+    GATES = "gates", Number, |f| of(&f.replay, |r| json!(r.cost.cost.gates.total));
+    SRAM_KBIT = "sram_kbit", Number, |f| of(&f.replay, |r| json!(r.cost.cost.gates.sram_kbit));
+    LATENCY_NS = "latency_ns", Number, |f| of(&f.replay, |r| json!(r.latency_ns));
 }
 
 macro_rules! seconds {

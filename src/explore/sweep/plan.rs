@@ -154,7 +154,7 @@ pub struct Points {
 }
 
 /// Plans that need no file.
-pub const READY: [(&str, &str); 5] = [
+pub const READY: [(&str, &str); 6] = [
     (
         "precision",
         r#"{"scenes": ["glass-spheres"], "axes": [{"field": "*", "add_frac_bits": [-4, -2, 2]}], "order": "one-at-a-time",
@@ -185,6 +185,11 @@ pub const READY: [(&str, &str); 5] = [
         r#"{"scenes": ["glass-spheres"], "size": [256, 256], "lockstep": false, "axes": [
             {"field": "fragment.merge", "values": ["nearest-pair", "farthest-pair"]},
             {"field": "fragment.layers", "values": [1, 2, 3, 4, 6, 8]}]}"#,
+    ),
+    (
+        "clock",
+        r#"{"scenes": ["glass-spheres"], "size": [64, 64], "lockstep": false, "axes": [{"field": "timing.clock_hz",
+            "values": [100e6, 200e6, 300e6, 400e6, 500e6, 600e6, 700e6, 800e6, 900e6, 1e9, 1.1e9, 1.2e9, 1.3e9, 1.4e9, 1.5e9]}]}"#,
     ),
 ];
 

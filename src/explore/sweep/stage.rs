@@ -18,6 +18,7 @@ use crate::golden;
 use crate::golden::Rules;
 use crate::hardware::{fixed, machines};
 use crate::output::picture::Picture;
+use crate::performance::clock;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::CyclesReport;
 use crate::run::evaluation::Evaluation;
@@ -311,6 +312,7 @@ impl Drawn {
             cost: CostReport::new(&elaborated, &units, prices),
             machine: MachineReport::new(&elaborated),
             units,
+            latency_ns: clock::latency_ns(&elaborated),
         };
         Ok(Findings { replay: Some(replay), ..self.found.clone() })
     }

@@ -8,6 +8,10 @@ fn built_with(settings: &[&str]) -> Elaborated {
     fixed::elaborate(&machines::load("reference", &settings).unwrap()).unwrap()
 }
 
+fn bits_of(machine: &Elaborated, unit: &str) -> Bits {
+    built(machine, unit, &DEFAULT.gates).0
+}
+
 fn area(settings: &[&str]) -> f64 {
     Cost::new(&built_with(settings), &DEFAULT).area
 }
@@ -118,17 +122,17 @@ fn a_pipeline_has_as_many_registers_as_stages_times_live_bits() {
     let machine = built_with(&["timing.shade.latency=37"]);
     let fragment = machine.machine.fragment_bits() as u64;
     let light = 4 * machine.machine.shade.premultiplied.format.width() as u64;
-    assert_eq!(built(&machine, "shade").register, (37 * (fragment + light)).div_ceil(2));
+    assert_eq!(bits_of(&machine, "shade").register, (37 * (fragment + light)).div_ceil(2));
     // A stage of a unit that takes an item in two cycles holds one in two.
     let slow = built_with(&["timing.project.interval=2", "timing.project.latency=200"]);
     let quick = built_with(&["timing.project.interval=1", "timing.project.latency=100"]);
-    assert_eq!(built(&slow, "project").register, built(&quick, "project").register);
+    assert_eq!(bits_of(&slow, "project").register, bits_of(&quick, "project").register);
 }
 
 #[test]
 fn what_multipliers_share_is_as_wide_as_the_widest() {
-    let shared = |count: u32| built(&built_with(&[&format!("timing.project.multipliers={count}")]), "project").multiplier;
-    let all = built(&built_with(&[]), "project").multiplier;
+    let shared = |count: u32| bits_of(&built_with(&[&format!("timing.project.multipliers={count}")]), "project").multiplier;
+    let all = bits_of(&built_with(&[]), "project").multiplier;
     // focal · slope, 27 × 26 bits; the rotation of 27 × 27 is wider.
     assert_eq!([shared(1), shared(2)], [27 * 27, 2 * 27 * 27]);
     assert_eq!(shared(1000), all);
@@ -215,8 +219,8 @@ fn prices_are_read_whole_or_refused_in_a_sentence() {
 
 #[test]
 fn who_takes_turns_at_a_multiplier_pays_for_the_choice_of_its_operands() {
-    let bits = |setting: &str| built(&built_with(&[setting]), "project");
-    let whole = built(&built_with(&[]), "project");
+    let bits = |setting: &str| bits_of(&built_with(&[setting]), "project");
+    let whole = bits_of(&built_with(&[]), "project");
     let mut before = whole.multiplexer;
     for count in [64, 16, 4, 1] {
         let shared = bits(&format!("timing.project.multipliers={count}"));
@@ -224,4 +228,60 @@ fn who_takes_turns_at_a_multiplier_pays_for_the_choice_of_its_operands() {
         before = shared.multiplexer;
     }
     assert!(before > whole.multiplexer);
+}
+
+#[test]
+fn a_bit_more_never_takes_fewer_gates() {
+    let of = |operator: Operator| gates::of(&DEFAULT.gates, operator);
+    for a in -2..40 {
+        let each = [Operator::Adder, Operator::Multiplexer, Operator::Rounder].map(|operator| [operator(a), operator(a + 1)]);
+        for [narrow, wide] in each {
+            assert!(of(wide) >= of(narrow) && of(narrow) >= 0.0, "{narrow:?}");
+        }
+        for b in -2..40 {
+            let narrow = of(Operator::Multiplier([a, b]));
+            for wide in [[a + 1, b], [a, b + 1]] {
+                assert!(of(Operator::Multiplier(wide)) >= narrow && narrow >= 0.0, "{a} {b}");
+            }
+            assert!(of(Operator::Rom([a + 1, b])) >= of(Operator::Rom([a, b])), "{a} {b}");
+        }
+    }
+    // A bit times a word is an AND for each.
+    assert_eq!(of(Operator::Multiplier([1, 12])), 12.0 * 32.0 / 24.0);
+    let gates = |setting: &str| Cost::new(&built_with(&[setting]), &DEFAULT).gates;
+    let reference = gates("timing.engines=1");
+    for wider in ["gauss.weight=U-2F24", "ellipse.conic=U3F25", "timing.shade.latency=60", "timing.tile.side_px=32", "timing.engines=2"] {
+        assert!(gates(wider).total > reference.total, "{wider}");
+    }
+    assert!(gates("timing.shade.latency=60").logic == reference.logic && gates("timing.tile.side_px=32").sram_kbit > reference.sram_kbit);
+}
+
+#[test]
+fn gates_are_those_of_the_units_and_of_what_is_stored() {
+    let prices = Prices { gates: PerBit { memory: 0.5, ..DEFAULT.gates }, ..DEFAULT };
+    let cost = Cost::new(&built_with(&[]), &prices);
+    let Gates { total, logic, flip_flops, sram_kbit } = cost.gates;
+    let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-9, "{a}, {b}");
+    close(logic + flip_flops, cost.units.iter().map(|unit| unit.gates).sum());
+    close(flip_flops, cost.units.iter().map(|unit| unit.bits.register).sum::<u64>() as f64 * prices.gates.register);
+    close(total - logic - flip_flops, cost.fifo_bits as f64 + 0.5 * cost.memory_bits as f64);
+    close(sram_kbit, (cost.fifo_bits + cost.memory_bits) as f64 / 1000.0);
+}
+
+#[test]
+fn a_file_of_prices_from_before_there_were_gates_still_holds() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("prices.json");
+    let load = |value: &serde_json::Value| {
+        std::fs::write(&path, value.to_string()).unwrap();
+        Prices::load(&path)
+    };
+    let mut value = serde_json::to_value(DEFAULT).unwrap();
+    value.as_object_mut().unwrap().remove("gates");
+    assert_eq!(load(&value).unwrap(), DEFAULT);
+    // What it says is taken, whole.
+    value["gates"] = serde_json::to_value(PerBit { adder: 1.0, ..DEFAULT.gates }).unwrap();
+    assert_eq!(load(&value).unwrap().gates.adder, 1.0);
+    value["gates"].as_object_mut().unwrap().remove("rom");
+    assert!(matches!(load(&value), Err(Error::Input(sentence)) if sentence.contains("gates") && sentence.contains("rom")));
 }

@@ -22,7 +22,7 @@ pub(super) enum Kind {
 }
 
 /// A figure: its name, where it stands, how it is told, and whether it is told where both are equal.
-pub(super) const FIGURES: [(&str, &str, Kind, bool); 39] = [
+pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
     ("cycles", "/cycles/total", Kind::Count, true),
     ("clock, MHz", "/cycles/clock_hz", Kind::Scaled(1e-6), false),
     ("frames/s", "/cycles/frames_per_second", Kind::Tenths, true),
@@ -37,6 +37,8 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 39] = [
     ("texel hits", "/cycles/texels/1", Kind::Count, false),
     ("stamps tested", "/cycles/slots/0", Kind::Count, false),
     ("area, LUT equivalents", "/cost/area", Kind::Count, true),
+    ("gates, NAND2", "/cost/gates/total", Kind::Count, true),
+    ("SRAM, kbit", "/cost/gates/sram_kbit", Kind::Tenths, false),
     ("FIFOs, bits", "/cost/fifo_bits", Kind::Count, false),
     ("tiles, cache, bits", "/cost/memory_bits", Kind::Count, false),
     ("a fragment, bits", "/machine/fragment_bits", Kind::Count, false),

@@ -17,7 +17,7 @@ const rowsPage = ({ columns, machine, title }) => {
   const axes = columns.map(column => column.name).filter(name => value.get(name).numeric && !value.get(name).same);
 
   // 1: more is better; −1: less is; 0: nobody can say.
-  const better = name => /psnr|ssim|frames_per_second/.test(name) ? 1 : /area|cycles|energy|bytes|_bits|error|over_1|saturated|wrapped|flips|violations|blocks|seconds|starved|blocked|_memory$|unexplained/.test(name) ? -1 : 0;
+  const better = name => /psnr|ssim|frames_per_second/.test(name) ? 1 : /area|gates|sram_kbit|latency|cycles|energy|bytes|_bits|error|over_1|saturated|wrapped|flips|violations|blocks|seconds|starved|blocked|_memory$|unexplained/.test(name) ? -1 : 0;
   // Equal pictures have no PSNR, and no error: none is better. A row that was never drawn has neither.
   const errorOf = name => name.replace(/psnr(_covered)?_db$/, 'max_error');
   const isEqual = (name, row) => /psnr(_covered)?_db$/.test(name) && value.has(errorOf(name)) && cell(errorOf(name), row) === 0;

@@ -3,7 +3,7 @@
 //! ```text
 //! base ─( most gain for its cost )─► fast enough ─( most saved for its time )─► ─( most saved )─► ─( two fields at a time )─► the cheapest
 //! ```
-//! A replay is what takes time, so few are made. A machine's area is known without one: where area is what counts only machines of less are
+//! A replay is what takes time, so few are made. A machine's area and its gates are known without one: where these are what counts only machines of less are
 //! replayed. And what a change does is remembered: it orders the next step's changes, of which the best few are replayed, all of them only
 //! when none of those helps.
 
@@ -28,7 +28,7 @@ use std::path::Path;
 const BATCH: usize = 32;
 /// Of the changes that seem best so many are replayed at a time.
 const FEW: usize = 8;
-/// Pairs of changes whose area is looked at, those first that seem cheapest or fastest.
+/// Pairs of changes whose size is looked at, those first that seem cheapest or fastest.
 const PAIRS: usize = 512;
 /// Of them those that are replayed.
 const REPLAYED_PAIRS: usize = 96;
@@ -63,8 +63,8 @@ pub(super) struct Search<'a> {
     journal: Journal,
     /// Rows by their keys.
     known: HashMap<String, u64>,
-    /// By state; none where it cannot be built.
-    areas: HashMap<State, Option<f64>>,
+    /// Area or gates, whichever counts, by state; none where it cannot be built.
+    sizes: HashMap<State, Option<f64>>,
     taken: HashMap<State, Taken>,
     /// What changes did alone.
     alone: HashMap<Change, Alone>,
@@ -84,11 +84,17 @@ fn measured(machines: &[Machine], frames: &[Recorded], prices: &Prices) -> Vec<s
             let cycles = timing::replay(&built.timing, work, Detail::Accounts);
             let cost = CostReport::new(&built, &cycles, prices);
             let frames_per_second = frames_per_second(&built.timing, &cycles);
-            Measured { frames_per_second, area: cost.cost.area, energy: cost.energy.total, cycles: cycles.total }
+            Measured {
+                frames_per_second,
+                area: cost.cost.area,
+                gates: cost.cost.gates.total,
+                energy: cost.energy.total,
+                cycles: cycles.total,
+            }
         };
         let each: Vec<Measured> = frames.par_iter().map(of_frame).collect();
         let all = each.into_iter().reduce(Measured::and).ok_or("there is no scene")?;
-        let is_finite = [all.frames_per_second, all.area, all.energy].iter().all(|figure| figure.is_finite());
+        let is_finite = [all.frames_per_second, all.area, all.gates, all.energy].iter().all(|figure| figure.is_finite());
         if is_finite { Ok(all) } else { Err("has a figure that is no number".into()) }
     };
     machines.par_iter().map(of_machine).collect()
@@ -117,7 +123,7 @@ impl<'a> Search<'a> {
             frames,
             journal,
             known,
-            areas: HashMap::new(),
+            sizes: HashMap::new(),
             taken: HashMap::new(),
             alone: HashMap::new(),
             aim: options.min_fps,
@@ -161,16 +167,17 @@ impl<'a> Search<'a> {
         self.settings(state).into_iter().map(|(field, value)| format!("{field}={value}")).collect()
     }
 
-    /// Knows the areas of states; nothing is replayed for them.
-    fn with_area(&mut self, states: &[State]) -> Result<()> {
-        let new: Vec<&State> = states.iter().filter(|state| !self.areas.contains_key(*state)).collect();
-        let area = |state: &&State| -> Result<Option<f64>> {
+    /// Knows the sizes of states; nothing is replayed for them.
+    fn with_size(&mut self, states: &[State]) -> Result<()> {
+        let new: Vec<&State> = states.iter().filter(|state| !self.sizes.contains_key(*state)).collect();
+        let size = |state: &&State| -> Result<Option<f64>> {
             let built = fixed::elaborate(&self.machine(state)?).ok();
-            Ok(built.map(|built| Cost::new(&built, &self.options.prices).area))
+            let cost = built.map(|built| Cost::new(&built, &self.options.prices));
+            Ok(cost.map(|cost| if self.options.minimise == Minimise::Gates { cost.gates.total } else { cost.area }))
         };
-        let areas: Vec<Option<f64>> = new.par_iter().map(area).collect::<Result<_>>()?;
-        let new: Vec<(State, Option<f64>)> = new.into_iter().cloned().zip(areas).collect();
-        self.areas.extend(new);
+        let sizes: Vec<Option<f64>> = new.par_iter().map(size).collect::<Result<_>>()?;
+        let new: Vec<(State, Option<f64>)> = new.into_iter().cloned().zip(sizes).collect();
+        self.sizes.extend(new);
         Ok(())
     }
 
@@ -199,8 +206,14 @@ impl<'a> Search<'a> {
                 }
                 let row = self.known.get(&key).and_then(|point| self.journal.get(*point));
                 let number = |at: usize| row.and_then(|row| row[at].as_f64());
-                let taken = number(5).zip(number(6)).zip(number(7)).zip(row.and_then(|row| row[8].as_u64()));
-                let taken = taken.map(|(((frames_per_second, area), energy), cycles)| Measured { frames_per_second, area, energy, cycles });
+                let taken = number(5).zip(number(6)).zip(number(7)).zip(row.and_then(|row| row[8].as_u64())).zip(number(9));
+                let taken = taken.map(|((((frames_per_second, area), energy), cycles), gates)| Measured {
+                    frames_per_second,
+                    area,
+                    gates,
+                    energy,
+                    cycles,
+                });
                 self.taken.insert((*state).clone(), taken);
                 self.tried += 1;
             }
@@ -212,10 +225,10 @@ impl<'a> Search<'a> {
     fn keep(&mut self, key: &str, scenes: &str, changes: &str, found: std::result::Result<Measured, String>) -> Result<()> {
         let point = self.journal.rows().next_back().and_then(|row| row[0].as_u64()).map_or(0, |last| last + 1);
         let (misfit, cells) = match found {
-            Ok(Measured { frames_per_second, area, energy, cycles }) => {
-                (Value::Null, [json!(frames_per_second), json!(area), json!(energy), json!(cycles)])
+            Ok(Measured { frames_per_second, area, gates, energy, cycles }) => {
+                (Value::Null, [json!(frames_per_second), json!(area), json!(energy), json!(cycles), json!(gates)])
             }
-            Err(sentence) => (json!(sentence), [const { Value::Null }; 4]),
+            Err(sentence) => (json!(sentence), [const { Value::Null }; 5]),
         };
         let head = [json!(point), json!(key), json!(scenes), json!(changes), misfit];
         self.journal.push(point, head.into_iter().chain(cells).collect())?;
@@ -278,17 +291,17 @@ impl<'a> Search<'a> {
         Ok(measured)
     }
 
-    /// Changes of a state with what each would cost: exactly where that is area, else as it seemed when it was tried. Those that cannot be
+    /// Changes of a state with what each would cost: exactly where that is area or gates, else as it seemed when it was tried. Those that cannot be
     /// built, or were never tried, are left out.
     fn with_cost(&mut self, from: &State, now: &Measured, changes: Vec<Change>) -> Result<Vec<(f64, Change)>> {
-        if self.options.minimise != Minimise::Area {
+        if !self.options.minimise.is_known_at_once() {
             let cost = |change: Change| Some((self.alone.get(&change)?.cost * self.cost(now), change));
             return Ok(changes.into_iter().filter_map(cost).collect());
         }
         let states: Vec<State> = changes.iter().map(|change| with(from, &[*change])).collect();
-        self.with_area(&states)?;
-        let area = |state: &State| self.areas.get(state).copied().flatten();
-        Ok(changes.into_iter().zip(&states).filter_map(|(change, state)| Some((area(state)?, change))).collect())
+        self.with_size(&states)?;
+        let size = |state: &State| self.sizes.get(state).copied().flatten();
+        Ok(changes.into_iter().zip(&states).filter_map(|(change, state)| Some((size(state)?, change))).collect())
     }
 
     /// Of some states that were measured the one with the least place; the first of equals.
@@ -379,7 +392,7 @@ impl<'a> Search<'a> {
         while let Some(now) = self.taken(&state)? {
             self.say("cheaper", &now);
             let changes: Vec<Change> = self.changes_of_one(&state).into_iter().filter(|change| !barred.contains(change)).collect();
-            if self.options.minimise != Minimise::Area {
+            if !self.options.minimise.is_known_at_once() {
                 let new: Vec<Change> = changes.iter().copied().filter(|change| !self.alone.contains_key(change)).collect();
                 self.look(&state, &new)?;
             }
@@ -416,18 +429,18 @@ impl<'a> Search<'a> {
         Ok(state)
     }
 
-    /// The cheapest of some states that is fast enough and costs less than `now`: those of least area are replayed first, the rest not at
+    /// The cheapest of some states that is fast enough and costs less than `now`: the smallest are replayed first, where size is what counts, the rest not at
     /// all; at most so many.
     fn cheapest(&mut self, mut states: Vec<State>, now: &Measured, most: usize) -> Result<Option<State>> {
-        if self.options.minimise == Minimise::Area {
-            self.with_area(&states)?;
-            let area = |state: &State| self.areas.get(state).copied().flatten().unwrap_or(f64::INFINITY);
-            states.retain(|state| area(state) < now.area);
-            states.sort_by(|a, b| area(a).total_cmp(&area(b)));
+        let by_size = self.options.minimise.is_known_at_once();
+        if by_size {
+            self.with_size(&states)?;
+            let size = |state: &State| self.sizes.get(state).copied().flatten().unwrap_or(f64::INFINITY);
+            states.retain(|state| size(state) < self.cost(now));
+            states.sort_by(|a, b| size(a).total_cmp(&size(b)));
         }
         states.truncate(most);
-        let by_area = self.options.minimise == Minimise::Area;
-        for batch in states.chunks(if by_area { FEW } else { states.len().max(1) }) {
+        for batch in states.chunks(if by_size { FEW } else { states.len().max(1) }) {
             self.measure_all(batch)?;
             let place = |found: &Measured| (self.is_fast(found) && self.cost(found) < self.cost(now)).then_some(self.cost(found));
             if let Some(least) = self.least(batch.iter().cloned(), place) {

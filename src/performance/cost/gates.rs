@@ -1,0 +1,34 @@
+//! Gates: of how many NAND2 of standard cells an operator has the area.
+//!
+//! ```text
+//! multiplier  p · (a − 1)(b − 1) + 4/3 · (a + b − 1): full adders, but for a row and a column of ANDs
+//! rounder     nothing: half of the last place is a row of the product's array
+//! all else    p · bits
+//! ```
+//! The default prices are round numbers near the least squares of relative errors over units of `tiny`, `lean` and `reference`, mapped for
+//! area to open 180 nm cells in which a NAND2 has 24 units of area (`sh tests/programs/gates.sh`; docs/book/cost.md has the table).
+//!
+//! Law: `a_bit_more_never_takes_fewer_gates`.
+
+use super::PerBit;
+use rtl_model::elaboration::Operator;
+
+/// See the head of this file. A flip-flop is DFFPOSX1, 96 units. A bit of FIFOs and memory is assumed: a NAND2, its part of what reads and
+/// writes it included.
+pub(super) const DEFAULT: PerBit =
+    PerBit { multiplier: 9.5, adder: 6.0, multiplexer: 2.5, register: 4.0, rom: 0.25, fifo: 1.0, memory: 1.0 };
+
+/// An AND2X2, 32 units.
+const AND: f64 = 32.0 / 24.0;
+
+/// Of an operator; a register is no logic.
+pub(super) fn of(prices: &PerBit, operator: Operator) -> f64 {
+    let bits = |bits: i32| f64::from(bits.max(0));
+    match operator {
+        Operator::Multiplier([a, b]) if a.min(b) > 0 => prices.multiplier * bits(a - 1) * bits(b - 1) + AND * (bits(a) + bits(b) - 1.0),
+        Operator::Multiplier(_) | Operator::Rounder(_) | Operator::Register(_) => 0.0,
+        Operator::Adder(width) => prices.adder * bits(width),
+        Operator::Multiplexer(width) => prices.multiplexer * bits(width),
+        Operator::Rom([words, width]) => prices.rom * bits(words) * bits(width),
+    }
+}
