@@ -5,15 +5,15 @@ use crate::program::PROGRAM;
 use crate::share;
 use rtl_model::elaboration::latency::Path;
 use splatsim::hardware::{fixed, machines};
-use splatsim::performance::cost::{Cost, DEFAULT};
+use splatsim::performance::cost::{Cost, DEFAULT, UnitCost};
 use std::process::Command;
 
-/// A row of what `area.sh` prints: machine, unit, LUTs, and what the model says of them.
+/// A row of what `area.sh` or `gates.sh` prints: machine, unit, LUTs or gates of logic, and what the model says of them.
 #[derive(Debug)]
 struct Row {
     machine: String,
     unit: String,
-    luts: f64,
+    mapped: f64,
     model: f64,
 }
 
@@ -25,18 +25,29 @@ fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
     let row = |words: &Vec<&str>| Row {
         machine: words[0].to_owned(),
         unit: words[1].to_owned(),
-        luts: number(words[3]),
+        mapped: number(words[3]),
         model: number(words[4]),
     };
     let rows = lines[1..].iter().map(row).collect();
     (rows, [5, last.len() - 3, last.len() - 1].map(|at| number(last[at])))
 }
 
-/// What the book has of it.
-fn fit() -> (Vec<Row>, [f64; 3]) {
+/// What the book has of it below a mark.
+fn fit(mark: &str) -> (Vec<Row>, [f64; 3]) {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/cost.md"));
-    let block = text.split("<!-- area -->\n```text\n").nth(1).expect("the book lacks the fit");
+    let block = text.split(&format!("<!-- {mark} -->\n```text\n")).nth(1).expect("the book lacks the fit");
     read(block.split("\n```").next().unwrap())
+}
+
+/// Whether the standard cells are there; CI has them.
+fn have_cells() -> bool {
+    let cells = "/usr/share/qflow/tech/osu018/osu018_stdcells.lib";
+    let are_there = std::path::Path::new(cells).exists();
+    if !are_there {
+        assert!(std::env::var_os("CI").is_none(), "{cells} is missing");
+        println!("skipped: {cells} is missing (apt-get install qflow-tech-osu018)");
+    }
+    are_there
 }
 
 /// Delays of operators by the model are within a quarter of what the standard cells take, and those of a unit that is no part of the fit. A
@@ -49,10 +60,7 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
     if !have(&["yosys"], "delays of operators") {
         return;
     }
-    let cells = "/usr/share/qflow/tech/osu018/osu018_stdcells.lib";
-    if !std::path::Path::new(cells).exists() {
-        assert!(std::env::var_os("CI").is_none(), "{cells} is missing");
-        println!("skipped: {cells} is missing (apt-get install qflow-tech-osu018)");
+    if !have_cells() {
         return;
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/delays.sh");
@@ -118,42 +126,65 @@ fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
     }
 }
 
-#[test]
-fn the_fit_is_what_the_book_says() {
-    let (rows, told) = fit();
+/// A table of the book says what the model does, of a unit without its registers, and sums its own rows up.
+fn holds_in_the_book(mark: &str, setting: &str, model: fn(&UnitCost) -> f64) -> Vec<Row> {
+    let (rows, told) = fit(mark);
     assert_eq!(rows.len(), 21);
     for row in &rows {
-        let machine = fixed::elaborate(
-            &machines::load(&row.machine, &["timing.raster.lanes=[1,1]", "fragment.turn_normals=false"].map(String::from)).unwrap(),
-        )
-        .unwrap();
+        let settings = ["timing.raster.lanes=[1,1]", setting].map(String::from);
+        let machine = fixed::elaborate(&machines::load(&row.machine, &settings).unwrap()).unwrap();
         let cost = Cost::new(&machine, &DEFAULT);
-        let unit = cost.units.iter().find(|unit| unit.name == row.unit).unwrap();
-        let model = unit.area - unit.bits.register as f64 * DEFAULT.area.register;
+        let model = model(cost.units.iter().find(|unit| unit.name == row.unit).unwrap());
         // The script subtracts from an area that `machine cost` cuts to a whole LUT, and rounds.
         assert!((model - row.model).abs() <= 1.5, "{row:?}: {model:.0}");
     }
-    let logarithms: Vec<f64> = rows.iter().map(|row| (row.luts / row.model).ln()).collect();
+    let logarithms: Vec<f64> = rows.iter().map(|row| (row.mapped / row.model).ln()).collect();
     let mean = logarithms.iter().sum::<f64>() / 21.0;
     let [least, most] = [f64::min, f64::max].map(|of| logarithms.iter().copied().reduce(of).unwrap());
     assert_eq!([mean, least, most].map(|logarithm| format!("{:.2}", logarithm.exp())), told.map(|ratio| format!("{ratio:.2}")));
+    rows
+}
+
+#[test]
+fn the_fit_is_what_the_book_says() {
+    holds_in_the_book("area", "fragment.turn_normals=false", |unit| unit.area - unit.bits.register as f64 * DEFAULT.area.register);
+}
+
+/// And no unit of these machines takes a tenth more or less than the model's gates.
+#[test]
+fn the_gates_are_what_the_book_says() {
+    let rows =
+        holds_in_the_book("gates", "fragment.turn_normals=true", |unit| unit.gates - unit.bits.register as f64 * DEFAULT.gates.register);
+    assert!(rows.iter().all(|row| (0.9..=1.1).contains(&(row.mapped / row.model))), "{rows:?}");
+}
+
+/// Maps the smallest units anew, and finds them in the range of the book's table.
+fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
+    if !have(&["yosys"], "synthesis of small units") {
+        return;
+    }
+    let script = format!("{}/tests/programs/{script}", env!("CARGO_MANIFEST_DIR"));
+    let units: Vec<&str> = share::mine(["raster", "gauss", "resolve"]).collect();
+    let given = [script.as_str(), "--splatsim", PROGRAM.as_str(), "--seconds", "600", "--units", &units.join(",")].map(str::to_owned);
+    let output = run(Command::new("sh").args(given).args(more).arg("tiny"));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let (rows, _) = read(&printed);
+    let (_, [_, least, most]) = fit(mark);
+    println!("{printed}");
+    assert_eq!(rows.len(), units.len());
+    // As it is printed: to a hundredth.
+    let holds = |row: &Row| (least - 0.005..=most + 0.005).contains(&(row.mapped / row.model));
+    assert!(rows.iter().all(holds), "{least} to {most}, but\n{printed}");
+}
+
+#[test]
+fn small_units_take_the_gates_that_the_model_says() {
+    if have_cells() {
+        small_units_are_in_the_range("gates.sh", "gates", &[]);
+    }
 }
 
 #[test]
 fn small_units_take_what_the_model_says() {
-    if !have(&["yosys"], "synthesis of small units") {
-        return;
-    }
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/area.sh");
-    let given = [script, "--splatsim", PROGRAM.as_str(), "--seconds", "600", "--without-dsps"];
-    let units: Vec<&str> = share::mine(["raster", "gauss", "resolve"]).collect();
-    let output = run(Command::new("sh").args(given).args(["--units", &units.join(","), "tiny"]));
-    let printed = String::from_utf8(output.stdout).unwrap();
-    let (rows, _) = read(&printed);
-    let (_, [_, least, most]) = fit();
-    println!("{printed}");
-    assert_eq!(rows.len(), units.len());
-    // As it is printed: to a hundredth.
-    let holds = |row: &Row| (least - 0.005..=most + 0.005).contains(&(row.luts / row.model));
-    assert!(rows.iter().all(holds), "{least} to {most}, but\n{printed}");
+    small_units_are_in_the_range("area.sh", "area", &["--without-dsps"]);
 }

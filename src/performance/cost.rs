@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! parts of the elaborated machine ─►( × copies, lanes )─► bits of every kind ─►( × prices )─► area, LUT equivalents
+//!                                                                                        └──► gates, NAND2; SRAM, kbit
 //! items of every unit, traffic    ─►( × parts )──────────────────────────────►( × prices )─► energy, joules a frame
 //! ```
 //! Prices are a table that can be replaced (`--prices FILE`). The default ones:
@@ -13,6 +14,7 @@
 //! - *The fit*: over 34 units of five machines, three of them not fitted to, LUTs are 1.00 times the model without registers in the
 //!   geometric mean, 0.89 to 1.16 (docs/book/cost.md has the table). Not compared: parts of ellipsoids and sheets, what lanes share,
 //!   storage.
+//! - *Gates*: NAND2 of standard cells, by the laws of `gates.rs`.
 //! - *Energy* from Horowitz, "Computing's energy problem" (ISSCC 2014, 45 nm): an adder 0.1 pJ and a multiplier 3.1 pJ for 32 bits, 64
 //!   bits from a small memory 10 pJ, from DRAM 1.3 nJ. What is not in it is assumed: a multiplexer or register bit takes what an adder bit
 //!   does, and what stands still a hundredth of what an adder bit does, every 2.5 ns. Other technologies: `technology.rs`.

@@ -63,7 +63,7 @@ synthesise() {
 model() {
     awk -v unit="$2" '
         FNR == NR { gates = gates || /"gates"/; if (gates && !price && match($1, /"register"/)) price = $2 + 0; next }
-        $1 == unit { gsub(",", ""); printf "%d %.0f\n", $4, $4 - $(NF - 1) * price }' "$work/prices" "$work/$1.cost"
+        $1 == unit { gsub(",", ""); printf "%d %.0f\n", $(NF - 5), $(NF - 5) - $(NF - 1) * price }' "$work/prices" "$work/$1.cost"
 }
 
 "$splatsim" machine prices > "$work/prices"

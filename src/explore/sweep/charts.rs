@@ -612,18 +612,25 @@ impl Rows {
         figure("layers", "Layers and rules for merging".into(), says, charts, [600, 420])
     }
 
-    /// Clocks: what they cost in gates, and what they buy in latency and frames a second.
+    /// Clocks: what the smallest machine of each costs in gates, and what it buys in latency and frames a second.
     fn clock(&self) -> Option<Figure> {
         const FIELD: &str = "timing.clock_hz";
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         for scene in self.scenes() {
-            // Nothing else is changed.
-            let is_alone = |row: &&Row| self.changes(row).iter().all(|(field, _)| *field == FIELD);
-            let mut rows: Vec<(f64, &Row)> = (self.of(scene).filter(is_alone))
-                .filter_map(|row| Some((self.table.text(row, FIELD).parse::<f64>().ok()? / 1e6, row)))
-                .collect();
-            rows.sort_by(|a, b| a.0.total_cmp(&b.0));
-            if rows.len() < CURVE {
+            // Nothing else is changed but how many stages there are.
+            let is_of = |field: &str| field == FIELD || field.starts_with("timing.") && field.ends_with(".latency");
+            let mut smallest: Vec<(f64, f64, &Row)> = Vec::new();
+            for row in self.of(scene).filter(|row| self.changes(row).iter().all(|(field, _)| is_of(field))) {
+                let clock = self.table.text(row, FIELD).parse::<f64>().ok();
+                let Some((clock, gates)) = clock.zip(self.number(row, columns::GATES)) else { continue };
+                match smallest.iter_mut().find(|(other, ..)| *other == clock) {
+                    Some(least) if gates < least.1 => *least = (clock, gates, row),
+                    Some(_) => {}
+                    None => smallest.push((clock, gates, row)),
+                }
+            }
+            smallest.sort_by(|a, b| a.0.total_cmp(&b.0));
+            if smallest.len() < CURVE {
                 continue;
             }
             let figures = [
@@ -632,13 +639,14 @@ impl Rows {
                 (columns::FRAMES_PER_SECOND, 1.0, SPEED[1]),
             ];
             for (column, scale, label) in figures {
-                let points = rows.iter().filter_map(|(clock, row)| Some([*clock, self.number(row, column)? * scale])).collect();
-                let series = vec![Series { name: self.base.name.clone(), points, mark: Mark::Rings, colour: 0 }];
+                let points =
+                    (smallest.iter()).filter_map(|(clock, _, row)| Some([clock / 1e6, self.number(row, column)? * scale])).collect();
+                let series = vec![Series { name: "fewest gates".into(), points, mark: Mark::Rings, colour: 0 }];
                 let title = format!("{}: {}", cut(scene), label.split(',').next().unwrap_or_default());
                 charts.push(Box::new(Panel { title, x: Axis::linear("clock, MHz"), y: Axis::linear(label), series, ..Panel::default() }));
             }
         }
-        let says = "What a faster clock costs and buys, all else as it is. Where latencies are left out, they are as long as the clock asks for: up to the knee every operator's own registers are enough, and a faster clock costs nothing; beyond it there are more stages, and latency gains less and less.";
+        let says = "What a faster clock costs and buys: at each clock the machine of the fewest gates that differs in clock and latencies alone. Up to the knee a stage more takes little, and buys much; beyond it registers of stages grow, and what they take themselves of each cycle eats up what they buy.";
         figure("clock", "Gates and latency by clock".into(), says, charts, [600, 420])
     }
 

@@ -188,8 +188,10 @@ pub const READY: [(&str, &str); 6] = [
     ),
     (
         "clock",
-        r#"{"scenes": ["glass-spheres"], "size": [64, 64], "lockstep": false, "axes": [{"field": "timing.clock_hz",
-            "values": [100e6, 200e6, 300e6, 400e6, 500e6, 600e6, 700e6, 800e6, 900e6, 1e9, 1.1e9, 1.2e9, 1.3e9, 1.4e9, 1.5e9]}]}"#,
+        r#"{"scenes": ["glass-spheres"], "size": [32, 32], "lockstep": false, "axes": [
+            {"field": "timing.clock_hz", "values": [1e8, 2e8, 3e8, 4e8, 6e8, 8e8, 1e9, 1.2e9, 1.5e9]},
+            {"fields": ["timing.project.latency", "timing.ellipse.latency", "timing.shade.latency"],
+                "values": [1, 2, 3, 4, 6, 8, 11, 15]}]}"#,
     ),
 ];
 

@@ -117,5 +117,5 @@ fn bits_are_added_on_either_side_and_a_rounding_stays() {
 fn the_ready_plans_can_be_carried_out() {
     let [precision, in_lockstep, curves, architecture, layers, clock] = READY.map(|(name, _)| Points::load(name).unwrap().count());
     assert!((150..250).contains(&precision) && in_lockstep == precision, "{precision}");
-    assert_eq!((curves, architecture, layers, clock), (45, 200, 12, 15));
+    assert_eq!((curves, architecture, layers, clock), (45, 200, 12, 72));
 }
