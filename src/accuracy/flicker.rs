@@ -34,6 +34,13 @@ pub struct Pictures {
     pub ideal: Picture,
 }
 
+impl Pictures {
+    /// As [`Sums::new`] takes them.
+    pub fn all(&self) -> [&Picture; 3] {
+        [&self.fixed, &self.golden, &self.ideal]
+    }
+}
+
 /// Change of an error from frame to frame at still pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Change {
@@ -78,13 +85,13 @@ struct Sum {
 }
 
 impl Sums {
-    /// Of a frame and the one before it.
+    /// Of a frame and the one before it, each `fixed`, `golden` and `ideal`, as [`Pictures::all`] has them; the frame before comes first.
     ///
     /// # Panics
     /// If sizes differ: the pictures of a sequence have one size.
-    pub fn new(before: &Pictures, now: &Pictures) -> Sums {
-        let (width, height) = (now.ideal.width, now.ideal.height);
-        let all = [&before.fixed, &before.golden, &before.ideal, &now.fixed, &now.golden, &now.ideal];
+    pub fn new([fixed_0, golden_0, ideal_0]: [&Picture; 3], [fixed, golden, ideal]: [&Picture; 3]) -> Sums {
+        let (width, height) = (ideal.width, ideal.height);
+        let all = [fixed_0, golden_0, ideal_0, fixed, golden, ideal];
         assert!(all.iter().all(|picture| (picture.width, picture.height) == (width, height)), "pictures of a sequence have one size");
         // Rows are added up from the top, so that threads do not show in the last bit.
         let row = |y: usize| (y * width..(y + 1) * width).fold(Sums::default(), |sums, index| sums.and(&Sums::of_pixel(&all, index)));
@@ -171,7 +178,7 @@ mod tests {
         let s = 1.0 / 255.0;
         let before = frame(&[0.2, 0.2, 0.2, 0.7], &[0.2; 4], &[0.2; 4]);
         let now = frame(&[0.9, 0.2 + 5.0 * s, 0.2 + 6.0 * s, 0.7], &[0.9, 0.2, 0.2 + 6.0 * s, 0.2], &[0.9, 0.2 + 0.4 * s, 0.2, 0.2]);
-        let found = Sums::new(&before, &now).flicker();
+        let found = Sums::new(before.all(), now.all()).flicker();
         assert_eq!((found.covered_pixels, found.still_pixels, found.not_finite), (4, 3, 0));
         assert!(close(found.fixed_vs_golden.jumps, 1.0 / 3.0) && close(found.fixed_vs_golden.mean, 5.0 * s / 9.0), "{found:?}");
         assert!(close(found.golden_vs_ideal.jumps, 1.0 / 3.0) && close(found.golden_vs_ideal.mean, 6.4 * s / 9.0), "{found:?}");
@@ -181,7 +188,7 @@ mod tests {
     #[test]
     fn an_error_that_stays_does_not_flicker() {
         let wrong = frame(&[1.0, 0.0], &[0.5, 0.9], &[0.1, 0.2]);
-        let found = Sums::new(&wrong, &wrong.clone()).flicker();
+        let found = Sums::new(wrong.all(), wrong.all()).flicker();
         assert_eq!(found.fixed_vs_golden, Change { mean: Some(0.0), jumps: Some(0.0) });
         assert_eq!(found.golden_vs_ideal, found.fixed_vs_golden);
     }
@@ -189,7 +196,7 @@ mod tests {
     #[test]
     fn nothing_still_says_nothing() {
         let (before, now) = (frame(&[0.1], &[0.1], &[0.0]), frame(&[0.2], &[0.2], &[STILL]));
-        let found = Sums::new(&before, &now).flicker();
+        let found = Sums::new(before.all(), now.all()).flicker();
         assert_eq!((found.covered_pixels, found.still_pixels), (1, 0));
         assert_eq!(found.fixed_vs_golden, Change { mean: None, jumps: None });
     }
@@ -202,11 +209,11 @@ mod tests {
                 picture.covered = vec![false, false, true];
             }
         }
-        let found = Sums::new(&frames[0], &frames[1]).flicker();
+        let found = Sums::new(frames[0].all(), frames[1].all()).flicker();
         assert_eq!((found.covered_pixels, found.still_pixels, found.fixed_vs_golden.jumps), (1, 1, Some(1.0)));
         // One picture of one frame is enough.
         frames[0].fixed.covered[0] = true;
-        assert_eq!(Sums::new(&frames[0], &frames[1]).flicker().covered_pixels, 2);
+        assert_eq!(Sums::new(frames[0].all(), frames[1].all()).flicker().covered_pixels, 2);
     }
 
     #[test]
@@ -217,7 +224,7 @@ mod tests {
                 for channel in 0..4 {
                     let mut broken = still.clone();
                     [&mut broken.fixed, &mut broken.golden, &mut broken.ideal][which].rgba[2][channel] = wrong;
-                    for found in [Sums::new(&still, &broken).flicker(), Sums::new(&broken, &still).flicker()] {
+                    for found in [Sums::new(still.all(), broken.all()).flicker(), Sums::new(broken.all(), still.all()).flicker()] {
                         assert_eq!((found.not_finite, found.still_pixels), (1, 3));
                         for change in [found.fixed_vs_golden, found.golden_vs_ideal, found.fixed_vs_ideal] {
                             assert_eq!(change, Change { mean: Some(1.0), jumps: Some(1.0) });

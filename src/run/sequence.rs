@@ -92,7 +92,7 @@ pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output
         if let Some(video) = &mut video {
             video.push(&drawn.pictures.fixed, encoded)?;
         }
-        let sums = before.as_ref().map(|before| Sums::new(before, &drawn.pictures));
+        let sums = before.as_ref().map(|before: &Pictures| Sums::new(before.all(), drawn.pictures.all()));
         all = sums.as_ref().map_or(all, |sums| all.and(sums));
         let fresh = drawn.notes.into_iter().filter(|note| !scene.notes.contains(note)).collect::<Vec<_>>();
         scene.notes.extend(fresh);

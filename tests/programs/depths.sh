@@ -5,7 +5,8 @@
 #
 #   depths.sh [--splatsim BINARY] [--units UNIT,...] [--gates] [MACHINE...]
 #
-# For each machine (tiny, lean, reference, window, volume, gaussian) and unit (gauss, resolve, raster, fragment or what takes its place) prints:
+# For each machine (those named, else tiny, lean and reference; window, volume and gaussian will do too) and unit (gauss, resolve, raster,
+# fragment or what takes its place) prints:
 #   gates      those of the longest way; an inverter is none
 #   cycles     the latency of the machine
 #   a stage    gates of a stage, where the way's registers are moved so that they cut it evenly

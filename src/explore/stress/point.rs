@@ -103,7 +103,7 @@ fn draw(ideal: &Picture, evaluation: &Evaluation, before: Option<&(&Picture, Eva
     let pictures = Pictures { ideal: ideal.clone(), golden, fixed };
     let flicker = before.map(|(ideal, evaluation)| {
         let (fixed, golden) = (evaluation.picture(&evaluation.draw()), evaluation.golden().picture);
-        flicker::Sums::new(&Pictures { fixed, golden, ideal: (*ideal).clone() }, &pictures).flicker()
+        flicker::Sums::new([&fixed, &golden, *ideal], pictures.all()).flicker()
     });
     let Pictures { golden, fixed, .. } = &pictures;
     let found = Found {

@@ -20,7 +20,7 @@ use crate::output::files::write_beside;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use rtl_model::Machine;
 use rtl_model::num::Format;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
@@ -491,9 +491,7 @@ impl Rows {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         for scene in self.scenes() {
             let all = self.one_word(scene);
-            let mut fields: Vec<&str> = all.iter().map(|(field, ..)| *field).filter(|field| !field.is_empty()).collect();
-            fields.sort_unstable();
-            fields.dedup();
+            let fields: BTreeSet<&str> = all.iter().map(|(field, ..)| *field).filter(|field| !field.is_empty()).collect();
             for (field, part) in fields.iter().flat_map(|field| [(*field, 0), (*field, 1)]) {
                 let is_of = |(other, more, _): &&(&str, [i32; 2], &Row)| {
                     (*other == field && more[part] != 0 && more[1 - part] == 0) || other.is_empty()
@@ -544,9 +542,7 @@ impl Rows {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         for scene in self.scenes() {
             let all = self.one_word(scene);
-            let mut fields: Vec<&str> = all.iter().map(|(field, ..)| *field).filter(|field| !field.is_empty()).collect();
-            fields.sort_unstable();
-            fields.dedup();
+            let fields: BTreeSet<&str> = all.iter().map(|(field, ..)| *field).filter(|field| !field.is_empty()).collect();
             let mut by_bits: Vec<Series> = Vec::new();
             let mut by_db: Vec<Series> = Vec::new();
             for field in fields {

@@ -11,7 +11,7 @@
 use super::columns::{self, Errors, Findings, Frame, Replay};
 use super::plan::{self, Change, Points};
 use super::table::{Column, Row};
-use crate::accuracy::flicker::{Flicker, Pictures, Sums};
+use crate::accuracy::flicker::{Flicker, Sums};
 use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
 use crate::golden;
@@ -30,7 +30,6 @@ use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use serde_json::{Value, json};
-use std::borrow::Cow;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -125,7 +124,7 @@ impl Stage {
     pub fn new(points: &Points, prices: &Prices, nth: usize, scene: Scene) -> Self {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
         let head = Head::of(&scene);
-        let film = frames(&scene, points.cameras(nth), |seen| golden::ideal(seen).picture);
+        let film = frames(&scene, points.cameras(nth), |seen| golden::ideal(seen).picture).collect::<Vec<_>>();
         let (goldens, frames) = (Kept::new((GOLDENS / (1 + film.len())).max(1)), Kept::new(FRAMES));
         Stage { points: points.clone(), prices: *prices, nth, scene, head, ideal, film, ideal_seconds, goldens, frames }
     }
@@ -170,7 +169,7 @@ impl Stage {
         self.goldens.get(rules, || {
             let (picture, seconds) = timed(|| golden::render(&self.scene, rules).picture);
             let psnr_db = distance(&picture, &self.ideal).psnr_db;
-            let film = frames(&self.scene, self.points.cameras(self.nth), |seen| golden::render(seen, rules).picture);
+            let film = frames(&self.scene, self.points.cameras(self.nth), |seen| golden::render(seen, rules).picture).collect();
             Golden { picture, film, psnr_db, seconds }
         })
     }
@@ -246,21 +245,20 @@ impl Stage {
         &self,
         first: Picture,
         rules: &Rules,
-        mut draw: impl FnMut(&Scene) -> std::result::Result<Picture, String>,
+        draw: impl Fn(&Scene) -> std::result::Result<Picture, String>,
     ) -> std::result::Result<Option<Flicker>, String> {
         let cameras = self.points.cameras(self.nth);
         if cameras.is_empty() {
             return Ok(None);
         }
         let golden = self.golden(rules);
-        let mut drawn = frames(&self.scene, cameras, |seen| draw(seen)).into_iter().zip(1..);
-        let mut before = Pictures { fixed: first, golden: golden.picture.clone(), ideal: self.ideal.clone() };
+        let films = golden.film.iter().zip(&self.film).zip(frames(&self.scene, cameras, draw)).zip(1..);
+        let mut before = (first, &golden.picture, &self.ideal);
         let mut all = Sums::default();
-        for ((golden, ideal), (fixed, number)) in golden.film.iter().zip(&self.film).zip(&mut drawn) {
+        for (((golden, ideal), fixed), number) in films {
             let fixed = fixed.map_err(|sentence| format!("frame {number}: {sentence}"))?;
-            let now = Pictures { fixed, golden: golden.clone(), ideal: ideal.clone() };
-            all = all.and(&Sums::new(&before, &now));
-            before = now;
+            all = all.and(&Sums::new([&before.0, before.1, before.2], [&fixed, golden, ideal]));
+            before = (fixed, golden, ideal);
         }
         Ok(Some(all.flicker()))
     }
@@ -283,15 +281,15 @@ impl Stage {
     }
 }
 
-/// What is made of a scene as each camera but the first sees it.
-fn frames<T>(scene: &Scene, cameras: &[Camera], mut draw: impl FnMut(&Scene) -> T) -> Vec<T> {
+/// What is made of a scene as each camera but the first sees it, one after the other, as they are asked for.
+fn frames<T>(scene: &Scene, cameras: &[Camera], draw: impl Fn(&Scene) -> T) -> impl Iterator<Item = T> {
     let later = cameras.get(1..).unwrap_or_default();
-    let mut seen = if later.is_empty() { Cow::Borrowed(scene) } else { Cow::Owned(scene.clone()) };
-    let frame = |camera: &Camera| {
-        seen.to_mut().camera = *camera;
-        draw(&seen)
-    };
-    later.iter().map(frame).collect()
+    let mut seen = (!later.is_empty()).then(|| scene.clone());
+    later.iter().filter_map(move |camera| {
+        let seen = seen.as_mut()?;
+        seen.camera = *camera;
+        Some(draw(seen))
+    })
 }
 
 /// A frame, all but its time.
