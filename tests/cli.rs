@@ -5,6 +5,7 @@ use crate::program::PROGRAM;
 use crate::shared_input;
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use std::sync::LazyLock;
 use std::time::Duration;
 
 use assert_cmd::Command;
@@ -12,6 +13,25 @@ use serde_json::{Value, json};
 
 /// Machine and size of runs whose picture does not matter.
 const SMALL: [&str; 4] = ["--size", "48x40", "--machine", "tiny"];
+
+/// The default scene with a hundredth of its splats: to load all of them would be most of a small run.
+static FEW: LazyLock<String> = LazyLock::new(|| few("glass-spheres", 3000));
+
+/// A scene that is made here, with so many splats, in a file that is kept.
+fn few(scene: &str, count: u32) -> String {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let file = tempfile::NamedTempFile::new_in(folder).unwrap();
+    std::fs::write(file.path(), json!({"splats": {"builtin": scene, "count": count}}).to_string()).unwrap();
+    // Whoever else does so at the same time writes the same.
+    let path = folder.join(format!("{scene}-{count}.json"));
+    file.persist(&path).unwrap();
+    path.to_str().unwrap().to_owned()
+}
+
+/// A run whose picture does not matter.
+fn small() -> Vec<&'static str> {
+    [&[FEW.as_str()], &SMALL[..]].concat()
+}
 
 fn splatsim(arguments: &[&str]) -> Output {
     Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(120)).output().unwrap()
@@ -73,7 +93,7 @@ const WRITTEN: [&str; 13] = [
 
 #[test]
 fn run_writes_five_pictures_a_chart_and_a_report_and_nothing_else() {
-    let (out, _) = run(&SMALL);
+    let (out, _) = run(&small());
     assert_eq!(names_in(out.path()), WRITTEN);
     for name in ["error.png", "fixed.png", "flips.png", "golden.png", "ideal.png"] {
         let picture = image::open(out.path().join(name)).unwrap();
@@ -84,7 +104,7 @@ fn run_writes_five_pictures_a_chart_and_a_report_and_nothing_else() {
 
 #[test]
 fn exr_pictures_come_on_request_and_not_without_a_folder() {
-    let (out, _) = run(&[&SMALL[..], &["--exr"]].concat());
+    let (out, _) = run(&[&small()[..], &["--exr"]].concat());
     let mut expected = [&WRITTEN[..], &["fixed.exr", "golden.exr", "ideal.exr"]].concat();
     expected.sort_unstable();
     assert_eq!(names_in(out.path()), expected);
@@ -108,7 +128,7 @@ fn the_error_is_attributed_on_request() {
     let (_, other) = run(&[&arguments[..], &["--threads", "1"]].concat());
     assert_eq!(other["attribution"], *attribution);
     // Not asked for, not there.
-    let (_, plain) = run(&SMALL);
+    let (_, plain) = run(&small());
     assert_eq!([plain.get("attribution"), plain["host"].get("attribution_seconds")], [None; 2]);
     let text = says(&[&["run"], &arguments[..]].concat());
     assert!(text.contains("raster.offset") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
@@ -116,8 +136,9 @@ fn the_error_is_attributed_on_request() {
 
 #[test]
 fn a_preview_says_what_it_leaves_out_and_is_a_run_of_that_size_else() {
-    let (_, small) = run(&["terrain", "--size", "40x32", "--machine", "tiny"]);
-    let arguments = ["terrain", "--size", "160x128", "--machine", "tiny", "--preview"];
+    let terrain = few("terrain", 20_000);
+    let (_, small) = run(&[&terrain, "--size", "40x32", "--machine", "tiny"]);
+    let arguments = [terrain.as_str(), "--size", "160x128", "--machine", "tiny", "--preview"];
     let (out, preview) = run(&arguments);
     assert_eq!(names_in(out.path()), WRITTEN);
     for part in ["scene", "accuracy", "cycles", "cost", "fragments"] {
@@ -142,7 +163,7 @@ fn a_preview_says_what_it_leaves_out_and_is_a_run_of_that_size_else() {
 fn less_is_held_in_lockstep_on_request_and_said_so() {
     let out = folder();
     let run = |check: &str| {
-        let all = [&["run"], &SMALL[..], &["--out", out.path().to_str().unwrap(), "--check", check]].concat();
+        let all = [&["run"], &small()[..], &["--out", out.path().to_str().unwrap(), "--check", check]].concat();
         let text = says(&all);
         let report: Value = serde_json::from_slice(&std::fs::read(out.path().join("report.json")).unwrap()).unwrap();
         (text, report)
@@ -170,7 +191,7 @@ fn a_run_replaces_the_files_of_the_last_one_and_makes_its_folder() {
     let out = folder();
     let deep = out.path().join("a/b");
     for size in ["20x10", "10x20"] {
-        says(&["run", "--machine", "tiny", "--size", size, "--out", deep.to_str().unwrap()]);
+        says(&["run", &FEW, "--machine", "tiny", "--size", size, "--out", deep.to_str().unwrap()]);
     }
     assert_eq!(image::image_dimensions(deep.join("fixed.png")).unwrap(), (10, 20));
     assert_eq!(names_in(&deep), WRITTEN);
@@ -199,7 +220,7 @@ fn promised_fields() -> Vec<(String, &'static str)> {
 
 #[test]
 fn the_report_has_the_promised_fields_with_the_promised_kinds() {
-    let (_out, report) = run(&SMALL);
+    let (_out, report) = run(&small());
     for (path, kind) in promised_fields() {
         let value = report.pointer(&path).unwrap_or_else(|| panic!("{path} is absent"));
         let fits = match kind {
@@ -221,7 +242,7 @@ fn the_report_has_the_promised_fields_with_the_promised_kinds() {
 fn every_units_cycles_sum_to_the_frames() {
     for organisation in ["binned", "immediate"] {
         let setting = format!("timing.organisation={organisation}");
-        let (out, report) = run(&[&SMALL[..], &["--set", &setting, "--set", "timing.ellipse.units=2"]].concat());
+        let (out, report) = run(&[&small()[..], &["--set", &setting, "--set", "timing.ellipse.units=2"]].concat());
         let cycles = &report["cycles"];
         let total = cycles["total"].as_u64().unwrap();
         let count = |unit: &Value, name: &str| unit[name].as_u64().unwrap_or_else(|| panic!("{name} of {unit}"));
@@ -258,7 +279,7 @@ fn every_units_cycles_sum_to_the_frames() {
 
 #[test]
 fn a_frame_is_replayed_with_every_value_of_a_field() {
-    let (out, report) = run(&[&SMALL[..], &["--timing", "timing.raster.lanes=[1,1],[4,1]"]].concat());
+    let (out, report) = run(&[&small()[..], &["--timing", "timing.raster.lanes=[1,1],[4,1]"]].concat());
     let rows = report["timings"]["rows"].as_array().unwrap();
     let totals: Vec<u64> = rows.iter().map(|row| row["cycles"]["total"].as_u64().unwrap()).collect();
     assert!(rows.len() == 2 && totals[0] > totals[1] && totals[1] == report["cycles"]["total"].as_u64().unwrap(), "{totals:?}");
@@ -274,7 +295,7 @@ fn a_frame_is_replayed_with_every_value_of_a_field() {
 
 #[test]
 fn requests_are_written_in_the_order_of_cycles_and_hold_all_traffic() {
-    let (out, report) = run(&[&SMALL[..], &["--requests"]].concat());
+    let (out, report) = run(&[&small()[..], &["--requests"]].concat());
     let [ramulator, dramsim] =
         ["requests.ramulator2", "requests.dramsim3"].map(|name| std::fs::read_to_string(out.path().join(name)).unwrap());
     let clients = report["cycles"]["memory"]["clients"].as_array().unwrap();
@@ -308,7 +329,7 @@ fn all_but_the_hosts_figures_is_the_same_at_one_thread_and_at_two() {
 #[test]
 fn quiet_is_quiet_and_without_a_folder_nothing_is_written() {
     let here = folder();
-    let run = |more: &[&str]| Command::new(PROGRAM.as_str()).current_dir(here.path()).arg("run").args(SMALL).args(more).output().unwrap();
+    let run = |more: &[&str]| Command::new(PROGRAM.as_str()).current_dir(here.path()).arg("run").args(small()).args(more).output().unwrap();
     assert_eq!(run(&["--quiet"]).stdout, b"");
     assert!(String::from_utf8(run(&[]).stdout).unwrap().contains("no pictures written: --out DIR writes them"));
     assert!(names_in(here.path()).is_empty());
@@ -332,7 +353,7 @@ fn a_setting_reaches_the_machine_and_later_ones_win() {
         "--set",
         "fragment.layers=1",
     ];
-    let (_out, report) = run(&[&SMALL[..], &set].concat());
+    let (_out, report) = run(&[&small()[..], &set].concat());
     let machine = &report["machine"]["description"];
     assert_eq!(machine["fragment"]["layers"], 1);
     assert_eq!(machine["gauss"]["weight"], json!({"format": "U-2F12", "round": "truncate", "overflow": "saturate"}));
@@ -348,9 +369,9 @@ fn no_line_of_a_summary_is_wider_than_eighty_columns() {
     let odd = write(&folder, &name, &json!({"splats": splats}).to_string());
     let out = folder.path().join("out");
     let all = ["reference", "lean", "tiny"];
-    for (scene, machines) in
-        [("glass-spheres", &all[..1]), ("checkerboard", &all[1..2]), ("torus-knot", &all[..]), ("terrain", &all[2..]), (odd.as_str(), &all)]
-    {
+    let knot = few("torus-knot", 20_000);
+    // The default has numbers as large as most, and reference the longest name.
+    for (scene, machines) in [("glass-spheres", &all[..1]), (FEW.as_str(), &all[1..]), (&knot, &all[..]), (&odd, &all)] {
         for machine in machines {
             let text = says(&["run", scene, "--machine", machine, "--size", "128x128", "--out", out.to_str().unwrap()]);
             for line in text.lines() {
@@ -365,7 +386,7 @@ fn no_line_of_a_summary_is_wider_than_eighty_columns() {
 #[test]
 fn pictures_of_one_pixel_and_of_one_row_of_16384_are_drawn() {
     for size in ["1x1", "16384x1", "1x16384"] {
-        let (out, report) = run(&["--size", size]);
+        let (out, report) = run(&[&FEW, "--size", size]);
         let (width, height) = image::image_dimensions(out.path().join("fixed.png")).unwrap();
         assert_eq!(format!("{width}x{height}"), size);
         assert!(report["scene"]["fragments"].as_u64().unwrap() > 0, "{size}");

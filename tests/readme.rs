@@ -44,10 +44,11 @@ const EXAMPLE: &str = "cargo run --release --example ";
 /// Takes minutes: `the_sample_attribution_is_what_its_command_prints` runs it.
 const LONG: &str = "run --attribute --out out";
 
-/// What takes long and is tested elsewhere too has its turn in one run of CI in so many, and in `.ci/full`: a search of two minutes and what
-/// reads its machine, the stress catalogue, searches over rules and distances, and two pictures of
-/// ellipsoids.
-const IN_TURN: [(&str, usize); 7] = [
+/// What takes long has its turn in one run of CI in so many, and in `.ci/full`: searches and what reads their machine, the stress catalogue,
+/// sweeps and their charts, larger pictures.
+const IN_TURN: [(&str, usize); 19] = [
+    ("sweep layers ", 1),
+    ("chart rows", 1),
     ("search torus-knot --size 64x64 ", 2),
     ("run torus-knot --size 64x64 --machine found/", 2),
     ("stress --out out", 3),
@@ -55,6 +56,16 @@ const IN_TURN: [(&str, usize); 7] = [
     ("search torus-knot --size 32x32 --distance ", 5),
     ("run bouquet --size 256x256", 6),
     ("run nested-shells --size 256x256 --out out", 7),
+    ("sweep clock ", 8),
+    ("chart clocks", 8),
+    ("run checkerboard --machine lean ", 9),
+    ("run torus-knot --size 320x200 ", 9),
+    ("run terrain --threads 1 ", 10),
+    ("run glass-spheres --size 1024x1024 ", 10),
+    ("run --ranges ", 11),
+    ("run --size 128x128 --answers", 12),
+    ("trace glass-spheres --size 64x64 ", 12),
+    ("diff raster-trace ", 12),
 ];
 
 /// Whether this run prints what a command prints.

@@ -273,7 +273,7 @@ fn a_billion_points_are_refused_with_their_count() {
 /// A pan of three frames, written into a folder.
 fn pan(folder: &Path, pan_pixels: f64) -> String {
     let camera = json!({"eye": [0.0, 0.0, 4.5], "target": [0, 0, 0], "up": [0, 1, 0], "fov_y_degrees": 45, "near": 0.05});
-    let scene = json!({"splats": {"builtin": "torus-knot"}, "image": {"width": 40, "height": 30},
+    let scene = json!({"splats": {"builtin": "torus-knot", "count": 20_000}, "image": {"width": 40, "height": 30},
         "camera_path": {"pan_pixels": pan_pixels, "frames": 3, "camera": camera}});
     let path = folder.join("pan.json");
     fs::write(&path, scene.to_string()).unwrap();

@@ -195,7 +195,8 @@ module windows #(
     gap = z < near ? near - z : z > far ? z - far : '0;
   endfunction
 
-  // Whether a span stays narrow with a depth, if it is narrow: it lies between the depth less a width and the depth and that width.
+  // Whether a span together with a depth is narrower than a width: it lies between the depth less the width and the depth and the width. One
+  // that has the depth inside is so too, for slots and their sides are narrower than a contribution may make them.
   function spans(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input signed [DEPTH_W+1:0] from, input [DEPTH_W:0] to);
     spans = $signed({2'b00, near}) > from && {1'b0, far} < to;
   endfunction
@@ -244,35 +245,20 @@ module windows #(
   // A memory cannot be emptied at once: which pixels have been touched at all is kept in registers.
   logic [STATE_W-1:0] memory[0:PIXELS-1];
   logic [STATE_W-1:0] out;
-  logic [3*LAYERS-1:0] out_narrow;
   logic [PIXELS-1:0] touched;
   logic touched_out;
   wire empty_all;
   wire [STATE_W-1:0] read_state = memory[read_pixel];
-  wire [3*LAYERS-1:0] read_narrow;
   always_ff @(posedge clk) begin
     if (write) memory[write_pixel] <= write_state;
     if (read) out <= read_state;
-    if (read) out_narrow <= read_narrow;
     if (read) touched_out <= touched[read_pixel];
     if (rst || empty_all) touched <= '0;
     else if (write) touched[write_pixel] <= 1'b1;
   end
-  for (genvar slot = 0; slot < LAYERS; slot++) begin : g_read
-    windows_narrow is_narrow (
-        .near(read_state[slot*SLOT_W+NEAR+:DEPTH_W]),
-        .far(read_state[slot*SLOT_W+FAR+:DEPTH_W]),
-        .front_far(read_state[slot*SLOT_W+FRONT_FAR+:DEPTH_W]),
-        .back_near(read_state[slot*SLOT_W+BACK_NEAR+:DEPTH_W]),
-        .reach(reach),
-        .threshold(z_threshold),
-        .narrow(read_narrow[3*slot+:3])
-    );
-  end
 
   // With a hazard of 1 a pixel is read in the cycle in which it is written.
   wire [STATE_W-1:0] state;
-  wire [3*LAYERS-1:0] narrow;
   if (HAZARD == 1) begin : g_forward
     logic [STATE_W-1:0] late_state;
     logic late_one;
@@ -282,30 +268,16 @@ module windows #(
         late_state <= write_state;
       end
     end
-    wire [3*LAYERS-1:0] late_narrow;
-    for (genvar slot = 0; slot < LAYERS; slot++) begin : g_slot
-      windows_narrow is_narrow (
-          .near(late_state[slot*SLOT_W+NEAR+:DEPTH_W]),
-          .far(late_state[slot*SLOT_W+FAR+:DEPTH_W]),
-          .front_far(late_state[slot*SLOT_W+FRONT_FAR+:DEPTH_W]),
-          .back_near(late_state[slot*SLOT_W+BACK_NEAR+:DEPTH_W]),
-          .reach(reach),
-          .threshold(z_threshold),
-          .narrow(late_narrow[3*slot+:3])
-      );
-    end
     assign state = late_one ? late_state : touched_out ? out : '0;
-    assign narrow = late_one ? late_narrow : out_narrow;
   end else begin : g_stall
     assign state = touched_out ? out : '0;
-    assign narrow = out_narrow;
   end
   wire [SLOTS_W-1:0] held = state[SLOTS_W-1:0];
   wire [LIVE_W-1:0] live = state[SLOTS_W+:LIVE_W];
 
   // Contribute: the contribution, and its pixel as it is.
 
-  // Ahead of its register: its depth, and between which depths a span is still narrow with it.
+  // Ahead of its register: its depth, and between which depths a span stays narrow with it.
   wire [DEPTH_W-1:0] s_z;
   fit #(
       .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
@@ -366,10 +338,10 @@ module windows #(
     wire spanned = near <= z && z <= far;
     assign there[slot] = live > LIVE_W'(slot);
     assign open_gaps[slot*DEPTH_W+:DEPTH_W] = gap(near, far, z);
-    assign joins_open[slot] = there[slot] && !its[CLOSED] && (spanned || narrow[3*slot] && spans(near, far, reach_from, reach_to));
+    assign joins_open[slot] = there[slot] && !its[CLOSED] && (spanned || spans(near, far, reach_from, reach_to));
     assign side_gaps[2*slot*DEPTH_W+:2*DEPTH_W] = {gap(back_near, far, z), gap(near, front_far, z)};
-    assign late_sides[2*slot] = LATE && closed && narrow[3*slot+1] && spans(near, front_far, side_from, side_to);
-    assign late_sides[2*slot+1] = LATE && closed && narrow[3*slot+2] && spans(back_near, far, side_from, side_to);
+    assign late_sides[2*slot] = LATE && closed && spans(near, front_far, side_from, side_to);
+    assign late_sides[2*slot+1] = LATE && closed && spans(back_near, far, side_from, side_to);
     assign lies_in[slot] = INSIDE && closed && near < z && z < far;
   end
   wire [LAYERS-1:0] found = LAYERS'(least(SIDES'(joins_open), (SIDES * DEPTH_W)'(open_gaps)));

@@ -162,6 +162,9 @@ impl Bits {
             }
             Operator::Adder(width) | Operator::Rounder(width) => self.adder += copies * bits(width),
             Operator::Multiplexer(width) => self.multiplexer += copies * bits(width),
+            // As many choices of two as it takes.
+            Operator::Choice([words, width]) => self.multiplexer += copies * bits(words - 1) * bits(width),
+            Operator::Hold(_) => {}
             Operator::Register(width) => self.register += copies * bits(width),
             Operator::Rom([words, width]) => {
                 self.rom += copies * bits(words) * bits(width);

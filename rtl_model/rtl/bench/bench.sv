@@ -410,7 +410,8 @@ module bench;
         drain <= 1'b0;
 `endif
       end
-      if (complete_for > longint'(quiet) || idle >= longint'(patience)) begin
+      // A unit whose handshake is broken may never end.
+      if (complete_for > longint'(quiet) || idle >= longint'(patience) || violations > 10) begin
         if (violations != 0) begin
           $display("bench: FAILED %0d violations of the handshake, in=%0d out=%0d cycles=%0d", violations, records_in,
             records_out, cycle);

@@ -24,6 +24,10 @@ pub enum Operator {
     Rounder(i32),
     /// A choice of one of two words of so many bits.
     Multiplexer(i32),
+    /// A choice of one of more than two: of how many, and of how many bits.
+    Choice([i32; 2]),
+    /// What leaves a kept word of so many bits as it is: in standard cells a choice, of an FPGA a flip-flop's own enable.
+    Hold(i32),
     /// A word of so many bits that is kept for a cycle.
     Register(i32),
     /// A table: words, and bits of each.
@@ -152,7 +156,11 @@ impl Elaboration {
 
     /// Chooses one of so many words.
     pub fn choice(&mut self, unit: &'static str, words: u32, bits: i32) {
-        self.copies(words.saturating_sub(1), |e| e.part(unit, Operator::Multiplexer(bits)));
+        match words {
+            0 | 1 => {}
+            2 => self.part(unit, Operator::Multiplexer(bits)),
+            _ => self.part(unit, Operator::Choice([words.min(i32::MAX as u32) as i32, bits])),
+        }
     }
 
     /// Keeps a word of so many bits on one side of a limit: compares, and chooses.

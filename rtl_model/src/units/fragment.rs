@@ -149,6 +149,17 @@ pub fn over(machine: &Machine) -> Path {
     Path::default().product(light, light).sum(2 * light).fit(machine.fragment.colour_sum.format.width())
 }
 
+/// The opacity, in `fragment.opaque`, from which a fragment counts as opaque.
+fn opaque(machine: &Machine) -> i128 {
+    let m = &machine.fragment;
+    i128::from(m.opaque.format.one()) * i128::from(m.opaque_permille) / 1000
+}
+
+/// Digits of a number that are 1 or −1, in the way of writing it that has the fewest of them: where the number and its triple differ.
+fn signed_digits(number: i128) -> u32 {
+    (number ^ number.wrapping_mul(3)).count_ones()
+}
+
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Fragment {
@@ -227,6 +238,8 @@ impl Fragment {
         e.per_lane(|e| {
             // All slots, as they are read and as they are written.
             e.copies(2 * layers as u32, |e| e.part(UNIT, Operator::Register(slot)));
+            // A pixel that was read stays as long as it keeps the unit.
+            e.copies(layers as u32, |e| e.part(UNIT, Operator::Hold(slot)));
             if m.sheets.is_some() {
                 // A sheet's number against the open one's; each slot stays, is added to, or is begun.
                 e.adders(UNIT, 1, m.depth.format.width());
@@ -259,7 +272,7 @@ impl Fragment {
                 m.opacity_sum
             )
         });
-        let opaque = i128::from(m.opaque.format.one()) * i128::from(m.opaque_permille) / 1000;
+        let opaque = opaque(machine);
         let (limit_places, opacity_places) = (limit.frac_bits, m.opacity_sum.format.frac_bits);
         let half = sums.map(|fit| fit.half());
         let depth = e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth));
@@ -311,24 +324,34 @@ impl Fragment {
         // Each against each: which is in front; each place takes one of them.
         e.adders(UNIT, places * layers / 2, depth);
         e.copies(places, |e| e.choice(UNIT, places, slot));
-        // Whether one is opaque: Σw against what covers, Σw·α against Σw times a constant.
+        // Whether one is opaque: Σw against what covers, Σw·α against Σw times a constant, which takes a sum less than it has digits.
         let limit = Exact::from(m.opaque).times(m.weight_sum).bits();
         e.copies(places, |e| {
             e.adders(UNIT, 1, weight);
-            e.adders(UNIT, 2, limit);
+            e.adders(UNIT, signed_digits(opaque(machine)), limit);
         });
+        // Of the fresh one that is known before its pixel is there: its Σw·α, were it alone. It stays while a merge holds the unit, and so does
+        // between which depths a slot is near.
+        let s = &machine.splat;
+        e.times(UNIT, machine.gauss.weight, s.opacity);
+        let fresh = [machine.gauss.weight, m.depth, m.depth, m.depth, s.rgb, s.rgb, s.rgb, s.opacity, m.normal, m.normal, m.normal];
+        e.part(UNIT, Operator::Hold(fresh.iter().map(|word| word.format.width()).sum()));
+        // The front's light, the back's, and that which is handed on, each cut to four words.
+        e.copies(3 * 4, |e| e.choice(UNIT, 2, machine.shade.premultiplied.format.width()));
+        // Written: the sums, the merged one, or what has this place now.
+        let written = |e: &mut Elaboration, slots: u32, more: u32| e.copies(slots, |e| e.choice(UNIT, 3 + more, slot));
         match Full::from(m.merge) {
+            // Behind the pair, of which the first may be anywhere, what has the next place moves up.
             Full::Merge(Pair::Nearest) => {
                 e.adders(UNIT, layers, depth);
                 e.copies(layers - 1, |e| e.limit(UNIT, depth));
                 e.choice(UNIT, layers, slot);
-                e.copies(layers, |e| e.choice(UNIT, 2, slot));
+                written(e, 1, 0);
+                written(e, layers - 1, 1);
             }
             // Which two it is is wired.
-            Full::Merge(Pair::Farthest) | Full::Replace => {}
+            Full::Merge(Pair::Farthest) | Full::Replace => written(e, layers, 0),
         }
-        // Written: the sums, the merged one, or what has this place now.
-        e.copies(layers, |e| e.choice(UNIT, 3, slot));
     }
 
     /// Whether all of its hot fits are plain.

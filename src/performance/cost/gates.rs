@@ -3,6 +3,7 @@
 //! ```text
 //! multiplier  p · (a − 1)(b − 1) + 4/3 · (a + b − 1): full adders, but for a row and a column of ANDs
 //! rounder     nothing: half of the last place is a row of the product's array
+//! choice      0.56 p · words · bits: of several words each has its AND, and all have an OR
 //! all else    p · bits
 //! ```
 //! The default prices are round numbers near the least squares of relative errors over units of `tiny`, `lean` and `reference`, mapped for
@@ -20,6 +21,8 @@ pub(super) const DEFAULT: PerBit =
 
 /// An AND2X2, 32 units.
 const AND: f64 = 32.0 / 24.0;
+/// Of a multiplexer of two words, what each of several takes.
+const OF_SEVERAL: f64 = 0.56;
 
 /// Of an operator; a register is no logic.
 pub(super) fn of(prices: &PerBit, operator: Operator) -> f64 {
@@ -28,7 +31,8 @@ pub(super) fn of(prices: &PerBit, operator: Operator) -> f64 {
         Operator::Multiplier([a, b]) if a.min(b) > 0 => prices.multiplier * bits(a - 1) * bits(b - 1) + AND * (bits(a) + bits(b) - 1.0),
         Operator::Multiplier(_) | Operator::Rounder(_) | Operator::Register(_) => 0.0,
         Operator::Adder(width) => prices.adder * bits(width),
-        Operator::Multiplexer(width) => prices.multiplexer * bits(width),
+        Operator::Multiplexer(width) | Operator::Hold(width) => prices.multiplexer * bits(width),
+        Operator::Choice([words, width]) => OF_SEVERAL * prices.multiplexer * bits(words) * bits(width),
         Operator::Rom([words, width]) => prices.rom * bits(words) * bits(width),
     }
 }

@@ -234,7 +234,8 @@ fn who_takes_turns_at_a_multiplier_pays_for_the_choice_of_its_operands() {
 fn a_bit_more_never_takes_fewer_gates() {
     let of = |operator: Operator| gates::of(&DEFAULT.gates, operator);
     for a in -2..40 {
-        let each = [Operator::Adder, Operator::Multiplexer, Operator::Rounder].map(|operator| [operator(a), operator(a + 1)]);
+        let each =
+            [Operator::Adder, Operator::Multiplexer, Operator::Hold, Operator::Rounder].map(|operator| [operator(a), operator(a + 1)]);
         for [narrow, wide] in each {
             assert!(of(wide) >= of(narrow) && of(narrow) >= 0.0, "{narrow:?}");
         }
@@ -243,9 +244,13 @@ fn a_bit_more_never_takes_fewer_gates() {
             for wide in [[a + 1, b], [a, b + 1]] {
                 assert!(of(Operator::Multiplier(wide)) >= narrow && narrow >= 0.0, "{a} {b}");
             }
-            assert!(of(Operator::Rom([a + 1, b])) >= of(Operator::Rom([a, b])), "{a} {b}");
+            for wide in [[a + 1, b], [a, b + 1]] {
+                assert!(of(Operator::Rom(wide)) >= of(Operator::Rom([a, b])), "{a} {b}");
+                assert!(of(Operator::Choice(wide)) >= of(Operator::Choice([a, b])), "{a} {b}");
+            }
         }
     }
+    assert!(of(Operator::Choice([3, 8])) > of(Operator::Multiplexer(8)));
     // A bit times a word is an AND for each.
     assert_eq!(of(Operator::Multiplier([1, 12])), 12.0 * 32.0 / 24.0);
     let gates = |setting: &str| Cost::new(&built_with(&[setting]), &DEFAULT).gates;
