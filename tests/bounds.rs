@@ -30,6 +30,9 @@ fn fault(frame: &Lockstep) -> Option<String> {
 
 #[test]
 fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() {
+    if !share::in_third(0) {
+        return;
+    }
     for name in ["glass-spheres", "checkerboard", "torus-knot", "terrain"] {
         let scene = scene(name, (192, 160));
         for machine in Machine::NAMES {
@@ -42,6 +45,9 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
 
 #[test]
 fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
+    if !share::in_third(2) {
+        return;
+    }
     let scans = [
         "scans/bun_zipper.ply",
         "scans/pond.0.ply",
@@ -63,6 +69,9 @@ fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
 /// Nine covered pixels in ten are known to four steps of an 8-bit display.
 #[test]
 fn the_bound_of_the_reference_machine_says_something() {
+    if !share::in_third(1) {
+        return;
+    }
     let mut scenes = vec![scene("glass-spheres", (512, 512))];
     scenes.extend(shared_input::find("scenes/dragon.json").map(|path| scene(path.to_str().unwrap(), (512, 512))));
     for scene in scenes {

@@ -3,6 +3,7 @@
 //!
 //! `SPLATSIM_BOOK_PICTURES=1 cargo test --test suite browser::` draws the book's pictures anew.
 
+use crate::share;
 use crate::program::PROGRAM;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,6 +19,9 @@ fn python() -> Option<PathBuf> {
 
 #[test]
 fn the_page_does_in_a_browser_what_the_book_says() {
+    if !share::in_third(0) {
+        return;
+    }
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let has_chromium = Command::new("chromium").arg("--version").output().is_ok_and(|output| output.status.success());
     let Some(python) = python().filter(|_| has_chromium) else {

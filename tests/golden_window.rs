@@ -1,5 +1,6 @@
 //! Does the rule `window` do what an independent program measured, and does it keep its laws (docs/book/algorithm.md §6)?
 
+use crate::share;
 use crate::golden_match::{glass_spheres, permutation};
 use crate::handmade::{Rng, confetti, glass, scene, splat};
 use crate::shared_input;
@@ -44,6 +45,9 @@ fn agree(scene: &Scene, rows: &[(Rules, f64)]) -> bool {
 
 #[test]
 fn the_figures_of_the_check_scene_in_surface_order() {
+    if !share::in_third(0) {
+        return;
+    }
     let join = |rules| Rules { window: WindowOptions { join: 0.1, ..WindowOptions::default() }, ..rules };
     let plain = |layers| unturned(window(layers));
     let rows = [
@@ -61,6 +65,9 @@ fn the_figures_of_the_check_scene_in_surface_order() {
 
 #[test]
 fn the_figures_of_the_check_scene_in_random_order() {
+    if !share::in_third(1) {
+        return;
+    }
     let mut scene = glass_spheres();
     scene.splats = permutation(scene.splats.len()).into_iter().map(|index| scene.splats[index]).collect();
     let plain = |layers| unturned(window(layers));
@@ -70,6 +77,9 @@ fn the_figures_of_the_check_scene_in_random_order() {
 
 #[test]
 fn the_figures_of_the_dragon() {
+    if !share::in_third(2) {
+        return;
+    }
     let Some(path) = shared_input::find("scenes/dragon.json") else { return };
     let scene = Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap();
     let plain = |layers| unturned(window(layers));

@@ -25,3 +25,9 @@ pub fn is_mine(number: usize) -> bool {
     let [k, n] = share();
     number % n == k % n
 }
+
+/// Whether a slow test, or a part of one, has its turn: in one run of CI in three, in all others always.
+pub fn in_third(turn: usize) -> bool {
+    let [k, n] = share();
+    n < 3 || turn % 3 == k % 3
+}
