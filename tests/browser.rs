@@ -3,8 +3,8 @@
 //!
 //! `SPLATSIM_BOOK_PICTURES=1 cargo test --test suite browser::` draws the book's pictures anew.
 
-use crate::share;
 use crate::program::PROGRAM;
+use crate::share;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

@@ -493,6 +493,7 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
         vec!["sweep", "--help"],
         vec!["search", "--help"],
         vec!["chart", "--help"],
+        vec!["stress", "--help"],
         vec!["view", "--help"],
         vec!["machine", "--help"],
         vec!["machine", "cost", "--help"],

@@ -1,8 +1,8 @@
 //! Does the rule `window` do what an independent program measured, and does it keep its laws (docs/book/algorithm.md §6)?
 
-use crate::share;
 use crate::golden_match::{glass_spheres, permutation};
 use crate::handmade::{Rng, confetti, glass, scene, splat};
+use crate::share;
 use crate::shared_input;
 use splatsim::accuracy::metrics;
 use splatsim::golden::{Group, Merge, Rendering, Rules, WindowOptions, ideal, ideal_of, render};

@@ -26,7 +26,7 @@ pub(super) struct Typed {
     /// At least so many frames a second, by `timing`
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
-    /// Least `area` (default), `gates`, `energy` or `cycles`
+    /// Least `area` (default), `gates`, `energy`, `cycles`
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
     minimise: Option<Minimise>,
     /// Fields of `timing` and values [default: usual]

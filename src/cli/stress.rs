@@ -13,17 +13,17 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// End of the help text.
-pub(super) const HELP: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a failure is silent";
+pub(super) const HELP: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a\nfailure is silent";
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
     /// Only this case; may be given again [default: all]
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
-    /// Another machine beside the named ones; may be given again
+    /// Another machine beside the named ones; may repeat
     #[arg(long = "machine", value_name = "NAME|FILE")]
     machines: Vec<OsString>,
-    /// Write stress.json, stress.csv, stress.png and gallery.png into this folder
+    /// Write stress.json, stress.csv, stress.png, gallery.png
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]

@@ -63,8 +63,9 @@ fn every_multiplier_is_declared() {
     assert_eq!(count(&reference, "raster"), 2 + 2 + 2 + 2);
     // Line between table words, amplitude.
     assert_eq!(count(&reference, "gauss"), 2);
-    // Seven attributes; four channels of two fragments that merge. The opacity limit is a product with a constant: sums.
-    assert_eq!(count(&reference, "fragment"), 7 + 4);
+    // Seven attributes, one of them alone besides; four channels of two fragments that merge. The opacity limit is a product with a constant:
+    // sums.
+    assert_eq!(count(&reference, "fragment"), 7 + 1 + 4);
     // 1/W in a step; four shares, three squares; 1/|n| in a step; the normal; two cosines; light, colour, gloss; coverage, opacity,
     // three channels; a line between the words of the highlight.
     assert_eq!(count(&reference, "shade"), 2 + 4 + 3 + 3 + 3 + 2 * 3 + 3 * 3 + 2 + 3 + 1);

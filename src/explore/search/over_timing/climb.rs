@@ -28,10 +28,10 @@ use std::path::Path;
 const BATCH: usize = 32;
 /// Of the changes that seem best so many are replayed at a time.
 const FEW: usize = 8;
-/// Pairs of changes whose size is looked at, those first that seem cheapest or fastest.
-const PAIRS: usize = 512;
+/// Pairs and triples of changes whose size is looked at, those first that seem cheapest or fastest.
+const TOGETHER: usize = 512;
 /// Of them those that are replayed.
-const REPLAYED_PAIRS: usize = 96;
+const REPLAYED_TOGETHER: usize = 96;
 /// By so much a change may seem too slow and is tried all the same.
 const DOUBT: f64 = 1.05;
 /// What makes a frame faster by less gains nothing, as a part.
@@ -358,30 +358,35 @@ impl<'a> Search<'a> {
 
     /// Two changes that make it faster where none does alone: the most.
     fn faster_pair(&mut self, state: &State, now: &Measured) -> Result<Option<State>> {
-        let mut pairs = self.pairs(state, now, |alone| Some(-alone.fps));
-        pairs.truncate(REPLAYED_PAIRS);
+        let mut pairs = self.together(2, state, now, |alone| Some(-alone.fps));
+        pairs.truncate(REPLAYED_TOGETHER);
         self.measure_all(&pairs)?;
         let least = now.frames_per_second * (1.0 + LEAST_GAIN);
         Ok(self.least(pairs, |found| (found.frames_per_second > least).then_some(-found.frames_per_second)))
     }
 
-    /// States that differ in two fields, those first that are best by what each change did alone: `place` orders them by that, or leaves
+    /// States that differ in so many fields, those first that are best by what each change did alone: `place` orders them by that, or leaves
     /// them out.
-    fn pairs(&self, from: &State, now: &Measured, place: impl Fn(Alone) -> Option<f64>) -> Vec<State> {
+    fn together(&self, fields: usize, from: &State, now: &Measured, place: impl Fn(Alone) -> Option<f64>) -> Vec<State> {
         // A change that cannot be built alone may be with another; nothing is known of it then.
         let alone = |change: &Change| self.alone.get(change).copied().unwrap_or(Alone { fps: 1.0, cost: 1.0 });
         let changes: Vec<(Change, Alone)> = self.changes_of_one(from).into_iter().map(|change| (change, alone(&change))).collect();
-        let mut pairs = Vec::new();
-        for (nth, (one, by_one)) in changes.iter().enumerate() {
-            for (other, by_other) in changes[nth + 1..].iter().filter(|(other, _)| other.0 != one.0) {
-                let fps = now.frames_per_second * by_one.fps * by_other.fps;
-                if let Some(place) = place(Alone { fps, cost: self.cost(now) * by_one.cost * by_other.cost }) {
-                    pairs.push((place, [*one, *other]));
-                }
-            }
+        // Of each the number behind its last change, its changes, and what they make together.
+        let mut all = vec![(0, Vec::new(), Alone { fps: now.frames_per_second, cost: self.cost(now) })];
+        for _ in 0..fields {
+            let one_more = |(behind, those, by_those): &(usize, Vec<Change>, Alone)| {
+                let is_other = |change: &Change| those.iter().all(|other| other.0 != change.0);
+                let with = |(number, (change, by_one)): (usize, &(Change, Alone))| {
+                    let both = Alone { fps: by_those.fps * by_one.fps, cost: by_those.cost * by_one.cost };
+                    is_other(change).then(|| (number + 1, [&those[..], &[*change]].concat(), both))
+                };
+                changes.iter().enumerate().skip(*behind).filter_map(with).collect::<Vec<_>>()
+            };
+            all = all.iter().flat_map(one_more).collect();
         }
-        pairs.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-        pairs.into_iter().take(PAIRS).map(|(_, changes)| with(from, &changes)).collect()
+        let mut all: Vec<(f64, Vec<Change>)> = all.into_iter().filter_map(|(_, those, alone)| Some((place(alone)?, those))).collect();
+        all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        all.into_iter().take(TOGETHER).map(|(_, those)| with(from, &those)).collect()
     }
 
     /// From a machine that is fast enough: changes what saves most for the time that it takes, while it stays so; what makes it faster for
@@ -476,16 +481,22 @@ impl<'a> Search<'a> {
         let mut best = self.last_steps(&cheaper)?;
         self.step(path, "one field at a time", &best)?;
         while let Some(now) = self.taken(&best)? {
-            self.say("two fields", &now);
+            self.say("several fields", &now);
             let (least_fps, cost) = (self.aim / DOUBT, self.cost(&now));
             let place = |alone: Alone| (alone.fps >= least_fps && alone.cost < cost).then_some(alone.cost);
-            let pairs = self.pairs(&best, &now, place);
-            match self.cheapest(pairs, &now, REPLAYED_PAIRS)? {
+            let mut next = None;
+            for fields in [2, 3] {
+                if next.is_none() {
+                    let several = self.together(fields, &best, &now, place);
+                    next = self.cheapest(several, &now, REPLAYED_TOGETHER)?;
+                }
+            }
+            match next {
                 Some(next) => best = self.last_steps(&next)?,
                 None => break,
             }
         }
-        self.step(path, "two fields at a time", &best)?;
+        self.step(path, "several fields at a time", &best)?;
         Ok(Some(best))
     }
 
