@@ -1,5 +1,5 @@
 // Fill: the second half of the datapath where fragments are grouped by depth: raster, gauss, fragment, shade and resolve. Twin of fill in
-// pipeline/fill.rs, for a picture whose fragments all fit on the chip.
+// pipeline/fill.rs, for a picture whose fragments all fit on the chip, or for a tile of one.
 //
 //   footprints -> raster -> gauss -> fragment -+-> layers -> resolve -> frame
 //                                     +--> shade <--+
@@ -9,8 +9,9 @@
 `default_nettype none
 
 module fill #(
-    parameter int WIDTH = 16,  // columns of the picture
-    parameter int HEIGHT = 16, // rows of the picture
+    parameter int WIDTH = 16,  // columns of the picture, or of a tile
+    parameter int HEIGHT = 16, // and its rows
+    parameter int SIDE = 0,    // of a tile: both; 0 of a picture
     parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
     input wire clk,                                                // everything happens at its rising edge
@@ -19,6 +20,7 @@ module fill #(
     input wire [machine_pkg::LIGHTS_PORT_W-1:0] lights,            // constants: records of lights, the first in the lowest bits
     input wire [machine_pkg::MATERIALS_PORT_W-1:0] materials,      // constants: records of materials
     input wire [machine_pkg::REFLECTIONS_PORT_W-1:0] reflections,  // constants: a record for each light of each material
+    input wire [machine_pkg::RASTER_OUT_X_W+machine_pkg::RASTER_OUT_Y_W-1:0] corner, // of a tile: its first column and row, while it is drawn
     input wire s_valid,                                            // a splat is set up
     output wire s_ready,                                           // and can be taken
     input wire [3*machine_pkg::SPLAT_RGB_W+machine_pkg::SPLAT_OPACITY_W+machine_pkg::PIPELINE_IN_MATERIAL_W-1:0] s_look, // what it looks like
@@ -47,11 +49,12 @@ module fill #(
   wire [X_W+Y_W-1:0] pixel;
   wire [machine_pkg::GAUSS_WEIGHT_W-1:0] weight;
   wire [machine_pkg::RASTER_OUT_DEPTH_W-1:0] depth;
-  weigh #(.TAG_W(RGBA_W + MATERIAL_W + NORMAL_W), .ROMS(ROMS)) weigh (
+  weigh #(.TAG_W(RGBA_W + MATERIAL_W + NORMAL_W), .SIDE(SIDE), .ROMS(ROMS)) weigh (
       .clk(clk),
       .rst(rst),
       .frame(frame),
       .least(machine_pkg::GAUSS_WEIGHT_W'(1)),
+      .corner(corner),
       .s_valid(s_valid),
       .s_ready(s_ready),
       .s_tag({s_look, s_normal}),
@@ -74,7 +77,7 @@ module fill #(
   wire held_valid, held_ready, held_last, held_empty;
   wire [machine_pkg::FRAGMENT_HELD_W-1:0] held;
   wire all_held;
-  // What became of a contribution interests nobody here.
+  // Of a pixel it is told which of the tile's it is. What became of a contribution interests nobody here.
   // verilator lint_off PINCONNECTEMPTY
   fragment #(.WIDTH(WIDTH), .HEIGHT(HEIGHT)) fragment (
       .clk(clk),
@@ -82,7 +85,7 @@ module fill #(
       .frame(frame),
       .s_valid(weight_valid),
       .s_ready(weight_taken),
-      .s_data({pixel, weight, depth, rgba, normal, material}),
+      .s_data({pixel ^ corner, weight, depth, rgba, normal, material}),
       .m_valid(),
       .m_ready(1'b1),
       .m_data(),
@@ -106,7 +109,8 @@ module fill #(
 
   localparam int LIGHT_W = machine_pkg::FRAGMENT_ANSWER_W;
   localparam int LAYER_W = X_W + Y_W + 2;
-  wire [LAYER_W-1:0] layer = {held[machine_pkg::FRAGMENT_HELD_Y_LSB+:X_W+Y_W], held_last, held_empty};
+  wire [X_W+Y_W-1:0] held_pixel = held[machine_pkg::FRAGMENT_HELD_Y_LSB+:X_W+Y_W] ^ corner;
+  wire [LAYER_W-1:0] layer = {held_pixel, held_last, held_empty};
   wire held_shaded = held[machine_pkg::FRAGMENT_HELD_SHADED_LSB];
   wire held_dark = !held_empty && !held_shaded;
   wire [LIGHT_W-1:0] held_light = held_empty ? '0 : held[machine_pkg::FRAGMENT_HELD_LIT_OPACITY_LSB+:LIGHT_W];
@@ -131,13 +135,15 @@ module fill #(
 
   // Shade.
 
-  localparam int SUMS_W = machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB + machine_pkg::FRAGMENT_REQUEST_WEIGHT_W - MATERIAL_W;
+  localparam int ASKED_W = machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB + machine_pkg::FRAGMENT_REQUEST_WEIGHT_W;
+  localparam int SUMS_W = ASKED_W - MATERIAL_W;
   // Where a request has no pixel its uppermost bits are none.
   wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] dark = machine_pkg::FRAGMENT_REQUEST_W'({
-    held[machine_pkg::FRAGMENT_HELD_Y_LSB+:X_W+Y_W],
+    held_pixel,
     held[machine_pkg::FRAGMENT_HELD_NORMAL_Z_LSB+:SUMS_W],
     held[machine_pkg::FRAGMENT_HELD_MATERIAL_LSB+:MATERIAL_W]
   });
+  wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] request_here = request ^ machine_pkg::FRAGMENT_REQUEST_W'({corner, ASKED_W'(0)});
   assign asked = shade_ready;
   assign answered = lit_valid && layers_empty;
   assign lit_ready = layers_empty ? answer_ready : layer_dark && layer_ready;
@@ -150,7 +156,7 @@ module fill #(
       .reflections(reflections),
       .s_valid(asks || dark_asks),
       .s_ready(shade_ready),
-      .s_data(asks ? request : dark),
+      .s_data(asks ? request_here : dark),
       .m_valid(lit_valid),
       .m_ready(lit_ready),
       .m_data(light)

@@ -57,6 +57,7 @@ module pipeline #(
       .lights(lights),
       .materials(materials),
       .reflections(reflections),
+      .corner('0),
       .s_valid(splat_valid),
       .s_ready(splat_taken),
       .s_look(look),

@@ -56,6 +56,7 @@ module pipeline_ellipsoids #(
       .lights(lights),
       .materials(materials),
       .reflections(reflections),
+      .corner('0),
       .s_valid(splat_valid),
       .s_ready(splat_taken),
       .s_look(look),

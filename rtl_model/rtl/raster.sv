@@ -9,17 +9,22 @@
 // behind: so each takes a place, and one that makes none gives it back then. The walk knows nothing of seeds and tests, and waits for neither:
 // its own loop is a count of pixels and a count of places, and what a splat's first pixel takes lies in no loop.
 //
+// Of a tile, the box is walked as far as it lies there. Seeds are those of the whole box all the same, at its own first column, or pixel; the
+// registers go on to the tile in closed form. So a picture does not know its tiles.
+//
 // Losses: offset, gradient, the seeds of radial and z, and the differences are rounded; a radial index below 0, where differencing may
 // leave it, is 0.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module raster #(
-    parameter int TAG_W = 32 // bits of the tag
+    parameter int TAG_W = 32, // bits of the tag
+    parameter int SIDE = 0    // columns and rows of a tile, a power of two; 0: boxes are walked whole
 ) (
     input wire clk,                              // everything happens at its rising edge
     input wire rst,                              // forgets the splat and its fragments
     input wire [machine_pkg::FRAME_W-1:0] frame, // constants: the picture's size, the cutoff
+    input wire [machine_pkg::RASTER_OUT_X_W+machine_pkg::RASTER_OUT_Y_W-1:0] corner, // of a tile: its first column and row, while it is drawn
     input wire s_valid,                          // a splat is there
     output wire s_ready,                         // and can be taken, with its first pixel
     input wire [TAG_W+machine_pkg::RASTER_IN_W-machine_pkg::RASTER_IN_TAG_W-1:0] s_data, // raster.in
@@ -62,13 +67,32 @@ module raster #(
   wire [ROW_W-1:0] first_row = splat[machine_pkg::RASTER_IN_FIRST_ROW_LSB+:ROW_W];
   wire [ROW_W-1:0] last_row = splat[machine_pkg::RASTER_IN_LAST_ROW_LSB+:ROW_W];
 
-  // This cycle's pixel.
-  wire [COLUMN_W-1:0] x = walking ? column : first_column;
-  wire [ROW_W-1:0] y = walking ? row : first_row;
-  wire last_of_row = x == last_column;
-  wire last_of_box = last_of_row && y == last_row;
+  // The part of the box that is walked: its sides, and how many columns and rows of the box lie before it.
+  wire [COLUMN_W-1:0] left, right, columns_on;
+  wire [ROW_W-1:0] top, bottom, rows_on;
+  if (SIDE > 0) begin : g_part
+    wire [COLUMN_W-1:0] tile_left = corner[ROW_W+:COLUMN_W];
+    wire [ROW_W-1:0] tile_top = corner[ROW_W-1:0];
+    wire [COLUMN_W-1:0] tile_right = tile_left + COLUMN_W'(SIDE - 1);
+    wire [ROW_W-1:0] tile_bottom = tile_top + ROW_W'(SIDE - 1);
+    assign left = first_column < tile_left ? tile_left : first_column;
+    assign right = last_column > tile_right ? tile_right : last_column;
+    assign top = first_row < tile_top ? tile_top : first_row;
+    assign bottom = last_row > tile_bottom ? tile_bottom : last_row;
+    assign columns_on = left - first_column;
+    assign rows_on = top - first_row;
+  end else begin : g_whole
+    assign {left, right, top, bottom} = {first_column, last_column, first_row, last_row};
+    assign {columns_on, rows_on} = '0;
+  end
 
-  // Seed, offsets: from the splat's centre to that of the first pixel of this row. The picture's middle is at half its size.
+  // This cycle's pixel.
+  wire [COLUMN_W-1:0] x = walking ? column : left;
+  wire [ROW_W-1:0] y = walking ? row : top;
+  wire last_of_row = x == right;
+  wire last_of_box = last_of_row && y == bottom;
+
+  // Seed, offsets: from the splat's centre to that of the first pixel of the box, or of its row here. The picture's middle is at half its size.
   localparam int OFFSET_W = machine_pkg::RASTER_OFFSET_W;
   localparam int OFFSET_F = machine_pkg::RASTER_OFFSET_F;
   localparam int PIXEL_F = machine_pkg::PROJECT_PIXEL_F;
@@ -78,8 +102,9 @@ module raster #(
 
   wire [machine_pkg::FRAME_WIDTH_W-1:0] width = frame[machine_pkg::FRAME_WIDTH_LSB+:machine_pkg::FRAME_WIDTH_W];
   wire [machine_pkg::FRAME_HEIGHT_W-1:0] height = frame[machine_pkg::FRAME_HEIGHT_LSB+:machine_pkg::FRAME_HEIGHT_W];
+  wire [ROW_W-1:0] seed_row = machine_pkg::RASTER_DIFFERENCED != 0 ? first_row : y;
   wire signed [MIDDLE_W-1:0] from_middle_x = $signed(MIDDLE_W'({first_column, 1'b1}) - MIDDLE_W'(width));
-  wire signed [MIDDLE_W-1:0] from_middle_y = $signed(MIDDLE_W'({y, 1'b1}) - MIDDLE_W'(height));
+  wire signed [MIDDLE_W-1:0] from_middle_y = $signed(MIDDLE_W'({seed_row, 1'b1}) - MIDDLE_W'(height));
   wire signed [DISTANCE_W-1:0] distance_x = (DISTANCE_W'(from_middle_x) <<< (PIXEL_F - 1)) - DISTANCE_W'(pixel_x);
   wire signed [DISTANCE_W-1:0] distance_y = (DISTANCE_W'(from_middle_y) <<< (PIXEL_F - 1)) - DISTANCE_W'(pixel_y);
   wire signed [OFFSET_W-1:0] dx, dy;
@@ -151,13 +176,27 @@ module raster #(
   wire signed [RADIAL_W-1:0] by_column_twice = RADIAL_W'(second_x) <<< SECOND_LEFT;
   wire signed [Z_W-1:0] z_by_column = Z_W'(slope_x) <<< SLOPE_LEFT;
 
+  // From the seed to the first pixel of the part: down, where rows are differenced, then on.
+  wire signed [RADIAL_W-1:0] down_radial, down_by_column, part_radial, part_by_column;
+  wire signed [Z_W-1:0] down_z, part_z;
+  if (SIDE > 0) begin : g_on
+    raster_skip #(.W(RADIAL_W), .STEPS_W(COLUMN_W)) radial_on (
+        .value(down_radial), .first(down_by_column), .second(by_column_twice), .steps(columns_on), .skipped(part_radial));
+    raster_skip #(.W(RADIAL_W), .STEPS_W(COLUMN_W)) by_column_on (
+        .value(down_by_column), .first(by_column_twice), .second(RADIAL_W'(0)), .steps(columns_on), .skipped(part_by_column));
+    raster_skip #(.W(Z_W), .STEPS_W(COLUMN_W)) z_on (
+        .value(down_z), .first(z_by_column), .second(Z_W'(0)), .steps(columns_on), .skipped(part_z));
+  end else begin : g_at_once
+    assign {part_radial, part_by_column, part_z} = {down_radial, down_by_column, down_z};
+  end
+
   // The registers at this cycle's pixel, and at the next row's first.
   wire signed [RADIAL_W-1:0] radial_here, by_column_here, radial_below, by_column_below;
   wire signed [Z_W-1:0] z_here, z_below;
   wire seeds, takes;
-  assign radial_here = seeds ? seed_radial : radial;
-  assign by_column_here = seeds ? seed_by_column : by_column;
-  assign z_here = seeds ? seed_z : z;
+  assign radial_here = seeds ? part_radial : radial;
+  assign by_column_here = seeds ? part_by_column : by_column;
+  assign z_here = seeds ? part_z : z;
 
   if (machine_pkg::RASTER_DIFFERENCED != 0) begin : g_differenced
     // The registers at this row's first pixel, and the first difference there by row.
@@ -181,10 +220,28 @@ module raster #(
     wire signed [RADIAL_W-1:0] by_both = RADIAL_W'(second_both) <<< SECOND_LEFT;
     wire signed [Z_W-1:0] z_by_row = Z_W'(slope_y) <<< SLOPE_LEFT;
 
-    wire signed [RADIAL_W-1:0] row_radial_here = seeds ? seed_radial : row_radial;
-    wire signed [RADIAL_W-1:0] row_by_column_here = seeds ? seed_by_column : row_by_column;
-    wire signed [RADIAL_W-1:0] by_row_here = seeds ? RADIAL_W'(first_y) <<< FIRST_LEFT : by_row;
-    wire signed [Z_W-1:0] row_z_here = seeds ? seed_z : row_z;
+    wire signed [RADIAL_W-1:0] seed_by_row = RADIAL_W'(first_y) <<< FIRST_LEFT;
+    wire signed [RADIAL_W-1:0] part_by_row;
+    if (SIDE > 0) begin : g_down
+      wire [RADIAL_W-1:0] down_by_row;
+      raster_skip #(.W(RADIAL_W), .STEPS_W(ROW_W)) radial_down (
+          .value(seed_radial), .first(seed_by_row), .second(by_row_twice), .steps(rows_on), .skipped(down_radial));
+      raster_skip #(.W(RADIAL_W), .STEPS_W(ROW_W)) by_column_down (
+          .value(seed_by_column), .first(by_both), .second(RADIAL_W'(0)), .steps(rows_on), .skipped(down_by_column));
+      raster_skip #(.W(RADIAL_W), .STEPS_W(ROW_W)) by_row_down (
+          .value(seed_by_row), .first(by_row_twice), .second(RADIAL_W'(0)), .steps(rows_on), .skipped(down_by_row));
+      raster_skip #(.W(RADIAL_W), .STEPS_W(COLUMN_W)) by_row_on (
+          .value(down_by_row), .first(by_both), .second(RADIAL_W'(0)), .steps(columns_on), .skipped(part_by_row));
+      raster_skip #(.W(Z_W), .STEPS_W(ROW_W)) z_down (
+          .value(seed_z), .first(z_by_row), .second(Z_W'(0)), .steps(rows_on), .skipped(down_z));
+    end else begin : g_at_once
+      assign {down_radial, down_by_column, part_by_row, down_z} = {seed_radial, seed_by_column, seed_by_row, seed_z};
+    end
+
+    wire signed [RADIAL_W-1:0] row_radial_here = seeds ? part_radial : row_radial;
+    wire signed [RADIAL_W-1:0] row_by_column_here = seeds ? part_by_column : row_by_column;
+    wire signed [RADIAL_W-1:0] by_row_here = seeds ? part_by_row : by_row;
+    wire signed [Z_W-1:0] row_z_here = seeds ? part_z : row_z;
     assign radial_below = row_radial_here + by_row_here;
     assign by_column_below = row_by_column_here + by_both;
     assign z_below = row_z_here + z_by_row;
@@ -199,7 +256,8 @@ module raster #(
     end
   end else begin : g_seeded
     // Whatever they hold there is seeded over.
-    assign seeds = x == first_column;
+    assign seeds = x == left;
+    assign {down_radial, down_by_column, down_z} = {seed_radial, seed_by_column, seed_z};
     assign {radial_below, by_column_below, z_below} = {radial, by_column, z};
   end
 
@@ -233,7 +291,7 @@ module raster #(
     else if (takes) walking <= !last_of_box;
     if (takes) begin
       held <= splat;
-      column <= last_of_row ? first_column : x + COLUMN_W'(1);
+      column <= last_of_row ? left : x + COLUMN_W'(1);
       row <= last_of_row ? y + ROW_W'(1) : y;
       radial <= last_of_row ? radial_below : radial_here + by_column_here;
       by_column <= last_of_row ? by_column_below : by_column_here + by_column_twice;
@@ -241,7 +299,7 @@ module raster #(
     end
   end
 
-  wire unused = &{1'b0, frame};
+  wire unused = &{1'b0, frame, corner, columns_on, rows_on};
 endmodule
 
 `default_nettype wire

@@ -8,12 +8,14 @@
 
 module weigh #(
     parameter int TAG_W = 1, // bits of what goes along
+    parameter int SIDE = 0,  // columns and rows of a tile; 0: boxes are walked whole
     parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
     input wire clk,                                                // everything happens at its rising edge
     input wire rst,                                                // forgets what is under way
     input wire [machine_pkg::FRAME_W-1:0] frame,                   // constants: the picture's size, the cutoff
     input wire [machine_pkg::GAUSS_WEIGHT_W-1:0] least,            // constant: the least weight that counts
+    input wire [machine_pkg::RASTER_OUT_X_W+machine_pkg::RASTER_OUT_Y_W-1:0] corner, // of a tile: its first column and row, while it is drawn
     input wire s_valid,                                            // a splat is there
     output wire s_ready,                                           // and can be taken
     input wire [TAG_W-1:0] s_tag,                                  // what goes along
@@ -39,10 +41,11 @@ module weigh #(
   wire [PIXEL_W-1:0] pixel;
   wire [machine_pkg::RASTER_RADIAL_W-1:0] radial;
   wire [DEPTH_W-1:0] depth;
-  raster #(.TAG_W(TAG_W + AMPLITUDE_W)) raster (
+  raster #(.TAG_W(TAG_W + AMPLITUDE_W), .SIDE(SIDE)) raster (
       .clk(clk),
       .rst(rst),
       .frame(frame),
+      .corner(corner),
       .s_valid(s_valid),
       .s_ready(s_ready),
       .s_data({s_tag, s_amplitude, s_footprint}),

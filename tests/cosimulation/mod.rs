@@ -44,7 +44,7 @@ const fn of_itself(name: &'static str, macros: &'static [&'static str]) -> Unit 
 pub const UNITS: [Unit; 7] = [
     of_itself("project", &[FRAME]),
     of_itself("ellipse", &[FRAME]),
-    of_itself("raster", &[FRAME]),
+    of_itself("raster", &[FRAME, "HAS_CORNER"]),
     of_itself("gauss", &["HAS_LEAST"]),
     of_itself("fragment", &[FRAME, DRAIN, FRAGMENT]),
     of_itself("shade", &[FRAME, LIGHTING]),

@@ -31,7 +31,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant { unit: "ellipse", file: "ellipse_visibility.sv", find: "area[AREA_W-1] ? -area : area", put: "area" },
     Mutant { unit: "raster", file: "raster.sv", find: "radial_here < limit", put: "radial_here <= limit" },
     Mutant { unit: "raster", file: "raster.sv", find: "radial_here[RADIAL_W-1] ? '0 : radial_here", put: "radial_here" },
-    Mutant { unit: "raster", file: "raster.sv", find: "{y, 1'b1}", put: "{first_row, 1'b1}" },
+    Mutant { unit: "raster", file: "raster.sv", find: "{seed_row, 1'b1}", put: "{first_row, 1'b1}" },
     Mutant { unit: "raster", file: "raster.sv", find: "by_column_here + by_column_twice", put: "by_column_here" },
     Mutant { unit: "raster", file: "raster.sv", find: "exact_z < nearest ? nearest", put: "exact_z < nearest ? deepest" },
     Mutant { unit: "raster", file: "raster.sv", find: "exact_z > deepest ? deepest : exact_z", put: "exact_z" },

@@ -10,6 +10,7 @@
 //   HAS_FRAME        it has the port frame
 //   HAS_LIGHTING     it has the ports lights, materials and reflections
 //   HAS_LEAST        it has the port least: 0, so that all comes out
+//   HAS_CORNER       it has the port corner: 0, that of a picture
 //   HAS_DRAIN        it has the ports drain, which says that nothing more comes, and drained, which says that it is done with it
 // Arguments
 //   +in=FILE         records to drive, a line of lower-case hex each
@@ -89,6 +90,9 @@ module bench;
 `endif
 `ifdef HAS_LEAST
     .least('0),
+`endif
+`ifdef HAS_CORNER
+    .corner('0),
 `endif
 `ifdef HAS_DRAIN
     .drain(drain),

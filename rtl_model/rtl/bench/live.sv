@@ -118,6 +118,9 @@ module live #(
 `ifdef HAS_LEAST
     .least('0),
 `endif
+`ifdef HAS_CORNER
+    .corner('0),
+`endif
 `ifdef HAS_DRAIN
     .drain(drain),
     .drained(drained),

@@ -27,7 +27,7 @@ const ASKS: [&str; 4] = ["HAS_FRAME", "HAS_DRAIN", "HAS_HELD", "HAS_SHADE"];
 const TWINS: [Twin; 11] = [
     of("project", &["HAS_FRAME"]),
     of("ellipse", &["HAS_FRAME"]),
-    of("raster", &["HAS_FRAME"]),
+    of("raster", &["HAS_FRAME", "HAS_CORNER"]),
     of("gauss", &["HAS_LEAST"]),
     of("fragment", &ASKS),
     of("shade", &["HAS_FRAME", "HAS_LIGHTING"]),
