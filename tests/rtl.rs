@@ -5,7 +5,8 @@ mod share;
 mod traced;
 
 use cosimulation::{
-    Device, Given, OF_ELLIPSOIDS, OF_WINDOWS, PIPELINE, PIPELINES_OF_ELLIPSOIDS, Simulator, UNITS, Unit, have, run, sources, verilator,
+    Device, Given, OF_ELLIPSOIDS, OF_ONE_ENGINE, OF_THREE_ENGINES, OF_WINDOWS, PIPELINE, PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS,
+    Simulator, UNITS, Unit, have, run, sources, verilator,
 };
 use rayon::prelude::*;
 use rtl_model::frame::Frame;
@@ -115,6 +116,9 @@ fn drive(simulator: Simulator, trace: &Traced, unit: Unit, side: u32, arguments:
     }
     records
 }
+
+/// As many splats as the memory of `pipeline_tiles` holds.
+const TILES: &str = r#"{"splats": {"builtin": "glass-spheres", "count": 30000}, "image": {"width": 64, "height": 64}}"#;
 
 const GLASS_SPHERES: &str = r#"{"splats": {"builtin": "glass-spheres"}, "image": {"width": 64, "height": 64}}"#;
 
@@ -256,7 +260,8 @@ fn twins_are_clean_and_can_be_synthesised() {
     let surface = traced(&isosurface(8, 16), &one_lane, &Window::default());
     let windows =
         traced(&cloud(20, 16), &machine("window", &["timing.raster.lanes=[1,1]"]), &Window { stimulus: Some(1), ..Window::default() });
-    let all = UNITS.iter().chain([&PIPELINE]).chain(&OF_ELLIPSOIDS).chain(&PIPELINES_OF_ELLIPSOIDS).chain([&OF_WINDOWS]);
+    let all =
+        UNITS.iter().chain([&PIPELINE, &PIPELINE_OF_TILES]).chain(&OF_ELLIPSOIDS).chain(&PIPELINES_OF_ELLIPSOIDS).chain([&OF_WINDOWS]);
     // Simulators read all of them in every run; Yosys, which takes as long as all else, its share of them.
     let in_yosys: HashSet<&str> = share::mine(all.clone().map(|unit| unit.name)).collect();
     for unit in all {
@@ -700,6 +705,142 @@ fn the_wired_datapaths_of_ellipsoids_draw_frames_in_the_cycles_of_the_timing_mod
     }
 }
 
+/// The tiles of a frame in the order in which their last pixels came: column and row of each, and how many pixels had come before that one. What
+/// was given is sorted by rows, as the model's pixels are.
+fn sort_by_rows(trace: &Traced, given: &Given) -> Vec<([u32; 2], usize)> {
+    let text = std::fs::read_to_string(&given.out).unwrap();
+    let [x, y] = ["X", "Y"].map(|axis| ["LSB", "W"].map(|name| constant(trace, &format!("PIPELINE_OUT_{axis}_{name}"))));
+    let place = |line: &str| {
+        let word = u128::from_str_radix(line, 16).unwrap();
+        [y, x].map(|[lsb, width]| (word >> lsb & ((1 << width) - 1)) as u32)
+    };
+    let mut lines: Vec<&str> = text.lines().collect();
+    let mut came: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut done = Vec::new();
+    for (nth, [row, column]) in lines.iter().map(|line| place(line)).enumerate() {
+        let tile = [column / 16, row / 16];
+        let pixels = came.entry(tile).or_default();
+        *pixels += 1;
+        done.extend((*pixels == 16 * 16).then_some((tile, nth)));
+    }
+    lines.sort_by_key(|line| place(line));
+    std::fs::write(&given.out, lines.iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+    done
+}
+
+/// Cycles without a transfer in which two engines draw a tile of a small frame.
+const PATIENCE_OF_TILES: &str = "+patience=20000";
+
+/// What is wrong where two engines draw a frame twice without a reset, and how many of its tiles they have drawn in each.
+fn drawn_twice(sources: &Path, trace: &Traced, stalls: &[&str]) -> (Option<String>, Vec<usize>) {
+    let device = Device::new(Simulator::Icarus, sources, &trace.folder, PIPELINE_OF_TILES, 32);
+    let given = device.drive(None, expected(trace, PIPELINE_OF_TILES), &[&["+frames=2", PATIENCE_OF_TILES], stalls].concat());
+    if !given.last.starts_with("bench: done") {
+        return (Some(given.last), Vec::new());
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let Some(frames) = given.frames(2, folder.path()) else { return (Some("frames have unlike numbers of records".into()), Vec::new()) };
+    let tiles = frames.iter().map(|frame| sort_by_rows(trace, frame).len()).collect();
+    (frames.iter().find_map(|frame| fault(trace, PIPELINE_OF_TILES, frame)), tiles)
+}
+
+/// Of one layer, so that what mirrors merges.
+fn one_layer_of_mirrors() -> Machine {
+    let [mirror, ..] = mirrors("ray");
+    changed(&mirror, "fragment.layers=1", "fragment.layers=1").unwrap()
+}
+
+/// Frames of four tiles, in which splats lie across their borders: of a machine that seeds each row, of one with tiles that no splat
+/// touches, of one that differences rows, of one that mirrors along rays.
+fn frames_of_tiles() -> [Traced; 4] {
+    let close = cloud(60, 32).replace("\"fov_y_degrees\": 45", "\"fov_y_degrees\": 20");
+    let aside = cloud(40, 32).replace("\"target\": [0, 0, 0]", "\"target\": [1.6, 1.4, 0]");
+    let named = |name: &str| machine(name, &["timing.raster.lanes=[1,1]"]);
+    let all = [
+        (&*close, named("tiny")),
+        (&aside, named("tiny")),
+        (&close, named("reference")),
+        (&MIRRORS.replace("1500", "300"), one_layer_of_mirrors()),
+    ];
+    all.map(|(text, machine)| traced(text, &machine, &Window { units: vec!["pipeline".into()], ..Window::default() }))
+}
+
+/// Each frame as it comes, and the first with each of these stalls.
+fn stalled<'a>(frames: &'a [Traced], stalls: &[&'a [&'a str]]) -> Vec<(&'a Traced, &'a [&'a str])> {
+    let first = stalls.iter().map(|stalls| (&frames[0], *stalls));
+    first.chain(frames[1..].iter().map(|trace| (trace, OF_ALL[0]))).collect()
+}
+
+#[test]
+fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without_a_reset() {
+    if !have(&["iverilog"], "two engines on Icarus") {
+        return;
+    }
+    let frames = frames_of_tiles();
+    // The last takes minutes on Icarus; it is drawn on Verilator.
+    let jobs: Vec<(&Traced, &[&str])> = stalled(&frames[..3], &OF_ALL);
+    jobs.par_iter().for_each(|(trace, stalls)| {
+        let (fault, tiles) = drawn_twice(&sources(), trace, stalls);
+        println!("{stalls:?}: {} colours", colours(trace));
+        assert_eq!(fault, None, "{stalls:?}");
+        assert_eq!(tiles, [4, 4]);
+    });
+}
+
+/// A frame that engines draw: whether they take as long as the timing model says, for all of it and until each tile is done.
+fn engines_draw_in_time(text: &str, side: u32, wired: &Machine, unit: Unit) {
+    let engines: u32 = unit.parameters.first().map_or(2, |one| one.trim_matches(|char: char| !char.is_ascii_digit()).parse().unwrap());
+    let trace = traced(text, wired, &Window { units: vec!["pipeline".into()], ..Window::default() });
+    let device = Device::new(Simulator::Verilator, &sources(), &trace.folder, unit, side);
+    let [(done, cycles), (_, stalled)] = [&[][..], &STALLS].map(|stalls| {
+        let given = device.drive(None, expected(&trace, unit), stalls);
+        let tiles = sort_by_rows(&trace, &given);
+        assert_eq!(fault(&trace, unit, &given), None, "{engines} engines, {stalls:?}");
+        let [_, pixels] = times(&given);
+        let done: HashMap<[u32; 2], u64> = tiles.into_iter().map(|(tile, last)| (tile, pixels[last] + 1)).collect();
+        (done, pixels[pixels.len() - 1] + 1)
+    });
+    let modelled = modelled(&trace, text, wired, &["timing.organisation=binned", &format!("timing.engines={engines}")]);
+    let tiles = modelled.tiles.unwrap().tiles;
+    let each: Vec<usize> = (0..engines).map(|engine| tiles.iter().filter(|tile| tile.engine == engine).count()).collect();
+    let farthest = tiles.iter().map(|tile| done[&tile.at].abs_diff(tile.done)).max().unwrap();
+    let off = cycles as f64 / modelled.total as f64 - 1.0;
+    println!(
+        "{}: {engines} engines, {} splats: {cycles} cycles wired, {} modelled: {:+.3} %; stalled {stalled}; {each:?} tiles, farthest {farthest}",
+        trace.manifest["machine"]["name"],
+        trace.lines("pipeline.in").len(),
+        modelled.total,
+        100.0 * off
+    );
+    assert!(off.abs() <= tolerance(unit.name), "{cycles} cycles wired, {} modelled", modelled.total);
+    // All engines' words go through one port.
+    let room = tolerance(unit.name) * modelled.total as f64 + f64::from(16 * 16 * (engines - 1));
+    assert!(farthest as f64 <= room, "a tile is done {farthest} cycles off");
+    assert!(each.iter().all(|tiles| *tiles > 0), "an engine draws nothing");
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn engines_draw_the_tiles_of_frames_in_the_cycles_of_the_timing_model() {
+    if !have(&["verilator"], "tile engines") {
+        return;
+    }
+    let named = |nth: usize| machines().swap_remove(nth).1;
+    let fewer = TILES.replace("30000", "8000");
+    // Sides of tiles are at least 16: it takes a larger picture for engines to have many.
+    let larger = TILES.replace("64", "128");
+    let frames = [
+        (TILES, 64, named(0), PIPELINE_OF_TILES),
+        (&fewer, 64, named(0), OF_ONE_ENGINE),
+        (&larger, 128, named(1), OF_THREE_ENGINES),
+        (&fewer, 64, named(2), PIPELINE_OF_TILES),
+        (&MIRRORS.replace("32", "64"), 64, one_layer_of_mirrors(), PIPELINE_OF_TILES),
+    ];
+    for (text, side, machine, unit) in share::mine(frames) {
+        engines_draw_in_time(text, side, &machine, unit);
+    }
+}
+
 /// The scene that a text describes.
 fn scene_of(text: &str) -> Scene {
     let kept = tempfile::tempdir().unwrap();
@@ -1076,6 +1217,18 @@ fn every_mutant_of_a_rule_is_caught() {
             let device = Device::new(Simulator::Icarus, sources, &trace.folder, of_it, 16);
             fault(trace, of_it, &device.drive(None, expected(trace, of_it), &[])).is_some()
         })
+    });
+}
+
+#[test]
+#[ignore = "minutes; CI runs it"]
+fn every_mutant_of_tiles_is_caught() {
+    if !have(&["iverilog"], "mutants of the twins") {
+        return;
+    }
+    let frames = frames_of_tiles();
+    all_are_caught(TILES_APART, |_, sources| {
+        stalled(&frames, &OF_ALL[..2]).iter().any(|(trace, stalls)| drawn_twice(sources, trace, stalls).0.is_some())
     });
 }
 

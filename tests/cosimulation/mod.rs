@@ -25,6 +25,8 @@ pub struct Unit {
     pub stream: &'static str,
     /// What the bench must connect.
     pub macros: &'static [&'static str],
+    /// Parameters other than the picture's sides.
+    pub parameters: &'static [&'static str],
 }
 
 const FRAME: &str = "HAS_FRAME";
@@ -37,7 +39,7 @@ const WINDOWS: &str = "HAS_WINDOWS";
 const RESOLVE: &str = "HAS_RESOLVE";
 
 const fn of_itself(name: &'static str, macros: &'static [&'static str]) -> Unit {
-    Unit { name, stream: name, macros }
+    Unit { name, stream: name, macros, parameters: &[] }
 }
 
 /// All units, in the order of the diagram.
@@ -53,15 +55,20 @@ pub const UNITS: [Unit; 7] = [
 
 /// What a frame of ellipsoids has in the place of a unit.
 pub const OF_ELLIPSOIDS: [Unit; 2] = [
-    Unit { name: "ellipsoid", stream: "ellipse", macros: &[FRAME] },
-    Unit { name: "sheets", stream: "fragment", macros: &[FRAME, DRAIN, SHEETS] },
+    Unit { stream: "ellipse", ..of_itself("ellipsoid", &[FRAME]) },
+    Unit { stream: "fragment", ..of_itself("sheets", &[FRAME, DRAIN, SHEETS]) },
 ];
 
 /// What a frame has in the place of fragment whose fragments are grouped by intervals or windows.
-pub const OF_WINDOWS: Unit = Unit { name: "windows", stream: "fragment", macros: &[FRAME, DRAIN, WINDOWS] };
+pub const OF_WINDOWS: Unit = Unit { stream: "fragment", ..of_itself("windows", &[FRAME, DRAIN, WINDOWS]) };
 
 /// All of them wired together.
 pub const PIPELINE: Unit = wired("pipeline", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]);
+
+/// The same of a binned machine: lists, and two tile engines behind them, one, or three.
+pub const PIPELINE_OF_TILES: Unit = wired("pipeline_tiles", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]);
+pub const OF_ONE_ENGINE: Unit = Unit { parameters: &[".ENGINES(1)"], ..PIPELINE_OF_TILES };
+pub const OF_THREE_ENGINES: Unit = Unit { parameters: &[".ENGINES(3)"], ..PIPELINE_OF_TILES };
 
 /// The same for ellipsoids, whose fragments are grouped by depth, or by sheets.
 pub const PIPELINES_OF_ELLIPSOIDS: [Unit; 2] = [
@@ -70,7 +77,7 @@ pub const PIPELINES_OF_ELLIPSOIDS: [Unit; 2] = [
 ];
 
 const fn wired(name: &'static str, macros: &'static [&'static str]) -> Unit {
-    Unit { name, stream: "pipeline", macros }
+    Unit { stream: "pipeline", ..of_itself(name, macros) }
 }
 
 /// Where the twins lie.
@@ -249,7 +256,7 @@ impl Device {
         let mut defines =
             vec![format!("-DDUT={bench}"), format!("-DIN_W=machine_pkg::{upper}_IN_W"), format!("-DOUT_W=machine_pkg::{upper}_OUT_W")];
         defines.extend(unit.macros.iter().map(|name| format!("-D{name}")));
-        let mut parameters = Vec::new();
+        let mut parameters: Vec<String> = unit.parameters.iter().map(|&parameter| parameter.into()).collect();
         if unit.macros.contains(&DRAIN) {
             parameters.push(format!(".WIDTH({side}),.HEIGHT({side})"));
         }

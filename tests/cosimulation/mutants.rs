@@ -190,3 +190,22 @@ const RULES: &[Mutant] = &[
     Mutant { unit: "shade", file: "shade.sv", find: "shines = faces && ", put: "shines = faces && half_way != '0 && " },
     Mutant { unit: "shade", file: "shade.sv", find: "shines = faces && ", put: "shines = " },
 ];
+
+/// Those of tiles and their engines, seen where splats lie across the borders of tiles, or in the next frame.
+const TILES_APART: &[Mutant] = &[
+    Mutant { unit: "pipeline_tiles", file: "raster_skip.sv", find: "+ second * W'(there_and_back >> 1)", put: "" },
+    Mutant { unit: "pipeline_tiles", file: "raster.sv", find: "RASTER_DIFFERENCED != 0 ? first_row : y", put: "RASTER_DIFFERENCED != 0 ? top : y" },
+    Mutant { unit: "pipeline_tiles", file: "raster.sv", find: ".value(down_by_row), .first(by_both)", put: ".value(down_by_row), .first(RADIAL_W'(0))" },
+    Mutant { unit: "pipeline_tiles", file: "raster.sv", find: "last_column > tile_right ? tile_right : last_column", put: "last_column" },
+    Mutant { unit: "pipeline_tiles", file: "raster.sv", find: "column <= last_of_row ? left", put: "column <= last_of_row ? first_column" },
+    Mutant { unit: "pipeline_tiles", file: "fill.sv", find: "asks ? request_here : dark", put: "asks ? request : dark" },
+    Mutant { unit: "pipeline_tiles", file: "fill.sv", find: "{pixel ^ corner, weight", put: "{pixel, weight" },
+    Mutant { unit: "pipeline_tiles", file: "bin.sv", find: "walking && !(last_of_row && row == last_row)", put: "walking && !last_of_row" },
+    Mutant { unit: "pipeline_tiles", file: "bin.sv", find: "column <= last_of_row ? first_column", put: "column <= last_of_row ? '0" },
+    Mutant { unit: "pipeline_tiles", file: "engine.sv", find: "drain = ends && silent", put: "drain = ends" },
+    Mutant { unit: "pipeline_tiles", file: "engine.sv", find: "entry_valid && !ends ? entry_corner", put: "entry_valid ? entry_corner" },
+    Mutant { unit: "pipeline_tiles", file: "pipeline_tiles.sv", find: "rst || drawing && !drain", put: "rst" },
+    Mutant { unit: "pipeline_tiles", file: "pipeline_tiles.sv", find: "waiting != '0 ? waiting : ", put: "" },
+    Mutant { unit: "pipeline_tiles", file: "pipeline_tiles.sv", find: "wants & (~wants + ENGINES'(1))", put: "wants" },
+    Mutant { unit: "pipeline_tiles", file: "blank.sv", find: "left + column, top + row", put: "left + column, row" },
+];
