@@ -145,22 +145,26 @@ module windows #(
     end
   endfunction
 
-  // Which of the words that count is the least: one bit, of equals the first one's.
+  // Which of the words that count is the least: one bit, of equals the first one's. Two and two, and those again that are left.
   function [SIDES-1:0] least(input [SIDES-1:0] counts, input [SIDES*DEPTH_W-1:0] words);
-    integer at;
-    reg any;
-    reg [DEPTH_W-1:0] word;
+    integer at, step;
+    reg [SIDES-1:0] any;
+    reg [SIDES*DEPTH_W-1:0] left;
+    reg [SIDES*SIDES-1:0] which;
     begin
-      least = '0;
-      any = 1'b0;
-      word = '0;
-      for (at = 0; at < SIDES; at = at + 1) begin
-        if (counts[at] && (!any || words[at*DEPTH_W+:DEPTH_W] < word)) begin
-          least = SIDES'(1) << at;
-          any = 1'b1;
-          word = words[at*DEPTH_W+:DEPTH_W];
+      any = counts;
+      left = words;
+      for (at = 0; at < SIDES; at = at + 1) which[at*SIDES+:SIDES] = counts[at] ? SIDES'(1) << at : '0;
+      for (step = 1; step < SIDES; step = 2 * step) begin
+        for (at = 0; at + step < SIDES; at = at + 2 * step) begin
+          if (any[at+step] && (!any[at] || left[(at+step)*DEPTH_W+:DEPTH_W] < left[at*DEPTH_W+:DEPTH_W])) begin
+            any[at] = 1'b1;
+            left[at*DEPTH_W+:DEPTH_W] = left[(at+step)*DEPTH_W+:DEPTH_W];
+            which[at*SIDES+:SIDES] = which[(at+step)*SIDES+:SIDES];
+          end
         end
       end
+      least = which[SIDES-1:0];
     end
   endfunction
 

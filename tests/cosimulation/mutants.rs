@@ -123,7 +123,7 @@ const WINDOWS: &[Mutant] = &[
     Mutant { unit: "windows", file: "windows.sv", find: "!taken && !rests && !under_way", put: "!taken && !under_way" },
     Mutant { unit: "windows", file: "windows.sv", find: "first_of_slot == window_first", put: "1'b1" },
     Mutant { unit: "windows", file: "windows.sv", find: "matched || settles ? live", put: "matched ? live" },
-    Mutant { unit: "windows", file: "windows.sv", find: "+:DEPTH_W] < word", put: "+:DEPTH_W] <= word" },
+    Mutant { unit: "windows", file: "windows.sv", find: "left[(at+step)*DEPTH_W+:DEPTH_W] < left", put: "left[(at+step)*DEPTH_W+:DEPTH_W] <= left" },
     Mutant { unit: "windows", file: "windows.sv", find: "other < one)", put: "other > one)" },
     Mutant { unit: "windows", file: "windows.sv", find: "mean < least_beyond", put: "mean <= least_beyond" },
     Mutant { unit: "windows", file: "windows.sv", find: ".now({at_join, growing && !joins})", put: ".now({at_join, growing})" },

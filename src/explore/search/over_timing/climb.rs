@@ -1,11 +1,11 @@
-//! Climb: from a machine to the cheapest that is fast enough, by one field at a time, then by two.
+//! Climb: from a machine to the cheapest that is fast enough, by one field at a time, then by several.
 //!
 //! ```text
-//! base ─( most gain for its cost )─► fast enough ─( most saved for its time )─► ─( most saved )─► ─( two fields at a time )─► the cheapest
+//! base ─( most gain for its cost )─► fast enough ─( most saved for its time )─► ─( most saved )─► ─( two or three fields at a time )─► the cheapest
 //! ```
-//! A replay is what takes time, so few are made. A machine's area and its gates are known without one: where these are what counts only machines of less are
-//! replayed. And what a change does is remembered: it orders the next step's changes, of which the best few are replayed, all of them only
-//! when none of those helps.
+//! A replay is what takes time, so few are made. A machine's area and its gates are known without one: where these are what counts only
+//! machines of less are replayed. And what a change does is remembered: it orders the next step's changes, of which the best few are replayed,
+//! all of them only when none of those helps.
 
 use super::fields::{Bought, Knob};
 use super::{COLUMNS, Measured, Minimise, Options, Recorded, Step};
