@@ -1155,6 +1155,9 @@ fn every_mutant_is_caught() {
         machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3", "fragment.merge=nearest-pair", "fragment.evict_hidden=true"]);
     let seen = traced(&cloud(150, 16), &machine, &Window::default());
     let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(400), ..Window::default() });
+    // Where a contribution alone may hide what lies behind it.
+    let covering = cloud(150, 16).replace("\"z_threshold\"", "\"coverage_threshold\": 0.05, \"z_threshold\"");
+    let covering = traced(&covering, &machine, &Window { units: vec!["fragment".into()], ..Window::default() });
     // Ellipsoids with all that a frame may say of them; made-up cases have what their own transfers have not.
     let of_ellipsoids: Vec<Traced> = media(8, 16)
         .into_iter()
@@ -1162,7 +1165,7 @@ fn every_mutant_is_caught() {
         .collect();
     all_are_caught(MUTANTS, |mutant, sources| {
         let unit = unit(mutant.unit);
-        let of_discs = [&made_up, &seen].into_iter().filter(|_| unit.name == unit.stream);
+        let of_discs = [&made_up, &seen, &covering].into_iter().filter(|_| unit.name == unit.stream);
         // Project is that of discs, and culls ellipsoids by opacity too.
         let of_ellipsoids = of_ellipsoids.iter().filter(|_| unit.name != unit.stream || unit.name == "project");
         of_discs.chain(of_ellipsoids).filter(|trace| twins(trace).iter().any(|twin| twin.name == unit.name)).any(|trace| {
