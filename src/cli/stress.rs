@@ -23,7 +23,7 @@ pub(super) struct Typed {
     /// Another machine beside the named ones; may repeat
     #[arg(long = "machine", value_name = "NAME|FILE")]
     machines: Vec<OsString>,
-    /// Write stress.json, stress.csv, stress.png, gallery.png
+    /// Write stress.json, .csv and .png, and gallery.png
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
