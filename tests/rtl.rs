@@ -1157,7 +1157,7 @@ fn every_mutant_is_caught() {
     let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(400), ..Window::default() });
     // Where a contribution alone may hide what lies behind it.
     let covering = cloud(150, 16).replace("\"z_threshold\"", "\"coverage_threshold\": 0.05, \"z_threshold\"");
-    let covering = traced(&covering, &machine, &Window { units: vec!["fragment".into()], ..Window::default() });
+    let covering = traced(&covering, &machine, &Window::default());
     // Ellipsoids with all that a frame may say of them; made-up cases have what their own transfers have not.
     let of_ellipsoids: Vec<Traced> = media(8, 16)
         .into_iter()
@@ -1165,7 +1165,8 @@ fn every_mutant_is_caught() {
         .collect();
     all_are_caught(MUTANTS, |mutant, sources| {
         let unit = unit(mutant.unit);
-        let of_discs = [&made_up, &seen, &covering].into_iter().filter(|_| unit.name == unit.stream);
+        let of_discs =
+            [&made_up, &seen].into_iter().chain((unit.name == "fragment").then_some(&covering)).filter(|_| unit.name == unit.stream);
         // Project is that of discs, and culls ellipsoids by opacity too.
         let of_ellipsoids = of_ellipsoids.iter().filter(|_| unit.name != unit.stream || unit.name == "project");
         of_discs.chain(of_ellipsoids).filter(|trace| twins(trace).iter().any(|twin| twin.name == unit.name)).any(|trace| {
