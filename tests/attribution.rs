@@ -99,6 +99,9 @@ fn with_no_word_it_is_golden() {
 /// Bit for bit, though it is made of f64: the second opinion on every unit, each fit, each rule.
 #[test]
 fn with_every_word_it_is_the_machine() {
+    if !share::in_third(2) {
+        return;
+    }
     for (scene, mut machine) in share::mine(surfaces((192, 160)).into_iter().chain(of_ellipsoids((96, 80)))) {
         for rows in [Rows::Seeded, Rows::Differenced] {
             machine.raster.rows = rows;
@@ -170,6 +173,9 @@ fn a_narrow_word_takes_the_blame() {
 
 #[test]
 fn all_words_together_make_the_machines_error() {
+    if !share::in_third(1) {
+        return;
+    }
     let cloud = thinned(scene("torus-knot", (64, 48)), 2000);
     let surfaces = Machine::NAMES.map(|name| (cloud.clone(), Machine::named(name).unwrap()));
     for (scene, machine) in share::mine(surfaces.into_iter().chain(of_ellipsoids((20, 16)).into_iter().step_by(3))) {

@@ -158,6 +158,9 @@ fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
 
 #[test]
 fn mirrors_give_what_the_machine_gives() {
+    if !share::in_third(1) {
+        return;
+    }
     if !have(&["iverilog", "verilator", "yosys"], "the twin of reflect") {
         return;
     }
@@ -196,6 +199,9 @@ fn is_sound(drawn: &Traced) {
 /// And the test above is no test of nothing: a wrong fold, a wrong corner, a wrong share are found.
 #[test]
 fn wrong_mirrors_are_found_out() {
+    if !share::in_third(2) {
+        return;
+    }
     if !have(&["iverilog"], "mutants of reflect") {
         return;
     }
@@ -692,7 +698,7 @@ fn the_wired_datapath_draws_the_frame_in_the_cycles_of_the_timing_model() {
     if !have(&["verilator"], "the wired datapath") {
         return;
     }
-    if !share::in_third(0) {
+    if !share::in_third(2) {
         return;
     }
     // `tiny` has all units that the others have, and a third of their words to simulate.
@@ -1545,6 +1551,9 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
 
 #[test]
 fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
+    if !share::in_third(1) {
+        return;
+    }
     if !have(&["iverilog"], "accept times of windows") {
         return;
     }

@@ -123,12 +123,17 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let (observed, observed_seconds) = timed(|| evaluation.observe());
     let Observed { drawing, picture: fixed, signals, work } = observed;
     let detail = if options.requests { Detail::Log } else { Detail::Histograms };
-    let (cycles, replay_seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
-    let timings = options.timings.as_ref().map(|variants| Timings::new(variants, &work));
-    let answers = options.answers.then(|| Answers::new(&elaborated, &work, &cycles, &options.prices));
     let (golden, golden_seconds) = timed(|| evaluation.golden());
     let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
-    let (lockstep, lockstep_seconds) = timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
+    let replay = || {
+        let (cycles, seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
+        let timings = options.timings.as_ref().map(|variants| Timings::new(variants, &work));
+        let answers = options.answers.then(|| Answers::new(&elaborated, &work, &cycles, &options.prices));
+        (cycles, seconds, timings, answers)
+    };
+    let check = || timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
+    // A replay keeps one thread busy.
+    let ((cycles, replay_seconds, timings, answers), (lockstep, lockstep_seconds)) = rayon::join(replay, check);
     let (attribution, attribution_seconds) =
         timed(|| attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture)));
 

@@ -214,13 +214,13 @@ pub struct Host {
     pub watched_seconds: f64,
     /// The same frame: the two were drawn apart once.
     pub recorded_seconds: f64,
-    /// Replaying that.
+    /// Replaying that, beside what is held in lockstep.
     pub replay_seconds: f64,
     /// `golden`.
     pub golden_seconds: f64,
     /// `ideal`.
     pub ideal_seconds: f64,
-    /// The machine with `golden` in lockstep; absent after `run --check none`.
+    /// The machine with `golden` in lockstep, beside the replay; absent after `run --check none`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lockstep_seconds: Option<f64>,
     /// Finding out who makes the error; only where that was asked for.

@@ -5,6 +5,9 @@
 //! rules ─► golden, kept ┼─► frame, work, errors, kept ─┬─ timing ─► cycles, energy ─► row
 //! formats ─► machine ───┘                              └─ timing ─► …
 //! ```
+//! Frames are drawn side by side, as many as there are threads. Where a machine does the same work as an earlier one, on the same
+//! microarchitecture, that one's cycles are its own.
+//!
 //! A row depends on the plan, the scene, prices and the version alone, which its key is a digest of: whoever draws it, where and beside what
 //! others, draws the same, but for the seconds of `host_`.
 
@@ -28,7 +31,9 @@ use crate::scene::digest::{digest, digest_of};
 use crate::scene::{Camera, Scene};
 use rayon::prelude::*;
 use rtl_model::Machine;
-use rtl_model::timing::{self, Detail};
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::timing::{self, Cycles, Detail};
+use rtl_model::work::Work;
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -102,6 +107,7 @@ pub struct Stage {
     ideal_seconds: f64,
     goldens: Kept<Rules, Golden>,
     frames: Kept<String, std::result::Result<Drawn, String>>,
+    replays: Replays,
 }
 
 /// What golden makes by some rules.
@@ -126,7 +132,8 @@ impl Stage {
         let head = Head::of(&scene);
         let film = frames(&scene, points.cameras(nth), |seen| golden::ideal(seen).picture).collect::<Vec<_>>();
         let (goldens, frames) = (Kept::new((GOLDENS / (1 + film.len())).max(1)), Kept::new(FRAMES));
-        Stage { points: points.clone(), prices: *prices, nth, scene, head, ideal, film, ideal_seconds, goldens, frames }
+        let replays = Replays::default();
+        Stage { points: points.clone(), prices: *prices, nth, scene, head, ideal, film, ideal_seconds, goldens, frames, replays }
     }
 
     /// Columns of the rows.
@@ -134,17 +141,32 @@ impl Stage {
         columns::all(&self.points.fields())
     }
 
-    /// Draws points of this scene, and hands each one's row to `each` as it comes. Those that differ in timing alone share a frame.
+    /// Draws points of this scene, and hands each one's row to `each`, in the same order at any number of threads. Those that differ in timing
+    /// alone share a frame.
     ///
     /// # Errors
     /// [`Error::Input`] where a point is none of this scene; what `each` says.
     pub fn draw(&self, numbers: &[u64], mut each: impl FnMut(u64, Row) -> Result<()>) -> Result<()> {
-        for group in self.groups(numbers)? {
-            for (number, row) in self.rows(&group) {
+        for groups in self.groups(numbers)?.chunks(rayon::current_num_threads()) {
+            for (number, row) in self.rows_of(groups) {
                 each(number, row)?;
             }
         }
         Ok(())
+    }
+
+    /// The rows of some groups.
+    fn rows_of(&self, groups: &[Vec<Point>]) -> Vec<(u64, Row)> {
+        let golden = |group: &Vec<Point>| self.golden_of(&group[0].machine);
+        if let [group] = groups {
+            // Others may draw the rest of it.
+            let frame = || self.frames.get(&group[0].formats(&self.points), || self.frame(&group[0], &golden(group)));
+            return self.rows(group, frame);
+        }
+        // Whoever draws side by side waits for nothing that another makes: that may be itself.
+        let groups: Vec<_> = groups.iter().map(|group| (group, golden(group))).collect();
+        let rows = groups.par_iter().map(|(group, golden)| self.rows(group, || Arc::new(self.frame(&group[0], golden))));
+        rows.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
     /// Points whose machines differ in timing alone, together.
@@ -165,6 +187,12 @@ impl Stage {
         Ok(groups)
     }
 
+    /// Golden by the rules of a machine, or why that cannot be built.
+    fn golden_of(&self, machine: &Machine) -> std::result::Result<Arc<Golden>, String> {
+        let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
+        Ok(self.golden(&fixed::rules(&elaborated.machine)))
+    }
+
     fn golden(&self, rules: &Rules) -> Arc<Golden> {
         self.goldens.get(rules, || {
             let (picture, seconds) = timed(|| golden::render(&self.scene, rules).picture);
@@ -175,14 +203,13 @@ impl Stage {
     }
 
     /// The rows of points whose machines differ in timing alone.
-    fn rows(&self, group: &[Point]) -> Vec<(u64, Row)> {
-        let formats = group[0].formats(&self.points);
-        let (drawn, seconds) = timed(|| self.frames.get(&formats, || self.frame(&group[0])));
+    fn rows(&self, group: &[Point], frame: impl FnOnce() -> Arc<std::result::Result<Drawn, String>>) -> Vec<(u64, Row)> {
+        let (drawn, seconds) = timed(frame);
         let base = machines::value(&self.points.base);
         let fields = self.points.fields();
         let row = |point: &Point| {
             let (found, own_seconds) = timed(|| match &*drawn {
-                Ok(drawn) => drawn.on(&point.machine, &self.prices),
+                Ok(drawn) => drawn.on(&point.machine, &self.prices, &self.replays),
                 Err(sentence) => Err(sentence.clone()),
             });
             let mut found = found.unwrap_or_else(|sentence| Findings { misfit: Some(sentence), ..Findings::default() });
@@ -200,12 +227,13 @@ impl Stage {
     }
 
     /// All of a point that does not depend on timing; or why its machine cannot draw.
-    fn frame(&self, point: &Point) -> std::result::Result<Drawn, String> {
+    fn frame(&self, point: &Point, golden: &std::result::Result<Arc<Golden>, String>) -> std::result::Result<Drawn, String> {
+        let golden = golden.as_ref().map_err(String::clone)?;
         let exact = plan::exact_of(&point.changes);
-        if exact.is_empty() { self.drawn(&point.machine) } else { self.partial(&point.machine, &exact) }
+        if exact.is_empty() { self.drawn(&point.machine, golden) } else { self.partial(&point.machine, golden, &exact) }
     }
 
-    fn drawn(&self, machine: &Machine) -> std::result::Result<Drawn, String> {
+    fn drawn(&self, machine: &Machine, golden: &Golden) -> std::result::Result<Drawn, String> {
         let evaluation = Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
         let frame = Frame {
@@ -215,16 +243,19 @@ impl Stage {
             ideal_seconds: self.ideal_seconds,
         };
         let lockstep = self.points.plan.lockstep.then(|| evaluation.lockstep().summary(&observed.picture));
-        let errors = Some(self.errors(&observed.picture, &evaluation.rules())?);
-        let flicker = self.flicker(observed.picture, &evaluation.rules(), |seen| {
+        let errors = Some(self.errors(&observed.picture, golden)?);
+        let flicker = self.flicker(observed.picture, golden, |seen| {
             let evaluation = Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?;
             Ok(evaluation.picture(&evaluation.draw()))
         })?;
-        Ok(Drawn { found: Findings { errors, frame: Some(frame), lockstep, flicker, ..Findings::default() }, work: Some(observed.work) })
+        Ok(Drawn {
+            found: Findings { errors, frame: Some(frame), lockstep, flicker, ..Findings::default() },
+            work: Some(Arc::new(observed.work)),
+        })
     }
 
     /// The same in partial precision, some units or words in f64: errors alone, for no hardware does that.
-    fn partial(&self, machine: &Machine, exact: &[String]) -> std::result::Result<Drawn, String> {
+    fn partial(&self, machine: &Machine, golden: &Golden, exact: &[String]) -> std::result::Result<Drawn, String> {
         let evaluation = Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
         let is_exact = |word: &str| exact.iter().any(|name| machines::is_below(word, name));
         let choice = partial::Choice::new(&evaluation.machine, |word| !is_exact(word));
@@ -233,10 +264,9 @@ impl Stage {
             stage.fill(&choice, &stage.set_up(&choice))
         };
         let first = picture(&evaluation);
-        let errors = Some(self.errors(&first, &evaluation.rules())?);
-        let flicker = self.flicker(first, &evaluation.rules(), |seen| {
-            Ok(picture(&Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?))
-        })?;
+        let errors = Some(self.errors(&first, golden)?);
+        let flicker = self
+            .flicker(first, golden, |seen| Ok(picture(&Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?)))?;
         Ok(Drawn { found: Findings { errors, flicker, ..Findings::default() }, work: None })
     }
 
@@ -244,14 +274,13 @@ impl Stage {
     fn flicker(
         &self,
         first: Picture,
-        rules: &Rules,
+        golden: &Golden,
         draw: impl Fn(&Scene) -> std::result::Result<Picture, String>,
     ) -> std::result::Result<Option<Flicker>, String> {
         let cameras = self.points.cameras(self.nth);
         if cameras.is_empty() {
             return Ok(None);
         }
-        let golden = self.golden(rules);
         let films = golden.film.iter().zip(&self.film).zip(frames(&self.scene, cameras, draw)).zip(1..);
         let mut before = (first, &golden.picture, &self.ideal);
         let mut all = Sums::default();
@@ -264,9 +293,8 @@ impl Stage {
     }
 
     /// How far a picture is off; a sentence where a pixel of any of them has no finite number.
-    fn errors(&self, picture: &Picture, rules: &Rules) -> std::result::Result<Errors, String> {
+    fn errors(&self, picture: &Picture, golden: &Golden) -> std::result::Result<Errors, String> {
         let of_ideal = distance(picture, &self.ideal);
-        let golden = self.golden(rules);
         let fixed_vs_golden = metrics(picture, &golden.picture);
         let not_finite = fixed_vs_golden.not_finite.max(of_ideal.not_finite);
         if not_finite > 0 {
@@ -296,15 +324,15 @@ fn frames<T>(scene: &Scene, cameras: &[Camera], draw: impl Fn(&Scene) -> T) -> i
 struct Drawn {
     found: Findings,
     /// None where it was drawn in partial precision.
-    work: Option<rtl_model::work::Work>,
+    work: Option<Arc<Work>>,
 }
 
 impl Drawn {
     /// With the time that it takes on a machine.
-    fn on(&self, machine: &Machine, prices: &Prices) -> std::result::Result<Findings, String> {
+    fn on(&self, machine: &Machine, prices: &Prices, replays: &Replays) -> std::result::Result<Findings, String> {
         let Some(work) = &self.work else { return Ok(self.found.clone()) };
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
-        let units = timing::replay(&elaborated.timing, work, Detail::Accounts);
+        let units = replays.cycles(&elaborated.timing, work);
         let replay = Replay {
             cycles: CyclesReport::new(&elaborated.timing, work, &units),
             cost: CostReport::new(&elaborated, &units, prices),
@@ -313,6 +341,38 @@ impl Drawn {
             latency_ns: clock::latency_ns(&elaborated),
         };
         Ok(Findings { replay: Some(replay), ..self.found.clone() })
+    }
+}
+
+/// Replays that are kept, for machines that do the same work: the first, of the plan's machine as it is, and the last few.
+#[derive(Default)]
+struct Replays(Mutex<Vec<Arc<Replayed>>>);
+
+/// Work on a microarchitecture, and its cycles.
+struct Replayed {
+    timing: Microarchitecture,
+    work: Arc<Work>,
+    cycles: Cycles,
+}
+
+/// Replays that are kept.
+const REPLAYS: usize = 4;
+
+impl Replays {
+    /// Cycles of this work.
+    fn cycles(&self, timing: &Microarchitecture, work: &Arc<Work>) -> Cycles {
+        let known = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let is_same = |known: &&Arc<Replayed>| known.timing == *timing && (Arc::ptr_eq(&known.work, work) || known.work == *work);
+        if let Some(known) = known.iter().find(is_same) {
+            return known.cycles.clone();
+        }
+        let cycles = timing::replay(timing, work, Detail::Accounts);
+        let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if known.len() == REPLAYS {
+            known.remove(1);
+        }
+        known.push(Arc::new(Replayed { timing: timing.clone(), work: Arc::clone(work), cycles: cycles.clone() }));
+        cycles
     }
 }
 

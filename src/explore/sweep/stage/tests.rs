@@ -1,24 +1,110 @@
-//! What cannot be compared is said to be so.
+//! What is drawn together is what is drawn alone; what cannot be compared is said to be so.
 
 use super::*;
-use std::path::Path;
 
-fn points() -> Points {
-    let plan =
-        json!({"scenes": ["torus-knot"], "size": [16, 16], "machine": "tiny", "axes": [{"field": "gauss.weight", "values": ["U0F8"]}]});
-    Points::from_text(&plan.to_string(), "plan", Path::new("")).unwrap()
+/// A plan on few splats, which lie beside it.
+struct Planned {
+    points: Points,
+    _folder: tempfile::TempDir,
+}
+
+impl Planned {
+    fn new(scene: &str, rest: Value) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let splats = json!({"splats": {"builtin": scene, "count": 800}});
+        std::fs::write(folder.path().join("scene.json"), splats.to_string()).unwrap();
+        let mut plan = json!({"scenes": ["scene.json"], "size": [24, 16], "machine": "tiny"});
+        plan.as_object_mut().unwrap().extend(rest.as_object().unwrap().clone());
+        let points = Points::from_text(&plan.to_string(), "plan", folder.path()).unwrap();
+        Planned { points, _folder: folder }
+    }
+
+    fn stage(&self) -> Stage {
+        Stage::new(&self.points, &Prices::default(), 0, self.points.scene(0).unwrap())
+    }
+}
+
+/// Rows of a stage, without what the host took.
+fn rows(stage: &Stage, numbers: &[u64]) -> Vec<(u64, Row)> {
+    let columns = stage.columns();
+    let mut rows = Vec::new();
+    let push = |number, row: Row| {
+        let cells = row.into_iter().zip(&columns).filter(|(_, column)| !column.name.starts_with("host_"));
+        rows.push((number, cells.map(|(cell, _)| cell).collect()));
+        Ok(())
+    };
+    stage.draw(numbers, push).unwrap();
+    rows
+}
+
+#[test]
+fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
+    let words = ["shade.light", "gauss.weight", "resolve.frame", "ellipse.conic", "fragment.normal_sum", "splat.rgb"];
+    let words = words.map(|word| json!({"field": word, "add_frac_bits": [-2, -1, 0]}));
+    let others = [
+        json!({"field": "timing.raster.fifo", "values": [1, 5]}),
+        json!({"field": "fragment.layers", "values": [1, 2]}),
+        json!({"field": "project.camera", "values": ["U2F8"]}),
+    ];
+    let axes: Vec<Value> = words.into_iter().chain(others).collect();
+    let mut misfits = 0;
+    for (scene, order, axes) in
+        [("torus-knot", "one-at-a-time", &axes[..]), ("terrain", "sample", &axes[..8]), ("glass-spheres", "sample", &axes[..])]
+    {
+        let mut rest = json!({"order": order, "axes": axes});
+        if order == "sample" {
+            rest["points"] = json!(12);
+        }
+        let planned = Planned::new(scene, rest);
+        let numbers: Vec<u64> = (0..planned.points.count()).collect();
+        let misfit = planned.stage().columns().iter().position(|column| column.name == columns::MISFIT).unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        let together = pool.install(|| rows(&planned.stage(), &numbers));
+        assert_eq!(together.len(), numbers.len());
+        for (number, row) in together {
+            let alone = rows(&planned.stage(), &[number]);
+            assert_eq!(alone, [(number, row)], "{scene}");
+            misfits += usize::from(!alone[0].1[misfit].is_null());
+        }
+    }
+    assert!(misfits > 2);
+}
+
+#[test]
+fn work_that_was_replayed_is_not_replayed_again_on_the_same_microarchitecture() {
+    let planned = Planned::new("torus-knot", json!({"axes": [{"field": "gauss.weight", "values": ["U0F8"]}]}));
+    let stage = planned.stage();
+    let found = |settings: &[&str]| {
+        let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+        let machine = machines::load("tiny", &settings).unwrap();
+        let drawn = stage.drawn(&machine, &stage.golden_of(&machine).unwrap()).unwrap();
+        drawn.on(&machine, &stage.prices, &stage.replays).unwrap();
+        stage.replays.0.lock().unwrap().len()
+    };
+    assert_eq!(found(&[]), 1);
+    assert_eq!(found(&["resolve.frame=U1F4"]), 1);
+    assert_eq!(found(&["gauss.weight=U0F2"]), 2);
+    assert_eq!(found(&["timing.raster.fifo=9"]), 3);
+    for fifo in 10..20 {
+        assert_eq!(found(&[&format!("timing.raster.fifo={fifo}")]), 4);
+    }
+    // The first is still there, and does not come again.
+    let first = Arc::clone(&stage.replays.0.lock().unwrap()[0]);
+    assert_eq!(found(&[]), 4);
+    assert!(Arc::ptr_eq(&first, &stage.replays.0.lock().unwrap()[0]));
 }
 
 #[test]
 fn a_picture_with_what_is_no_number_makes_a_row_without_numbers() {
-    let points = points();
+    let planned = Planned::new("torus-knot", json!({"axes": [{"field": "gauss.weight", "values": ["U0F8"]}]}));
+    let base = &planned.points.base;
     let drawn = |spoil: &dyn Fn(&mut Stage)| {
-        let mut stage = Stage::new(&points, &Prices::default(), 0, points.scene(0).unwrap());
+        let mut stage = planned.stage();
         spoil(&mut stage);
-        stage.drawn(&points.base).map(|_| ())
+        stage.drawn(base, &stage.golden_of(base).unwrap()).map(|_| ())
     };
     let spoilt = |stage: &mut Stage, wrong: f64| {
-        let rules = fixed::rules(&stage.points.base);
+        let rules = fixed::rules(base);
         let mut picture = stage.golden(&rules).picture.clone();
         picture.rgba[9][2] = wrong;
         stage.goldens = Kept::new(1);
