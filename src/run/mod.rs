@@ -129,11 +129,12 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         let (cycles, seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
         let timings = options.timings.as_ref().map(|variants| Timings::new(variants, &work));
         let answers = options.answers.then(|| Answers::new(&elaborated, &work, &cycles, &options.prices));
-        (cycles, seconds, timings, answers)
+        let report = CyclesReport::new(&elaborated.timing, &work, &cycles);
+        (cycles, report, seconds, timings, answers)
     };
     let check = || timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
     // A replay keeps one thread busy.
-    let ((cycles, replay_seconds, timings, answers), (lockstep, lockstep_seconds)) = rayon::join(replay, check);
+    let ((cycles, cycles_report, replay_seconds, timings, answers), (lockstep, lockstep_seconds)) = rayon::join(replay, check);
     let (attribution, attribution_seconds) =
         timed(|| attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture)));
 
@@ -164,7 +165,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         fragments: drawing.outcomes.into(),
         signals,
         cost: CostReport::new(&elaborated, &cycles, &options.prices),
-        cycles: CyclesReport::new(&elaborated.timing, &work, &cycles),
+        cycles: cycles_report,
         timings,
         answers,
         preview: None,

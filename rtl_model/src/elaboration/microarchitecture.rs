@@ -39,6 +39,12 @@ impl Microarchitecture {
         [self.engines, self.merges_in_flight, self.fragment.units, self.shade.units, self.resolve.units] == [1; 5]
     }
 
+    /// Whether the same work takes the same cycles: nothing differs but how long paths are, and how many bits are kept on the chip.
+    pub fn keeps_time_as(&self, other: &Self) -> bool {
+        let (paths, pipelines, storage) = (other.paths, other.pipelines, other.storage);
+        Microarchitecture { paths, pipelines, storage, ..self.clone() } == *other
+    }
+
     /// Lanes of a stamp that one of the fragment units has.
     pub fn lanes_of_fragment(&self) -> u32 {
         lanes_of_fragment(&self.timing)

@@ -48,13 +48,21 @@ pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit 
     // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of several side by side a way may go through one
     // while the others are busy, or merges under way.
     let is_bound = !work.stops() && timing.is_single();
-    for (at_most, place, name, by) in candidates {
+    let without = |(_, _, name, by): &Candidate| replay(&lifted(timing, name, *by), work, Detail::Accounts).total.min(cycles.total);
+    // The second is nearly always needed too.
+    let mut known = match &candidates[..] {
+        [first, second, ..] if first.0.min(second.0) > 0 => <[u64; 2]>::from(rayon::join(|| without(first), || without(second))).to_vec(),
+        _ => Vec::new(),
+    }
+    .into_iter();
+    for candidate in candidates {
+        let (at_most, place, name, by) = candidate;
         let at_most = if is_bound || at_most == 0 { at_most } else { cycles.total };
         let gained = best.map_or(0, |(limit, _)| cycles.total - limit.without);
         if at_most < gained || at_most == 0 {
             break;
         }
-        let without = replay(&lifted(timing, name, by), work, Detail::Accounts).total.min(cycles.total);
+        let without = known.next().unwrap_or_else(|| without(&candidate));
         let gain = cycles.total - without;
         if gain > gained || gain == gained && gain > 0 && best.is_some_and(|(_, before)| place < before) {
             best = Some((Limit { name, by, without }, place));

@@ -332,9 +332,9 @@ impl Drawn {
     fn on(&self, machine: &Machine, prices: &Prices, replays: &Replays) -> std::result::Result<Findings, String> {
         let Some(work) = &self.work else { return Ok(self.found.clone()) };
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
-        let units = replays.cycles(&elaborated.timing, work);
+        let (units, cycles) = replays.of(&elaborated.timing, work);
         let replay = Replay {
-            cycles: CyclesReport::new(&elaborated.timing, work, &units),
+            cycles,
             cost: CostReport::new(&elaborated, &units, prices),
             machine: MachineReport::new(&elaborated),
             units,
@@ -352,21 +352,24 @@ struct Replays(Mutex<Vec<Arc<Replayed>>>);
 struct Replayed {
     timing: Microarchitecture,
     work: Arc<Work>,
-    cycles: Cycles,
+    cycles: (Cycles, CyclesReport),
 }
 
 /// Replays that are kept.
 const REPLAYS: usize = 4;
 
 impl Replays {
-    /// Cycles of this work.
-    fn cycles(&self, timing: &Microarchitecture, work: &Arc<Work>) -> Cycles {
+    /// Cycles of this work, and what limits them, for which it is replayed a few times more.
+    fn of(&self, timing: &Microarchitecture, work: &Arc<Work>) -> (Cycles, CyclesReport) {
         let known = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let is_same = |known: &&Arc<Replayed>| known.timing == *timing && (Arc::ptr_eq(&known.work, work) || known.work == *work);
+        let is_same =
+            |known: &&Arc<Replayed>| known.timing.keeps_time_as(timing) && (Arc::ptr_eq(&known.work, work) || known.work == *work);
         if let Some(known) = known.iter().find(is_same) {
             return known.cycles.clone();
         }
-        let cycles = timing::replay(timing, work, Detail::Accounts);
+        let units = timing::replay(timing, work, Detail::Accounts);
+        let report = CyclesReport::new(timing, work, &units);
+        let cycles = (units, report);
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if known.len() == REPLAYS {
             known.remove(1);
