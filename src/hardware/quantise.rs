@@ -17,6 +17,7 @@ use rtl_model::frame::{self, Frame, Scaled};
 use rtl_model::machine::{Interpolation, Machine, Sight, TableShape};
 use rtl_model::num::{Format, Rounding, Word};
 use rtl_model::pipeline::Reach;
+use rtl_model::real::power_of_two;
 use rtl_model::work::{Found, Visit, Work};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -171,7 +172,7 @@ fn places_to_spare(word: Word, needed: f64) -> i32 {
 
 /// A real number as a word: rounded as the word says, saturated.
 pub(crate) fn quantised(word: Word, value: f64) -> i64 {
-    let scaled = value * f64::from(word.format.frac_bits).exp2();
+    let scaled = value * power_of_two(word.format.frac_bits);
     let rounded = match word.round {
         Rounding::Truncate => scaled.floor(),
         Rounding::Nearest => (scaled + 0.5).floor(),

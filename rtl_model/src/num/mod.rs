@@ -87,7 +87,7 @@ impl Format {
 
     /// Value that a word stands for, for human eyes and for the bench; no unit calls this.
     pub fn value(self, word: i64) -> f64 {
-        word as f64 * (-f64::from(self.frac_bits)).exp2()
+        word as f64 * real::power_of_two(-self.frac_bits)
     }
 }
 

@@ -178,31 +178,37 @@ impl Near {
     }
 
     /// A number from which the machine's differs by at most |`error`|.
+    #[inline]
     pub fn within(value: f64, error: f64) -> Self {
         Near { value, error: if error.is_nan() { f64::INFINITY } else { error.abs() * (1.0 + 2.0 * ROUNDING) + value.abs() * ROUNDING } }
     }
 
     /// The number of which the machine's side lies in [low, high].
+    #[inline]
     fn between(value: f64, low: f64, high: f64) -> Self {
         Near::within(value, (high - value).max(value - low).max(0.0))
     }
 
     /// The least that the machine's side can be.
+    #[inline]
     pub fn low(self) -> f64 {
         self.value - self.error
     }
 
     /// The greatest that the machine's side can be.
+    #[inline]
     pub fn high(self) -> f64 {
         self.value + self.error
     }
 
     /// The greatest magnitude of either side.
+    #[inline]
     pub fn most(self) -> f64 {
         self.value.abs() + self.error
     }
 
     /// The same bound around a number that another program computed.
+    #[inline]
     pub fn around(self, value: f64) -> Self {
         Near::within(value, self.error + (self.value - value).abs())
     }
@@ -215,6 +221,7 @@ impl Near {
     /// The machine's side becomes a word whose last place is worth `fine` to `coarse` and loses that many places, down and up.
     ///
     /// Then the limits. A word that wraps and may have left its range can be anything.
+    #[inline]
     fn in_word(self, word: Word, [fine, coarse]: [f64; 2], [down, up]: [f64; 2]) -> Near {
         let (low, high) = (self.low() - down * coarse, self.high() + up * coarse);
         let (least, most) = (word.format.min() as f64, word.format.max() as f64);
@@ -237,6 +244,7 @@ impl Near {
     }
 
     /// Whether machine and exact side may lie on different sides of a limit.
+    #[inline]
     pub fn may_cross(self, limit: Near) -> bool {
         // An infinite bound may cross anything, also where the difference is no number.
         (self.value - limit.value).abs().partial_cmp(&(self.error + limit.error)) != Some(Ordering::Greater)
@@ -245,6 +253,7 @@ impl Near {
 
 impl Add for Near {
     type Output = Near;
+    #[inline]
     fn add(self, other: Near) -> Near {
         Near::within(self.value + other.value, self.error + other.error)
     }
@@ -252,6 +261,7 @@ impl Add for Near {
 
 impl Sub for Near {
     type Output = Near;
+    #[inline]
     fn sub(self, other: Near) -> Near {
         self + -other
     }
@@ -259,6 +269,7 @@ impl Sub for Near {
 
 impl Neg for Near {
     type Output = Near;
+    #[inline]
     fn neg(self) -> Near {
         Near { value: -self.value, ..self }
     }
@@ -266,6 +277,7 @@ impl Neg for Near {
 
 impl Mul for Near {
     type Output = Near;
+    #[inline]
     fn mul(self, other: Near) -> Near {
         let error = self.value.abs() * other.error + self.error * (other.value.abs() + other.error);
         Near::within(self.value * other.value, error)
@@ -289,17 +301,20 @@ impl Real for Near {
         self * Near::exact(constant)
     }
 
+    #[inline]
     fn fit(self, fit: &Fit, scale: Scale) -> Near {
         let places = [scale.low, scale.high].map(|exponent| power_of_two(exponent - fit.word.format.frac_bits));
         self.in_word(fit.word, places, loss(fit.word.round))
     }
 
+    #[inline]
     fn refit(self, frac_bits: i32, fit: &Fit) -> Near {
         let format = fit.word.format;
         let loss = if frac_bits <= format.frac_bits { [0.0; 2] } else { loss(fit.word.round) };
         self.in_word(fit.word, [power_of_two(-format.frac_bits); 2], loss)
     }
 
+    #[inline]
     fn divided_by(self, whole: Near) -> Near {
         let value = if whole.value == 0.0 { 0.0 } else { self.value / whole.value };
         if whole.low() <= 0.0 {
@@ -323,6 +338,7 @@ impl Real for Near {
         self * Near { value: 1.0, error: unit.relative_error() }
     }
 
+    #[inline]
     fn leading(self) -> Scale {
         let least = (self.value.abs() - self.error).max(0.0);
         Scale { low: floor_log2(least), high: floor_log2(self.most()) }
@@ -340,10 +356,12 @@ impl Real for Near {
         Near::between(self.value.min(other.value), self.low().min(other.low()), self.high().min(other.high()))
     }
 
+    #[inline]
     fn at_least(self, limit: f64) -> Near {
         Near::between(self.value, self.low().max(limit), self.high().max(limit))
     }
 
+    #[inline]
     fn at_most(self, limit: f64) -> Near {
         Near::between(self.value, self.low().min(limit), self.high().min(limit))
     }
