@@ -631,8 +631,11 @@ module windows #(
       for (at = 0; at < POWERS; at = at + 1) if (power[at]) times_power = times_power | (whole << (POWERS - 1 - at));
     end
   endfunction
-  wire [LAYERS-1:0] may_sum;
-  wire [LAYERS*COST_W-1:0] costs;
+  // What starts a window is known before what is seen, by as many cycles as a quotient takes and more.
+  wire [LAYERS-1:0] may_sum_now, may_sum;
+  wire [LAYERS*COST_W-1:0] wholes, wholes_then, costs;
+  delay #(.W(LAYERS + LAYERS * COST_W), .STAGES(QUOTIENT_STAGES)) cost_stages (
+      .clk(clk), .now({may_sum_now, wholes}), .late({may_sum, wholes_then}));
   for (genvar front = 0; front < LAYERS; front++) begin : g_cost
     wire [SLOT_W-1:0] a = stack[front*SLOT_W+:SLOT_W];
     wire [SLOT_W-1:0] b = stack[(front+1)*SLOT_W+:SLOT_W];
@@ -644,24 +647,30 @@ module windows #(
     // verilator lint_on UNUSEDSIGNAL
     wire [DEPTH_W:0] reaches = (DEPTH_W + 1)'(z_threshold) + (DEPTH_W + 1)'(far - starts[NEAR+:DEPTH_W]);
     wire [COST_W-1:0] whole = of_one ? COST_W'(width) * COST_W'(reaches) : (COST_W'(z_threshold) * COST_W'(z_threshold)) << 1;
-    assign costs[front*COST_W+:COST_W] = times_power(whole, powers[front*POWERS+:POWERS]);
-    assign may_sum[front] = !INTERVAL && !a[CLOSED] && !b[CLOSED] && width < z_threshold;
+    assign wholes[front*COST_W+:COST_W] = whole;
+    assign costs[front*COST_W+:COST_W] = times_power(wholes_then[front*COST_W+:COST_W], powers[front*POWERS+:POWERS]);
+    assign may_sum_now[front] = !INTERVAL && !a[CLOSED] && !b[CLOSED] && width < z_threshold;
   end
+  // Two and two, and those again that are left.
   function [LAYERS-1:0] cheapest(input [LAYERS-1:0] counts, input [LAYERS*COST_W-1:0] words);
-    integer at;
-    reg any;
-    reg [COST_W-1:0] word;
+    integer at, apart;
+    reg [LAYERS-1:0] any;
+    reg [LAYERS*COST_W-1:0] left;
+    reg [LAYERS*LAYERS-1:0] which;
     begin
-      cheapest = '0;
-      any = 1'b0;
-      word = '0;
-      for (at = 0; at < LAYERS; at = at + 1) begin
-        if (counts[at] && (!any || words[at*COST_W+:COST_W] < word)) begin
-          cheapest = LAYERS'(1) << at;
-          any = 1'b1;
-          word = words[at*COST_W+:COST_W];
+      any = counts;
+      left = words;
+      for (at = 0; at < LAYERS; at = at + 1) which[at*LAYERS+:LAYERS] = counts[at] ? LAYERS'(1) << at : '0;
+      for (apart = 1; apart < LAYERS; apart = 2 * apart) begin
+        for (at = 0; at + apart < LAYERS; at = at + 2 * apart) begin
+          if (any[at+apart] && (!any[at] || left[(at+apart)*COST_W+:COST_W] < left[at*COST_W+:COST_W])) begin
+            any[at] = 1'b1;
+            left[at*COST_W+:COST_W] = left[(at+apart)*COST_W+:COST_W];
+            which[at*LAYERS+:LAYERS] = which[(at+apart)*LAYERS+:LAYERS];
+          end
         end
       end
+      cheapest = which[LAYERS-1:0];
     end
   endfunction
   wire [LAYERS-1:0] pair;
@@ -971,6 +980,7 @@ module windows #(
 
   wire merges = judging || is_late || is_inside;
   wire under_way;
+  wire room;
   fragment_late #(
       .W(PIXEL_W + STATE_W),
       .HAZARD(HAZARD)
@@ -985,7 +995,8 @@ module windows #(
   );
 
   // What is blended, summed, closed or evicted keeps the unit until its last cycle; anything else is gone when the next one comes.
-  wire free = leave && !merges;
+  // What is judged keeps it in any case, so that nothing of the slots that took several cycles is asked here.
+  wire free = deciding && !overflows && room && !is_late && !is_inside;
   wire waits;
   wire rests;
   fragment_hazard #(
@@ -1015,7 +1026,6 @@ module windows #(
   localparam int REST_OF_LATENCY = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_LATENCY - 1 : 1;
   localparam int REST_OF_ROOM = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_ROOM - 1 : machine_pkg::FRAGMENT_ROOM;
   wire decided = deciding && !overflows || judging && (!closes || complete);
-  wire room;
   pipe #(
       .W(machine_pkg::FRAGMENT_OUT_W),
       .LATENCY(REST_OF_LATENCY),

@@ -129,7 +129,7 @@ const WINDOWS: &[Mutant] = &[
     Mutant { unit: "windows", file: "windows.sv", find: ".now({at_join, growing && !joins})", put: ".now({at_join, growing})" },
     Mutant { unit: "windows", file: "windows.sv", find: "slot_seen[NEAR+:DEPTH_W] < its[FAR+:DEPTH_W]", put: "slot_seen[NEAR+:DEPTH_W] <= its[NEAR+:DEPTH_W]" },
     Mutant { unit: "windows", file: "windows.sv", find: "for (power = POWERS - 1;", put: "for (power = POWERS - 2;" },
-    Mutant { unit: "windows", file: "windows.sv", find: "words[at*COST_W+:COST_W] < word", put: "words[at*COST_W+:COST_W] <= word" },
+    Mutant { unit: "windows", file: "windows.sv", find: "left[(at+step)*COST_W+:COST_W] < left", put: "left[(at+step)*COST_W+:COST_W] <= left" },
     Mutant { unit: "windows", file: "windows.sv", find: "wire [COST_W-1:0] whole = of_one ?", put: "wire [COST_W-1:0] whole = !of_one ?" },
     Mutant { unit: "windows", file: "windows.sv", find: "width < z_threshold;", put: "width <= z_threshold;" },
     Mutant { unit: "windows", file: "windows.sv", find: "asks_back ? deepest : shaded", put: "asks_front ? shaded : deepest" },
