@@ -1,12 +1,8 @@
 //! Real numbers beside words: powers of two, and what a rounding may lose.
 
-use super::Rounding;
+pub use super::power_of_two;
 
-/// 2^exponent, quickly where it is a normal number.
-#[inline]
-pub fn power_of_two(exponent: i32) -> f64 {
-    if (-1022..=1023).contains(&exponent) { f64::from_bits(((exponent + 1023) as u64) << 52) } else { f64::from(exponent).exp2() }
-}
+use super::Rounding;
 
 /// ⌊log2 x⌋ of a positive number; of 0 the exponent of the least normal one.
 #[inline]
