@@ -84,17 +84,6 @@ impl Format {
     pub const fn one(self) -> i64 {
         1 << self.frac_bits
     }
-
-    /// Value that a word stands for, for human eyes and for the bench; no unit calls this.
-    pub fn value(self, word: i64) -> f64 {
-        word as f64 * power_of_two(-self.frac_bits)
-    }
-}
-
-/// 2^exponent, quickly where it is a normal number.
-#[inline]
-pub fn power_of_two(exponent: i32) -> f64 {
-    if (-1022..=1023).contains(&exponent) { f64::from_bits(((exponent + 1023) as u64) << 52) } else { f64::from(exponent).exp2() }
 }
 
 impl fmt::Display for Format {
