@@ -451,6 +451,14 @@ fn only_the_pipeline_knows_several_units() {
 }
 
 /// Function and time meet only in recorded work: timing computes no value, and what computes values counts no cycle.
+/// So that machines that differ in these alone take the same cycles (`Microarchitecture::keeps_time_as`).
+#[test]
+fn timing_asks_for_no_path_and_for_no_bit_that_is_kept() {
+    let asked = |code: &str| ["paths", "pipelines", "storage"].into_iter().filter(|field| names(code, field)).map(String::from).collect();
+    check(&sources(&[MACHINE]), |path| path.starts_with(&format!("{MACHINE}timing/")), |_, code| asked(code));
+    assert_eq!(asked("let bits = timing.storage.memory_bits;"), ["storage"]);
+}
+
 #[test]
 fn timing_knows_recorded_work_and_its_own_description_alone() {
     let is_timing = |path: &str| path.starts_with(&format!("{MACHINE}timing/")) || path.starts_with(&format!("{MACHINE}work/"));

@@ -50,11 +50,11 @@ pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit 
     let is_bound = !work.stops() && timing.is_single();
     let without = |(_, _, name, by): &Candidate| replay(&lifted(timing, name, *by), work, Detail::Accounts).total.min(cycles.total);
     // The second is nearly always needed too.
-    let mut known = match &candidates[..] {
-        [first, second, ..] if first.0.min(second.0) > 0 => <[u64; 2]>::from(rayon::join(|| without(first), || without(second))).to_vec(),
-        _ => Vec::new(),
-    }
-    .into_iter();
+    let both = match &candidates[..] {
+        [first, second, ..] if second.0 > 0 => Some(rayon::join(|| without(first), || without(second))),
+        _ => None,
+    };
+    let mut known = both.into_iter().flat_map(<[u64; 2]>::from);
     for candidate in candidates {
         let (at_most, place, name, by) = candidate;
         let at_most = if is_bound || at_most == 0 { at_most } else { cycles.total };

@@ -344,7 +344,7 @@ impl Drawn {
     }
 }
 
-/// Replays that are kept, for machines that do the same work: the first, of the plan's machine as it is, and the last few.
+/// Replays that are kept, for machines that do the same work: the first, which the others mostly differ from in a field, and the last few.
 #[derive(Default)]
 struct Replays(Mutex<Vec<Arc<Replayed>>>);
 
@@ -355,15 +355,14 @@ struct Replayed {
     cycles: (Cycles, CyclesReport),
 }
 
-/// Replays that are kept.
+/// Most of them.
 const REPLAYS: usize = 4;
 
 impl Replays {
     /// Cycles of this work, and what limits them, for which it is replayed a few times more.
     fn of(&self, timing: &Microarchitecture, work: &Arc<Work>) -> (Cycles, CyclesReport) {
         let known = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let is_same =
-            |known: &&Arc<Replayed>| known.timing.keeps_time_as(timing) && (Arc::ptr_eq(&known.work, work) || known.work == *work);
+        let is_same = |known: &&Arc<Replayed>| known.timing.keeps_time_as(timing) && known.work == *work;
         if let Some(known) = known.iter().find(is_same) {
             return known.cycles.clone();
         }
