@@ -145,29 +145,6 @@ module windows #(
     end
   endfunction
 
-  // Which of the words that count is the least: one bit, of equals the first one's. Two and two, and those again that are left.
-  function [SIDES-1:0] least(input [SIDES-1:0] counts, input [SIDES*DEPTH_W-1:0] words);
-    integer at, step;
-    reg [SIDES-1:0] any;
-    reg [SIDES*DEPTH_W-1:0] left;
-    reg [SIDES*SIDES-1:0] which;
-    begin
-      any = counts;
-      left = words;
-      for (at = 0; at < SIDES; at = at + 1) which[at*SIDES+:SIDES] = counts[at] ? SIDES'(1) << at : '0;
-      for (step = 1; step < SIDES; step = 2 * step) begin
-        for (at = 0; at + step < SIDES; at = at + 2 * step) begin
-          if (any[at+step] && (!any[at] || left[(at+step)*DEPTH_W+:DEPTH_W] < left[at*DEPTH_W+:DEPTH_W])) begin
-            any[at] = 1'b1;
-            left[at*DEPTH_W+:DEPTH_W] = left[(at+step)*DEPTH_W+:DEPTH_W];
-            which[at*SIDES+:SIDES] = which[(at+step)*SIDES+:SIDES];
-          end
-        end
-      end
-      least = which[SIDES-1:0];
-    end
-  endfunction
-
   // The number of one bit's place.
   function [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
     integer at;
@@ -348,8 +325,10 @@ module windows #(
     assign late_sides[2*slot+1] = LATE && closed && spans(back_near, far, side_from, side_to);
     assign lies_in[slot] = INSIDE && closed && near < z && z < far;
   end
-  wire [LAYERS-1:0] found = LAYERS'(least(SIDES'(joins_open), (SIDES * DEPTH_W)'(open_gaps)));
-  wire [SIDES-1:0] late_side = least(late_sides, side_gaps);
+  wire [LAYERS-1:0] found;
+  wire [SIDES-1:0] late_side;
+  windows_least #(.N(LAYERS), .W(DEPTH_W)) nearest_open (.counts(joins_open), .words(open_gaps), .least(found));
+  windows_least #(.N(SIDES), .W(DEPTH_W)) nearest_side (.counts(late_sides), .words(side_gaps), .least(late_side));
   wire [LAYERS-1:0] late_front, late_back, around;
   for (genvar slot = 0; slot < LAYERS; slot++) begin : g_side
     assign {late_back[slot], late_front[slot]} = late_side[2*slot+:2];
@@ -651,30 +630,9 @@ module windows #(
     assign costs[front*COST_W+:COST_W] = times_power(wholes_then[front*COST_W+:COST_W], powers[front*POWERS+:POWERS]);
     assign may_sum_now[front] = !INTERVAL && !a[CLOSED] && !b[CLOSED] && width < z_threshold;
   end
-  // Two and two, and those again that are left.
-  function [LAYERS-1:0] cheapest(input [LAYERS-1:0] counts, input [LAYERS*COST_W-1:0] words);
-    integer at, apart;
-    reg [LAYERS-1:0] any;
-    reg [LAYERS*COST_W-1:0] left;
-    reg [LAYERS*LAYERS-1:0] which;
-    begin
-      any = counts;
-      left = words;
-      for (at = 0; at < LAYERS; at = at + 1) which[at*LAYERS+:LAYERS] = counts[at] ? LAYERS'(1) << at : '0;
-      for (apart = 1; apart < LAYERS; apart = 2 * apart) begin
-        for (at = 0; at + apart < LAYERS; at = at + 2 * apart) begin
-          if (any[at+apart] && (!any[at] || left[(at+apart)*COST_W+:COST_W] < left[at*COST_W+:COST_W])) begin
-            any[at] = 1'b1;
-            left[at*COST_W+:COST_W] = left[(at+apart)*COST_W+:COST_W];
-            which[at*LAYERS+:LAYERS] = which[(at+apart)*LAYERS+:LAYERS];
-          end
-        end
-      end
-      cheapest = which[LAYERS-1:0];
-    end
-  endfunction
-  wire [LAYERS-1:0] pair;
-  delay #(.W(LAYERS + 1), .STAGES(STAGES)) judge_stages (.clk(clk), .now({hides_deepest, cheapest(may_sum, costs)}), .late({evicts, pair}));
+  wire [LAYERS-1:0] cheapest, pair;
+  windows_least #(.N(LAYERS), .W(COST_W)) least_cost (.counts(may_sum), .words(costs), .least(cheapest));
+  delay #(.W(LAYERS + 1), .STAGES(STAGES)) judge_stages (.clk(clk), .now({hides_deepest, cheapest}), .late({evicts, pair}));
   wire sums_up = !evicts && pair != '0;
 
   // Two open slots in one: a pair, or in the end a window and the slot that joins it.
