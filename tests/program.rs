@@ -1,5 +1,5 @@
-//! Program: which splatsim is run as a command. The one that cargo built with the tests; or the one that `SPLATSIM_PROGRAM` names: CI runs
-//! the release build, which users run, and which is several times faster.
+//! Program: which splatsim is run as a command. The one that cargo built with the tests; or the one that `SPLATSIM_PROGRAM` names, as some runs of
+//! CI do: the release build, which users run.
 
 use std::sync::LazyLock;
 
