@@ -302,8 +302,6 @@ module windows #(
   wire [3*RGB_W-1:0] colour = contribution[machine_pkg::FRAGMENT_IN_BLUE_LSB+:3*RGB_W];
   wire [3*N_W-1:0] normal = contribution[machine_pkg::FRAGMENT_IN_NORMAL_Z_LSB+:3*N_W];
   wire [MATERIAL_W-1:0] material = contribution[machine_pkg::FRAGMENT_IN_MATERIAL_LSB+:MATERIAL_W];
-  wire [3*RGB_W-1:0] own_light = contribution[machine_pkg::FRAGMENT_IN_LIGHT_B_LSB+:3*RGB_W];
-  wire [DENSITY_W-1:0] density = contribution[machine_pkg::FRAGMENT_IN_DENSITY_LSB+:DENSITY_W];
   // 1, 2: the first of the nearest open slots that it joins; of the nearest sides that it is late for; and the last slot around it.
   wire [LAYERS-1:0] there, joins_open, lies_in;
   wire [SIDES-1:0] late_sides;
@@ -429,16 +427,17 @@ module windows #(
   assign becomes[MATERIAL+:MATERIAL_W] = matched ? was[MATERIAL+:MATERIAL_W] : material;
   assign becomes[REST_W-1:0] = REST_W'({depths_become, normals_become});
 
-  // 3: all in the order of their nearest depths. Stable: the fresh one, the last, comes after its equals.
+  // 3: all in the order of their nearest depths. Stable: the fresh one, the last, comes after its equals. Where a slot matched there is none,
+  // and nobody asks for the order: so its depth is the contribution's.
   wire [PLACES-1:0] stacked = {taken, there};
   wire [STACK_W-1:0] unsorted = {becomes, held};
   wire [PLACES*PLACES-1:0] comes;
   wire [PLACES-1:0] fresh_place;
   for (genvar one = 0; one < PLACES; one++) begin : g_rank
-    wire [DEPTH_W-1:0] its_depth = unsorted[one*SLOT_W+NEAR+:DEPTH_W];
+    wire [DEPTH_W-1:0] its_depth = one == LAYERS ? z : unsorted[one*SLOT_W+NEAR+:DEPTH_W];
     wire [PLACES-1:0] in_front;
     for (genvar other = 0; other < PLACES; other++) begin : g_in_front
-      wire [DEPTH_W-1:0] other_depth = unsorted[other*SLOT_W+NEAR+:DEPTH_W];
+      wire [DEPTH_W-1:0] other_depth = other == LAYERS ? z : unsorted[other*SLOT_W+NEAR+:DEPTH_W];
       assign in_front[other] = stacked[other] && (other_depth < its_depth || other_depth == its_depth && other < one);
     end
     wire [PLACE_W-1:0] rank = count(in_front);
@@ -501,9 +500,14 @@ module windows #(
         !slot_now[CLOSED] && (weight_now == '0 ? (DEPTH_W + 1)'(near_now) < end_of_window : mean < least_beyond);
   end
   wire [PLACES-1:0] at_join;
-  delay #(.W(PLACES + LAYERS), .STAGES(STAGES)) join_stages (
-      .clk(clk), .now({phase == WALKS ? at_slot : '0, lies_before_end}), .late({at_join, can_join}));
-  wire [SLOT_W-1:0] slot_joining = chosen(at_join, stack);
+  wire closed_joining;
+  wire [WEIGHT_W-1:0] weight_joining;
+  wire [OPACITY_W-1:0] opacity_joining;
+  delay #(.W(PLACES + LAYERS + 1 + WEIGHT_W + OPACITY_W), .STAGES(STAGES)) join_stages (
+      .clk(clk),
+      .now({phase == WALKS ? at_slot : '0, lies_before_end, slot_now[CLOSED], weight_now, slot_now[OPACITY+:OPACITY_W]}),
+      .late({at_join, can_join, closed_joining, weight_joining, opacity_joining})
+  );
   logic growing;
   logic [PLACES-1:0] first;
   wire joins = growing && (first[LAYERS-1:0] & can_join) != '0;
@@ -534,16 +538,20 @@ module windows #(
   );
   logic [PLACES-1:0] at_seen;
   // verilator lint_off UNUSEDSIGNAL
-  wire [SLOT_W-1:0] slot_seen = chosen(at_seen, stack);
+  wire [SLOT_W-1:0] slot_through = chosen(at_through, stack);
   // verilator lint_on UNUSEDSIGNAL
+  logic [DEPTH_W-1:0] near_seen;
+  always_ff @(posedge clk) near_seen <= slot_through[NEAR+:DEPTH_W];
   for (genvar earlier = 0; earlier < LAYERS; earlier++) begin : g_seen
     wire [SLOT_W-1:0] its = stack[earlier*SLOT_W+:SLOT_W];
     wire [4*LIGHT_W-1:0] lit;
-    wire [THROUGH_W-1:0] rest, seen_fitted;
+    wire [THROUGH_W-1:0] rest_now, seen_fitted;
+    logic [THROUGH_W-1:0] rest;
     fragment_read read_slot (.colours(its[COLOURS+:3*COLOUR_W]), .opacity(its[OPACITY+:OPACITY_W]), .lit(lit));
-    windows_rest of_light (.opacity(lit[LIGHT_W-1:0]), .through(rest));
+    windows_rest of_light (.opacity(lit[LIGHT_W-1:0]), .through(rest_now));
+    always_ff @(posedge clk) rest <= rest_now;
     wire unused_colours = &{1'b0, lit[4*LIGHT_W-1:LIGHT_W]};
-    wire [THROUGH_W-1:0] behind = slot_seen[NEAR+:DEPTH_W] < its[FAR+:DEPTH_W] ? its[BEHIND_FRONT+:THROUGH_W] : rest;
+    wire [THROUGH_W-1:0] behind = near_seen < its[FAR+:DEPTH_W] ? its[BEHIND_FRONT+:THROUGH_W] : rest;
     wire [THROUGH_W-1:0] seen_so_far, seen_on;
     if (earlier == 0) begin : g_first
       assign seen_so_far = through;
@@ -586,14 +594,14 @@ module windows #(
       growing <= 1'b0;
       through <= THROUGH_ONE;
     end else begin
-      if (at_join != '0) growing <= !slot_joining[CLOSED];
+      if (at_join != '0) growing <= !closed_joining;
       if (ends_window && at_through != '0) through <= through_window;
     end
     at_seen <= at_through;
     if (at_join != '0) begin
       first <= first_now;
-      window_weight <= (joins ? window_weight : '0) + (WEIGHT_W + 4)'(slot_joining[WEIGHT+:WEIGHT_W]);
-      window_opacity <= (joins ? window_opacity : '0) + (OPACITY_W + 4)'(slot_joining[OPACITY+:OPACITY_W]);
+      window_weight <= (joins ? window_weight : '0) + (WEIGHT_W + 4)'(weight_joining);
+      window_opacity <= (joins ? window_opacity : '0) + (OPACITY_W + 4)'(opacity_joining);
     end
   end
 
@@ -697,10 +705,34 @@ module windows #(
   assign summed[MATERIAL+:MATERIAL_W] = addend[MATERIAL+:MATERIAL_W];
   assign summed[REST_W-1:0] = REST_W'({depths_summed, normals_summed});
 
+  // 2: of the contribution, what is blended.
+  logic [GAUSS_W-1:0] blended_weight;
+  logic [ALPHA_W-1:0] blended_opacity;
+  logic [3*RGB_W-1:0] blended_light;
+  logic [DENSITY_W-1:0] blended_density;
+  always_ff @(posedge clk) begin
+    blended_weight <= weight;
+    blended_opacity <= opacity;
+    blended_light <= contribution[machine_pkg::FRAGMENT_IN_LIGHT_B_LSB+:3*RGB_W];
+    blended_density <= contribution[machine_pkg::FRAGMENT_IN_DENSITY_LSB+:DENSITY_W];
+  end
+
+  // 2, 7: the closed slot that a contribution comes to at once, and how; after windows the two deepest. Both are there long before they are
+  // blended: what comes at once has as many cycles as windows take and more. So many registers lie ahead of the quotient.
+  wire [LAYERS-1:0] late_slot = late_front | late_back;
+  wire to_back_now = late_back != '0;
+  wire [SLOT_W-1:0] closed_now =
+      phase == DECIDES ? chosen({1'b0, is_late ? late_slot : around}, {SLOT_W'(0), held}) : stack[(LAYERS-1)*SLOT_W+:SLOT_W];
+  wire adds_late, to_back;
+  wire [SLOT_W-1:0] was_closed, deepest;
+  delay #(.W(SLOT_W + 2), .STAGES(LAYERS)) closed_stages (
+      .clk(clk), .now({phase == DECIDES && is_late, to_back_now, closed_now}), .late({adds_late, to_back, was_closed}));
+  delay #(.W(SLOT_W), .STAGES(2)) deepest_stages (.clk(clk), .now(stack[LAYERS*SLOT_W+:SLOT_W]), .late(deepest));
+
   // 7: the two deepest are shaded, the back one first, once each; in the end each window.
   wire closes = judging && !evicts && !sums_up;
-  wire [SLOT_W-1:0] deepest = stack[LAYERS*SLOT_W+:SLOT_W];
-  wire [SLOT_W-1:0] shaded = walking ? window : stack[(LAYERS-1)*SLOT_W+:SLOT_W];
+  logic [SLOT_W-1:0] shaded;
+  always_ff @(posedge clk) shaded <= walking ? window : was_closed;
   wire ask_back = !deepest[CLOSED];
   wire ask_front = !shaded[CLOSED];
   logic asked_back, asked_front, here_back;
@@ -716,7 +748,8 @@ module windows #(
   assign q_data = {asked[MATERIAL-1:OPACITY], asked[3*NORMAL_W-1:0], asked[MATERIAL+:MATERIAL_W]};
 
   // An answer is the back one's as long as that is missing.
-  wire awaits_back = closes && ask_back && !here_back;
+  wire is_back = !walking && ask_back && !here_back;
+  wire awaits_back = closes && is_back;
   wire complete = awaits_back ? a_valid && !ask_front : a_valid || !ask_front;
   assign lit_up = lighting && (a_valid || !ask_front);
   assign a_ready = lighting || closes && (awaits_back && ask_front || leave && (awaits_back || ask_front));
@@ -732,8 +765,9 @@ module windows #(
       end
       if (closes && a_valid && a_ready) here_back <= 1'b1;
     end
-    if (a_valid && a_ready && awaits_back) light_back <= a_data;
-    if (a_valid && a_ready && !awaits_back) light_front <= a_data;
+    // What is not taken yet stays there, and is the same in the next cycle.
+    if (a_valid && is_back) light_back <= a_data;
+    if (a_valid && !is_back) light_front <= a_data;
   end
   // verilator lint_off UNUSEDSIGNAL
   wire [SLOT_W-1:0] shut_back, shut_front;
@@ -816,26 +850,20 @@ module windows #(
   wire [QUOTIENT_W-1:0] most = QUOTIENT_W'(window_weight) > QUOTIENT_W'(coverage_threshold)
       ? QUOTIENT_W'(window_weight) : QUOTIENT_W'(coverage_threshold);
   wire is_window = phase == WALKS;
-  wire is_late_one = phase == DECIDES && is_late;
   wire [PART_W-1:0] part_now;
   windows_quotient #(
       .W(QUOTIENT_W),
       .PLACES_W(PLACES_W),
       .ROM({ROMS, "fragment.window.reciprocal.hex"})
   ) quotient (
-      .numerator(is_window ? QUOTIENT_W'(window_opacity) : is_late_one ? numerator_late : numerator_inside),
-      .denominator(is_window ? most : is_late_one ? denominator_late : denominator_inside),
-      .places(is_window ? OF_WINDOW : is_late_one ? OF_LATE : OF_INSIDE),
+      .numerator(is_window ? QUOTIENT_W'(window_opacity) : adds_late ? numerator_late : numerator_inside),
+      .denominator(is_window ? most : adds_late ? denominator_late : denominator_inside),
+      .places(is_window ? OF_WINDOW : adds_late ? OF_LATE : OF_INSIDE),
       .part(part_now)
   );
   delay #(.W(PART_W), .STAGES(QUOTIENT_STAGES)) part_stages (.clk(clk), .now(part_now), .late(part));
 
   // 2: a late contribution to one side of a closed slot.
-  wire [LAYERS-1:0] late_slot = late_front | late_back;
-  wire to_back = late_back != '0;
-  // verilator lint_off UNUSEDSIGNAL
-  wire [SLOT_W-1:0] was_late = chosen({1'b0, late_slot}, {SLOT_W'(0), held});
-  // verilator lint_on UNUSEDSIGNAL
   wire [SLOT_W-1:0] becomes_late;
   wire [WEIGHT_W-1:0] late_weight;
   wire [2*THROUGH_W-1:0] late_through;
@@ -843,14 +871,14 @@ module windows #(
       .QUOTIENT_W(QUOTIENT_W)
   ) late (
       .back(to_back),
-      .weight(weight),
-      .alpha(opacity),
-      .light(own_light),
+      .weight(blended_weight),
+      .alpha(blended_opacity),
+      .light(blended_light),
       .threshold(coverage_threshold),
-      .had(to_back ? was_late[BACK_WEIGHT+:WEIGHT_W] : was_late[WEIGHT+:WEIGHT_W]),
-      .colours(was_late[COLOURS+:3*COLOUR_W]),
-      .opacity(was_late[OPACITY+:OPACITY_W]),
-      .through(was_late[2*THROUGH_W-1:0]),
+      .had(to_back ? was_closed[BACK_WEIGHT+:WEIGHT_W] : was_closed[WEIGHT+:WEIGHT_W]),
+      .colours(was_closed[COLOURS+:3*COLOUR_W]),
+      .opacity(was_closed[OPACITY+:OPACITY_W]),
+      .through(was_closed[2*THROUGH_W-1:0]),
       .numerator(numerator_late),
       .denominator(denominator_late),
       .share(part),
@@ -860,24 +888,26 @@ module windows #(
       .next_through(late_through)
   );
   assign becomes_late[CLOSED] = 1'b1;
-  assign becomes_late[NEAR+:DEPTH_W] = to_back ? was_late[NEAR+:DEPTH_W] : nearer(was_late[NEAR+:DEPTH_W], z);
-  assign becomes_late[FAR+:DEPTH_W] = to_back ? farther(was_late[FAR+:DEPTH_W], z) : was_late[FAR+:DEPTH_W];
-  assign becomes_late[MATERIAL+:MATERIAL_W] = was_late[MATERIAL+:MATERIAL_W];
-  assign becomes_late[WEIGHT+:WEIGHT_W] = to_back ? was_late[WEIGHT+:WEIGHT_W] : late_weight;
+  assign becomes_late[NEAR+:DEPTH_W] = to_back ? was_closed[NEAR+:DEPTH_W] : nearer(was_closed[NEAR+:DEPTH_W], z);
+  assign becomes_late[FAR+:DEPTH_W] = to_back ? farther(was_closed[FAR+:DEPTH_W], z) : was_closed[FAR+:DEPTH_W];
+  assign becomes_late[MATERIAL+:MATERIAL_W] = was_closed[MATERIAL+:MATERIAL_W];
+  assign becomes_late[WEIGHT+:WEIGHT_W] = to_back ? was_closed[WEIGHT+:WEIGHT_W] : late_weight;
   assign becomes_late[REST_W-1:0] = REST_W'({
-    to_back ? was_late[FRONT_FAR+:DEPTH_W] : farther(was_late[FRONT_FAR+:DEPTH_W], z),
-    to_back ? nearer(was_late[BACK_NEAR+:DEPTH_W], z) : was_late[BACK_NEAR+:DEPTH_W],
-    to_back ? late_weight : was_late[BACK_WEIGHT+:WEIGHT_W],
+    to_back ? was_closed[FRONT_FAR+:DEPTH_W] : farther(was_closed[FRONT_FAR+:DEPTH_W], z),
+    to_back ? nearer(was_closed[BACK_NEAR+:DEPTH_W], z) : was_closed[BACK_NEAR+:DEPTH_W],
+    to_back ? late_weight : was_closed[BACK_WEIGHT+:WEIGHT_W],
     late_through
   });
 
   // 2, 7: what lies inside of a closed slot: a contribution, the deepest slot, or in the end a window.
-  logic [SLOT_W-1:0] last;
+  // The last layer is there long before the next window is.
+  logic [SLOT_W-1:0] last, last_before;
+  always_ff @(posedge clk) last_before <= last;
   wire [4*LIGHT_W-1:0] splat_lit;
-  windows_splat #(.ROMS(ROMS)) splat (.weight(weight), .density(density), .light(own_light), .lit(splat_lit));
-  wire [SLOT_W-1:0] outer = walking ? last : judged ? shut_front : chosen({1'b0, around}, {SLOT_W'(0), held});
-  wire [DEPTH_W-1:0] inner_near = walking ? window[NEAR+:DEPTH_W] : judged ? shut_back[NEAR+:DEPTH_W] : z;
-  wire [DEPTH_W-1:0] inner_far = walking ? window[FAR+:DEPTH_W] : judged ? shut_back[FAR+:DEPTH_W] : z;
+  windows_splat #(.ROMS(ROMS)) splat (.weight(blended_weight), .density(blended_density), .light(blended_light), .lit(splat_lit));
+  wire [SLOT_W-1:0] outer = walking ? last_before : judged ? shut_front : was_closed;
+  wire [DEPTH_W-1:0] inner_near = walking ? shaded[NEAR+:DEPTH_W] : judged ? shut_back[NEAR+:DEPTH_W] : z;
+  wire [DEPTH_W-1:0] inner_far = walking ? shaded[FAR+:DEPTH_W] : judged ? shut_back[FAR+:DEPTH_W] : z;
   wire [DEPTH_W:0] twice_inner = (DEPTH_W + 1)'(inner_near) + (DEPTH_W + 1)'(inner_far);
   wire [DEPTH_W:0] twice_middle = (DEPTH_W + 1)'(outer[FRONT_FAR+:DEPTH_W]) + (DEPTH_W + 1)'(outer[BACK_NEAR+:DEPTH_W]);
   wire [SLOT_W-1:0] becomes_inside;
@@ -905,7 +935,7 @@ module windows #(
   wire is_closed_inside = encloses(
       shut_front[FRONT_FAR+:DEPTH_W], shut_front[FAR+:DEPTH_W], shut_back[NEAR+:DEPTH_W], shut_back[FAR+:DEPTH_W]);
   wire [OUTCOME_W-1:0] outcome_at_once =
-      matched ? ACCUMULATED : is_late ? (to_back ? LATE_BACK : LATE_FRONT) : is_inside ? LIES_INSIDE : INSERTED;
+      matched ? ACCUMULATED : is_late ? (to_back_now ? LATE_BACK : LATE_FRONT) : is_inside ? LIES_INSIDE : INSERTED;
   wire [OUTCOME_W-1:0] outcome_in_the_end = evicts ? EVICTED : sums_up ? SUMMED : is_closed_inside ? CLOSED_INSIDE : CLOSED_BEHIND;
   wire [OUTCOME_W-1:0] outcome = judging ? outcome_in_the_end : outcome_at_once;
   wire [LAYERS-1:0] changed_slot = matched ? found : is_late ? late_slot : around;
@@ -917,7 +947,7 @@ module windows #(
 
   // What becomes of the one slot that is blended, summed or closed; in the end of a layer that a window comes inside of.
   wire [SLOT_W-1:0] changed_in_the_end = sums_up ? summed : is_closed_inside ? becomes_inside : behind;
-  wire [SLOT_W-1:0] changed_at_once = is_late ? becomes_late : becomes_inside;
+  wire [SLOT_W-1:0] changed_at_once = adds_late ? becomes_late : becomes_inside;
   wire [SLOT_W-1:0] changed;
   delay #(.W(SLOT_W), .STAGES(BLEND_STAGES)) blend_stages (
       .clk(clk), .now(walking ? becomes_inside : judged ? changed_in_the_end : changed_at_once), .late(changed));
@@ -1039,7 +1069,7 @@ module windows #(
   assign h_valid = empty || hands_out || offers;
   assign h_empty = empty;
   assign h_last = empty || offers;
-  wire next = walking && (!here || h_ready && h_valid && h_last);
+  wire next = walking && (!here || h_ready && h_last);
   wire over_all = next_y == Y_W'(HEIGHT);
   assign walk_on = next && !over_all;
   assign empty_all = next && over_all;
