@@ -249,8 +249,13 @@ pub fn path(machine: &Machine) -> Path {
         .fit(bits(m.radial));
     // To a tile: products are there when the seed is, and sums have no cycles of their own, nor have those down and on two rows of carries.
     let on = Path { cycles: 0, ..Path::default().sum_of_three(bits(m.radial)) };
-    let on = if machine.timing.organisation == Organisation::Binned { on } else { Path::default() };
+    let on = if cuts_boxes(machine) { on } else { Path::default() };
     seed.then(on).sum(bits(m.radial))
+}
+
+/// Whether boxes are cut to tiles, so that seeds have to go on to these.
+fn cuts_boxes(machine: &Machine) -> bool {
+    machine.timing.organisation == Organisation::Binned
 }
 
 /// In how many directions registers are stepped.
@@ -263,8 +268,8 @@ fn directions(rows: Rows) -> u32 {
 pub fn stamp(machine: &Machine) -> Path {
     let m = &machine.raster;
     let registers = Path::default().choose(2).sum(m.radial.format.width().max(m.depth.format.width())).choose(2);
-    let sides = Path { cycles: 1, ..Path::default().choose(2).limit(PIXEL_BITS).sum(PIXEL_BITS).choose(2) };
-    if machine.timing.organisation == Organisation::Binned { registers.beside(sides) } else { registers }
+    let sides = Path::default().choose(2).limit(PIXEL_BITS).sum(PIXEL_BITS).choose(2);
+    if cuts_boxes(machine) { registers.beside(sides) } else { registers }
 }
 
 /// The elaborated unit.
@@ -405,7 +410,7 @@ impl Raster {
             e.choice(UNIT, 2, radial_bits);
             e.copies(2, |e| e.limit(UNIT, clamped));
         });
-        if machine.timing.organisation == Organisation::Binned {
+        if cuts_boxes(machine) {
             Raster::goes_on(e, machine, directions);
         }
         let camera = f(machine.project.depth);
