@@ -21,7 +21,8 @@
 #   which the model counts one for each word, nor the FIFO, which the model counts apart. What FDs are left are state: of the raster's walk,
 #   of the resolver's sums, of the fragment's look-up, hazards and writes (-nosrl: none of them is hidden in a LUT).
 # - The fragment unit keeps 2 by 2 pixels; where these lie in LUT memories (RAM*), they are not counted.
-# - The raster has one lane, and of its tag, which the model counts with the FIFOs, one bit. There is one light, and two materials.
+# - The raster has one lane, and of its tag, which the model counts with the FIFOs, one bit; it cuts boxes to tiles of 16 by 16 pixels. There
+#   is one light, and two materials.
 # - The picture's constants, lights and materials are inputs: synthesis cannot fold them.
 # A synthesis that takes longer than --seconds (180) is left out: `-`.
 set -euf
@@ -58,7 +59,7 @@ trap 'exit 1' INT TERM
 synthesise() {
     case $2 in
         fragment) parameters="-chparam WIDTH 2 -chparam HEIGHT 2" ;;
-        raster) parameters="-chparam TAG_W 1" ;;
+        raster) parameters="-chparam TAG_W 1 -chparam SIDE 16" ;;
         *) parameters= ;;
     esac
     stat=$work/$1.$2.$3

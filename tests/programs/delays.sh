@@ -83,7 +83,7 @@ for file; do
     for unit in $(echo "$units" | tr , ' '); do
         parameters=
         [ "$unit" != fragment ] || parameters="-chparam WIDTH 2 -chparam HEIGHT 2"
-        [ "$unit" != raster ] || parameters="-chparam TAG_W 1"
+        [ "$unit" != raster ] || parameters="-chparam TAG_W 1 -chparam SIDE 16"
         # ROMs are found from the trace's folder.
         ps=$(work=$work/$machine; picoseconds "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources; hierarchy -top $unit $parameters" "synth -flatten -top $unit")
         fo4_of=$(awk -v row="$unit" '$1 == row { for (i = 2; i <= NF; i++) if ($i ~ /^[0-9.]+$/) { print $i; exit } }' "$work/$machine.clock")

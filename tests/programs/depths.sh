@@ -70,7 +70,7 @@ for file; do
         parameters= of=$unit
         [ "$unit" != fragment ] || unit=$grouper parameters="-chparam WIDTH 2 -chparam HEIGHT 2"
         [ "$unit" != windows ] || parameters=
-        [ "$unit" != raster ] || parameters="-chparam TAG_W 1"
+        [ "$unit" != raster ] || parameters="-chparam TAG_W 1 -chparam SIDE 16"
         cycles=$(sed -n "s/.* $(echo "$of" | tr a-z A-Z)_LATENCY = \([0-9]*\);/\1/p" "$work/$machine/machine_pkg.sv")
         with_yosys "$machine" "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources; hierarchy -top $unit $parameters; synth -flatten -top $unit; rename -top top; write_json top.json"
         read -r gates loop ready << END_OF_DEPTHS

@@ -46,7 +46,7 @@ synthesise() {
     case $2 in
         # Its memory is one; it has no tables.
         fragment) parameters="-chparam WIDTH 2 -chparam HEIGHT 2" tables= ;;
-        raster) parameters="-chparam TAG_W 1" ;;
+        raster) parameters="-chparam TAG_W 1 -chparam SIDE 16" ;;
     esac
     # ROMs are found from the trace's folder.
     (cd "$work/$1" && timeout "$seconds" yosys -q -p "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources

@@ -11,7 +11,7 @@ END
 sources=$work/pipe.sv
 for source in delay dot ellipse ellipse_footprint ellipse_normal ellipse_plane ellipse_size ellipse_turn ellipse_visibility fifo fit fit_shifted \
     fragment fragment_hazard fragment_late fragment_lit fragment_opaque fragment_over fragment_read fragment_sum gauss lookup normalise \
-    project raster reciprocal reciprocal_root resolve shade shade_cosine sheets sheets_close windows windows_close windows_dimmed \
+    project raster raster_skip reciprocal reciprocal_root resolve shade shade_cosine sheets sheets_close windows windows_close windows_dimmed \
     windows_inside windows_late windows_least windows_quotient windows_rest windows_splat windows_sum; do
     sources="$sources $rtl/$source.sv"
 done

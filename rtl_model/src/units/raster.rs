@@ -21,6 +21,7 @@
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
+use crate::machine::timing::Organisation;
 use crate::machine::{Machine, Rows};
 use crate::num::register::Held;
 use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, Words, three, two};
@@ -237,7 +238,7 @@ pub fn path(machine: &Machine) -> Path {
     let m = &machine.raster;
     let bits = |word: Word| word.format.width();
     let (offset, gradient, conic) = (bits(m.offset), bits(m.gradient), bits(machine.ellipse.conic));
-    Path::default()
+    let seed = Path::default()
         .sum(bits(machine.project.pixel))
         .fit(offset)
         .product(conic, offset)
@@ -245,15 +246,30 @@ pub fn path(machine: &Machine) -> Path {
         .fit(gradient)
         .product(offset, gradient)
         .sum(offset + gradient)
-        .fit(bits(m.radial))
-        .sum(bits(m.radial))
+        .fit(bits(m.radial));
+    // To a tile: products are there when the seed is, and sums have no cycles of their own, nor have those down and on two rows of carries.
+    let on = Path { cycles: 0, ..Path::default().sum_of_three(bits(m.radial)) };
+    let on = if cuts_boxes(machine) { on } else { Path::default() };
+    seed.then(on).sum(bits(m.radial))
+}
+
+/// Whether boxes are cut to tiles, so that seeds have to go on to these.
+fn cuts_boxes(machine: &Machine) -> bool {
+    machine.timing.organisation == Organisation::Binned
+}
+
+/// In how many directions registers are stepped.
+fn directions(rows: Rows) -> u32 {
+    if rows == Rows::Differenced { 2 } else { 1 }
 }
 
 /// What lies in one cycle: from a pixel's registers to the next one's, as a seed, the next column or the next row has them. Which pixel is
-/// next it knows before any seed.
+/// next it knows before any seed, but of a box that is cut to a tile not before its sides.
 pub fn stamp(machine: &Machine) -> Path {
     let m = &machine.raster;
-    Path::default().choose(2).sum(m.radial.format.width().max(m.depth.format.width())).choose(2)
+    let registers = Path::default().choose(2).sum(m.radial.format.width().max(m.depth.format.width())).choose(2);
+    let sides = Path::default().choose(2).limit(PIXEL_BITS).sum(PIXEL_BITS).choose(2);
+    if cuts_boxes(machine) { registers.beside(sides) } else { registers }
 }
 
 /// The elaborated unit.
@@ -351,7 +367,7 @@ impl Raster {
         });
         let along = e.copies(2, |e| e.times(UNIT, s.conic, m.offset));
         // Q01·dy; and Q01·dx, where rows are differenced.
-        let directions = if m.rows == Rows::Differenced { 2 } else { 1 };
+        let directions = directions(m.rows);
         let across = e.copies(directions, |e| e.times(UNIT, s.conic_cross, m.offset));
         let aligned = f(s.conic) == f(s.conic_cross);
         e.require(aligned, || {
@@ -394,6 +410,9 @@ impl Raster {
             e.choice(UNIT, 2, radial_bits);
             e.copies(2, |e| e.limit(UNIT, clamped));
         });
+        if cuts_boxes(machine) {
+            Raster::goes_on(e, machine, directions);
+        }
         let camera = f(machine.project.depth);
         let finest = f(m.depth).max(camera).max(f(s.depth_range));
         let clamp = [places(finest, f(m.depth)), places(finest, camera), places(finest, f(s.depth_range))];
@@ -422,6 +441,44 @@ impl Raster {
                 clamp,
             },
         }
+    }
+
+    /// Parts that cut a box to a tile, and take the registers of its seed there in closed form, at most a picture's columns and rows on.
+    fn goes_on(e: &mut Elaboration, machine: &Machine, directions: u32) {
+        let (m, slope) = (&machine.raster, machine.ellipse.depth_slope);
+        // Of columns and of rows: the tile's far side, the nearer one of both sides, and how many lie before it.
+        e.copies(2, |e| {
+            e.adders(UNIT, 2, PIXEL_BITS);
+            e.copies(2, |e| e.limit(UNIT, PIXEL_BITS));
+        });
+        // Products of at most so many bits, and what adds them up: no multiplier is wider for it. Of each its register takes what lies within
+        // its bits, and no more is built: as many rows as have those full adders.
+        let product = |e: &mut Elaboration, bits: i32, times: i32, room: i32| {
+            for lowest in (0..bits.min(room)).step_by(PIXEL_BITS as usize) {
+                let (piece, room) = ((bits - lowest).min(PIXEL_BITS), room - lowest);
+                let full_adders: i32 = (1..times).map(|row| (piece.min(room - row) - 1).max(0)).sum();
+                e.part(UNIT, Operator::Multiplier([piece, 1 + full_adders / (piece - 1).max(1)]));
+                if lowest > 0 {
+                    e.adders(UNIT, 1, room.min(piece + times));
+                }
+            }
+        };
+        // Bits of a register from the lowest one of a difference on.
+        let room = |register: Word, difference: Word| register.format.width() - (register.format.frac_bits - difference.format.frac_bits);
+        // A register gets a difference times the steps, or times the pairs of steps.
+        let gets = |e: &mut Elaboration, register: Word, difference: Word, times: i32| {
+            product(e, difference.format.width(), times, room(register, difference));
+            e.adders(UNIT, 1, register.format.width());
+        };
+        e.copies(directions, |e| {
+            e.adders(UNIT, 1, PIXEL_BITS);
+            product(e, PIXEL_BITS, PIXEL_BITS, room(m.radial, m.second) + 1);
+            gets(e, m.radial, m.first, PIXEL_BITS);
+            gets(e, m.radial, m.second, 2 * PIXEL_BITS - 1);
+            // The first difference by column, and by row where rows are stepped too.
+            e.copies(directions, |e| gets(e, m.first, m.second, PIXEL_BITS));
+            gets(e, m.depth, slope, PIXEL_BITS);
+        });
     }
 
     /// Shape of the depth that leaves the clamp.

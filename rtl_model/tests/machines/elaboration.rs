@@ -5,6 +5,7 @@ use proptest::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::{Operator, Part};
 use rtl_model::machine::Merge;
+use rtl_model::machine::timing::Organisation;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
 use serde_json::json;
@@ -34,6 +35,13 @@ fn a_named_machine_reads_back_from_its_json() {
     }
 }
 
+/// A machine that draws splats in their order, and so cuts no box to a tile.
+fn immediate(name: &str) -> Elaborated {
+    let mut machine = Machine::named(name).unwrap();
+    machine.timing.organisation = Organisation::Immediate;
+    machine.elaborate().unwrap()
+}
+
 /// Signed operands carry their sign; an unsigned one of n bits goes into a signed multiplier of n + 1, which is not counted here.
 #[test]
 fn no_multiplier_is_wider_than_promised() {
@@ -60,7 +68,10 @@ fn every_multiplier_is_declared() {
     let count = |machine: &Elaborated, unit: &str| machine.parts.iter().filter(|part| part.unit == unit).map(Part::products).sum::<u32>();
     let reference = built("reference");
     // The conic along and across, squares, depth.
-    assert_eq!(count(&reference, "raster"), 2 + 2 + 2 + 2);
+    assert_eq!(count(&immediate("reference"), "raster"), 2 + 2 + 2 + 2);
+    // To a tile, down and along: pairs of steps; r by its first difference of 43 bits and its second of 29, two first differences by their
+    // second, z by its slope of 27; all in pieces of 14 bits.
+    assert_eq!(count(&reference, "raster"), 2 + 2 + 2 + 2 + 2 * (1 + 4 + 3 + 2 * 3 + 2));
     // Line between table words, amplitude.
     assert_eq!(count(&reference, "gauss"), 2);
     // Seven attributes, one of them alone besides; four channels of two fragments that merge. The opacity limit is a product with a constant:
