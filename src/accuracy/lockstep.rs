@@ -19,7 +19,7 @@ mod summary;
 mod window;
 
 use crate::golden::Rules;
-use crate::golden::footprint::{Cull, Footprint, set_up_anyway};
+use crate::golden::footprint::{Contribution as Exact, Cull, Footprint, Row, set_up_anyway};
 use crate::golden::fragments::Fragment;
 use crate::golden::shade::Shader;
 use crate::hardware::fixed;
@@ -27,7 +27,7 @@ use crate::hardware::quantise::Quantised;
 use crate::hardware::registers::{Bounded, Registers};
 use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
-use pixel::{ATTRIBUTES, Arrival, Common, Pixel};
+use pixel::{ATTRIBUTES, Arrival, Common, Limits, Pixel};
 use rayon::prelude::*;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
@@ -41,6 +41,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sheets::{SheetPixel, SheetRules};
 use std::any::Any;
+use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use window::{Own, WindowPixel, WindowRules};
 
@@ -248,6 +249,7 @@ impl<'a> Stage<'a> {
             z_threshold: registers.z_threshold(&Bounded),
             coverage_threshold: registers.coverage_threshold(&Bounded),
             background: registers.background(&Bounded, shader),
+            limits: Limits::new(&machine.machine),
         };
         let view = registers.view(&Bounded);
         let columns = scene.image.width.div_ceil(TILE_PX);
@@ -365,12 +367,10 @@ struct Splat {
 }
 
 impl Splat {
-    /// Whether `golden` has a contribution at a pixel.
-    fn covers(&self, x: u32, y: u32) -> bool {
-        self.cull.is_none()
-            && self.footprint.columns.contains(&x)
-            && self.footprint.rows.contains(&y)
-            && self.footprint.row(y).at(x).is_some()
+    /// Whether `golden` has this contribution at a pixel of this row, which is known as if all of them reached it.
+    fn covers(&self, row: &Row, [x, y]: [u32; 2], contribution: &Exact) -> bool {
+        let Footprint { columns, rows, .. } = &self.footprint;
+        self.cull.is_none() && columns.contains(&x) && rows.contains(&y) && row.reaches(x, contribution)
     }
 }
 
@@ -394,7 +394,7 @@ impl Default for Tile {
 /// Watches the machine and makes `golden` follow.
 struct Leader<'a> {
     stage: &'a Stage<'a>,
-    /// The pixels of the tile at hand; none between tiles.
+    /// The pixels of the tile at hand: empty between tiles.
     pixels: Vec<Pixel>,
     /// The same where fragments are grouped by sheets.
     sheets: Vec<SheetPixel>,
@@ -402,8 +402,8 @@ struct Leader<'a> {
     windows: Vec<WindowPixel>,
     /// The places at which windows start of the pixel that is resolved next.
     starts: u8,
-    /// The splat at hand.
-    splat: Option<Splat>,
+    /// The splat at hand, which is large.
+    splat: Option<Box<Splat>>,
     /// What each splat touched in the tile at hand, in order.
     touched: Vec<(u32, Mask)>,
     tile: Tile,
@@ -441,23 +441,27 @@ impl<'a> Leader<'a> {
     fn arrive(&mut self, splat: &Splat, [x, y]: [u32; 2], held: &Contribution, decision: Decision) {
         let stage = self.stage;
         let pixel = in_tile(x, y);
+        let row = splat.footprint.row(y);
+        let exact = row.beyond(x);
+        let is_covered = splat.covers(&row, [x, y], &exact);
         // What comes too late is nobody's, but for a splat that only the machine draws.
-        if self.sheets.get(pixel).is_some_and(SheetPixel::is_stopped) && splat.covers(x, y) {
+        if self.sheets.get(pixel).is_some_and(SheetPixel::is_stopped) && is_covered {
             return;
         }
         let near = splat.near.contribution(stage.machine, stage.at(x, y));
-        let exact = splat.footprint.row(y).beyond(x);
+        let depth = || splat.near.depth(stage.machine, stage.at(x, y)).around(exact.z * stage.quantised.scale.factor());
         let arrival = Arrival {
             golden: Fragment::new(&splat.footprint, &exact, [x, y]),
             weight: near.weight.around(exact.weight),
-            depth: near.depth.around(exact.z * stage.quantised.scale.factor()),
-            attributes: splat.attributes,
+            attributes: &splat.attributes,
             held_depth: held.depth,
+            depth: OnceCell::new(),
+            find_depth: &depth,
         };
         self.at_pixel(pixel, |leader, flips| {
             if splat.cull.is_some() {
                 flips.cull(stage.may_cull(splat) || stage.may_cover(splat, x, y));
-            } else if !splat.covers(x, y) {
+            } else if !is_covered {
                 flips.coverage(stage.may_cover(splat, x, y));
             }
             if splat.turns_otherwise && stage.sheets.is_none() {
@@ -467,7 +471,7 @@ impl<'a> Leader<'a> {
                 return leader.windows[pixel].take(rules, &stage.common, &arrival, own, decision, flips);
             }
             match &stage.sheets {
-                None => leader.pixels[pixel].take(&stage.common, arrival, decision, flips),
+                None => leader.pixels[pixel].take(&stage.common, &arrival, decision, flips),
                 Some(rules) => leader.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips),
             }
         });
@@ -604,7 +608,7 @@ impl<'a> Observer<'a> for Leader<'a> {
             Some(splat) if splat.index == contribution.splat => splat,
             _ => {
                 self.touched.push((contribution.splat, [0; TILE_AREA / 64]));
-                self.stage.splat(contribution.splat)
+                Box::new(self.stage.splat(contribution.splat))
             }
         };
         let pixel = in_tile(x, y);
@@ -650,7 +654,7 @@ impl<'a> Observer<'a> for Leader<'a> {
         if !self.stage.holds(x, y) {
             return;
         }
-        self.pixels = Vec::new();
+        self.pixels.iter_mut().for_each(Pixel::clear);
         self.sheets = Vec::new();
         self.windows = Vec::new();
         self.splat = None;

@@ -385,6 +385,12 @@ impl Row<'_> {
         (contribution.weight >= self.footprint.least_weight).then_some(contribution)
     }
 
+    /// Whether the footprint reaches the pixel in column `x`, where it would have this contribution.
+    pub fn reaches(&self, x: u32, beyond: &Contribution) -> bool {
+        let Footprint { cutoff, least_weight, disc, .. } = self.footprint;
+        if disc.is_some() { self.at(x).is_some() } else { beyond.radial_index < *cutoff && beyond.weight >= *least_weight }
+    }
+
     /// Contribution of the footprint to the pixel in column `x`, made or not for its reach.
     pub fn beyond(&self, x: u32) -> Contribution {
         let (dx, radial_index) = self.radial_index(x);

@@ -12,7 +12,7 @@ use super::fragments::Fragment;
 use super::shade::Shader;
 use super::{Culled, Outcomes, Rendering};
 use crate::output::picture::Picture;
-use crate::scene::{Image, Scene};
+use crate::scene::{Image, Scene, View};
 
 /// Tiles are squares of this many pixels: three layers of such a tile fit a second-level cache.
 const TILE_PX: usize = 16;
@@ -49,8 +49,59 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     least_weight: f64,
     painter: impl Fn() -> P + Sync,
 ) -> Rendering {
-    let (footprints, culled) = footprints(scene, shader, turn_normals, least_weight);
-    Rendering { culled, ..fill(&scene.image, &footprints, shader.background(), painter) }
+    let (image, background) = (&scene.image, shader.background());
+    if scene.ellipsoids.is_some() {
+        let (footprints, culled) = footprints(scene, shader, turn_normals, least_weight);
+        return Rendering { culled, ..fill(image, &footprints, background, painter) };
+    }
+    // Discs are neither lit nor sorted before they are drawn.
+    let rules = SetUp { scene, view: scene.view(), least_weight, turn_normals };
+    let (discs, culled) = rules.discs();
+    Rendering { culled, ..fill(image, &discs, background, painter) }
+}
+
+/// How splats are set up.
+struct SetUp<'a> {
+    scene: &'a Scene,
+    view: View,
+    least_weight: f64,
+    turn_normals: bool,
+}
+
+/// A disc that is drawn, as the pixels of its box. What it gives to them is set up once more for each tile: that takes less time than to keep
+/// and to fetch ten times as many bytes, of all splats.
+struct Disc<'a> {
+    rules: &'a SetUp<'a>,
+    splat: u32,
+    columns: Range<u32>,
+    rows: Range<u32>,
+}
+
+impl SetUp<'_> {
+    /// All discs that are drawn, in splat order, and a count of the others.
+    fn discs(&self) -> (Vec<Disc<'_>>, Culled) {
+        sorted_out(self.scene, |splat| {
+            let Footprint { columns, rows, .. } = footprint::set_up(self.scene, &self.view, splat, self.least_weight)?;
+            Ok(Disc { rules: self, splat: splat as u32, columns, rows })
+        })
+    }
+}
+
+impl Cover for Disc<'_> {
+    type Contribution = Fragment;
+
+    fn sides(&self) -> [&Range<u32>; 2] {
+        [&self.columns, &self.rows]
+    }
+
+    fn give(&self, columns: Range<u32>, rows: Range<u32>, take: impl FnMut([u32; 2], Fragment)) {
+        let SetUp { scene, view, least_weight, turn_normals } = self.rules;
+        let (mut footprint, _) = footprint::set_up_anyway(scene, view, self.splat as usize, *least_weight);
+        if *turn_normals {
+            footprint.turn_normal();
+        }
+        footprint.give(columns, rows, take);
+    }
 }
 
 /// What [`draw`] draws, and a count of what it does not.
@@ -105,8 +156,12 @@ pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
 /// The footprints of all splats that are drawn, in splat order, and a count of the others.
 fn set_up(scene: &Scene, least_weight: f64) -> (Vec<Footprint>, Culled) {
     let view = scene.view();
-    let set_up = |index| footprint::set_up(scene, &view, index, least_weight);
-    let results: Vec<Result<Footprint, Cull>> = (0..scene.splats.len()).into_par_iter().map(set_up).collect();
+    sorted_out(scene, |splat| footprint::set_up(scene, &view, splat, least_weight))
+}
+
+/// What there is of all splats that are drawn, in splat order, and a count of the others.
+fn sorted_out<T: Send>(scene: &Scene, drawn: impl Fn(usize) -> Result<T, Cull> + Send + Sync) -> (Vec<T>, Culled) {
+    let results: Vec<Result<T, Cull>> = (0..scene.splats.len()).into_par_iter().map(drawn).collect();
     let mut culled = Culled::default();
     let drawn = results.into_iter().filter_map(|result| result.map_err(|reason| culled.count(reason)).ok());
     (drawn.collect(), culled)

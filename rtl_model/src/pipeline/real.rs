@@ -22,15 +22,13 @@ pub struct Footprint {
     walk: raster::real::Walk,
 }
 
-/// One splat at one pixel.
+/// One splat at one pixel, but for its [`depth`](Footprint::depth) there.
 #[derive(Clone, Copy, Debug)]
 pub struct Contribution {
     /// r.
     pub radial: Near,
     /// w.
     pub weight: Near,
-    /// z, machine units.
-    pub depth: Near,
 }
 
 impl Footprint {
@@ -54,11 +52,12 @@ impl Footprint {
     /// Contribution of the splat to the pixel whose centre lies at `at` from the picture's middle.
     pub fn contribution(&self, machine: &Elaborated, at: [f64; 2]) -> Contribution {
         let radial = machine.raster.near_radial(&self.walk, at);
-        Contribution {
-            radial,
-            weight: machine.real_weight(radial, self.ellipse.amplitude),
-            depth: machine.real_depth(machine.raster.near_depth(&self.walk, at)),
-        }
+        Contribution { radial, weight: machine.real_weight(radial, self.ellipse.amplitude) }
+    }
+
+    /// z of the splat at that pixel, machine units.
+    pub fn depth(&self, machine: &Elaborated, at: [f64; 2]) -> Near {
+        machine.real_depth(machine.raster.near_depth(&self.walk, at))
     }
 }
 

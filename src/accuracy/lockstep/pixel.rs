@@ -20,22 +20,30 @@ use rtl_model::pipeline::Elaborated;
 use rtl_model::real::{Near, Real};
 use rtl_model::units::fragment::Decision;
 use rtl_model::units::shade::real::{Lighting, Sums};
+use std::cell::OnceCell;
 
 /// Attributes of a contribution: rgb, α, normal.
 pub const ATTRIBUTES: usize = 7;
 pub const OPACITY: usize = 3;
 
 /// One contribution, exact and as the machine may have it.
-#[derive(Clone, Copy, Debug)]
-pub struct Arrival {
+pub struct Arrival<'a> {
     pub golden: Fragment,
     pub weight: Near,
-    /// Machine units.
-    pub depth: Near,
     /// rgb, α, normal.
-    pub attributes: [Near; ATTRIBUTES],
+    pub attributes: &'a [Near; ATTRIBUTES],
     /// The machine's own depth word, by which it sorts.
     pub held_depth: i64,
+    /// Its depth, and how that is found: what joins a fragment is mostly not asked for it.
+    pub depth: OnceCell<Near>,
+    pub find_depth: &'a dyn Fn() -> Near,
+}
+
+impl Arrival<'_> {
+    /// Its depth, machine units.
+    pub fn depth(&self) -> Near {
+        *self.depth.get_or_init(self.find_depth)
+    }
 }
 
 /// Values that the whole frame has in common.
@@ -51,6 +59,22 @@ pub struct Common<'a> {
     /// τ.
     pub coverage_threshold: Near,
     pub background: [Near; 4],
+    pub limits: Limits,
+}
+
+/// What the machine's sums can hold, and what one rounding of each may lose, as [`words`] has them.
+pub struct Limits {
+    weight: [f64; 2],
+    attributes: [[f64; ATTRIBUTES]; 2],
+}
+
+impl Limits {
+    /// Those of a machine.
+    pub fn new(machine: &Machine) -> Self {
+        let (weight, attributes) = words(machine);
+        let most = |word: Word| word.format.value(word.format.max());
+        Limits { weight: [most(weight), loss(weight)], attributes: [attributes.map(most), attributes.map(loss)] }
+    }
 }
 
 /// What the machine's fragment may be off by.
@@ -94,17 +118,17 @@ pub fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
 
 impl Bounds {
     /// Of a slot that one contribution begins: it alone may leave a sum's word.
-    pub fn new(machine: &Machine, arrival: &Arrival) -> Self {
+    pub fn new(limits: &Limits, arrival: &Arrival) -> Self {
         let range = arrival.attributes.map(|c| [c.value, c.value]);
         let shaded = [Near::default(); 4];
-        let (depth, held_depth) = (arrival.depth, arrival.held_depth);
+        let (depth, held_depth) = (arrival.depth(), arrival.held_depth);
         let mut new = Bounds { weight: 0.0, attribute: [0.0; ATTRIBUTES], count: 0.0, range, overflowed: false, depth, held_depth, shaded };
-        new.add(machine, arrival, &arrival.golden);
+        new.add(limits, arrival, &arrival.golden);
         new
     }
 
     /// After one more contribution; `golden` has it already.
-    pub fn add(&mut self, machine: &Machine, arrival: &Arrival, golden: &Fragment) {
+    pub fn add(&mut self, limits: &Limits, arrival: &Arrival, golden: &Fragment) {
         self.weight += arrival.weight.error;
         self.count += 1.0;
         for (i, c) in arrival.attributes.iter().enumerate() {
@@ -112,11 +136,11 @@ impl Bounds {
             let [low, high] = self.range[i];
             self.range[i] = [low.min(c.value), high.max(c.value)];
         }
-        self.overflowed |= self.may_overflow(machine, golden);
+        self.overflowed |= self.may_overflow(limits, golden);
     }
 
     /// With those of another slot, whose sums were added; `golden` has both.
-    pub fn join(&mut self, machine: &Machine, other: &Bounds, golden: &Fragment) {
+    pub fn join(&mut self, limits: &Limits, other: &Bounds, golden: &Fragment) {
         self.weight += other.weight;
         self.count += other.count;
         for i in 0..ATTRIBUTES {
@@ -124,17 +148,22 @@ impl Bounds {
             let ([low, high], [other_low, other_high]) = (self.range[i], other.range[i]);
             self.range[i] = [low.min(other_low), high.max(other_high)];
         }
-        self.overflowed |= other.overflowed || self.may_overflow(machine, golden);
+        self.overflowed |= other.overflowed || self.may_overflow(limits, golden);
     }
 
     /// Whether a sum of the machine's may have left its word.
-    fn may_overflow(&self, machine: &Machine, golden: &Fragment) -> bool {
-        let (weight_word, words) = words(machine);
+    fn may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
+        let [most, losses] = limits.attributes;
         let sums = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
         // What is no number outruns every word.
-        let outruns = |word: Word, most: f64| most.is_nan() || most > word.format.value(word.format.max());
-        outruns(weight_word, golden.weight + self.weight_error(weight_word))
-            || (0..ATTRIBUTES).any(|i| outruns(words[i], sums[i].abs() + self.sum_error(i, 0.0, words[i])))
+        let outruns = |most: f64, sum: f64| sum.is_nan() | (sum > most);
+        let [most_weight, weight_loss] = limits.weight;
+        let mut overflows = outruns(most_weight, golden.weight + (self.weight + self.count * weight_loss));
+        // All of them, whichever does: that takes less time than to ask after each.
+        for i in 0..ATTRIBUTES {
+            overflows |= outruns(most[i], sums[i].abs() + self.sum_error(i, 0.0, losses[i]));
+        }
+        overflows
     }
 
     /// ΔW.
@@ -156,7 +185,7 @@ impl Bounds {
         let attributes = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
         let mean = |i: usize| {
             let centre = if golden.weight > 0.0 { attributes[i] / golden.weight } else { 0.0 };
-            let error = self.sum_error(i, centre, words[i]) + centre.abs() * self.count * loss(weight_word);
+            let error = self.sum_error(i, centre, loss(words[i])) + centre.abs() * self.count * loss(weight_word);
             Near::within(centre, if self.overflowed || least <= 0.0 { f64::INFINITY } else { error / least })
         };
         Sums {
@@ -169,9 +198,9 @@ impl Bounds {
         }
     }
 
-    /// What Σw·c may be off by, apart from ΔW·centre.
-    pub fn sum_error(&self, i: usize, centre: f64, word: Word) -> f64 {
-        self.weight * self.spread(i, centre) + self.attribute[i] + self.count * loss(word)
+    /// What Σw·c may be off by, apart from ΔW·centre, where one rounding may lose so much.
+    pub fn sum_error(&self, i: usize, centre: f64, loss: f64) -> f64 {
+        self.weight * self.spread(i, centre) + self.attribute[i] + self.count * loss
     }
 }
 
@@ -186,7 +215,7 @@ fn hides(common: &Common, golden: &Fragment, bounds: &Bounds) -> (bool, bool) {
     }
     let (weight_word, words) = words(machine);
     let weight = Near::within(golden.weight, bounds.weight_error(weight_word));
-    let error = bounds.sum_error(OPACITY, limit.value, words[OPACITY])
+    let error = bounds.sum_error(OPACITY, limit.value, loss(words[OPACITY]))
         + limit.value * bounds.count * loss(weight_word)
         + limit.error * weight.most();
     let margin = Near::within(golden.alpha - limit.value * golden.weight, error);
@@ -196,10 +225,10 @@ fn hides(common: &Common, golden: &Fragment, bounds: &Bounds) -> (bool, bool) {
 
 impl Pixel {
     /// Takes a contribution as the machine took it; tells how `golden` would have differed.
-    pub fn take(&mut self, common: &Common, arrival: Arrival, decision: Decision, flips: &mut Flips) {
-        self.ask_for_a_slot(common, &arrival, decision, flips);
+    pub fn take(&mut self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+        self.ask_for_a_slot(common, arrival, decision, flips);
         match decision {
-            Decision::Accumulated(slot) => self.accumulate(common, usize::from(slot), &arrival),
+            Decision::Accumulated(slot) => self.accumulate(common, usize::from(slot), arrival),
             Decision::Inserted(_) => self.push(common, arrival),
             Decision::Replaced | Decision::Dropped => self.replace(common, arrival, decision, flips),
             Decision::Merged(..) | Decision::Evicted(_) => self.overflow(common, arrival, decision, flips),
@@ -208,18 +237,24 @@ impl Pixel {
         }
     }
 
-    fn push(&mut self, common: &Common, arrival: Arrival) {
+    /// Forgets what it holds, and keeps the room for as much.
+    pub fn clear(&mut self) {
+        self.fragments.clear();
+        self.bounds.clear();
+    }
+
+    fn push(&mut self, common: &Common, arrival: &Arrival) {
         self.fragments.push(arrival.golden);
-        self.bounds.push(Bounds::new(&common.machine.machine, &arrival));
+        self.bounds.push(Bounds::new(&common.limits, arrival));
     }
 
     fn accumulate(&mut self, common: &Common, slot: usize, arrival: &Arrival) {
         let (golden, bounds) = (&mut self.fragments[slot], &mut self.bounds[slot]);
         golden.add(&arrival.golden);
-        bounds.add(&common.machine.machine, arrival, golden);
+        bounds.add(&common.limits, arrival, golden);
         if common.rules.fragment_depth == FragmentDepth::Nearest {
             golden.z = golden.z.min(arrival.golden.z);
-            bounds.depth = bounds.depth.min(arrival.depth);
+            bounds.depth = bounds.depth.min(arrival.depth());
             bounds.held_depth = bounds.held_depth.min(arrival.held_depth);
         }
     }
@@ -231,7 +266,7 @@ impl Pixel {
         if taken == wanted {
             return;
         }
-        let distance = |slot: usize| (self.bounds[slot].depth - arrival.depth).abs();
+        let distance = |slot: usize| (self.bounds[slot].depth - arrival.depth()).abs();
         let crosses = |slot: usize| distance(slot).may_cross(common.z_threshold);
         let explained = match (taken, wanted) {
             // Two are about equally near.
@@ -242,23 +277,23 @@ impl Pixel {
         flips.slot(explained);
     }
 
-    fn replace(&mut self, common: &Common, arrival: Arrival, decision: Decision, flips: &mut Flips) {
+    fn replace(&mut self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
         let nearer = arrival.golden.z < self.fragments[0].z;
         if nearer != (decision == Decision::Replaced) {
-            flips.order(arrival.depth.may_cross(self.bounds[0].depth));
+            flips.order(arrival.depth().may_cross(self.bounds[0].depth));
         }
         if decision == Decision::Replaced {
             self.fragments[0] = arrival.golden;
-            self.bounds[0] = Bounds::new(&common.machine.machine, &arrival);
+            self.bounds[0] = Bounds::new(&common.limits, arrival);
         }
     }
 
     /// One too many: does with it what the machine did.
-    fn overflow(&mut self, common: &Common, arrival: Arrival, decision: Decision, flips: &mut Flips) {
+    fn overflow(&mut self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
         self.sort();
         let place = self.bounds.iter().filter(|bounds| bounds.held_depth <= arrival.held_depth).count();
         self.fragments.insert(place, arrival.golden);
-        self.bounds.insert(place, Bounds::new(&common.machine.machine, &arrival));
+        self.bounds.insert(place, Bounds::new(&common.limits, arrival));
         // In the machine's order; is it golden's?
         let mut order_unsure = false;
         for i in 1..self.fragments.len() {

@@ -104,7 +104,7 @@ impl SheetPixel {
         if !rules.sorted {
             return;
         }
-        let key = common.machine.real_key(arrival.depth);
+        let key = common.machine.real_key(arrival.depth());
         if let Some((z, last)) = self.last
             && arrival.golden.z < z
         {
@@ -143,7 +143,7 @@ impl Open {
     fn add(&mut self, common: &Common, arrival: &Arrival, weight: Near) {
         self.weight += arrival.golden.weight;
         self.rgb += arrival.golden.rgb;
-        let [r, g, b, ..] = arrival.attributes;
+        let [r, g, b, ..] = *arrival.attributes;
         for (lane, attribute) in [Near::exact(1.0), r, g, b].into_iter().enumerate() {
             self.sums[lane] = common.machine.real_accumulated(lane, self.sums[lane], weight, attribute);
         }

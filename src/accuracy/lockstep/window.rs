@@ -86,12 +86,12 @@ impl<'a> WindowRules<'a> {
 
 impl Slot {
     fn new(common: &Common, arrival: &Arrival) -> Self {
-        let (held, end) = ([arrival.held_depth; 2], [arrival.depth; 2]);
+        let (held, end) = ([arrival.held_depth; 2], [arrival.depth(); 2]);
         Slot {
-            bounds: Bounds::new(&common.machine.machine, arrival),
+            bounds: Bounds::new(&common.limits, arrival),
             closed: None,
-            depth_error: arrival.weight.most() * arrival.depth.error,
-            depths: [arrival.depth.value; 2],
+            depth_error: arrival.weight.most() * arrival.depth().error,
+            depths: [arrival.depth().value; 2],
             held: [held; 2],
             ends: [end; 2],
         }
@@ -102,13 +102,13 @@ impl Slot {
         let (held, z) = (&mut self.held[side], arrival.held_depth);
         *held = [held[0].min(z), held[1].max(z)];
         let [near, far] = self.ends[side];
-        self.ends[side] = [near.min(arrival.depth), far.max(arrival.depth)];
+        self.ends[side] = [near.min(arrival.depth()), far.max(arrival.depth())];
     }
 
     fn add(&mut self, common: &Common, arrival: &Arrival, golden: &Open) {
-        self.bounds.add(&common.machine.machine, arrival, &golden.sums);
-        self.depth_error += arrival.weight.most() * arrival.depth.error;
-        let z = arrival.depth.value;
+        self.bounds.add(&common.limits, arrival, &golden.sums);
+        self.depth_error += arrival.weight.most() * arrival.depth().error;
+        let z = arrival.depth().value;
         self.depths = [self.depths[0].min(z), self.depths[1].max(z)];
         self.span(0, arrival);
         self.span(1, arrival);
@@ -116,7 +116,7 @@ impl Slot {
 
     /// With another behind it; golden has both already.
     fn join(&mut self, common: &Common, other: &Slot, golden: &Open) {
-        self.bounds.join(&common.machine.machine, &other.bounds, &golden.sums);
+        self.bounds.join(&common.limits, &other.bounds, &golden.sums);
         self.depth_error += other.depth_error;
         self.depths = [self.depths[0].min(other.depths[0]), self.depths[1].max(other.depths[1])];
         for side in 0..2 {
@@ -177,7 +177,7 @@ impl WindowPixel {
                 let light = common.machine.fragment.real_splat_inside(&single, own.opacity, &rules.words.registers, &rules.words.tables);
                 let x_light = around(light, x.colour);
                 let ends = [arrival.held_depth; 2];
-                self.put_inside(common, usize::from(slot), &x, x_light, ends, [arrival.depth; 2], flips);
+                self.put_inside(common, usize::from(slot), &x, x_light, ends, [arrival.depth(); 2], flips);
             }
             Decision::Inserted(_) => {
                 self.insert(common, arrival, flips);
@@ -218,7 +218,7 @@ impl WindowPixel {
 
     /// Whether what a slot does with a depth hangs on less than the depths' bounds.
     fn hangs(&self, rules: &WindowRules, arrival: &Arrival, slot: usize) -> bool {
-        let (slot, z) = (&self.slots[slot], arrival.depth);
+        let (slot, z) = (&self.slots[slot], arrival.depth());
         let narrow = |[near, far]: [Near; 2], limit: Near| (far.max(z) - near.min(z)).may_cross(limit);
         let at_an_end = slot.ends.iter().flatten().any(|end| z.may_cross(*end));
         let reach = if slot.is_open() { rules.words.reach } else { rules.epsilon };
@@ -227,7 +227,7 @@ impl WindowPixel {
 
     /// Whether two open slots, or two surfaces of closed ones, may be equally near to a depth.
     fn are_as_near(&self, arrival: &Arrival, open: [Option<usize>; 2], late: [Option<(usize, Side)>; 2]) -> bool {
-        let z = arrival.depth;
+        let z = arrival.depth();
         let gap = |[near, far]: [Near; 2]| (near - z).max(z - far).max(Near::exact(0.0));
         let spans = match (open, late) {
             ([Some(a), Some(b)], _) => [self.slots[a].ends[0], self.slots[b].ends[0]],
@@ -540,7 +540,7 @@ impl Slot {
         let (weight_word, words) = words(&common.machine.machine);
         let known = |error: f64| if self.bounds.overflowed { f64::INFINITY } else { error };
         let weight = Near::within(golden.sums.weight, known(self.bounds.weight_error(weight_word)));
-        let opacity = Near::within(golden.sums.alpha, known(self.bounds.sum_error(OPACITY, 0.0, words[OPACITY])));
+        let opacity = Near::within(golden.sums.alpha, known(self.bounds.sum_error(OPACITY, 0.0, loss(words[OPACITY]))));
         common.machine.fragment.real_window_opacity(weight, opacity, common.coverage_threshold)
     }
 }
