@@ -404,8 +404,10 @@ struct Leader<'a> {
     starts: u8,
     /// The splat at hand, which is large.
     splat: Option<Box<Splat>>,
-    /// What each splat touched in the tile at hand, in order.
-    touched: Vec<(u32, Mask)>,
+    /// What it reached of the tile at hand.
+    reached: Mask,
+    /// Splats before it that reached something of the tile.
+    touched: Vec<u32>,
     tile: Tile,
     tiles: BTreeMap<usize, Tile>,
     flips: Flips,
@@ -421,6 +423,7 @@ impl<'a> Leader<'a> {
             windows: Vec::new(),
             starts: 0,
             splat: None,
+            reached: Mask::default(),
             touched: Vec::new(),
             tile: Tile::default(),
             tiles: BTreeMap::new(),
@@ -477,37 +480,60 @@ impl<'a> Leader<'a> {
         });
     }
 
-    /// Finds what only `golden` has in the tile that begins at (`left`, `top`).
-    fn find_lost(&mut self, tile: usize, left: u32, top: u32) {
+    /// The splat at hand has all that the machine gives it in the tile that begins at (`left`, `top`): what only `golden` has of it is lost.
+    fn end_splat(&mut self, [left, top]: [u32; 2]) {
+        let Some(splat) = self.splat.take() else { return };
+        self.touched.push(splat.index);
+        if splat.cull.is_none() {
+            for at in self.lost(&splat.footprint, [left, top]) {
+                self.lose(&splat, at);
+            }
+        }
+        self.reached = Mask::default();
+    }
+
+    /// Finds what only `golden` has of other splats there.
+    fn find_lost(&mut self, tile: usize, [left, top]: [u32; 2]) {
         let stage = self.stage;
         let mut touched = std::mem::take(&mut self.touched);
         // A machine that sorts does not take them in the order of their numbers.
-        touched.sort_unstable_by_key(|(splat, _)| *splat);
-        let mut touched = touched.iter().peekable();
+        touched.sort_unstable();
+        let mut touched = touched.into_iter().peekable();
         for &index in &stage.bins[tile] {
-            while touched.next_if(|(splat, _)| *splat < index).is_some() {}
-            let mask = touched.peek().filter(|(splat, _)| *splat == index).map_or([0; TILE_AREA / 64], |(_, mask)| *mask);
-            self.find_lost_of(index, &mask, left, top);
+            while touched.next_if(|splat| *splat < index).is_some() {}
+            if touched.peek() == Some(&index) {
+                continue;
+            }
+            let (footprint, _) = set_up_anyway(stage.scene, &stage.eye, index as usize, stage.scene.least_weight());
+            let lost = self.lost(&footprint, [left, top]);
+            if !lost.is_empty() {
+                let splat = stage.splat(index);
+                lost.into_iter().for_each(|at| self.lose(&splat, at));
+            }
         }
     }
 
-    fn find_lost_of(&mut self, index: u32, mask: &Mask, left: u32, top: u32) {
-        let stage = self.stage;
-        let (footprint, _) = set_up_anyway(stage.scene, &stage.eye, index as usize, stage.scene.least_weight());
+    /// Pixels of a tile that a splat reaches in `golden`, but for those in which the machine has it too.
+    fn lost(&self, footprint: &Footprint, [left, top]: [u32; 2]) -> Vec<[u32; 2]> {
         let side = TILE_PX as u32;
-        let mut splat = None;
+        let mut lost = Vec::new();
         for y in footprint.rows.start.max(top)..footprint.rows.end.min(top + side) {
+            let row = footprint.row(y);
             for x in footprint.columns.start.max(left)..footprint.columns.end.min(left + side) {
                 let pixel = in_tile(x, y);
-                if mask[pixel / 64] >> (pixel % 64) & 1 == 1 || footprint.row(y).at(x).is_none() {
-                    continue;
+                if self.reached[pixel / 64] >> (pixel % 64) & 1 == 0 && row.at(x).is_some() {
+                    lost.push([x, y]);
                 }
-                let splat = splat.get_or_insert_with(|| stage.splat(index));
-                let culled = stage.may_cull(splat);
-                let covered = stage.may_cover(splat, x, y);
-                self.at_pixel(pixel, |_, flips| if culled && !covered { flips.cull(true) } else { flips.coverage(covered) });
             }
         }
+        lost
+    }
+
+    /// Only `golden` has a splat at a pixel.
+    fn lose(&mut self, splat: &Splat, [x, y]: [u32; 2]) {
+        let stage = self.stage;
+        let (culled, covered) = (stage.may_cull(splat), stage.may_cover(splat, x, y));
+        self.at_pixel(in_tile(x, y), |_, flips| if culled && !covered { flips.cull(true) } else { flips.coverage(covered) });
     }
 
     /// Tiles that the machine never touched, and the frame.
@@ -520,7 +546,7 @@ impl<'a> Leader<'a> {
                 self.tile = Tile::default();
                 self.tile.led.fill(stage.common.shader.background());
                 let [left, top] = [tile % stage.columns, tile / stage.columns].map(|at| (at * TILE_PX) as u32);
-                self.find_lost(tile, left, top);
+                self.find_lost(tile, [left, top]);
                 self.tiles.insert(tile, std::mem::take(&mut self.tile));
             }
         }
@@ -606,15 +632,14 @@ impl<'a> Observer<'a> for Leader<'a> {
         }
         let splat = match self.splat.take() {
             Some(splat) if splat.index == contribution.splat => splat,
-            _ => {
-                self.touched.push((contribution.splat, [0; TILE_AREA / 64]));
+            other => {
+                self.splat = other;
+                self.end_splat([x, y].map(|at| at - at % TILE_PX as u32));
                 Box::new(self.stage.splat(contribution.splat))
             }
         };
         let pixel = in_tile(x, y);
-        if let Some((_, mask)) = self.touched.last_mut() {
-            mask[pixel / 64] |= 1 << (pixel % 64);
-        }
+        self.reached[pixel / 64] |= 1 << (pixel % 64);
         self.arrive(&splat, [x, y], contribution, decision);
         self.splat = Some(splat);
     }
@@ -657,9 +682,9 @@ impl<'a> Observer<'a> for Leader<'a> {
         self.pixels.iter_mut().for_each(Pixel::clear);
         self.sheets = Vec::new();
         self.windows = Vec::new();
-        self.splat = None;
+        self.end_splat([x, y]);
         let index = y as usize / TILE_PX * self.stage.columns + x as usize / TILE_PX;
-        self.find_lost(index, x, y);
+        self.find_lost(index, [x, y]);
         self.tiles.insert(index, std::mem::take(&mut self.tile));
     }
 }

@@ -11,13 +11,16 @@ pub(super) struct Ideal<'a> {
     z_threshold: f64,
     shader: &'a Shader,
     contributions: Vec<Vec<Fragment>>,
+    /// Of the pixel at hand: depths and places of its contributions, and its surfaces.
+    order: Vec<(f64, u32)>,
+    surfaces: Vec<Fragment>,
     outcomes: Outcomes,
 }
 
 impl<'a> Ideal<'a> {
     pub fn new(z_threshold: f64, shader: &'a Shader) -> Self {
         let contributions = vec![Vec::new(); PIXELS_IN_A_TILE];
-        Ideal { z_threshold, shader, contributions, outcomes: Outcomes::default() }
+        Ideal { z_threshold, shader, contributions, order: Vec::new(), surfaces: Vec::new(), outcomes: Outcomes::default() }
     }
 }
 
@@ -30,13 +33,14 @@ impl Painter for Ideal<'_> {
 
     fn finish(&mut self, pixel: usize) -> [f64; 4] {
         let contributions = &mut self.contributions[pixel];
-        let surfaces = group(contributions, self.z_threshold);
+        sort(contributions, &mut self.order);
+        group(contributions, &self.order, self.z_threshold, &mut self.surfaces);
+        let surfaces = self.surfaces.len();
         self.outcomes.inserted += surfaces as u64;
         self.outcomes.accumulated += (contributions.len() - surfaces) as u64;
         self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(surfaces as u64);
-        let colour = self.shader.resolve(&mut contributions[..surfaces]);
         contributions.clear();
-        colour
+        self.shader.resolve(&mut self.surfaces)
     }
 
     fn outcomes(&self) -> Outcomes {
@@ -44,22 +48,27 @@ impl Painter for Ideal<'_> {
     }
 }
 
-/// Sums contributions into surfaces, which take the first places, front to back. Returns how many there are.
-fn group(contributions: &mut [Fragment], z_threshold: f64) -> usize {
-    // Depth alone leaves the order of equals to the order of arrival, and with it the surface's material.
-    contributions.sort_by(|a, b| {
-        let by_z = a.z.total_cmp(&b.z);
-        by_z.then(a.material.cmp(&b.material)).then(a.weight.total_cmp(&b.weight))
+/// The order of contributions front to back: they are large, and stay where they are.
+fn sort(contributions: &[Fragment], order: &mut Vec<(f64, u32)>) {
+    order.clear();
+    order.extend(contributions.iter().map(|contribution| contribution.z).zip(0..));
+    order.sort_unstable_by(|a, b| {
+        // Depth alone leaves the order of equals to the order of arrival, and with it the surface's material.
+        let [first, second] = [a, b].map(|(_, place)| &contributions[*place as usize]);
+        let by_z = a.0.total_cmp(&b.0);
+        by_z.then_with(|| first.material.cmp(&second.material).then(first.weight.total_cmp(&second.weight)).then(a.1.cmp(&b.1)))
     });
-    let mut last = 0;
-    for index in 1..contributions.len() {
-        let contribution = contributions[index];
-        if contribution.z - contributions[last].z >= z_threshold {
-            last += 1;
-            contributions[last] = contribution;
-        } else {
-            contributions[last].add(&contribution);
+}
+
+/// Sums contributions in their order into surfaces, front to back.
+fn group(contributions: &[Fragment], order: &[(f64, u32)], z_threshold: f64, surfaces: &mut Vec<Fragment>) {
+    surfaces.clear();
+    for (z, place) in order {
+        let contribution = &contributions[*place as usize];
+        if surfaces.last().is_none_or(|last| z - last.z >= z_threshold) {
+            surfaces.push(*contribution);
+        } else if let Some(last) = surfaces.last_mut() {
+            last.add(contribution);
         }
     }
-    last + 1
 }
