@@ -254,10 +254,10 @@ impl<'a> Stage<'a> {
         let view = registers.view(&Bounded);
         let columns = scene.image.width.div_ceil(TILE_PX);
         let mut bins = vec![Vec::new(); columns * scene.image.height.div_ceil(TILE_PX)];
-        for (splat, rectangle) in reached(scene, &eye) {
-            let [left, top, right, bottom] = rectangle;
-            for row in top..bottom.div_ceil(TILE_PX) {
-                bins[row * columns..][left..right.div_ceil(TILE_PX)].iter_mut().for_each(|bin| bin.push(splat));
+        for (splat, tiles) in reached(scene, &eye) {
+            let [left, top, right, bottom] = tiles.map(usize::from);
+            for row in top..bottom {
+                bins[row * columns..][left..right].iter_mut().for_each(|bin| bin.push(splat));
             }
         }
         let sheets = SheetRules::new(scene, machine, quantised);
@@ -340,14 +340,16 @@ impl<'a> Stage<'a> {
     }
 }
 
-/// The splats that `golden` draws, each with the pixels of its box: first column and row, end column and row.
-fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [usize; 4])> {
+/// The splats that `golden` draws, each with the tiles of its box: first column and row, end column and row.
+fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
     let rectangle = |index: usize| {
         let (footprint, cull) = set_up_anyway(scene, eye, index, scene.least_weight());
         let (columns, rows) = (footprint.columns, footprint.rows);
         let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();
-        let [left, top, right, bottom] = [columns.start, rows.start, columns.end, rows.end].map(|pixel| pixel as usize);
-        drawn.then_some((index as u32, [left / TILE_PX, top / TILE_PX, right, bottom]))
+        let [first, end] = [[columns.start, rows.start], [columns.end, rows.end]];
+        let [left, top] = first.map(|pixel| (pixel as usize / TILE_PX) as u16);
+        let [right, bottom] = end.map(|pixel| (pixel as usize).div_ceil(TILE_PX) as u16);
+        drawn.then_some((index as u32, [left, top, right, bottom]))
     };
     (0..scene.splats.len()).into_par_iter().filter_map(rectangle).collect()
 }

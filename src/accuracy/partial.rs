@@ -254,8 +254,8 @@ struct Arrival<'a> {
 impl<'a> Cover for Drawn<'a> {
     type Contribution = Arrival<'a>;
 
-    fn sides(&self) -> [&Range<u32>; 2] {
-        [&self.footprint.columns, &self.footprint.rows]
+    fn sides(&self) -> [Range<u32>; 2] {
+        [self.footprint.columns.clone(), self.footprint.rows.clone()]
     }
 
     fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Arrival<'a>)) {

@@ -233,8 +233,8 @@ impl<'a, S: Slot> Golden<'a, S> {
 impl Cover for Footprint {
     type Contribution = Fragment;
 
-    fn sides(&self) -> [&Range<u32>; 2] {
-        [&self.columns, &self.rows]
+    fn sides(&self) -> [Range<u32>; 2] {
+        [self.columns.clone(), self.rows.clone()]
     }
 
     fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Fragment)) {

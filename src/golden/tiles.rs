@@ -24,7 +24,7 @@ pub(crate) trait Cover: Sync {
     /// What a pixel gets.
     type Contribution;
     /// Pixel columns and rows of its box, within the picture.
-    fn sides(&self) -> [&Range<u32>; 2];
+    fn sides(&self) -> [Range<u32>; 2];
     /// Gives what it has to these columns of these rows, which lie in the box.
     fn give(&self, columns: Range<u32>, rows: Range<u32>, take: impl FnMut([u32; 2], Self::Contribution));
 }
@@ -73,8 +73,9 @@ struct SetUp<'a> {
 struct Disc<'a> {
     rules: &'a SetUp<'a>,
     splat: u32,
-    columns: Range<u32>,
-    rows: Range<u32>,
+    /// A picture has at most 2^14 columns and rows.
+    columns: [u16; 2],
+    rows: [u16; 2],
 }
 
 impl SetUp<'_> {
@@ -82,6 +83,7 @@ impl SetUp<'_> {
     fn discs(&self) -> (Vec<Disc<'_>>, Culled) {
         sorted_out(self.scene, |splat| {
             let Footprint { columns, rows, .. } = footprint::set_up(self.scene, &self.view, splat, self.least_weight)?;
+            let [columns, rows] = [columns, rows].map(|side| [side.start as u16, side.end as u16]);
             Ok(Disc { rules: self, splat: splat as u32, columns, rows })
         })
     }
@@ -90,8 +92,8 @@ impl SetUp<'_> {
 impl Cover for Disc<'_> {
     type Contribution = Fragment;
 
-    fn sides(&self) -> [&Range<u32>; 2] {
-        [&self.columns, &self.rows]
+    fn sides(&self) -> [Range<u32>; 2] {
+        [self.columns, self.rows].map(|[start, end]| start.into()..end.into())
     }
 
     fn give(&self, columns: Range<u32>, rows: Range<u32>, take: impl FnMut([u32; 2], Fragment)) {
@@ -184,7 +186,7 @@ fn bands<C: Cover>(footprints: &[C], height: usize) -> Vec<Vec<u32>> {
     let mut bands = vec![Vec::new(); height.div_ceil(TILE_PX)];
     for (index, footprint) in footprints.iter().enumerate() {
         let [_, rows] = footprint.sides();
-        for band in tiles(rows) {
+        for band in tiles(&rows) {
             bands[band].push(index as u32);
         }
     }
@@ -219,7 +221,7 @@ impl<P: Painter> Band<'_, P> {
         let mut columns = vec![Vec::new(); self.width.div_ceil(TILE_PX)];
         for &member in members {
             let [across, _] = footprints[member as usize].sides();
-            for column in tiles(across) {
+            for column in tiles(&across) {
                 columns[column].push(member);
             }
         }
@@ -235,7 +237,7 @@ impl<P: Painter> Band<'_, P> {
     /// Gives the painter what a footprint contributes to the tile whose first column is `left`.
     fn scatter<C: Cover<Contribution = P::Contribution>>(&mut self, left: usize, footprint: &C, arrivals: &mut [u64; PIXELS_IN_A_TILE]) {
         let [columns, rows] = footprint.sides();
-        footprint.give(clip(columns, left), clip(rows, self.top), |[x, y], contribution| {
+        footprint.give(clip(&columns, left), clip(&rows, self.top), |[x, y], contribution| {
             let pixel = (y as usize - self.top) * TILE_PX + (x as usize - left);
             arrivals[pixel] += 1;
             self.painter.take(pixel, contribution);

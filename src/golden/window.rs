@@ -580,7 +580,7 @@ struct Lit {
 impl Cover for Lit {
     type Contribution = Arrival;
 
-    fn sides(&self) -> [&Range<u32>; 2] {
+    fn sides(&self) -> [Range<u32>; 2] {
         self.footprint.sides()
     }
 

@@ -124,7 +124,6 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let Observed { drawing, picture: fixed, signals, work } = observed;
     let detail = if options.requests { Detail::Log } else { Detail::Histograms };
     let (golden, golden_seconds) = timed(|| evaluation.golden());
-    let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
     let replay = || {
         let (cycles, seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
         let timings = options.timings.as_ref().map(|variants| Timings::new(variants, &work));
@@ -132,9 +131,12 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         let report = CyclesReport::new(&elaborated.timing, &work, &cycles);
         (cycles, report, seconds, timings, answers)
     };
-    let check = || timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
     // A replay keeps one thread busy.
-    let ((cycles, cycles_report, replay_seconds, timings, answers), (lockstep, lockstep_seconds)) = rayon::join(replay, check);
+    let ((cycles, cycles_report, replay_seconds, timings, answers), (ideal, ideal_seconds)) =
+        rayon::join(replay, || timed(|| golden::ideal(scene)));
+    // What was recorded is large.
+    let work = options.record.then_some(work);
+    let (lockstep, lockstep_seconds) = timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
     let (attribution, attribution_seconds) =
         timed(|| attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture)));
 
@@ -189,7 +191,6 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
             fragments_per_second: fragments as f64 / fixed_seconds,
         },
     };
-    let work = options.record.then_some(work);
     let requests = options.requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
     let encoded = scene.image.encoded;
     Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, work, report, encoded })
