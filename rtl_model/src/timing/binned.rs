@@ -48,6 +48,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let (engines, stamps, tiles) = pass.run(&mut memory, detail);
     let of_engine = engines.iter().map(|engine| texels::lookups([&engine.merge.texels, &engine.lit_texels]));
     let texels = of_engine.fold(texels::lookups([&setup.texels]), |[all, had], [more, more_had]| [all + more, had + more_had]);
+    let light = engines.iter().map(|engine| engine.merge.light).sum();
     let mut each: [Vec<Unit>; 7] = Default::default();
     for Engine { list, fill, merge, resolve, lit, .. } in engines {
         let (fragment, shade) = merge.units();
@@ -60,7 +61,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     units.push(bin);
     units.extend((!work.order.is_empty()).then_some(sort));
     units.extend([list, raster, gauss, fragment, shade, lit, resolve].into_iter().flatten());
-    Cycles { stamps, tiles, texels, ..Cycles::of(units, memory) }
+    Cycles { stamps, tiles, texels, light, ..Cycles::of(units, memory) }
 }
 
 /// Between the passes the queue is sorted by the lengths of lists, a digit after the other: a cycle for each tile that has an entry, and one

@@ -93,10 +93,11 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut resolve = Resolve::new(t, Held::new(work), detail, 0);
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
     let texels = texels::lookups([&setup.texels, &merge.texels]);
+    let light = merge.light;
     let (fragment, shade) = merge.units();
     let (mut units, shade) = setup.units(vec![shade]);
     units.extend([fill.raster, fill.gauss, lookup].into_iter().chain(fragment).chain(shade).chain(resolve.units()));
-    Cycles { lookups: cache.lookups, stamps: fill.stamps, texels, ..Cycles::of(units, memory) }
+    Cycles { lookups: cache.lookups, stamps: fill.stamps, texels, light, ..Cycles::of(units, memory) }
 }
 
 /// Line by line: what was touched is read, if the cache has it not; every word is written.

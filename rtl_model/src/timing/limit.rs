@@ -8,16 +8,19 @@
 //! Who is busiest need not limit: it may work beside something slower that is blocked, by a pixel under way say, most of the time.
 //!
 //! A frame is the longest way through what waits for what, and a way has each cycle of a unit at most once: it becomes shorter by no more than
-//! the unit is busy, or blocked by itself. So what could gain most is tried first, and what cannot gain more than was found is not tried.
+//! the unit is busy, or blocked by itself; without the time that shade takes by no more than others wait for it. With ideal memory it still
+//! takes what the busiest unit of each pass does. So what could gain most is tried first, and what cannot gain more than was found is not
+//! tried.
 //!
-//! Laws: `the_limit_is_what_gains_most_where_it_is_lifted`, `a_hazard_that_blocks_is_the_limit_not_a_busy_memory`.
+//! Laws: `no_limit_costs_more_than_is_said_without_a_replay`, `the_limit_is_what_gains_most_where_it_is_lifted`, `a_hazard_that_blocks_is_the_limit_not_a_busy_memory`.
 
-use super::{Cycles, Detail, Wait, replay};
+use super::{Cycles, Detail, UnitCycles, Wait, replay};
 use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::unit;
 use crate::work::Work;
 
 /// Why something limits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Limited {
     /// A unit's own cycles.
     Work,
@@ -41,28 +44,16 @@ pub struct Limit {
 /// What a frame that took these cycles is limited by. Of equals the first in the order of the diagram, then hazards, then memory; where
 /// nothing alone gains anything, what is busiest.
 pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit {
-    let mut candidates = candidates(timing, cycles);
+    let mut candidates = candidates(timing, work, cycles);
     // Stable: equals stay in order.
     candidates.sort_by_key(|(at_most, ..)| std::cmp::Reverse(*at_most));
     let mut best: Option<(Limit, usize)> = None;
-    // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of several side by side a way may go through one
-    // while the others are busy, or merges under way.
-    let is_bound = !work.stops() && timing.is_single();
-    let without = |(_, _, name, by): &Candidate| replay(&lifted(timing, name, *by), work, Detail::Accounts).total.min(cycles.total);
-    // The second is nearly always needed too.
-    let both = match &candidates[..] {
-        [first, second, ..] if second.0 > 0 => Some(rayon::join(|| without(first), || without(second))),
-        _ => None,
-    };
-    let mut known = both.into_iter().flat_map(<[u64; 2]>::from);
-    for candidate in candidates {
-        let (at_most, place, name, by) = candidate;
-        let at_most = if is_bound || at_most == 0 { at_most } else { cycles.total };
+    for (at_most, place, name, by) in candidates {
         let gained = best.map_or(0, |(limit, _)| cycles.total - limit.without);
         if at_most < gained || at_most == 0 {
             break;
         }
-        let without = known.next().unwrap_or_else(|| without(&candidate));
+        let without = replay(&lifted(timing, name, by), work, Detail::Accounts).total.min(cycles.total);
         let gain = cycles.total - without;
         if gain > gained || gain == gained && gain > 0 && best.is_some_and(|(_, before)| place < before) {
             best = Some((Limit { name, by, without }, place));
@@ -71,10 +62,15 @@ pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit 
     best.map_or_else(|| busiest(cycles), |(limit, _)| limit)
 }
 
+/// How many cycles a frame that took these could gain at most without each of its limits, by itself, as far as that is known without a replay.
+pub fn most_gained(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<(&'static str, Limited, u64)> {
+    candidates(timing, work, cycles).into_iter().map(|(at_most, _, name, by)| (name, by, at_most)).collect()
+}
+
 type Candidate = (u64, usize, &'static str, Limited);
 
 /// How many cycles each limit could cost at most, and its place among equals.
-fn candidates(timing: &Microarchitecture, cycles: &Cycles) -> Vec<Candidate> {
+fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<Candidate> {
     let mut all: Vec<Candidate> = Vec::new();
     for unit in &cycles.units {
         // Whoever asks shade waits for its latency, too.
@@ -85,17 +81,53 @@ fn candidates(timing: &Microarchitecture, cycles: &Cycles) -> Vec<Candidate> {
         }
     }
     // Look-ups stand still while too many lines are on their way.
-    let held = |unit: &super::UnitCycles| if unit.name == "cache" { unit.account.memory } else { 0 };
+    let held = |unit: &UnitCycles| if unit.name == "cache" { unit.account.memory } else { 0 };
     let held: u64 = cycles.units.iter().map(held).sum();
     all.iter_mut().filter(|(_, _, name, _)| *name == "cache").for_each(|(at_most, ..)| *at_most += held);
     let hazard =
-        |unit: &super::UnitCycles| unit.blocked_by.iter().filter(|(wait, _)| *wait == Wait::Hazard).map(|(_, cycles)| cycles).sum::<u64>();
+        |unit: &UnitCycles| unit.blocked_by.iter().filter(|(wait, _)| *wait == Wait::Hazard).map(|(_, cycles)| cycles).sum::<u64>();
     all.push((cycles.units.iter().map(hazard).sum(), all.len(), "fragment", Limited::Hazard));
+    let memory = all.len();
     if !timing.timing.memory.ideal {
         // Who waits for what memory holds up is not known: it may be all.
-        all.push((cycles.total, all.len(), "memory", Limited::Memory));
+        all.push((cycles.total, memory, "memory", Limited::Memory));
+    }
+    // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of several side by side a way may go through one
+    // while the others are busy, or merges under way.
+    if work.stops() || !timing.is_single() {
+        all.iter_mut().filter(|(at_most, ..)| *at_most > 0).for_each(|(at_most, ..)| *at_most = cycles.total);
+        return all;
+    }
+    // What mirrors waits for its surroundings, from memory perhaps.
+    if !work.mirrors {
+        for (at_most, place, name, by) in &mut all {
+            if *name == unit::SHADE && *by == Limited::Work && !work.preshaded {
+                *at_most = waits_for_light(timing, cycles);
+            }
+            if *place == memory {
+                *at_most = cycles.total.saturating_sub(without_memory(cycles));
+            }
+        }
     }
     all
+}
+
+fn of<'a>(cycles: &'a Cycles, name: &'a str) -> impl Iterator<Item = &'a UnitCycles> {
+    cycles.units.iter().filter(move |unit| unit.name == name)
+}
+
+/// For how long merges and the frame's end wait for shade.
+fn waits_for_light(timing: &Microarchitecture, cycles: &Cycles) -> u64 {
+    let of_pixels = |unit: &UnitCycles| unit.account.busy + unit.items * u64::from(timing.shade.latency);
+    cycles.light + of(cycles, unit::RESOLVE).map(of_pixels).sum::<u64>()
+}
+
+/// What a frame takes at least with ideal memory. Its second pass begins when every entry is written, and sorted. Shade is free whenever one
+/// fragment unit asks it, so that merges take as long.
+fn without_memory(cycles: &Cycles) -> u64 {
+    let busy = |name: &str| of(cycles, name).map(|unit| unit.account.busy).sum::<u64>();
+    let units = [unit::RASTER, unit::GAUSS, "cache", unit::FRAGMENT, unit::RESOLVE];
+    busy("bin") + busy(unit::SORT) + units.into_iter().map(busy).max().unwrap_or(0)
 }
 
 /// The same microarchitecture without a limit.

@@ -33,7 +33,7 @@ mod tiles;
 mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
-pub use limit::{Limit, Limited, limit};
+pub use limit::{Limit, Limited, limit, most_gained};
 pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
 pub use tiles::{Share, TileCycles, Tiles};
 
@@ -61,6 +61,8 @@ pub struct Cycles {
     pub texels: [u64; 2],
     /// Stamps of the rasteriser, and those among them that kept a pixel.
     pub stamps: [u64; 2],
+    /// Cycles for which merges waited for light that does not mirror.
+    pub light: u64,
     /// Degree of the harmonics that `colour` took.
     pub harmonics: u8,
     /// Tile after tile of a binned machine; not of [`Detail::Accounts`].
@@ -74,7 +76,7 @@ impl Cycles {
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
         let units: Vec<UnitCycles> = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
         debug_assert!(units.iter().all(|unit| UNITS.contains(&unit.name)), "a unit is not listed");
-        Cycles { total, units, memory, requests, lookups: [0; 2], texels: [0; 2], stamps: [0; 2], harmonics: 0, tiles: None }
+        Cycles { total, units, memory, requests, lookups: [0; 2], texels: [0; 2], stamps: [0; 2], light: 0, harmonics: 0, tiles: None }
     }
 }
 

@@ -405,6 +405,8 @@ pub struct Merge<'a> {
     pub texels: Option<Texels>,
     /// When all that was taken is written.
     pub written: u64,
+    /// Cycles for which merges waited for light that does not mirror.
+    pub light: u64,
     /// From when on the next stamp is the first that waits.
     first_from: u64,
     /// What is the units' of a stamp.
@@ -451,6 +453,7 @@ impl<'a> Merge<'a> {
             hazards: Hazards::new(timing, work),
             texels: Texels::new(timing, work),
             written: 0,
+            light: 0,
             first_from: 0,
             parts: Vec::new(),
         }
@@ -534,11 +537,12 @@ impl<'a> Merge<'a> {
             self.units[part.unit].unit.take(ready, 1);
             return now + u64::from(t.fragment.latency);
         }
-        let mut last = now + 1;
+        let (mut last, asked) = (now + 1, now + 1);
         for _ in 0..part.shades {
-            last = self.shade.take(Ready { here: now + 1, ..Ready::default() }, t.shade.interval.into());
+            last = self.shade.take(Ready { here: asked, ..Ready::default() }, t.shade.interval.into());
         }
-        let lit = if part.shades == 0 || self.shade.is_lifted() { now + 1 } else { last + u64::from(t.shade.latency) };
+        let lit = if part.shades == 0 || self.shade.is_lifted() { asked } else { last + u64::from(t.shade.latency) };
+        self.light += lit - asked;
         self.merge(part, ready, now, lit)
     }
 

@@ -3,21 +3,26 @@
 use crate::frames::frame;
 use proptest::prelude::*;
 use rtl_model::Machine;
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::{Organisation, Queue, Technology};
 use rtl_model::pipeline::draw_measured;
-use rtl_model::timing::{Cycles, Detail, Limited, limit, replay};
+use rtl_model::timing::{Cycles, Detail, Limited, UnitCycles, limit, most_gained, replay};
 use rtl_model::work::Work;
 use serde_json::{Value, json};
+use std::sync::LazyLock;
 
 fn reference() -> Machine {
     Machine::named("reference").unwrap()
 }
 
 fn work() -> Work {
-    let machine = reference();
-    let mut frame = frame(&machine, 5, 10_000);
+    work_of(&reference())
+}
+
+fn work_of(machine: &Machine) -> Work {
+    let mut frame = frame(machine, 5, 10_000);
     (frame.width, frame.height) = (75, 40);
-    frame.splats = (0..30).flat_map(|seed| crate::frames::frame(&machine, seed, 500).splats).collect();
+    frame.splats = (0..30).flat_map(|seed| crate::frames::frame(machine, seed, 500).splats).collect();
     draw_measured(&machine.elaborate().unwrap(), &frame).2
 }
 
@@ -244,6 +249,17 @@ fn quick() -> Machine {
     machine
 }
 
+/// Cycles of a frame without each of its limits, by itself.
+fn lifted(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<(u64, &'static str, Limited)> {
+    let without = |unit: &UnitCycles| (unit.name, Limited::Work, Microarchitecture { lifted: Some(unit.name), ..timing.clone() });
+    let mut others: Vec<_> = cycles.units.iter().map(without).collect();
+    others.push(("fragment", Limited::Hazard, Microarchitecture { hazard: 1, ..timing.clone() }));
+    let mut ideal = timing.clone();
+    ideal.timing.memory.ideal = true;
+    others.push(("memory", Limited::Memory, ideal));
+    others.into_iter().map(|(name, by, other)| (replay(&other, work, Detail::Accounts).total, name, by)).collect()
+}
+
 /// What limits is what gains most where it is lifted, and nothing that is not tried would gain more.
 #[test]
 fn the_limit_is_what_gains_most_where_it_is_lifted() {
@@ -266,20 +282,7 @@ fn the_limit_is_what_gains_most_where_it_is_lifted() {
             let timing = machine.elaborate().unwrap().timing;
             let cycles = replay(&timing, &work, Detail::Accounts);
             let found = limit(&timing, &work, &cycles);
-            // Each by itself, and all of them.
-            let mut others: Vec<_> = cycles
-                .units
-                .iter()
-                .map(|unit| {
-                    (unit.name, rtl_model::elaboration::microarchitecture::Microarchitecture { lifted: Some(unit.name), ..timing.clone() })
-                })
-                .collect();
-            others.push(("hazard", rtl_model::elaboration::microarchitecture::Microarchitecture { hazard: 1, ..timing.clone() }));
-            let mut ideal = timing.clone();
-            ideal.timing.memory.ideal = true;
-            others.push(("memory", ideal));
-            let replayed = others.into_iter().map(|(name, other)| (replay(&other, &work, Detail::Accounts).total, name));
-            let least = replayed.min_by_key(|(total, _)| *total).unwrap();
+            let least = lifted(&timing, &work, &cycles).into_iter().min().unwrap();
             assert_eq!(found.without, least.0.min(cycles.total), "{field} {value} {organisation:?}: {found:?}, but {least:?}");
             met.push(if found.by == Limited::Hazard { "hazard" } else { found.name });
         }
@@ -319,5 +322,59 @@ fn tiles_of_any_size_do_the_same_work() {
     assert!(of(16).1 > 1000);
     for side in [32, 48, 64, 1024] {
         assert_eq!(of(side), of(16), "{side}");
+    }
+}
+
+/// Machines and what they have to do.
+static WORKS: LazyLock<[(Machine, Work); 2]> = LazyLock::new(|| {
+    ["reference", "window"].map(|name| {
+        let machine = Machine::named(name).unwrap();
+        let work = work_of(&machine);
+        (machine, work)
+    })
+});
+
+/// Values that decide between limits, one of each in turn.
+const BETWEEN: [(&str, [u32; 5]); 10] = [
+    ("fragment/hazard", [1, 2, 8, 40, 300]),
+    ("fragment/merge", [0, 1, 3, 12, 60]),
+    ("project/interval", [1, 3, 20, 100, 1000]),
+    ("shade/latency", [1, 4, 12, 40, 200]),
+    ("shade/interval", [1, 2, 5, 20, 60]),
+    ("resolve/interval", [1, 2, 6, 20, 90]),
+    ("memory/bytes_per_cycle", [1, 2, 4, 16, 64]),
+    ("memory/outstanding", [1, 2, 4, 16, 64]),
+    ("raster/fifo", [1, 2, 4, 16, 64]),
+    ("tile/buffers", [1, 2, 1, 2, 1]),
+];
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 120, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// So what is not tried, because it could not gain more than was found, would not have.
+    #[test]
+    fn no_limit_costs_more_than_is_said_without_a_replay(
+        values in prop::collection::vec(0..5usize, BETWEEN.len()), binned in any::<bool>(), windows in any::<bool>(), ideal in prop::bool::weighted(0.1),
+    ) {
+        let (base, work) = &WORKS[usize::from(windows)];
+        let mut machine = base.clone();
+        for ((field, choice), value) in BETWEEN.iter().zip(values) {
+            machine = with(&machine, field, json!(choice[value]));
+        }
+        // To form windows takes 23 cycles.
+        machine.timing.fragment.merge += if windows { 23 } else { 0 };
+        machine.timing.organisation = if binned { Organisation::Binned } else { Organisation::Immediate };
+        (machine.timing.technology, machine.timing.memory.ideal) = (Technology::Ideal, ideal);
+        let Ok(elaborated) = machine.elaborate() else { return Err(TestCaseError::reject("cannot be built")) };
+        let timing = elaborated.timing;
+        let cycles = replay(&timing, work, Detail::Accounts);
+        let lifted = lifted(&timing, work, &cycles);
+        let bounds = most_gained(&timing, work, &cycles);
+        for (name, by, at_most) in bounds {
+            let (without, ..) = lifted.iter().find(|(_, other, why)| (*other, *why) == (name, by)).unwrap();
+            prop_assert!(cycles.total <= without + at_most, "{} {:?}: {} of {} cycles, but {} at most", name, by, without, cycles.total, at_most);
+        }
+        let (found, least) = (limit(&timing, work, &cycles), lifted.into_iter().min().unwrap());
+        prop_assert_eq!(found.without, least.0.min(cycles.total), "{:?}, but {:?}", found, least);
     }
 }

@@ -24,8 +24,8 @@ impl Reciprocal {
     ///
     /// The middle of a step is at most half a step from m, so 1 − m·y₀ ≤ 2^−(table_bits + 1); rounding y₀ moves it by m·u/2 ≤ u.
     pub fn table_error(&self) -> f64 {
-        let u = f64::from(self.bits).exp2().recip();
-        f64::from(self.table_bits + 1).exp2().recip() + u
+        let u = power_of_two(-(self.bits as i32));
+        power_of_two(-(self.table_bits as i32 + 1)) + u
     }
 
     /// Greatest |1 − x·(1/x)|, with u = 2^−bits.
@@ -34,7 +34,7 @@ impl Reciprocal {
     /// A Newton step squares what is left; its correction is rounded by u/2, times m·y; its result by u/2, times m ≤ 2.
     /// The mantissa's cut counts once: x is at most u larger than m.
     pub fn relative_error(&self) -> f64 {
-        let u = f64::from(self.bits).exp2().recip();
+        let u = power_of_two(-(self.bits as i32));
         let left = (0..self.newton_steps).fold(self.table_error(), |e, _| e * e + (1.0 + e) * u / 2.0 + u);
         left + (1.0 + left) * u
     }

@@ -19,7 +19,7 @@ pub fn between(interpolation: Interpolation, step: f64, slope: f64, curvature: f
 ///
 /// To [`between`] comes half a place by which a word is rounded: a point between two words is off by no more than the worse of them.
 pub fn error(fit: &Fit, interpolation: Interpolation, step: f64, slope: f64, curvature: f64) -> f64 {
-    let place = (-f64::from(fit.word.format.frac_bits)).exp2();
+    let place = power_of_two(-fit.word.format.frac_bits);
     between(interpolation, step, slope, curvature) + place / 2.0
 }
 
