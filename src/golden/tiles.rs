@@ -55,8 +55,11 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
         return Rendering { culled, ..fill(image, &footprints, background, painter) };
     }
     // Discs are neither lit nor sorted before they are drawn.
-    let rules = SetUp { scene, view: scene.view(), least_weight, turn_normals };
-    let (discs, culled) = rules.discs();
+    let rules = &SetUp { scene, view: scene.view(), least_weight, turn_normals };
+    let (discs, culled) = rules.all(|Footprint { splat, columns, rows, .. }| {
+        let [columns, rows] = [columns, rows].map(|side| [side.start as u16, side.end as u16]);
+        Disc { rules, splat, columns, rows }
+    });
     Rendering { culled, ..fill(image, &discs, background, painter) }
 }
 
@@ -66,6 +69,26 @@ struct SetUp<'a> {
     view: View,
     least_weight: f64,
     turn_normals: bool,
+}
+
+impl SetUp<'_> {
+    /// The footprint of a splat, or why it has none.
+    fn footprint(&self, splat: usize) -> Result<Footprint, Cull> {
+        let mut footprint = footprint::set_up(self.scene, &self.view, splat, self.least_weight)?;
+        if self.turn_normals {
+            footprint.turn_normal();
+        }
+        Ok(footprint)
+    }
+
+    /// What is kept of the footprints of all splats that are drawn, in splat order, and a count of the others.
+    fn all<T: Send>(&self, kept: impl Fn(Footprint) -> T + Send + Sync) -> (Vec<T>, Culled) {
+        let of = |splat| self.footprint(splat).map(&kept);
+        let results: Vec<Result<T, Cull>> = (0..self.scene.splats.len()).into_par_iter().map(of).collect();
+        let mut culled = Culled::default();
+        let drawn = results.into_iter().filter_map(|result| result.map_err(|reason| culled.count(reason)).ok());
+        (drawn.collect(), culled)
+    }
 }
 
 /// A disc that is drawn, as the pixels of its box. What it gives to them is set up once more for each tile: that takes less time than to keep
@@ -78,17 +101,6 @@ struct Disc<'a> {
     rows: [u16; 2],
 }
 
-impl SetUp<'_> {
-    /// All discs that are drawn, in splat order, and a count of the others.
-    fn discs(&self) -> (Vec<Disc<'_>>, Culled) {
-        sorted_out(self.scene, |splat| {
-            let Footprint { columns, rows, .. } = footprint::set_up(self.scene, &self.view, splat, self.least_weight)?;
-            let [columns, rows] = [columns, rows].map(|side| [side.start as u16, side.end as u16]);
-            Ok(Disc { rules: self, splat: splat as u32, columns, rows })
-        })
-    }
-}
-
 impl Cover for Disc<'_> {
     type Contribution = Fragment;
 
@@ -97,21 +109,16 @@ impl Cover for Disc<'_> {
     }
 
     fn give(&self, columns: Range<u32>, rows: Range<u32>, take: impl FnMut([u32; 2], Fragment)) {
-        let SetUp { scene, view, least_weight, turn_normals } = self.rules;
-        let (mut footprint, _) = footprint::set_up_anyway(scene, view, self.splat as usize, *least_weight);
-        if *turn_normals {
-            footprint.turn_normal();
+        if let Ok(footprint) = self.rules.footprint(self.splat as usize) {
+            footprint.give(columns, rows, take);
         }
-        footprint.give(columns, rows, take);
     }
 }
 
-/// What [`draw`] draws, and a count of what it does not.
+/// The footprints of all splats that are drawn, lit and sorted where the scene's are, and a count of the others.
 pub(super) fn footprints(scene: &Scene, shader: &Shader, turn_normals: bool, least_weight: f64) -> (Vec<Footprint>, Culled) {
-    let (mut footprints, culled) = set_up(scene, least_weight);
-    if turn_normals {
-        footprints.iter_mut().for_each(Footprint::turn_normal);
-    }
+    let rules = SetUp { scene, view: scene.view(), least_weight, turn_normals };
+    let (mut footprints, culled) = rules.all(|footprint| footprint);
     put_in_order(scene, shader, &mut footprints);
     (footprints, culled)
 }
@@ -153,20 +160,6 @@ pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
         })
         .reduce(Default::default, |a, b| (a.0 + b.0, a.1.and(b.1)));
     Rendering { picture: Picture { width, height, rgba, covered }, culled: Culled::default(), fragments, outcomes }
-}
-
-/// The footprints of all splats that are drawn, in splat order, and a count of the others.
-fn set_up(scene: &Scene, least_weight: f64) -> (Vec<Footprint>, Culled) {
-    let view = scene.view();
-    sorted_out(scene, |splat| footprint::set_up(scene, &view, splat, least_weight))
-}
-
-/// What there is of all splats that are drawn, in splat order, and a count of the others.
-fn sorted_out<T: Send>(scene: &Scene, drawn: impl Fn(usize) -> Result<T, Cull> + Send + Sync) -> (Vec<T>, Culled) {
-    let results: Vec<Result<T, Cull>> = (0..scene.splats.len()).into_par_iter().map(drawn).collect();
-    let mut culled = Culled::default();
-    let drawn = results.into_iter().filter_map(|result| result.map_err(|reason| culled.count(reason)).ok());
-    (drawn.collect(), culled)
 }
 
 impl Culled {

@@ -21,6 +21,7 @@ import re
 import struct
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 # Points, and the paper's frames a second at 256×256 and 512×512.
@@ -121,7 +122,7 @@ def peer_rate(peer: Path, cloud: Path, report: dict, side: int, folder: Path) ->
     return 1 / sorted(seconds() for _ in range(FRAMES))[FRAMES // 2]
 
 
-def aside(function, *arguments):
+def aside(function: Callable[..., float], *arguments: object) -> float:
     """What a function returns, in a process of its own: a child's most memory counts what its parent ever held."""
     with multiprocessing.Pool(1) as pool:
         return pool.apply(function, arguments)

@@ -87,10 +87,9 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     let hazard =
         |unit: &UnitCycles| unit.blocked_by.iter().filter(|(wait, _)| *wait == Wait::Hazard).map(|(_, cycles)| cycles).sum::<u64>();
     all.push((cycles.units.iter().map(hazard).sum(), all.len(), "fragment", Limited::Hazard));
-    let memory = all.len();
     if !timing.timing.memory.ideal {
         // Who waits for what memory holds up is not known: it may be all.
-        all.push((cycles.total, memory, "memory", Limited::Memory));
+        all.push((cycles.total, all.len(), "memory", Limited::Memory));
     }
     // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of several side by side a way may go through one
     // while the others are busy, or merges under way.
@@ -100,12 +99,11 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     }
     // What mirrors waits for its surroundings, from memory perhaps.
     if !work.mirrors {
-        for (at_most, place, name, by) in &mut all {
-            if *name == unit::SHADE && *by == Limited::Work && !work.preshaded {
-                *at_most = waits_for_light(timing, cycles);
-            }
-            if *place == memory {
-                *at_most = cycles.total.saturating_sub(without_memory(cycles));
+        for (at_most, _, name, by) in &mut all {
+            match (*name, *by) {
+                (unit::SHADE, Limited::Work) if !work.preshaded => *at_most = waits_for_light(timing, cycles),
+                (_, Limited::Memory) => *at_most = cycles.total.saturating_sub(without_memory(cycles)),
+                _ => {}
             }
         }
     }
