@@ -361,33 +361,48 @@ const BETWEEN: [(&str, [u32; 5]); 10] = [
     ("tile/buffers", [1, 2, 1, 2, 1]),
 ];
 
+/// Whether no limit of a machine with these values costs more than is said, and the one that is found costs most.
+fn bounds_hold(values: &[usize], binned: bool, which: usize, ideal: bool) -> Result<(), TestCaseError> {
+    let (base, work) = &WORKS[which];
+    let mut machine = base.clone();
+    for ((field, choice), value) in BETWEEN.iter().zip(values) {
+        machine = with(&machine, field, json!(choice[*value]));
+    }
+    // To form windows takes 23 cycles.
+    machine.timing.fragment.merge += if which == 1 { 23 } else { 0 };
+    machine.timing.organisation = if binned { Organisation::Binned } else { Organisation::Immediate };
+    (machine.timing.technology, machine.timing.memory.ideal) = (Technology::Ideal, ideal);
+    let Ok(elaborated) = machine.elaborate() else { return Err(TestCaseError::reject("cannot be built")) };
+    let timing = elaborated.timing;
+    let cycles = replay(&timing, work, Detail::Accounts);
+    let (lifted, total) = (lifted(&timing, work, &cycles), cycles.total);
+    let mut gains = Vec::new();
+    for (name, by, at_most) in most_gained(&timing, work, &cycles) {
+        let (without, ..) = lifted.iter().find(|(_, other, why)| (*other, *why) == (name, by)).unwrap();
+        // Requests in another order may gain as much more, where others wait for what one asks.
+        let reordered = if ideal || by == Limited::Memory { 0 } else { total / 20 };
+        prop_assert!(total <= without + at_most + reordered, "{} {:?}: {} of {} cycles, but {} at most", name, by, without, total, at_most);
+        gains.push(total.saturating_sub(*without).min(at_most));
+    }
+    let found = limit(&timing, work, &cycles);
+    prop_assert_eq!(Some(total - found.without), gains.iter().max().copied(), "{:?}, but {:?}", found, gains);
+    Ok(())
+}
+
+/// What did not hold once.
+#[test]
+fn bounds_on_limits_hold_where_they_did_not() {
+    bounds_hold(&[0, 0, 0, 1, 2, 0, 2, 0, 0, 0], true, 2, false).unwrap();
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { cases: 120, failure_persistence: None, ..ProptestConfig::default() })]
 
     /// So what is not tried, because it could not gain more than was found, would not have.
     #[test]
     fn no_limit_costs_more_than_is_said_without_a_replay(
-        values in prop::collection::vec(0..5usize, BETWEEN.len()), binned in any::<bool>(), which in 0..4usize, ideal in prop::bool::weighted(0.1),
+        values in prop::collection::vec(0..5usize, BETWEEN.len()), binned in any::<bool>(), which in 0..4usize, ideal in prop::bool::weighted(0.25),
     ) {
-        let (base, work) = &WORKS[which];
-        let mut machine = base.clone();
-        for ((field, choice), value) in BETWEEN.iter().zip(values) {
-            machine = with(&machine, field, json!(choice[value]));
-        }
-        // To form windows takes 23 cycles.
-        machine.timing.fragment.merge += if which == 1 { 23 } else { 0 };
-        machine.timing.organisation = if binned { Organisation::Binned } else { Organisation::Immediate };
-        (machine.timing.technology, machine.timing.memory.ideal) = (Technology::Ideal, ideal);
-        let Ok(elaborated) = machine.elaborate() else { return Err(TestCaseError::reject("cannot be built")) };
-        let timing = elaborated.timing;
-        let cycles = replay(&timing, work, Detail::Accounts);
-        let lifted = lifted(&timing, work, &cycles);
-        let bounds = most_gained(&timing, work, &cycles);
-        for (name, by, at_most) in bounds {
-            let (without, ..) = lifted.iter().find(|(_, other, why)| (*other, *why) == (name, by)).unwrap();
-            prop_assert!(cycles.total <= without + at_most, "{} {:?}: {} of {} cycles, but {} at most", name, by, without, cycles.total, at_most);
-        }
-        let (found, least) = (limit(&timing, work, &cycles), lifted.into_iter().min().unwrap());
-        prop_assert_eq!(found.without, least.0.min(cycles.total), "{:?}, but {:?}", found, least);
+        bounds_hold(&values, binned, which, ideal)?;
     }
 }
