@@ -1,13 +1,14 @@
 //! Fill: the second half of the pipeline, tile by tile: raster, gauss, fragment, shade and resolve.
 
+use super::set_up::Emission;
 use super::shading::{input_of, layer_of, lit_layer, shade_for_merge, shade_slot};
 use super::{Drawing, Elaborated, Setup, SetupRecord};
-use crate::frame::{Each, Frame};
+use crate::frame::{Each, Frame, Splat};
 use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
 use crate::kernels::{Accumulator, Path, Tile};
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Probe, Ranges, Tap};
-use crate::records::{Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
+use crate::records::{Attributes, Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
@@ -34,8 +35,9 @@ pub(super) fn fill_at_most<P: Probe>(
     // Paths of their own for what is common: each is compiled once more for every probe.
     let simple = machine.gauss.is_simple() && machine.fragment.is_simple();
     let narrow = machine.fragment.is_narrow();
-    // Where words are watched, once is enough.
+    // Where something is watched, once is enough.
     if !P::WORDS
+        && !P::DECISIONS
         && let (true, true, Some(host)) = (simple, narrow, widest)
     {
         return fill_as::<true, i32, P>(host, machine, frame, setup, probe);
@@ -121,7 +123,7 @@ struct Run<L, P> {
 /// Which splats touch which tile. A call of its own, so that its instructions can be counted.
 #[inline(never)]
 fn bins(frame: &Frame, setup: &Setup) -> Bins {
-    Bins::new([frame.width, frame.height], TILE_PX, setup.boxes())
+    setup.bins([frame.width, frame.height])
 }
 
 /// A tile's part of the frame.
@@ -158,6 +160,32 @@ struct Shared<'a> {
     windows: Option<&'a WindowRegisters>,
     /// Whether raster, gauss and fragment may go through words of 32 bits.
     is_short: bool,
+}
+
+/// A splat that is drawn.
+struct Drawn<'a> {
+    /// What a bin calls it.
+    entry: u32,
+    record: &'a SetupRecord,
+    /// As the frame has it.
+    own: &'a Splat,
+    attributes: Attributes,
+}
+
+impl<'a> Drawn<'a> {
+    #[inline(always)]
+    fn new(setup: &'a Setup, frame: &'a Frame, record: &'a SetupRecord, entry: u32) -> Self {
+        let own = &frame.splats[record.splat as usize];
+        let ([n, m, o], mut light) = (record.normal, own.rgb);
+        // Of windows sums take a splat's colour as it is: what closed slots take is lit.
+        if frame.window.is_none()
+            && let Some(emission) = setup.emission(entry)
+        {
+            light = emission.light;
+        }
+        let [r, g, b] = light;
+        Drawn { entry, record, own, attributes: [1, r, g, b, own.opacity, n, m, o] }
+    }
 }
 
 /// What raster and gauss are, and whose fragments are shaded where.
@@ -210,11 +238,15 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
         // Copies that nobody else can see, so that the host need not load their constants again and again.
         let Elaborated { raster, gauss, .. } = self.shared.machine;
         let units = &Units { raster: raster.clone(), gauss: gauss.clone(), here: (self.shared, self.part) };
+        let Shared { setup, frame, .. } = self.shared;
         let mut later = self.part.splats;
         for splats in self.part.splats.chunks(Self::AT_A_TIME) {
-            // Records lie scattered: those of the next time are on their way meanwhile.
+            // Records lie scattered: those of the time after the next are on their way meanwhile, and so are the next one's splats.
             later = later.get(Self::AT_A_TIME..).unwrap_or_default();
-            later.iter().take(Self::AT_A_TIME).for_each(|&entry| AnyLanes::soon(self.shared.setup.splat(entry)));
+            let mut after = later.iter();
+            let next = after.by_ref().take(Self::AT_A_TIME);
+            next.for_each(|&entry| AnyLanes::soon(&frame.splats[setup.splat(entry).splat as usize].rgb));
+            after.take(Self::AT_A_TIME).for_each(|&entry| AnyLanes::soon(setup.splat(entry)));
             self.splats::<AnyLanes>(units, splats, &mut span, &mut outcomes);
         }
         self.resolve(outcomes)
@@ -240,12 +272,13 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         let is_short = SIMPLE_FITS && !P::WORDS && !P::DECISIONS && self.shared.is_short;
         let short = if is_short { raster.short_depths::<V>(&walks) } else { 0 };
         for lane in 0..splats.len().min(LANES) {
+            let drawn = &Drawn::new(setup, frame, record[lane], splats[lane]);
             let tap = &mut Tap::new(&mut *self.probe);
             // Asked before the bits, so that it is not compiled where it is never so.
             if is_short && short & 1 << lane != 0 && raster.short_span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap) {
                 let mut first = 0;
                 while first < span.fragments() {
-                    self.contribute_short::<V>(units, record[lane], (&walks, lane), span, first, outcomes);
+                    self.contribute_short::<V>(units, drawn, (&walks, lane), span, first, outcomes);
                     first += LANES;
                 }
                 continue;
@@ -256,11 +289,11 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 tap.probe.span(rows, left, span.all());
             }
             if P::TRANSFERS {
-                tap.probe.walked(record[lane].splat);
+                tap.probe.walked(drawn.record.splat);
             }
             let mut first = 0;
             while first < span.fragments() {
-                self.contribute::<V>(units, record[lane], (&walks, lane), span, first, outcomes);
+                self.contribute::<V>(units, drawn, (&walks, lane), span, first, outcomes);
                 first += Self::AT_A_TIME;
             }
         }
@@ -271,13 +304,14 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     fn contribute_short<V: Lanes>(
         &mut self,
         units: &Units,
-        record: &SetupRecord,
+        drawn: &Drawn,
         (walks, lane): (&raster::Walks, usize),
         span: &raster::Span,
         first: usize,
         outcomes: &mut Outcomes,
     ) {
         let Shared { machine, registers, sheets, .. } = self.shared;
+        let record = drawn.record;
         let count = (span.fragments() - first).min(LANES);
         let [radial, depth] = units.raster.short_fragments::<V::Words>(walks, lane, span, first);
         let weight = units.gauss.words(radial, record.amplitude);
@@ -301,8 +335,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 let input = fragment::Input {
                     weight: weight[lane].into(),
                     depth: depth[lane].into(),
-                    attributes: &record.attributes,
-                    material: &record.material,
+                    attributes: &drawn.attributes,
+                    material: &drawn.own.material,
                 };
                 let decision = machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, shade, tap);
                 if !matches!(decision, Decision::Accumulated(_)) {
@@ -315,7 +349,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             let lane = left.trailing_zeros() as usize % LANES;
             left &= left - 1;
             let (pixel, weight, registers) = (pixels[lane], weight[lane].into(), registers_of_sheets);
-            let decision = self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight, record, registers, tap });
+            let decision = self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight, drawn, registers, tap });
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
             }
@@ -327,13 +361,14 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     fn contribute<V: Lanes>(
         &mut self,
         units: &Units,
-        record: &SetupRecord,
+        drawn: &Drawn,
         (walks, lane): (&raster::Walks, usize),
         span: &raster::Span,
         first: usize,
         outcomes: &mut Outcomes,
     ) {
-        let Shared { machine, lights, registers, sheets, windows, .. } = self.shared;
+        let Shared { machine, setup, lights, registers, sheets, windows, .. } = self.shared;
+        let record = drawn.record;
         let tile = &mut *self.tile;
         let count = (span.fragments() - first).min(Self::AT_A_TIME);
         let tap = &mut Tap::new(&mut *self.probe).first(count);
@@ -367,13 +402,14 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             let had_stopped = P::WORK && sheets.is_some() && has_stopped(tile, pixel);
             let decision = match sheets {
                 None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
+                    let Emission { light, density } = setup.emission(drawn.entry).unwrap_or_default();
                     let input = window::Input {
                         weight: weight[lane],
                         depth: depth[lane],
-                        attributes: &record.attributes,
-                        material: record.material,
-                        light: record.light,
-                        density: record.density,
+                        attributes: &drawn.attributes,
+                        material: drawn.own.material,
+                        light,
+                        density,
                     };
                     to_window(machine, shade, (tile, clusters.of(pixel)), pixel, &input, registers, tap)
                 }
@@ -381,14 +417,14 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                     let input = fragment::Input {
                         weight: weight[lane],
                         depth: depth[lane],
-                        attributes: &record.attributes,
-                        material: &record.material,
+                        attributes: &drawn.attributes,
+                        material: &drawn.own.material,
                     };
                     machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, &shade, tap)
                 }
                 // A call of its own, so that surfaces pay nothing for it.
                 Some(registers) => {
-                    self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight: weight[lane], record, registers, tap })
+                    self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight: weight[lane], drawn, registers, tap })
                 }
             };
             // Most are accumulated: those are what is left of the contributions in the end.
@@ -437,11 +473,13 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         {
             return Vec::new();
         }
-        let mut inputs = Vec::with_capacity(TILE_AREA);
-        for pixel in 0..TILE_AREA {
-            let at = pixel as u8;
-            let slots = (0..self.tile.live(at)).map(|slot| self.tile.slot(at, slot));
-            inputs.extend(slots.filter(|slot| !slot.shaded).map(|slot| input_of(&slot, [0; 2])));
+        let slots = |at: u8| (0..self.tile.live(at)).map(move |slot| (at, slot));
+        let mut inputs = Vec::with_capacity((0..=u8::MAX).map(|at| self.tile.live(at)).sum());
+        for (at, slot) in (0..=u8::MAX).flat_map(slots) {
+            let slot = self.tile.slot(at, slot);
+            if !slot.shaded {
+                inputs.push(input_of(&slot, [0; 2]));
+            }
         }
         let mut outputs = Vec::with_capacity(inputs.len().next_multiple_of(LANES));
         for inputs in inputs.chunks(LANES) {
@@ -591,7 +629,7 @@ struct ToSheet<'a, 'p, const SIMPLE_FITS: bool, L, P> {
     tile: &'a mut Tile<L>,
     pixel: u8,
     weight: i64,
-    record: &'a SetupRecord,
+    drawn: &'a Drawn<'a>,
     registers: &'a SheetRegisters<'a>,
     tap: &'a mut Tap<'p, P>,
 }
@@ -601,13 +639,13 @@ impl<const SIMPLE_FITS: bool, L: Accumulator, P: Probe> Kernel for ToSheet<'_, '
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> Decision {
-        let ToSheet { machine, tile, pixel, weight, record, registers, tap } = self;
-        let splat = record.splat;
+        let ToSheet { machine, tile, pixel, weight, drawn, registers, tap } = self;
+        let splat = drawn.record.splat;
         let sheet = match registers.sheets.each {
             Each::Splat => splat,
             Each::Slice => registers.sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
         };
-        let input = SheetInput { sheet, weight, attributes: &record.attributes };
+        let input = SheetInput { sheet, weight, attributes: &drawn.attributes };
         machine.fragment.contribute_to_sheet::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, registers, tap)
     }
 }

@@ -7,26 +7,32 @@ use crate::functions::Table;
 use crate::kernels::host::{Kernel, plainly};
 use crate::num::{Fit, LANES, Lanes, Words, three, two};
 use crate::probe::{Probe, Ranges, Tap};
-use crate::records::{Attributes, EllipseOut, PROJECTED, ProjectOut, SET_UP};
+use crate::records::{EllipseOut, PROJECTED, ProjectOut, SET_UP, TILE_PX};
 use crate::units::ellipse::ellipsoid::Axes;
 use crate::units::fragment::window::WindowRegisters;
 use crate::units::{ellipse, project, raster, shade};
-use crate::work::CULLED;
+use crate::work::{Bins, CULLED};
 use rayon::prelude::*;
 
-/// A splat that has been set up: what waits in memory between setup and raster. Two lines of the host's cache: what raster and gauss want,
-/// and what fragment adds.
+/// A splat that has been set up: what setup adds to the splat's own words, and waits in memory before raster. One line of the host's cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C, align(64))]
 pub struct SetupRecord {
     pub(super) raster: raster::Input,
     pub(super) amplitude: i32,
-    /// Of windows alone: the splat's own colour under the lights, and how fast it hides what lies behind it.
-    pub(super) light: [i32; 3],
-    pub(super) density: i32,
-    pub(super) attributes: Attributes,
-    pub(super) material: u32,
+    pub(super) normal: [i32; 3],
     pub(super) splat: u32,
+}
+
+const _: () = assert!(size_of::<SetupRecord>() == 64);
+
+/// What setup makes of a splat that is lit before it is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Emission {
+    /// Its colour under the lights.
+    pub light: [i32; 3],
+    /// Of windows, how fast it hides what lies behind it.
+    pub density: i32,
 }
 
 /// Splats set up, and those that fell out.
@@ -36,6 +42,8 @@ pub struct Setup {
     blocks: Vec<Vec<SetupRecord>>,
     /// Their boxes, first and last column, first and last row, once more and close together: whoever bins them wants nothing else.
     boxes: Vec<Vec<[[u16; 2]; 2]>>,
+    /// What they send, block by block, where splats are lit before they are drawn; else none.
+    emissions: Vec<Vec<Emission>>,
     /// In which order they are drawn; empty: as they lie there.
     order: Vec<u32>,
     /// Not drawn.
@@ -72,14 +80,26 @@ impl Setup {
         &self.blocks[entry as usize / BLOCK_SPLATS][entry as usize % BLOCK_SPLATS]
     }
 
+    /// What the splat of a bin's entry sends, where splats are lit before they are drawn.
+    #[inline(always)]
+    pub(super) fn emission(&self, entry: u32) -> Option<Emission> {
+        self.emissions.get(entry as usize / BLOCK_SPLATS)?.get(entry as usize % BLOCK_SPLATS).copied()
+    }
+
     /// Every splat in the order in which they are drawn, with what a bin calls it.
     fn entries(&self) -> impl Iterator<Item = (u32, &SetupRecord)> + Clone {
         self.numbers().map(|number| (number, self.splat(number)))
     }
 
-    /// Every splat's box in the order in which they are drawn, with what a bin calls it.
-    pub(super) fn boxes(&self) -> impl Iterator<Item = (u32, [[u16; 2]; 2])> + Clone {
-        self.numbers().map(|number| (number, self.boxes[number as usize / BLOCK_SPLATS][number as usize % BLOCK_SPLATS]))
+    /// Which splats' boxes touch which tile, in the order in which they are drawn.
+    pub(super) fn bins(&self, size_px: [u32; 2]) -> Bins {
+        if self.order.is_empty() {
+            let blocks = self.boxes.iter().enumerate();
+            let numbered = blocks.flat_map(|(block, sides)| ((block * BLOCK_SPLATS) as u32..).zip(sides.iter().copied()));
+            return Bins::new(size_px, TILE_PX, numbered);
+        }
+        let sides = |number: u32| self.boxes[number as usize / BLOCK_SPLATS][number as usize % BLOCK_SPLATS];
+        Bins::new(size_px, TILE_PX, self.order.iter().map(|&number| (number, sides(number))))
     }
 
     /// What a bin calls the splats, in the order in which they are drawn.
@@ -115,6 +135,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
     for (part, fork) in blocks {
         whole.blocks.extend(part.blocks);
         whole.boxes.extend(part.boxes);
+        whole.emissions.extend(part.emissions);
         whole.culled.absorb(&part.culled);
         probe.absorb(fork);
     }
@@ -165,7 +186,7 @@ impl<P: Probe> Kernel for SetUp<'_, P> {
             for (splat, first) in self.splats.iter().zip(self.first..) {
                 units.set_up::<L::Words, P>(&[*splat; LANES], 1, first, lit.as_ref(), self.probe, &mut out);
             }
-            return out.done();
+            return out.done(lit.is_some());
         }
         let (eights, rest) = self.splats.as_chunks();
         let mut last = [Splat::default(); LANES];
@@ -178,7 +199,7 @@ impl<P: Probe> Kernel for SetUp<'_, P> {
                 resample_set_up(self.machine, self.frame, &splats[..live], first, ranges);
             }
         }
-        out.done()
+        out.done(lit.is_some())
     }
 }
 
@@ -224,7 +245,7 @@ impl<P: Probe> Kernel for SetUpEllipsoids<'_, P> {
                 resample_ellipsoids(self.machine, self.frame, self.ellipsoids, splats, first, ranges);
             }
         }
-        out.done()
+        out.done(lit.is_some())
     }
 }
 
@@ -285,24 +306,26 @@ struct Units<'a> {
     size_px: [u32; 2],
 }
 
-/// A block's splats, set up: the first `count` so far.
+/// A block's splats, set up.
 struct Block {
     records: Vec<SetupRecord>,
     boxes: Vec<[[u16; 2]; 2]>,
-    count: usize,
+    emissions: Vec<Emission>,
     culled: Culled,
 }
 
 impl Block {
     /// None yet of so many.
     fn of(splats: usize) -> Self {
-        Block { records: vec![SetupRecord::default(); splats], boxes: vec![[[0; 2]; 2]; splats], count: 0, culled: Culled::default() }
+        Block { records: Vec::with_capacity(splats), boxes: Vec::with_capacity(splats), emissions: Vec::new(), culled: Culled::default() }
     }
 
-    fn done(mut self) -> Setup {
-        self.records.truncate(self.count);
-        self.boxes.truncate(self.count);
-        Setup { blocks: vec![self.records], boxes: vec![self.boxes], order: Vec::new(), culled: self.culled }
+    /// All of them, without the room that was kept for those that fell out.
+    fn done(mut self, is_lit: bool) -> Setup {
+        self.records.shrink_to_fit();
+        self.boxes.shrink_to_fit();
+        let emissions = if is_lit { vec![self.emissions] } else { Vec::new() };
+        Setup { blocks: vec![self.records], boxes: vec![self.boxes], emissions, order: Vec::new(), culled: self.culled }
     }
 }
 
@@ -427,16 +450,15 @@ impl Units<'_> {
             }
             let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
             let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
-            let light = lit.map_or(own.rgb, |lit| lit.emission(own, first + lane as u32, [n, m, o], tap.probe));
-            let density = lit.map_or(0, |lit| lit.density(own, tap.probe));
-            // Of windows the sums take the splat's colour as it is, and what closed slots take is lit.
-            let windows = lit.is_some_and(|lit| lit.windows.is_some());
-            let [r, g, b] = if windows { own.rgb } else { light };
+            if let Some(lit) = lit {
+                let light = lit.emission(own, first + lane as u32, [n, m, o], tap.probe);
+                out.emissions.push(Emission { light, density: lit.density(own, tap.probe) });
+            }
             if P::WORK {
                 tap.probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
             }
-            out.boxes[out.count] = [halves(columns), halves(rows)];
-            out.records[out.count] = SetupRecord {
+            out.boxes.push([halves(columns), halves(rows)]);
+            out.records.push(SetupRecord {
                 raster: raster::Input {
                     pixel: [x, y],
                     conic: [xx, xy, yy],
@@ -447,13 +469,9 @@ impl Units<'_> {
                     rows: halves(rows),
                 },
                 amplitude,
-                attributes: [1, r, g, b, own.opacity, n, m, o],
-                material: own.material,
+                normal: [n, m, o],
                 splat: first + lane as u32,
-                light,
-                density,
-            };
-            out.count += 1;
+            });
         }
     }
 }

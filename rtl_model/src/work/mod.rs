@@ -495,20 +495,18 @@ impl Bins {
     pub fn new(size_px: [u32; 2], side_px: usize, boxes: impl Iterator<Item = (u32, [[u16; 2]; 2])> + Clone) -> Self {
         let [columns, rows] = size_px.map(|size| (size as usize).div_ceil(side_px));
         let mut starts = vec![0; columns * rows + 1];
-        for (_, sides) in boxes.clone() {
-            each_tile(sides, side_px, columns, |tile| starts[tile + 1] += 1);
-        }
+        boxes.clone().for_each(|(_, sides)| each_tile(sides, side_px, columns, |tile| starts[tile + 1] += 1));
         for tile in 0..columns * rows {
             starts[tile + 1] += starts[tile];
         }
         let mut next = starts.clone();
         let mut entries = vec![0; starts[columns * rows]];
-        for (entry, sides) in boxes {
+        boxes.for_each(|(entry, sides)| {
             each_tile(sides, side_px, columns, |tile| {
                 entries[next[tile]] = entry;
                 next[tile] += 1;
             });
-        }
+        });
         Bins { columns, rows, starts, entries }
     }
 
