@@ -249,7 +249,7 @@ impl<'a> Stage<'a> {
             z_threshold: registers.z_threshold(&Bounded),
             coverage_threshold: registers.coverage_threshold(&Bounded),
             background: registers.background(&Bounded, shader),
-            limits: Limits::new(&machine.machine),
+            limits: Limits::new(&machine.machine, registers.opaque(&Bounded, rules.opaque)),
         };
         let view = registers.view(&Bounded);
         let columns = scene.image.width.div_ceil(TILE_PX);

@@ -8,7 +8,7 @@
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec3, DVec4};
 
 use super::footprint::{Contribution, Footprint};
 use super::shade::{Shader, over};
@@ -132,8 +132,12 @@ impl Fragment {
 
     /// The two as one, at the front's depth.
     pub fn merge(front: &Fragment, back: &Fragment, shader: &Shader) -> Fragment {
-        let both = over(shader.premultiplied(front), shader.premultiplied(back));
-        Fragment { rgb: both.truncate(), alpha: both.w, shaded: true, ..*front }
+        front.with_light(over(shader.premultiplied(front), shader.premultiplied(back)))
+    }
+
+    /// The same fragment, shaded to this light.
+    pub fn with_light(&self, light: DVec4) -> Fragment {
+        Fragment { rgb: light.truncate(), alpha: light.w, shaded: true, ..*self }
     }
 }
 

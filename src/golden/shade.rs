@@ -140,8 +140,12 @@ impl Shader {
 
     /// Layers in the order given, front to back, over the background.
     pub fn blend<'a>(&self, layers: impl Iterator<Item = &'a Fragment>) -> [f64; 4] {
-        let front = layers.fold(DVec4::ZERO, |front, layer| over(front, self.premultiplied(layer)));
-        over(front, self.background).to_array()
+        self.blend_lit(layers.map(|layer| self.premultiplied(layer)))
+    }
+
+    /// The same of what [`Shader::premultiplied`] made of the layers.
+    pub fn blend_lit(&self, layers: impl Iterator<Item = DVec4>) -> [f64; 4] {
+        over(layers.fold(DVec4::ZERO, over), self.background).to_array()
     }
 }
 

@@ -80,6 +80,7 @@ impl<'a, 'w, const EVERYTHING: bool> DynProbe<'a, 'w, EVERYTHING> {
 impl<const EVERYTHING: bool> Probe for DynProbe<'_, '_, EVERYTHING> {
     const WORDS: bool = EVERYTHING;
     const DECISIONS: bool = true;
+    const QUICK: bool = !EVERYTHING;
     const TRANSFERS: bool = EVERYTHING;
 
     fn fork(&self) -> Self {

@@ -135,6 +135,8 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn with_sign_of(self, other: Self) -> Self;
     /// A monotone function over [0, `range`) that the machine reads from a table, to within `error` before that is fitted.
     fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Self;
+    /// e^(−x/2), or 1 below 0, that the machine reads from a table over [0, `range`) to within `error` before that is fitted.
+    fn falloff(self, table: &Table, range: f64, error: f64) -> Self;
     /// x^exponent of a number from 0 to 1, by a table.
     fn power(self, table: &Power) -> Self;
     /// Light at a place of a map, each coordinate from 0 to 1.
@@ -225,9 +227,18 @@ impl Near {
     fn in_word(self, word: Word, [fine, coarse]: [f64; 2], [down, up]: [f64; 2]) -> Near {
         let (low, high) = (self.low() - down * coarse, self.high() + up * coarse);
         let (least, most) = (word.format.min() as f64, word.format.max() as f64);
+        // Mostly it keeps away from the limits: then nothing is a number that is none, either.
+        if least * fine <= low && high <= most * fine {
+            return Near::within(self.value, self.error + down.max(up) * coarse);
+        }
+        self.at_limits(word, [low, high], [least, most], [fine, coarse])
+    }
+
+    /// [`Near::in_word`] of what lies from `low` to `high` before the limits.
+    #[cold]
+    fn at_limits(self, word: Word, [low, high]: [f64; 2], [least, most]: [f64; 2], [fine, coarse]: [f64; 2]) -> Near {
         if word.overflow == Overflow::Wrap {
-            let inside = least * fine <= low && high <= most * fine;
-            return if inside { Near::between(self.value, low, high) } else { Near { error: f64::INFINITY, ..self } };
+            return Near { error: f64::INFINITY, ..self };
         }
         Near::between(self.value, low.max(least * coarse).min(most * fine), high.min(most * coarse).max(least * fine))
     }
@@ -241,6 +252,24 @@ impl Near {
     fn function(self, exact: impl Fn(f64) -> f64, error: f64) -> Near {
         let (a, b) = (exact(self.low()), exact(self.high()));
         Near::between(exact(self.value), a.min(b) - error, a.max(b) + error)
+    }
+
+    /// e^(−x/2), or 1 below 0, that the machine has to within `error`: x − d gives e^(d/2) times as much as x.
+    #[inline]
+    fn falling(self, error: f64) -> Near {
+        self.growing(falloff, self.error / 2.0, error)
+    }
+
+    /// A monotone function that the machine has to within `error`, and that changes by at most itself times e^`growth` − 1 within the bound.
+    ///
+    /// e^y − 1 is at most y/(1 − y/2) as long as y is below 2: that takes less time than to ask for the function at both ends.
+    #[inline]
+    fn growing(self, exact: impl Fn(f64) -> f64, growth: f64, error: f64) -> Near {
+        if growth < 0.5 && self.value.is_finite() {
+            let value = exact(self.value);
+            return Near::within(value, value * growth / (1.0 - growth / 2.0) + error);
+        }
+        self.function(exact, error)
     }
 
     /// Whether machine and exact side may lie on different sides of a limit.
@@ -417,8 +446,13 @@ impl Real for Near {
         self.function(exact, error)
     }
 
+    #[inline]
+    fn falloff(self, _table: &Table, _range: f64, error: f64) -> Near {
+        self.falling(error)
+    }
+
     fn power(self, table: &Power) -> Near {
-        self.function(|x| table.exact(x), table.error(self.low(), self.high()))
+        self.growing(|x| table.exact(x), table.growth(self.value, self.error), table.error(self.low(), self.high()))
     }
 
     fn look_up(place: [Near; 2], map: &RealMap) -> [Near; 3] {
@@ -453,6 +487,11 @@ impl Real for Near {
         };
         Near::within(sum.value, sum.error + turned + moved * norm(v.map(|part| part.error)))
     }
+}
+
+/// e^(−x/2), or 1 below 0.
+fn falloff(x: f64) -> f64 {
+    (-0.5 * x.max(0.0)).exp()
 }
 
 /// √(x² + y² + z²).

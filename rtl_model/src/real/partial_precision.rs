@@ -243,6 +243,10 @@ impl Real for PartialPrecision<'_> {
         self.with(if self.is_on(table.fit()) { table.at(self.value / range) } else { exact(self.value) })
     }
 
+    fn falloff(self, table: &Table, range: f64, error: f64) -> Self {
+        self.table(table, range, super::falloff, error)
+    }
+
     fn power(self, table: &Power) -> Self {
         let words = table.table();
         self.with(if self.is_on(words.fit()) { words.at(self.value) } else { table.exact(self.value) }).fit(words.fit(), Scale::ONE)

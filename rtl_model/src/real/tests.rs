@@ -178,7 +178,7 @@ fn step(rng: &mut Rng, pool: &[Pair]) -> Pair {
     let [a, b] = [rng.one_of(pool), rng.one_of(pool)];
     let constant = rng.between(-2.0, 2.0);
     let pair = |near: Near, machine: f64| Pair { near, machine };
-    match rng.below(14) {
+    match rng.below(15) {
         0 => pair(a.near + b.near, a.machine + b.machine),
         1 => pair(a.near - b.near, a.machine - b.machine),
         2 => pair(a.near * b.near, a.machine * b.machine),
@@ -198,6 +198,7 @@ fn step(rng: &mut Rng, pool: &[Pair]) -> Pair {
             let [near] = a.near.branch(b.near, || [a.near], || [b.near * b.near]);
             pair(near, if a.machine >= b.machine { a.machine } else { b.machine * b.machine })
         }
+        13 => pair(a.near.falling(0.25), falloff(a.machine) + rng.one_of(&[-0.25, 0.25])),
         _ => {
             let [u, v] = [0; 2].map(|_| [0; 3].map(|_| rng.one_of(pool)));
             let length = norm(u.map(|p| p.machine));
@@ -316,6 +317,11 @@ fn a_power_is_within_its_bound() {
                     let error = (value - near.value).abs();
                     assert!(error <= near.error, "{interpolation:?} {x}^{exponent}: off by {error}, bound {}", near.error);
                     worst = if near.error > 1e-12 { worst.max(error / near.error) } else { worst };
+                    // The same word where the exact number is another.
+                    for off in [-0.2, -0.01, 1e-4, 0.03, 0.5] {
+                        let near = Near::within((argument.value(x) + off).clamp(0.0, 1.0), off).power(&power);
+                        assert!((value - near.value).abs() <= near.error, "{x}^{exponent}, {off} off: {value}, {near:?}");
+                    }
                 }
                 assert!(worst > 0.3 || exponent == 0.0, "{interpolation:?}, {steps} steps, exponent {exponent}, {round:?}: {worst}");
             }

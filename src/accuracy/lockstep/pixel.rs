@@ -12,8 +12,9 @@
 
 use super::Flips;
 use crate::golden::fragments::{Fragment, nearest_within};
-use crate::golden::shade::Shader;
+use crate::golden::shade::{Shader, over};
 use crate::golden::{FragmentDepth, Rules};
+use glam::DVec4;
 use rtl_model::machine::Machine;
 use rtl_model::num::{Rounding, Word};
 use rtl_model::pipeline::Elaborated;
@@ -62,18 +63,29 @@ pub struct Common<'a> {
     pub limits: Limits,
 }
 
-/// What the machine's sums can hold, and what one rounding of each may lose, as [`words`] has them.
+/// What the machine's sums can hold, what one rounding of each may lose, as [`words`] has them, and the opacity that hides.
 pub struct Limits {
     weight: [f64; 2],
     attributes: [[f64; ATTRIBUTES]; 2],
+    opaque: Near,
 }
 
 impl Limits {
     /// Those of a machine.
-    pub fn new(machine: &Machine) -> Self {
+    pub fn new(machine: &Machine, opaque: Near) -> Self {
         let (weight, attributes) = words(machine);
         let most = |word: Word| word.format.value(word.format.max());
-        Limits { weight: [most(weight), loss(weight)], attributes: [attributes.map(most), attributes.map(loss)] }
+        Limits { weight: [most(weight), loss(weight)], attributes: [attributes.map(most), attributes.map(loss)], opaque }
+    }
+
+    /// What one rounding of Σw may lose.
+    pub fn weight_loss(&self) -> f64 {
+        self.weight[1]
+    }
+
+    /// What one rounding of the sum of an attribute may lose.
+    pub fn attribute_loss(&self, i: usize) -> f64 {
+        self.attributes[1][i]
     }
 }
 
@@ -110,7 +122,7 @@ pub fn loss(word: Word) -> f64 {
 }
 
 /// The words of the sums: weight, then the attributes.
-pub fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
+fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
     let f = &machine.fragment;
     let (c, n) = (f.colour_sum, f.normal_sum);
     (f.weight_sum, [c, c, c, f.opacity_sum, n, n, n])
@@ -167,8 +179,8 @@ impl Bounds {
     }
 
     /// ΔW.
-    pub fn weight_error(&self, word: Word) -> f64 {
-        self.weight + self.count * loss(word)
+    pub fn weight_error(&self, limits: &Limits) -> f64 {
+        self.weight + self.count * limits.weight_loss()
     }
 
     /// Greatest |c − centre| among the contributions.
@@ -179,13 +191,13 @@ impl Bounds {
 
     /// A fragment's sums, divided by its weight.
     pub fn sums(&self, common: &Common, golden: &Fragment) -> Sums<Near> {
-        let (weight_word, words) = words(&common.machine.machine);
-        let weight_error = self.weight_error(weight_word);
+        let limits = &common.limits;
+        let weight_error = self.weight_error(limits);
         let least = golden.weight - weight_error;
         let attributes = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
         let mean = |i: usize| {
             let centre = if golden.weight > 0.0 { attributes[i] / golden.weight } else { 0.0 };
-            let error = self.sum_error(i, centre, loss(words[i])) + centre.abs() * self.count * loss(weight_word);
+            let error = self.sum_error(i, centre, limits.attribute_loss(i)) + centre.abs() * self.count * limits.weight_loss();
             Near::within(centre, if self.overflowed || least <= 0.0 { f64::INFINITY } else { error / least })
         };
         Sums {
@@ -204,23 +216,24 @@ impl Bounds {
     }
 }
 
-/// What the fragment unit would ask about one fragment: does it hide all behind it?
-fn hides(common: &Common, golden: &Fragment, bounds: &Bounds) -> (bool, bool) {
-    let (rules, machine) = (common.rules, &common.machine.machine);
-    let opaque = golden.is_opaque(rules.opaque, common.coverage_threshold.value);
-    let word = machine.fragment.opaque;
-    let limit = Near::held(rules.opaque, word, word.format.one() * i64::from(machine.fragment.opaque_permille) / 1000);
+/// What the fragment unit asks about one fragment: does it hide all behind it?
+fn hides(common: &Common, golden: &Fragment) -> bool {
+    golden.is_opaque(common.rules.opaque, common.coverage_threshold.value)
+}
+
+/// Whether the machine may answer that otherwise.
+fn may_hide_otherwise(common: &Common, golden: &Fragment, bounds: &Bounds) -> bool {
+    let limits = &common.limits;
+    let opaque = limits.opaque;
     if golden.shaded {
-        return (opaque, bounds.shaded[3].may_cross(limit));
+        return bounds.shaded[3].may_cross(opaque);
     }
-    let (weight_word, words) = words(machine);
-    let weight = Near::within(golden.weight, bounds.weight_error(weight_word));
-    let error = bounds.sum_error(OPACITY, limit.value, loss(words[OPACITY]))
-        + limit.value * bounds.count * loss(weight_word)
-        + limit.error * weight.most();
-    let margin = Near::within(golden.alpha - limit.value * golden.weight, error);
-    let unsure = bounds.overflowed || margin.may_cross(Near::exact(0.0)) || weight.may_cross(common.coverage_threshold);
-    (opaque, unsure)
+    let weight = Near::within(golden.weight, bounds.weight_error(limits));
+    let error = bounds.sum_error(OPACITY, opaque.value, limits.attribute_loss(OPACITY))
+        + opaque.value * bounds.count * limits.weight_loss()
+        + opaque.error * weight.most();
+    let margin = Near::within(golden.alpha - opaque.value * golden.weight, error);
+    bounds.overflowed || margin.may_cross(Near::exact(0.0)) || weight.may_cross(common.coverage_threshold)
 }
 
 impl Pixel {
@@ -304,10 +317,10 @@ impl Pixel {
             }
         }
         let deepest = self.fragments.len() - 1;
-        let asked: Vec<_> = (0..=deepest).map(|i| hides(common, &self.fragments[i], &self.bounds[i])).collect();
-        let evicts = common.rules.evict_hidden && asked[..deepest].iter().any(|(hides, _)| *hides);
+        let evicts = common.rules.evict_hidden && self.fragments[..deepest].iter().any(|golden| hides(common, golden));
         if evicts != matches!(decision, Decision::Evicted(_)) {
-            flips.eviction(order_unsure || asked.iter().any(|(_, unsure)| *unsure));
+            let mut asked = self.fragments.iter().zip(&self.bounds);
+            flips.eviction(order_unsure || asked.any(|(golden, bounds)| may_hide_otherwise(common, golden, bounds)));
         }
         if let Decision::Merged(front, _) = decision {
             let front = usize::from(front);
@@ -324,6 +337,9 @@ impl Pixel {
 
     /// Brings the slots into the machine's order.
     fn sort(&mut self) {
+        if self.bounds.is_sorted_by_key(|bounds| bounds.held_depth) {
+            return;
+        }
         let mut order: Vec<usize> = (0..self.fragments.len()).collect();
         order.sort_by_key(|&slot| self.bounds[slot].held_depth);
         self.fragments = order.iter().map(|&slot| self.fragments[slot]).collect();
@@ -333,27 +349,26 @@ impl Pixel {
     fn merge(&mut self, common: &Common, front: usize) {
         // A shaded fragment lives in a slot: what a slot cannot hold is lost before the blend, as after it.
         let stored = |slot: usize| {
-            if self.fragments[slot].shaded { self.light(common, slot) } else { common.machine.real_stored(self.light(common, slot)) }
+            let (near, exact) = self.light(common, slot);
+            (if self.fragments[slot].shaded { near } else { common.machine.real_stored(near) }, exact)
         };
-        let (over, under) = (stored(front), stored(front + 1));
-        let merged = Fragment::merge(&self.fragments[front], &self.fragments[front + 1], common.shader);
-        let near = common.machine.real_merge(over, under);
-        let golden = [merged.rgb.x, merged.rgb.y, merged.rgb.z, merged.alpha];
-        self.fragments[front] = merged;
-        self.bounds[front].shaded = [0, 1, 2, 3].map(|i| near[i].around(golden[i]));
+        let [(near_over, exact_over), (near_under, exact_under)] = [stored(front), stored(front + 1)];
+        let (near, exact) = (common.machine.real_merge(near_over, near_under), over(exact_over, exact_under));
+        self.fragments[front] = self.fragments[front].with_light(exact);
+        self.bounds[front].shaded = [0, 1, 2, 3].map(|i| near[i].around(exact[i]));
         self.fragments.remove(front + 1);
         self.bounds.remove(front + 1);
     }
 
-    /// Premultiplied colour and opacity of the fragment in a slot, as `golden` has it.
-    fn light(&self, common: &Common, slot: usize) -> [Near; 4] {
+    /// Premultiplied colour and opacity of the fragment in a slot: around what `golden` has, and that.
+    fn light(&self, common: &Common, slot: usize) -> ([Near; 4], DVec4) {
         let (golden, bounds) = (&self.fragments[slot], &self.bounds[slot]);
+        let exact = common.shader.premultiplied(golden);
         if golden.shaded {
-            return common.machine.real_read(bounds.shaded);
+            return (common.machine.real_read(bounds.shaded), exact);
         }
         let near = common.machine.real_shade(&common.lighting, &bounds.sums(common, golden));
-        let exact = common.shader.premultiplied(golden).to_array();
-        [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
+        ([0, 1, 2, 3].map(|i| near[i].around(exact[i])), exact)
     }
 
     /// The pixel, its layers blended in the order of these slots; and the bound on the machine's.
@@ -364,9 +379,9 @@ impl Pixel {
                 flips.order(self.bounds[pair[0]].depth.may_cross(self.bounds[pair[1]].depth));
             }
         }
-        let lit: Vec<[Near; 4]> = slots.iter().map(|&slot| self.light(common, slot)).collect();
+        let (lit, exact): (Vec<[Near; 4]>, Vec<DVec4>) = slots.iter().map(|&slot| self.light(common, slot)).unzip();
         let near = common.machine.real_resolve(&lit, common.background);
-        let exact = common.shader.blend(slots.iter().map(|&slot| &self.fragments[slot]));
+        let exact = common.shader.blend_lit(exact.into_iter());
         [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
     }
 }

@@ -7,7 +7,7 @@
 //! either decision hangs on lies within its bound of its threshold.
 
 use super::Flips;
-use super::pixel::{Arrival, Bounds, Common, OPACITY, loss, words};
+use super::pixel::{Arrival, Bounds, Common, OPACITY, loss};
 use crate::golden::Side as GoldenSide;
 use crate::golden::shade::over;
 use crate::golden::window::{self, Closed, Layer, Open, Part, Seen, Window};
@@ -142,13 +142,12 @@ impl Slot {
 
     /// Σw·z/Σw, machine units.
     fn mean_depth(&self, common: &Common, golden: &Open, scale: f64) -> Near {
-        let (weight_word, _) = words(&common.machine.machine);
         let mean = golden.mean_depth() * scale;
-        let error = self.bounds.weight_error(weight_word);
+        let error = self.bounds.weight_error(&common.limits);
         let least = golden.sums.weight - error;
         let spread = (self.depths[1] - mean).max(mean - self.depths[0]).max(0.0);
         let fit = common.machine.fragment.depth_sum_fit().word;
-        let off = error * spread + self.depth_error + self.bounds.count * (loss(fit) + mean.abs() * loss(weight_word));
+        let off = error * spread + self.depth_error + self.bounds.count * (loss(fit) + mean.abs() * common.limits.weight_loss());
         let most = mean * golden.sums.weight + off + error * mean.abs();
         let outruns = self.bounds.overflowed || most.is_nan() || most > fit.format.value(fit.format.max());
         Near::within(mean, if outruns || least <= 0.0 { f64::INFINITY } else { off / least })
@@ -537,10 +536,9 @@ impl Own {
 impl Slot {
     /// Opacity of an open one, as step 4 has it.
     fn opacity(&self, common: &Common, golden: &Open) -> Near {
-        let (weight_word, words) = words(&common.machine.machine);
         let known = |error: f64| if self.bounds.overflowed { f64::INFINITY } else { error };
-        let weight = Near::within(golden.sums.weight, known(self.bounds.weight_error(weight_word)));
-        let opacity = Near::within(golden.sums.alpha, known(self.bounds.sum_error(OPACITY, 0.0, loss(words[OPACITY]))));
+        let weight = Near::within(golden.sums.weight, known(self.bounds.weight_error(&common.limits)));
+        let opacity = Near::within(golden.sums.alpha, known(self.bounds.sum_error(OPACITY, 0.0, common.limits.attribute_loss(OPACITY))));
         common.machine.fragment.real_window_opacity(weight, opacity, common.coverage_threshold)
     }
 }

@@ -21,7 +21,7 @@ impl Gauss {
     /// A·e^(−r/2).
     pub fn real<R: Real>(&self, radial: R, amplitude: R) -> R {
         let index = radial.at_least(0.0).fit(&self.radial_index, Scale::ONE);
-        let falloff = index.table(&self.table, self.range(), |r| (-0.5 * r.max(0.0)).exp(), self.table_error());
+        let falloff = index.falloff(&self.table, self.range(), self.table_error());
         (amplitude * falloff.fit(self.table.fit(), Scale::ONE)).fit(&self.weight, Scale::ONE)
     }
 }
