@@ -210,7 +210,7 @@ impl Frame {
     fn draw(&self) -> Result<Outcome> {
         let (scene, machine) = (&self.scene, &self.machine);
         let Some(small) = &self.small else {
-            let _progress = self.announce()?;
+            let _progress = self.announce();
             return run::run(scene, machine, self.load_seconds, &self.options);
         };
         let (outcome, seconds) = timed(|| run::run(small, machine, self.load_seconds, &self.options));
@@ -222,14 +222,11 @@ impl Frame {
     }
 
     /// Says how long a long run will take, and shows how far it is until the result is dropped.
-    fn announce(&self) -> Result<Option<Progress>> {
-        if self.quiet {
-            return Ok(None);
-        }
-        let announced = preview::announcement(&self.scene, &self.machine)?;
-        Ok(announced.map(|(sentence, seconds)| {
+    fn announce(&self) -> Option<Progress> {
+        let announced = if self.quiet { None } else { preview::announcement(&self.scene, &self.machine) };
+        announced.map(|(sentence, seconds)| {
             eprintln!("{sentence}");
             Progress::of_seconds(true, seconds)
-        }))
+        })
     }
 }

@@ -48,7 +48,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let (engines, stamps, tiles) = pass.run(&mut memory, detail);
     let of_engine = engines.iter().map(|engine| texels::lookups([&engine.merge.texels, &engine.lit_texels]));
     let texels = of_engine.fold(texels::lookups([&setup.texels]), |[all, had], [more, more_had]| [all + more, had + more_had]);
-    let light = engines.iter().map(|engine| engine.merge.light).sum();
+    let light = engines.iter().map(|engine| engine.merge.light + engine.resolve.light).sum();
     let mut each: [Vec<Unit>; 7] = Default::default();
     for Engine { list, fill, merge, resolve, lit, .. } in engines {
         let (fragment, shade) = merge.units();

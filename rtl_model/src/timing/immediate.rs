@@ -93,7 +93,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut resolve = Resolve::new(t, Held::new(work), detail, 0);
     resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
     let texels = texels::lookups([&setup.texels, &merge.texels]);
-    let light = merge.light;
+    let light = merge.light + resolve.light;
     let (fragment, shade) = merge.units();
     let (mut units, shade) = setup.units(vec![shade]);
     units.extend([fill.raster, fill.gauss, lookup].into_iter().chain(fragment).chain(shade).chain(resolve.units()));

@@ -103,7 +103,7 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     if !work.mirrors {
         for (at_most, _, name, by) in &mut all {
             match (*name, *by) {
-                (unit::SHADE, Limited::Work) if !work.preshaded => *at_most = waits_for_light(timing, cycles),
+                (unit::SHADE, Limited::Work) if !work.preshaded => *at_most = cycles.light,
                 (_, Limited::Memory) => *at_most = cycles.total.saturating_sub(without_memory(cycles)),
                 _ => {}
             }
@@ -114,12 +114,6 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
 
 fn of<'a>(cycles: &'a Cycles, name: &'a str) -> impl Iterator<Item = &'a UnitCycles> {
     cycles.units.iter().filter(move |unit| unit.name == name)
-}
-
-/// For how long merges and the frame's end wait for shade.
-fn waits_for_light(timing: &Microarchitecture, cycles: &Cycles) -> u64 {
-    let of_pixels = |unit: &UnitCycles| unit.account.busy + unit.items * u64::from(timing.shade.latency);
-    cycles.light + of(cycles, unit::RESOLVE).map(of_pixels).sum::<u64>()
 }
 
 /// What a frame takes at least with ideal memory. Its second pass begins when every entry is written, and sorted. Shade is free whenever one

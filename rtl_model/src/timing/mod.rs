@@ -61,7 +61,7 @@ pub struct Cycles {
     pub texels: [u64; 2],
     /// Stamps of the rasteriser, and those among them that kept a pixel.
     pub stamps: [u64; 2],
-    /// Cycles for which merges waited for light that does not mirror.
+    /// Cycles for which merges, and resolve, waited for light that does not mirror.
     pub light: u64,
     /// Degree of the harmonics that `colour` took.
     pub harmonics: u8,

@@ -628,6 +628,9 @@ pub struct Resolve<'a> {
     held: Rc<Held>,
     /// For how long each unit is held by what it takes.
     cycles: Vec<u64>,
+    /// Cycles for which the only unit waited for light, of pixels that do not mirror: those for which it was held longer than by what it takes
+    /// itself, and until the last light came.
+    pub light: u64,
 }
 
 /// What each pixel holds in the end: fragments, and how many of them are left to shade.
@@ -668,7 +671,7 @@ impl<'a> Resolve<'a> {
             let unit = Unit::new(unit::RESOLVE, Pace { units: 1, ..pace }, [Some(unit::FRAGMENT), blocked_by], detail, timing.lifted);
             unit.behind_others(nth * pace.units + of)
         };
-        Resolve { timing, units: (0..pace.units).map(unit).collect(), held, cycles: vec![0; pace.units as usize] }
+        Resolve { timing, units: (0..pace.units).map(unit).collect(), held, cycles: vec![0; pace.units as usize], light: 0 }
     }
 
     /// Takes these columns and rows of the picture, shading in units; says when the last of their words is there.
@@ -685,10 +688,12 @@ impl<'a> Resolve<'a> {
         let shaders = u64::from(t.shade.units);
         let cycles = &mut self.cycles;
         cycles.fill(0);
-        let mut shades = 0;
+        let (mut shades, mut own) = (0, 0);
         for [fragments, left] in self.held.of(columns.clone(), rows.clone()) {
             let left = u64::from(*left);
-            let held = (left.div_ceil(shaders) * interval).max((*fragments).into()).max(t.resolve.interval.into());
+            let alone = u64::from(*fragments).max(t.resolve.interval.into());
+            let held = (left.div_ceil(shaders) * interval).max(alone);
+            own += alone;
             if let Some(first) = cycles.iter_mut().min() {
                 *first += held;
             }
@@ -717,6 +722,7 @@ impl<'a> Resolve<'a> {
         if shades == 0 {
             return done;
         }
+        self.light += most.saturating_sub(own) + u64::from(t.shade.latency);
         for nth in 0..if texels.is_some() { 0 } else { shaders.min(shades) } {
             let share = (shades - nth).div_ceil(shaders);
             shade.take(Ready { here: now, ..Ready::default() }, share * interval);
