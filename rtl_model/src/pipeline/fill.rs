@@ -243,10 +243,13 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
         for splats in self.part.splats.chunks(Self::AT_A_TIME) {
             // Records lie scattered: those of the time after the next are on their way meanwhile, and so are the next one's splats.
             later = later.get(Self::AT_A_TIME..).unwrap_or_default();
-            let mut after = later.iter();
-            let next = after.by_ref().take(Self::AT_A_TIME);
-            next.for_each(|&entry| AnyLanes::soon(&frame.splats[setup.splat(entry).splat as usize].rgb));
-            after.take(Self::AT_A_TIME).for_each(|&entry| AnyLanes::soon(setup.splat(entry)));
+            let (next, after) = later.split_at(later.len().min(Self::AT_A_TIME));
+            for &entry in next {
+                AnyLanes::soon(&frame.splats[setup.splat(entry).splat as usize].rgb);
+            }
+            for &entry in &after[..after.len().min(Self::AT_A_TIME)] {
+                AnyLanes::soon(setup.splat(entry));
+            }
             self.splats::<AnyLanes>(units, splats, &mut span, &mut outcomes);
         }
         self.resolve(outcomes)
@@ -473,12 +476,13 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         {
             return Vec::new();
         }
-        let slots = |at: u8| (0..self.tile.live(at)).map(move |slot| (at, slot));
         let mut inputs = Vec::with_capacity((0..=u8::MAX).map(|at| self.tile.live(at)).sum());
-        for (at, slot) in (0..=u8::MAX).flat_map(slots) {
-            let slot = self.tile.slot(at, slot);
-            if !slot.shaded {
-                inputs.push(input_of(&slot, [0; 2]));
+        for at in 0..=u8::MAX {
+            for slot in 0..self.tile.live(at) {
+                let slot = self.tile.slot(at, slot);
+                if !slot.shaded {
+                    inputs.push(input_of(&slot, [0; 2]));
+                }
             }
         }
         let mut outputs = Vec::with_capacity(inputs.len().next_multiple_of(LANES));
