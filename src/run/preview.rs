@@ -179,7 +179,7 @@ const LONG: f64 = 10.0;
 /// Splats and pixels from which on a job may be long.
 const MANY: usize = 2_000_000;
 
-/// Sentence to say before a long job, and the seconds that it may take; nothing where it is short. It takes a hundredth of the job: every
+/// Sentence to say before a long job, and the seconds that it may take; nothing where it is short. It takes a fortieth of the job or less: every
 /// splat is set up once, which tells the contributions and how fast this computer is.
 pub fn announcement(scene: &Scene, machine: &Machine) -> Option<(String, f64)> {
     let pixels = scene.image.width * scene.image.height;

@@ -82,9 +82,10 @@ impl Power {
         x.clamp(0.0, 1.0).powf(self.exponent)
     }
 
-    /// y = s·d/x: within d of x, x^s changes by at most itself times e^y − 1. Infinite where s is below 1, of which that is not true.
+    /// y = s·d/x: within d of x, x^s changes by at most itself times e^y − 1. Infinite where s is below 1 or x not above 0, of which that is
+    /// not true.
     pub fn growth(&self, x: f64, distance: f64) -> f64 {
-        if self.exponent >= 1.0 { self.exponent * distance / x } else { f64::INFINITY }
+        if self.exponent >= 1.0 && x > 0.0 { self.exponent * distance / x } else { f64::INFINITY }
     }
 
     /// Greatest distance of the table's word from the function, between two arguments.
