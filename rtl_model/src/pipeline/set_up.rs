@@ -54,11 +54,12 @@ impl Setup {
     /// Brings the splats into the order of their keys, those with equal keys in that of their numbers.
     fn sort<P: Probe>(&mut self, key: &Fit, probe: &mut P) {
         let tap = &mut Tap::new(&mut *probe);
-        let keyed = self.entries().zip(0..).map(|((entry, splat), nth)| (tap.fit_one(key, i64::from(splat.raster.depth)), nth, entry));
+        let keyed =
+            numbered(&self.blocks).zip(0..).map(|((entry, splat), nth)| (tap.fit_one(key, i64::from(splat.raster.depth)), nth, entry));
         let mut order: Vec<(i64, u32, u32)> = keyed.collect();
         if let Some(ranges) = probe.resample(0, 1) {
             let tap = &mut Tap::new(ranges);
-            for (_, splat) in self.entries() {
+            for (_, splat) in numbered(&self.blocks) {
                 tap.fit_one(key, i64::from(splat.raster.depth));
             }
         }
@@ -86,30 +87,19 @@ impl Setup {
         self.emissions.get(entry as usize / BLOCK_SPLATS)?.get(entry as usize % BLOCK_SPLATS).copied()
     }
 
-    /// Every splat in the order in which they are drawn, with what a bin calls it.
-    fn entries(&self) -> impl Iterator<Item = (u32, &SetupRecord)> + Clone {
-        self.numbers().map(|number| (number, self.splat(number)))
-    }
-
     /// Which splats' boxes touch which tile, in the order in which they are drawn.
     pub(super) fn bins(&self, size_px: [u32; 2]) -> Bins {
         if self.order.is_empty() {
-            let blocks = self.boxes.iter().enumerate();
-            let numbered = blocks.flat_map(|(block, sides)| ((block * BLOCK_SPLATS) as u32..).zip(sides.iter().copied()));
-            return Bins::new(size_px, TILE_PX, numbered);
+            return Bins::new(size_px, TILE_PX, numbered(&self.boxes).map(|(number, sides)| (number, *sides)));
         }
         let sides = |number: u32| self.boxes[number as usize / BLOCK_SPLATS][number as usize % BLOCK_SPLATS];
         Bins::new(size_px, TILE_PX, self.order.iter().map(|&number| (number, sides(number))))
     }
+}
 
-    /// What a bin calls the splats, in the order in which they are drawn.
-    fn numbers(&self) -> impl Iterator<Item = u32> + Clone {
-        let numbered = |(block, splats): (usize, &'_ Vec<SetupRecord>)| (block * BLOCK_SPLATS, splats.len());
-        let sorted = self.order.iter().copied();
-        let blocks = if self.order.is_empty() { &self.blocks[..] } else { &[] };
-        let numbers = blocks.iter().enumerate().map(numbered).flat_map(|(first, count)| first..first + count);
-        sorted.chain(numbers.map(|number| number as u32))
-    }
+/// What lies in blocks, each with what a bin calls its splat.
+fn numbered<T>(blocks: &[Vec<T>]) -> impl Iterator<Item = (u32, &T)> + Clone {
+    blocks.iter().enumerate().flat_map(|(block, splats)| ((block * BLOCK_SPLATS) as u32..).zip(splats))
 }
 
 /// Splats that one thread sets up at a time.
