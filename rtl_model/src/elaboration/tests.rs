@@ -142,6 +142,18 @@ impl Words for Word {
         Counted(self.0.look_up(table))
     }
 
+    fn look_up_pairs(self, table: &[[i32; 2]]) -> [Self; 2] {
+        self.0.look_up_pairs(table).map(Counted)
+    }
+
+    fn wrapping_add(self, other: Self) -> Self {
+        Counted(self.0.wrapping_add(other.0))
+    }
+
+    fn wrapping_times(self, other: Self) -> Self {
+        Counted(self.0.wrapping_times(other.0))
+    }
+
     fn signs(self) -> u8 {
         self.0.signs()
     }

@@ -21,8 +21,8 @@ pub struct Table {
     fraction_bits: u32,
     /// At each address the value, and the step to the next one, 0 where nearest.
     words: Vec<[i64; 2]>,
-    /// The same words, of at most 32 bits, and the same steps.
-    short: Box<[Vec<i32>; 2]>,
+    /// The same, in words of at most 32 bits.
+    short: Vec<[i32; 2]>,
 }
 
 impl Table {
@@ -41,7 +41,7 @@ impl Table {
             fit,
             interpolation,
             fraction_bits: Table::fraction_bits(index_bits, argument_bits),
-            short: Box::new([0, 1].map(|part| words.iter().map(|pair| pair[part] as i32).collect())),
+            short: words.iter().map(|pair| pair.map(|word| word as i32)).collect(),
             words,
         }
     }
@@ -74,7 +74,7 @@ impl Table {
     pub fn exact_words<W: Words>(&self, argument: W) -> W::Exact {
         let address = argument.right(self.fraction_bits);
         let fraction = argument - address.left(self.fraction_bits);
-        let [value, delta] = [address.look_up(&self.short[0]), address.look_up(&self.short[1])];
+        let [value, delta] = address.look_up_pairs(&self.short);
         value.exact().left(self.fraction_bits) + delta * fraction
     }
 
@@ -93,7 +93,7 @@ impl Table {
         // What is cut below the word's places comes of the step alone.
         let fraction = argument & W::splat((1 << self.fraction_bits) - 1);
         let address = argument.right(self.fraction_bits);
-        let [value, step] = [address.look_up(&self.short[0]), address.look_up(&self.short[1])];
+        let [value, step] = address.look_up_pairs(&self.short);
         value + (step.times(fraction) + W::splat(self.fit.half())).right(self.fraction_bits)
     }
 

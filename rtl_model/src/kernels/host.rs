@@ -532,6 +532,22 @@ pub mod avx2 {
             word!(_mm256_i32gather_epi32::<4>(table.as_ptr(), _mm256_and_si256(self.0, _mm256_set1_epi32(low))))
         }
         #[inline(always)]
+        fn look_up_pairs(self, table: &[[i32; 2]]) -> [Self; 2] {
+            assert!(table.len().is_power_of_two(), "a table has 2^n pairs");
+            let low = Self::splat(table.len() as i64 - 1) & self;
+            let words = table.as_flattened().as_ptr();
+            // SAFETY: as `word`; the address is cut to the table's length, a power of two.
+            two!(i => word!(_mm256_i32gather_epi32::<8>(words.add(i), low.0)))
+        }
+        #[inline(always)]
+        fn wrapping_add(self, other: Self) -> Self {
+            self + other
+        }
+        #[inline(always)]
+        fn wrapping_times(self, other: Self) -> Self {
+            self.times(other)
+        }
+        #[inline(always)]
         fn signs(self) -> u8 {
             // SAFETY: as `word`.
             unsafe { _mm256_movemask_ps(_mm256_castsi256_ps(self.0)) as u8 }

@@ -7,7 +7,7 @@
 //! Law: `vector_words_equal_plain_words`.
 
 use super::LANES;
-use super::lanes::Plain;
+use super::lanes::{Plain, two};
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
@@ -53,8 +53,14 @@ pub trait Words:
     fn abs(self) -> Self;
     /// The product of each lane where it is a word of 32 bits.
     fn times(self, other: Self) -> Self;
+    /// The sum modulo 2^32.
+    fn wrapping_add(self, other: Self) -> Self;
+    /// The product modulo 2^32.
+    fn wrapping_times(self, other: Self) -> Self;
     /// The entries of a table of 2^n words at each lane's low n bits.
     fn look_up(self, table: &[i32]) -> Self;
+    /// The entries of a table of 2^n pairs of words at each lane's low n bits.
+    fn look_up_pairs(self, table: &[[i32; 2]]) -> [Self; 2];
     /// The signs of the lanes, bit by bit, the first lane in the last place: a condition as bits.
     fn signs(self) -> u8;
     /// Each lane's word from the lane whose number it has there, 0 to 7.
@@ -197,6 +203,18 @@ impl Words for PlainWords {
     #[inline]
     fn look_up(self, table: &[i32]) -> Self {
         self.zip(self, |v, _| table[v as usize & (table.len() - 1)])
+    }
+    #[inline]
+    fn look_up_pairs(self, table: &[[i32; 2]]) -> [Self; 2] {
+        two!(i => self.zip(self, |v, _| table[v as usize & (table.len() - 1)][i]))
+    }
+    #[inline]
+    fn wrapping_add(self, other: Self) -> Self {
+        self.zip(other, i32::wrapping_add)
+    }
+    #[inline]
+    fn wrapping_times(self, other: Self) -> Self {
+        self.zip(other, i32::wrapping_mul)
     }
     #[inline]
     fn signs(self) -> u8 {

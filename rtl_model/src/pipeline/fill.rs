@@ -235,22 +235,25 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
         self.tile.clear();
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
+        let mut rows = raster::short::ShortRows::default();
         // Copies that nobody else can see, so that the host need not load their constants again and again.
         let Elaborated { raster, gauss, .. } = self.shared.machine;
         let units = &Units { raster: raster.clone(), gauss: gauss.clone(), here: (self.shared, self.part) };
         let Shared { setup, frame, .. } = self.shared;
-        let mut later = self.part.splats;
-        for splats in self.part.splats.chunks(Self::AT_A_TIME) {
+        let entries = self.part.splats;
+        let records: Vec<&SetupRecord> = entries.iter().map(|&entry| setup.splat(entry)).collect();
+        let mut later = &records[..];
+        for (splats, records) in entries.chunks(Self::AT_A_TIME).zip(records.chunks(Self::AT_A_TIME)) {
             // Records lie scattered: those of the time after the next are on their way meanwhile, and so are the next one's splats.
             later = later.get(Self::AT_A_TIME..).unwrap_or_default();
             let (next, after) = later.split_at(later.len().min(Self::AT_A_TIME));
-            for &entry in next {
-                AnyLanes::soon(&frame.splats[setup.splat(entry).splat as usize].rgb);
+            for record in next {
+                AnyLanes::soon(&frame.splats[record.splat as usize].rgb);
             }
-            for &entry in &after[..after.len().min(Self::AT_A_TIME)] {
-                AnyLanes::soon(setup.splat(entry));
+            for &record in &after[..after.len().min(Self::AT_A_TIME)] {
+                AnyLanes::soon(record);
             }
-            self.splats::<AnyLanes>(units, splats, &mut span, &mut outcomes);
+            self.splats::<AnyLanes>(units, splats, records, (&mut span, &mut rows), &mut outcomes);
         }
         self.resolve(outcomes)
     }
@@ -262,31 +265,58 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
 
     /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
     #[inline(always)]
-    fn splats<V: Lanes>(&mut self, units: &Units, splats: &[u32], span: &mut raster::Span, outcomes: &mut Outcomes) {
+    fn splats<V: Lanes>(
+        &mut self,
+        units: &Units,
+        splats: &[u32],
+        records: &[&SetupRecord],
+        (span, rows): (&mut raster::Span, &mut raster::short::ShortRows),
+        outcomes: &mut Outcomes,
+    ) {
         let Shared { frame, setup, .. } = self.shared;
         let raster = &units.raster;
         let size_px = [frame.width, frame.height];
         let cutoff = raster.cutoff(frame.view.cutoff);
         // Beyond the last splat, the last again: a lane that nobody looks at.
-        let record: [&SetupRecord; LANES] = std::array::from_fn(|lane| setup.splat(splats[lane.min(splats.len() - 1)]));
+        let record: [&SetupRecord; LANES] = std::array::from_fn(|lane| records[lane.min(records.len() - 1)]);
         let inputs = record.map(|splat| &splat.raster);
         let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
-        let walks = raster.enter::<V, P>(size_px, self.part.corner, &inputs, tap);
         let is_short = SIMPLE_FITS && !P::WORDS && !P::DECISIONS && self.shared.is_short;
-        let short = if is_short { raster.short_depths::<V>(&walks) } else { 0 };
+        let short_walks = is_short.then(|| raster.enter_short::<V, P>(size_px, self.part.corner, &inputs, cutoff, tap));
+        let mut wide_walks = None;
         for lane in 0..splats.len().min(LANES) {
             let drawn = &Drawn::new(setup, frame, record[lane], splats[lane]);
             let tap = &mut Tap::new(&mut *self.probe);
             // Asked before the bits, so that it is not compiled where it is never so.
-            if is_short && short & 1 << lane != 0 && raster.short_span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap) {
-                let mut first = 0;
-                while first < span.fragments() {
-                    self.contribute_short::<V>(units, drawn, (&walks, lane), span, first, outcomes);
-                    first += LANES;
+            if is_short
+                && let Some((walks, held)) = &short_walks
+                && held & 1 << lane != 0
+                && raster.short_rows::<V, P>(size_px, walks, lane, inputs[lane], cutoff, rows, tap)
+            {
+                for shape in raster::short::Shape::of(walks.columns(lane)) {
+                    let mut blocks = raster.blocks::<V::Words>(walks, lane, rows, shape);
+                    loop {
+                        let inside = blocks.inside();
+                        if inside != 0 {
+                            let fragments = raster.short_fragments(walks, lane, &blocks, cutoff);
+                            self.contribute_short::<V>(units, drawn, fragments, inside, blocks.pixels(), outcomes);
+                        }
+                        if !blocks.go_on() {
+                            break;
+                        }
+                    }
                 }
                 continue;
             }
-            raster.span::<V, P>(size_px, &walks, lane, inputs[lane], cutoff, span, tap);
+            let walks = match &mut wide_walks {
+                Some(walks) => walks,
+                none => {
+                    let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
+                    none.insert(raster.enter::<V, P>(size_px, self.part.corner, &inputs, tap))
+                }
+            };
+            let tap = &mut Tap::new(&mut *self.probe);
+            raster.span::<V, P>(size_px, walks, lane, inputs[lane], cutoff, span, tap);
             if P::WORK {
                 let (rows, left) = walks.part(lane);
                 tap.probe.span(rows, left, span.all());
@@ -296,7 +326,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             }
             let mut first = 0;
             while first < span.fragments() {
-                self.contribute::<V>(units, drawn, (&walks, lane), span, first, outcomes);
+                self.contribute::<V>(units, drawn, (walks, lane), span, first, outcomes);
                 first += Self::AT_A_TIME;
             }
         }
@@ -308,20 +338,16 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         &mut self,
         units: &Units,
         drawn: &Drawn,
-        (walks, lane): (&raster::Walks, usize),
-        span: &raster::Span,
-        first: usize,
+        [radial, depth]: [V::Words; 2],
+        inside: u8,
+        pixels: [u8; LANES],
         outcomes: &mut Outcomes,
     ) {
         let Shared { machine, registers, sheets, .. } = self.shared;
-        let record = drawn.record;
-        let count = (span.fragments() - first).min(LANES);
-        let [radial, depth] = units.raster.short_fragments::<V::Words>(walks, lane, span, first);
-        let weight = units.gauss.words(radial, record.amplitude);
-        let pixels = walks.pixels(lane, span.places(first));
+        let weight = units.gauss.words(radial, drawn.record.amplitude);
         let least = sheets.map_or(1, |registers| registers.sheets.least_weight.max(1));
-        let tap = &mut Tap::new(&mut *self.probe).first(count);
-        let mut left = weight.above(V::Words::splat(least - 1)).signs() & tap.live;
+        let tap = &mut Tap::new(&mut *self.probe);
+        let mut left = u32::from(weight.above(V::Words::splat(least - 1)).signs() & inside);
         let (weight, depth) = (weight.to_array(), machine.fragment.depth_words(depth).to_array());
         // Small enough to be handed on in registers.
         let here = &units.here;

@@ -24,7 +24,7 @@ use crate::elaboration::{Elaboration, Operator};
 use crate::machine::timing::Organisation;
 use crate::machine::{Machine, Rows};
 use crate::num::register::Held;
-use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, Words, three, two};
+use crate::num::{Exact, Fit, Format, LANES, Lanes, MAX_WIDTH_BITS, Register, Word, three, two};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
 
@@ -113,7 +113,29 @@ struct Splats<L> {
     conic: [L; 3],
     depth: L,
     depth_slope: [L; 2],
+    /// Of their boxes.
     first_column: L,
+    first_row: L,
+}
+
+/// Where eight boxes meet a square.
+#[derive(Clone, Copy, Debug)]
+struct Parts<L> {
+    /// Columns and rows of each box before its part in the square.
+    on: [L; 2],
+    /// Columns and rows of the part.
+    size: [L; 2],
+    /// Its first pixel in the square: 16 · row + column.
+    first_pixel: L,
+}
+
+/// Registers of eight splats at the first pixels of such parts, with what rows add to them.
+#[derive(Clone, Copy, Debug)]
+struct Entered<L> {
+    seed: Seed<L>,
+    by_row: L,
+    by_row_twice: L,
+    by_both: L,
 }
 
 /// One word of each of eight splats.
@@ -137,16 +159,11 @@ pub struct Span {
     radial: [[[Held; LANES]; 2]; SIDE_PX],
     /// z of each row's first pixel, unclamped, as its register holds it (`raster.depth`), where rows are seeded afresh.
     depth: [Held; SIDE_PX],
-    /// Where words of 32 bits hold them: r of each fragment, at least 0, and z of its row's first pixel.
-    short_radial: [i32; SPAN_FRAGMENTS + LANES],
-    short_depth: [i32; SPAN_FRAGMENTS + LANES],
 }
 
 impl Default for Span {
     fn default() -> Self {
-        const ROOM: usize = SPAN_FRAGMENTS + LANES;
-        let (radial, depth) = ([[[0; LANES]; 2]; SIDE_PX], [0; SIDE_PX]);
-        Span { fragments: 0, place: [0; ROOM], radial, depth, short_radial: [0; ROOM], short_depth: [0; ROOM] }
+        Span { fragments: 0, place: [0; SPAN_FRAGMENTS + LANES], radial: [[[0; LANES]; 2]; SIDE_PX], depth: [0; SIDE_PX] }
     }
 }
 
@@ -169,34 +186,15 @@ impl Span {
         self.place[first..first + LANES].try_into().unwrap_or_default()
     }
 
-    /// Keeps those of eight pixels of a row that lie in the part, of which it has `columns`, and below the cutoff. `SHORT`: words of 32 bits
-    /// hold each r, and the depth of the row, if it has its own.
+    /// Keeps those of eight pixels of a row that lie in the part, of which it has `columns`, and below the cutoff.
     #[inline(always)]
-    fn keep<const SHORT: bool, L: Lanes>(
-        &mut self,
-        [row, eight]: [usize; 2],
-        radial: L,
-        cutoff: L,
-        columns: u8,
-        register: Register,
-        depth: Option<i32>,
-    ) {
+    fn keep<L: Lanes>(&mut self, [row, eight]: [usize; 2], radial: L, cutoff: L, columns: u8) {
         let inside = cutoff.above(radial).signs() & columns;
-        let lanes = PLACES[usize::from(inside)];
-        let places = lanes + EACH * (SIDE_PX * row + LANES * eight) as u64;
+        let places = PLACES[usize::from(inside)] + EACH * (SIDE_PX * row + LANES * eight) as u64;
         // No more fragments than pixels: eight always have room.
         let kept = self.fragments % SPAN_FRAGMENTS;
         self.place[kept..kept + LANES].copy_from_slice(&places.to_le_bytes());
-        if SHORT {
-            let radial = register.read_unsigned(radial.max(L::splat(0))).low();
-            let kept_radial = radial.pick(L::Words::from_bytes(lanes.to_le_bytes()));
-            self.short_radial[kept..kept + LANES].copy_from_slice(&kept_radial.to_array());
-            if let Some(depth) = depth {
-                self.short_depth[kept..kept + LANES].fill(depth);
-            }
-        } else {
-            self.radial[row][eight] = radial.to_array();
-        }
+        self.radial[row][eight] = radial.to_array();
         self.fragments += inside.count_ones() as usize;
     }
 }
@@ -495,30 +493,36 @@ impl Raster {
     #[inline(always)]
     pub fn enter<L: Lanes, P: Probe>(&self, size_px: [u32; 2], square: [u16; 2], inputs: &[&Input; LANES], tap: &mut Tap<P>) -> Walks {
         let splats = Splats::<L>::of(inputs);
-        let [x, y] = two!(axis => L::splat(square[axis].into()));
-        let last = L::splat(SIDE_PX as i64 - 1);
-        let top: L = word!(inputs.rows[0]);
-        let from = [splats.first_column.max(x), top.max(y)];
-        let to = [word!(inputs.columns[1]).min(x + last), word!(inputs.rows[1]).min(y + last)];
-        let size = two!(axis => to[axis] - from[axis] + L::splat(1));
-        let on = [from[0] - splats.first_column, from[1] - top];
-        let (depth, range) = (splats.depth.left(self.places.clamp[1]), word!(inputs.depth_range).left(self.places.clamp[2]));
+        let parts = Parts::<L>::of(square, inputs, &splats);
+        let [nearest, deepest] = self.clamps(inputs, &splats);
         let mut walks = Walks {
-            top: from[1].to_array(),
-            columns: size[0].to_array(),
-            rows: size[1].to_array(),
-            columns_on: on[0].to_array(),
-            first_pixel: ((from[1] - y).left(SIDE_PX.ilog2()) + from[0] - x).to_array(),
+            top: (splats.first_row + parts.on[1]).to_array(),
+            columns: parts.size[0].to_array(),
+            rows: parts.size[1].to_array(),
+            columns_on: parts.on[0].to_array(),
+            first_pixel: parts.first_pixel.to_array(),
             by_column_twice: self.second(splats.conic[0], tap).to_array(),
             depth_slope: two!(axis => splats.depth_slope[axis].to_array()),
-            nearest: (depth - range).to_array(),
-            deepest: (depth + range).to_array(),
+            nearest: nearest.to_array(),
+            deepest: deepest.to_array(),
             ..Walks::default()
         };
         if self.rows == Rows::Differenced {
-            self.enter_boxes(size_px, &splats, top, on, &mut walks, tap);
+            let Entered { seed, by_row, by_row_twice, by_both } =
+                self.enter_boxes(size_px, &splats, L::from_array(walks.by_column_twice), parts.on, tap);
+            walks.seed = seed.to_array();
+            walks.by_row = by_row.to_array();
+            walks.by_row_twice = by_row_twice.to_array();
+            walks.by_both = by_both.to_array();
         }
         walks
+    }
+
+    /// The depth clamps of eight splats (shape: [`Raster::depth_exact`]).
+    #[inline(always)]
+    fn clamps<L: Lanes>(&self, inputs: &[&Input; LANES], splats: &Splats<L>) -> [L; 2] {
+        let (depth, range) = (splats.depth.left(self.places.clamp[1]), word!(inputs.depth_range).left(self.places.clamp[2]));
+        [depth - range, depth + range]
     }
 
     /// Seeds the boxes' first pixels and goes on from there, in closed form.
@@ -527,12 +531,11 @@ impl Raster {
         &self,
         size_px: [u32; 2],
         splats: &Splats<L>,
-        top: L,
+        by_column_twice: L,
         [columns_on, rows_on]: [L; 2],
-        walks: &mut Walks,
         tap: &mut Tap<P>,
-    ) {
-        let at = self.offsets(size_px, splats, top, tap);
+    ) -> Entered<L> {
+        let at = self.offsets(size_px, splats, splats.first_row, tap);
         let seed = self.seed(splats, at, tap);
         let [_, xy, yy] = splats.conic;
         let by_row = (yy * at[1] + xy * at[0]).left(1) + yy.left(self.places.offset);
@@ -544,79 +547,17 @@ impl Raster {
             by_column: seed.by_column.wrapping_add(by_both.times(rows_on)),
             depth: seed.depth.wrapping_add(depth_by[1].times(rows_on)),
         };
-        let by_row = by_row.wrapping_add(by_row_twice.times(rows_on)).wrapping_add(by_both.times(columns_on));
-        walks.seed = below.skip(L::from_array(walks.by_column_twice), depth_by[0], columns_on).to_array();
-        walks.by_row = by_row.to_array();
-        walks.by_row_twice = by_row_twice.to_array();
-        walks.by_both = by_both.to_array();
+        Entered {
+            seed: below.skip(by_column_twice, depth_by[0], columns_on),
+            by_row: by_row.wrapping_add(by_row_twice.times(rows_on)).wrapping_add(by_both.times(columns_on)),
+            by_row_twice,
+            by_both,
+        }
     }
 
     #[inline(always)]
     fn second<L: Lanes, P: Probe>(&self, conic: L, tap: &mut Tap<P>) -> L {
         self.radial_register.load_lanes(tap.fit(&self.second, conic.left(1)), self.places.second)
-    }
-
-    /// Whether words of 31 bits hold what lies below a cutoff, and every depth that leaves a clamp.
-    pub fn is_short(&self, cutoff: Held) -> bool {
-        self.radial_register.read(cutoff) <= 1 << 30 && self.short_depth > 0
-    }
-
-    /// Which splats' depths words of 32 bits hold wherever they go, bit by bit, the first in the last place.
-    #[inline(always)]
-    pub fn short_depths<L: Lanes>(&self, walks: &Walks) -> u8 {
-        let slopes = two!(axis => magnitude(L::from_array(walks.depth_slope[axis])));
-        match self.rows {
-            Rows::Differenced => self.are_short(L::from_array(walks.seed.depth), slopes[0] + slopes[1]).signs(),
-            // Each row's is seen to when it is seeded.
-            Rows::Seeded => u8::MAX,
-        }
-    }
-
-    /// Whether z, from what a register holds, stays short in a square with this sum of slopes.
-    #[inline(always)]
-    fn are_short<L: Lanes>(&self, held: L, slopes: L) -> L {
-        // Elaboration has seen to it that 64 bits hold this: words of at most 48 bits, and two of 32 moved up by less than 20.
-        let farthest = slopes.left(SIDE_PX.ilog2() + self.places.depth_slope) + magnitude(self.depth_register.read_lanes(held));
-        L::splat(self.short_depth).above(farthest)
-    }
-
-    /// [`Raster::span`] in words of 32 bits, where [`Raster::is_short`] and [`Raster::short_depths`] say so; false where a row turns out not
-    /// to have room.
-    #[inline(always)]
-    #[must_use]
-    #[expect(clippy::too_many_arguments, reason = "as `span`")]
-    pub fn short_span<L: Lanes, P: Probe>(
-        &self,
-        size_px: [u32; 2],
-        walks: &Walks,
-        lane: usize,
-        input: &Input,
-        cutoff: Held,
-        span: &mut Span,
-        tap: &mut Tap<P>,
-    ) -> bool {
-        span.fragments = 0;
-        match self.rows {
-            Rows::Differenced => {
-                self.walk_down::<true, L, P>(walks, lane, cutoff, span, tap);
-                true
-            }
-            Rows::Seeded => self.row_by_row::<true, L, P>(size_px, walks, lane, input, cutoff, span, tap),
-        }
-    }
-
-    /// [`Raster::fragments`] of a [`Raster::short_span`].
-    #[inline(always)]
-    pub fn short_fragments<W: Words>(&self, walks: &Walks, lane: usize, span: &Span, first: usize) -> [W; 2] {
-        let place = W::from_bytes(span.places(first));
-        let [column, row] = [place & W::splat(SIDE_PX as i64 - 1), place.right(SIDE_PX.ilog2())];
-        let [by_column, by_row] = two!(axis => W::splat(walks.depth_slope[axis][lane]));
-        let (start, lean) = match self.rows {
-            Rows::Differenced => (W::splat(self.depth_register.read(walks.seed.depth[lane])), column.times(by_column) + row.times(by_row)),
-            Rows::Seeded => (eight(&span.short_depth, first), column.times(by_column)),
-        };
-        let depth = (start + lean.left(self.places.depth_slope)).left(self.places.clamp[0]);
-        [eight(&span.short_radial, first), depth.max(W::splat(walks.nearest[lane])).min(W::splat(walks.deepest[lane]))]
     }
 
     /// Makes the fragments of one of the splats.
@@ -634,14 +575,14 @@ impl Raster {
     ) {
         span.fragments = 0;
         match self.rows {
-            Rows::Differenced => self.walk_down::<false, L, P>(walks, lane, cutoff, span, tap),
-            Rows::Seeded => _ = self.row_by_row::<false, L, P>(size_px, walks, lane, input, cutoff, span, tap),
+            Rows::Differenced => self.walk_down::<L, P>(walks, lane, cutoff, span, tap),
+            Rows::Seeded => self.row_by_row::<L, P>(size_px, walks, lane, input, cutoff, span, tap),
         }
     }
 
     /// Every column steps from row to row.
     #[inline(always)]
-    fn walk_down<const SHORT: bool, L: Lanes, P: Probe>(&self, w: &Walks, lane: usize, cutoff: Held, span: &mut Span, tap: &mut Tap<P>) {
+    fn walk_down<L: Lanes, P: Probe>(&self, w: &Walks, lane: usize, cutoff: Held, span: &mut Span, tap: &mut Tap<P>) {
         let [columns, rows] = w.size(lane);
         if P::WORDS {
             self.watch_rows(w, lane, tap);
@@ -652,7 +593,7 @@ impl Raster {
             let mut by_row: L = side_by_side(w.by_row[lane], w.by_both[lane], 0, eight);
             let inside = first_bits(columns - eight * LANES);
             for row in 0..rows {
-                span.keep::<SHORT, L>([row, eight], radial, L::splat(cutoff), inside, self.radial_register, None);
+                span.keep([row, eight], radial, L::splat(cutoff), inside);
                 radial = radial.wrapping_add(by_row);
                 by_row = by_row.wrapping_add(by_row_twice);
             }
@@ -662,7 +603,7 @@ impl Raster {
     /// Every row is seeded afresh, eight rows at a time.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "as `span`")]
-    fn row_by_row<const SHORT: bool, L: Lanes, P: Probe>(
+    fn row_by_row<L: Lanes, P: Probe>(
         &self,
         size_px: [u32; 2],
         walks: &Walks,
@@ -671,7 +612,7 @@ impl Raster {
         cutoff: Held,
         span: &mut Span,
         tap: &mut Tap<P>,
-    ) -> bool {
+    ) {
         let [columns, rows] = walks.size(lane);
         let by_column_twice = walks.by_column_twice[lane];
         let splat = Splats::<L>::all(input);
@@ -683,9 +624,6 @@ impl Raster {
             let y = L::splat(walks.top[lane] + first as i64) + L::from_array(COLUMNS[0]);
             let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
             let seed = seed.skip(L::splat(by_column_twice), depth_by_column, L::splat(walks.columns_on[lane]));
-            if SHORT && !self.are_short(seed.depth, magnitude(splat.depth_slope[0])).signs() & first_bits(rows - first) != 0 {
-                return false;
-            }
             let seed = seed.to_array();
             for row in first..rows.min(first + LANES) {
                 let [radial, by_column] = [seed.radial[row % LANES], seed.by_column[row % LANES]];
@@ -693,17 +631,14 @@ impl Raster {
                     let seed = Seed { radial, by_column, depth: seed.depth[row % LANES] };
                     self.watch_row(&seed, by_column_twice, walks.depth_slope[0][lane], columns, tap);
                 }
-                let depth = seed.depth[row % LANES];
-                span.depth[row] = depth;
-                let depth = Some(self.depth_register.read(depth) as i32);
+                span.depth[row] = seed.depth[row % LANES];
                 for eight in 0..eights(columns) {
                     let radial = side_by_side(radial, by_column, by_column_twice, eight);
                     let inside = first_bits(columns - eight * LANES);
-                    span.keep::<SHORT, L>([row, eight], radial, L::splat(cutoff), inside, self.radial_register, depth);
+                    span.keep([row, eight], radial, L::splat(cutoff), inside);
                 }
             }
         }
-        true
     }
 
     /// Shows the probe how far the registers go in the part of a box, and where they wrap.
@@ -843,8 +778,8 @@ impl<L: Lanes> Splats<L> {
             words[lane] = [x, y, xx, xy, yy, depth, by_x, by_y];
         }
         let [x, y, xx, xy, yy, depth, by_x, by_y] = L::transposed(&words);
-        let first_column = word!(inputs.columns[0]);
-        Splats { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], first_column }
+        let (first_column, first_row) = (word!(inputs.columns[0]), word!(inputs.rows[0]));
+        Splats { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], first_column, first_row }
     }
 
     /// The same splat eight times.
@@ -856,6 +791,23 @@ impl<L: Lanes> Splats<L> {
             depth: L::splat(splat.depth.into()),
             depth_slope: two!(i => L::splat(splat.depth_slope[i].into())),
             first_column: L::splat(splat.columns[0].into()),
+            first_row: L::splat(splat.rows[0].into()),
+        }
+    }
+}
+
+impl<L: Lanes> Parts<L> {
+    /// Where boxes meet the square with this first pixel, which they touch.
+    #[inline(always)]
+    fn of(square: [u16; 2], inputs: &[&Input; LANES], splats: &Splats<L>) -> Self {
+        let [x, y] = two!(axis => L::splat(square[axis].into()));
+        let last = L::splat(SIDE_PX as i64 - 1);
+        let from = [splats.first_column.max(x), splats.first_row.max(y)];
+        let to = [word!(inputs.columns[1]).min(x + last), word!(inputs.rows[1]).min(y + last)];
+        Parts {
+            on: [from[0] - splats.first_column, from[1] - splats.first_row],
+            size: two!(axis => to[axis] - from[axis] + L::splat(1)),
+            first_pixel: (from[1] - y).left(SIDE_PX.ilog2()) + from[0] - x,
         }
     }
 }
@@ -897,13 +849,6 @@ fn magnitude<L: Lanes>(words: L) -> L {
     words.max(-words)
 }
 
-/// Eight words, from one of a span's fragments on.
-#[inline(always)]
-fn eight<W: Words>(words: &[i32; SPAN_FRAGMENTS + LANES], first: usize) -> W {
-    let first = first % SPAN_FRAGMENTS;
-    W::from_array(words[first..first + LANES].try_into().unwrap_or_default())
-}
-
 /// The least and the greatest of four.
 #[inline(always)]
 fn extremes([a, b, c, d]: [i64; 4]) -> [i64; 2] {
@@ -923,6 +868,7 @@ fn first_bits(count: usize) -> u8 {
 }
 
 pub mod real;
+pub mod short;
 
 #[cfg(test)]
 mod tests;

@@ -43,6 +43,10 @@ impl Everything<'_> {
             W::splat(i64::from(a.signs())),
             a.pick(b & W::splat(7)),
             a.right(16).times(b.right(16)),
+            a.wrapping_add(b),
+            a.wrapping_times(b),
+            a.look_up_pairs(self.table.as_chunks().0)[0],
+            a.look_up_pairs(self.table.as_chunks().0)[1],
             W::from_bytes(std::array::from_fn(|byte| self.words[byte % 3][byte] as u8)),
         ];
         let rows = [a, b, c, half_a, half_b, -half_a, -half_b, a & c];

@@ -1,0 +1,371 @@
+//! Short: raster in words of 32 bits, eight pixels at a time, for whoever wants fragments and nothing else. Nothing here is hardware: it is
+//! how the simulator draws fast.
+//!
+//! A pixel is inside where r less the cutoff is below 0. Modulo 2^32 that is right wherever it is known beforehand that r stays within
+//! 2^31 of the cutoff, and its register does not wrap, all over a part of a box. Along a row, or a column, r is convex there: it is
+//! nowhere above the greatest of the part's corners, and nowhere farther below the least of them than an eighth of its second differences
+//! times the squares of the sides.
+//!
+//! Law: `words_of_32_bits_walk_as_wide_ones_do`.
+
+use super::{EACH, Entered, Input, Parts, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
+use crate::num::register::Held;
+use crate::num::{LANES, Lanes, Words, two};
+use crate::probe::{Probe, Tap};
+
+/// Eight splats where their boxes enter a square of 16 × 16 pixels, in words of 32 bits.
+#[derive(Clone, Copy, Debug)]
+pub struct ShortWalks {
+    /// The parts of the boxes that lie in the square.
+    columns: [i32; LANES],
+    rows: [i32; LANES],
+    /// The part's first pixel in the square: 16 · row + column.
+    first_pixel: [i32; LANES],
+    /// Columns and rows of the box before the part.
+    on: [[i32; LANES]; 2],
+    /// r less the cutoff at the first pixel, with its differences.
+    beyond: [i32; LANES],
+    by_column: [i32; LANES],
+    by_column_twice: [i32; LANES],
+    by_row: [i32; LANES],
+    by_row_twice: [i32; LANES],
+    by_both: [i32; LANES],
+    /// z there, unclamped, with its differences, in the places of its register.
+    depth: [i32; LANES],
+    depth_by: [[i32; LANES]; 2],
+    /// The depth clamp (shape: [`Raster::depth_exact`]).
+    nearest: [i32; LANES],
+    deepest: [i32; LANES],
+}
+
+/// Rows that are seeded afresh: r less the cutoff, its difference by column, and z at each row's first pixel.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ShortRows {
+    beyond: [[i32; LANES]; 2],
+    by_column: [[i32; LANES]; 2],
+    depth: [[i32; LANES]; 2],
+}
+
+/// How eight pixels lie that are looked at together.
+#[derive(Debug)]
+pub struct Shape {
+    rows: usize,
+    column: [i32; LANES],
+    /// n(n−1)/2 for each column n.
+    pairs: [i32; LANES],
+    /// −1 in the second row.
+    second: [i32; LANES],
+    /// Steps to the next rows: how often by_row goes into that, and how often by_row_twice.
+    by_row: [i32; LANES],
+    by_row_twice: [i32; LANES],
+    /// Where each pixel lies: 16 · row + column.
+    places: u64,
+}
+
+impl Shape {
+    const fn new(rows: usize, first_column: usize) -> Self {
+        let (mut shape, mut lane) = (
+            Shape {
+                rows,
+                column: [0; LANES],
+                pairs: [0; LANES],
+                second: [0; LANES],
+                by_row: [rows as i32; LANES],
+                by_row_twice: [0; LANES],
+                places: 0,
+            },
+            0,
+        );
+        while lane < LANES {
+            let (row, column) = (lane * rows / LANES, first_column + lane % (LANES / rows));
+            shape.column[lane] = column as i32;
+            shape.pairs[lane] = (column * column.saturating_sub(1) / 2) as i32;
+            shape.second[lane] = -(row as i32);
+            // From row j to j + 2: by_row twice, and by_row_twice once, and twice more where by_row has it once already.
+            shape.by_row_twice[lane] = (rows as i32 - 1) * (1 + 2 * row as i32);
+            shape.places |= ((SIDE_PX * row + column) as u64) << (8 * lane);
+            lane += 1;
+        }
+        shape
+    }
+
+    /// Shapes that a part of so many columns is looked at in.
+    #[inline(always)]
+    pub fn of(columns: usize) -> &'static [Shape] {
+        static SHAPES: [Shape; 3] = [Shape::new(2, 0), Shape::new(1, 0), Shape::new(1, LANES)];
+        match columns {
+            0..=4 => &SHAPES[..1],
+            5..=8 => &SHAPES[1..2],
+            _ => &SHAPES[1..],
+        }
+    }
+
+    /// Which of its pixels lie within so many columns, bit by bit.
+    #[inline(always)]
+    fn within(&self, columns: usize) -> u8 {
+        let row = first_bits(columns.saturating_sub(self.column[0] as usize));
+        if self.rows == 2 { row & 0xf | row << 4 } else { row }
+    }
+}
+
+/// A part of a box, eight pixels at a time, from its first rows on.
+#[derive(Clone, Copy, Debug)]
+pub struct Blocks<'a, W> {
+    shape: &'static Shape,
+    /// Of rows that are seeded afresh.
+    seeds: Option<&'a ShortRows>,
+    row: usize,
+    rows: usize,
+    /// Which pixels lie in the part's columns.
+    within: u8,
+    places: u64,
+    beyond: W,
+    by_rows: W,
+    by_rows_twice: W,
+    /// What a row's second differences add up to by column.
+    bend: W,
+    depth: W,
+    depth_by_rows: W,
+    depth_by_column: W,
+}
+
+impl<W: Words> Blocks<'_, W> {
+    /// Which of the eight pixels make a fragment, bit by bit.
+    #[inline(always)]
+    pub fn inside(&self) -> u8 {
+        let inside = self.beyond.signs() & self.within;
+        if self.row + self.shape.rows > self.rows { inside & 0xf } else { inside }
+    }
+
+    /// Where the pixels lie in the square: 16 · row + column.
+    #[inline(always)]
+    pub fn pixels(&self) -> [u8; LANES] {
+        self.places.to_le_bytes()
+    }
+
+    /// Goes on to the next rows; says whether there are any.
+    #[inline(always)]
+    pub fn go_on(&mut self) -> bool {
+        self.row += self.shape.rows;
+        if self.row >= self.rows {
+            return false;
+        }
+        // No pixel that is looked at is beyond 255: a byte never carries into the next.
+        self.places = self.places.wrapping_add(EACH * (SIDE_PX * self.shape.rows) as u64);
+        if self.seeds.is_some() {
+            self.seed();
+        } else {
+            self.beyond = self.beyond.wrapping_add(self.by_rows);
+            self.by_rows = self.by_rows.wrapping_add(self.by_rows_twice);
+            self.depth = self.depth.wrapping_add(self.depth_by_rows);
+        }
+        true
+    }
+
+    /// Rows as they are seeded.
+    #[inline(always)]
+    fn seed(&mut self) {
+        let Some(seeds) = self.seeds else { return };
+        let eight = self.row / LANES % 2;
+        let rows = W::splat(self.row as i64) - W::from_array(self.shape.second);
+        let by_column = W::from_array(seeds.by_column[eight]).pick(rows);
+        let along = by_column.wrapping_times(W::from_array(self.shape.column)).wrapping_add(self.bend);
+        self.beyond = W::from_array(seeds.beyond[eight]).pick(rows).wrapping_add(along);
+        self.depth = W::from_array(seeds.depth[eight]).pick(rows).wrapping_add(self.depth_by_column);
+    }
+}
+
+impl ShortWalks {
+    /// Columns of a splat's part.
+    #[inline(always)]
+    pub fn columns(&self, lane: usize) -> usize {
+        self.columns[lane] as usize
+    }
+}
+
+impl Raster {
+    /// Whether words of 31 bits hold what lies below a cutoff, and every depth that leaves a clamp.
+    pub fn is_short(&self, cutoff: Held) -> bool {
+        self.radial_register.read(cutoff) <= 1 << 30 && self.short_depth > 0
+    }
+
+    /// [`Raster::enter`] in words of 32 bits, for a cutoff that [`Raster::is_short`] says so of; and which splats they hold, bit by bit.
+    /// Of rows that are seeded afresh [`Raster::short_rows`] says whether.
+    #[inline(always)]
+    pub fn enter_short<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        square: [u16; 2],
+        inputs: &[&Input; LANES],
+        cutoff: Held,
+        tap: &mut Tap<P>,
+    ) -> (ShortWalks, u8) {
+        let splats = Splats::<L>::of(inputs);
+        let parts = Parts::<L>::of(square, inputs, &splats);
+        let [nearest, deepest] = self.clamps(inputs, &splats);
+        let by_column_twice = self.second(splats.conic[0], tap);
+        let bend = self.radial_register.read_lanes(by_column_twice);
+        let slopes = two!(axis => splats.depth_slope[axis].left(self.places.depth_slope));
+        let mut walks = ShortWalks {
+            columns: parts.size[0].low().to_array(),
+            rows: parts.size[1].low().to_array(),
+            first_pixel: parts.first_pixel.low().to_array(),
+            on: two!(axis => parts.on[axis].low().to_array()),
+            by_column_twice: bend.low().to_array(),
+            depth_by: two!(axis => slopes[axis].low().to_array()),
+            nearest: nearest.low().to_array(),
+            deepest: deepest.low().to_array(),
+            // Of each row its own.
+            beyond: [0; LANES],
+            by_column: [0; LANES],
+            by_row: [0; LANES],
+            by_row_twice: [0; LANES],
+            by_both: [0; LANES],
+            depth: [0; LANES],
+        };
+        if self.rows == Rows::Seeded {
+            return (walks, u8::MAX);
+        }
+        let Entered { seed, by_row, by_row_twice, by_both } = self.enter_boxes(size_px, &splats, by_column_twice, parts.on, tap);
+        let [radial, by_column] = [self.radial_register.read_lanes(seed.radial), self.radial_register.read_lanes(seed.by_column)];
+        let [by_row, twist] = [self.radial_register.read_lanes(by_row), self.radial_register.read_lanes(by_both)];
+        let bend_down = self.radial_register.read_lanes(by_row_twice);
+        let [on, down] = two!(axis => parts.size[axis] - L::splat(1));
+        let ([along, dip], [across, dip_down]) = (side(by_column, bend, on), side(by_row, bend_down, down));
+        let both = twist.times(on * down);
+        let corners = [radial, radial + along, radial + across, radial + along + across + both];
+        let cutoff = self.radial_register.read(cutoff);
+        let held = self.stays(corners, dip + dip_down, cutoff) & self.are_short(seed.depth, magnitude(slopes[0]) + magnitude(slopes[1]));
+        walks.beyond = (radial - L::splat(cutoff)).low().to_array();
+        walks.by_column = by_column.low().to_array();
+        walks.by_row = by_row.low().to_array();
+        walks.by_row_twice = bend_down.low().to_array();
+        walks.by_both = twist.low().to_array();
+        walks.depth = self.depth_register.read_lanes(seed.depth).low().to_array();
+        (walks, held.signs() & !(bend | bend_down).signs())
+    }
+
+    /// Where words of 32 bits hold r less the cutoff between such corners, below which it dips by no more than an eighth of `dip`, and no
+    /// register wraps.
+    #[inline(always)]
+    fn stays<L: Lanes>(&self, [a, b, c, d]: [L; 4], dip: L, cutoff: i64) -> L {
+        const REACH: i64 = 1 << 31;
+        let [min, max] = self.radial.limits();
+        let greatest = a.max(b).max(c.max(d));
+        let least = a.min(b).min(c.min(d)) - dip.right(3);
+        L::splat((max + 1).min(cutoff + REACH)).above(greatest) & least.above(L::splat(min.max(cutoff - REACH) - 1))
+    }
+
+    /// Whether z, from what a register holds, stays short in a square with this sum of steps.
+    #[inline(always)]
+    fn are_short<L: Lanes>(&self, held: L, steps: L) -> L {
+        // Elaboration has seen to it that 64 bits hold this: words of at most 48 bits, and two of 32 moved up by less than 20.
+        let farthest = steps.left(SIDE_PX.ilog2()) + magnitude(self.depth_register.read_lanes(held));
+        L::splat(self.short_depth).above(farthest)
+    }
+
+    /// Seeds the rows of one of the splats, where each has its own; false where words of 32 bits do not hold one.
+    #[inline(always)]
+    #[must_use]
+    #[expect(clippy::too_many_arguments, reason = "as `span`")]
+    pub fn short_rows<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        walks: &ShortWalks,
+        lane: usize,
+        input: &Input,
+        cutoff: Held,
+        rows: &mut ShortRows,
+        tap: &mut Tap<P>,
+    ) -> bool {
+        if self.rows == Rows::Differenced {
+            return true;
+        }
+        let splat = Splats::<L>::all(input);
+        let by_column_twice = self.second(splat.conic[0], tap);
+        let bend = self.radial_register.read_lanes(by_column_twice);
+        let depth_by_column = self.depth_register.load_lanes(splat.depth_slope[0], self.places.depth_slope);
+        let steps = magnitude(splat.depth_slope[0]).left(self.places.depth_slope);
+        let cutoff = self.radial_register.read(cutoff);
+        let [columns_on, rows_on] = two!(axis => L::splat(walks.on[axis][lane].into()));
+        let on = L::splat(i64::from(walks.columns[lane]) - 1);
+        let in_part = (walks.rows[lane] as usize).min(SIDE_PX);
+        for first in (0..in_part).step_by(LANES) {
+            let y = splat.first_row + rows_on + L::splat(first as i64) + L::from_array(super::COLUMNS[0]);
+            let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
+            let seed = seed.skip(by_column_twice, depth_by_column, columns_on);
+            let [radial, by_column] = [self.radial_register.read_lanes(seed.radial), self.radial_register.read_lanes(seed.by_column)];
+            let [along, dip] = side(by_column, bend, on);
+            let (left, right) = (radial, radial + along);
+            let held = self.stays([left, right, left, right], dip, cutoff) & self.are_short(seed.depth, steps);
+            if !(held.signs() & !bend.signs()) & first_bits(in_part - first) != 0 {
+                return false;
+            }
+            let eight = first / LANES;
+            rows.beyond[eight] = (radial - L::splat(cutoff)).low().to_array();
+            rows.by_column[eight] = by_column.low().to_array();
+            rows.depth[eight] = self.depth_register.read_lanes(seed.depth).low().to_array();
+        }
+        true
+    }
+
+    /// Begins with one of the splats that words of 32 bits hold.
+    #[inline(always)]
+    pub fn blocks<'a, W: Words>(&self, walks: &ShortWalks, lane: usize, rows: &'a ShortRows, shape: &'static Shape) -> Blocks<'a, W> {
+        let columns = W::from_array(shape.column);
+        // No closure: see `three`.
+        macro_rules! word {
+            ($($field:tt)+) => {
+                W::splat(walks.$($field)+[lane].into())
+            };
+        }
+        let bend = word!(by_column_twice).wrapping_times(W::from_array(shape.pairs));
+        let mut blocks = Blocks {
+            shape,
+            seeds: (self.rows == Rows::Seeded).then_some(rows),
+            row: 0,
+            rows: (walks.rows[lane] as usize).min(SIDE_PX),
+            within: shape.within(walks.columns(lane)),
+            places: shape.places.wrapping_add(EACH * (walks.first_pixel[lane] as u64 & 0xff)),
+            beyond: W::splat(0),
+            by_rows: W::splat(0),
+            by_rows_twice: W::splat(0),
+            bend,
+            depth: W::splat(0),
+            depth_by_rows: W::splat(0),
+            depth_by_column: word!(depth_by[0]).wrapping_times(columns),
+        };
+        if self.rows == Rows::Seeded {
+            blocks.seed();
+            return blocks;
+        }
+        let second = W::from_array(shape.second);
+        let by_row = word!(by_row).wrapping_add(word!(by_both).wrapping_times(columns));
+        let along = word!(by_column).wrapping_times(columns).wrapping_add(bend);
+        let (by_row_twice, depth_by_row) = (word!(by_row_twice), word!(depth_by[1]));
+        let each = W::from_array(shape.by_row);
+        blocks.beyond = word!(beyond).wrapping_add(along).wrapping_add(by_row & second);
+        blocks.by_rows = by_row.wrapping_times(each).wrapping_add(by_row_twice.wrapping_times(W::from_array(shape.by_row_twice)));
+        blocks.by_rows_twice = by_row_twice.wrapping_times(each).wrapping_times(each);
+        blocks.depth = word!(depth).wrapping_add(blocks.depth_by_column).wrapping_add(depth_by_row & second);
+        blocks.depth_by_rows = depth_by_row.wrapping_times(each);
+        blocks
+    }
+
+    /// r, at least 0, and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of the fragments among a block's pixels.
+    #[inline(always)]
+    pub fn short_fragments<W: Words>(&self, walks: &ShortWalks, lane: usize, blocks: &Blocks<W>, cutoff: Held) -> [W; 2] {
+        let zero = W::splat(0);
+        let radial = (blocks.beyond.min(zero) + W::splat(self.radial_register.read(cutoff))).max(zero);
+        let (nearest, deepest) = (W::splat(walks.nearest[lane].into()), W::splat(walks.deepest[lane].into()));
+        [radial, blocks.depth.left(self.places.clamp[0]).max(nearest).min(deepest)]
+    }
+}
+
+/// What a first and a second difference add up to along a side of so many steps, and eight times how far they may dip below its ends.
+#[inline(always)]
+fn side<L: Lanes>(first: L, second: L, steps: L) -> [L; 2] {
+    let square = steps * steps;
+    let pairs = (square - steps).right_unsigned(1);
+    [first.times(steps) + second.times(pairs), second.times(square)]
+}
