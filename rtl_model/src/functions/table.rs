@@ -78,7 +78,7 @@ impl Table {
         value.exact().left(self.fraction_bits) + delta * fraction
     }
 
-    /// Whether words of 32 bits hold all of [`Table::natural_words`].
+    /// Whether words of 32 bits hold all of [`Table::natural`].
     pub fn is_short(&self) -> bool {
         let held = |[value, step]: &[i64; 2]| {
             let product = (i128::from(*step) << self.fraction_bits.min(62)) + i128::from(self.fit.half());
@@ -87,14 +87,15 @@ impl Table {
         self.fit.is_simple() && self.fraction_bits < 31 && self.fit.places() == i64::from(self.fraction_bits) && self.words.iter().all(held)
     }
 
-    /// The fitted words of eight arguments, none of them negative, where [`Table::is_short`] holds and the word is known to reach all results.
+    /// The same table with its constants on all lanes, where [`Table::is_short`] holds and the word is known to reach all results.
     #[inline(always)]
-    pub fn natural_words<W: Words>(&self, argument: W) -> W {
-        // What is cut below the word's places comes of the step alone.
-        let fraction = argument & W::splat((1 << self.fraction_bits) - 1);
-        let address = argument.right(self.fraction_bits);
-        let [value, step] = address.look_up_pairs(&self.short);
-        value + (step.times(fraction) + W::splat(self.fit.half())).right(self.fraction_bits)
+    pub fn natural<W: Words>(&self) -> Natural<'_, W> {
+        Natural {
+            words: &self.short,
+            fraction_bits: self.fraction_bits,
+            fraction: W::splat((1 << self.fraction_bits) - 1),
+            half: W::splat(self.fit.half()),
+        }
     }
 
     /// Interpolation between two words.
@@ -111,6 +112,26 @@ impl Table {
     #[inline(always)]
     pub fn fit(&self) -> &Fit {
         &self.fit
+    }
+}
+
+/// A [`Table`] in words of 31 bits: see [`Table::natural`].
+#[derive(Clone, Copy, Debug)]
+pub struct Natural<'a, W> {
+    words: &'a [[i32; 2]],
+    fraction_bits: u32,
+    /// Ones where an argument has its fraction.
+    fraction: W,
+    half: W,
+}
+
+impl<W: Words> Natural<'_, W> {
+    /// The fitted words of eight arguments, none of them negative.
+    #[inline(always)]
+    pub fn words(&self, argument: W) -> W {
+        let [value, step] = argument.right(self.fraction_bits).look_up_pairs(self.words);
+        // What is cut below the word's places comes of the step alone.
+        value + (step.times(argument & self.fraction) + self.half).right(self.fraction_bits)
     }
 }
 

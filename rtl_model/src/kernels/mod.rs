@@ -4,9 +4,11 @@
 
 pub mod host;
 mod packed;
+mod queue;
 mod tile;
 
 pub use packed::{Accumulator, Limits, PackedSlot, PackedSums, SumLimits, fits_32_bits};
+pub use queue::{ONES, Queue, Queued};
 pub use tile::{MAX_DEPTH_BITS, NO_MATCH, Tile};
 
 use crate::num::Lanes;

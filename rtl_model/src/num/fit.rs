@@ -66,6 +66,22 @@ const MOST_HEAD: i64 = 24;
 /// More places than any shifter has, whatever the data adds to them.
 const IMPOSSIBLE: i64 = 1 << 20;
 
+/// A [`Fit`] with its constants on all lanes, for words of 31 bits: see [`Fit::natural`].
+#[derive(Clone, Copy, Debug)]
+pub struct Natural<W> {
+    half: W,
+    right: u32,
+    max: W,
+}
+
+impl<W: Words> Natural<W> {
+    /// The words for eight exact results.
+    #[inline(always)]
+    pub fn words(&self, exact: W) -> W {
+        (exact + self.half).right(self.right).min(self.max)
+    }
+}
+
 impl Fit {
     /// Elaborates `word` for exact results of the shape `from`.
     pub fn new(signal: usize, word: Word, from: Exact) -> Self {
@@ -188,8 +204,8 @@ impl Fit {
 
     /// [`Fit::lanes_unsigned`] of words of 31 bits, which hold what is added to them, for a word of as many that is simple.
     #[inline(always)]
-    pub fn natural_words<W: Words>(&self, exact: W) -> W {
-        (exact + W::splat(self.half)).right(self.right).min(W::splat(self.max))
+    pub fn natural<W: Words>(&self) -> Natural<W> {
+        Natural { half: W::splat(self.half), right: self.right, max: W::splat(self.max) }
     }
 
     #[inline(always)]

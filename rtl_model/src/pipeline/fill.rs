@@ -5,13 +5,14 @@ use super::shading::{input_of, layer_of, lit_layer, shade_for_merge, shade_slot}
 use super::{Drawing, Elaborated, Setup, SetupRecord};
 use crate::frame::{Each, Frame, Splat};
 use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
-use crate::kernels::{Accumulator, Path, Tile};
+use crate::kernels::{Accumulator, Path, Queue, Queued, Tile};
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{Attributes, Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
+use crate::units::raster::short::{Shape, ShortRows, ShortWalks};
 use crate::units::{gauss, raster, shade};
 use crate::work::Bins;
 use rayon::prelude::*;
@@ -70,15 +71,16 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
     let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
     // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
     let clusters = || windows.as_ref().map(|_| Clusters::default());
-    let start = || Run { tile: Box::<Tile<L>>::default(), clusters: clusters(), probe: probe.fork(), done: Vec::new() };
+    let start =
+        || Run { tile: Box::<Tile<L>>::default(), queue: Box::default(), clusters: clusters(), probe: probe.fork(), done: Vec::new() };
     let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
         let shared =
             Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref(), windows: windows.as_ref(), is_short };
         let part =
             Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
-        let Run { tile, clusters, probe, .. } = &mut run;
+        let Run { tile, queue, clusters, probe, .. } = &mut run;
         let clusters = clusters.as_mut();
-        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile, clusters, probe });
+        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile, queue, clusters, probe });
         if let Some(ranges) = run.probe.resample(nth, touched.len()) {
             resample_tile(shared, part, ranges);
         }
@@ -114,6 +116,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
 /// Some tiles, one after the other.
 struct Run<L, P> {
     tile: Box<Tile<L>>,
+    queue: Box<Queue>,
     /// Of windows.
     clusters: Option<Clusters>,
     probe: P,
@@ -215,6 +218,7 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     shared: Shared<'a>,
     part: Part<'a>,
     tile: &'a mut Tile<L>,
+    queue: &'a mut Queue,
     clusters: Option<&'a mut Clusters>,
     probe: &'a mut P,
 }
@@ -223,8 +227,8 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
 #[inline(never)]
 fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
     let mut clusters = shared.windows.map(|_| Clusters::default());
-    let (tile, clusters) = (&mut Box::default(), clusters.as_mut());
-    plainly(FillTile::<false, Plainly, i64, Ranges> { host: Plainly, shared, part, tile, clusters, probe });
+    let (tile, queue, clusters) = (&mut Box::default(), &mut Box::default(), clusters.as_mut());
+    plainly(FillTile::<false, Plainly, i64, Ranges> { host: Plainly, shared, part, tile, queue, clusters, probe });
 }
 
 impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for FillTile<'_, SIMPLE_FITS, H, L, P> {
@@ -235,7 +239,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
         self.tile.clear();
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
-        let mut rows = raster::short::ShortRows::default();
+        let mut rows = ShortRows::default();
         // Copies that nobody else can see, so that the host need not load their constants again and again.
         let Elaborated { raster, gauss, .. } = self.shared.machine;
         let units = &Units { raster: raster.clone(), gauss: gauss.clone(), here: (self.shared, self.part) };
@@ -270,7 +274,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         units: &Units,
         splats: &[u32],
         records: &[&SetupRecord],
-        (span, rows): (&mut raster::Span, &mut raster::short::ShortRows),
+        (span, rows): (&mut raster::Span, &mut ShortRows),
         outcomes: &mut Outcomes,
     ) {
         let Shared { frame, setup, .. } = self.shared;
@@ -284,29 +288,23 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         let is_short = SIMPLE_FITS && !P::WORDS && !P::DECISIONS && self.shared.is_short;
         let short_walks = is_short.then(|| raster.enter_short::<V, P>(size_px, self.part.corner, &inputs, cutoff, tap));
         let mut wide_walks = None;
-        for lane in 0..splats.len().min(LANES) {
-            let drawn = &Drawn::new(setup, frame, record[lane], splats[lane]);
-            let tap = &mut Tap::new(&mut *self.probe);
+        let drawn: [Drawn; LANES] = std::array::from_fn(|lane| Drawn::new(setup, frame, record[lane], splats[lane.min(splats.len() - 1)]));
+        let mut lane = 0;
+        while lane < splats.len().min(LANES) {
             // Asked before the bits, so that it is not compiled where it is never so.
-            if is_short
-                && let Some((walks, held)) = &short_walks
-                && held & 1 << lane != 0
-                && raster.short_rows::<V, P>(size_px, walks, lane, inputs[lane], cutoff, rows, tap)
-            {
-                for shape in raster::short::Shape::of(walks.columns(lane)) {
-                    let mut blocks = raster.blocks::<V::Words>(walks, lane, rows, shape);
-                    loop {
-                        let inside = blocks.inside();
-                        if inside != 0 {
-                            let fragments = raster.short_fragments(walks, lane, &blocks, cutoff);
-                            self.contribute_short::<V>(units, drawn, fragments, inside, blocks.pixels(), outcomes);
-                        }
-                        if !blocks.go_on() {
-                            break;
-                        }
-                    }
+            if is_short && let Some((walks, held)) = &short_walks {
+                let first = lane;
+                while lane < splats.len()
+                    && held & 1 << lane != 0
+                    && raster.short_rows::<V, P>(size_px, walks, lane, inputs[lane], cutoff, rows, &mut Tap::new(&mut *self.probe))
+                {
+                    self.weigh::<V::Words>(units, walks, lane, rows, record[lane].amplitude);
+                    lane += 1;
                 }
-                continue;
+                if lane > first {
+                    self.add_up::<V>(units, &drawn, outcomes);
+                    continue;
+                }
             }
             let walks = match &mut wide_walks {
                 Some(walks) => walks,
@@ -315,7 +313,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                     none.insert(raster.enter::<V, P>(size_px, self.part.corner, &inputs, tap))
                 }
             };
-            let tap = &mut Tap::new(&mut *self.probe);
+            let (drawn, tap) = (&drawn[lane], &mut Tap::new(&mut *self.probe));
             raster.span::<V, P>(size_px, walks, lane, inputs[lane], cutoff, span, tap);
             if P::WORK {
                 let (rows, left) = walks.part(lane);
@@ -329,60 +327,62 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 self.contribute::<V>(units, drawn, (walks, lane), span, first, outcomes);
                 first += Self::AT_A_TIME;
             }
+            lane += 1;
         }
     }
 
-    /// [`Self::contribute`] in words of 32 bits, with nobody watching.
+    /// Raster and gauss in words of 32 bits, with nobody watching: queues the fragments of one of eight splats.
     #[inline(always)]
-    fn contribute_short<V: Lanes>(
-        &mut self,
-        units: &Units,
-        drawn: &Drawn,
-        [radial, depth]: [V::Words; 2],
-        inside: u8,
-        pixels: [u8; LANES],
-        outcomes: &mut Outcomes,
-    ) {
-        let Shared { machine, registers, sheets, .. } = self.shared;
-        let weight = units.gauss.words(radial, drawn.record.amplitude);
-        let least = sheets.map_or(1, |registers| registers.sheets.least_weight.max(1));
-        let tap = &mut Tap::new(&mut *self.probe);
-        let mut left = u32::from(weight.above(V::Words::splat(least - 1)).signs() & inside);
-        let (weight, depth) = (weight.to_array(), machine.fragment.depth_words(depth).to_array());
-        // Small enough to be handed on in registers.
-        let here = &units.here;
-        let tile = &mut *self.tile;
-        let Some(registers_of_sheets) = sheets else {
-            while left != 0 {
-                let lane = left.trailing_zeros() as usize % LANES;
-                left &= left - 1;
-                let pixel = pixels[lane];
-                let shade = move |slot: &Slot, tap: &mut Tap<P>| {
-                    let (Shared { machine, lights, .. }, part) = here;
-                    shade_for_merge(machine, lights, slot, part.pixel(pixel), tap)
-                };
-                let input = fragment::Input {
-                    weight: weight[lane].into(),
-                    depth: depth[lane].into(),
-                    attributes: &drawn.attributes,
-                    material: &drawn.own.material,
-                };
-                let decision = machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, shade, tap);
-                if !matches!(decision, Decision::Accumulated(_)) {
-                    outcomes.count(decision);
+    fn weigh<W: Words>(&mut self, units: &Units, walks: &ShortWalks, lane: usize, rows: &ShortRows, amplitude: i32) {
+        let Shared { machine, sheets, frame, .. } = self.shared;
+        let (gauss, depths) = (units.gauss.short::<W>(), machine.fragment.short_depth::<W>());
+        let cutoff = units.raster.short_cutoff::<W>(units.raster.cutoff(frame.view.cutoff));
+        let below = W::splat(sheets.map_or(0, |registers| registers.sheets.least_weight.max(1) - 1));
+        let (amplitude, own) = (W::splat(amplitude.into()), W::splat((lane as i64) << TILE_AREA.ilog2()));
+        for shape in Shape::of(walks.columns(lane)) {
+            let mut blocks = units.raster.blocks(walks, lane, rows, shape);
+            loop {
+                let [radial, depth] = units.raster.short_fragments(walks, lane, &blocks, cutoff);
+                let weight = gauss.weight(radial, amplitude);
+                let depth = depths.words(depth.max(W::splat(0)));
+                self.queue.push([weight, depth, blocks.pixels() | own], blocks.inside(weight.above(below)));
+                if !blocks.go_on() {
+                    break;
                 }
             }
-            return;
-        };
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize % LANES;
-            left &= left - 1;
-            let (pixel, weight, registers) = (pixels[lane], weight[lane].into(), registers_of_sheets);
-            let decision = self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight, drawn, registers, tap });
+        }
+    }
+
+    /// Fragment: all that are queued.
+    #[inline(always)]
+    fn add_up<V: Lanes>(&mut self, units: &Units, drawn: &[Drawn; LANES], outcomes: &mut Outcomes) {
+        let Shared { machine, registers, sheets, .. } = self.shared;
+        // Small enough to be handed on in registers.
+        let here = &units.here;
+        let (tile, queue, tap) = (&mut *self.tile, &mut *self.queue, &mut Tap::new(&mut *self.probe));
+        for nth in 0..queue.len() {
+            let Queued { weight, depth, pixel, lane } = queue.get(nth);
+            let drawn = &drawn[lane];
+            let decision = match sheets {
+                None => {
+                    let shade = move |slot: &Slot, tap: &mut Tap<P>| {
+                        let (Shared { machine, lights, .. }, part) = here;
+                        shade_for_merge(machine, lights, slot, part.pixel(pixel), tap)
+                    };
+                    let (weight, depth) = (weight.into(), depth.into());
+                    let input = fragment::Input { weight, depth, attributes: &drawn.attributes, material: &drawn.own.material };
+                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, shade, tap)
+                }
+                Some(registers) => {
+                    let weight = weight.into();
+                    self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight, drawn, registers, tap })
+                }
+            };
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
             }
         }
+        queue.clear();
     }
 
     /// Gauss and fragment: up to eight of a span's fragments.

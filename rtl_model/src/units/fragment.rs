@@ -17,7 +17,7 @@ use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Reciprocal, table};
 use crate::kernels::{Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits};
 use crate::machine::{FragmentDepth, Group, Machine, Merge};
-use crate::num::{Exact, Fit, Lanes, Word, Words, three};
+use crate::num::{Exact, Fit, Lanes, Word, Words, fit, three};
 use crate::probe::{Probe, Tap};
 use crate::records::{SHEET_BITS, unit};
 use sheets::Sheets;
@@ -391,15 +391,15 @@ impl Fragment {
         if P::WORDS { tap.fit(&self.depth, exact) } else { tap.fit_unsigned::<SIMPLE_FITS, V>(&self.depth, exact.max(V::splat(0))) }
     }
 
-    /// Whether [`Fragment::depth_words`] may be asked, for depths below 2^30.
+    /// Whether [`Fragment::short_depth`] may be asked, for depths below 2^30.
     pub fn is_depth_narrow(&self) -> bool {
         self.depth.is_simple() && self.depth.places() < 31
     }
 
-    /// [`Fragment::depth`] in words of 32 bits.
+    /// [`Fragment::depth`] in words of 32 bits, of what is cut at 0 before.
     #[inline(always)]
-    pub fn depth_words<W: Words>(&self, exact: W) -> W {
-        self.depth.natural_words(exact.max(W::splat(0)))
+    pub fn short_depth<W: Words>(&self) -> fit::Natural<W> {
+        self.depth.natural()
     }
 
     /// Takes one contribution in.

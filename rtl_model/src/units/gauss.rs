@@ -13,6 +13,7 @@ use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Table, table};
 use crate::machine::Machine;
+use crate::num::fit;
 use crate::num::{Exacts, Fit, Lanes, Words};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
@@ -35,8 +36,27 @@ pub struct Gauss {
     weight: Fit,
     /// Whether 32 bits hold every radial index below the cutoff, and every weight, before they are limited.
     is_natural: bool,
-    /// Whether [`Gauss::words`] may be asked, for r below 2^30.
+    /// Whether [`Gauss::short`] may be asked, for r below 2^30.
     is_narrow: bool,
+}
+
+/// The unit in words of 32 bits: see [`Gauss::short`].
+#[derive(Clone, Copy, Debug)]
+pub struct Short<'a, W: Words> {
+    radial_index: fit::Natural<W>,
+    table: table::Natural<'a, W>,
+    half: W::Exact,
+    places: u32,
+    max: W,
+}
+
+impl<W: Words> Short<'_, W> {
+    /// Weight of eight fragments whose r is neither negative nor above 2^30.
+    #[inline(always)]
+    pub fn weight(&self, radial: W, amplitude: W) -> W {
+        let falloff = self.table.words(self.radial_index.words(radial));
+        (amplitude * falloff + self.half).cut(self.places).min(self.max)
+    }
 }
 
 impl Gauss {
@@ -95,17 +115,21 @@ impl Gauss {
         self.is_natural && self.table.fit().is_simple()
     }
 
-    /// Whether [`Gauss::words`] may be asked, for r below 2^30.
+    /// Whether [`Gauss::short`] may be asked, for r below 2^30.
     pub fn is_narrow(&self) -> bool {
         self.is_narrow
     }
 
-    /// Weight of eight fragments of one splat, whose r is neither negative nor above 2^30: [`Gauss::lanes`] in words of 32 bits.
+    /// [`Gauss::lanes`] in words of 32 bits, with its constants on all lanes.
     #[inline(always)]
-    pub fn words<W: Words>(&self, radial: W, amplitude: i32) -> W {
-        let falloff = self.table.natural_words(self.radial_index.natural_words(radial));
-        let exact = W::splat(amplitude.into()) * falloff;
-        (exact + W::Exact::splat(self.weight.half())).cut(self.weight.places() as u32).min(W::splat(self.weight.limits()[1]))
+    pub fn short<W: Words>(&self) -> Short<'_, W> {
+        Short {
+            radial_index: self.radial_index.natural(),
+            table: self.table.natural(),
+            half: W::Exact::splat(self.weight.half()),
+            places: self.weight.places() as u32,
+            max: W::splat(self.weight.limits()[1]),
+        }
     }
 
     /// Radial index and weight of eight fragments of one splat, whose r is not negative.

@@ -21,6 +21,7 @@
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
+use crate::kernels::ONES;
 use crate::machine::timing::Organisation;
 use crate::machine::{Machine, Rows};
 use crate::num::register::Held;
@@ -190,7 +191,7 @@ impl Span {
     #[inline(always)]
     fn keep<L: Lanes>(&mut self, [row, eight]: [usize; 2], radial: L, cutoff: L, columns: u8) {
         let inside = cutoff.above(radial).signs() & columns;
-        let places = PLACES[usize::from(inside)] + EACH * (SIDE_PX * row + LANES * eight) as u64;
+        let places = ONES[usize::from(inside)] + EACH * (SIDE_PX * row + LANES * eight) as u64;
         // No more fragments than pixels: eight always have room.
         let kept = self.fragments % SPAN_FRAGMENTS;
         self.place[kept..kept + LANES].copy_from_slice(&places.to_le_bytes());
@@ -201,24 +202,6 @@ impl Span {
 
 /// One in each byte.
 const EACH: u64 = 0x0101_0101_0101_0101;
-
-/// The places of the ones among eight bits, a byte each, the first in the last place.
-const PLACES: [u64; 256] = {
-    let mut all = [0; 256];
-    let mut bits = 0;
-    while bits < 256 {
-        let (mut place, mut found) = (8, 0);
-        while place > 0 {
-            place -= 1;
-            if bits >> place & 1 == 1 {
-                found = found << 8 | place;
-            }
-        }
-        all[bits as usize] = found;
-        bits += 1;
-    }
-    all
-};
 
 /// Columns of the square, eight at a time.
 const COLUMNS: [[i64; LANES]; 2] = [[0, 1, 2, 3, 4, 5, 6, 7], [8, 9, 10, 11, 12, 13, 14, 15]];

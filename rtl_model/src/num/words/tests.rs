@@ -22,6 +22,7 @@ impl Everything<'_> {
         // Sums and magnitudes are words themselves.
         let [half_a, half_b] = [a.right(1), b.right(1)];
         let by = self.by[0] as u32 & 31;
+        let pairs: Vec<[i32; 2]> = self.table.iter().map(|word| [*word, !word.rotate_left(7)]).collect();
         let all = [
             W::splat(i64::from(self.words[0][0])),
             half_a + half_b,
@@ -45,8 +46,8 @@ impl Everything<'_> {
             a.right(16).times(b.right(16)),
             a.wrapping_add(b),
             a.wrapping_times(b),
-            a.look_up_pairs(self.table.as_chunks().0)[0],
-            a.look_up_pairs(self.table.as_chunks().0)[1],
+            a.look_up_pairs(&pairs)[0],
+            a.look_up_pairs(&pairs)[1],
             W::from_bytes(std::array::from_fn(|byte| self.words[byte % 3][byte] as u8)),
         ];
         let rows = [a, b, c, half_a, half_b, -half_a, -half_b, a & c];

@@ -8,7 +8,7 @@
 //!
 //! Law: `words_of_32_bits_walk_as_wide_ones_do`.
 
-use super::{EACH, Entered, Input, Parts, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
+use super::{Entered, Input, Parts, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
 use crate::num::register::Held;
 use crate::num::{LANES, Lanes, Words, two};
 use crate::probe::{Probe, Tap};
@@ -59,7 +59,7 @@ pub struct Shape {
     by_row: [i32; LANES],
     by_row_twice: [i32; LANES],
     /// Where each pixel lies: 16 · row + column.
-    places: u64,
+    place: [i32; LANES],
 }
 
 impl Shape {
@@ -72,7 +72,7 @@ impl Shape {
                 second: [0; LANES],
                 by_row: [rows as i32; LANES],
                 by_row_twice: [0; LANES],
-                places: 0,
+                place: [0; LANES],
             },
             0,
         );
@@ -83,7 +83,7 @@ impl Shape {
             shape.second[lane] = -(row as i32);
             // From row j to j + 2: by_row twice, and by_row_twice once, and twice more where by_row has it once already.
             shape.by_row_twice[lane] = (rows as i32 - 1) * (1 + 2 * row as i32);
-            shape.places |= ((SIDE_PX * row + column) as u64) << (8 * lane);
+            shape.place[lane] = (SIDE_PX * row + column) as i32;
             lane += 1;
         }
         shape
@@ -118,7 +118,7 @@ pub struct Blocks<'a, W> {
     rows: usize,
     /// Which pixels lie in the part's columns.
     within: u8,
-    places: u64,
+    place: W,
     beyond: W,
     by_rows: W,
     by_rows_twice: W,
@@ -130,17 +130,17 @@ pub struct Blocks<'a, W> {
 }
 
 impl<W: Words> Blocks<'_, W> {
-    /// Which of the eight pixels make a fragment, bit by bit.
+    /// Which of the eight pixels make a fragment, of those for which a condition holds, bit by bit.
     #[inline(always)]
-    pub fn inside(&self) -> u8 {
-        let inside = self.beyond.signs() & self.within;
+    pub fn inside(&self, condition: W) -> u8 {
+        let inside = (self.beyond & condition).signs() & self.within;
         if self.row + self.shape.rows > self.rows { inside & 0xf } else { inside }
     }
 
     /// Where the pixels lie in the square: 16 · row + column.
     #[inline(always)]
-    pub fn pixels(&self) -> [u8; LANES] {
-        self.places.to_le_bytes()
+    pub fn pixels(&self) -> W {
+        self.place
     }
 
     /// Goes on to the next rows; says whether there are any.
@@ -150,8 +150,7 @@ impl<W: Words> Blocks<'_, W> {
         if self.row >= self.rows {
             return false;
         }
-        // No pixel that is looked at is beyond 255: a byte never carries into the next.
-        self.places = self.places.wrapping_add(EACH * (SIDE_PX * self.shape.rows) as u64);
+        self.place = self.place + W::splat((SIDE_PX * self.shape.rows) as i64);
         if self.seeds.is_some() {
             self.seed();
         } else {
@@ -326,7 +325,7 @@ impl Raster {
             row: 0,
             rows: (walks.rows[lane] as usize).min(SIDE_PX),
             within: shape.within(walks.columns(lane)),
-            places: shape.places.wrapping_add(EACH * (walks.first_pixel[lane] as u64 & 0xff)),
+            place: W::from_array(shape.place) + word!(first_pixel),
             beyond: W::splat(0),
             by_rows: W::splat(0),
             by_rows_twice: W::splat(0),
@@ -352,11 +351,17 @@ impl Raster {
         blocks
     }
 
+    /// The cutoff as [`Raster::short_fragments`] take it, where [`Raster::is_short`].
+    #[inline(always)]
+    pub fn short_cutoff<W: Words>(&self, cutoff: Held) -> W {
+        W::splat(self.radial_register.read(cutoff))
+    }
+
     /// r, at least 0, and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of the fragments among a block's pixels.
     #[inline(always)]
-    pub fn short_fragments<W: Words>(&self, walks: &ShortWalks, lane: usize, blocks: &Blocks<W>, cutoff: Held) -> [W; 2] {
+    pub fn short_fragments<W: Words>(&self, walks: &ShortWalks, lane: usize, blocks: &Blocks<W>, cutoff: W) -> [W; 2] {
         let zero = W::splat(0);
-        let radial = (blocks.beyond.min(zero) + W::splat(self.radial_register.read(cutoff))).max(zero);
+        let radial = (blocks.beyond.min(zero) + cutoff).max(zero);
         let (nearest, deepest) = (W::splat(walks.nearest[lane].into()), W::splat(walks.deepest[lane].into()));
         [radial, blocks.depth.left(self.places.clamp[0]).max(nearest).min(deepest)]
     }

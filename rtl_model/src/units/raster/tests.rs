@@ -403,9 +403,11 @@ fn drawn_short(raster: &Raster, input: &Input, square: [u16; 2], cutoff: Held) -
     for shape in super::short::Shape::of(walks.columns(LANE)) {
         let mut blocks = raster.blocks::<PlainWords>(&walks, LANE, &rows, shape);
         loop {
-            let [radial, depth] = raster.short_fragments(&walks, LANE, &blocks, cutoff).map(|words| words.0.map(i64::from));
-            let inside = (0..LANES).filter(|lane| blocks.inside() & 1 << lane != 0);
-            all.extend(inside.map(|lane| (blocks.pixels()[lane], [radial[lane], depth[lane]])));
+            let words = raster.short_fragments(&walks, LANE, &blocks, raster.short_cutoff(cutoff));
+            let [radial, depth] = words.map(|words| words.0.map(i64::from));
+            let inside = blocks.inside(PlainWords([-1; LANES]));
+            let inside = (0..LANES).filter(|lane| inside & 1 << lane != 0);
+            all.extend(inside.map(|lane| (blocks.pixels().0[lane] as u8, [radial[lane], depth[lane]])));
             if !blocks.go_on() {
                 break;
             }
