@@ -6,6 +6,7 @@ use super::{Drawing, Elaborated, Setup, SetupRecord};
 use crate::frame::{Each, Frame, Splat};
 use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
 use crate::kernels::{Accumulator, Path, Queue, Queued, Tile};
+use crate::num::fit::Natural;
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{Attributes, Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
@@ -165,14 +166,15 @@ struct Shared<'a> {
     is_short: bool,
 }
 
-/// A splat that is drawn.
+/// A splat that is drawn. Its attributes are one line of the host's cache.
+#[repr(C, align(64))]
 struct Drawn<'a> {
-    /// What a bin calls it.
-    entry: u32,
+    attributes: Attributes,
     record: &'a SetupRecord,
     /// As the frame has it.
     own: &'a Splat,
-    attributes: Attributes,
+    /// What a bin calls it.
+    entry: u32,
 }
 
 impl<'a> Drawn<'a> {
@@ -196,6 +198,28 @@ struct Units<'a> {
     raster: raster::Raster,
     gauss: gauss::Gauss,
     here: (Shared<'a>, Part<'a>),
+}
+
+/// Raster, gauss and fragment's depth in words of 32 bits, with their constants on all lanes.
+#[derive(Clone, Copy)]
+struct Short<'a, W: Words> {
+    cutoff: W,
+    gauss: gauss::Short<'a, W>,
+    depth: Natural<W>,
+    /// The greatest weight that makes no fragment.
+    below: W,
+}
+
+impl<'a, W: Words> Short<'a, W> {
+    #[inline(always)]
+    fn new(units: &'a Units, Shared { machine, frame, sheets, .. }: Shared) -> Self {
+        Short {
+            cutoff: units.raster.short_cutoff(units.raster.cutoff(frame.view.cutoff)),
+            gauss: units.gauss.short(),
+            depth: machine.fragment.short_depth(),
+            below: W::splat(sheets.map_or(0, |registers| registers.sheets.least_weight.max(1) - 1)),
+        }
+    }
 }
 
 /// A tile, and the entries that touch it.
@@ -286,19 +310,24 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         let inputs = record.map(|splat| &splat.raster);
         let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
         let is_short = SIMPLE_FITS && !P::WORDS && !P::DECISIONS && self.shared.is_short;
-        let short_walks = is_short.then(|| raster.enter_short::<V, P>(size_px, self.part.corner, &inputs, cutoff, tap));
+        let short_walks = if is_short {
+            let (walks, held) = raster.enter_short::<V, P>(size_px, self.part.corner, &inputs, cutoff, tap);
+            Some((walks, held, Short::<V::Words>::new(units, self.shared)))
+        } else {
+            None
+        };
         let mut wide_walks = None;
         let drawn: [Drawn; LANES] = std::array::from_fn(|lane| Drawn::new(setup, frame, record[lane], splats[lane.min(splats.len() - 1)]));
         let mut lane = 0;
         while lane < splats.len().min(LANES) {
             // Asked before the bits, so that it is not compiled where it is never so.
-            if is_short && let Some((walks, held)) = &short_walks {
+            if is_short && let Some((walks, held, short)) = &short_walks {
                 let first = lane;
                 while lane < splats.len()
                     && held & 1 << lane != 0
                     && raster.short_rows::<V, P>(size_px, walks, lane, inputs[lane], cutoff, rows, &mut Tap::new(&mut *self.probe))
                 {
-                    self.weigh::<V::Words>(units, walks, lane, rows, record[lane].amplitude);
+                    self.weigh::<V::Words>(units, short, walks, lane, rows, record[lane].amplitude);
                     lane += 1;
                 }
                 if lane > first {
@@ -333,11 +362,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
 
     /// Raster and gauss in words of 32 bits, with nobody watching: queues the fragments of one of eight splats.
     #[inline(always)]
-    fn weigh<W: Words>(&mut self, units: &Units, walks: &ShortWalks, lane: usize, rows: &ShortRows, amplitude: i32) {
-        let Shared { machine, sheets, frame, .. } = self.shared;
-        let (gauss, depths) = (units.gauss.short::<W>(), machine.fragment.short_depth::<W>());
-        let cutoff = units.raster.short_cutoff::<W>(units.raster.cutoff(frame.view.cutoff));
-        let below = W::splat(sheets.map_or(0, |registers| registers.sheets.least_weight.max(1) - 1));
+    fn weigh<W: Words>(&mut self, units: &Units, short: &Short<W>, walks: &ShortWalks, lane: usize, rows: &ShortRows, amplitude: i32) {
+        let Short { cutoff, gauss, depth: depths, below } = *short;
         let (amplitude, own) = (W::splat(amplitude.into()), W::splat((lane as i64) << TILE_AREA.ilog2()));
         for shape in Shape::of(walks.columns(lane)) {
             let mut blocks = units.raster.blocks(walks, lane, rows, shape);
@@ -360,24 +386,26 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         // Small enough to be handed on in registers.
         let here = &units.here;
         let (tile, queue, tap) = (&mut *self.tile, &mut *self.queue, &mut Tap::new(&mut *self.probe));
+        if let Some(registers) = sheets {
+            for nth in 0..queue.len() {
+                let Queued { weight, pixel, lane, .. } = queue.get(nth);
+                let (weight, drawn) = (weight.into(), &drawn[lane]);
+                let decision = self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight, drawn, registers, tap });
+                if !matches!(decision, Decision::Accumulated(_)) {
+                    outcomes.count(decision);
+                }
+            }
+            return queue.clear();
+        }
         for nth in 0..queue.len() {
             let Queued { weight, depth, pixel, lane } = queue.get(nth);
-            let drawn = &drawn[lane];
-            let decision = match sheets {
-                None => {
-                    let shade = move |slot: &Slot, tap: &mut Tap<P>| {
-                        let (Shared { machine, lights, .. }, part) = here;
-                        shade_for_merge(machine, lights, slot, part.pixel(pixel), tap)
-                    };
-                    let (weight, depth) = (weight.into(), depth.into());
-                    let input = fragment::Input { weight, depth, attributes: &drawn.attributes, material: &drawn.own.material };
-                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, shade, tap)
-                }
-                Some(registers) => {
-                    let weight = weight.into();
-                    self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight, drawn, registers, tap })
-                }
+            let Drawn { attributes, own: Splat { material, .. }, .. } = &drawn[lane];
+            let shade = move |slot: &Slot, tap: &mut Tap<P>| {
+                let (Shared { machine, lights, .. }, part) = here;
+                shade_for_merge(machine, lights, slot, part.pixel(pixel), tap)
             };
+            let input = fragment::Input { weight: weight.into(), depth: depth.into(), attributes, material };
+            let decision = machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, shade, tap);
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
             }

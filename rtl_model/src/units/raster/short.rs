@@ -50,6 +50,7 @@ pub struct ShortRows {
 #[derive(Debug)]
 pub struct Shape {
     rows: usize,
+    first_column: usize,
     column: [i32; LANES],
     /// n(n−1)/2 for each column n.
     pairs: [i32; LANES],
@@ -67,6 +68,7 @@ impl Shape {
         let (mut shape, mut lane) = (
             Shape {
                 rows,
+                first_column,
                 column: [0; LANES],
                 pairs: [0; LANES],
                 second: [0; LANES],
@@ -103,8 +105,8 @@ impl Shape {
     /// Which of its pixels lie within so many columns, bit by bit.
     #[inline(always)]
     fn within(&self, columns: usize) -> u8 {
-        let row = first_bits(columns.saturating_sub(self.column[0] as usize));
-        if self.rows == 2 { row & 0xf | row << 4 } else { row }
+        let row = first_bits(columns - self.first_column);
+        if self.rows == 2 { row | row << 4 } else { row }
     }
 }
 
