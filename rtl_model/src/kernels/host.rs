@@ -527,15 +527,9 @@ pub mod avx2 {
         #[inline(always)]
         fn look_up(self, table: &[i32]) -> Self {
             assert!(table.len().is_power_of_two(), "a table has 2^n words");
-            let at = (Self::splat(table.len() as i64 - 1) & self).to_array();
-            // One load each: see `look_up_pairs`.
-            macro_rules! entry {
-                ($n:literal) => {
-                    *table.as_ptr().add(at[$n] as usize)
-                };
-            }
+            let low = table.len() as i32 - 1;
             // SAFETY: as `word`; the address is cut to the table's length, a power of two.
-            word!(_mm256_setr_epi32(entry!(0), entry!(1), entry!(2), entry!(3), entry!(4), entry!(5), entry!(6), entry!(7)))
+            word!(_mm256_i32gather_epi32::<4>(table.as_ptr(), _mm256_and_si256(self.0, _mm256_set1_epi32(low))))
         }
         #[inline(always)]
         fn look_up_pairs(self, table: &[[i32; 2]]) -> [Self; 2] {

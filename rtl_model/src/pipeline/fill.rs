@@ -1,9 +1,10 @@
 //! Fill: the second half of the pipeline, tile by tile: raster, gauss, fragment, shade and resolve.
 
+use super::merges::{Merges, Waiting};
 use super::set_up::Emission;
-use super::shading::{input_of, layer_of, lit_layer, shade_for_merge, shade_slot};
+use super::shading::{ShadeEight, input_of, layer_of, lit_layer, shade_for_merge, shade_slot};
 use super::{Drawing, Elaborated, Setup, SetupRecord};
-use crate::frame::{Each, Frame, Splat};
+use crate::frame::{Each, Frame};
 use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
 use crate::kernels::{Accumulator, Path, Queue, Queued, Tile};
 use crate::num::fit::Natural;
@@ -32,7 +33,7 @@ pub(super) fn fill_at_most<P: Probe>(
     probe: &mut P,
 ) -> Drawing {
     let (true, Some(host)) = (P::QUICK, Vectorised::<false>::there()) else {
-        return fill_as::<false, i64, P>(Plainly, machine, frame, setup, probe);
+        return fill_as::<false, i64, P, _>(Plainly, machine, frame, setup, probe);
     };
     // Paths of their own for what is common: each is compiled once more for every probe.
     let simple = machine.gauss.is_simple() && machine.fragment.is_simple();
@@ -42,17 +43,17 @@ pub(super) fn fill_at_most<P: Probe>(
         && !P::DECISIONS
         && let (true, true, Some(host)) = (simple, narrow, widest)
     {
-        return fill_as::<true, i32, P>(host, machine, frame, setup, probe);
+        return fill_as::<true, i32, P, _>(host, machine, frame, setup, probe);
     }
     match (simple, narrow) {
-        (true, true) => fill_as::<true, i32, P>(host, machine, frame, setup, probe),
-        (true, false) => fill_as::<true, i64, P>(host, machine, frame, setup, probe),
-        (false, _) => fill_as::<false, i64, P>(host, machine, frame, setup, probe),
+        (true, true) => fill_as::<true, i32, P, _>(host, machine, frame, setup, probe),
+        (true, false) => fill_as::<true, i64, P, _>(host, machine, frame, setup, probe),
+        (false, _) => fill_as::<false, i64, P, _>(host, machine, frame, setup, probe),
     }
 }
 
-fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
-    host: impl Host,
+fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
+    host: H,
     machine: &Elaborated,
     frame: &Frame,
     setup: &Setup,
@@ -68,6 +69,12 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
         && machine.raster.is_short(machine.raster.cutoff(frame.view.cutoff))
         && machine.gauss.is_narrow()
         && machine.fragment.is_depth_narrow();
+    let is_lit_by_eight = H::VECTORISED
+        && !P::TRANSFERS
+        && sheets.is_none()
+        && windows.is_none()
+        && machine.fragment.is_narrow()
+        && lights.surroundings.is_none();
     let bins = bins(frame, setup);
     let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
     // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
@@ -75,13 +82,23 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe>(
     let start =
         || Run { tile: Box::<Tile<L>>::default(), queue: Box::default(), clusters: clusters(), probe: probe.fork(), done: Vec::new() };
     let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
-        let shared =
-            Shared { machine, frame, lights: &lights, setup, registers, sheets: sheets.as_ref(), windows: windows.as_ref(), is_short };
+        let shared = Shared {
+            machine,
+            frame,
+            lights: &lights,
+            setup,
+            registers,
+            sheets: sheets.as_ref(),
+            windows: windows.as_ref(),
+            is_short,
+            is_lit_by_eight,
+        };
         let part =
             Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
         let Run { tile, queue, clusters, probe, .. } = &mut run;
         let clusters = clusters.as_mut();
-        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile, queue, clusters, probe });
+        let resolved =
+            host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile, queue, waiting: Waiting::default(), clusters, probe });
         if let Some(ranges) = run.probe.resample(nth, touched.len()) {
             resample_tile(shared, part, ranges);
         }
@@ -154,32 +171,33 @@ impl Resolved {
 
 /// What all tiles need.
 #[derive(Clone, Copy)]
-struct Shared<'a> {
-    machine: &'a Elaborated,
+pub(super) struct Shared<'a> {
+    pub machine: &'a Elaborated,
     frame: &'a Frame,
-    lights: &'a shade::LightRegisters<'a>,
+    pub lights: &'a shade::LightRegisters<'a>,
     setup: &'a Setup,
     registers: FragmentRegisters,
     sheets: Option<&'a SheetRegisters<'a>>,
     windows: Option<&'a WindowRegisters>,
     /// Whether raster, gauss and fragment may go through words of 32 bits.
     is_short: bool,
+    /// Whether fragments may be shaded eight side by side, those that merge too.
+    pub is_lit_by_eight: bool,
 }
 
-/// A splat that is drawn. Its attributes are one line of the host's cache.
+/// A splat that is drawn: what fragment reads of it is one line of the host's cache.
 #[repr(C, align(64))]
 struct Drawn<'a> {
     attributes: Attributes,
-    record: &'a SetupRecord,
-    /// As the frame has it.
-    own: &'a Splat,
+    material: u32,
     /// What a bin calls it.
     entry: u32,
+    record: &'a SetupRecord,
 }
 
 impl<'a> Drawn<'a> {
     #[inline(always)]
-    fn new(setup: &'a Setup, frame: &'a Frame, record: &'a SetupRecord, entry: u32) -> Self {
+    fn new(setup: &Setup, frame: &Frame, record: &'a SetupRecord, entry: u32) -> Self {
         let own = &frame.splats[record.splat as usize];
         let ([n, m, o], mut light) = (record.normal, own.rgb);
         // Of windows sums take a splat's colour as it is: what closed slots take is lit.
@@ -189,15 +207,14 @@ impl<'a> Drawn<'a> {
             light = emission.light;
         }
         let [r, g, b] = light;
-        Drawn { entry, record, own, attributes: [1, r, g, b, own.opacity, n, m, o] }
+        Drawn { attributes: [1, r, g, b, own.opacity, n, m, o], material: own.material, entry, record }
     }
 }
 
-/// What raster and gauss are, and whose fragments are shaded where.
-struct Units<'a> {
+/// What raster and gauss are.
+struct Units {
     raster: raster::Raster,
     gauss: gauss::Gauss,
-    here: (Shared<'a>, Part<'a>),
 }
 
 /// Raster, gauss and fragment's depth in words of 32 bits, with their constants on all lanes.
@@ -224,14 +241,14 @@ impl<'a, W: Words> Short<'a, W> {
 
 /// A tile, and the entries that touch it.
 #[derive(Clone, Copy)]
-struct Part<'a> {
+pub(super) struct Part<'a> {
     splats: &'a [u32],
     corner: [u16; 2],
 }
 
 impl Part<'_> {
     /// Column and row in the picture of one of the tile's pixels.
-    fn pixel(&self, pixel: u8) -> [u32; 2] {
+    pub fn pixel(&self, pixel: u8) -> [u32; 2] {
         let pixel = u32::from(pixel);
         [u32::from(self.corner[0]) + pixel % TILE_PX as u32, u32::from(self.corner[1]) + pixel / TILE_PX as u32]
     }
@@ -243,6 +260,7 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     part: Part<'a>,
     tile: &'a mut Tile<L>,
     queue: &'a mut Queue,
+    waiting: Waiting,
     clusters: Option<&'a mut Clusters>,
     probe: &'a mut P,
 }
@@ -252,7 +270,17 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
 fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
     let mut clusters = shared.windows.map(|_| Clusters::default());
     let (tile, queue, clusters) = (&mut Box::default(), &mut Box::default(), clusters.as_mut());
-    plainly(FillTile::<false, Plainly, i64, Ranges> { host: Plainly, shared, part, tile, queue, clusters, probe });
+    let shared = Shared { is_lit_by_eight: false, ..shared };
+    plainly(FillTile::<false, Plainly, i64, Ranges> {
+        host: Plainly,
+        shared,
+        part,
+        tile,
+        queue,
+        waiting: Waiting::default(),
+        clusters,
+        probe,
+    });
 }
 
 impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for FillTile<'_, SIMPLE_FITS, H, L, P> {
@@ -266,7 +294,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
         let mut rows = ShortRows::default();
         // Copies that nobody else can see, so that the host need not load their constants again and again.
         let Elaborated { raster, gauss, .. } = self.shared.machine;
-        let units = &Units { raster: raster.clone(), gauss: gauss.clone(), here: (self.shared, self.part) };
+        let units = &Units { raster: raster.clone(), gauss: gauss.clone() };
         let Shared { setup, frame, .. } = self.shared;
         let entries = self.part.splats;
         let records: Vec<&SetupRecord> = entries.iter().map(|&entry| setup.splat(entry)).collect();
@@ -309,7 +337,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         let record: [&SetupRecord; LANES] = std::array::from_fn(|lane| records[lane.min(records.len() - 1)]);
         let inputs = record.map(|splat| &splat.raster);
         let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
-        let is_short = SIMPLE_FITS && !P::WORDS && !P::DECISIONS && self.shared.is_short;
+        let is_short = SIMPLE_FITS && !P::WORDS && !P::DECISIONS && !P::WORK && self.shared.is_short;
         let short_walks = if is_short {
             let (walks, held) = raster.enter_short::<V, P>(size_px, self.part.corner, &inputs, cutoff, tap);
             Some((walks, held, Short::<V::Words>::new(units, self.shared)))
@@ -331,7 +359,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                     lane += 1;
                 }
                 if lane > first {
-                    self.add_up::<V>(units, &drawn, outcomes);
+                    self.add_up::<V>(&drawn, outcomes);
                     continue;
                 }
             }
@@ -381,10 +409,9 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
 
     /// Fragment: all that are queued.
     #[inline(always)]
-    fn add_up<V: Lanes>(&mut self, units: &Units, drawn: &[Drawn; LANES], outcomes: &mut Outcomes) {
+    fn add_up<V: Lanes>(&mut self, drawn: &[Drawn; LANES], outcomes: &mut Outcomes) {
         let Shared { machine, registers, sheets, .. } = self.shared;
-        // Small enough to be handed on in registers.
-        let here = &units.here;
+        let merges = &mut Merges { host: self.host, shared: self.shared, part: self.part, waiting: &mut self.waiting };
         let (tile, queue, tap) = (&mut *self.tile, &mut *self.queue, &mut Tap::new(&mut *self.probe));
         if let Some(registers) = sheets {
             for nth in 0..queue.len() {
@@ -399,13 +426,9 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         }
         for nth in 0..queue.len() {
             let Queued { weight, depth, pixel, lane } = queue.get(nth);
-            let Drawn { attributes, own: Splat { material, .. }, .. } = &drawn[lane];
-            let shade = move |slot: &Slot, tap: &mut Tap<P>| {
-                let (Shared { machine, lights, .. }, part) = here;
-                shade_for_merge(machine, lights, slot, part.pixel(pixel), tap)
-            };
+            let Drawn { attributes, material, .. } = &drawn[lane];
             let input = fragment::Input { weight: weight.into(), depth: depth.into(), attributes, material };
-            let decision = machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, shade, tap);
+            let decision = machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, merges, tap);
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
             }
@@ -454,17 +477,17 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 continue;
             }
             let pixel = pixels[lane];
-            let place = self.part.pixel(pixel);
-            let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, place, tap);
             let had_stopped = P::WORK && sheets.is_some() && has_stopped(tile, pixel);
             let decision = match sheets {
                 None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
+                    let place = self.part.pixel(pixel);
+                    let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, place, tap);
                     let Emission { light, density } = setup.emission(drawn.entry).unwrap_or_default();
                     let input = window::Input {
                         weight: weight[lane],
                         depth: depth[lane],
                         attributes: &drawn.attributes,
-                        material: drawn.own.material,
+                        material: drawn.material,
                         light,
                         density,
                     };
@@ -475,9 +498,10 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                         weight: weight[lane],
                         depth: depth[lane],
                         attributes: &drawn.attributes,
-                        material: &drawn.own.material,
+                        material: &drawn.material,
                     };
-                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, &shade, tap)
+                    let merges = &mut Merges { host: self.host, shared: self.shared, part: self.part, waiting: &mut self.waiting };
+                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, merges, tap)
                 }
                 // A call of its own, so that surfaces pay nothing for it.
                 Some(registers) => {
@@ -520,14 +544,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     /// and slots. None otherwise, and of sheets, which are not shaded here. A call of its own, so that its instructions can be counted.
     #[inline(never)]
     fn shade_side_by_side(&mut self) -> Vec<shade::Output> {
-        let Shared { machine, lights, sheets, windows, .. } = self.shared;
-        if !H::VECTORISED
-            || P::TRANSFERS
-            || sheets.is_some()
-            || windows.is_some()
-            || !machine.fragment.is_narrow()
-            || lights.surroundings.is_some()
-        {
+        let Shared { machine, lights, .. } = self.shared;
+        if !self.shared.is_lit_by_eight {
             return Vec::new();
         }
         let mut inputs = Vec::with_capacity((0..=u8::MAX).map(|at| self.tile.live(at)).sum());
@@ -551,6 +569,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     fn resolve(mut self, mut outcomes: Outcomes) -> Resolved {
         let (Shared { machine, frame, lights, sheets, windows, .. }, corner) = (self.shared, self.part.corner);
         let mut resolved = Resolved { corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
+        let probe = &mut *self.probe;
+        Merges { host: self.host, shared: self.shared, part: self.part, waiting: &mut self.waiting }.end(self.tile, probe);
         let lit = self.shade_side_by_side();
         let mut lit = lit.iter();
         let tap = &mut Tap::new(&mut *self.probe);
@@ -625,39 +645,6 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         }
         outcomes.accumulated = all - outcomes.total();
         Resolved { outcomes, ..resolved }
-    }
-}
-
-/// Up to eight fragments to shade.
-struct ShadeEight<'a, P> {
-    shade: &'a shade::Shade,
-    lights: &'a shade::LightRegisters<'a>,
-    inputs: &'a [shade::Input],
-    probe: &'a mut P,
-}
-
-impl<P: Probe> Kernel for ShadeEight<'_, P> {
-    type Output = [shade::Output; LANES];
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) -> [shade::Output; LANES] {
-        let ShadeEight { shade, lights, inputs, probe } = self;
-        // Beyond the last fragment, the last again: a lane that nobody looks at.
-        let all: [shade::Input; LANES] = std::array::from_fn(|lane| inputs[lane.min(inputs.len() - 1)]);
-        let mut outputs = [shade::Output::default(); LANES];
-        let mut left = Tap::new(&mut *probe).first(inputs.len()).live;
-        // Mostly one material.
-        while left != 0 {
-            let material = all[left.trailing_zeros() as usize].material;
-            let is_same = all.map(|input| input.material == material);
-            let same = (0..LANES).filter(|lane| is_same[*lane]).fold(0, |same, lane| same | 1 << lane) & left;
-            let tap = &mut Tap::new(&mut *probe);
-            tap.live = same;
-            let shaded = shade.lanes::<V::Words, P>(lights, material, &all, tap);
-            (0..inputs.len()).filter(|lane| is_same[*lane]).for_each(|lane| outputs[lane] = shaded[lane]);
-            left &= !same;
-        }
-        outputs
     }
 }
 

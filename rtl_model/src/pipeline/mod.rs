@@ -11,6 +11,7 @@
 
 mod elaborate;
 mod fill;
+mod merges;
 pub mod ports;
 mod reach;
 pub mod real;

@@ -1,7 +1,8 @@
 //! Shading: the ports to shade, from setup, from fragment and from resolve.
 
 use super::Elaborated;
-use crate::num::three;
+use crate::kernels::host::Kernel;
+use crate::num::{LANES, Lanes, three};
 use crate::probe::{Probe, Tap};
 use crate::records::{Layer, NORMAL, OPACITY, Premultiplied, SUMS, Slot, WEIGHT};
 use crate::units::shade;
@@ -84,4 +85,37 @@ pub(super) fn lit_layer<P: Probe>(
 pub(super) fn layer_of(slot: usize, fragment: &Slot, light: &shade::Output) -> Layer {
     let weight = if fragment.shaded { 0 } else { fragment.sums[WEIGHT] };
     Layer { slot, depth: fragment.depth, weight, merged: fragment.shaded, colour: light.colour, opacity: light.opacity }
+}
+
+/// Up to eight fragments to shade.
+pub(super) struct ShadeEight<'a, P> {
+    pub shade: &'a shade::Shade,
+    pub lights: &'a shade::LightRegisters<'a>,
+    pub inputs: &'a [shade::Input],
+    pub probe: &'a mut P,
+}
+
+impl<P: Probe> Kernel for ShadeEight<'_, P> {
+    type Output = [shade::Output; LANES];
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> [shade::Output; LANES] {
+        let ShadeEight { shade, lights, inputs, probe } = self;
+        // Beyond the last fragment, the last again: a lane that nobody looks at.
+        let all: [shade::Input; LANES] = std::array::from_fn(|lane| inputs[lane.min(inputs.len() - 1)]);
+        let mut outputs = [shade::Output::default(); LANES];
+        let mut left = Tap::new(&mut *probe).first(inputs.len()).live;
+        // Mostly one material.
+        while left != 0 {
+            let material = all[left.trailing_zeros() as usize].material;
+            let is_same = all.map(|input| input.material == material);
+            let same = (0..LANES).filter(|lane| is_same[*lane]).fold(0, |same, lane| same | 1 << lane) & left;
+            let tap = &mut Tap::new(&mut *probe);
+            tap.live = same;
+            let shaded = shade.lanes::<V::Words, P>(lights, material, &all, tap);
+            (0..inputs.len()).filter(|lane| is_same[*lane]).for_each(|lane| outputs[lane] = shaded[lane]);
+            left &= !same;
+        }
+        outputs
+    }
 }

@@ -223,12 +223,12 @@ impl<'a> Fragments<'a> {
             .to_array()[0];
         let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
         let answers = std::cell::RefCell::new(&mut answer);
-        let shade = |slot: &Slot, _: &mut Tap<DynProbe>| (answers.borrow_mut())(slot);
+        let mut shade = |slot: &Slot, _: &mut Tap<DynProbe>| (answers.borrow_mut())(slot);
         let probe = &mut DynProbe::new(observer);
         let tap = &mut Tap::new(probe);
         let material = material as u32;
         let input = fragment::Input { weight, depth, attributes: &attributes, material: &material };
-        let decision = unit.contribute::<Plainly, DynProbe>(&mut self.tile, pixel, input, &registers, shade, tap);
+        let decision = unit.contribute::<Plainly, DynProbe>(&mut self.tile, pixel, input, &registers, &mut shade, tap);
         let contribution = Contribution { splat: 0, radial_index: 0, weight, depth };
         tap.probe.contribution(x as u32, y as u32, &contribution, decision);
         decision

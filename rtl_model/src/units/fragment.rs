@@ -81,6 +81,23 @@ impl From<Merge> for Full {
     }
 }
 
+/// How two fragments become one, which has to be shaded.
+pub trait Merging<A, P> {
+    /// Comes to an end with what waits in a pixel that is looked at again.
+    fn settle(&mut self, unit: &Fragment, tile: &mut Tile<A>, pixel: u8, probe: &mut P);
+    /// The front and the back of a pair become what is in this slot of a pixel.
+    fn merge(&mut self, unit: &Fragment, tile: &mut Tile<A>, at: (u8, usize), pair: &[Slot; 2], probe: &mut P);
+}
+
+/// At once, with the light that a function finds.
+impl<A: Accumulator, P: Probe, F: Fn(&Slot, &mut Tap<P>) -> Premultiplied> Merging<A, P> for F {
+    fn settle(&mut self, _: &Fragment, _: &mut Tile<A>, _: u8, _: &mut P) {}
+
+    fn merge(&mut self, unit: &Fragment, tile: &mut Tile<A>, (pixel, slot): (u8, usize), [front, back]: &[Slot; 2], probe: &mut P) {
+        tile.write(pixel, slot, PackedSlot::put(&unit.merged(front, back, &*self, &mut Tap::new(probe))));
+    }
+}
+
 /// Longest way: read, compare depths, product, sum, write.
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.fragment;
@@ -410,7 +427,7 @@ impl Fragment {
         pixel: u8,
         input: Input,
         registers: &FragmentRegisters,
-        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
+        merging: &mut impl Merging<H::Accumulator, P>,
         tap: &mut Tap<P>,
     ) -> Decision {
         tile.count(pixel);
@@ -427,7 +444,7 @@ impl Fragment {
         if tile.live(pixel) < self.layers {
             return Decision::Inserted(tile.open(pixel, fresh));
         }
-        self.overflow(tile, pixel, &fresh, registers, shade, tap.probe)
+        self.overflow(tile, pixel, &fresh, registers, merging, tap.probe)
     }
 
     #[inline(always)]
@@ -473,13 +490,14 @@ impl Fragment {
         pixel: u8,
         fresh: &PackedSlot<A>,
         registers: &FragmentRegisters,
-        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
+        merging: &mut impl Merging<A, P>,
         probe: &mut P,
     ) -> Decision {
         let pair = match self.full {
             Full::Replace => return replace(tile, pixel, fresh),
             Full::Merge(pair) => pair,
         };
+        merging.settle(self, tile, pixel, probe);
         // After the first overflow they stay in order.
         tile.sort(pixel, self.layers);
         // Stable: the fresh one comes after its equals.
@@ -497,8 +515,7 @@ impl Fragment {
             Ordering::Greater => tile.read(pixel, position - 1),
         };
         let front = self.front_of_pair(pair, |position| stacked(position, tile).depth());
-        let [over, under] = [stacked(front, tile), stacked(front + 1, tile)];
-        let merged = self.merged(&over.get(), &under.get(), shade, &mut Tap::new(probe));
+        let pair = [stacked(front, tile), stacked(front + 1, tile)].map(|fragment| fragment.get());
         // The slots between the pair and the fresh one's place move over by one.
         if place < front {
             (place..front - 1).rev().for_each(|slot| tile.copy(pixel, slot, slot + 1));
@@ -507,7 +524,7 @@ impl Fragment {
             (front + 2..place).for_each(|slot| tile.copy(pixel, slot, slot - 1));
             tile.write(pixel, place - 1, *fresh);
         }
-        tile.write(pixel, front, PackedSlot::put(&merged));
+        merging.merge(self, tile, (pixel, front), &pair, probe);
         Decision::Merged(front as u8, front as u8 + 1)
     }
 
@@ -540,7 +557,13 @@ impl Fragment {
     }
 
     /// Front over back, at the front's depth.
-    fn merged<P: Probe>(&self, front: &Slot, back: &Slot, shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied, tap: &mut Tap<P>) -> Slot {
+    pub fn merged<P: Probe>(
+        &self,
+        front: &Slot,
+        back: &Slot,
+        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
+        tap: &mut Tap<P>,
+    ) -> Slot {
         let light = |fragment: &Slot, tap: &mut Tap<P>| {
             if fragment.shaded {
                 return self.shaded(fragment, tap);

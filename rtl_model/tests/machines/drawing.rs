@@ -3,7 +3,7 @@
 use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use proptest::prelude::*;
-use rtl_model::machine::Rows;
+use rtl_model::machine::{Merge, Rows};
 use rtl_model::pipeline::{draw, draw_measured, draw_unobserved, draw_without_avx_512};
 use rtl_model::probe::{Range, Ranges};
 use rtl_model::{Drawing, Elaborated, Frame, Machine};
@@ -135,6 +135,22 @@ fn meters_measure_all_and_count_a_sample() {
             }
         }
         assert!(most_left_out > 0.9, "{name}: {most_left_out}");
+    }
+}
+
+/// Of pixels that overflow again and again, with one slot to merge with or several, and materials of their own side by side.
+#[test]
+fn merges_that_wait_are_those_at_once() {
+    for (layers, merge) in [(1, Merge::FarthestPair), (2, Merge::NearestPair), (3, Merge::FarthestPair), (7, Merge::NearestPair)] {
+        for evict_hidden in [false, true] {
+            let mut machine = Machine::named("reference").unwrap();
+            (machine.fragment.layers, machine.fragment.merge, machine.fragment.evict_hidden) = (layers, merge, evict_hidden);
+            let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
+            let waited = draw_unobserved(&elaborated, &frame);
+            let merged = waited.outcomes.merged;
+            assert!(merged > 5_000, "{layers} layers, {merge:?}, {evict_hidden}: {merged}");
+            assert_eq!(waited, draw_measured(&elaborated, &frame).0, "{layers} layers, {merge:?}, {evict_hidden}");
+        }
     }
 }
 

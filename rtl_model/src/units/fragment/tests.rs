@@ -186,10 +186,10 @@ fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(rules: &Rules, arr
     arrivals
         .iter()
         .map(|arrival| {
-            let shade = |slot: &Slot, _: &mut Tap<P>| trivial_shade(one, &slot.sums, slot.material);
+            let mut shade = |slot: &Slot, _: &mut Tap<P>| trivial_shade(one, &slot.sums, slot.material);
             let Arrival { weight, depth, attributes, material } = arrival;
             let input = Input { weight: *weight, depth: *depth, attributes, material };
-            let decision = unit.contribute::<Path<SIMPLE_FITS, Plain, A>, P>(&mut tile, pixel, input, &rules.registers, shade, tap);
+            let decision = unit.contribute::<Path<SIMPLE_FITS, Plain, A>, P>(&mut tile, pixel, input, &rules.registers, &mut shade, tap);
             (decision, (0..tile.live(pixel)).map(|slot| tile.slot(pixel, slot)).collect())
         })
         .collect()
