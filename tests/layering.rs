@@ -490,7 +490,7 @@ fn bits_are_lost_in_num_and_functions_alone() {
         ("i64::from_le_bytes(bytes) >> (32 * i)", "rtl_model/src/kernels/host.rs"),
         // A limit that elaboration works out, rounded up, and a bit of a mask.
         ("(-opaque << opacity_places) >> m.opaque.format.frac_bits", "rtl_model/src/units/fragment.rs"),
-        ("bits >> place & 1 == 1", "rtl_model/src/units/raster.rs"),
+        ("bits >> place & 1 == 1", "rtl_model/src/kernels/queue.rs"),
     ];
     let sources = sources(&[MACHINE]);
     for (line, path) in excused {

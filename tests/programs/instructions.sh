@@ -41,7 +41,7 @@ count() {
             text = substr($0, index($0, "=") + 1)
             number = substr(text, 1, index(text, ")"))
             if (length(text) > length(number)) called[FILENAME number] = text
-            if (/^cfn=/) in_shade = called[FILENAME number] ~ /shade_for_merge|shade_side_by_side/
+            if (/^cfn=/) in_shade = called[FILENAME number] ~ /shade_for_merge|shade_side_by_side|merges::Merges<.*>::shade/
         }
         # The next line is where from, and what all of it cost.
         /^calls=/ { getline; if (in_shade) shade += $2 }

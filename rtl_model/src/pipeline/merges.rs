@@ -80,7 +80,7 @@ impl<H: Host> Merges<'_, H> {
 
 impl<A: Accumulator, H: Host, P: Probe> Merging<A, P> for Merges<'_, H> {
     fn settle(&mut self, unit: &Fragment, tile: &mut Tile<A>, pixel: u8, probe: &mut P) {
-        if self.waiting.pixels[usize::from(pixel) / 64] >> (pixel % 64) & 1 == 1 {
+        if self.waiting.pixels[usize::from(pixel) / 64] & 1 << (pixel % 64) != 0 {
             self.shade(unit, tile, probe);
         }
     }
