@@ -12,6 +12,7 @@
 //!
 //! Because adds are exact, the simulator may take them in any order: it enters the boxes of eight splats side by side, straight
 //! where they meet a square of 16 × 16 pixels, and steps eight columns of one from row to row. Depth is summed up for fragments alone.
+//! Where nobody watches, [`short`] walks most boxes in words of 32 bits.
 //!
 //! Losses: `offset`, `gradient`, the seeds of `radial` and `depth`, and the differences are rounded to nearest; the radial
 //! index is clamped to [0, cutoff) on its way out, for differencing may leave it slightly below 0.

@@ -149,7 +149,7 @@ fn merges_that_wait_are_those_at_once() {
             let waited = draw_unobserved(&elaborated, &frame);
             let merged = waited.outcomes.merged;
             assert!(merged > 5_000, "{layers} layers, {merge:?}, {evict_hidden}: {merged}");
-            assert_eq!(waited, draw_measured(&elaborated, &frame).0, "{layers} layers, {merge:?}, {evict_hidden}");
+            assert!(waited == draw_measured(&elaborated, &frame).0, "{layers} layers, {merge:?}, {evict_hidden}");
         }
     }
 }
