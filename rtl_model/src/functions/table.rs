@@ -20,9 +20,9 @@ pub struct Table {
     interpolation: Interpolation,
     fraction_bits: u32,
     /// At each address the value, and the step to the next one, 0 where nearest.
-    words: Vec<[i64; 2]>,
+    words: Box<[[i64; 2]]>,
     /// The same, in words of at most 32 bits.
-    short: Vec<[i32; 2]>,
+    short: Box<[[i32; 2]]>,
 }
 
 impl Table {
@@ -36,7 +36,7 @@ impl Table {
             Interpolation::Nearest => 0,
             Interpolation::Linear => words[i + 1] - words[i],
         };
-        let words: Vec<[i64; 2]> = (0..steps).map(|i| [words[i], delta(i)]).collect();
+        let words: Box<[[i64; 2]]> = (0..steps).map(|i| [words[i], delta(i)]).collect();
         Table {
             fit,
             interpolation,

@@ -32,8 +32,7 @@ pub struct Queued {
 
 impl Default for Queue {
     fn default() -> Self {
-        const NONE: [i32; 2 * MOST + LANES] = [0; 2 * MOST + LANES];
-        Queue { len: 0, weight: NONE, depth: NONE, place: NONE }
+        Queue { len: 0, weight: [0; 2 * MOST + LANES], depth: [0; 2 * MOST + LANES], place: [0; 2 * MOST + LANES] }
     }
 }
 
