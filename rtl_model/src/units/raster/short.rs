@@ -153,8 +153,8 @@ impl<W: Words> Blocks<'_, W> {
             return false;
         }
         self.place = self.place + W::splat((SIDE_PX * self.shape.rows) as i64);
-        if self.seeds.is_some() {
-            self.seed();
+        if let Some(seeds) = self.seeds {
+            self.seed(seeds);
         } else {
             self.beyond = self.beyond.wrapping_add(self.by_rows);
             self.by_rows = self.by_rows.wrapping_add(self.by_rows_twice);
@@ -165,8 +165,7 @@ impl<W: Words> Blocks<'_, W> {
 
     /// Rows as they are seeded.
     #[inline(always)]
-    fn seed(&mut self) {
-        let Some(seeds) = self.seeds else { return };
+    fn seed(&mut self, seeds: &ShortRows) {
         let eight = self.row / LANES % 2;
         let rows = W::splat(self.row as i64) - W::from_array(self.shape.second);
         let by_column = W::from_array(seeds.by_column[eight]).pick(rows);
@@ -337,7 +336,7 @@ impl Raster {
             depth_by_column: word!(depth_by[0]).wrapping_times(columns),
         };
         if self.rows == Rows::Seeded {
-            blocks.seed();
+            blocks.seed(rows);
             return blocks;
         }
         let second = W::from_array(shape.second);

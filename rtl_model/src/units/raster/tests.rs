@@ -449,7 +449,7 @@ fn r_that_dips_between_corners_is_held_or_said_not_to_be() {
     }
 }
 
-/// Every steep splat falls out, and every narrow register; of flat ones on the named machines none but what reaches far.
+/// A splat of a few pixels that is nearly flat is held, and a steep one is not.
 #[test]
 fn most_splats_are_walked_in_words_of_32_bits() {
     for name in ["reference", "lean"] {
@@ -468,7 +468,7 @@ fn most_splats_are_walked_in_words_of_32_bits() {
             assert!(drawn_short(&raster, &shape.input(&machine), [192, 144], cutoff).is_some(), "{name}, {rows:?}");
             let steep = Shape { depth_slope: [4.0, -7.9], ..shape };
             let held = drawn_short(&raster, &steep.input(&machine), [192, 144], cutoff);
-            assert!(held.is_none() || name == "reference", "{name}, {rows:?}");
+            assert!(held.is_none(), "{name}, {rows:?}");
         }
     }
 }
