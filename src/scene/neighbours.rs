@@ -44,7 +44,7 @@ pub(super) fn fit(splats: &mut [Splat], eye: DVec3) {
             splat.radius = radius.at(fit.spacing, splat.position);
         }
         if splat.normal == DVec3::ZERO {
-            splat.normal = least_variance(&fit.variance, eye - splat.position);
+            splat.normal = least_variance(&places.variance(place as usize, fit), eye - splat.position);
         }
     });
 }
@@ -124,22 +124,21 @@ struct Fit {
     spacing: f64,
     /// Mean distance to the nearest other places, each counted once; 0 if there are none.
     apart: f64,
-    /// Covariance of the place and its neighbours, up to a factor.
-    variance: DMat3,
-    /// Places of those, and [`NONE`] where there are fewer.
+    /// Distance to the last of these.
+    reach: f64,
+    /// These places, and [`NONE`] where there are fewer.
     nearest: [u32; NEIGHBOURS],
 }
 
 impl Places {
     fn of(count: usize, position: impl Fn(usize) -> DVec3 + Sync) -> Places {
-        let at = |i: u32| position(i as usize).to_array();
         let order = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne());
-        let mut sorted: Vec<u32> = (0..count as u32).collect();
-        sorted.par_sort_unstable_by(|&i, &j| order(&at(i), &at(j)).unwrap_or(i.cmp(&j)));
-        let mut places = Places { points: Vec::new(), copies: Vec::new(), place_of_splat: vec![0; count] };
-        for i in sorted {
-            if places.points.last() != Some(&at(i)) {
-                places.points.push(at(i));
+        let mut sorted: Vec<([f64; 3], u32)> = (0..count).into_par_iter().map(|i| (position(i).to_array(), i as u32)).collect();
+        sorted.par_sort_unstable_by(|(a, i), (b, j)| order(a, b).unwrap_or(i.cmp(j)));
+        let mut places = Places { points: Vec::with_capacity(count), copies: Vec::with_capacity(count), place_of_splat: vec![0; count] };
+        for (point, i) in sorted {
+            if places.points.last() != Some(&point) {
+                places.points.push(point);
                 places.copies.push(0);
             }
             places.place_of_splat[i as usize] = places.points.len() as u32 - 1;
@@ -153,33 +152,38 @@ impl Places {
         let found = NonZero::new(NEIGHBOURS + 1).expect("more than 0");
         let fit_at = |place: usize| {
             let near = tree.query(&self.points[place]).nearest_n::<SquaredEuclidean<f64>>(found).execute();
-            let others: Vec<(usize, f64)> =
-                near.iter().map(|n| (n.item as usize, n.distance)).filter(|n| n.0 != place).take(NEIGHBOURS).collect();
-            let nearest = std::array::from_fn(|i| others.get(i).map_or(NONE, |(other, _)| *other as u32));
-            let apart = others.iter().map(|(_, squared)| squared.sqrt()).sum::<f64>() / others.len().max(1) as f64;
-            Fit { spacing: self.spacing(place, &others), apart, variance: self.variance(place, &others), nearest }
+            let (mut nearest, mut distances, mut count) = ([NONE; NEIGHBOURS], [0.0; NEIGHBOURS], 0);
+            for other in near.iter().filter(|other| other.item as usize != place).take(NEIGHBOURS) {
+                (nearest[count], distances[count]) = (other.item, other.distance.sqrt());
+                count += 1;
+            }
+            let (nearest_ones, distances) = (&nearest[..count], &distances[..count]);
+            let apart = distances.iter().sum::<f64>() / count.max(1) as f64;
+            let reach = distances.last().copied().unwrap_or(0.0);
+            Fit { spacing: self.spacing(place, nearest_ones, distances), apart, reach, nearest }
         };
         (0..self.points.len()).into_par_iter().map(fit_at).collect()
     }
 
     /// Mean distance to the nearest [`NEIGHBOURS`] splats, or to all others if there are fewer.
-    fn spacing(&self, place: usize, others: &[(usize, f64)]) -> f64 {
+    fn spacing(&self, place: usize, others: &[u32], distances: &[f64]) -> f64 {
         let here = (self.copies[place] as usize - 1).min(NEIGHBOURS);
         let (mut count, mut sum) = (here, 0.0);
-        for &(other, squared) in others {
-            let copies = (self.copies[other] as usize).min(NEIGHBOURS - count);
+        for (other, distance) in others.iter().zip(distances) {
+            let copies = (self.copies[*other as usize] as usize).min(NEIGHBOURS - count);
             count += copies;
-            sum += copies as f64 * squared.sqrt();
+            sum += copies as f64 * distance;
         }
         if count == 0 { 0.0 } else { sum / count as f64 }
     }
 
-    fn variance(&self, place: usize, others: &[(usize, f64)]) -> DMat3 {
-        // Offsets from the place itself, scaled to about 1: squares can neither overflow nor vanish.
-        let scale = others.last().map_or(1.0, |(_, squared)| squared.sqrt());
+    /// Covariance of a place and the nearest others, up to a factor.
+    fn variance(&self, place: usize, fit: &Fit) -> DMat3 {
+        let others = fit.nearest.iter().filter(|other| **other != NONE);
         let here = DVec3::from_array(self.points[place]);
-        let offsets = || others.iter().map(|&(other, _)| (DVec3::from_array(self.points[other]) - here) / scale);
-        let mean = offsets().sum::<DVec3>() / (others.len() + 1) as f64;
+        // Offsets from the place itself, scaled to about 1: squares can neither overflow nor vanish.
+        let offsets = || others.clone().map(|other| (DVec3::from_array(self.points[*other as usize]) - here) / fit.reach);
+        let mean = offsets().sum::<DVec3>() / (others.clone().count() + 1) as f64;
         let outer = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
         let sum = offsets().map(|d| outer(d - mean)).fold(outer(-mean), |sum, square| sum + square);
         if sum.is_finite() { sum } else { DMat3::ZERO }
@@ -204,33 +208,41 @@ fn least_variance(variance: &DMat3, towards: DVec3) -> DVec3 {
 
 /// Eigenvalues and unit eigenvectors of a symmetric matrix, ascending, by Jacobi rotations.
 fn eigen(matrix: &DMat3) -> [(f64, DVec3); 3] {
-    let (mut m, mut vectors) = (*matrix, DMat3::IDENTITY);
+    let mut m = matrix.to_cols_array_2d();
+    let mut vectors = [DVec3::X, DVec3::Y, DVec3::Z];
     // Convergence is quadratic: five sweeps reach rounding from anywhere.
     for _ in 0..6 {
+        let most = (0..3).map(|i| m[i][i].abs()).fold(0.0, f64::max);
+        if [m[0][1], m[0][2], m[1][2]].iter().all(|off| off.abs() <= f64::EPSILON * f64::EPSILON * most) {
+            break;
+        }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
-            let rotation = jacobi(&m, p, q);
-            m = rotation.transpose() * m * rotation;
-            vectors *= rotation;
+            rotate(&mut m, &mut vectors, p, q);
         }
     }
-    let mut pairs = [0, 1, 2].map(|i| (m.col(i)[i], vectors.col(i).normalize()));
+    let mut pairs = [0, 1, 2].map(|i| (m[i][i], vectors[i].normalize()));
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
     pairs
 }
 
-/// The rotation in the plane of axes p and q that makes m[p][q] zero.
-fn jacobi(m: &DMat3, p: usize, q: usize) -> DMat3 {
-    let mut rotation = DMat3::IDENTITY;
-    let off = m.col(q)[p];
-    if off != 0.0 {
-        let theta = (m.col(q)[q] - m.col(p)[p]) / (2.0 * off);
-        let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-        let c = 1.0 / (t * t + 1.0).sqrt();
-        let s = t * c;
-        (rotation.col_mut(p)[p], rotation.col_mut(q)[q]) = (c, c);
-        (rotation.col_mut(q)[p], rotation.col_mut(p)[q]) = (s, -s);
+/// Rotates in the plane of axes p and q, so that m[p][q] is zero.
+fn rotate(m: &mut [[f64; 3]; 3], vectors: &mut [DVec3; 3], p: usize, q: usize) {
+    let off = m[p][q];
+    if off == 0.0 {
+        return;
     }
-    rotation
+    let theta = (m[q][q] - m[p][p]) / (2.0 * off);
+    let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+    let c = 1.0 / (t * t + 1.0).sqrt();
+    let s = t * c;
+    let other = 3 - p - q;
+    let [to_p, to_q] = [m[other][p], m[other][q]];
+    (m[p][p], m[q][q]) = (m[p][p] - t * off, m[q][q] + t * off);
+    for (axis, value) in [(p, c * to_p - s * to_q), (q, s * to_p + c * to_q)] {
+        (m[other][axis], m[axis][other]) = (value, value);
+    }
+    (m[p][q], m[q][p]) = (0.0, 0.0);
+    (vectors[p], vectors[q]) = (vectors[p] * c - vectors[q] * s, vectors[p] * s + vectors[q] * c);
 }
 
 #[cfg(test)]
