@@ -128,7 +128,7 @@ pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'
     let taken = |scene: &Scene| -> Result<u64> {
         let quantised = quantise(scene, &machine.machine)?;
         let (_, _, work) = fixed::draw_measured(machine, &quantised);
-        Ok(timing::replay(&machine.timing, &work, timing::Detail::Accounts).total)
+        Ok(timing::replay(&machine.timing, &work, timing::Detail::Total).total)
     };
     let coarsest = within(0);
     let least = taken(&coarsest)?;

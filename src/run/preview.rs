@@ -103,7 +103,7 @@ fn off(expected: u64, had: u64) -> f64 {
 fn figures(scene: &Scene, machine: &Machine) -> Result<Figures> {
     let evaluation = Evaluation::new(scene, machine)?;
     let (drawing, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
-    let cycles = timing::replay(&evaluation.machine.timing, &work, Detail::Accounts);
+    let cycles = timing::replay(&evaluation.machine.timing, &work, Detail::Total);
     let [fixed, golden, ideal] = [evaluation.picture(&drawing), evaluation.golden().picture, golden::ideal(scene).picture];
     Ok(Figures {
         width: scene.image.width,

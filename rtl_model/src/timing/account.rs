@@ -27,10 +27,12 @@ pub enum Wait {
     Hazard,
 }
 
-/// Detail in which each unit is reported.
+/// Detail in which a frame's time is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Detail {
-    /// Its cycles, and who made it wait.
+    /// The frame's cycles, and nothing of its units.
+    Total,
+    /// Each unit's cycles, and who made it wait.
     Accounts,
     /// Occupancy of the places behind it, too, and when it was used.
     Histograms,
@@ -51,13 +53,14 @@ pub struct UnitCycles {
     pub account: Account,
     /// When it, and those beside it, took each item; only of [`Detail::Log`].
     pub log: Vec<u64>,
-    /// When it had items; not of [`Detail::Accounts`].
+    /// When it had items; of [`Detail::Histograms`] and above.
     pub timeline: Option<Timeline>,
     /// Unit that starved it; nobody starves the first.
     pub starved_by: Option<&'static str>,
     /// Units that blocked it, with cycles.
     pub blocked_by: Vec<(Wait, u64)>,
-    /// Count of items that it took while so many waited behind it, in the FIFO or under way; not of [`Detail::Accounts`].
+    /// Count of items that it took while so many waited behind it, in the FIFO or under way; of [`Detail::Histograms`] and
+    /// above.
     pub occupancy: Vec<u64>,
 }
 
@@ -297,9 +300,11 @@ pub struct Unit {
     timelines: Box<[Timeline]>,
     /// All bits: items hold it; none: it is infinitely fast, to see what it costs.
     held: u64,
+    /// Whether more is asked of it than when it is free.
+    is_told: bool,
     /// When it took each item, for whoever wants to know.
     log: Option<Vec<u64>>,
-    /// Whether there are others, or a log.
+    /// Whether there are others, a timeline or a log.
     is_rare: bool,
     /// How many like it come before those that take turns here.
     others: u32,
@@ -349,8 +354,9 @@ impl Unit {
             timeline: Timeline::new(detail),
             timelines: (0..pace.units).map(|_| Timeline::new(detail)).collect(),
             held: if lifted == Some(name) { 0 } else { u64::MAX },
+            is_told: detail > Detail::Total || pace.units > 1,
             log: logged.then(Vec::new),
-            is_rare: logged || pace.units > 1,
+            is_rare: detail >= Detail::Histograms || pace.units > 1,
             others: 0,
             behind: Places::new(pace.room(), detail >= Detail::Histograms),
         }
@@ -398,26 +404,32 @@ impl Unit {
         let with_memory = here.max(ready.memory);
         let unblocked = with_memory.max(ready.hazard);
         let now = unblocked.max(ready.room);
+        side.free = now + cycles;
+        if !self.is_told {
+            return now;
+        }
         side.account.memory += with_memory - here + cycles - busy;
         side.hazard += unblocked - with_memory;
         side.account.blocked += now - with_memory;
         side.account.busy += busy;
         side.items += items;
-        side.free = now + cycles;
-        self.timeline.add(now, cycles);
         if self.is_rare {
-            self.hand_on(now, items);
+            self.hand_on(now, items, cycles);
         }
         now
     }
 
-    /// Logs items that were taken a cycle apart, and gives the turn to the next side: in order, so never before the item before.
+    /// Tells when items held it that were taken a cycle apart, and gives the turn to the next side: in order, so never before the item before.
     #[inline(never)]
-    fn hand_on(&mut self, now: u64, items: u64) {
+    fn hand_on(&mut self, now: u64, items: u64, cycles: u64) {
+        self.timeline.add(now, cycles);
         if let Some(log) = &mut self.log {
             log.extend(now..now + items);
         }
         let index = self.side.index as usize;
+        if self.sides.len() == 1 {
+            return;
+        }
         let next = if index + 1 == self.sides.len() { 0 } else { index + 1 };
         self.sides[index] = self.side;
         self.side = self.sides[next];

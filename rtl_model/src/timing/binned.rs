@@ -61,7 +61,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     units.push(bin);
     units.extend((!work.order.is_empty()).then_some(sort));
     units.extend([list, raster, gauss, fragment, shade, lit, resolve].into_iter().flatten());
-    Cycles { stamps, tiles, texels, light, ..Cycles::of(units, memory) }
+    Cycles { stamps, tiles, texels, light, ..Cycles::of(units, memory, detail) }
 }
 
 /// Between the passes the queue is sorted by the lengths of lists, a digit after the other: a cycle for each tile that has an entry, and one

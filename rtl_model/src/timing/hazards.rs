@@ -13,11 +13,12 @@ use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::work::{TILE_PX, Work};
 
-/// A piece that was taken: until when it is under way, and its place.
+/// A piece that was taken: until when it is under way, its pixels, and where what was taken of its strip before lies.
 #[derive(Clone, Copy, Debug, Default)]
 struct Taken {
     until: u64,
-    place: u32,
+    before: u32,
+    pixels: u16,
 }
 
 /// Pixels under way.
@@ -25,8 +26,8 @@ struct Taken {
 pub struct Hazards {
     /// Of each strip what was taken last.
     last: Vec<Taken>,
-    /// Pixels of each piece, and what was taken of its strip before: as many pieces as can be under way, in turn.
-    pieces: Box<[(u16, Taken)]>,
+    /// What was taken before each piece, of its strip: of as many pieces as can be under way, in turn.
+    before: Box<[Taken]>,
     turn: usize,
     /// Merges beside which units go on: until when each is under way, its strip and its pixels.
     merges: Vec<(u64, u32, u16)>,
@@ -41,7 +42,7 @@ impl Hazards {
         // A cycle at least for each stamp; its pixels lie in so many strips at most.
         let under_way = (timing.hazard as usize + waiting) * ((across - 1).div_ceil(TILE_PX) + 1) * down;
         let last = vec![Taken::default(); columns * work.height as usize];
-        Hazards { last, pieces: vec![(0, Taken::default()); under_way].into(), turn: 0, merges: Vec::new() }
+        Hazards { last, before: vec![Taken::default(); under_way].into(), turn: 0, merges: Vec::new() }
     }
 
     /// Until when a pixel of a stamp is under way, if that is after this cycle, from which on a stamp can be taken.
@@ -51,11 +52,10 @@ impl Hazards {
         for piece in stamp {
             let mut taken = self.last[piece.strip as usize];
             while taken.until > until {
-                let (pixels, before) = self.pieces[taken.place as usize];
-                if pixels & piece.pixels != 0 {
+                if taken.pixels & piece.pixels != 0 {
                     until = taken.until;
                 }
-                taken = before;
+                taken = self.before[taken.before as usize];
             }
         }
         until
@@ -79,10 +79,10 @@ impl Hazards {
     #[inline(always)]
     pub fn take(&mut self, stamp: &[Piece], until: u64) {
         for piece in stamp {
-            let strip = piece.strip as usize;
-            self.pieces[self.turn] = (piece.pixels, self.last[strip]);
-            self.last[strip] = Taken { until, place: self.turn as u32 };
-            self.turn = if self.turn + 1 == self.pieces.len() { 0 } else { self.turn + 1 };
+            let last = &mut self.last[piece.strip as usize];
+            self.before[self.turn] = *last;
+            *last = Taken { until, before: self.turn as u32, pixels: piece.pixels };
+            self.turn = if self.turn + 1 == self.before.len() { 0 } else { self.turn + 1 };
         }
     }
 }

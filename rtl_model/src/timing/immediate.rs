@@ -97,7 +97,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let (fragment, shade) = merge.units();
     let (mut units, shade) = setup.units(vec![shade]);
     units.extend([fill.raster, fill.gauss, lookup].into_iter().chain(fragment).chain(shade).chain(resolve.units()));
-    Cycles { lookups: cache.lookups, stamps: fill.stamps, texels, light, ..Cycles::of(units, memory) }
+    Cycles { lookups: cache.lookups, stamps: fill.stamps, texels, light, ..Cycles::of(units, memory, detail) }
 }
 
 /// Line by line: what was touched is read, if the cache has it not; every word is written.

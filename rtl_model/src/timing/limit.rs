@@ -54,7 +54,7 @@ pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit 
         if at_most < gained || at_most == 0 {
             break;
         }
-        let without = replay(&lifted(timing, name, by), work, Detail::Accounts).total;
+        let without = replay(&lifted(timing, name, by), work, Detail::Total).total;
         let without = without.max(cycles.total.saturating_sub(at_most)).min(cycles.total);
         let gain = cycles.total - without;
         if gain > gained || gain == gained && gain > 0 && best.is_some_and(|(_, before)| place < before) {

@@ -49,7 +49,7 @@ use memory::Memory;
 pub struct Cycles {
     /// From the first request to the last word written.
     pub total: u64,
-    /// Every unit, in the order of the diagram.
+    /// Every unit, in the order of the diagram; none of [`Detail::Total`].
     pub units: Vec<UnitCycles>,
     /// Memory, which lies outside of the chip.
     pub memory: MemoryCycles,
@@ -65,16 +65,17 @@ pub struct Cycles {
     pub light: u64,
     /// Degree of the harmonics that `colour` took.
     pub harmonics: u8,
-    /// Tile after tile of a binned machine; not of [`Detail::Accounts`].
+    /// Tile after tile of a binned machine; of [`Detail::Histograms`] and above.
     pub tiles: Option<Tiles>,
 }
 
 impl Cycles {
     /// Of units and memory when all is through. Nothing looked up, no stamps.
-    fn of(units: Vec<Unit>, memory: Memory) -> Self {
+    fn of(units: Vec<Unit>, memory: Memory, detail: Detail) -> Self {
         let (memory, requests, written) = memory.finish();
         let total = units.iter().map(Unit::done).max().unwrap_or(0).max(written);
-        let units: Vec<UnitCycles> = units.into_iter().flat_map(|unit| unit.cycles(total)).collect();
+        let told = if detail == Detail::Total { Vec::new() } else { units };
+        let units: Vec<UnitCycles> = told.into_iter().flat_map(|unit| unit.cycles(total)).collect();
         debug_assert!(units.iter().all(|unit| UNITS.contains(&unit.name)), "a unit is not listed");
         Cycles { total, units, memory, requests, lookups: [0; 2], texels: [0; 2], stamps: [0; 2], light: 0, harmonics: 0, tiles: None }
     }

@@ -244,38 +244,51 @@ impl<'a> Fill<'a> {
         (here, memory): (u64, u64),
         mut next: impl FnMut(Stamp, u64) -> u64,
     ) -> (u64, bool) {
-        let t = self.timing;
         let ready = Ready { here, memory, ..Ready::default() };
         let stamps = walk.footprint(footprint, corner, side);
-        let (mut first_taken, mut gone_through, mut is_seen) = (u64::MAX, 0, false);
-        for stamp in walk.kept() {
-            self.stamps[1] += 1;
-            let empty = stamp[0].stamp - gone_through;
-            gone_through = stamp[0].stamp + 1;
-            if empty > 0 {
-                first_taken = first_taken.min(self.empty_stamps(ready, empty.into()));
+        let mut so_far = SoFar { first_taken: u64::MAX, gone_through: 0, is_seen: false };
+        if let Some(pieces) = walk.single() {
+            for piece in pieces {
+                self.stamp(walk, std::slice::from_ref(piece), ready, &mut so_far, &mut next);
             }
-            let room = self.raster.behind.free_from(self.raster.when(ready));
-            let now = self.raster.take(Ready { room, ..ready }, 1);
-            first_taken = first_taken.min(now);
-            self.raster.behind.take(now);
-            let goes_on = stamp.iter().fold(0, |all, piece| all | piece.pixels) != 0;
-            let room = if goes_on { self.gauss.behind.free() } else { 0 };
-            let here = now + u64::from(t.raster.latency);
-            let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
-            self.raster.behind.give(now);
-            if goes_on {
-                is_seen = true;
-                self.gauss.behind.take(now);
-                let taken = next(Stamp { pieces: stamp, texels: walk.texels() }, now + u64::from(t.gauss.latency));
-                self.gauss.behind.give(taken);
+        } else {
+            for stamp in walk.kept() {
+                self.stamp(walk, stamp, ready, &mut so_far, &mut next);
             }
         }
         self.stamps[0] += u64::from(stamps);
+        let SoFar { mut first_taken, gone_through, is_seen } = so_far;
         if gone_through < stamps {
             first_taken = first_taken.min(self.empty_stamps(ready, (stamps - gone_through).into()));
         }
         (first_taken, is_seen)
+    }
+
+    /// The next stamp of a footprint that keeps a pixel, behind those that keep none.
+    #[inline(always)]
+    fn stamp(&mut self, walk: &Stamps, stamp: &[Piece], ready: Ready, so_far: &mut SoFar, next: &mut impl FnMut(Stamp, u64) -> u64) {
+        let t = self.timing;
+        self.stamps[1] += 1;
+        let empty = stamp[0].stamp - so_far.gone_through;
+        so_far.gone_through = stamp[0].stamp + 1;
+        if empty > 0 {
+            so_far.first_taken = so_far.first_taken.min(self.empty_stamps(ready, empty.into()));
+        }
+        let room = self.raster.behind.free_from(self.raster.when(ready));
+        let now = self.raster.take(Ready { room, ..ready }, 1);
+        so_far.first_taken = so_far.first_taken.min(now);
+        self.raster.behind.take(now);
+        let goes_on = stamp.iter().any(|piece| piece.pixels != 0);
+        let room = if goes_on { self.gauss.behind.free() } else { 0 };
+        let here = now + u64::from(t.raster.latency);
+        let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
+        self.raster.behind.give(now);
+        if goes_on {
+            so_far.is_seen = true;
+            self.gauss.behind.take(now);
+            let taken = next(Stamp { pieces: stamp, texels: walk.texels() }, now + u64::from(t.gauss.latency));
+            self.gauss.behind.give(taken);
+        }
     }
 
     /// Stamps that keep nothing: each has a place as long as it takes to know that. Says when the first is taken.
@@ -378,6 +391,16 @@ impl<'a> Fill<'a> {
         }
         if first_taken == u64::MAX { self.raster.take(ready, 1) } else { first_taken }
     }
+}
+
+/// What is known of a footprint on its way through.
+struct SoFar {
+    /// When the raster took its first stamp.
+    first_taken: u64,
+    /// Stamps that it has gone through.
+    gone_through: u32,
+    /// Whether a stamp had a weight.
+    is_seen: bool,
 }
 
 /// A stamp that has a weight: its pieces, and what fragments of the footprint look up.

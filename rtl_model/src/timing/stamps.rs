@@ -81,6 +81,8 @@ pub struct Stamps<'a> {
     happened: Vec<Happened>,
     /// What a footprint's stamps keep, stamp by stamp, in each row by row.
     pieces: Vec<Piece>,
+    /// Whether each of its stamps has but one: it lies in one recorded tile, and stamps end where strips do.
+    is_single: bool,
     /// What fragments look up that are shaded for its merges, piece by piece.
     texels: Vec<u16>,
     /// First and last column and row of the footprint's part.
@@ -104,6 +106,7 @@ impl<'a> Stamps<'a> {
             parts: Vec::new(),
             happened: Vec::new(),
             pieces: Vec::new(),
+            is_single: false,
             texels: Vec::new(),
             sides: [[0; 2]; 2],
         }
@@ -126,7 +129,7 @@ impl<'a> Stamps<'a> {
         let tile = |at: u16| usize::from(at) / TILE_PX;
         let tile_columns = tile(columns[0])..tile(columns[1]) + 1;
         let left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
-        let lies_in_tiles = tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
+        self.is_single = tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
         self.pieces.clear();
         self.texels.clear();
         let mut first_stamp = 0;
@@ -135,7 +138,7 @@ impl<'a> Stamps<'a> {
             let part = clip(rows, top);
             let first_y = top + part.start as u16;
             self.read(tile_row * self.columns, tile_columns.clone(), part.len());
-            if lies_in_tiles {
+            if self.is_single {
                 self.collect_from_tile(part.len(), [left, first_y], columns[0] - left, [first_stamp, across]);
                 first_stamp += across * part.len() as u32;
             } else {
@@ -152,6 +155,12 @@ impl<'a> Stamps<'a> {
     #[inline(always)]
     pub fn kept(&self) -> impl Iterator<Item = &[Piece]> {
         self.pieces.chunk_by(|one, next| one.stamp == next.stamp)
+    }
+
+    /// The same where each has one piece, for sure.
+    #[inline(always)]
+    pub fn single(&self) -> Option<&[Piece]> {
+        self.is_single.then_some(&*self.pieces)
     }
 
     /// What fragments look up that are shaded for its merges.

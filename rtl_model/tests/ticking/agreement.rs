@@ -60,12 +60,13 @@ pub fn tick(timing: &Microarchitecture, scene: &Scene) -> Ticked {
 
 /// What is told with so much detail.
 fn told_briefly(cycles: Cycles, detail: Detail) -> Cycles {
+    let told = if detail == Detail::Total { Vec::new() } else { cycles.units };
     let of = |unit: UnitCycles| match detail {
         Detail::Accounts => UnitCycles { log: Vec::new(), timeline: None, occupancy: Vec::new(), ..unit },
         _ => UnitCycles { log: Vec::new(), ..unit },
     };
-    let tiles = cycles.tiles.filter(|_| detail != Detail::Accounts);
-    Cycles { units: cycles.units.into_iter().map(of).collect(), requests: Vec::new(), tiles, ..cycles }
+    let tiles = cycles.tiles.filter(|_| detail >= Detail::Histograms);
+    Cycles { units: told.into_iter().map(of).collect(), requests: Vec::new(), tiles, ..cycles }
 }
 
 /// The first thing in which an engine's tiles are not what one of its units did.
@@ -144,7 +145,7 @@ fn difference_in_tiles(ticked: &Ticked, replayed: &Cycles, engines: u32, stops: 
 fn compare(timing: &Microarchitecture, scene: &Scene, work: &Work) -> Result<Ticked, String> {
     let ticked = tick(timing, scene);
     let replayed = replay(timing, work, Detail::Log);
-    for detail in [Detail::Accounts, Detail::Histograms] {
+    for detail in [Detail::Total, Detail::Accounts, Detail::Histograms] {
         let [brief, all] = [replay(timing, work, detail), replayed.clone()].map(|cycles| told_briefly(cycles, detail));
         assert_eq!(brief, all);
     }

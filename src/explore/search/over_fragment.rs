@@ -143,7 +143,7 @@ fn with_rule(base: &Machine, rule: Rule, layers: u32) -> Option<Machine> {
 fn replayed(evaluation: &Evaluation) -> f64 {
     let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
     let machine = &evaluation.machine.timing;
-    frames_per_second(machine, &timing::replay(machine, &work, Detail::Accounts))
+    frames_per_second(machine, &timing::replay(machine, &work, Detail::Total))
 }
 
 /// Tries all rules, and writes `machine.json`, the cheapest for all scenes, `choices.json` and a chart, `rules.png`.

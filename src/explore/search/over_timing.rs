@@ -327,7 +327,7 @@ fn frames(domains: &[Domain], members: &[Member], base: &Machine, options: &Opti
     let mut slowest: Vec<(u64, Recorded)> = Vec::new();
     for member in members.iter().map(|member| Ok(Cow::Borrowed(member))).chain(around.map(|member| member.map(Cow::Owned))) {
         let frame = Recorded::new(&*member?, base)?;
-        let cycles = timing::replay(&built.timing, &frame.work, Detail::Accounts).total;
+        let cycles = timing::replay(&built.timing, &frame.work, Detail::Total).total;
         slowest.push((cycles, frame));
         // The first of equals stays.
         slowest.sort_by(|(a, _), (b, _)| b.cmp(a));
@@ -352,7 +352,7 @@ fn unseen(search: &Search, domains: &[Domain], members: &[Member], state: &State
     let mut slowest: Option<(f64, Recorded, Box<Member>)> = None;
     let mut look = |member: &Member| -> Result<f64> {
         let frame = Recorded::new(member, &machine)?;
-        let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Accounts));
+        let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Total));
         if fps < options.min_fps && slowest.as_ref().is_none_or(|(least, ..)| fps < *least) {
             slowest = Some((fps, frame, Box::new(member.clone())));
         }
