@@ -72,11 +72,12 @@ impl Answers {
     pub fn new(machine: &Elaborated, work: &Work, cycles: &Cycles, prices: &Prices) -> Self {
         let all = candidates(machine);
         let before = CostReport::new(machine, cycles, prices).cost.area;
-        let try_one = |candidate: &Candidate| {
-            let (built, taken) = candidate.replay(&machine.machine, work)?;
-            let cost = CostReport::new(&built, &taken, prices);
-            let Candidate { field, from, to } = candidate;
-            let answer = Answer {
+        let built: Vec<(&Candidate, Elaborated)> =
+            all.par_iter().filter_map(|candidate| Some((candidate, candidate.built(&machine.machine)?))).collect();
+        let timings: Vec<_> = built.iter().map(|(_, built)| &built.timing).collect();
+        let answer = |((Candidate { field, from, to }, built), taken): (&(&Candidate, Elaborated), Cycles)| {
+            let cost = CostReport::new(built, &taken, prices);
+            Answer {
                 field: field.clone(),
                 from: from.clone(),
                 to: to.clone(),
@@ -87,10 +88,9 @@ impl Answers {
                 area: cost.cost.area,
                 larger: if before > 0.0 { cost.cost.area / before - 1.0 } else { 0.0 },
                 energy: cost.energy.total,
-            };
-            Some(answer)
+            }
         };
-        let mut answers: Vec<Answer> = all.par_iter().filter_map(try_one).collect();
+        let mut answers: Vec<Answer> = built.iter().zip(timing::replay_all(&timings, work, Detail::Accounts)).map(answer).collect();
         let tried = answers.len() as u64;
         // Stable: of equals the first in the description.
         answers.sort_by(|one, other| one.cycles.cmp(&other.cycles).then(one.area.total_cmp(&other.area)));
@@ -144,12 +144,10 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The machine with it, and the frame's cycles there; none where it cannot be built.
-    fn replay(&self, machine: &Machine, work: &Work) -> Option<(Elaborated, Cycles)> {
+    /// The machine with it; none where it cannot be built.
+    fn built(&self, machine: &Machine) -> Option<Elaborated> {
         let other = machines::with(machine, &[(self.field.clone(), self.to.clone())], "answers").ok()?;
-        let built = fixed::elaborate(&other).ok()?;
-        let cycles = timing::replay(&built.timing, work, Detail::Accounts);
-        Some((built, cycles))
+        fixed::elaborate(&other).ok()
     }
 }
 

@@ -10,7 +10,7 @@ use crate::output::chart::{Axis, Bars, Mark, Panel, Series, Shape};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::Memory;
-use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Limited, Request, Share, TileCycles, Tiles, Wait};
+use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Limit, Limited, Request, Share, TileCycles, Tiles, Wait};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -136,7 +136,17 @@ pub fn frames_per_second(timing: &Microarchitecture, cycles: &Cycles) -> f64 {
 impl CyclesReport {
     /// Report of a replay of this work.
     pub fn new(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Self {
-        let limit = timing::limit(timing, work, cycles);
+        CyclesReport::limited(timing, cycles, timing::limit(timing, work, cycles))
+    }
+
+    /// Reports of replays of this work on several machines.
+    pub fn all(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Self> {
+        let limits = timing::limits(frames, work);
+        frames.iter().zip(limits).map(|((timing, cycles), limit)| CyclesReport::limited(timing, cycles, limit)).collect()
+    }
+
+    /// Report of a replay of which it is known what limits it.
+    fn limited(timing: &Microarchitecture, cycles: &Cycles, limit: Limit) -> Self {
         let clock_hz = timing.timing.clock_hz;
         let seconds = cycles.total as f64 / clock_hz as f64;
         let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };

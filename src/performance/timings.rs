@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::Walk;
-use rtl_model::timing::{self, Detail};
+use rtl_model::timing::{self, Cycles, Detail};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -156,12 +156,12 @@ pub struct Row {
 impl Timings {
     /// Replays a frame's work on all of them.
     pub fn new(variants: &Variants, work: &Work) -> Self {
-        let row = |(values, machine): &(Vec<String>, Microarchitecture)| Row {
-            value: values.join(", "),
-            values: values.clone(),
-            cycles: CyclesReport::new(machine, work, &timing::replay(machine, work, Detail::Histograms)),
-        };
-        Timings { path: variants.paths.join(", "), rows: variants.machines.par_iter().map(row).collect() }
+        let replayed: Vec<Cycles> =
+            variants.machines.par_iter().map(|(_, machine)| timing::replay(machine, work, Detail::Histograms)).collect();
+        let frames: Vec<_> = variants.machines.iter().map(|(_, machine)| machine).zip(&replayed).collect();
+        let values = variants.machines.iter().map(|(values, _)| values.clone());
+        let row = |(values, cycles): (Vec<String>, CyclesReport)| Row { value: values.join(", "), values, cycles };
+        Timings { path: variants.paths.join(", "), rows: values.zip(CyclesReport::all(&frames, work)).map(row).collect() }
     }
 
     /// At most 80 columns.

@@ -45,6 +45,22 @@ impl Microarchitecture {
         Microarchitecture { paths, pipelines, storage, ..self.clone() } == *other
     }
 
+    /// Whether a binned machine that goes through tiles as another does writes the same lists in the same cycles, too: they differ in what
+    /// comes behind these alone. Shade does, where splats are not lit in setup.
+    pub fn lists_as(&self, other: &Self, lights_setup: bool) -> bool {
+        let behind = [unit::RASTER, unit::GAUSS, unit::FRAGMENT, unit::RESOLVE];
+        let is_behind = |name: &&str| behind.contains(name) || *name == unit::SHADE && !lights_setup;
+        let lifted = |of: &Self| of.lifted.filter(|name| !is_behind(name));
+        let before = |of: &Self| {
+            let Microarchitecture { raster, gauss, cache, fragment, hazard, resolve, timing, paths, pipelines, storage, .. } = *self;
+            let Microarchitecture { fragment_bytes, frame_bytes, line_bytes, .. } = *self;
+            let shade = if lights_setup { of.shade } else { self.shade };
+            let rest = Microarchitecture { fragment_bytes, frame_bytes, line_bytes, shade, lifted: None, ..of.clone() };
+            Microarchitecture { raster, gauss, cache, fragment, hazard, resolve, timing, paths, pipelines, storage, ..rest }
+        };
+        self.timing.memory == other.timing.memory && lifted(self) == lifted(other) && before(self) == before(other)
+    }
+
     /// Lanes of a stamp that one of the fragment units has.
     pub fn lanes_of_fragment(&self) -> u32 {
         lanes_of_fragment(&self.timing)

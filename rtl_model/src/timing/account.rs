@@ -438,6 +438,11 @@ impl Unit {
         self.side.free = self.side.free.max(now);
     }
 
+    /// What it did by now, as somebody else found: when it is free, items, cycles, and those blocked by itself.
+    pub fn put(&mut self, free: u64, items: u64, account: Account, hazard: u64) {
+        self.side = Side { free, items, account, hazard, ..self.side };
+    }
+
     /// Whether it is infinitely fast.
     pub fn is_lifted(&self) -> bool {
         self.held == 0

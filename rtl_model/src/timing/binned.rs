@@ -12,6 +12,8 @@
 //!
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
 
+pub mod abreast;
+
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
@@ -36,32 +38,63 @@ const LIST_BYTES: u64 = 1 << 24;
 
 /// Replays a frame.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
-    let t = timing;
-    let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
-    let lists = work.bins(t.timing.tile.side_px as usize);
-    let (setup, bin, listed) = first_pass(t, work, &lists, &mut memory, detail);
-    let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-    let mut sort = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted);
-    let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
+    let lists = work.bins(timing.timing.tile.side_px as usize);
+    let mut listed = Listed::new(timing, work, &lists, detail);
+    let pass = SecondPass::new(timing, work, &lists, listed.from);
+    let (engines, stamps, tiles) = pass.run(&mut listed.memory, detail);
+    listed.cycles(work, engines, stamps, tiles, detail)
+}
 
-    let pass = SecondPass::new(t, work, &lists, if t.timing.queue == Queue::Longest { sorted + queue_cycles(&lists) } else { sorted });
-    let (engines, stamps, tiles) = pass.run(&mut memory, detail);
-    let of_engine = engines.iter().map(|engine| texels::lookups([&engine.merge.texels, &engine.lit_texels]));
-    let texels = of_engine.fold(texels::lookups([&setup.texels]), |[all, had], [more, more_had]| [all + more, had + more_had]);
-    let light = engines.iter().map(|engine| engine.merge.light + engine.resolve.light).sum();
-    let mut each: [Vec<Unit>; 7] = Default::default();
-    for Engine { list, fill, merge, resolve, lit, .. } in engines {
-        let (fragment, shade) = merge.units();
-        let of_engine =
-            [vec![list], vec![fill.raster], vec![fill.gauss], fragment.collect(), vec![shade], lit.into_iter().collect(), resolve.units()];
-        each.iter_mut().zip(of_engine).for_each(|(all, of_engine)| all.extend(of_engine));
+/// A frame whose lists are written, and sorted.
+#[derive(Clone)]
+struct Listed<'a> {
+    memory: Memory,
+    setup: SetUp<'a>,
+    bin: Unit,
+    sort: Unit,
+    /// When the second pass begins.
+    from: u64,
+}
+
+impl<'a> Listed<'a> {
+    /// The first pass, and the sort.
+    fn new(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, detail: Detail) -> Self {
+        let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
+        let (setup, bin, listed) = first_pass(t, work, lists, &mut memory, detail);
+        let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
+        let mut sort = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted);
+        let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
+        let from = if t.timing.queue == Queue::Longest { sorted + queue_cycles(lists) } else { sorted };
+        Listed { memory, setup, bin, sort, from }
     }
-    let [list, raster, gauss, fragment, shade, lit, resolve] = each;
-    let (mut units, shade) = setup.units(shade);
-    units.push(bin);
-    units.extend((!work.order.is_empty()).then_some(sort));
-    units.extend([list, raster, gauss, fragment, shade, lit, resolve].into_iter().flatten());
-    Cycles { stamps, tiles, texels, light, ..Cycles::of(units, memory, detail) }
+
+    /// Cycles of the frame, when the engines have drawn it.
+    fn cycles(self, work: &Work, engines: Vec<Engine>, stamps: [u64; 2], tiles: Option<Tiles>, detail: Detail) -> Cycles {
+        let Listed { memory, setup, bin, sort, .. } = self;
+        let of_engine = engines.iter().map(|engine| texels::lookups([&engine.merge.texels, &engine.lit_texels]));
+        let texels = of_engine.fold(texels::lookups([&setup.texels]), |[all, had], [more, more_had]| [all + more, had + more_had]);
+        let light = engines.iter().map(|engine| engine.merge.light + engine.resolve.light).sum();
+        let mut each: [Vec<Unit>; 7] = Default::default();
+        for Engine { list, fill, merge, resolve, lit, .. } in engines {
+            let (fragment, shade) = merge.units();
+            let of_engine = [
+                vec![list],
+                vec![fill.raster],
+                vec![fill.gauss],
+                fragment.collect(),
+                vec![shade],
+                lit.into_iter().collect(),
+                resolve.units(),
+            ];
+            each.iter_mut().zip(of_engine).for_each(|(all, of_engine)| all.extend(of_engine));
+        }
+        let [list, raster, gauss, fragment, shade, lit, resolve] = each;
+        let (mut units, shade) = setup.units(shade);
+        units.push(bin);
+        units.extend((!work.order.is_empty()).then_some(sort));
+        units.extend([list, raster, gauss, fragment, shade, lit, resolve].into_iter().flatten());
+        Cycles { stamps, tiles, texels, light, ..Cycles::of(units, memory, detail) }
+    }
 }
 
 /// Between the passes the queue is sorted by the lengths of lists, a digit after the other: a cycle for each tile that has an entry, and one
@@ -225,25 +258,54 @@ impl<'a> SecondPass<'a> {
         engine: &mut Engine,
         tile: &mut Tile,
         walk: &mut Stamps,
-        mut stops: Option<&mut Stops>,
+        stops: Option<&mut Stops>,
         others_from: u64,
         memory: &mut Memory,
     ) -> bool {
+        let entries = self.lists.of(tile.place);
+        let footprint = &self.work.footprints[entries[tile.nth] as usize];
+        let Some(from) = self.fetch(engine, tile, stops.as_deref(), others_from, memory) else { return false };
+        let Engine { list, fill, merge, .. } = engine;
+        // The tile before is still in the buffer.
+        let room = tile.buffer_free;
+        let mut next = |stamp: Stamp, here| merge.stamp(stamp, Ready { here, room, ..Ready::default() }, memory);
+        let area = (tile.corner.map(|at| at as u16), self.t.timing.tile.side_px);
+        let taken = match stops {
+            None => fill.footprint(walk, footprint, area, from, |stamp, here| next(stamp, here)[0]).0,
+            // Of sheets nothing is shaded here.
+            Some(stops) => {
+                fill.footprint_of_stops(walk, footprint, area, from, stops, |pieces, here| next(Stamp { pieces, texels: &[] }, here))
+            }
+        };
+        list.behind.give(taken);
+        tile.nth += 1;
+        tile.nth < entries.len()
+    }
+
+    /// Reads the next entry of a tile, and its record: from when on raster can have it, and when the record is here. None where the tile has
+    /// stopped.
+    #[inline(always)]
+    fn fetch(
+        &self,
+        engine: &mut Engine,
+        tile: &mut Tile,
+        stops: Option<&Stops>,
+        others_from: u64,
+        memory: &mut Memory,
+    ) -> Option<(u64, u64)> {
         let t = self.t;
         let burst = u64::from(t.timing.memory.burst_bytes);
-        let Engine { list, fill, merge, resolve, outstanding, list_from, .. } = engine;
-        let entries = self.lists.of(tile.place);
-        let entry = entries[tile.nth];
-        let footprint = &self.work.footprints[entry as usize];
+        let Engine { list, merge, resolve, outstanding, list_from, .. } = engine;
+        let entry = self.lists.of(tile.place)[tile.nth];
         let needed = ((tile.nth as u64 + 1) * ENTRY_BYTES).div_ceil(burst);
         let ready = Ready { here: *list_from, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
-        if let Some(stops) = &mut stops
+        if let Some(stops) = stops
             && stops.all() <= list.when(ready)
         {
             // The rest of the tile.
             *list_from = list.free().max(ready.here).max(stops.all());
             list.wait(Ready { memory: ready.memory.min(*list_from), room: ready.room.min(*list_from), ..ready });
-            return false;
+            return None;
         }
         let now = list.take(ready, 1);
         list.behind.take(now);
@@ -259,21 +321,7 @@ impl<'a> SecondPass<'a> {
         let address = RECORDS + u64::from(entry) * u64::from(t.prepared_bytes);
         let here = memory.request(now.max(tile.burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
         outstanding.push(here);
-
-        // The tile before is still in the buffer.
-        let room = tile.buffer_free;
-        let mut next = |stamp: Stamp, here| merge.stamp(stamp, Ready { here, room, ..Ready::default() }, memory);
-        let (area, from) = ((tile.corner.map(|at| at as u16), t.timing.tile.side_px), (now + 1, here));
-        let taken = match stops {
-            None => fill.footprint(walk, footprint, area, from, |stamp, here| next(stamp, here)[0]).0,
-            // Of sheets nothing is shaded here.
-            Some(stops) => {
-                fill.footprint_of_stops(walk, footprint, area, from, stops, |pieces, here| next(Stamp { pieces, texels: &[] }, here))
-            }
-        };
-        list.behind.give(taken);
-        tile.nth += 1;
-        tile.nth < entries.len()
+        Some((now + 1, here))
     }
 
     /// Resolves a tile and writes it, and those behind it that have no entry; says when its last word is there.

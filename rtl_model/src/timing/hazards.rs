@@ -21,6 +21,15 @@ struct Taken {
     pixels: u16,
 }
 
+/// Most pieces that can be under way.
+pub fn most_under_way(timing: &Microarchitecture) -> usize {
+    let [across, down] = timing.timing.raster.lanes.map(|lanes| lanes as usize);
+    // Infinitely fast, it takes what waited for it at once.
+    let waiting = if timing.lifted == Some(unit::FRAGMENT) { timing.gauss.room().max(timing.cache.room()) + 1 } else { 0 };
+    // A cycle at least for each stamp; its pixels lie in so many strips at most.
+    (timing.hazard as usize + waiting) * ((across - 1).div_ceil(TILE_PX) + 1) * down
+}
+
 /// Pixels under way.
 #[derive(Clone, Debug)]
 pub struct Hazards {
@@ -36,11 +45,7 @@ pub struct Hazards {
 impl Hazards {
     pub fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let columns = (work.width as usize).div_ceil(TILE_PX);
-        let [across, down] = timing.timing.raster.lanes.map(|lanes| lanes as usize);
-        // Infinitely fast, it takes what waited for it at once.
-        let waiting = if timing.lifted == Some(unit::FRAGMENT) { timing.gauss.room().max(timing.cache.room()) + 1 } else { 0 };
-        // A cycle at least for each stamp; its pixels lie in so many strips at most.
-        let under_way = (timing.hazard as usize + waiting) * ((across - 1).div_ceil(TILE_PX) + 1) * down;
+        let under_way = most_under_way(timing);
         let last = vec![Taken::default(); columns * work.height as usize];
         Hazards { last, before: vec![Taken::default(); under_way].into(), turn: 0, merges: Vec::new() }
     }

@@ -15,7 +15,7 @@
 //!
 //! Laws: `no_limit_costs_more_than_is_said_without_a_replay`, `the_limit_is_what_gains_most_where_it_is_lifted`, `a_hazard_that_blocks_is_the_limit_not_a_busy_memory`.
 
-use super::{Cycles, Detail, UnitCycles, Wait, replay};
+use super::{Cycles, Detail, UnitCycles, Wait, replay, replay_all};
 use crate::elaboration::microarchitecture::Microarchitecture;
 use crate::elaboration::unit;
 use crate::work::Work;
@@ -45,23 +45,79 @@ pub struct Limit {
 /// What a frame that took these cycles is limited by. Of equals the first in the order of the diagram, then hazards, then memory; where
 /// nothing alone gains anything, what is busiest.
 pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit {
-    let mut candidates = candidates(timing, work, cycles);
-    // Stable: equals stay in order.
-    candidates.sort_by_key(|(at_most, ..)| std::cmp::Reverse(*at_most));
-    let mut best: Option<(Limit, usize)> = None;
-    for (at_most, place, name, by) in candidates {
-        let gained = best.map_or(0, |(limit, _)| cycles.total - limit.without);
-        if at_most < gained || at_most == 0 {
-            break;
+    let mut search = Search::new(timing, work, cycles);
+    while let Some(lifted) = search.next() {
+        search.tried(replay(&lifted, work, Detail::Total).total);
+    }
+    search.found()
+}
+
+/// The same of several machines, whose replays go abreast.
+pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limit> {
+    let mut searches: Vec<Search> = frames.iter().map(|(timing, cycles)| Search::new(timing, work, cycles)).collect();
+    loop {
+        let (mut tried, mut lifted) = (Vec::new(), Vec::new());
+        for search in &mut searches {
+            let next = search.next();
+            tried.extend(next.is_some().then_some(search));
+            lifted.extend(next);
         }
-        let without = replay(&lifted(timing, name, by), work, Detail::Total).total;
-        let without = without.max(cycles.total.saturating_sub(at_most)).min(cycles.total);
-        let gain = cycles.total - without;
-        if gain > gained || gain == gained && gain > 0 && best.is_some_and(|(_, before)| place < before) {
-            best = Some((Limit { name, by, without }, place));
+        if lifted.is_empty() {
+            return searches.iter().map(Search::found).collect();
+        }
+        let totals = replay_all(&lifted.iter().collect::<Vec<_>>(), work, Detail::Total);
+        tried.into_iter().zip(totals).for_each(|(search, cycles)| search.tried(cycles.total));
+    }
+}
+
+/// What limits a machine, as far as it is known.
+struct Search<'a> {
+    timing: &'a Microarchitecture,
+    cycles: &'a Cycles,
+    /// What is not tried yet, that which could gain least first.
+    left: Vec<Candidate>,
+    /// What is tried now, and what gained most so far, with its place.
+    now: Option<Candidate>,
+    best: Option<(Limit, usize)>,
+}
+
+impl<'a> Search<'a> {
+    fn new(timing: &'a Microarchitecture, work: &Work, cycles: &'a Cycles) -> Self {
+        let mut left = candidates(timing, work, cycles);
+        // Stable: equals stay in order.
+        left.sort_by_key(|(at_most, ..)| std::cmp::Reverse(*at_most));
+        left.reverse();
+        Search { timing, cycles, left, now: None, best: None }
+    }
+
+    fn gained(&self) -> u64 {
+        self.best.map_or(0, |(limit, _)| self.cycles.total - limit.without)
+    }
+
+    /// The machine without what comes next, if that may gain more than what was tried.
+    fn next(&mut self) -> Option<Microarchitecture> {
+        let gained = self.gained();
+        self.now = self.left.pop().filter(|(at_most, ..)| *at_most >= gained && *at_most > 0);
+        if self.now.is_none() {
+            self.left.clear();
+        }
+        self.now.map(|(_, _, name, by)| lifted(self.timing, name, by))
+    }
+
+    /// Without that it takes so many cycles.
+    fn tried(&mut self, without: u64) {
+        let Some((at_most, place, name, by)) = self.now.take() else { return };
+        let (total, gained) = (self.cycles.total, self.gained());
+        let without = without.max(total.saturating_sub(at_most)).min(total);
+        let gain = total - without;
+        if gain > gained || gain == gained && gain > 0 && self.best.is_some_and(|(_, before)| place < before) {
+            self.best = Some((Limit { name, by, without }, place));
         }
     }
-    best.map_or_else(|| busiest(cycles), |(limit, _)| limit)
+
+    fn found(&self) -> Limit {
+        self.best.map_or_else(|| busiest(self.cycles), |(limit, _)| limit)
+    }
 }
 
 /// How many cycles a frame that took these could gain at most without each of its limits, by itself, as far as that is known without a replay.

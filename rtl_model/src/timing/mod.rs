@@ -33,7 +33,8 @@ mod tiles;
 mod walk;
 
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
-pub use limit::{Limit, Limited, limit, most_gained};
+pub use binned::abreast::replay_all;
+pub use limit::{Limit, Limited, limit, limits, most_gained};
 pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
 pub use tiles::{Share, TileCycles, Tiles};
 

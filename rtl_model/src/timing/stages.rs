@@ -21,6 +21,7 @@ use std::ops::Range;
 use std::rc::Rc;
 
 /// Fetch, project and ellipse, colour where harmonics become one, and shade where splats are lit before they are drawn: one splat each.
+#[derive(Clone)]
 pub struct SetUp<'a> {
     timing: &'a Microarchitecture,
     pub fetch: Unit,
@@ -560,11 +561,8 @@ impl<'a> Merge<'a> {
             self.units[part.unit].unit.take(ready, 1);
             return now + u64::from(t.fragment.latency);
         }
-        let (mut last, asked) = (now + 1, now + 1);
-        for _ in 0..part.shades {
-            last = self.shade.take(Ready { here: asked, ..Ready::default() }, t.shade.interval.into());
-        }
-        let lit = if part.shades == 0 || self.shade.is_lifted() { asked } else { last + u64::from(t.shade.latency) };
+        let asked = now + 1;
+        let lit = light(&mut self.shade, t, asked, part.shades);
         self.light += lit - asked;
         self.merge(part, ready, now, lit)
     }
@@ -604,6 +602,11 @@ impl<'a> Merge<'a> {
         of.merged - 1 + latency
     }
 
+    /// The first of its fragment units.
+    pub fn first_unit(&mut self) -> &mut Unit {
+        &mut self.units[0].unit
+    }
+
     /// When a fragment unit is free for the next stamp.
     pub fn free(&self) -> u64 {
         self.units.iter().map(|of| of.unit.free()).min().unwrap_or(0)
@@ -618,6 +621,15 @@ impl<'a> Merge<'a> {
     pub fn units(self) -> (impl Iterator<Item = Unit>, Unit) {
         (self.units.into_iter().map(|of| of.unit), self.shade)
     }
+}
+
+/// Shades so many fragments that are asked for in this cycle; says when the last light comes.
+pub fn light(shade: &mut Unit, timing: &Microarchitecture, asked: u64, fragments: u64) -> u64 {
+    let mut last = asked;
+    for _ in 0..fragments {
+        last = shade.take(Ready { here: asked, ..Ready::default() }, timing.shade.interval.into());
+    }
+    if fragments == 0 || shade.is_lifted() { asked } else { last + u64::from(timing.shade.latency) }
 }
 
 /// Merges of a stamp in those pixels of each piece, and fragments shaded for them.

@@ -2,6 +2,7 @@
 
 use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
+use crate::share;
 use proptest::prelude::*;
 use rtl_model::machine::{Merge, Rows};
 use rtl_model::pipeline::{draw, draw_measured, draw_unobserved, draw_without_avx_512};
@@ -46,8 +47,18 @@ fn wander(machine: Machine, changes: &[Mutation]) -> (Machine, Elaborated) {
     })
 }
 
+/// So many random cases; a third of them in a run that has a share of the long work.
+fn cases(all: u32) -> u32 {
+    if share::share()[1] < 3 { all } else { all / 3 }
+}
+
+/// The named machines of discs: all, or those whose turn it is.
+fn discs() -> impl Iterator<Item = &'static str> {
+    share::mine(Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES))
+}
+
 proptest! {
-    #![proptest_config(ProptestConfig { max_shrink_iters: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: cases(256), max_shrink_iters: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn every_machine_that_elaborates_draws_every_frame(
@@ -114,7 +125,7 @@ fn crowd(machine: &Machine) -> Frame {
 /// Where they count a sample, only what is counted is less.
 #[test]
 fn meters_measure_all_and_count_a_sample() {
-    for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
+    for name in discs() {
         let machine = Machine::named(name).unwrap();
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
         let (read, counted) = (draw_measured(&elaborated, &frame).1, counted(&elaborated, &frame));
@@ -141,7 +152,8 @@ fn meters_measure_all_and_count_a_sample() {
 /// Of pixels that overflow again and again, with one slot to merge with or several, and materials of their own side by side.
 #[test]
 fn merges_that_wait_are_those_at_once() {
-    for (layers, merge) in [(1, Merge::FarthestPair), (2, Merge::NearestPair), (3, Merge::FarthestPair), (7, Merge::NearestPair)] {
+    let rules = [(1, Merge::FarthestPair), (2, Merge::NearestPair), (3, Merge::FarthestPair), (7, Merge::NearestPair)];
+    for (_, (layers, merge)) in (0..).zip(rules).filter(|(turn, _)| share::in_third(*turn)) {
         for evict_hidden in [false, true] {
             let mut machine = Machine::named("reference").unwrap();
             (machine.fragment.layers, machine.fragment.merge, machine.fragment.evict_hidden) = (layers, merge, evict_hidden);
@@ -157,7 +169,7 @@ fn merges_that_wait_are_those_at_once() {
 /// The same frame by one, two and three threads, watched and not.
 #[test]
 fn threads_and_watchers_change_no_bit() {
-    for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
+    for name in discs() {
         let machine = Machine::named(name).unwrap();
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
         let watched = |threads: usize| {

@@ -5,5 +5,8 @@ mod elaboration;
 mod frames;
 mod mutation;
 mod reach;
+#[path = "../../../tests/share/mod.rs"]
+#[expect(dead_code, reason = "the tests of the program use the rest")]
+mod share;
 mod timing;
 mod working;

@@ -5,8 +5,9 @@ use crate::machines::{elaborate, ideal, random, several};
 use crate::scene::{End, Scene, Splat};
 use crate::{immediate, scene};
 use rtl_model::Machine;
+use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
-use rtl_model::timing::{Detail, replay};
+use rtl_model::timing::{Detail, limit, limits, replay, replay_all};
 use rtl_model::work::Event;
 
 /// So many splats of the same pixel, of a picture of that one, and what it ends with.
@@ -287,4 +288,57 @@ fn wider_lanes_can_be_slower() {
     }
     let [faster, _, slower] = counts;
     assert!(faster > 5 * slower && slower > 0, "{counts:?}");
+}
+
+/// Replayed together, machines take what each takes by itself: those that go through tiles alike, those that do not, and those of which
+/// something is infinitely fast.
+#[test]
+fn machines_abreast_take_as_long_as_one_by_one() {
+    let (mut together, mut stamps, mut merges) = (0, 0, 0);
+    for seed in 0..300 {
+        let mut rng = Rng(seed);
+        let mut scene = scene::random(&mut rng, [70, 40], 40);
+        scene.preshaded = rng.below(4) == 0;
+        let work = scene.record();
+        let first = Timing { organisation: Organisation::Binned, ..random(&mut rng) };
+        let lanes = if rng.below(4) == 0 { [16, 1] } else { first.raster.lanes };
+        let side_px = [16, 16, 32, 48][rng.below(4) as usize];
+        let mut machines: Vec<_> = (0..2 + rng.below(9))
+            .map(|_| {
+                let mut timing = Timing { organisation: Organisation::Binned, ..random(&mut rng) };
+                (timing.raster.lanes, timing.tile.side_px, timing.tile.buffers) = (lanes, side_px, 1 + rng.below(2) as u32);
+                // What comes behind the lists alone may differ.
+                if rng.below(2) == 0 {
+                    let Timing { fetch, project, ellipse, colour, memory, .. } = first;
+                    timing = Timing { fetch, project, ellipse, colour, memory, ..timing };
+                }
+                if rng.below(20) == 0 { several(&mut rng, timing) } else { timing }
+            })
+            .map(elaborate)
+            .collect();
+        for name in ["fetch", "project", "bin", "list", "raster", "gauss", "fragment", "shade", "resolve"] {
+            let like = &machines[rng.below(machines.len() as u64) as usize];
+            machines.push(Microarchitecture { lifted: Some(name), ..like.clone() });
+        }
+        let mut ideal = machines[0].clone();
+        ideal.timing.memory.ideal = true;
+        machines.extend([Microarchitecture { hazard: 1, ..machines[0].clone() }, ideal, elaborate(random(&mut rng))]);
+
+        let all: Vec<&Microarchitecture> = machines.iter().collect();
+        for detail in [Detail::Total, Detail::Accounts, Detail::Histograms] {
+            for (nth, (machine, cycles)) in machines.iter().zip(replay_all(&all, &work, detail)).enumerate() {
+                assert_eq!(cycles, replay(machine, &work, detail), "seed {seed}, machine {nth}");
+            }
+        }
+        let cycles: Vec<_> = machines.iter().map(|machine| replay(machine, &work, Detail::Accounts)).collect();
+        let frames: Vec<_> = all.iter().copied().zip(&cycles).collect();
+        let one_by_one: Vec<_> = frames.iter().map(|(machine, cycles)| limit(machine, &work, cycles)).collect();
+        assert_eq!(limits(&frames, &work), one_by_one, "seed {seed}");
+        if !work.stops() {
+            together += machines.iter().filter(|machine| machine.is_single()).count();
+            stamps += cycles[0].stamps[1];
+            merges += cycles[0].units.iter().filter(|unit| unit.name == "shade").map(|unit| unit.items).sum::<u64>();
+        }
+    }
+    assert!(together > 4000 && stamps > 12_000 && merges > 4000, "{together} machines, {stamps} stamps, {merges} fragments to shade");
 }

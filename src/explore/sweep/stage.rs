@@ -32,6 +32,7 @@ use crate::scene::{Camera, Scene};
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
+use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{self, Cycles, Detail};
 use rtl_model::work::Work;
 use serde_json::{Value, json};
@@ -204,16 +205,15 @@ impl Stage {
 
     /// The rows of points whose machines differ in timing alone.
     fn rows(&self, group: &[Point], frame: impl FnOnce() -> Arc<std::result::Result<Drawn, String>>) -> Vec<(u64, Row)> {
-        let (drawn, seconds) = timed(frame);
+        let (found, seconds) = timed(|| match &*frame() {
+            Ok(drawn) => drawn.on(&group.iter().map(|point| &point.machine).collect::<Vec<_>>(), &self.prices, &self.replays),
+            Err(sentence) => group.iter().map(|_| Err(sentence.clone())).collect(),
+        });
         let base = machines::value(&self.points.base);
         let fields = self.points.fields();
-        let row = |point: &Point| {
-            let (found, own_seconds) = timed(|| match &*drawn {
-                Ok(drawn) => drawn.on(&point.machine, &self.prices, &self.replays),
-                Err(sentence) => Err(sentence.clone()),
-            });
+        let row = |(point, found): (&Point, std::result::Result<Findings, String>)| {
             let mut found = found.unwrap_or_else(|sentence| Findings { misfit: Some(sentence), ..Findings::default() });
-            found.host_seconds = seconds / group.len() as f64 + own_seconds;
+            found.host_seconds = seconds / group.len() as f64;
             let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             let changes: Vec<String> = point.changes.iter().map(|(field, value)| format!("{field}={}", text(value))).collect();
             let own = fields.iter().map(|field| {
@@ -223,7 +223,7 @@ impl Stage {
             let head = [json!(point.number), json!(point.key), json!(self.scene.name), json!(changes.join(" "))];
             (point.number, head.into_iter().chain(own).chain(columns::cells(&found)).collect())
         };
-        group.par_iter().map(row).collect()
+        group.iter().zip(found).map(row).collect()
     }
 
     /// All of a point that does not depend on timing; or why its machine cannot draw.
@@ -328,19 +328,25 @@ struct Drawn {
 }
 
 impl Drawn {
-    /// With the time that it takes on a machine.
-    fn on(&self, machine: &Machine, prices: &Prices, replays: &Replays) -> std::result::Result<Findings, String> {
-        let Some(work) = &self.work else { return Ok(self.found.clone()) };
-        let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
-        let (units, cycles) = replays.of(&elaborated.timing, work);
-        let replay = Replay {
-            cycles,
-            cost: CostReport::new(&elaborated, &units, prices),
-            machine: MachineReport::new(&elaborated),
-            units,
-            latency_ns: clock::latency_ns(&elaborated),
+    /// With the time that it takes on each machine.
+    fn on(&self, machines: &[&Machine], prices: &Prices, replays: &Replays) -> Vec<std::result::Result<Findings, String>> {
+        let Some(work) = &self.work else { return machines.iter().map(|_| Ok(self.found.clone())).collect() };
+        let elaborated: Vec<_> = machines.par_iter().map(|machine| fixed::elaborate(machine).map_err(|error| error.to_string())).collect();
+        let timings: Vec<&Microarchitecture> = elaborated.iter().flatten().map(|elaborated| &elaborated.timing).collect();
+        let mut replayed = replays.of(&timings, work).into_iter();
+        let found = |elaborated: std::result::Result<Elaborated, String>| {
+            let elaborated = elaborated?;
+            let (units, cycles) = replayed.next().expect("each machine that can be built was replayed");
+            let replay = Replay {
+                cycles,
+                cost: CostReport::new(&elaborated, &units, prices),
+                machine: MachineReport::new(&elaborated),
+                units,
+                latency_ns: clock::latency_ns(&elaborated),
+            };
+            Ok(Findings { replay: Some(replay), ..self.found.clone() })
         };
-        Ok(Findings { replay: Some(replay), ..self.found.clone() })
+        elaborated.into_iter().map(found).collect()
     }
 }
 
@@ -359,22 +365,40 @@ struct Replayed {
 const REPLAYS: usize = 4;
 
 impl Replays {
-    /// Cycles of this work, and what limits them, for which it is replayed a few times more.
-    fn of(&self, timing: &Microarchitecture, work: &Arc<Work>) -> (Cycles, CyclesReport) {
+    /// Cycles of this work on each machine, and what limits them, for which it is replayed a few times more.
+    fn of(&self, timings: &[&Microarchitecture], work: &Arc<Work>) -> Vec<(Cycles, CyclesReport)> {
         let known = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let is_same = |known: &&Arc<Replayed>| known.timing.keeps_time_as(timing) && known.work == *work;
-        if let Some(known) = known.iter().find(is_same) {
-            return known.cycles.clone();
+        let is_same = |known: &Replayed, timing: &Microarchitecture| known.timing.keeps_time_as(timing) && known.work == *work;
+        let known_of = |timing: &Microarchitecture| known.iter().find(|known| is_same(known, timing)).map(|known| known.cycles.clone());
+        let mut all: Vec<Option<(Cycles, CyclesReport)>> = timings.iter().map(|timing| known_of(timing)).collect();
+
+        // Of several that keep the same time the first is replayed.
+        let mut new: Vec<usize> = Vec::new();
+        let mut same_as = vec![None; timings.len()];
+        for nth in (0..timings.len()).filter(|nth| all[*nth].is_none()) {
+            same_as[nth] = new.iter().position(|other| timings[*other].keeps_time_as(timings[nth]));
+            if same_as[nth].is_none() {
+                same_as[nth] = Some(new.len());
+                new.push(nth);
+            }
         }
-        let units = timing::replay(timing, work, Detail::Accounts);
-        let report = CyclesReport::new(timing, work, &units);
-        let cycles = (units, report);
+        let new: Vec<&Microarchitecture> = new.into_iter().map(|nth| timings[nth]).collect();
+        let units = timing::replay_all(&new, work, Detail::Accounts);
+        let frames: Vec<_> = new.iter().copied().zip(&units).collect();
+        let reports = CyclesReport::all(&frames, work);
+        let replayed: Vec<(Cycles, CyclesReport)> = units.into_iter().zip(reports).collect();
+
         let mut known = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if known.len() == REPLAYS {
-            known.remove(1);
+        for (timing, cycles) in new.into_iter().zip(&replayed) {
+            if known.len() == REPLAYS {
+                known.remove(1);
+            }
+            known.push(Arc::new(Replayed { timing: timing.clone(), work: Arc::clone(work), cycles: cycles.clone() }));
         }
-        known.push(Arc::new(Replayed { timing: timing.clone(), work: Arc::clone(work), cycles: cycles.clone() }));
-        cycles
+        for (cycles, same_as) in all.iter_mut().zip(same_as) {
+            *cycles = cycles.take().or_else(|| same_as.map(|nth| replayed[nth].clone()));
+        }
+        all.into_iter().flatten().collect()
     }
 }
 

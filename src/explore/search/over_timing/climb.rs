@@ -19,7 +19,8 @@ use crate::performance::cycles::{CyclesReport, frames_per_second};
 use crate::scene::digest::digest;
 use rayon::prelude::*;
 use rtl_model::Machine;
-use rtl_model::timing::{self, Detail};
+use rtl_model::pipeline::Elaborated;
+use rtl_model::timing::{self, Cycles, Detail};
 use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
@@ -78,26 +79,27 @@ pub(super) struct Search<'a> {
 
 /// What machines take for the most demanding of some frames, or why one cannot be built.
 fn measured(machines: &[Machine], frames: &[Recorded], prices: &Prices) -> Vec<std::result::Result<Measured, String>> {
-    let of_machine = |machine: &Machine| {
-        let built = fixed::elaborate(machine).map_err(|e| e.to_string())?;
-        let of_frame = |Recorded { work, .. }: &Recorded| {
-            let cycles = timing::replay(&built.timing, work, Detail::Accounts);
+    let built: Vec<_> = machines.par_iter().map(|machine| fixed::elaborate(machine).map_err(|e| e.to_string())).collect();
+    let timings: Vec<_> = built.iter().flatten().map(|built| &built.timing).collect();
+    let of_frame = |frame: &Recorded| timing::replay_all(&timings, &frame.work, Detail::Accounts).into_iter();
+    let mut replayed: Vec<_> = frames.par_iter().map(of_frame).collect();
+    let of_machine = |built: std::result::Result<Elaborated, String>| {
+        let built = built?;
+        let of_frame = |cycles: Cycles| {
             let cost = CostReport::new(&built, &cycles, prices);
-            let frames_per_second = frames_per_second(&built.timing, &cycles);
             Measured {
-                frames_per_second,
+                frames_per_second: frames_per_second(&built.timing, &cycles),
                 area: cost.cost.area,
                 gates: cost.cost.gates.total,
                 energy: cost.energy.total,
                 cycles: cycles.total,
             }
         };
-        let each: Vec<Measured> = frames.par_iter().map(of_frame).collect();
-        let all = each.into_iter().reduce(Measured::and).ok_or("there is no scene")?;
+        let all = replayed.iter_mut().filter_map(Iterator::next).map(of_frame).reduce(Measured::and).ok_or("there is no scene")?;
         let is_finite = [all.frames_per_second, all.area, all.gates, all.energy].iter().all(|figure| figure.is_finite());
         if is_finite { Ok(all) } else { Err("has a figure that is no number".into()) }
     };
-    machines.par_iter().map(of_machine).collect()
+    built.into_iter().map(of_machine).collect()
 }
 
 fn with(state: &State, changes: &[Change]) -> State {

@@ -1,0 +1,609 @@
+//! Abreast: up to eight machines draw the same tiles side by side, a machine a lane.
+//!
+//! ```text
+//! each machine by itself ─► from when on an entry is here ─┐                                  ┌─► list: its place is free again
+//!                     the entry's stamps, gone through once┴─► raster ─► gauss ─► fragment ───┴─► tile done ─► resolve
+//!                                                              eight at a time
+//! ```
+//! They may differ in all that leaves the order of their stamps alone: latencies, FIFOs, memory, what is infinitely fast. Lists, memory, shade
+//! and resolve are those of [`super`]; raster, gauss and fragment take a stamp on eight machines at once, by the same rules as the units of
+//! `stages.rs`. Nothing here is hardware: it is how the simulator keeps a host's vector units busy.
+//!
+//! Law: `machines_abreast_take_as_long_as_one_by_one`.
+
+use super::super::account::{Account, Detail, Unit};
+use super::super::stages::Held;
+use super::super::stamps::{Piece, Stamps};
+use super::{Engine, Listed, SecondPass, Tile};
+use crate::elaboration::microarchitecture::Microarchitecture;
+use crate::elaboration::unit;
+use crate::kernels::host::{Kernel, vectorised};
+use crate::machine::timing::Organisation;
+use crate::num::lanes::{LANES, Lanes};
+use crate::timing::{Cycles, replay};
+use crate::work::{Bins, Footprint, TILE_PX, Work};
+use rayon::prelude::*;
+use std::array;
+use std::collections::VecDeque;
+
+/// Whether two machines go through the same stamps in the same order, one tile at a time.
+fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
+    let order = |t: &Microarchitecture| (t.timing.organisation, t.timing.tile.side_px, t.timing.queue, t.timing.raster.lanes);
+    order(one) == order(other)
+}
+
+/// Whether a machine can go abreast with others, through a frame that neither mirrors nor stops.
+fn can_go_abreast(timing: &Microarchitecture) -> bool {
+    timing.timing.organisation == Organisation::Binned && timing.is_single()
+}
+
+/// Fewer take as long one by one.
+const FEWEST: usize = 4;
+
+/// Replays a frame on several machines: each takes as long as by itself.
+pub fn replay_all(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
+    let batches: Vec<Vec<usize>> = batches(timings, work, detail);
+    let of_batch = |batch: &Vec<usize>| -> Vec<(usize, Cycles)> {
+        let machines: Vec<&Microarchitecture> = batch.iter().map(|nth| timings[*nth]).collect();
+        let cycles = match machines[..] {
+            [one] => vec![replay(one, work, detail)],
+            _ => side_by_side(&machines, work, detail),
+        };
+        batch.iter().copied().zip(cycles).collect()
+    };
+    let mut all: Vec<(usize, Cycles)> = batches.par_iter().flat_map_iter(of_batch).collect();
+    all.sort_unstable_by_key(|(nth, _)| *nth);
+    all.into_iter().map(|(_, cycles)| cycles).collect()
+}
+
+/// Which machines go abreast, and which by themselves.
+fn batches(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Vec<usize>> {
+    let (mut batches, mut alone, mut left): (Vec<_>, Vec<usize>, Vec<usize>) = Default::default();
+    let is_plain = timings.len() >= FEWEST && detail <= Detail::Accounts && !work.mirrors && !work.stops();
+    for (nth, timing) in timings.iter().enumerate() {
+        if is_plain && can_go_abreast(timing) { left.push(nth) } else { alone.push(nth) }
+    }
+    while let Some(first) = left.first().copied() {
+        let (batch, others): (Vec<usize>, Vec<usize>) = left.into_iter().partition(|nth| are_alike(timings[first], timings[*nth]));
+        for batch in batch.chunks(LANES) {
+            if batch.len() < FEWEST { alone.extend(batch) } else { batches.push(batch.to_vec()) }
+        }
+        left = others;
+    }
+    batches.extend(alone.into_iter().map(|nth| vec![nth]));
+    batches
+}
+
+/// Replays so many machines, at most eight.
+fn side_by_side(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Cycles> {
+    let lists = work.bins(timings[0].timing.tile.side_px as usize);
+    let held = Held::new(work);
+    let mut machines: Vec<Machine> = Vec::new();
+    for t in timings {
+        let known = machines.iter().find(|machine| machine.pass.t.lists_as(t, work.preshaded));
+        let listed = known.map_or_else(|| Listed::new(t, work, &lists, detail), |machine| machine.listed.clone());
+        let engine = Engine::new(t, work, &held, listed.from, detail, 0);
+        let pass = SecondPass::new(t, work, &lists, listed.from);
+        machines.push(Machine { listed, pass, engine });
+    }
+    let stamps = vectorised(Tiles { machines: &mut machines, work, lists: &lists });
+    let cycles = |machine: Machine| machine.listed.cycles(work, vec![machine.engine], stamps, None, detail);
+    machines.into_iter().map(cycles).map(|cycles| Cycles { harmonics: work.harmonics, ..cycles }).collect()
+}
+
+/// One of them.
+struct Machine<'a> {
+    listed: Listed<'a>,
+    pass: SecondPass<'a>,
+    engine: Engine<'a>,
+}
+
+/// All tiles; says how many stamps there were, and how many kept a pixel.
+struct Tiles<'m, 'a> {
+    machines: &'m mut [Machine<'a>],
+    work: &'a Work,
+    lists: &'a Bins,
+}
+
+impl Kernel for Tiles<'_, '_> {
+    type Output = [u64; 2];
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) -> [u64; 2] {
+        let Tiles { machines, work, lists } = self;
+        let timings: Vec<&Microarchitecture> = machines.iter().map(|machine| machine.pass.t).collect();
+        let mut fill = Fill::<L>::new(&timings, work);
+        let t = timings[0];
+        let side = t.timing.tile.side_px;
+        let mut walk = Stamps::new(work, t.timing.raster.lanes);
+        for machine in &mut *machines {
+            machine.pass.write_empty(0, machine.pass.from, &mut machine.listed.memory);
+        }
+        let turns: Vec<usize> = machines[0].pass.queue.iter().map(|(_, place)| *place).collect();
+        for place in turns {
+            let mut tiles: Vec<Tile> = machines.iter_mut().map(|machine| machine.pass.begin(&mut machine.engine, None)).collect();
+            fill.begin(&of_lanes(&tiles, |tile| tile.buffer_free), &of_lanes(machines, |machine| machine.engine.merge.written));
+            let corner = tiles[0].corner.map(|at| at as u16);
+            for entry in lists.of(place) {
+                let (mut from, mut here) = ([0; LANES], [0; LANES]);
+                for (nth, (Machine { listed, pass, engine }, tile)) in machines.iter_mut().zip(&mut tiles).enumerate() {
+                    let fetched = pass.fetch(engine, tile, None, u64::MAX, &mut listed.memory);
+                    tile.nth += 1;
+                    [from[nth], here[nth]] = fetched.map_or([0; 2], |(from, here)| [from as i64, here as i64]);
+                }
+                let footprint = &work.footprints[*entry as usize];
+                repeat(&mut from, machines.len());
+                repeat(&mut here, machines.len());
+                let ready = [L::from_array(from), L::from_array(here)];
+                let taken = fill.footprint(&mut walk, footprint, (corner, side), ready, machines);
+                for (machine, taken) in machines.iter_mut().zip(taken.to_array()) {
+                    machine.engine.list.behind.give(taken as u64);
+                }
+            }
+            for (nth, (Machine { listed, pass, engine }, tile)) in machines.iter_mut().zip(&tiles).enumerate() {
+                engine.merge.written = fill.written.to_array()[nth] as u64;
+                pass.resolve(engine, tile, None, &mut listed.memory);
+            }
+        }
+        for (nth, Machine { engine, .. }) in machines.iter_mut().enumerate() {
+            fill.raster.put(nth, &mut engine.fill.raster);
+            fill.gauss.put(nth, &mut engine.fill.gauss);
+            fill.fragment.put(nth, engine.merge.first_unit());
+            engine.merge.light += fill.light[nth];
+        }
+        fill.stamps
+    }
+}
+
+/// What each machine says, a lane each; where there are fewer, the last ones say it again.
+fn of_lanes<T>(machines: &[T], of: impl Fn(&T) -> u64) -> [i64; LANES] {
+    array::from_fn(|lane| of(&machines[lane.min(machines.len() - 1)]) as i64)
+}
+
+/// Eight words, of which there are no more and no fewer.
+#[inline(always)]
+fn array_of(words: &[i64]) -> [i64; LANES] {
+    let mut array = [0; LANES];
+    array.copy_from_slice(words);
+    array
+}
+
+/// Where there are fewer machines, the last one's time again.
+fn repeat(of_lanes: &mut [i64; LANES], machines: usize) {
+    let last = of_lanes[machines - 1];
+    of_lanes[machines..].fill(last);
+}
+
+/// A unit of each machine, and its cycles.
+struct Abreast<L> {
+    /// All bits: items hold it; none: it is infinitely fast.
+    held: L,
+    free: L,
+    busy: L,
+    blocked: L,
+    memory: L,
+    hazard: L,
+    items: u64,
+}
+
+impl<L: Lanes> Abreast<L> {
+    fn new(timings: &[&Microarchitecture], name: &'static str) -> Self {
+        let held = of_lanes(timings, |t| if t.lifted == Some(name) { 0 } else { u64::MAX });
+        let none = L::splat(0);
+        Abreast { held: L::from_array(held), free: none, busy: none, blocked: none, memory: none, hazard: none, items: 0 }
+    }
+
+    /// Takes an item that is here, with what it needs from memory, with no hazard any more, and with room, each moment the latest so far;
+    /// it holds the unit for so many cycles.
+    #[inline(always)]
+    fn hold(&mut self, [here, with_memory, unblocked, now]: [L; 4], items: u64, cycles: L) {
+        let cycles = cycles & self.held;
+        self.memory = self.memory + (with_memory - here);
+        self.hazard = self.hazard + (unblocked - with_memory);
+        self.blocked = self.blocked + (now - with_memory);
+        self.busy = self.busy + cycles;
+        self.free = now + cycles;
+        self.items += items;
+    }
+
+    /// Tells a unit of one machine what it did.
+    fn put(&self, lane: usize, unit: &mut Unit) {
+        let of = |lanes: L| lanes.to_array()[lane] as u64;
+        let account = Account { busy: of(self.busy), starved: 0, blocked: of(self.blocked), memory: of(self.memory) };
+        unit.put(of(self.free), self.items, account, of(self.hazard));
+    }
+}
+
+/// The places behind a unit of each machine, as [`Places`](super::super::account::Places) has them.
+struct Places<L> {
+    /// By an item's number, and by machine: from when on its place is free again.
+    free: Vec<i64>,
+    mask: usize,
+    /// How many there are, and what leads from an item's first word to that of the item so many before it.
+    room: [i64; LANES],
+    back: L,
+    /// How many, where all have as many.
+    even: Option<usize>,
+    claimed: usize,
+    given: usize,
+    /// Of each machine, items that nothing comes of: from when on the place of the first of some is free, and how many there are.
+    vanishing: [VecDeque<(i64, i64)>; LANES],
+    vanishing_items: [i64; LANES],
+}
+
+impl<L: Lanes> Places<L> {
+    fn new(room: [i64; LANES]) -> Self {
+        let most = room.into_iter().fold(1, i64::max) as usize;
+        let size = most.next_power_of_two();
+        Places {
+            free: vec![0; size * LANES],
+            mask: size - 1,
+            room,
+            back: L::from_array(array::from_fn(|lane| lane as i64 - LANES as i64 * room[lane])),
+            even: room.iter().all(|other| *other == room[0]).then_some(room[0] as usize),
+            claimed: 0,
+            given: 0,
+            vanishing: Default::default(),
+            vanishing_items: [0; LANES],
+        }
+    }
+
+    /// The first cycle in which one is free beside those that vanish.
+    #[inline(always)]
+    fn free_beside(&self, vanishing: L) -> L {
+        let first = L::splat((self.claimed * LANES) as i64) + self.back;
+        (first + vanishing.left(LANES.ilog2())).look_up(&self.free)
+    }
+
+    #[inline(always)]
+    fn free(&self) -> L {
+        match self.even {
+            Some(room) => {
+                let first = (self.claimed.wrapping_sub(room) & self.mask) * LANES;
+                L::from_array(array_of(&self.free[first..first + LANES]))
+            }
+            None => self.free_beside(L::splat(0)),
+        }
+    }
+
+    /// Where one is free beside those that vanish.
+    #[inline(always)]
+    fn are_free(&self, now: L, vanishing: L) -> L {
+        let late = self.free_beside(vanishing).above(now);
+        let some = L::from_array(self.room).above(vanishing);
+        some - (some & late)
+    }
+
+    /// The first cycle from this one on in which one is free.
+    #[inline(always)]
+    fn free_from(&mut self, now: L) -> L {
+        let taken = L::splat(-1) - self.are_free(now, L::from_array(self.vanishing_items));
+        if taken.signs() == 0 {
+            return now;
+        }
+        let mut free = now.max(self.free()).to_array();
+        self.free_late(&now.to_array(), &mut free, taken.signs());
+        L::from_array(free)
+    }
+
+    /// The same where on some machines it matters which have vanished by now; when it is where all have is known.
+    #[inline(never)]
+    fn free_late(&mut self, now: &[i64; LANES], free: &mut [i64; LANES], mut taken: u8) {
+        while taken != 0 {
+            let lane = taken.trailing_zeros() as usize;
+            taken &= taken - 1;
+            self.forget_vanished(lane, now[lane]);
+            if self.vanishing_items[lane] > 0 {
+                free[lane] = self.free_beside_left(lane, now[lane]);
+            }
+        }
+    }
+
+    /// Those that have vanished on a machine by now have no place any more.
+    #[inline(always)]
+    fn forget_vanished(&mut self, lane: usize, now: i64) {
+        let (all, left) = (&mut self.vanishing[lane], &mut self.vanishing_items[lane]);
+        while let Some((first, count)) = all.front_mut().filter(|(first, _)| *first <= now) {
+            let gone = (*count).min(now + 1 - *first);
+            (*first, *count) = (*first + gone, *count - gone);
+            *left -= gone;
+            if *count == 0 {
+                all.pop_front();
+            }
+        }
+    }
+
+    /// The first cycle from this one on in which one is free on a machine, beside those that have not vanished, as
+    /// [`Places::free_from`](super::super::account::Places::free_from) finds it.
+    fn free_beside_left(&self, lane: usize, now: i64) -> i64 {
+        let (mut at, mut left) = (now, self.vanishing_items[lane]);
+        if self.given_beside(lane, left) <= now {
+            return now;
+        }
+        for (first, count) in &self.vanishing[lane] {
+            for again in *first..first + count {
+                let given = self.given_beside(lane, left).max(at);
+                if given <= again {
+                    return given;
+                }
+                (at, left) = (again, left - 1);
+            }
+        }
+        self.given_beside(lane, left).max(at)
+    }
+
+    fn given_beside(&self, lane: usize, vanishing: i64) -> i64 {
+        let places = self.room[lane] - vanishing;
+        if places <= 0 { i64::MAX } else { self.free[(self.claimed.wrapping_sub(places as usize) & self.mask) * LANES + lane] }
+    }
+
+    fn vanish(&mut self, lane: usize, from: i64, items: i64) {
+        let last = items.min(self.room[lane]);
+        self.vanishing[lane].push_back((from + items - last, last));
+        self.vanishing_items[lane] += last;
+    }
+
+    #[inline(always)]
+    fn take(&mut self) {
+        self.claimed += 1;
+    }
+
+    #[inline(always)]
+    fn give(&mut self, now: L) {
+        let first = (self.given & self.mask) * LANES;
+        self.free[first..first + LANES].copy_from_slice(&(now + L::splat(1)).to_array());
+        self.given += 1;
+    }
+}
+
+/// A piece that was taken: until when it is under way on each machine, its pixels, and where what was taken of its strip before lies.
+#[derive(Clone, Copy, Default)]
+struct Taken {
+    until: [i64; LANES],
+    before: u32,
+    pixels: u16,
+}
+
+/// Pixels under way, as [`Hazards`](super::super::hazards::Hazards) has them.
+struct Hazards {
+    last: Vec<Taken>,
+    before: Vec<Taken>,
+    turn: usize,
+}
+
+impl Hazards {
+    fn new(timings: &[&Microarchitecture], work: &Work) -> Self {
+        let columns = (work.width as usize).div_ceil(TILE_PX);
+        let under_way = timings.iter().map(|t| super::super::hazards::most_under_way(t)).max().unwrap_or(1);
+        let last = vec![Taken::default(); columns * work.height as usize];
+        Hazards { last, before: vec![Taken::default(); under_way], turn: 0 }
+    }
+
+    /// As long as a piece is under way on any machine, what was taken before it is kept.
+    #[inline(always)]
+    fn until<L: Lanes>(&self, stamp: &[Piece], now: L) -> L {
+        let mut until = now;
+        for piece in stamp {
+            let mut taken = &self.last[piece.strip as usize];
+            loop {
+                let of_taken = L::from_array(taken.until);
+                if of_taken.above(until).signs() == 0 {
+                    break;
+                }
+                if taken.pixels & piece.pixels != 0 {
+                    until = until.max(of_taken);
+                }
+                taken = &self.before[taken.before as usize];
+            }
+        }
+        until
+    }
+
+    #[inline(always)]
+    fn take<L: Lanes>(&mut self, stamp: &[Piece], until: L) {
+        for piece in stamp {
+            let last = &mut self.last[piece.strip as usize];
+            self.before[self.turn] = *last;
+            *last = Taken { until: until.to_array(), before: self.turn as u32, pixels: piece.pixels };
+            self.turn = if self.turn + 1 == self.before.len() { 0 } else { self.turn + 1 };
+        }
+    }
+}
+
+/// Raster, gauss and fragment of all machines.
+struct Fill<'a, L> {
+    timings: Vec<&'a Microarchitecture>,
+    raster: Abreast<L>,
+    gauss: Abreast<L>,
+    fragment: Abreast<L>,
+    behind_raster: Places<L>,
+    behind_gauss: Places<L>,
+    hazards: Hazards,
+    /// Latencies, and for how long a pixel is under way.
+    latencies: [L; 3],
+    hazard: L,
+    /// When the buffer of the tile is free.
+    room: L,
+    /// When all that was taken is written.
+    written: L,
+    /// When the last merge of each ends, and for how long merges waited for light.
+    merged: [u64; LANES],
+    light: [u64; LANES],
+    stamps: [u64; 2],
+}
+
+/// When things of an entry are ready.
+struct Entry<L> {
+    here: L,
+    memory: L,
+}
+
+impl<'a, L: Lanes> Fill<'a, L> {
+    fn new(timings: &[&'a Microarchitecture], work: &Work) -> Self {
+        let latency = |of: fn(&Microarchitecture) -> u32| L::from_array(of_lanes(timings, |t| of(t).into()));
+        Fill {
+            timings: timings.to_vec(),
+            raster: Abreast::new(timings, unit::RASTER),
+            gauss: Abreast::new(timings, unit::GAUSS),
+            fragment: Abreast::new(timings, unit::FRAGMENT),
+            behind_raster: Places::new(of_lanes(timings, |t| t.raster.room() as u64)),
+            behind_gauss: Places::new(of_lanes(timings, |t| t.gauss.room() as u64)),
+            hazards: Hazards::new(timings, work),
+            latencies: [latency(|t| t.raster.latency), latency(|t| t.gauss.latency), latency(|t| t.fragment.latency)],
+            hazard: latency(|t| t.hazard),
+            room: L::splat(0),
+            written: L::splat(0),
+            merged: [0; LANES],
+            light: [0; LANES],
+            stamps: [0; 2],
+        }
+    }
+
+    /// A tile begins.
+    fn begin(&mut self, room: &[i64; LANES], written: &[i64; LANES]) {
+        (self.room, self.written) = (L::from_array(*room), L::from_array(*written));
+    }
+
+    /// The part of a footprint that lies in a tile; says when raster takes it.
+    #[inline(always)]
+    fn footprint(
+        &mut self,
+        walk: &mut Stamps,
+        footprint: &Footprint,
+        (corner, side): ([u16; 2], u32),
+        [here, memory]: [L; 2],
+        machines: &mut [Machine],
+    ) -> L {
+        let stamps = walk.footprint(footprint, corner, side);
+        let entry = Entry { here, memory };
+        let mut first_taken = L::splat(i64::MAX);
+        let mut gone_through = 0;
+        for stamp in walk.kept() {
+            self.stamps[1] += 1;
+            let empty = stamp[0].stamp - gone_through;
+            gone_through = stamp[0].stamp + 1;
+            if empty > 0 {
+                first_taken = first_taken.min(self.empty_stamps(&entry, empty.into()));
+            }
+            first_taken = first_taken.min(self.stamp(stamp, &entry, machines));
+        }
+        self.stamps[0] += u64::from(stamps);
+        if gone_through < stamps {
+            first_taken = first_taken.min(self.empty_stamps(&entry, (stamps - gone_through).into()));
+        }
+        first_taken
+    }
+
+    /// A stamp that keeps a pixel; says when raster takes it.
+    #[inline(always)]
+    fn stamp(&mut self, stamp: &[Piece], entry: &Entry<L>, machines: &mut [Machine]) -> L {
+        let one = L::splat(1);
+        let here = self.raster.free.max(entry.here);
+        let with_memory = here.max(entry.memory);
+        let taken = self.behind_raster.free_from(with_memory);
+        self.raster.hold([here, with_memory, with_memory, taken], 1, one);
+        self.behind_raster.take();
+
+        let goes_on = stamp.iter().any(|piece| piece.pixels != 0);
+        let here = self.gauss.free.max(taken + self.latencies[0]);
+        let now = if goes_on { here.max(self.behind_gauss.free()) } else { here };
+        self.gauss.hold([here, here, here, now], 1, one);
+        self.behind_raster.give(now);
+        if goes_on {
+            self.behind_gauss.take();
+            let now = self.merge(stamp, now + self.latencies[1], machines);
+            self.behind_gauss.give(now);
+        }
+        taken
+    }
+
+    /// Fragment takes a stamp that is here from this cycle on; says when.
+    #[inline(always)]
+    fn merge(&mut self, stamp: &[Piece], here: L, machines: &mut [Machine]) -> L {
+        let here = self.fragment.free.max(here);
+        let unblocked = self.hazards.until(stamp, here);
+        let now = unblocked.max(self.room);
+        let mut sums = [0; 2];
+        for piece in stamp {
+            let of_piece = piece.merges(u16::MAX);
+            sums = [0, 1].map(|what| sums[what] + of_piece[what]);
+        }
+        let [merges, lit] = sums;
+        let mut cycles = L::splat(1);
+        let mut written = now + self.latencies[2];
+        if merges > 0 {
+            let (mut of_each, mut written_by) = ([1; LANES], now.to_array());
+            self.merges(&mut of_each, &mut written_by, [merges, lit], machines);
+            (cycles, written) = (L::from_array(of_each), L::from_array(written_by));
+        }
+        self.fragment.hold([here, here, unblocked, now], 1, cycles);
+        self.hazards.take(stamp, written - self.latencies[2] + self.hazard);
+        self.written = self.written.max(written);
+        now
+    }
+
+    /// Merges of a stamp, with so many fragments to shade, machine by machine: for how long each is held, and when each has written those that
+    /// it takes then.
+    #[inline(never)]
+    fn merges(&mut self, cycles: &mut [i64; LANES], written: &mut [i64; LANES], [merges, lit]: [u64; 2], machines: &mut [Machine]) {
+        for (lane, t) in self.timings.iter().enumerate() {
+            let latency = u64::from(t.fragment.latency);
+            let now = written[lane] as u64;
+            let asked = now + 1;
+            let light = super::super::stages::light(&mut machines[lane].engine.merge.shade, t, asked, lit);
+            self.light[lane] += light - asked;
+            if t.lifted == Some(unit::FRAGMENT) {
+                written[lane] = (now + latency) as i64;
+                continue;
+            }
+            let merged = &mut self.merged[lane];
+            *merged = light.max(*merged) + merges * u64::from(t.timing.fragment.merge);
+            cycles[lane] = merged.saturating_sub(now).max(1) as i64;
+            written[lane] = (*merged - 1 + latency) as i64;
+        }
+        repeat(cycles, self.timings.len());
+        repeat(written, self.timings.len());
+    }
+
+    /// Stamps that keep nothing; says when raster takes the first.
+    #[inline(always)]
+    fn empty_stamps(&mut self, entry: &Entry<L>, stamps: u64) -> L {
+        let here = self.raster.free.max(entry.here);
+        let with_memory = here.max(entry.memory);
+        // They have places until raster knows; on machines on which that takes no time they have none.
+        let has_run = self.behind_raster.are_free(with_memory, self.latencies[0] - L::splat(1));
+        let waits = self.raster.held - (self.raster.held & has_run);
+        let cycles = L::splat(stamps as i64) & self.raster.held;
+        let (mut first, mut end) = (with_memory.to_array(), (with_memory + cycles).to_array());
+        self.places_of_empty(&mut first, &mut end, stamps, waits.signs());
+        self.raster.hold([here, with_memory, with_memory, L::from_array(end) - cycles], stamps, cycles);
+        L::from_array(first)
+    }
+
+    /// Stamps that keep nothing take places, machine by machine; says when the first is taken, and when raster is free, which is told as if
+    /// none waited. On some machines there is not always room.
+    #[inline(never)]
+    fn places_of_empty(&mut self, first: &mut [i64; LANES], end: &mut [i64; LANES], stamps: u64, waits: u8) {
+        let places = &mut self.behind_raster;
+        for (lane, t) in self.timings.iter().enumerate() {
+            let latency = i64::from(t.raster.latency);
+            if t.lifted == Some(unit::RASTER) {
+                continue;
+            }
+            if waits & (1 << lane) == 0 {
+                places.vanish(lane, first[lane] + latency, stamps as i64);
+                continue;
+            }
+            end[lane] = first[lane];
+            for nth in 0..stamps {
+                places.forget_vanished(lane, end[lane]);
+                let now = places.free_beside_left(lane, end[lane]);
+                places.vanish(lane, now + latency, 1);
+                first[lane] = if nth == 0 { now } else { first[lane] };
+                end[lane] = now + 1;
+            }
+        }
+        repeat(first, self.timings.len());
+        repeat(end, self.timings.len());
+    }
+}
