@@ -6,7 +6,7 @@ use crate::scene::{End, Scene, Splat};
 use crate::{immediate, scene};
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
+use rtl_model::machine::timing::{Cache, Memory, Organisation, Queue, Tile, Timing};
 use rtl_model::timing::{Detail, limit, limits, replay, replay_all};
 use rtl_model::work::Event;
 
@@ -312,6 +312,11 @@ fn machines_abreast_take_as_long_as_one_by_one() {
                     let Timing { fetch, project, ellipse, colour, memory, .. } = first;
                     timing = Timing { fetch, project, ellipse, colour, memory, ..timing };
                 }
+                // FIFOs fill up where fragment is slow.
+                if rng.below(2) == 0 {
+                    (timing.fragment.hazard, timing.fragment.merge) = (Some(1 + rng.below(60) as u32), rng.below(40) as u32);
+                }
+                timing.queue = if rng.below(4) == 0 { Queue::Longest } else { Queue::Order };
                 if rng.below(20) == 0 { several(&mut rng, timing) } else { timing }
             })
             .map(elaborate)

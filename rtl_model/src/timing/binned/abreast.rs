@@ -226,8 +226,8 @@ struct Places<L> {
     even: Option<usize>,
     claimed: usize,
     given: usize,
-    /// Of each machine, items that nothing comes of: from when on the place of the first of some is free, and how many there are.
-    vanishing: [VecDeque<(i64, i64)>; LANES],
+    /// Of each machine, items that nothing comes of and that had to wait: from when on the place of each is free, and how many there are.
+    vanishing: [VecDeque<i64>; LANES],
     vanishing_items: [i64; LANES],
 }
 
@@ -302,14 +302,9 @@ impl<L: Lanes> Places<L> {
     /// Those that have vanished on a machine by now have no place any more.
     #[inline(always)]
     fn forget_vanished(&mut self, lane: usize, now: i64) {
-        let (all, left) = (&mut self.vanishing[lane], &mut self.vanishing_items[lane]);
-        while let Some((first, count)) = all.front_mut().filter(|(first, _)| *first <= now) {
-            let gone = (*count).min(now + 1 - *first);
-            (*first, *count) = (*first + gone, *count - gone);
-            *left -= gone;
-            if *count == 0 {
-                all.pop_front();
-            }
+        let left = &mut self.vanishing_items[lane];
+        while self.vanishing[lane].pop_front_if(|from| *from <= now).is_some() {
+            *left -= 1;
         }
     }
 
@@ -320,14 +315,12 @@ impl<L: Lanes> Places<L> {
         if self.given_beside(lane, left) <= now {
             return now;
         }
-        for (first, count) in &self.vanishing[lane] {
-            for again in *first..first + count {
-                let given = self.given_beside(lane, left).max(at);
-                if given <= again {
-                    return given;
-                }
-                (at, left) = (again, left - 1);
+        for again in &self.vanishing[lane] {
+            let given = self.given_beside(lane, left).max(at);
+            if given <= *again {
+                return given;
             }
+            (at, left) = (*again, left - 1);
         }
         self.given_beside(lane, left).max(at)
     }
@@ -337,10 +330,10 @@ impl<L: Lanes> Places<L> {
         if places <= 0 { i64::MAX } else { self.free[(self.claimed.wrapping_sub(places as usize) & self.mask) * LANES + lane] }
     }
 
-    fn vanish(&mut self, lane: usize, from: i64, items: i64) {
-        let last = items.min(self.room[lane]);
-        self.vanishing[lane].push_back((from + items - last, last));
-        self.vanishing_items[lane] += last;
+    /// One that vanishes was taken on a machine; its place is free again from this cycle on.
+    fn vanish(&mut self, lane: usize, from: i64) {
+        self.vanishing[lane].push_back(from);
+        self.vanishing_items[lane] += 1;
     }
 
     #[inline(always)]
@@ -426,8 +419,7 @@ struct Fill<'a, L> {
     room: L,
     /// When all that was taken is written.
     written: L,
-    /// When the last merge of each ends, and for how long merges waited for light.
-    merged: [u64; LANES],
+    /// For how long merges of each waited for light.
     light: [u64; LANES],
     stamps: [u64; 2],
 }
@@ -453,7 +445,6 @@ impl<'a, L: Lanes> Fill<'a, L> {
             hazard: latency(|t| t.hazard),
             room: L::splat(0),
             written: L::splat(0),
-            merged: [0; LANES],
             light: [0; LANES],
             stamps: [0; 2],
         }
@@ -556,10 +547,10 @@ impl<'a, L: Lanes> Fill<'a, L> {
                 written[lane] = (now + latency) as i64;
                 continue;
             }
-            let merged = &mut self.merged[lane];
-            *merged = light.max(*merged) + merges * u64::from(t.timing.fragment.merge);
-            cycles[lane] = merged.saturating_sub(now).max(1) as i64;
-            written[lane] = (*merged - 1 + latency) as i64;
+            // It takes nothing until the merges before have ended.
+            let merged = light + merges * u64::from(t.timing.fragment.merge);
+            cycles[lane] = (merged - now).max(1) as i64;
+            written[lane] = (merged - 1 + latency) as i64;
         }
         repeat(cycles, self.timings.len());
         repeat(written, self.timings.len());
@@ -570,35 +561,31 @@ impl<'a, L: Lanes> Fill<'a, L> {
     fn empty_stamps(&mut self, entry: &Entry<L>, stamps: u64) -> L {
         let here = self.raster.free.max(entry.here);
         let with_memory = here.max(entry.memory);
-        // They have places until raster knows; on machines on which that takes no time they have none.
+        // Where so many have room, whatever comes next has: in each cycle one of them vanishes, and one stamp comes at most.
         let has_run = self.behind_raster.are_free(with_memory, self.latencies[0] - L::splat(1));
-        let waits = self.raster.held - (self.raster.held & has_run);
+        let waits = (self.raster.held - (self.raster.held & has_run)).signs();
         let cycles = L::splat(stamps as i64) & self.raster.held;
-        let (mut first, mut end) = (with_memory.to_array(), (with_memory + cycles).to_array());
-        self.places_of_empty(&mut first, &mut end, stamps, waits.signs());
-        self.raster.hold([here, with_memory, with_memory, L::from_array(end) - cycles], stamps, cycles);
-        L::from_array(first)
+        let (mut first, mut end) = (with_memory, with_memory + cycles);
+        if waits != 0 {
+            let (mut first_of, mut end_of) = (first.to_array(), end.to_array());
+            self.waiting_stamps(&mut first_of, &mut end_of, stamps, waits);
+            (first, end) = (L::from_array(first_of), L::from_array(end_of));
+        }
+        self.raster.hold([here, with_memory, with_memory, end - cycles], stamps, cycles);
+        first
     }
 
-    /// Stamps that keep nothing take places, machine by machine; says when the first is taken, and when raster is free, which is told as if
-    /// none waited. On some machines there is not always room.
+    /// The same on machines that do not always have room: says when raster takes the first, and when it is free.
     #[inline(never)]
-    fn places_of_empty(&mut self, first: &mut [i64; LANES], end: &mut [i64; LANES], stamps: u64, waits: u8) {
+    fn waiting_stamps(&mut self, first: &mut [i64; LANES], end: &mut [i64; LANES], stamps: u64, waits: u8) {
         let places = &mut self.behind_raster;
-        for (lane, t) in self.timings.iter().enumerate() {
-            let latency = i64::from(t.raster.latency);
-            if t.lifted == Some(unit::RASTER) {
-                continue;
-            }
-            if waits & (1 << lane) == 0 {
-                places.vanish(lane, first[lane] + latency, stamps as i64);
-                continue;
-            }
+        let waiting = self.timings.iter().enumerate().filter(|(lane, _)| waits & (1 << lane) != 0);
+        for (lane, t) in waiting {
             end[lane] = first[lane];
             for nth in 0..stamps {
                 places.forget_vanished(lane, end[lane]);
                 let now = places.free_beside_left(lane, end[lane]);
-                places.vanish(lane, now + latency, 1);
+                places.vanish(lane, now + i64::from(t.raster.latency));
                 first[lane] = if nth == 0 { now } else { first[lane] };
                 end[lane] = now + 1;
             }
