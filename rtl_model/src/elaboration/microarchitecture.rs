@@ -47,14 +47,14 @@ impl Microarchitecture {
 
     /// Whether a binned machine that goes through tiles as another does writes the same lists in the same cycles, too: they differ in what
     /// comes behind these alone. Shade does, where splats are not lit in setup.
-    pub fn lists_as(&self, other: &Self, lights_setup: bool) -> bool {
+    pub fn lists_as(&self, other: &Self, preshaded: bool) -> bool {
         let behind = [unit::RASTER, unit::GAUSS, unit::FRAGMENT, unit::RESOLVE];
-        let is_behind = |name: &&str| behind.contains(name) || *name == unit::SHADE && !lights_setup;
+        let is_behind = |name: &&str| behind.contains(name) || *name == unit::SHADE && !preshaded;
         let lifted = |of: &Self| of.lifted.filter(|name| !is_behind(name));
         let before = |of: &Self| {
             let Microarchitecture { raster, gauss, cache, fragment, hazard, resolve, timing, paths, pipelines, storage, .. } = *self;
             let Microarchitecture { fragment_bytes, frame_bytes, line_bytes, .. } = *self;
-            let shade = if lights_setup { of.shade } else { self.shade };
+            let shade = if preshaded { of.shade } else { self.shade };
             let rest = Microarchitecture { fragment_bytes, frame_bytes, line_bytes, shade, lifted: None, ..of.clone() };
             Microarchitecture { raster, gauss, cache, fragment, hazard, resolve, timing, paths, pipelines, storage, ..rest }
         };

@@ -634,7 +634,7 @@ pub fn light(shade: &mut Unit, timing: &Microarchitecture, asked: u64, fragments
 
 /// Merges of a stamp in those pixels of each piece, and fragments shaded for them.
 #[inline(always)]
-fn merges_of(stamp: &[Piece], of: impl Fn(&Piece) -> u16) -> [u64; 2] {
+pub fn merges_of(stamp: &[Piece], of: impl Fn(&Piece) -> u16) -> [u64; 2] {
     stamp.iter().fold([0; 2], |[merges, shades], piece| {
         let [more, more_shades] = piece.merges(of(piece));
         [merges + more, shades + more_shades]

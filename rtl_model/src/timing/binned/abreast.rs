@@ -12,7 +12,7 @@
 //! Law: `machines_abreast_take_as_long_as_one_by_one`.
 
 use super::super::account::{Account, Detail, Unit};
-use super::super::stages::Held;
+use super::super::stages::{Held, light, merges_of};
 use super::super::stamps::{Piece, Stamps};
 use super::{Engine, Listed, SecondPass, Tile};
 use crate::elaboration::microarchitecture::Microarchitecture;
@@ -160,14 +160,6 @@ fn of_lanes<T>(machines: &[T], of: impl Fn(&T) -> u64) -> [i64; LANES] {
     array::from_fn(|lane| of(&machines[lane.min(machines.len() - 1)]) as i64)
 }
 
-/// Eight words, of which there are no more and no fewer.
-#[inline(always)]
-fn array_of(words: &[i64]) -> [i64; LANES] {
-    let mut array = [0; LANES];
-    array.copy_from_slice(words);
-    array
-}
-
 /// Where there are fewer machines, the last one's time again.
 fn repeat(of_lanes: &mut [i64; LANES], machines: usize) {
     let last = of_lanes[machines - 1];
@@ -217,7 +209,7 @@ impl<L: Lanes> Abreast<L> {
 /// The places behind a unit of each machine, as [`Places`](super::super::account::Places) has them.
 struct Places<L> {
     /// By an item's number, and by machine: from when on its place is free again.
-    free: Vec<i64>,
+    free: Vec<[i64; LANES]>,
     mask: usize,
     /// How many there are, and what leads from an item's first word to that of the item so many before it.
     room: [i64; LANES],
@@ -236,7 +228,7 @@ impl<L: Lanes> Places<L> {
         let most = room.into_iter().fold(1, i64::max) as usize;
         let size = most.next_power_of_two();
         Places {
-            free: vec![0; size * LANES],
+            free: vec![[0; LANES]; size],
             mask: size - 1,
             room,
             back: L::from_array(array::from_fn(|lane| lane as i64 - LANES as i64 * room[lane])),
@@ -252,16 +244,13 @@ impl<L: Lanes> Places<L> {
     #[inline(always)]
     fn free_beside(&self, vanishing: L) -> L {
         let first = L::splat((self.claimed * LANES) as i64) + self.back;
-        (first + vanishing.left(LANES.ilog2())).look_up(&self.free)
+        (first + vanishing.left(LANES.ilog2())).look_up(self.free.as_flattened())
     }
 
     #[inline(always)]
     fn free(&self) -> L {
         match self.even {
-            Some(room) => {
-                let first = (self.claimed.wrapping_sub(room) & self.mask) * LANES;
-                L::from_array(array_of(&self.free[first..first + LANES]))
-            }
+            Some(room) => L::from_array(self.free[self.claimed.wrapping_sub(room) & self.mask]),
             None => self.free_beside(L::splat(0)),
         }
     }
@@ -327,7 +316,7 @@ impl<L: Lanes> Places<L> {
 
     fn given_beside(&self, lane: usize, vanishing: i64) -> i64 {
         let places = self.room[lane] - vanishing;
-        if places <= 0 { i64::MAX } else { self.free[(self.claimed.wrapping_sub(places as usize) & self.mask) * LANES + lane] }
+        if places <= 0 { i64::MAX } else { self.free[self.claimed.wrapping_sub(places as usize) & self.mask][lane] }
     }
 
     /// One that vanishes was taken on a machine; its place is free again from this cycle on.
@@ -343,8 +332,7 @@ impl<L: Lanes> Places<L> {
 
     #[inline(always)]
     fn give(&mut self, now: L) {
-        let first = (self.given & self.mask) * LANES;
-        self.free[first..first + LANES].copy_from_slice(&(now + L::splat(1)).to_array());
+        self.free[self.given & self.mask] = (now + L::splat(1)).to_array();
         self.given += 1;
     }
 }
@@ -514,12 +502,7 @@ impl<'a, L: Lanes> Fill<'a, L> {
         let here = self.fragment.free.max(here);
         let unblocked = self.hazards.until(stamp, here);
         let now = unblocked.max(self.room);
-        let mut sums = [0; 2];
-        for piece in stamp {
-            let of_piece = piece.merges(u16::MAX);
-            sums = [0, 1].map(|what| sums[what] + of_piece[what]);
-        }
-        let [merges, lit] = sums;
+        let [merges, lit] = merges_of(stamp, |_| u16::MAX);
         let mut cycles = L::splat(1);
         let mut written = now + self.latencies[2];
         if merges > 0 {
@@ -541,7 +524,7 @@ impl<'a, L: Lanes> Fill<'a, L> {
             let latency = u64::from(t.fragment.latency);
             let now = written[lane] as u64;
             let asked = now + 1;
-            let light = super::super::stages::light(&mut machines[lane].engine.merge.shade, t, asked, lit);
+            let light = light(&mut machines[lane].engine.merge.shade, t, asked, lit);
             self.light[lane] += light - asked;
             if t.lifted == Some(unit::FRAGMENT) {
                 written[lane] = (now + latency) as i64;
