@@ -11,6 +11,14 @@ use super::lanes::{Plain, two};
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
+/// A part of a kernel that may be compiled as a function of its own ([`Words::apart`]). `run` must be `#[inline(always)]` all the way down.
+pub trait Part {
+    /// Result.
+    type Output;
+    /// Does it.
+    fn run(self) -> Self::Output;
+}
+
 /// One signal of eight items, words of at most 32 bits. A condition is a signal of words −1 (holds) and 0.
 pub trait Words:
     Copy
@@ -67,6 +75,13 @@ pub trait Words:
     fn pick(self, lanes: Self) -> Self;
     /// Rows to columns: from eight items' words to eight signals, or back.
     fn transposed(rows: [Self; LANES]) -> [Self; LANES];
+
+    /// Runs a part of a kernel on such words, in a debug build as a function of its own: all in one takes the compiler minutes, for it needs
+    /// more than twice as long for what is twice as large.
+    #[cfg_attr(not(debug_assertions), inline(always))]
+    fn apart<P: Part>(part: P) -> P::Output {
+        part.run()
+    }
 
     /// The product of a row of constants with a vector.
     #[inline(always)]

@@ -119,7 +119,7 @@ pub fn fill_measured(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: 
 
 /// Draws a frame and tells an observer every decision, tile by tile.
 pub fn draw_with_decisions<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn Observer<'w>) -> Drawing {
-    draw(machine, frame, &mut DynProbe::<false>::new(observer))
+    fill(machine, frame, &set_up_unobserved(machine, frame), &mut DynProbe::<false>::new(observer))
 }
 
 /// Draws a frame and tells an observer everything, transfer by transfer.

@@ -5,7 +5,7 @@ use super::{Culled, Elaborated, run};
 use crate::frame::{Ellipsoids, Frame, Orientation, Splat, View};
 use crate::functions::Table;
 use crate::kernels::host::{Kernel, plainly};
-use crate::num::{Fit, LANES, Lanes, Words, three, two};
+use crate::num::{Fit, LANES, Lanes, Part, Words, three, two};
 use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{EllipseOut, PROJECTED, ProjectOut, SET_UP, TILE_PX};
 use crate::units::ellipse::ellipsoid::Axes;
@@ -332,10 +332,9 @@ impl Units<'_> {
         out: &mut Block,
     ) {
         let tap = &mut Tap::new(probe).first(live);
-
-        let (point, input) = self.placed::<W, P>(splats, W::splat(0), tap);
-        let ellipse = self.ellipse.lanes(self.view, self.size_px, &input, tap);
-        self.keep::<W, P>(splats, live, first, (&point, &ellipse), lit, tap, out);
+        let (point, input) = W::apart(Placed { units: self, splats, transparent: W::splat(0), tap });
+        let ellipse = W::apart(Discs { units: self, input: &input, tap });
+        W::apart(Kept { splats, live, first, set_up: (&point, &ellipse), lit, tap, out });
     }
 
     /// Sets eight ellipsoids up, of which the first `live` are there.
@@ -353,7 +352,7 @@ impl Units<'_> {
         let word = |of: &dyn Fn(usize) -> i32| W::from_array(std::array::from_fn(of));
         let opacity = word(&|lane| splats[lane].opacity);
         let transparent = self.project.transparent(&ellipsoids.kernel, opacity);
-        let (point, input) = self.placed::<W, P>(splats, transparent, tap);
+        let (point, input) = W::apart(Placed { units: self, splats, transparent, tap });
         let axes = if ellipsoids.own.is_empty() {
             Axes::Frame
         } else {
@@ -363,18 +362,25 @@ impl Units<'_> {
         let set_up = self.ellipse.ellipsoids(self.view, &ellipsoids.kernel, self.size_px, &input, axes, opacity, tap);
         // Elaboration has seen to it that there is one.
         if let Some(ellipse) = set_up {
-            self.keep::<W, P>(splats, live, first, (&point, &ellipse), lit, tap, out);
+            W::apart(Kept { splats, live, first, set_up: (&point, &ellipse), lit, tap, out });
         }
     }
+}
 
-    /// The first half of setup, and what the second is given.
+/// The first half of setup, and what the second is given.
+struct Placed<'a, 't, W, P> {
+    units: &'a Units<'a>,
+    splats: &'a [Splat; LANES],
+    transparent: W,
+    tap: &'a mut Tap<'t, P>,
+}
+
+impl<W: Words, P: Probe> Part for Placed<'_, '_, W, P> {
+    type Output = (project::Projected<W>, ellipse::Input<W>);
+
     #[inline(always)]
-    fn placed<W: Words, P: Probe>(
-        &self,
-        splats: &[Splat; LANES],
-        transparent: W,
-        tap: &mut Tap<P>,
-    ) -> (project::Projected<W>, ellipse::Input<W>) {
+    fn run(self) -> Self::Output {
+        let Placed { units, splats, transparent, tap } = self;
         // The first eight words of each record as they lie in memory: red comes along.
         let mut records = [W::splat(0); LANES];
         for (record, splat) in records.iter_mut().zip(splats) {
@@ -382,7 +388,7 @@ impl Units<'_> {
             *record = W::from_array([x, y, z, n, m, o, radius, red]);
         }
         let [x, y, z, n, m, o, radius, _] = W::transposed(records);
-        let point = self.project.lanes(self.view, [x, y, z], transparent, tap);
+        let point = units.project.lanes(units.view, [x, y, z], transparent, tap);
         let input = ellipse::Input {
             normal: [n, m, o],
             radius,
@@ -394,20 +400,41 @@ impl Units<'_> {
         };
         (point, input)
     }
+}
 
-    /// Keeps those of eight splats that are not culled.
+/// The second half of setup, of discs.
+struct Discs<'a, 't, W, P> {
+    units: &'a Units<'a>,
+    input: &'a ellipse::Input<W>,
+    tap: &'a mut Tap<'t, P>,
+}
+
+impl<W: Words, P: Probe> Part for Discs<'_, '_, W, P> {
+    type Output = ellipse::Output<W>;
+
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "what setup knows of a splat")]
-    fn keep<W: Words, P: Probe>(
-        &self,
-        splats: &[Splat; LANES],
-        live: usize,
-        first: u32,
-        (point, ellipse): (&project::Projected<W>, &ellipse::Output<W>),
-        lit: Option<&Lit>,
-        tap: &mut Tap<P>,
-        out: &mut Block,
-    ) {
+    fn run(self) -> ellipse::Output<W> {
+        self.units.ellipse.lanes(self.units.view, self.units.size_px, self.input, self.tap)
+    }
+}
+
+/// Keeps those of eight splats that are not culled.
+struct Kept<'a, 't, W, P> {
+    splats: &'a [Splat; LANES],
+    live: usize,
+    first: u32,
+    set_up: (&'a project::Projected<W>, &'a ellipse::Output<W>),
+    lit: Option<&'a Lit<'a>>,
+    tap: &'a mut Tap<'t, P>,
+    out: &'a mut Block,
+}
+
+impl<W: Words, P: Probe> Part for Kept<'_, '_, W, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Kept { splats, live, first, set_up: (point, ellipse), lit, tap, out } = self;
         if P::TRANSFERS {
             tap.probe.set_up(first, projected_words(point), ellipse_words(ellipse));
         }
