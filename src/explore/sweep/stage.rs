@@ -107,8 +107,20 @@ pub struct Stage {
     film: Vec<Picture>,
     ideal_seconds: f64,
     goldens: Kept<Rules, Golden>,
-    frames: Kept<String, std::result::Result<Drawn, String>>,
+    frames: Kept<String, Framed>,
     replays: Replays,
+}
+
+/// A frame, or why its machine cannot draw.
+type Framed = std::result::Result<Drawn, String>;
+
+/// Points whose machines differ in timing alone, of which the first are done.
+struct Begun<'a> {
+    rows: Vec<(u64, Row)>,
+    frame: Arc<Framed>,
+    /// What a point pays for it.
+    seconds: f64,
+    rest: &'a [Point],
 }
 
 /// What golden makes by some rules.
@@ -125,6 +137,8 @@ struct Golden {
 const GOLDENS: usize = 16;
 /// Frames that are kept: their work takes more memory than a picture.
 const FRAMES: usize = 2;
+/// Points of one frame, for each thread, whose rows come together: a sweep that is killed loses no more.
+const REPLAYED_TOGETHER: usize = 32;
 
 impl Stage {
     /// The plan's scene of a number, as [`Points::scene`] loads it; draws `ideal`.
@@ -143,31 +157,39 @@ impl Stage {
     }
 
     /// Draws points of this scene, and hands each one's row to `each`, in the same order at any number of threads. Those that differ in timing
-    /// alone share a frame.
+    /// alone share a frame; where there are many, some come while the others are not replayed yet.
     ///
     /// # Errors
     /// [`Error::Input`] where a point is none of this scene; what `each` says.
     pub fn draw(&self, numbers: &[u64], mut each: impl FnMut(u64, Row) -> Result<()>) -> Result<()> {
-        for groups in self.groups(numbers)?.chunks(rayon::current_num_threads()) {
-            for (number, row) in self.rows_of(groups) {
-                each(number, row)?;
+        let threads = rayon::current_num_threads();
+        for groups in self.groups(numbers)?.chunks(threads) {
+            for begun in self.begun(groups, REPLAYED_TOGETHER * threads) {
+                let rest = begun.rest.chunks(REPLAYED_TOGETHER * threads).flat_map(|points| self.rows(points, &begun.frame, begun.seconds));
+                for (number, row) in begun.rows.into_iter().chain(rest) {
+                    each(number, row)?;
+                }
             }
         }
         Ok(())
     }
 
-    /// The rows of some groups.
-    fn rows_of(&self, groups: &[Vec<Point>]) -> Vec<(u64, Row)> {
+    /// The frames of some groups, each with the rows of its first points.
+    fn begun<'a>(&self, groups: &'a [Vec<Point>], most: usize) -> Vec<Begun<'a>> {
         let golden = |group: &Vec<Point>| self.golden_of(&group[0].machine);
+        let begin = |group: &'a Vec<Point>, frame: &dyn Fn() -> Arc<Framed>| {
+            let (frame, seconds) = timed(frame);
+            let (seconds, (first, rest)) = (seconds / group.len() as f64, group.split_at(group.len().min(most)));
+            Begun { rows: self.rows(first, &frame, seconds), frame, seconds, rest }
+        };
         if let [group] = groups {
             // Others may draw the rest of it.
             let frame = || self.frames.get(&group[0].formats(&self.points), || self.frame(&group[0], &golden(group)));
-            return self.rows(group, frame);
+            return vec![begin(group, &frame)];
         }
         // Whoever draws side by side waits for nothing that another makes: that may be itself.
         let groups: Vec<_> = groups.iter().map(|group| (group, golden(group))).collect();
-        let rows = groups.par_iter().map(|(group, golden)| self.rows(group, || Arc::new(self.frame(&group[0], golden))));
-        rows.collect::<Vec<_>>().into_iter().flatten().collect()
+        groups.par_iter().map(|(group, golden)| begin(group, &|| Arc::new(self.frame(&group[0], golden)))).collect()
     }
 
     /// Points whose machines differ in timing alone, together.
@@ -203,9 +225,9 @@ impl Stage {
         })
     }
 
-    /// The rows of points whose machines differ in timing alone.
-    fn rows(&self, group: &[Point], frame: impl FnOnce() -> Arc<std::result::Result<Drawn, String>>) -> Vec<(u64, Row)> {
-        let (found, seconds) = timed(|| match &*frame() {
+    /// The rows of points whose machines differ in timing alone; each pays so many seconds for their frame.
+    fn rows(&self, group: &[Point], frame: &Framed, frame_seconds: f64) -> Vec<(u64, Row)> {
+        let (found, seconds) = timed(|| match frame {
             Ok(drawn) => drawn.on(&group.iter().map(|point| &point.machine).collect::<Vec<_>>(), &self.prices, &self.replays),
             Err(sentence) => group.iter().map(|_| Err(sentence.clone())).collect(),
         });
@@ -213,7 +235,7 @@ impl Stage {
         let fields = self.points.fields();
         let row = |(point, found): (&Point, std::result::Result<Findings, String>)| {
             let mut found = found.unwrap_or_else(|sentence| Findings { misfit: Some(sentence), ..Findings::default() });
-            found.host_seconds = seconds / group.len() as f64;
+            found.host_seconds = frame_seconds + seconds / group.len() as f64;
             let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             let changes: Vec<String> = point.changes.iter().map(|(field, value)| format!("{field}={}", text(value))).collect();
             let own = fields.iter().map(|field| {
@@ -227,7 +249,7 @@ impl Stage {
     }
 
     /// All of a point that does not depend on timing; or why its machine cannot draw.
-    fn frame(&self, point: &Point, golden: &std::result::Result<Arc<Golden>, String>) -> std::result::Result<Drawn, String> {
+    fn frame(&self, point: &Point, golden: &std::result::Result<Arc<Golden>, String>) -> Framed {
         let golden = golden.as_ref().map_err(String::clone)?;
         let exact = plan::exact_of(&point.changes);
         if exact.is_empty() { self.drawn(&point.machine, golden) } else { self.partial(&point.machine, golden, &exact) }
