@@ -86,7 +86,7 @@ fn surfaces(size: (usize, usize)) -> Vec<(Scene, Machine)> {
 
 #[test]
 fn with_no_word_it_is_golden() {
-    if !share::in_third(0) {
+    if !share::has_turn(4) {
         return;
     }
     for (scene, machine) in share::mine(surfaces((96, 80)).into_iter().chain(of_ellipsoids((64, 48)))) {
@@ -99,7 +99,7 @@ fn with_no_word_it_is_golden() {
 /// Bit for bit, though it is made of f64: the second opinion on every unit, each fit, each rule.
 #[test]
 fn with_every_word_it_is_the_machine() {
-    if !share::in_third(2) {
+    if !share::has_turn(5) {
         return;
     }
     for (scene, mut machine) in share::mine(surfaces((192, 160)).into_iter().chain(of_ellipsoids((96, 80)))) {
@@ -121,19 +121,20 @@ fn with_every_word_it_is_any_machine() {
     let scenes: Vec<(Scene, Option<Machine>)> = clouds.into_iter().chain(ellipsoids).collect();
     let mut runner = TestRunner::deterministic();
     let (mut held, mut asked) = (0, 0);
-    while held < MACHINES {
+    while held < share::of(MACHINES, 12) {
         asked += 1;
         assert!(asked < 100 * MACHINES, "only {held} of {asked} machines can draw");
         let pick = (named(), mutations(1..12)).new_tree(&mut runner).unwrap().current();
+        if !share::is_mine(asked) {
+            continue;
+        }
         let (scene, usual) = &scenes[asked % scenes.len()];
         let base = usual.clone().unwrap_or_else(|| Machine::named(pick.0).unwrap());
         let machine = pick.1.iter().fold(base, |machine, mutation| mutated(&machine, mutation));
         let Some((quantised, fixed)) = drawn(scene, &machine) else { continue };
         held += 1;
-        if share::is_mine(held) {
-            let mixed = mixed(scene, &machine, &quantised, |_| true);
-            assert_eq!(different(&mixed, &fixed), 0, "{} on {} {:?}", scene.name, machine.name, differences(&machine));
-        }
+        let mixed = mixed(scene, &machine, &quantised, |_| true);
+        assert_eq!(different(&mixed, &fixed), 0, "{} on {} {:?}", scene.name, machine.name, differences(&machine));
     }
 }
 
@@ -144,6 +145,9 @@ fn named_share<'a>(shares: &'a [Share], name: &str) -> &'a Share {
 /// One word of a good machine is narrowed: it takes the blame, and so does its unit.
 #[test]
 fn a_narrow_word_takes_the_blame() {
+    if !share::has_turn(4) {
+        return;
+    }
     let cloud = thinned(scene("glass-spheres", (48, 48)), 3000);
     let [(shells, _), .., (bouquet, _), _] = &of_ellipsoids((24, 20))[..] else { panic!("there are more") };
     for (scene, settings, name) in share::mine([
@@ -173,7 +177,7 @@ fn a_narrow_word_takes_the_blame() {
 
 #[test]
 fn all_words_together_make_the_machines_error() {
-    if !share::in_third(1) {
+    if !share::has_turn(1) {
         return;
     }
     let cloud = thinned(scene("torus-knot", (64, 48)), 2000);
@@ -200,6 +204,9 @@ fn all_words_together_make_the_machines_error() {
 /// From among the splats: some lie behind the eye, beside it, before the near plane, and edge-on.
 #[test]
 fn splats_that_are_culled_take_no_blame() {
+    if !share::has_turn(3) {
+        return;
+    }
     let mut scene = thinned(scene("torus-knot", (48, 40)), 1000);
     scene.camera.eye = scene.splats.iter().map(|splat| splat.position).sum::<glam::DVec3>() / scene.splats.len() as f64;
     let edge_on = scene.splats[0].position;

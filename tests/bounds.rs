@@ -30,7 +30,7 @@ fn fault(frame: &Lockstep) -> Option<String> {
 
 #[test]
 fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() {
-    if !share::in_third(0) {
+    if !share::has_turn(4) {
         return;
     }
     for name in ["glass-spheres", "checkerboard", "torus-knot", "terrain"] {
@@ -45,7 +45,7 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
 
 #[test]
 fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
-    if !share::in_third(2) {
+    if !share::has_turn(5) {
         return;
     }
     let scans = [
@@ -56,20 +56,17 @@ fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
         "scans/park_points_rgb.ply",
         "scenes/dragon.json",
     ];
-    for (nth, name) in scans.into_iter().enumerate() {
+    for (name, machine) in share::mine(scans.into_iter().flat_map(|name| Machine::NAMES.map(|machine| (name, machine)))) {
         let Some(path) = shared_input::find(name) else { continue };
         let scene = scene(path.to_str().unwrap(), (192, 160));
-        // Each scan on each machine in one of so many runs of CI.
-        for (_, machine) in Machine::NAMES.into_iter().enumerate().filter(|(number, _)| share::is_mine(nth + number)) {
-            assert_eq!(fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())), None, "{name} on {machine}");
-        }
+        assert_eq!(fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())), None, "{name} on {machine}");
     }
 }
 
 /// Nine covered pixels in ten are known to four steps of an 8-bit display.
 #[test]
 fn the_bound_of_the_reference_machine_says_something() {
-    if !share::in_third(1) {
+    if !share::has_turn(1) {
         return;
     }
     let mut scenes = vec![scene("glass-spheres", (512, 512))];
@@ -88,6 +85,9 @@ fn the_bound_of_the_reference_machine_says_something() {
 /// Of the tiles that are held, a sampled frame says what the whole one says; of all else, nothing.
 #[test]
 fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
+    if !share::has_turn(2) {
+        return;
+    }
     for (scene, name) in [(scene("glass-spheres", (150, 100)), "tiny"), (scene("nested-shells", (90, 70)), "volume")] {
         let machine = Machine::named(name).unwrap();
         let (elaborated, quantised) = (fixed::elaborate(&machine).unwrap(), quantise::quantise(&scene, &machine).unwrap());

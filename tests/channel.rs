@@ -102,7 +102,7 @@ fn check(name: &str, work: &Work, machines: &[(String, Timing)]) {
 
 #[test]
 fn replayed_scenes_are_at_most_a_hundredth_off() {
-    if !share::in_third(1) {
+    if !share::has_turn(1) {
         return;
     }
     let machines = machines();
@@ -114,7 +114,7 @@ fn replayed_scenes_are_at_most_a_hundredth_off() {
 #[test]
 #[ignore = "takes a minute"]
 fn a_replayed_scene_of_full_size_is_at_most_a_hundredth_off() {
-    if !share::in_third(2) {
+    if !share::has_turn(3) {
         return;
     }
     let mut machines = machines();

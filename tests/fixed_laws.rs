@@ -322,7 +322,7 @@ fn tilted(tilt: f64, turn: f64, cutoff: f64) -> Scene {
 
 #[test]
 fn a_footprint_deposits_the_weight_that_its_size_and_tilt_say_at_any_turn() {
-    if !share::in_third(1) {
+    if !share::has_turn(1) {
         return;
     }
     for (name, tolerance) in [("reference", 0.005), ("lean", 0.03)] {

@@ -1,6 +1,6 @@
 //! Does `fixed` draw what `golden` draws? The named machines on the built-in scenes and on real scans, 512×512.
 
-use crate::shared_input;
+use crate::{share, shared_input};
 use rtl_model::Machine;
 use splatsim::accuracy::{Metrics, metrics};
 use splatsim::golden;
@@ -86,36 +86,57 @@ fn glass_spheres() {
 
 #[test]
 fn checkerboard() {
+    if !share::in_third(0) {
+        return;
+    }
     machines_meet_their_targets("checkerboard");
 }
 
 #[test]
 fn torus_knot() {
+    if !share::in_third(1) {
+        return;
+    }
     machines_meet_their_targets("torus-knot");
 }
 
 #[test]
 fn terrain() {
+    if !share::in_third(2) {
+        return;
+    }
     machines_meet_their_targets("terrain");
 }
 
 #[test]
 fn dragon() {
+    if !share::in_third(3) {
+        return;
+    }
     machines_meet_their_targets_on_data("scenes/dragon.json");
 }
 
 #[test]
 fn bunny() {
+    if !share::in_third(4) {
+        return;
+    }
     machines_meet_their_targets_on_data("scans/bun_zipper.ply");
 }
 
 #[test]
 fn pond() {
+    if !share::in_third(5) {
+        return;
+    }
     machines_meet_their_targets_on_data("scans/pond.0.ply");
 }
 
 #[test]
 fn igea() {
+    if !share::in_third(6) {
+        return;
+    }
     machines_meet_their_targets_on_data("scans/igea.ply");
 }
 

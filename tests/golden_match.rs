@@ -144,7 +144,7 @@ fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[Row]) -> bool {
 
 #[test]
 fn the_table_of_the_check_scene_in_surface_order() {
-    if !share::in_third(0) {
+    if !share::has_turn(4) {
         return;
     }
     let scene = glass_spheres();
@@ -160,7 +160,7 @@ fn the_table_of_the_check_scene_in_surface_order() {
 
 #[test]
 fn the_table_of_the_check_scene_in_random_order() {
-    if !share::in_third(1) {
+    if !share::has_turn(1) {
         return;
     }
     let mut scene = glass_spheres();

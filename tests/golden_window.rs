@@ -45,7 +45,7 @@ fn agree(scene: &Scene, rows: &[(Rules, f64)]) -> bool {
 
 #[test]
 fn the_figures_of_the_check_scene_in_surface_order() {
-    if !share::in_third(0) {
+    if !share::has_turn(4) {
         return;
     }
     let join = |rules| Rules { window: WindowOptions { join: 0.1, ..WindowOptions::default() }, ..rules };
@@ -65,7 +65,7 @@ fn the_figures_of_the_check_scene_in_surface_order() {
 
 #[test]
 fn the_figures_of_the_check_scene_in_random_order() {
-    if !share::in_third(1) {
+    if !share::has_turn(1) {
         return;
     }
     let mut scene = glass_spheres();
@@ -77,7 +77,7 @@ fn the_figures_of_the_check_scene_in_random_order() {
 
 #[test]
 fn the_figures_of_the_dragon() {
-    if !share::in_third(2) {
+    if !share::has_turn(2) {
         return;
     }
     let Some(path) = shared_input::find("scenes/dragon.json") else { return };

@@ -44,7 +44,7 @@ const EXAMPLE: &str = "cargo run --release --example ";
 /// Takes minutes: `the_sample_attribution_is_what_its_command_prints` runs it.
 const LONG: &str = "run --attribute --out out";
 
-/// What takes long has its turn in one run of CI in so many, and in `.ci/full`: searches and what reads their machine, the stress catalogue,
+/// What takes long, each in a part of all runs, and in `.ci/full`: searches and what reads their machine, the stress catalogue,
 /// sweeps and their charts, larger pictures.
 const IN_TURN: [(&str, usize); 19] = [
     ("sweep layers ", 1),
@@ -217,6 +217,9 @@ fn the_table_of_machines_says_what_they_are() {
 
 #[test]
 fn the_table_of_accuracies_says_what_the_machines_reach() {
+    if !share::has_turn(5) {
+        return;
+    }
     let mut wrong = Vec::new();
     for row in share::mine(table(&page_with("<!-- accuracy -->").text, "<!-- accuracy -->")) {
         let Some(path) = find(&row[0]) else { continue };
@@ -239,6 +242,9 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
 /// The rows of three layers; `tests/golden_match.rs` and `tests/golden_window.rs` have more.
 #[test]
 fn the_table_of_merge_rules_says_what_they_do() {
+    if !share::has_turn(2) {
+        return;
+    }
     let page = page_with("<!-- merge rules -->").text;
     let rows = table(&page, "<!-- merge rules -->");
     let heads: Vec<&str> =

@@ -258,12 +258,13 @@ fn paths_that_are_no_unicode_are_paths() {
     let [scene, cloud, machine, plan, out] =
         [&b"sc\xffene.json"[..], b"cl\xfeoud.ply", b"mach\xffine.json", b"pl\xffan.json", b"out\xff"].map(odd);
     std::fs::write(&scene, DISC).unwrap();
+    std::fs::write(folder.path().join("disc.json"), DISC).unwrap();
     let ply =
         "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n1 0 0\n0 1 0\n";
     std::fs::write(&cloud, ply).unwrap();
     std::fs::write(&machine, r#"{"base": "tiny"}"#).unwrap();
     let axis = json!({"field": "fragment.layers", "values": [1, 2]});
-    std::fs::write(&plan, json!({"scenes": ["terrain"], "size": [8, 8], "lockstep": false, "axes": [axis]}).to_string()).unwrap();
+    std::fs::write(&plan, json!({"scenes": ["disc.json"], "size": [8, 8], "lockstep": false, "axes": [axis]}).to_string()).unwrap();
     let of = |words: &[&OsStr]| words.iter().map(|word| (*word).to_owned()).collect::<Vec<OsString>>();
     let [run, size, small, with, to, quiet] = ["run", "--size", "16x12", "--machine", "--out", "--quiet"].map(OsStr::new);
     done(&of(&[run, &scene, size, small, with, &machine, to, &out, quiet]));

@@ -1,6 +1,7 @@
 //! Do the twins in SystemVerilog give every record that the machine gives, on two simulators, and are mistakes in them caught?
 
 mod cosimulation;
+#[allow(dead_code, reason = "others use the rest")]
 mod share;
 mod traced;
 
@@ -13,6 +14,7 @@ use rtl_model::frame::Frame;
 use rtl_model::timing::{self, Detail};
 use rtl_model::{Machine, pipeline};
 use serde_json::json;
+use share::Share;
 use splatsim::cosim::diff::{Zeros, diff};
 use splatsim::cosim::trace::Window;
 use splatsim::hardware::fixed;
@@ -158,7 +160,7 @@ fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
 
 #[test]
 fn mirrors_give_what_the_machine_gives() {
-    if !share::in_third(1) {
+    if !share::has_turn(1) {
         return;
     }
     if !have(&["iverilog", "verilator", "yosys"], "the twin of reflect") {
@@ -199,7 +201,7 @@ fn is_sound(drawn: &Traced) {
 /// And the test above is no test of nothing: a wrong fold, a wrong corner, a wrong share are found.
 #[test]
 fn wrong_mirrors_are_found_out() {
-    if !share::in_third(2) {
+    if !share::has_turn(5) {
         return;
     }
     if !have(&["iverilog"], "mutants of reflect") {
@@ -491,6 +493,9 @@ fn the_twin_of_windows_gives_every_record_on_icarus() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn the_twin_of_windows_gives_every_record_on_both_simulators() {
+    if !share::has_turn(5) {
+        return;
+    }
     if !have(&["iverilog", "verilator"], "co-simulation of windows") {
         return;
     }
@@ -553,6 +558,9 @@ fn parts(unit: &str) -> u32 {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_twin_gives_fifty_thousand_records_on_icarus() {
+    if !share::has_turn(4) {
+        return;
+    }
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
@@ -580,6 +588,9 @@ fn every_twin_gives_fifty_thousand_records_on_icarus() {
 /// What is there before a window came of splats that the device has not seen: it has to be loaded.
 #[test]
 fn windows_of_splats_drive_fragment_and_sheets_alone() {
+    if !share::has_turn(4) {
+        return;
+    }
     if !have(&["iverilog"], "windows on Icarus") {
         return;
     }
@@ -698,7 +709,7 @@ fn the_wired_datapath_draws_the_frame_in_the_cycles_of_the_timing_model() {
     if !have(&["verilator"], "the wired datapath") {
         return;
     }
-    if !share::in_third(2) {
+    if !share::has_turn(5) {
         return;
     }
     // `tiny` has all units that the others have, and a third of their words to simulate.
@@ -784,6 +795,9 @@ fn stalled<'a>(frames: &'a [Traced], stalls: &[&'a [&'a str]]) -> Vec<(&'a Trace
 
 #[test]
 fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without_a_reset() {
+    if !share::has_turn(3) {
+        return;
+    }
     if !have(&["iverilog"], "two engines on Icarus") {
         return;
     }
@@ -1012,7 +1026,7 @@ fn enders(trace: &Traced) -> Vec<Unit> {
 
 #[test]
 fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
-    if !share::in_third(1) {
+    if !share::has_turn(2) {
         return;
     }
     if !have(&["iverilog"], "ends of frames on Icarus") {
@@ -1073,7 +1087,7 @@ fn ruled() -> Vec<(&'static str, Traced, Vec<Unit>)> {
 
 #[test]
 fn rules_that_no_named_machine_has_are_kept() {
-    if !share::in_third(2) {
+    if !share::has_turn(5) {
         return;
     }
     if !have(&["iverilog"], "rules on Icarus") {
@@ -1190,6 +1204,9 @@ fn every_mutant_is_caught() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_mutant_of_windows_is_caught() {
+    if !share::has_turn(1) {
+        return;
+    }
     if !have(&["iverilog"], "mutants of the twin of windows") {
         return;
     }
@@ -1209,6 +1226,9 @@ fn every_mutant_of_windows_is_caught() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_mutant_of_a_frame_s_end_is_caught() {
+    if !share::has_turn(3) {
+        return;
+    }
     if !have(&["iverilog"], "mutants of the twins") {
         return;
     }
@@ -1238,6 +1258,9 @@ fn every_mutant_of_a_rule_is_caught() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_mutant_of_tiles_is_caught() {
+    if !share::has_turn(2) {
+        return;
+    }
     if !have(&["iverilog"], "mutants of the twins") {
         return;
     }
@@ -1261,14 +1284,14 @@ fn all_are_caught(mutants: &[Mutant], catches: impl Fn(&Mutant, &Path) -> bool +
     assert!(survivors.is_empty(), "{} of {} were not caught:\n{}", survivors.len(), mutants.len(), survivors.join("\n"));
 }
 
-/// Every n-th mutant of each unit, from the k-th on, where `k/n` is asked for, as a run of CI does, and one at least; else all.
-fn share_of(mutants: &[Mutant], [k, n]: [usize; 2]) -> Vec<&Mutant> {
+/// A share's mutants of each unit: one at least.
+fn share_of(mutants: &[Mutant], share: Share) -> Vec<&Mutant> {
     let mut seen: HashMap<&str, usize> = HashMap::new();
     let mut is_in_it = |mutant: &&Mutant| {
-        let n = n.min(mutants.iter().filter(|other| other.unit == mutant.unit).count());
+        let of_unit = mutants.iter().filter(|other| other.unit == mutant.unit).count();
         let number = seen.entry(mutant.unit).or_default();
         *number += 1;
-        *number % n == k % n
+        share.has(*number, of_unit.min(12))
     };
     mutants.iter().filter(|mutant| is_in_it(mutant)).collect()
 }
@@ -1277,8 +1300,8 @@ fn share_of(mutants: &[Mutant], [k, n]: [usize; 2]) -> Vec<&Mutant> {
 fn all_shares_of_the_mutants_are_all_and_each_has_every_unit() {
     let whole =
         |mutants: &[&Mutant]| mutants.iter().map(|mutant| (mutant.unit, mutant.file, mutant.find, mutant.put)).collect::<HashSet<_>>();
-    let shares: Vec<_> = (1..=12).map(|k| share_of(MUTANTS, share::parse(Some(&format!("{k}/12"))))).collect();
-    let all = share_of(MUTANTS, share::parse(None));
+    let shares: Vec<_> = (0..12).map(|part| share_of(MUTANTS, Share::Of { part, turn: 1 })).collect();
+    let all = share_of(MUTANTS, Share::All);
     assert_eq!(all.len(), MUTANTS.len());
     assert!(shares.iter().all(|share| share.len() < all.len() / 3));
     assert_eq!(whole(&shares.concat()), whole(&all));
@@ -1512,7 +1535,7 @@ fn accept_times_are_those_of_the_timing_model() {
 
 #[test]
 fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
-    if !share::in_third(0) {
+    if !share::has_turn(3) {
         return;
     }
     if !have(&["iverilog"], "accept times of fragment and sheets") {
@@ -1551,7 +1574,7 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
 
 #[test]
 fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
-    if !share::in_third(1) {
+    if !share::has_turn(4) {
         return;
     }
     if !have(&["iverilog"], "accept times of windows") {

@@ -1,6 +1,6 @@
 //! Are points of a mesh where, as many, as wide and of the colours that `sample` promises?
 
-use crate::shared_input;
+use crate::{share, shared_input};
 use assert_cmd::Command;
 use glam::{DMat2, DVec2, DVec3};
 use serde_json::json;
@@ -153,6 +153,9 @@ fn says(folder: &Path, arguments: &[&str]) -> String {
 
 #[test]
 fn the_same_seed_makes_the_same_bytes_at_any_number_of_threads() {
+    if !share::has_turn(2) {
+        return;
+    }
     let folder = folder();
     std::fs::write(folder.path().join("a.obj"), SQUARE).unwrap();
     for pattern in ["blue-noise", "stratified"] {
@@ -395,6 +398,9 @@ fn a_sampled_plane_has_no_hole() {
 
 #[test]
 fn real_meshes_are_sampled_all_over() {
+    if !share::has_turn(4) {
+        return;
+    }
     for name in ["scans/bun_zipper.ply", "models/CesiumMilkTruck.glb", "models/space-shuttle-orbiter/space-shuttle-orbiter.obj"] {
         let Some(path) = shared_input::find(name) else { return };
         let mesh = Mesh::load(&path).unwrap();

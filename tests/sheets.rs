@@ -84,7 +84,7 @@ fn scenes() -> Vec<(String, Scene)> {
 
 #[test]
 fn pictures_are_good() {
-    if !share::in_third(2) {
+    if !share::has_turn(2) {
         return;
     }
     for name in MEDIA {
@@ -97,6 +97,9 @@ fn pictures_are_good() {
 
 #[test]
 fn no_pixel_exceeds_its_bound_and_every_flip_is_explained() {
+    if !share::has_turn(4) {
+        return;
+    }
     let mut flips = 0;
     for (name, scene) in scenes() {
         let frame = in_lockstep(&scene, &usual(&scene));
@@ -155,6 +158,9 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
 /// Volumes of patients and engines, and a guitar.
 #[test]
 fn real_data_is_drawn_well_and_within_bounds() {
+    if !share::has_turn(2) {
+        return;
+    }
     let head = json!([{"value": 500, "rgb": [0.9, 0.6, 0.45], "opacity": 0}, {"value": 900, "rgb": [0.9, 0.6, 0.45], "opacity": 0.0256063915328388},
         {"value": 1200, "rgb": [0.9, 0.6, 0.45], "opacity": 0.01714462355690158}, {"value": 1500, "rgb": [1, 1, 0.95], "opacity": 0.35100635764012655}]);
     let engine = json!([{"value": 60, "rgb": [0.5, 0.6, 0.7], "opacity": 0}, {"value": 120, "rgb": [0.5, 0.6, 0.7], "opacity": 0.042312003146259235},

@@ -17,6 +17,11 @@ use splatsim::golden;
 use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::scene::{Scene, Splat};
 
+/// Whether the catalogue is run: a minute and a half.
+fn has_turn() -> bool {
+    share::has_turn(1)
+}
+
 fn catalogue() -> &'static Catalogue {
     static ONCE: OnceLock<Catalogue> = OnceLock::new();
     ONCE.get_or_init(|| stress::run(&CASES.iter().collect::<Vec<_>>(), &[]).unwrap())
@@ -68,17 +73,26 @@ fn faults(of: impl Fn(&Found) -> u64) -> Vec<String> {
 
 #[test]
 fn no_pixel_exceeds_its_bound() {
+    if !has_turn() {
+        return;
+    }
     assert_eq!(faults(|found| found.lockstep.violations), [""; 0]);
 }
 
 #[test]
 fn every_flip_is_explained() {
+    if !has_turn() {
+        return;
+    }
     assert_eq!(faults(|found| found.lockstep.flips.unexplained), [""; 0]);
     assert!(faults(|found| found.lockstep.flips.total()).len() > 100, "hardly any decision flips: the catalogue asks too little");
 }
 
 #[test]
 fn no_failure_is_silent() {
+    if !has_turn() {
+        return;
+    }
     assert_eq!(faults(|found| found.beyond.silent), [""; 0]);
     assert!(faults(|found| found.beyond.pixels).len() > 100, "hardly anything fails: the catalogue asks too little");
     assert!(catalogue().check().is_ok() && catalogue().faults() == 0);
@@ -86,6 +100,9 @@ fn no_failure_is_silent() {
 
 #[test]
 fn every_case_is_drawn_by_every_named_machine_or_refused_in_a_sentence() {
+    if !has_turn() {
+        return;
+    }
     assert!(CASES.len() >= 24 && catalogue().cases.len() == CASES.len());
     for (case, report) in CASES.iter().zip(&catalogue().cases) {
         let names: Vec<&str> = report.machines.iter().map(|machine| machine.machine.as_str()).collect();
@@ -104,6 +121,9 @@ fn every_case_is_drawn_by_every_named_machine_or_refused_in_a_sentence() {
 /// At its harmless end a case looks on `reference` as it should; else it is not the parameter that makes the trouble.
 #[test]
 fn no_case_fails_on_the_reference_machine_at_its_harmless_end() {
+    if !has_turn() {
+        return;
+    }
     for case in &CASES {
         let found = found(case.name, named(case)[0], case.values[0]);
         assert!(found.lockstep.max_error < 1e-3 && found.lockstep.share_over_1 == 0.0, "{}: {found:?}", case.name);
@@ -113,6 +133,9 @@ fn no_case_fails_on_the_reference_machine_at_its_harmless_end() {
 
 #[test]
 fn the_reference_machine_is_never_worse_off_than_the_lean_one_nor_that_than_the_tiny_one() {
+    if !has_turn() {
+        return;
+    }
     let fails_at = |case: &Case, machine: &str| {
         let report = report(case.name, machine);
         report.points.iter().position(|point| point.failure().is_some()).unwrap_or(usize::MAX)
@@ -194,6 +217,9 @@ fn the_turned_ellipse_is_the_same_one_in_every_direction() {
 
 #[test]
 fn without_a_low_pass_filter_the_conic_leaves_its_word() {
+    if !has_turn() {
+        return;
+    }
     let (scene, low_pass) = worst("low-pass-off");
     assert!(low_pass == 0.0 && scene.kernel.low_pass == 0.0);
     assert!(scene.splats.iter().any(|splat| variance(&scene, splat).inverse().y_axis.y > 4.0));
@@ -224,7 +250,7 @@ fn huge_splats_are_a_hundred_frames_wide() {
 
 #[test]
 fn a_machine_with_too_few_guard_bits_drifts_where_one_with_enough_does_not() {
-    if !share::in_third(0) {
+    if !has_turn() {
         return;
     }
     let settings = case("guard-bits").variant.unwrap().settings;
@@ -244,6 +270,9 @@ fn on_variant(case: &Case, value: f64, watcher: &mut dyn Observer<'static>) {
 
 #[test]
 fn the_radial_index_wraps_and_comes_back_inside_the_footprint() {
+    if !has_turn() {
+        return;
+    }
     for (machine, from, register) in [("6-bit r", 6.0, 32.0), ("lean", 12.0, 256.0)] {
         for point in report("wrap", machine).points.iter().filter(|point| point.value >= from) {
             // What the exact one reaches in a corner of the box, across the ellipse.
@@ -282,6 +311,9 @@ impl Observer<'static> for AtZero {
 
 #[test]
 fn r_falls_below_zero_and_is_held_there() {
+    if !share::has_turn(3) {
+        return;
+    }
     let case = case("negative-r");
     let value = 2.0;
     let mut zero = AtZero::default();
@@ -311,6 +343,9 @@ fn the_table_ends_a_hundred_millionth_beyond_a_fragment() {
 
 #[test]
 fn at_the_rim_almost_nothing_is_divided_by_itself() {
+    if !has_turn() {
+        return;
+    }
     let (scene, cutoff) = worst("rim");
     let least = (-cutoff / 2.0).exp() / std::f64::consts::TAU;
     assert!(least < 2e-7 && scene.surface.coverage_threshold == 1e-6);
@@ -323,6 +358,9 @@ fn at_the_rim_almost_nothing_is_divided_by_itself() {
 
 #[test]
 fn the_offset_has_eight_bits_and_fewer() {
+    if !has_turn() {
+        return;
+    }
     let width =
         |bits| machines::load("reference", &(case("8-bit-offset").variant.unwrap().settings)(bits)).unwrap().raster.offset.format.width();
     assert_eq!([16.0, 8.0, 7.0].map(width), [16, 8, 7]);
@@ -334,6 +372,9 @@ fn the_offset_has_eight_bits_and_fewer() {
 /// Where setup leaves normals as they are, two that are almost opposite leave a direction of chance; turned, they are one.
 #[test]
 fn normals_that_cancel_are_trouble_only_where_they_are_not_turned() {
+    if !has_turn() {
+        return;
+    }
     assert_eq!(report("cancel", "reference").arithmetic_fails_at, None);
     let not_turned = report("cancel", "not turned");
     assert!(not_turned.arithmetic_fails_at.is_some_and(|degrees| degrees <= 1.0), "{:?}", not_turned.arithmetic_fails_at);
@@ -341,11 +382,13 @@ fn normals_that_cancel_are_trouble_only_where_they_are_not_turned() {
 
 #[test]
 fn a_hundred_thousand_contributions_meet_on_one_pixel() {
+    if !has_turn() {
+        return;
+    }
     let (scene, count) = worst("crowd");
     assert_eq!(golden::render(&scene, &golden::Rules::default()).outcomes.most_in_a_pixel, 100_000);
     assert_eq!(count, 1e5);
-    // Half a minute a machine: a run that has a share has one at most.
-    for (_, machine) in Machine::NAMES.into_iter().enumerate().filter(|(number, _)| share::is_mine(*number)) {
+    for machine in Machine::NAMES {
         let found = found("crowd", machine, 1e5);
         assert!(found.overflowed.contains(&"fragment.weight_sum".to_owned()) && found.saturated > 0, "{machine}: {:?}", found.overflowed);
     }
@@ -353,6 +396,9 @@ fn a_hundred_thousand_contributions_meet_on_one_pixel() {
 
 #[test]
 fn the_near_plane_is_approached_to_a_millionth_from_both_sides() {
+    if !has_turn() {
+        return;
+    }
     let scene = (case("near-plane").scene)(1e-6);
     let from_plane: Vec<f64> = scene.splats.iter().map(|splat| splat.position.z - scene.camera.near).filter(|d| d.abs() < 0.1).collect();
     assert!(from_plane.iter().all(|d| close(d.abs(), 1e-6, 1e-6)));
@@ -396,6 +442,9 @@ fn off_screen_centres_lie_outside_and_still_reach_in() {
 
 #[test]
 fn coincident_surfaces_lie_on_both_sides_of_epsilon() {
+    if !has_turn() {
+        return;
+    }
     for gap in [0.9999, 1.0, 1.0001] {
         assert!(case("coincident").values.contains(&gap));
         let scene = (case("coincident").scene)(gap);
@@ -426,6 +475,9 @@ fn intersecting_surfaces_cross_at_the_angle_that_they_say() {
 
 #[test]
 fn up_to_sixty_four_surfaces_lie_behind_a_pixel() {
+    if !has_turn() {
+        return;
+    }
     let (scene, _) = worst("layers");
     assert_eq!(golden::ideal(&scene).outcomes.most_surfaces_in_a_pixel, 64);
     assert_eq!(report("layers", "reference").method_fails_at, Some(4.0));
@@ -510,6 +562,9 @@ fn highlights_become_narrower_than_a_step_of_their_table() {
 
 #[test]
 fn cases_of_ellipsoids_reach_what_they_name() {
+    if !has_turn() {
+        return;
+    }
     let thin = worst("thin-kernels").0.ellipsoids.unwrap();
     assert!(thin.orientations.iter().all(|of| close(of.scales.max_element() / of.scales.min_element(), 1e6, 1e-9)));
     let (beside, half_pictures) = worst("beside");
@@ -528,6 +583,9 @@ fn cases_of_ellipsoids_reach_what_they_name() {
 
 #[test]
 fn nothing_written_depends_on_the_number_of_threads() {
+    if !share::has_turn(3) {
+        return;
+    }
     let cases = ["wrap", "rim", "coincident"].map(case);
     let written = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -543,6 +601,9 @@ fn nothing_written_depends_on_the_number_of_threads() {
 
 #[test]
 fn the_table_has_a_line_for_each_case_and_machine_and_fits_a_terminal() {
+    if !has_turn() {
+        return;
+    }
     let table = catalogue().table();
     assert!(table.lines().all(|line| line.chars().count() <= 80), "{table}");
     let rows: usize = CASES.iter().map(|case| named(case).len() + usize::from(case.variant.is_some())).sum();
@@ -566,6 +627,9 @@ fn cells(line: &str) -> Vec<String> {
 
 #[test]
 fn the_files_hold_every_point() {
+    if !has_turn() {
+        return;
+    }
     let folder = tempfile::tempdir().unwrap();
     catalogue().write(folder.path()).unwrap();
     let text = std::fs::read_to_string(folder.path().join("stress.csv")).unwrap();
@@ -591,6 +655,9 @@ fn the_files_hold_every_point() {
 
 #[test]
 fn every_case_is_in_the_gallery() {
+    if !has_turn() {
+        return;
+    }
     for case in &CASES {
         let report = catalogue().cases.iter().find(|report| report.name == case.name).unwrap();
         let (value, machine) = case.telling;
@@ -645,6 +712,9 @@ fn failures(case: &str) -> Vec<String> {
 
 #[test]
 fn the_book_says_where_everything_fails() {
+    if !has_turn() {
+        return;
+    }
     let told = told_in_the_book();
     let wrong = told.iter().filter(|(name, cells)| *cells != failures(name));
     let wrong: Vec<String> = wrong.map(|(name, _)| format!("| {name} | {} |", failures(name).join(" | "))).collect();
@@ -658,7 +728,7 @@ fn the_book_says_where_everything_fails() {
 /// Of the slow pan: what wider words buy.
 #[test]
 fn a_slow_pan_flickers_less_the_wider_the_words_are() {
-    if !share::in_third(1) {
+    if !has_turn() {
         return;
     }
     let jumps = |machine: &str| {

@@ -1,33 +1,87 @@
-//! Share: which part of the long work is this run's. A run of CI does a part, which its commit says; `.ci/full` does all.
+//! Share: which part of the slow tests is this run's, as `SPLATSIM_SHARE` says: `all`, or a number from 0 to 71, which is 6 · part + turn.
+//! Of a long list a run does one of twelve parts. Of tests that are slow as a whole it does those that have their turn: none at turn 0.
+//! Where nothing is said the share is 0, which takes least time. CI takes the number from its commit; `.ci/full` does all.
 
-/// Part k of n, from 1 on, as `SPLATSIM_SHARE=k/n` asks; all, where nothing is asked.
-pub fn share() -> [usize; 2] {
-    parse(std::env::var("SPLATSIM_SHARE").ok().as_deref())
+/// Parts of a long list.
+const PARTS: usize = 12;
+/// Turns of tests that are slow as a whole, with the one at which there are none.
+const TURNS: usize = 6;
+
+/// What of the slow tests is run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Share {
+    /// All.
+    All,
+    /// One part of each list, and the tests of one turn.
+    Of { part: usize, turn: usize },
 }
 
-pub fn parse(share: Option<&str>) -> [usize; 2] {
-    let numbers = share.map(|share| share.split_once('/').and_then(|(k, n)| Some([k.parse().ok()?, n.parse().ok()?])));
-    let [k, n]: [usize; 2] = numbers.map_or([1, 1], |numbers| numbers.expect("SPLATSIM_SHARE is k/n"));
-    assert!((1..=n).contains(&k), "SPLATSIM_SHARE is k/n, k from 1 to n");
-    [k, n]
+pub fn share() -> Share {
+    Share::parse(std::env::var("SPLATSIM_SHARE").ok().as_deref())
+}
+
+impl Share {
+    pub fn parse(text: Option<&str>) -> Share {
+        if text == Some("all") {
+            return Share::All;
+        }
+        let number = text.map_or(Some(0), |text| text.parse().ok().filter(|number| *number < PARTS * TURNS));
+        let number: usize = number.expect("SPLATSIM_SHARE is `all` or a number from 0 to 71");
+        Share::Of { part: number / TURNS, turn: number % TURNS }
+    }
+
+    /// Whether the item of this number is in its part, of lists that have at most so many.
+    pub fn has(self, number: usize, parts: usize) -> bool {
+        match self {
+            Share::All => true,
+            Share::Of { part, .. } => number % parts == part % parts,
+        }
+    }
 }
 
 /// Those of some items that are this run's: at least one of them, in every run.
 pub fn mine<T>(items: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
     let items: Vec<T> = items.into_iter().collect();
-    let [k, n] = share();
-    let n = n.min(items.len()).max(1);
-    items.into_iter().enumerate().filter(move |(number, _)| number % n == k % n).map(|(_, item)| item)
+    let parts = PARTS.min(items.len()).max(1);
+    items.into_iter().enumerate().filter(move |(number, _)| share().has(*number, parts)).map(|(_, item)| item)
 }
 
 /// Whether the item of this number is this run's.
 pub fn is_mine(number: usize) -> bool {
-    let [k, n] = share();
-    number % n == k % n
+    share().has(number, PARTS)
 }
 
-/// Whether a slow test, or a part of one, has its turn: in one run of CI in three, in all others always.
-pub fn in_third(turn: usize) -> bool {
-    let [k, n] = share();
-    n < 3 || turn % 3 == k % 3
+/// Whether the item of this number is in this run's third.
+pub fn in_third(number: usize) -> bool {
+    share().has(number, 3)
+}
+
+/// Whether all is this run's.
+pub fn is_all() -> bool {
+    share() == Share::All
+}
+
+/// How many of so many cases are this run's, where it has one of so many parts.
+pub fn of(cases: usize, parts: usize) -> usize {
+    if is_all() { cases } else { cases / parts }
+}
+
+/// Whether tests of this turn, from 1 to 5, are run.
+pub fn has_turn(turn: usize) -> bool {
+    assert!((1..TURNS).contains(&turn), "no run has turn {turn}");
+    match share() {
+        Share::All => true,
+        Share::Of { turn: mine, .. } => turn == mine,
+    }
+}
+
+#[test]
+fn every_part_meets_every_turn() {
+    let all: Vec<Share> = (0..PARTS * TURNS).map(|number| Share::parse(Some(&number.to_string()))).collect();
+    for part in 0..PARTS {
+        for turn in 0..TURNS {
+            assert!(all.contains(&Share::Of { part, turn }));
+        }
+    }
+    assert_eq!([Share::parse(Some("all")), Share::parse(None)], [Share::All, all[0]]);
 }

@@ -47,9 +47,9 @@ fn wander(machine: Machine, changes: &[Mutation]) -> (Machine, Elaborated) {
     })
 }
 
-/// So many random cases; a third of them in a run that has a share of the long work.
+/// So many random cases, or this run's third of them.
 fn cases(all: u32) -> u32 {
-    if share::share()[1] < 3 { all } else { all / 3 }
+    share::of(all as usize, 3) as u32
 }
 
 /// The named machines of discs: all, or those whose turn it is.
@@ -153,7 +153,7 @@ fn meters_measure_all_and_count_a_sample() {
 #[test]
 fn merges_that_wait_are_those_at_once() {
     let rules = [(1, Merge::FarthestPair), (2, Merge::NearestPair), (3, Merge::FarthestPair), (7, Merge::NearestPair)];
-    for (_, (layers, merge)) in (0..).zip(rules).filter(|(turn, _)| share::in_third(*turn)) {
+    for (layers, merge) in share::mine(rules) {
         for evict_hidden in [false, true] {
             let mut machine = Machine::named("reference").unwrap();
             (machine.fragment.layers, machine.fragment.merge, machine.fragment.evict_hidden) = (layers, merge, evict_hidden);

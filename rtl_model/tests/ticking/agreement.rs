@@ -183,7 +183,7 @@ impl Seen {
 
     /// Of frames that were drawn: a third of them need not have met all that seldom happens.
     fn demand_of_drawn(&self, never: &[&str]) {
-        if crate::share::share()[1] == 1 {
+        if crate::share::is_all() {
             return self.demand(15, never);
         }
         assert!(self.0.iter().all(|(what, cycles)| *cycles == 0 || !never.contains(&what.as_str())), "{:?}", self.0);
@@ -238,17 +238,15 @@ pub fn of(organisation: Organisation, rng: &mut Rng) -> Timing {
     timing
 }
 
-/// A third of the seeds, in a run that has a share of the long work; all, where none is asked for.
+/// This run's third of the seeds.
 fn seeds(cases: u64) -> impl Iterator<Item = u64> {
-    let [k, n] = crate::share::share();
-    let n = n.min(3);
     // Eight in a row: what a scene has depends on remainders of the seed.
-    (0..cases).filter(move |seed| seed / 8 % n as u64 == (k % n) as u64)
+    (0..cases).filter(|seed| crate::share::in_third(*seed as usize / 8))
 }
 
 /// How much must have been seen in these.
 fn of_all(least: u64) -> u64 {
-    least / crate::share::share()[1].min(3) as u64
+    crate::share::of(least as usize, 3) as u64
 }
 
 fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
