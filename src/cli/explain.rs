@@ -8,7 +8,7 @@ use std::ffi::OsString;
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// A .json scene, .ply cloud or built-in name
+    /// A scene, cloud, volume or built-in name
     scene: OsString,
     /// The pixel; 0,0 is top left
     #[arg(long, value_name = "X,Y")]

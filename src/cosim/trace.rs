@@ -248,13 +248,20 @@ macro_rules! chapter {
     };
 }
 
+/// A chapter without what tells a reader of the book where it belongs.
+fn in_readme(chapter: &str) -> String {
+    let rest = chapter.split_once("<!-- in the book alone -->\n");
+    let cut = rest.and_then(|(head, rest)| Some([head, rest.split_once("<!-- and in a trace's README -->\n\n")?.1].concat()));
+    cut.unwrap_or_else(|| chapter.to_owned())
+}
+
 /// What files, records and units are, in words: chapters of the book; of ellipsoids and of windows one more, with what is different there.
 fn explained(kind: Kind) -> String {
     let (_, files) = chapter!("trace-files.md").split_once("<!-- a trace's README begins below this line -->\n\n").unwrap_or_default();
     let ellipsoids = (kind.ellipsoids || kind.sheets).then_some(chapter!("ellipsoids.md"));
     let windows = kind.windows.then_some(chapter!("windows.md"));
     let chapters = [Some(files), Some(chapter!("numbers.md")), Some(chapter!("units.md")), ellipsoids, windows, Some("# This machine\n")];
-    chapters.into_iter().flatten().collect::<Vec<_>>().join("\n")
+    chapters.into_iter().flatten().map(in_readme).collect::<Vec<_>>().join("\n")
 }
 
 /// Whether a scene's text needs no other file.
