@@ -299,7 +299,8 @@ impl<'a> Stage<'a> {
         }
         let [r, g, b] = rgb;
         let attributes = [r, g, b, record.opacity, normal[0], normal[1], normal[2]];
-        Splat { index, footprint, cull, near, record, attributes, turns_otherwise, own }
+        let filled = self.common.limits.filled(&attributes);
+        Splat { index, footprint, cull, near, record, attributes, filled, turns_otherwise, own }
     }
 
     /// Whether a pixel's tile is held.
@@ -362,6 +363,7 @@ struct Splat {
     near: NearFootprint,
     record: real::Splat<Near>,
     attributes: [Near; ATTRIBUTES],
+    filled: f64,
     /// The machine turned its normal, or left it, as `golden` would not have.
     turns_otherwise: bool,
     /// Of windows: what it looks like by itself.
@@ -459,6 +461,7 @@ impl<'a> Leader<'a> {
             golden: Fragment::new(&splat.footprint, &exact, [x, y]),
             weight: near.weight.around(exact.weight),
             attributes: &splat.attributes,
+            filled: splat.filled,
             held_depth: held.depth,
             depth: OnceCell::new(),
             find_depth: &depth,

@@ -33,6 +33,8 @@ pub struct Arrival<'a> {
     pub weight: Near,
     /// rgb, α, normal.
     pub attributes: &'a [Near; ATTRIBUTES],
+    /// What part of a sum's word a unit of weight fills with them ([`Limits::filled`]).
+    pub filled: f64,
     /// The machine's own depth word, by which it sorts.
     pub held_depth: i64,
     /// Its depth, and how that is found: what joins a fragment is mostly not asked for it.
@@ -67,6 +69,8 @@ pub struct Common<'a> {
 pub struct Limits {
     weight: [f64; 2],
     attributes: [[f64; ATTRIBUTES]; 2],
+    /// What part of a sum's word one rounding may lose, of the worst.
+    lost: f64,
     opaque: Near,
 }
 
@@ -75,7 +79,15 @@ impl Limits {
     pub fn new(machine: &Machine, opaque: Near) -> Self {
         let (weight, attributes) = words(machine);
         let most = |word: Word| word.format.value(word.format.max());
-        Limits { weight: [most(weight), loss(weight)], attributes: [attributes.map(most), attributes.map(loss)], opaque }
+        let lost = attributes.into_iter().chain([weight]).map(|word| loss(word) / most(word)).fold(0.0, greater);
+        Limits { weight: [most(weight), loss(weight)], attributes: [attributes.map(most), attributes.map(loss)], lost, opaque }
+    }
+
+    /// What part of its word the fullest sum has when a unit of weight was added with these attributes, on either side; infinite where
+    /// that is no number.
+    pub fn filled(&self, attributes: &[Near; ATTRIBUTES]) -> f64 {
+        let [most, _] = self.attributes;
+        attributes.iter().zip(most).map(|(attribute, most)| attribute.most() / most).fold(1.0 / self.weight[0], greater)
     }
 
     /// What one rounding of Σw may lose.
@@ -100,6 +112,8 @@ pub struct Bounds {
     pub count: f64,
     /// Least and greatest of each attribute.
     range: [[f64; 2]; ATTRIBUTES],
+    /// The most that a unit of weight fills of a sum's word.
+    filled: f64,
     /// A sum may have left its word.
     pub overflowed: bool,
     depth: Near,
@@ -113,6 +127,11 @@ pub struct Bounds {
 pub struct Pixel {
     fragments: Vec<Fragment>,
     bounds: Vec<Bounds>,
+}
+
+/// The greater; infinite where the second is no number.
+fn greater(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
 /// What one rounding of a sum may lose.
@@ -134,7 +153,8 @@ impl Bounds {
         let range = arrival.attributes.map(|c| [c.value, c.value]);
         let shaded = [Near::default(); 4];
         let (depth, held_depth) = (arrival.depth(), arrival.held_depth);
-        let mut new = Bounds { weight: 0.0, attribute: [0.0; ATTRIBUTES], count: 0.0, range, overflowed: false, depth, held_depth, shaded };
+        let (attribute, filled) = ([0.0; ATTRIBUTES], arrival.filled);
+        let mut new = Bounds { weight: 0.0, attribute, count: 0.0, range, filled, overflowed: false, depth, held_depth, shaded };
         new.add(limits, arrival, &arrival.golden);
         new
     }
@@ -146,8 +166,10 @@ impl Bounds {
         for (i, c) in arrival.attributes.iter().enumerate() {
             self.attribute[i] += arrival.weight.most() * c.error;
             let [low, high] = self.range[i];
-            self.range[i] = [low.min(c.value), high.max(c.value)];
+            // What is no number is outside of no range, as with `min` and `max`, which take longer.
+            self.range[i] = [if c.value < low { c.value } else { low }, if c.value > high { c.value } else { high }];
         }
+        self.filled = self.filled.max(arrival.filled);
         self.overflowed |= self.may_overflow(limits, golden);
     }
 
@@ -160,11 +182,20 @@ impl Bounds {
             let ([low, high], [other_low, other_high]) = (self.range[i], other.range[i]);
             self.range[i] = [low.min(other_low), high.max(other_high)];
         }
+        self.filled = self.filled.max(other.filled);
         self.overflowed |= other.overflowed || self.may_overflow(limits, golden);
     }
 
     /// Whether a sum of the machine's may have left its word.
     fn may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
+        // No sum has more than all weight fills with the attributes that fill most, and mostly that is not much. What f64 rounds is less than
+        // a hundredth.
+        (golden.weight + self.weight) * self.filled + self.count * limits.lost >= 0.99 && self.sum_may_overflow(limits, golden)
+    }
+
+    /// The same, sum by sum.
+    #[inline(never)]
+    fn sum_may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
         let [most, losses] = limits.attributes;
         let sums = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
         // What is no number outruns every word.
