@@ -435,3 +435,122 @@ fn what_is_no_terminal_gets_no_colours() {
         assert!(![output.stdout, output.stderr].concat().contains(&0x1b), "{arguments:?}");
     }
 }
+
+// ---- names, places and what is there already ----
+
+/// A scene of one splat, a picture of few pixels: what a run of it needs.
+fn small_run<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    [&["run", scene, "--machine", "tiny", "--size", "16x12", "--quiet"], more].concat()
+}
+
+#[test]
+fn a_folder_does_not_take_the_place_of_what_it_is_named_after() {
+    let folder = folder();
+    let splatsim = |arguments: &[&str]| {
+        let output = Command::new(PROGRAM.as_str()).args(arguments).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    };
+    write(&folder, "disc.json", DISC);
+    for _ in 0..2 {
+        splatsim(&small_run("disc.json", &["--out", "tiny"]));
+        splatsim(&["run", "nested-shells", "--size", "8x6", "--check", "none", "--quiet", "--out", "nested-shells"]);
+    }
+    splatsim(&["machine", "show", "tiny"]);
+    // But the run that is in it can be compared.
+    splatsim(&["compare", "tiny", "tiny", "--json"]);
+    // Nor that of a plan: what is refused is another thing.
+    std::fs::create_dir(folder.path().join("layers")).unwrap();
+    let refused = Command::new(PROGRAM.as_str()).args(["sweep", "layers", "--most", "1"]).current_dir(folder.path()).output().unwrap();
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(told.contains("more than 1"), "{told}");
+}
+
+#[test]
+fn what_is_no_recording_is_not_written_over() {
+    let folder = folder();
+    let scene = write(&folder, "disc.json", DISC);
+    let before = std::fs::read(&scene).unwrap();
+    assert!(refused(&small_run(&scene, &["--record", &scene])).contains("is there already and is no recording"));
+    assert!(std::fs::read(&scene).unwrap() == before);
+    let record = folder.path().join("disc.work");
+    for _ in 0..2 {
+        done(&small_run(&scene, &["--record", record.to_str().unwrap()]));
+    }
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n\
+        property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let mesh = write(&folder, "mesh.ply", ply);
+    assert!(refused(&["sample", &mesh, "--points", "10", "--out", &mesh]).contains("it is the mesh itself"));
+    assert_eq!(std::fs::read_to_string(&mesh).unwrap(), ply);
+}
+
+#[cfg(unix)]
+#[test]
+fn links_are_followed_and_pipes_are_left_alone() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let scene = write(&folder, "disc.json", DISC);
+    std::os::unix::fs::symlink(at("target.work"), at("link.work")).unwrap();
+    write(&folder, "target.work", "");
+    done(&small_run(&scene, &["--record", &at("link.work")]));
+    assert!(std::fs::symlink_metadata(at("link.work")).unwrap().is_symlink());
+    assert!(std::fs::metadata(at("target.work")).unwrap().len() > 100);
+
+    let made = std::process::Command::new("mkfifo").arg(at("pipe")).status().unwrap();
+    assert!(made.success());
+    assert!(refused(&small_run(&scene, &["--record", &at("pipe")])).contains("no recording"));
+    let film =
+        DISC.replacen(r#""camera": {"eye": [0, 0, 4], "target": [0, 0, 0]}"#, r#""camera_path": {"pan_pixels": 1.0, "frames": 2}"#, 1);
+    let film = write(&folder, "film.json", film);
+    assert!(refused(&small_run(&film, &["--y4m", &at("pipe")])).contains("is no file"));
+    assert!(!std::fs::metadata(at("pipe")).unwrap().is_file());
+}
+
+#[test]
+fn what_a_unit_is_refused_empties_no_file() {
+    let folder = folder();
+    let scene = write(&folder, "disc.json", DISC);
+    let held = write(&folder, "held.hex", "precious\n");
+    let unit = |input: &str| {
+        let arguments = ["unit", "fragment", "--scene", &scene, "--held", &held];
+        Command::new(PROGRAM.as_str()).args(arguments).write_stdin(input).output().unwrap()
+    };
+    assert_eq!(unit("zzz\n").status.code(), Some(2));
+    assert_eq!(std::fs::read_to_string(&held).unwrap(), "precious\n");
+    assert_eq!(unit("").status.code(), Some(0));
+    assert!(!std::fs::read_to_string(&held).unwrap().contains("precious"));
+}
+
+#[test]
+fn files_of_an_earlier_run_do_not_lie_beside_the_new_ones() {
+    let folder = folder();
+    let scene = write(&folder, "disc.json", DISC);
+    let out = folder.path().join("out");
+    let to = ["--out", out.to_str().unwrap()];
+    done(&small_run(&scene, &[&to[..], &["--attribute", "--requests", "--exr", "--timing", "timing.raster.fifo=1,2"]].concat()));
+    let all = names_in(&out);
+    assert!(["attribution.png", "timings.png", "fixed.exr", "requests.dramsim3"].iter().all(|name| all.iter().any(|other| other == name)));
+    done(&small_run(&scene, &[&to[..], &["--check", "none"]].concat()));
+    let plain = names_in(&out);
+    let again = folder.path().join("again");
+    done(&small_run(&scene, &["--out", again.to_str().unwrap(), "--check", "none"]));
+    assert_eq!(plain, names_in(&again));
+}
+
+#[test]
+fn more_cases_than_memory_holds_are_refused() {
+    let folder = folder();
+    let scene = write(&folder, "disc.json", DISC);
+    let out = folder.path().join("trace");
+    let arguments = ["trace", &scene, "--stimulus", "4294967295", "--units", "gauss", "--out", out.to_str().unwrap()];
+    assert!(refused(&arguments).contains("at most 5000000 cases a unit"));
+    assert!(!out.exists());
+}
+
+#[test]
+fn a_run_that_was_not_held_says_why_it_cannot_be_compared() {
+    let folder = folder();
+    let scene = write(&folder, "disc.json", DISC);
+    let out = folder.path().join("out").to_string_lossy().into_owned();
+    done(&small_run(&scene, &["--out", &out, "--check", "none"]));
+    assert!(refused(&["compare", &out, &out]).contains("--check none"));
+}

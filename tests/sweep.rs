@@ -4,6 +4,11 @@ use crate::program::PROGRAM;
 use assert_cmd::Command;
 use rtl_model::num::Format;
 use serde_json::{Value, json};
+use splatsim::explore::sweep::plan::Points;
+use splatsim::explore::sweep::stage::Stage;
+use splatsim::explore::sweep::{Options, Shard, Sweep};
+use splatsim::output::files::Folder;
+use splatsim::performance::cost::Prices;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -418,4 +423,71 @@ fn words_can_change_together_and_the_first_that_loses_a_decibel_is_told() {
     assert!(both(json!({"fields": ["gauss.wait"], "add_frac_bits": [1]})).contains("is no word"));
     assert!(both(json!({"fields": ["*"], "add_frac_bits": [1]})).contains("change with nothing together"));
     assert!(both(json!({"add_frac_bits": [1]})).contains("needs a `field`"));
+}
+
+/// A folder keeps rows of one plan on scenes as they are: also those that parts drew.
+#[test]
+fn parts_of_two_plans_do_not_become_one_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let axis = |values: &[u32]| json!({"field": "timing.raster.fifo", "values": values});
+    let plan =
+        |values: &[u32]| json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis(values)]});
+    let out = folder.path().join("out");
+    let first = written(folder.path(), &plan(&[1, 2, 3, 4]));
+    ok(&sweep(&first, &out, &["--shard", "1/2"]));
+    let other = written(folder.path(), &plan(&[10, 20, 30, 40]));
+    let before = fs::read(out.join("plan.json")).unwrap();
+    assert!(refused(&sweep(&other, &out, &["--shard", "2/2"])).contains("was drawn from something else"));
+    assert!(fs::read(out.join("plan.json")).unwrap() == before);
+    // The same plan, and its scene is another one.
+    let first = written(folder.path(), &plan(&[1, 2, 3, 4]));
+    fs::write(folder.path().join("terrain.json"), json!({"splats": {"builtin": "terrain", "count": 2000}}).to_string()).unwrap();
+    assert!(refused(&sweep(&first, &out, &["--shard", "2/2"])).contains("was drawn from something else"));
+    assert_eq!(rows(&out).len(), 2);
+}
+
+/// Whichever of two parts ends last writes what both have drawn.
+#[test]
+fn a_part_that_began_before_another_ended_keeps_its_rows_in_the_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let axis = json!({"field": "timing.raster.fifo", "values": [1, 2, 3, 4]});
+    let plan = json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis]});
+    let points = Points::load(written(folder.path(), &plan)).unwrap();
+    let out = folder.path().join("out");
+    let options = |index| Options { shard: Some(Shard { index, of: 2 }), most: 100, prices: Prices::default(), progress: false };
+    let open = |index| Sweep::open(points.clone(), &out, &options(index), Folder::shared).unwrap();
+    let (mut one, mut two) = (open(1), open(2));
+    let stage = Stage::new(&points, &Prices::default(), 0, one.scene(0).unwrap());
+    for sweep in [&mut one, &mut two] {
+        let missing = sweep.missing(0);
+        stage.draw(&missing, |number, row| sweep.push(number, row)).unwrap();
+    }
+    two.finish().unwrap();
+    assert_eq!(rows(&out).len(), 4);
+    one.finish().unwrap();
+    assert_eq!(rows(&out).len(), 4);
+}
+
+#[test]
+fn what_is_no_machine_has_no_rank_in_frames_a_second() {
+    let folder = tempfile::tempdir().unwrap();
+    let axis = json!({"field": "exact", "values": [["raster"], [], ["gauss.weight"]]});
+    let plan = json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis]});
+    let told = ok(&sweep(&written(folder.path(), &plan), &folder.path().join("out"), &[]));
+    assert!(!told.contains("inf") && !told.contains("18,446"), "{told}");
+    let lines: Vec<&str> = told.lines().collect();
+    let fastest = lines.iter().position(|line| line.starts_with("fastest")).unwrap();
+    assert!(lines[fastest + 1].trim_end().ends_with("exact=[]"), "{told}");
+}
+
+#[test]
+fn a_value_may_be_a_word_with_its_rounding() {
+    let folder = tempfile::tempdir().unwrap();
+    let axis = json!({"field": "gauss.weight", "values": ["U0F8", {"format": "U0F8", "round": "truncate"}]});
+    let plan = json!({"scenes": ["terrain.json"], "size": [24, 16], "machine": "tiny", "lockstep": false, "axes": [axis]});
+    let out = folder.path().join("out");
+    ok(&sweep(&written(folder.path(), &plan), &out, &[]));
+    let rows = rows(&out);
+    assert!(rows.iter().all(|row| row["misfit"].is_empty()), "{rows:?}");
+    assert_ne!(rows[0]["psnr_db"], rows[1]["psnr_db"]);
 }

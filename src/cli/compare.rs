@@ -126,7 +126,8 @@ impl Typed {
 /// What is named, with a machine's changes.
 fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
     let (path, shown) = (Path::new(name), one_line(&name.to_string_lossy()));
-    let is_named = !path.exists() && Machine::named(&shown).is_some();
+    // A folder of a machine's name may be of a run.
+    let is_named = !path.is_file() && !path.join("report.json").exists() && Machine::named(&shown).is_some();
     if !is_named
         && path.exists()
         && let Some(side) = Side::read(path)?

@@ -2,6 +2,7 @@
 
 use super::arguments::Threads;
 use crate::error::{Error, Result};
+use crate::output::files::are_one;
 use crate::output::text::{one_line, thousands, wrapped};
 use crate::sampling::{Acquisition, Amount, Pattern, Picture, Radii, Request, Sampled, file, sample};
 use crate::scene::mesh::{Image, Mesh, Texture, Wrap};
@@ -93,6 +94,9 @@ impl Typed {
             return Err(Error::input(format!("--cutoff {}: it must be from 0.01 to 100", self.cutoff)));
         }
         check_out(&self.out)?;
+        if are_one(Path::new(&self.mesh), &self.out) {
+            return Err(Error::input(format!("--out {}: it is the mesh itself", self.out.display())));
+        }
         let picture = match (&self.texture_image, self.checkerboard) {
             (Some(path), _) => picture(path)?,
             (None, Some(checks)) => Picture::checkerboard(checks.into()),

@@ -2,7 +2,7 @@
 
 use super::arguments::Threads;
 use crate::error::{Error, Result};
-use crate::output::files::write_beside;
+use crate::output::files::{are_one, write_beside};
 use crate::output::text::{one_line, thousands, wrapped};
 use crate::scene::tree::{MOST_CHILDREN, Tree, file};
 use crate::scene::{Overrides, Scene};
@@ -39,6 +39,9 @@ pub(super) struct Job {
 impl Typed {
     pub fn check(self) -> Result<Job> {
         check_out(&self.out)?;
+        if are_one(Path::new(&self.scene), &self.out) {
+            return Err(Error::input(format!("--out {}: it is the scene itself", self.out.display())));
+        }
         let scene = Scene::load(&self.scene, &Overrides::default())?;
         let scene = scene.full().unwrap_or(scene);
         if scene.ellipsoids.is_some() {

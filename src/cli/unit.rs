@@ -73,11 +73,12 @@ struct Lines<R> {
     number: u64,
 }
 
-/// A file with a record a line that is written as it grows.
+/// A file with a record a line that is written as it grows. What was in it stays until there is something to write, or nothing was wrong.
 struct Written {
     form: Form,
     name: String,
     file: File,
+    is_begun: bool,
 }
 
 impl Typed {
@@ -151,11 +152,23 @@ impl Lines<BufReader<File>> {
 impl Written {
     fn open(path: &Path, form: Form) -> Result<Self> {
         let name = one_line(&path.to_string_lossy());
-        let file = File::create(path).map_err(|e| Error::job(format!("{name}: cannot be written: {e}")))?;
-        Ok(Written { form, name, file })
+        let file = File::options().write(true).create(true).truncate(false).open(path);
+        let file = file.map_err(|e| Error::job(format!("{name}: cannot be written: {e}")))?;
+        Ok(Written { form, name, file, is_begun: false })
+    }
+
+    /// Nothing of what was in it stays.
+    fn begin(&mut self) -> Result<()> {
+        // A pipe has nothing.
+        let is_file = self.file.metadata().is_ok_and(|metadata| metadata.is_file());
+        if is_file && !std::mem::replace(&mut self.is_begun, true) {
+            self.file.set_len(0).map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.name)))?;
+        }
+        Ok(())
     }
 
     fn write(&mut self, port: &Port, records: &[Record]) -> Result<()> {
+        self.begin()?;
         let mut text = Vec::new();
         records.iter().for_each(|words| self.form.write(port, words, &mut text));
         self.file.write_all(&text).map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.name)))
@@ -236,6 +249,9 @@ impl Job {
             if !self.print(&unit.output, &out, is_open)? {
                 break;
             }
+        }
+        for written in held.iter_mut().chain(&mut shading.requests) {
+            written.begin()?;
         }
         Ok(String::new())
     }

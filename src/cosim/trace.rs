@@ -97,6 +97,8 @@ const OF_ALL_SPLATS: [&str; 4] = ["sort", "fragment", "shade", "resolve"];
 /// Most cycles of waves.
 const MOST_WAVES: u64 = 10_000_000;
 
+/// Most cases of one unit that are made up.
+const MOST_CASES: u32 = 5_000_000;
 /// Records that are made into text at a time by one thread.
 const CHUNK: usize = 16_384;
 
@@ -302,6 +304,11 @@ impl Window {
         let units = units(Kind::of(frame));
         if let Some(unknown) = self.units.iter().find(|unit| !units.contains(&unit.as_str())) {
             return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));
+        }
+        if let Some(cases) = self.stimulus.filter(|cases| *cases > MOST_CASES) {
+            return Err(Error::input(format!(
+                "--stimulus {cases}: at most {MOST_CASES} cases a unit are made up, for all are kept at once"
+            )));
         }
         let of_all = self.units.iter().find(|unit| OF_ALL_SPLATS.contains(&unit.as_str()));
         if let (true, Some(_), Some(unit)) = (Kind::of(frame).windows, self.splats, of_all) {

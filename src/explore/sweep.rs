@@ -30,9 +30,13 @@ use plan::Points;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use stage::{Head, Point, Stage};
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use table::{Journal, Row, Table};
+
+/// How often the table is written while other parts grow.
+const FINISHES: usize = 3;
 
 /// Most points, if nobody asks for more.
 pub const MOST_POINTS: u64 = 100_000;
@@ -126,10 +130,7 @@ impl Sweep {
         let open = lock(folder)?;
         let part = options.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
         let mut journal = Journal::open(folder, &part, columns::all(&points.fields()))?;
-        if let Some(last) = journal.points().next_back().filter(|last| *last >= count) {
-            return Err(Error::input(format!("{} has point {last}, and the plan {count} points: it is of another plan", folder.display())));
-        }
-        check_keys(&points, &scenes.heads, &journal, folder, options)?;
+        check_keys(&points, &scenes.heads, &journal, folder, options, |_| true)?;
         journal.keep();
         let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
         write_plan(folder, &told)?;
@@ -190,9 +191,19 @@ impl Sweep {
     ///
     /// # Errors
     /// [`Error::Job`] where it cannot be written.
-    pub fn finish(self) -> Result<Outcome> {
+    pub fn finish(mut self) -> Result<Outcome> {
         drop(self.progress);
-        let files = self.journal.write(&self.folder, "sweep")?;
+        // Others may have drawn their parts meanwhile, and may while this is written: who ends last has all.
+        let (mut files, mut seen) = (Vec::new(), None);
+        for _ in 0..FINISHES {
+            let known: BTreeSet<u64> = self.journal.points().collect();
+            let there = self.journal.read_others(&self.folder)?;
+            if seen.replace(there) == Some(there) {
+                break;
+            }
+            check_keys(&self.points, &self.scenes.heads, &self.journal, &self.folder, &self.options, |number| !known.contains(&number))?;
+            files = self.journal.write(&self.folder, "sweep")?;
+        }
         let count = self.points.count();
         let mine = self.options.mine(count).count() as u64;
         let table = self.journal.table();
@@ -200,9 +211,20 @@ impl Sweep {
     }
 }
 
-/// Refuses a folder whose rows were drawn from something else.
-fn check_keys(points: &Points, scenes: &[Head], journal: &Journal, folder: &Path, options: &Options) -> Result<()> {
-    let known: Vec<u64> = options.mine(points.count()).filter(|number| journal.get(*number).is_some()).collect();
+/// Refuses a folder whose rows were drawn from something else, whoever drew them: all those of which this holds.
+fn check_keys(
+    points: &Points,
+    scenes: &[Head],
+    journal: &Journal,
+    folder: &Path,
+    options: &Options,
+    are_asked: impl Fn(u64) -> bool,
+) -> Result<()> {
+    let known: Vec<u64> = journal.points().filter(|number| are_asked(*number)).collect();
+    if let Some(last) = known.last().filter(|last| **last >= points.count()) {
+        let told = format!("{} has point {last}, and the plan {} points: it is of another plan", folder.display(), points.count());
+        return Err(Error::input(told));
+    }
     let check = |number: &u64| {
         let point = Point::new(points, &options.prices, &scenes[points.point(*number).0], *number)?;
         if journal.get(*number).and_then(|row| row[1].as_str()) == Some(&point.key) {
@@ -287,16 +309,21 @@ impl Outcome {
             let Some(row) = row else { return };
             let db = |name: &str| Some(number(row, name)).filter(|db| db.is_finite()).map_or("equal".into(), |db| format!("{db:.1}"));
             let [whole, arithmetic, covered] = [columns::FIXED_VS_IDEAL_PSNR_DB, columns::PSNR_DB, columns::PSNR_COVERED_DB].map(db);
-            let (rate, area) = (number(row, columns::FRAMES_PER_SECOND), thousands(number(row, columns::AREA) as u64));
+            // What is drawn in partial precision is no machine, and has neither.
+            let rate = self.table.number(row, columns::FRAMES_PER_SECOND).map_or("–".into(), |rate| format!("{rate:.1}"));
+            let area = self.table.number(row, columns::AREA).map_or("–".into(), |area| thousands(area as u64));
             let changes = Some(self.table.text(row, columns::CHANGES)).filter(|changes| !changes.is_empty()).unwrap_or("as it is");
             let scene = self.table.text(row, columns::SCENE);
             let errors = format!("{whole:>13}  {arithmetic:>14}  {covered:>10}");
-            let _ = write!(text, "\n{what:<10} {errors}  {rate:>8.1}  {area:>9}");
+            let _ = write!(text, "\n{what:<10} {errors}  {rate:>8}  {area:>9}");
             let _ = write!(text, "\n{}", wrapped(&format!("    {scene}: {changes}")));
         };
         let mut by = |name: &'static str| {
             built.sort_by(|a, b| number(a, name).total_cmp(&number(b, name)));
-            [built.first().copied(), built.last().copied()]
+            let has_it = |row: &&Row| name == columns::FIXED_VS_IDEAL_PSNR_DB || self.table.number(row, name).is_some();
+            let mut ranked = built.iter().copied().filter(has_it);
+            let first = ranked.next();
+            [first, ranked.last().or(first)]
         };
         let ([worst, best], [least, _], [_, fastest]) =
             (by(columns::FIXED_VS_IDEAL_PSNR_DB), by(columns::AREA), by(columns::FRAMES_PER_SECOND));

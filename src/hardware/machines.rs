@@ -74,7 +74,7 @@ pub fn load_file(spec: impl AsRef<OsStr>, settings: &[String]) -> Result<File> {
     let path = Path::new(spec.as_ref());
     let name = &*path.to_string_lossy();
     let (mut value, searched) = match Machine::named(name) {
-        Some(machine) if !path.exists() => (value(&machine), None),
+        Some(machine) if !path.is_file() => (value(&machine), None),
         _ => read(path)?,
     };
     let mut machine = checked(&value, name)?;

@@ -1,6 +1,7 @@
 //! Files: written whole or not at all.
 
 use crate::error::{Error, Result};
+use rayon::prelude::*;
 use std::fs::{self, File, TryLockError};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -41,8 +42,7 @@ impl Folder {
         let mut made: Vec<PathBuf> = path.ancestors().take_while(missing).map(Path::to_owned).collect();
         made.reverse();
         let mut folder = Folder { open: None, made };
-        let probe = path.join(format!(".{}.part", std::process::id()));
-        let written = fs::create_dir_all(path).and_then(|()| fs::write(&probe, [])).and_then(|()| fs::remove_file(&probe));
+        let written = fs::create_dir_all(path).and_then(|()| probe(path));
         written.map_err(|e| cannot(path, &e.to_string()))?;
         folder.open = File::open(path).ok();
         // Where folders cannot be locked, as on some networks, nobody is kept out.
@@ -60,12 +60,30 @@ impl Drop for Folder {
     }
 }
 
+/// Whether a file can be put into a folder: puts one there and takes it away.
+///
+/// # Errors
+/// Why not.
+pub fn probe(folder: &Path) -> std::io::Result<()> {
+    let probe = folder.join(format!(".{}.part", std::process::id()));
+    fs::write(&probe, []).and_then(|()| fs::remove_file(&probe))
+}
+
 fn cannot(folder: &Path, why: &str) -> Error {
     Error::input(format!("--out {}: cannot be written: {why}", folder.display()))
 }
 
 /// Writes a file under a temporary name beside its own, then renames it: whoever looks finds all of it or nothing.
+///
+/// Behind a link it is the file that the link leads to. What is there and is no file, as a device or a pipe, stays.
+///
+/// # Errors
+/// [`Error::Job`] where it cannot be written, or something is there that is no file.
 pub fn write_beside(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), String>) -> Result<()> {
+    let path = &behind_links(path);
+    if path.exists() && !path.is_file() {
+        return Err(Error::job(format!("{}: cannot be written: it is no file", path.display())));
+    }
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}.part", std::process::id()));
     let part = path.with_file_name(name);
@@ -75,6 +93,31 @@ pub fn write_beside(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std
         let _ = fs::remove_file(&part);
         Error::job(format!("{}: cannot be written: {error}", path.display()))
     })
+}
+
+/// How a file is written.
+pub type Writing<'a> = Box<dyn FnOnce(&Path) -> Result<()> + Send + 'a>;
+/// A file that is to be written, and how.
+pub type Unwritten<'a> = (PathBuf, Writing<'a>);
+
+/// Writes files side by side; says which, in this order.
+///
+/// # Errors
+/// That of the first which cannot be written; the others are there.
+pub fn write_all(files: Vec<Unwritten>) -> Result<Vec<PathBuf>> {
+    let written: Vec<Result<PathBuf>> = files.into_par_iter().map(|(path, write)| write(&path).map(|()| path)).collect();
+    written.into_iter().collect()
+}
+
+/// Where a link leads to; the path itself where it is none.
+pub fn behind_links(path: &Path) -> PathBuf {
+    let is_link = fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_symlink());
+    if is_link { fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()) } else { path.to_owned() }
+}
+
+/// Whether two paths lead to one file that is there.
+pub fn are_one(a: &Path, b: &Path) -> bool {
+    matches!([a, b].map(fs::canonicalize), [Ok(a), Ok(b)] if a == b)
 }
 
 fn write_and_close(
@@ -89,6 +132,21 @@ fn write_and_close(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_several_files_the_first_that_cannot_be_written_is_named_and_the_others_are_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let put = |text: &'static str| -> Writing<'static> {
+            Box::new(move |path: &Path| write_beside(path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string())))
+        };
+        let at = |name: &str| folder.path().join(name);
+        let all = || vec![(at("a"), put("1")), (at("b"), put("2"))];
+        assert_eq!(write_all(all()).unwrap(), [at("a"), at("b")]);
+        let broken = ["none/x", "none/y"].map(|name| (at(name), put("3")));
+        let error = write_all(broken.into_iter().chain([(at("c"), put("4"))]).collect()).unwrap_err();
+        assert!(error.to_string().contains("none/x"), "{error}");
+        assert_eq!(["a", "b", "c"].map(|name| fs::read_to_string(at(name)).unwrap()), ["1", "2", "4"]);
+    }
 
     #[test]
     fn a_failed_write_leaves_nothing_and_names_the_path() {

@@ -6,6 +6,7 @@
 //! BT.601 and limited range are what a reader takes where a file of this kind says nothing else (ITU-R BT.601-7, §2.5.1 to §2.5.3).
 
 use super::colour::srgb_encode;
+use super::files::behind_links;
 use super::picture::Picture;
 use crate::error::{Error, Result};
 use rayon::prelude::*;
@@ -40,6 +41,9 @@ impl Video {
         if !path.exists() {
             return Ok(());
         }
+        if !path.is_file() {
+            return input_error("is no file, and a file is needed".into());
+        }
         let mut begins = Vec::new();
         let read = File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
         if read.is_ok() && (begins.is_empty() || begins == MAGIC.as_bytes()) {
@@ -53,6 +57,7 @@ impl Video {
     /// # Errors
     /// [`Error::Input`] where no file can be written there.
     pub fn create(path: &Path, width: usize, height: usize) -> Result<Self> {
+        let path = &behind_links(path);
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(format!(".{}.part", std::process::id()));
         let part = path.with_file_name(name);

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
 use crate::output::chart;
 use crate::output::chart::Chart;
-use crate::output::files::write_beside;
+use crate::output::files::{Unwritten, Writing, probe, write_all, write_beside};
 use crate::output::text::wrapped;
 use crate::performance::answers::Answers;
 use crate::performance::cost::Prices;
@@ -25,7 +25,7 @@ use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use serde::{Deserialize, Serialize};
 use std::fs;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 /// Beginning of a file of this kind.
@@ -71,15 +71,25 @@ impl Recording {
     /// Makes sure that a file can be written, before any work is done for it.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is no such folder, or a folder of that name.
+    /// [`Error::Input`] where there is no such folder, where nothing can be written there, or where what has that name is no recording.
     pub fn may_be_written(path: &Path) -> Result<()> {
         let input_error = |what: &str| Err(Error::input(format!("--record {}: cannot be written: {what}", path.display())));
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-        match folder {
-            Some(folder) if !folder.is_dir() => input_error(&format!("there is no folder {}", folder.display())),
-            _ if path.is_dir() => input_error("it is a folder, and a file is needed"),
-            _ => Ok(()),
+        if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
+            return input_error(&format!("there is no folder {}", folder.display()));
         }
+        if path.is_dir() {
+            return input_error("it is a folder, and a file is needed");
+        }
+        let is_recording = || {
+            let mut begins = Vec::new();
+            let read = fs::File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
+            read.is_ok() && (begins.is_empty() || begins == MAGIC)
+        };
+        if path.exists() && !(path.is_file() && is_recording()) {
+            return input_error("it is there already and is no recording");
+        }
+        probe(folder.unwrap_or(Path::new("."))).or_else(|error| input_error(&error.to_string()))
     }
 
     /// Writes it into a file.
@@ -91,7 +101,8 @@ impl Recording {
         let parts = Parts { scene: self.scene, machine, work: self.work };
         write_beside(path, |file| {
             file.write_all(MAGIC).map_err(|error| error.to_string())?;
-            postcard::to_io(&parts, file).map(|_| ()).map_err(|error| error.to_string())
+            // Its own error says of a full disk that a buffer is full.
+            postcard::to_io(&parts, &mut *file).map(|_| ()).map_err(|error| file.flush().err().map_or(error.to_string(), |e| e.to_string()))
         })
     }
 
@@ -178,56 +189,45 @@ impl Replayed {
     /// # Errors
     /// [`Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        let mut written = write_cycles(&self.cycles, self.timings.as_ref(), self.answers.as_ref(), self.requests.as_ref(), folder)?;
-        let path = folder.join("cycles.json");
-        write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.cycles).map_err(|error| error.to_string()))?;
-        written.push(path);
-        Ok(written)
+        let mut files = files_of_cycles(&self.cycles, self.timings.as_ref(), self.answers.as_ref(), self.requests.as_ref(), folder);
+        let json =
+            |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, &self.cycles).map_err(|error| error.to_string()));
+        files.push((folder.join("cycles.json"), Box::new(json)));
+        write_all(files)
     }
 }
 
-/// Writes what a frame's time is shown by: charts, a table, and requests to memory.
-///
-/// # Errors
-/// [`Error::Job`] where a file cannot be written; none is left half-written.
-pub fn write_cycles(
-    cycles: &CyclesReport,
-    timings: Option<&Timings>,
-    answers: Option<&Answers>,
-    requests: Option<&Requests>,
+/// What a frame's time is shown by: charts, a table, and requests to memory.
+pub fn files_of_cycles<'a>(
+    cycles: &'a CyclesReport,
+    timings: Option<&'a Timings>,
+    answers: Option<&'a Answers>,
+    requests: Option<&'a Requests>,
     folder: &Path,
-) -> Result<Vec<PathBuf>> {
-    let mut written = Vec::new();
+) -> Vec<Unwritten<'a>> {
+    let text = |path: &Path, text: &str| write_beside(path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()));
+    let mut files: Vec<Unwritten> = Vec::new();
+    let mut add = |name: &str, write: Writing<'a>| files.push((folder.join(name), write));
     if let Some(timings) = timings {
-        let path = folder.join("timings.png");
-        chart::write_png(&[&timings.chart()], 1, [760, 520], &path)?;
-        written.push(path);
+        add("timings.png", Box::new(|path| chart::write_png(&[&timings.chart()], 1, [760, 520], path)));
     }
-    for (name, format) in requests.iter().flat_map(|_| Requests::FORMATS) {
-        let path = folder.join(name);
-        write_beside(&path, |file| requests.iter().try_for_each(|requests| requests.write(format, file)).map_err(|e| e.to_string()))?;
-        written.push(path);
+    for (requests, (name, format)) in requests.into_iter().flat_map(|requests| Requests::FORMATS.map(|format| (requests, format))) {
+        add(name, Box::new(move |path| write_beside(path, |file| requests.write(format, file).map_err(|e| e.to_string()))));
     }
-    let (stacks, over_time) = (cycles.stacks(), cycles.charts());
-    let charts: Vec<&dyn Chart> = std::iter::once(&stacks as &dyn Chart).chain(over_time.iter().map(|chart| chart as &dyn Chart)).collect();
-    let path = folder.join("cycles.png");
-    chart::write_png(&charts, 2, [460, 320], &path)?;
-    written.push(path);
-    let roofline = roofline::chart(cycles, timings, answers);
-    let path = folder.join("roofline.png");
-    chart::write_png(&[&roofline], 1, ROOFLINE_PX, &path)?;
-    written.push(path);
-    let path = folder.join("roofline.svg");
-    let text = chart::svg(&[&roofline], 1, ROOFLINE_PX)?;
-    write_beside(&path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
-    written.push(path);
-    let path = folder.join("cycles.csv");
-    write_beside(&path, |file| file.write_all(cycles.csv().as_bytes()).map_err(|e| e.to_string()))?;
-    written.push(path);
-    if let Some(text) = cycles.tiles_csv() {
-        let path = folder.join("tiles.csv");
-        write_beside(&path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
-        written.push(path);
+    add(
+        "cycles.png",
+        Box::new(|path| {
+            let (stacks, over_time) = (cycles.stacks(), cycles.charts());
+            let over_time = over_time.iter().map(|chart| chart as &dyn Chart);
+            chart::write_png(&std::iter::once(&stacks as &dyn Chart).chain(over_time).collect::<Vec<_>>(), 2, [460, 320], path)
+        }),
+    );
+    let roofline = move || roofline::chart(cycles, timings, answers);
+    add("roofline.png", Box::new(move |path| chart::write_png(&[&roofline()], 1, ROOFLINE_PX, path)));
+    add("roofline.svg", Box::new(move |path| text(path, &chart::svg(&[&roofline()], 1, ROOFLINE_PX)?)));
+    add("cycles.csv", Box::new(move |path| text(path, &cycles.csv())));
+    if let Some(tiles) = cycles.tiles_csv() {
+        add("tiles.csv", Box::new(move |path| text(path, &tiles)));
     }
-    Ok(written)
+    files
 }

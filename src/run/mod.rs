@@ -21,12 +21,12 @@ use crate::golden;
 use crate::golden::Rendering;
 use crate::hardware::fixed;
 use crate::output::chart;
-use crate::output::files::write_beside;
+use crate::output::files::{Unwritten, write_all, write_beside};
 use crate::output::picture::Picture;
 use crate::performance::answers::Answers;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::{CyclesReport, Requests};
-use crate::performance::recording::write_cycles;
+use crate::performance::recording::files_of_cycles;
 use crate::performance::timings::{Timings, Variants};
 use crate::run::detail::DetailReport;
 use crate::run::evaluation::{Evaluation, Observed};
@@ -84,6 +84,20 @@ pub struct Options {
     /// The file that the scene was read from; none of a built-in one.
     pub scene_file: Option<PathBuf>,
 }
+
+/// Files that only some runs write.
+const OPTIONAL: [&str; 10] = [
+    "flips.png",
+    "bounds.png",
+    "attribution.png",
+    "timings.png",
+    "tiles.csv",
+    "requests.ramulator2",
+    "requests.dramsim3",
+    "fixed.exr",
+    "golden.exr",
+    "ideal.exr",
+];
 
 /// Three pictures, their difference, and what was found.
 #[derive(Clone, Debug)]
@@ -213,47 +227,46 @@ impl Outcome {
     /// # Errors
     /// [`crate::error::Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path, exr: bool) -> Result<Vec<PathBuf>> {
-        let mut written = Vec::new();
         let flips = self.lockstep.as_ref().map(Lockstep::flip_picture);
-        let pictures = [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal), ("error", &self.error.picture)];
-        for (name, picture) in pictures.into_iter().chain(flips.iter().map(|flips| ("flips", flips))) {
-            let path = folder.join(name).with_extension("png");
-            let shown = matches!(name, "fixed" | "golden" | "ideal") && self.encoded;
-            if shown {
-                picture.decoded().write_png(&path)?
-            } else {
-                picture.write_png(&path)?
-            }
-            written.push(path);
+        let mut files: Vec<Unwritten> = Vec::new();
+        let drawn = [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal)];
+        for (name, picture) in drawn {
+            let shown = move |path: &Path| if self.encoded { picture.decoded().write_png(path) } else { picture.write_png(path) };
+            files.push((folder.join(format!("{name}.png")), Box::new(shown)));
         }
-        for (name, picture) in pictures.iter().take(if exr { 3 } else { 0 }) {
-            let path = folder.join(name).with_extension("exr");
-            picture.write_exr(&path)?;
-            written.push(path);
+        files.push((folder.join("error.png"), Box::new(|path| self.error.picture.write_png(path))));
+        if let Some(flips) = &flips {
+            files.push((folder.join("flips.png"), Box::new(|path| flips.write_png(path))));
+        }
+        for (name, picture) in drawn.into_iter().take(if exr { 3 } else { 0 }) {
+            files.push((folder.join(format!("{name}.exr")), Box::new(move |path| picture.write_exr(path))));
         }
         if let Some(lockstep) = &self.lockstep {
-            let path = folder.join("bounds.png");
-            chart::write_png(&[&lockstep.bound_chart()], 1, [900, 640], &path)?;
-            written.push(path);
-        } else {
-            // Those of the last run would lie beside pictures that they are not of.
-            for name in ["flips.png", "bounds.png"] {
-                let _ = std::fs::remove_file(folder.join(name));
-            }
+            files.push((folder.join("bounds.png"), Box::new(|path| chart::write_png(&[&lockstep.bound_chart()], 1, [900, 640], path))));
         }
         if let Some(attribution) = &self.report.attribution {
-            let [units, words] = attribution.charts();
-            let path = folder.join("attribution.png");
-            chart::write_png(&[&units, &words], 2, [760, 560], &path)?;
-            written.push(path);
+            let charts = |path: &Path| {
+                let [units, words] = attribution.charts();
+                chart::write_png(&[&units, &words], 2, [760, 560], path)
+            };
+            files.push((folder.join("attribution.png"), Box::new(charts)));
         }
-        let path = folder.join("ranges.png");
-        let Report { scene, machine, signals, .. } = &self.report;
-        let chart = ranges::chart(&scene.name, &machine.description.name, signals);
-        chart::write_png(&[&chart], 1, chart.size_px(), &path)?;
-        written.push(path);
+        let ranges = |path: &Path| {
+            let Report { scene, machine, signals, .. } = &self.report;
+            let chart = ranges::chart(&scene.name, &machine.description.name, signals);
+            chart::write_png(&[&chart], 1, chart.size_px(), path)
+        };
+        files.push((folder.join("ranges.png"), Box::new(ranges)));
         let Report { cycles, timings, answers, .. } = &self.report;
-        written.extend(write_cycles(cycles, timings.as_ref(), answers.as_ref(), self.requests.as_ref(), folder)?);
+        files.extend(files_of_cycles(cycles, timings.as_ref(), answers.as_ref(), self.requests.as_ref(), folder));
+        // Those of the last run would lie beside pictures that they are not of.
+        for path in OPTIONAL.map(|name| folder.join(name)) {
+            if files.iter().all(|(other, _)| *other != path) {
+                let _ = std::fs::remove_file(path);
+            }
+        }
+        let mut written = write_all(files)?;
+        // The last: whoever waits for it finds the others.
         let path = folder.join("report.json");
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
         written.push(path);

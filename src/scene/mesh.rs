@@ -170,7 +170,7 @@ impl Mesh {
     pub fn load(path: impl AsRef<OsStr>) -> Result<Mesh> {
         let path = Path::new(path.as_ref());
         let name = path.to_string_lossy();
-        if name == "plane" && !path.exists() {
+        if name == "plane" && !path.is_file() {
             return Ok(Mesh::plane());
         }
         let lower = name.to_lowercase();

@@ -353,7 +353,7 @@ impl Scene {
     fn seen(name_or_path: &OsStr, overrides: &Overrides, which: Which) -> Result<Seen> {
         let path = Path::new(name_or_path);
         let name = &*path.to_string_lossy();
-        if let (Some(text), false) = (builtin::scene(name), path.exists()) {
+        if let (Some(text), false) = (builtin::scene(name), path.is_file()) {
             return json::read(text, name, Path::new(""), overrides, which);
         }
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
@@ -376,8 +376,8 @@ impl Scene {
     /// Text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
     pub fn text(name_or_path: impl AsRef<OsStr>) -> Option<String> {
         let path = Path::new(name_or_path.as_ref());
-        if !path.exists() {
-            return builtin::scene(path.to_str()?).map(str::to_owned);
+        if let (Some(text), false) = (path.to_str().and_then(builtin::scene), path.is_file()) {
+            return Some(text.to_owned());
         }
         is_json(path).then(|| std::fs::read_to_string(path).ok())?
     }

@@ -108,6 +108,8 @@ def test_control_c_stops_within_a_second(tmp_path):
     plan = {"scenes": ["glass-spheres"], "size": [128, 96], "axes": [{"field": "gauss.weight", "add_frac_bits": list(range(-12, 3))}]}
     folder = tmp_path / "sweep"
     sent = []
+    # A shell that runs this in the background may have it ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def interrupt():
         while not list(folder.glob("points*.jsonl")):

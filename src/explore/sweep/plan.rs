@@ -195,6 +195,9 @@ pub const READY: [(&str, &str); 6] = [
     ),
 ];
 
+/// Most values of an axis: each is tried on the machine before anything is drawn.
+const MOST_VALUES: usize = 10_000;
+
 impl Points {
     /// Reads a plan: the name of a ready one, or a file.
     ///
@@ -204,7 +207,7 @@ impl Points {
         let path = Path::new(name_or_path.as_ref());
         let name = &*path.to_string_lossy();
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
-        let ready = READY.iter().find(|(ready, _)| *ready == name && !path.exists());
+        let ready = READY.iter().find(|(ready, _)| *ready == name && !path.is_file());
         let text = match ready {
             Some((_, text)) => (*text).to_owned(),
             None if !path.exists() => {
@@ -392,7 +395,8 @@ impl Points {
 /// A name, or a file that lies beside the plan.
 fn beside(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
-    if path.exists() { path } else { name.into() }
+    // A folder of that name is where somebody put what came out.
+    if path.is_file() { path } else { name.into() }
 }
 
 /// The JSON Schema of a plan.
@@ -430,12 +434,15 @@ impl Axis {
     fn values(&self, words: &[(String, Format)]) -> std::result::Result<Vec<Value>, String> {
         let no_bits = self.add_frac_bits.is_none() && self.add_int_bits.is_none();
         let values = match (&self.values, self.range) {
+            (Some(values), None) if no_bits && values.len() > MOST_VALUES => {
+                return Err(format!("{} has {} values: {MOST_VALUES} is the most", self.field, values.len()));
+            }
             (Some(values), None) if no_bits => values.clone(),
             (None, Some([first, last, step])) if no_bits => {
                 let falls = (step > 0) != (last >= first) && first != last;
                 let count = if step == 0 || falls { 0 } else { (i128::from(last) - i128::from(first)) / i128::from(step) + 1 };
-                if count > 1_000_000 {
-                    return Err(format!("range {first} to {last} by {step} has {count} values: a million is the most"));
+                if count > MOST_VALUES as i128 {
+                    return Err(format!("range {first} to {last} by {step} has {count} values: {MOST_VALUES} is the most"));
                 }
                 (0..count as i64).map(|nth| Value::from(first + nth * step)).collect()
             }

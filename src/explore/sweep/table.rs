@@ -144,6 +144,24 @@ impl Journal {
         Ok(journal)
     }
 
+    /// Reads what others have written by now; says how many bytes and files that is.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where it is of other columns, or was changed.
+    pub fn read_others(&mut self, folder: &Path) -> Result<[u64; 2]> {
+        let cannot = |path: &Path, e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", path.display()));
+        let header = header(&self.columns);
+        let mut bytes = 0;
+        for path in journals(folder).map_err(|e| cannot(folder, e))? {
+            let text = fs::read(&path).map_err(|e| cannot(&path, e))?;
+            let whole = whole_lines(&text);
+            bytes += whole.len() as u64;
+            read(&path, whole, &header, &mut self.rows)?;
+        }
+        batch::read_all(folder, &self.columns, &mut self.rows)?;
+        Ok([bytes, self.rows.len() as u64])
+    }
+
     /// Keeps the journal's file, though it has no row yet.
     pub fn keep(&mut self) {
         self.unused = None;
@@ -254,7 +272,7 @@ fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
     let is_journal = |path: &PathBuf| {
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
-        name.starts_with("points") && name.ends_with(".jsonl")
+        name.starts_with("points") && name.ends_with(".jsonl") && path.is_file()
     };
     paths.retain(is_journal);
     paths.sort();

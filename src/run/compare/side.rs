@@ -206,6 +206,11 @@ fn check(report: &Value, whose: &str) -> Result<()> {
         return Err(input_error(format!("is of a sequence of {}, and one frame is compared: `run --frame N` draws it", frames.len())));
     }
     report.pointer("/scene/name").filter(|name| name.is_string()).ok_or_else(|| lacks("/scene/name"))?;
+    if report.get("accuracy").is_some_and(|accuracy| accuracy.is_object() && accuracy.get("lockstep").is_none()) {
+        return Err(input_error(
+            "was drawn with `--check none`, so nobody knows its flips: draw it with `sampled` or `full` to compare".into(),
+        ));
+    }
     let is_amount = |value: &Value| value.as_f64().is_some_and(|amount| (0.0..1e18).contains(&amount));
     NUMBERS.iter().find(|pointer| !report.pointer(pointer).is_some_and(is_amount)).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
     let is_told = |value: &Value| value.is_number() || value.is_null();
