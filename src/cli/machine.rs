@@ -92,7 +92,7 @@ impl Typed {
 
 fn list() -> Result<String> {
     let says = [
-        "its picture counts as exact; the default for discs",
+        "counts as exact; the default for discs",
         "the cheapest whose picture is still good",
         "coarse and quick, to see errors",
         "four small slots, grouped late",

@@ -323,7 +323,7 @@ impl Outcome {
             let has_it = |row: &&Row| name == columns::FIXED_VS_IDEAL_PSNR_DB || self.table.number(row, name).is_some();
             let mut ranked = built.iter().copied().filter(has_it);
             let first = ranked.next();
-            [first, ranked.last().or(first)]
+            [first, ranked.next_back().or(first)]
         };
         let ([worst, best], [least, _], [_, fastest]) =
             (by(columns::FIXED_VS_IDEAL_PSNR_DB), by(columns::AREA), by(columns::FRAMES_PER_SECOND));
