@@ -189,8 +189,9 @@ impl Bounds {
     /// Whether a sum of the machine's may have left its word.
     fn may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
         // No sum has more than all weight fills with the attributes that fill most, and mostly that is not much. What f64 rounds is less than
-        // a hundredth.
-        (golden.weight + self.weight) * self.filled + self.count * limits.lost >= 0.99 && self.sum_may_overflow(limits, golden)
+        // a hundredth; what is no number is not below it.
+        let has_room = (golden.weight + self.weight) * self.filled + self.count * limits.lost < 0.99;
+        !has_room && self.sum_may_overflow(limits, golden)
     }
 
     /// The same, sum by sum.
