@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::explore::sweep;
 use crate::explore::sweep::plan::Points;
 use crate::explore::sweep::{Options, Shard};
+use crate::output::text::{one_line, wrapped};
 use crate::performance::cost::Prices;
 use clap::Args;
 use std::ffi::OsString;
@@ -58,7 +59,11 @@ impl Typed {
 impl Job {
     pub fn run(self) -> Result<String> {
         let outcome = sweep::run(&self.points, &self.folder, &self.options)?;
-        let end = written(&self.folder, &outcome.files);
+        let folder = one_line(&self.folder.to_string_lossy());
+        let end = match &outcome.files[..] {
+            [] => wrapped(&format!("rows are in {folder}; other parts are being drawn, and the last writes the table of all")),
+            files => written(&self.folder, files),
+        };
         Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) })
     }
 }

@@ -35,8 +35,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use table::{Journal, Row, Table};
 
-/// How often the table is written while other parts grow.
-const FINISHES: usize = 3;
+/// Most rows of other parts whose keys are held against the plan: there may be a million.
+const HELD_OF_OTHERS: usize = 1000;
 
 /// Most points, if nobody asks for more.
 pub const MOST_POINTS: u64 = 100_000;
@@ -130,7 +130,7 @@ impl Sweep {
         let open = lock(folder)?;
         let part = options.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
         let mut journal = Journal::open(folder, &part, columns::all(&points.fields()))?;
-        check_keys(&points, &scenes.heads, &journal, folder, options, |_| true)?;
+        check_keys(&points, &scenes.heads, &journal, folder, options)?;
         journal.keep();
         let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
         write_plan(folder, &told)?;
@@ -193,17 +193,14 @@ impl Sweep {
     /// [`Error::Job`] where it cannot be written.
     pub fn finish(mut self) -> Result<Outcome> {
         drop(self.progress);
-        // Others may have drawn their parts meanwhile, and may while this is written: who ends last has all.
-        let (mut files, mut seen) = (Vec::new(), None);
-        for _ in 0..FINISHES {
-            let known: BTreeSet<u64> = self.journal.points().collect();
-            let there = self.journal.read_others(&self.folder)?;
-            if seen.replace(there) == Some(there) {
-                break;
-            }
-            check_keys(&self.points, &self.scenes.heads, &self.journal, &self.folder, &self.options, |number| !known.contains(&number))?;
-            files = self.journal.write(&self.folder, "sweep")?;
+        // Others may have drawn their parts meanwhile. Whoever ends last reads what all have drawn; until then a table stays as it is.
+        let is_last = self.journal.ends(&self.folder)?;
+        if is_last {
+            self.journal.read_others(&self.folder)?;
+            check_keys(&self.points, &self.scenes.heads, &self.journal, &self.folder, &self.options)?;
         }
+        let is_there = self.folder.join("sweep.csv").exists();
+        let files = if is_last || !is_there { self.journal.write(&self.folder, "sweep")? } else { Vec::new() };
         let count = self.points.count();
         let mine = self.options.mine(count).count() as u64;
         let table = self.journal.table();
@@ -211,20 +208,15 @@ impl Sweep {
     }
 }
 
-/// Refuses a folder whose rows were drawn from something else, whoever drew them: all those of which this holds.
-fn check_keys(
-    points: &Points,
-    scenes: &[Head],
-    journal: &Journal,
-    folder: &Path,
-    options: &Options,
-    are_asked: impl Fn(u64) -> bool,
-) -> Result<()> {
-    let known: Vec<u64> = journal.points().filter(|number| are_asked(*number)).collect();
-    if let Some(last) = known.last().filter(|last| **last >= points.count()) {
+/// Refuses a folder whose rows were drawn from something else: all of this part, and of other parts some.
+fn check_keys(points: &Points, scenes: &[Head], journal: &Journal, folder: &Path, options: &Options) -> Result<()> {
+    if let Some(last) = journal.points().next_back().filter(|last| *last >= points.count()) {
         let told = format!("{} has point {last}, and the plan {} points: it is of another plan", folder.display(), points.count());
         return Err(Error::input(told));
     }
+    let mine: BTreeSet<u64> = options.mine(points.count()).collect();
+    let (mut known, others): (Vec<u64>, Vec<u64>) = journal.points().partition(|number| mine.contains(number));
+    known.extend(others.iter().step_by(others.len() / HELD_OF_OTHERS + 1));
     let check = |number: &u64| {
         let point = Point::new(points, &options.prices, &scenes[points.point(*number).0], *number)?;
         if journal.get(*number).and_then(|row| row[1].as_str()) == Some(&point.key) {

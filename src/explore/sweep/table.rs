@@ -18,7 +18,7 @@ use crate::output::progress::is_wanted;
 use crate::scene::digest::digest;
 use serde_json::Value;
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -144,22 +144,31 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Reads what others have written by now; says how many bytes and files that is.
+    /// Lets go of its file, into which nothing more comes; says whether nobody writes into another.
+    ///
+    /// # Errors
+    /// [`Error::Input`] where the folder cannot be read.
+    pub fn ends(&self, folder: &Path) -> Result<bool> {
+        // Before it looks, as all others do: so that of several that end at once the last sees no other.
+        let _ = self.file.unlock();
+        let all = journals(folder).map_err(|e| Error::input(format!("{}: cannot be read: {e}", folder.display())))?;
+        let is_written =
+            |path: &PathBuf| File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)));
+        Ok(!all.iter().any(is_written))
+    }
+
+    /// Reads what others have written by now.
     ///
     /// # Errors
     /// [`Error::Input`] where it is of other columns, or was changed.
-    pub fn read_others(&mut self, folder: &Path) -> Result<[u64; 2]> {
+    pub fn read_others(&mut self, folder: &Path) -> Result<()> {
         let cannot = |path: &Path, e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", path.display()));
         let header = header(&self.columns);
-        let mut bytes = 0;
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
             let text = fs::read(&path).map_err(|e| cannot(&path, e))?;
-            let whole = whole_lines(&text);
-            bytes += whole.len() as u64;
-            read(&path, whole, &header, &mut self.rows)?;
+            read(&path, whole_lines(&text), &header, &mut self.rows)?;
         }
-        batch::read_all(folder, &self.columns, &mut self.rows)?;
-        Ok([bytes, self.rows.len() as u64])
+        batch::read_all(folder, &self.columns, &mut self.rows)
     }
 
     /// Keeps the journal's file, though it has no row yet.
