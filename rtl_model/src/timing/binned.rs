@@ -26,7 +26,7 @@ use super::tiles::{Shares, TileCycles, Tiles, names};
 use crate::elaboration::microarchitecture::{self, LENGTH_VALUES, Microarchitecture, Pace};
 use crate::elaboration::unit;
 use crate::machine::timing::Queue;
-use crate::work::{Bins, Work, each_tile};
+use crate::work::{Bins, Footprint, Work, each_tile};
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
@@ -130,6 +130,8 @@ struct Engine<'a> {
     buffers: [u64; 2],
     list_from: u64,
     tile: Option<Tile>,
+    /// Those that its list names.
+    footprints: Vec<Footprint>,
 }
 
 /// A tile on an engine.
@@ -162,6 +164,7 @@ impl<'a> Engine<'a> {
             buffers: [from; 2],
             list_from: from,
             tile: None,
+            footprints: Vec::new(),
         }
     }
 
@@ -202,7 +205,11 @@ impl<'a> SecondPass<'a> {
             let engine = &mut engines[nth];
             let mut tile = match engine.tile.take() {
                 Some(tile) => tile,
-                None => self.begin(engine, stops.as_mut()),
+                None => {
+                    let tile = self.begin(engine, stops.as_mut());
+                    self.work.look_up(self.lists.of(tile.place), &mut engine.footprints);
+                    tile
+                }
             };
             if let Some(stops) = &mut stops {
                 stops.tile = tile.stops;
@@ -263,9 +270,9 @@ impl<'a> SecondPass<'a> {
         memory: &mut Memory,
     ) -> bool {
         let entries = self.lists.of(tile.place);
-        let footprint = &self.work.footprints[entries[tile.nth] as usize];
         let Some(from) = self.fetch(engine, tile, stops.as_deref(), others_from, memory) else { return false };
-        let Engine { list, fill, merge, .. } = engine;
+        let Engine { list, fill, merge, footprints, .. } = engine;
+        let footprint = &footprints[tile.nth];
         // The tile before is still in the buffer.
         let room = tile.buffer_free;
         let mut next = |stamp: Stamp, here| merge.stamp(stamp, Ready { here, room, ..Ready::default() }, memory);

@@ -234,6 +234,12 @@ impl Work {
         Bins::new([self.width, self.height], side_px, drawn.map(|nth| (nth, self.footprints[nth as usize].sides())))
     }
 
+    /// Brings the footprints of these places together: they lie scattered, and whoever went from one to the next would wait for each.
+    pub fn look_up(&self, places: &[u32], footprints: &mut Vec<Footprint>) {
+        footprints.clear();
+        footprints.extend(places.iter().map(|nth| self.footprints[*nth as usize]));
+    }
+
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
         self.fates.len()

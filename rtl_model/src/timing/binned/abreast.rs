@@ -120,18 +120,19 @@ impl Kernel for Tiles<'_, '_> {
             machine.pass.write_empty(0, machine.pass.from, &mut machine.listed.memory);
         }
         let turns: Vec<usize> = machines[0].pass.queue.iter().map(|(_, place)| *place).collect();
+        let mut footprints = Vec::new();
         for place in turns {
             let mut tiles: Vec<Tile> = machines.iter_mut().map(|machine| machine.pass.begin(&mut machine.engine, None)).collect();
             fill.begin(&of_lanes(&tiles, |tile| tile.buffer_free), &of_lanes(machines, |machine| machine.engine.merge.written));
             let corner = tiles[0].corner.map(|at| at as u16);
-            for entry in lists.of(place) {
+            work.look_up(lists.of(place), &mut footprints);
+            for footprint in &footprints {
                 let (mut from, mut here) = ([0; LANES], [0; LANES]);
                 for (nth, (Machine { listed, pass, engine }, tile)) in machines.iter_mut().zip(&mut tiles).enumerate() {
                     let fetched = pass.fetch(engine, tile, None, u64::MAX, &mut listed.memory);
                     tile.nth += 1;
                     [from[nth], here[nth]] = fetched.map_or([0; 2], |(from, here)| [from as i64, here as i64]);
                 }
-                let footprint = &work.footprints[*entry as usize];
                 repeat(&mut from, machines.len());
                 repeat(&mut here, machines.len());
                 let ready = [L::from_array(from), L::from_array(here)];
