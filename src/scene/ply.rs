@@ -15,6 +15,9 @@ use super::{LEAST_RADIUS, Splat, unit};
 use crate::output::colour::srgb_decode;
 pub(super) use crate::output::text::clipped as clip;
 use glam::DVec3;
+use rayon::prelude::*;
+use rayon::slice::ChunksExact;
+use std::ops::Range;
 
 /// Points of a file. A normal of zero and a radius of zero say "not in the file".
 #[derive(Debug)]
@@ -352,13 +355,16 @@ impl Header {
 
 // ---- rows ----
 
+/// A number's type, and its bytes in a row.
+type Field = (Scalar, Range<usize>);
+
 /// Rows behind the header: those of each element, in the header's order.
 pub(super) struct Body<'a> {
     lines: Lines<'a>,
     encoding: Encoding,
 }
 
-impl Body<'_> {
+impl<'a> Body<'a> {
     /// How many of the element's rows there can be at most: what may be reserved for them.
     pub(super) fn room(&self, element: &Element) -> usize {
         element.count.min(self.lines.rest.len() / element.shortest_row(self.encoding))
@@ -381,6 +387,27 @@ impl Body<'_> {
             each(values);
         }
         Ok(())
+    }
+
+    /// All rows of the next element, and where in a row each property lies: where they are as long as each other, so that threads can share
+    /// them. None of text, of lists, and where the file ends too early.
+    fn equal_rows(&mut self, element: &Element) -> Option<(ChunksExact<'a, u8>, Vec<Field>)> {
+        if self.encoding == Encoding::Text {
+            return None;
+        }
+        let mut row = 0;
+        let field = |property: &Property| match property.kind {
+            Kind::Scalar(kind) => {
+                let first = row;
+                row += kind.bytes();
+                Some((kind, first..row))
+            }
+            Kind::List { .. } => None,
+        };
+        let fields: Vec<Field> = element.properties.iter().map(field).collect::<Option<_>>()?;
+        let (rows, rest) = self.lines.rest.split_at_checked(element.rows().checked_mul(row)?)?;
+        self.lines.rest = rest;
+        Some((rows.par_chunks_exact(row.max(1)), fields))
     }
 
     /// Hands each value of the next row to `value`, with the number of its property; a list's values one by one.
@@ -563,6 +590,17 @@ impl Layout {
 }
 
 fn read_vertices(body: &mut Body, element: &Element, layout: &Layout) -> Parsed<Vec<Splat>> {
+    if let Some((rows, fields)) = body.equal_rows(element) {
+        let encoding = body.encoding;
+        let slotted = fields.iter().zip(&layout.slot_of_property).filter_map(|(field, slot)| slot.map(|slot| (field, slot)));
+        let slotted: Vec<(&Field, usize)> = slotted.collect();
+        let splat = |row: &[u8]| {
+            let mut values = [0.0; SLOTS.len()];
+            slotted.iter().for_each(|((kind, bytes), slot)| values[*slot] = kind.read(&row[bytes.clone()], encoding));
+            layout.splat(&values)
+        };
+        return Ok(rows.map(splat).collect());
+    }
     let mut splats = Vec::with_capacity(body.room(element));
     body.rows(element, &layout.slot_of_property, &mut [0.0; SLOTS.len()], |values| splats.push(layout.splat(values)))?;
     Ok(splats)
