@@ -83,8 +83,8 @@ struct Spacings {
 }
 
 impl Spacings {
-    fn of(places: &Places, fits: &[Fit], spacing: impl Fn(&Fit) -> f64) -> Spacings {
-        let spacings = places.place_of_splat.iter().map(|&place| spacing(&fits[place as usize]));
+    fn of(places: &Places, fits: &[Fit], spacing: impl Fn(&Fit) -> f64 + Sync) -> Spacings {
+        let spacings = places.place_of_splat.par_iter().map(|&place| spacing(&fits[place as usize]));
         match median(spacings.filter(|&spacing| spacing > 0.0).collect()) {
             Some(median) => Spacings { typical: median, largest: median * LARGEST_OF_MEDIAN },
             None => Spacings { typical: 0.0, largest: f64::INFINITY },
@@ -109,9 +109,44 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     Some((lower + upper) / 2.0)
 }
 
+/// A curve through a cube, along which what is near follows each other (Morton's Z): who asks for the neighbours of one point after the
+/// other finds them in the host's cache.
+struct Curve {
+    least: DVec3,
+    /// Steps of the curve, 2^21 along each axis, in a unit of length.
+    steps: f64,
+}
+
+impl Curve {
+    fn new(least: DVec3, most: DVec3) -> Curve {
+        // The cloud may be a point, or larger than a number is.
+        let steps = ((1 << 21) - 1) as f64 / (most - least).max_element();
+        Curve { least, steps: if steps.is_finite() { steps } else { 0.0 } }
+    }
+
+    /// Where a point lies along it: the bits of its three steps in turn.
+    fn place(&self, point: DVec3) -> u64 {
+        let spread = |step: f64| {
+            let mut bits = step as u64;
+            for (by, kept) in [
+                (32, 0x001f_0000_0000_ffff),
+                (16, 0x001f_0000_ff00_00ff),
+                (8, 0x100f_00f0_0f00_f00f),
+                (4, 0x10c3_0c30_c30c_30c3),
+                (2, 0x1249_2492_4924_9249),
+            ] {
+                bits = (bits | bits << by) & kept;
+            }
+            bits
+        };
+        let [x, y, z] = ((point - self.least) * self.steps).to_array().map(spread);
+        x | y << 1 | z << 2
+    }
+}
+
 /// The cloud with equal positions made one: a k-d tree cannot split a pile of points, and would search all of it for each.
 struct Places {
-    /// Each position once, in ascending order.
+    /// Each position once, in the order of a [`Curve`].
     points: Vec<[f64; 3]>,
     /// How many splats are there.
     copies: Vec<u32>,
@@ -132,11 +167,20 @@ struct Fit {
 
 impl Places {
     fn of(count: usize, position: impl Fn(usize) -> DVec3 + Sync) -> Places {
-        let order = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne());
-        let mut sorted: Vec<([f64; 3], u32)> = (0..count).into_par_iter().map(|i| (position(i).to_array(), i as u32)).collect();
-        sorted.par_sort_unstable_by(|(a, i), (b, j)| order(a, b).unwrap_or(i.cmp(j)));
+        // Minus zero is the same place as zero.
+        let position = |i: u32| position(i as usize) + DVec3::ZERO;
+        let numbers = || (0..count as u32).into_par_iter();
+        let least = numbers().map(position).reduce(|| DVec3::INFINITY, DVec3::min);
+        let most = numbers().map(position).reduce(|| DVec3::NEG_INFINITY, DVec3::max);
+        let curve = Curve::new(least, most);
+        let mut sorted: Vec<(u64, u32)> = numbers().map(|i| (curve.place(position(i)), i)).collect();
+        let order = |a: [f64; 3], b: [f64; 3]| a.into_iter().zip(b).map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne());
+        sorted.par_sort_unstable_by(|(a, i), (b, j)| {
+            a.cmp(b).then_with(|| order(position(*i).to_array(), position(*j).to_array()).unwrap_or(i.cmp(j)))
+        });
         let mut places = Places { points: Vec::with_capacity(count), copies: Vec::with_capacity(count), place_of_splat: vec![0; count] };
-        for (point, i) in sorted {
+        for (_, i) in sorted {
+            let point = position(i).to_array();
             if places.points.last() != Some(&point) {
                 places.points.push(point);
                 places.copies.push(0);
