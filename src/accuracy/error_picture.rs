@@ -2,6 +2,7 @@
 
 use super::metrics::difference;
 use crate::output::picture::Picture;
+use rayon::prelude::*;
 
 /// Errors are never enlarged further than this.
 const MOST: f64 = 65536.0;
@@ -20,7 +21,7 @@ pub struct ErrorPicture {
 /// The error picture of two pictures of one size. Its scale is the greatest power of two at which at most one pixel in 1000
 /// clips; where fewer than that differ at all, the greatest at which none does; 1 where the pictures are equal.
 pub fn error_picture(a: &Picture, b: &Picture) -> ErrorPicture {
-    let errors: Vec<[f64; 3]> = (0..a.rgba.len()).map(|index| difference(a, b, index)).collect();
+    let errors: Vec<[f64; 3]> = (0..a.rgba.len()).into_par_iter().map(|index| difference(a, b, index)).collect();
     let scale = scale(errors.iter().map(|error| error.iter().copied().fold(0.0, f64::max)).collect());
     let show = |error: &[f64; 3]| {
         let [r, g, b] = error.map(|channel| (scale * channel).min(1.0));
@@ -32,9 +33,9 @@ pub fn error_picture(a: &Picture, b: &Picture) -> ErrorPicture {
 }
 
 fn scale(mut worst: Vec<f64>) -> f64 {
-    worst.sort_unstable_by(f64::total_cmp);
-    let greatest = worst[worst.len() - 1];
-    let shown = worst[worst.len() - 1 - worst.len() / ONE_CLIPPED_IN];
+    let unclipped = worst.len() - 1 - worst.len() / ONE_CLIPPED_IN;
+    let (_, &mut shown, above) = worst.select_nth_unstable_by(unclipped, f64::total_cmp);
+    let greatest = above.iter().copied().fold(shown, f64::max);
     let shown = if shown > 0.0 { shown } else { greatest };
     let mut scale = 1.0;
     while shown > 0.0 && scale < MOST && 2.0 * scale * shown <= 1.0 {

@@ -523,7 +523,7 @@ pub fn write_png(charts: &[&dyn Chart], columns: usize, cell: [u32; 2], path: &P
     drawn.and_then(|()| root.present().map_err(drawing_error)).map_err(|e| Error::job(format!("{}: {e}", path.display())))?;
     drop((cells, root));
     write_beside(path, |file| {
-        let png = PngEncoder::new_with_quality(file, CompressionType::Best, FilterType::NoFilter);
+        let png = PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::NoFilter);
         png.write_image(&pixels, size.0, size.1, ExtendedColorType::Rgb8).map_err(|error| error.to_string())
     })
 }

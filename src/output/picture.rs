@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
-use crate::output::colour::{srgb_decode, srgb_encode};
+use crate::output::colour::{srgb_byte, srgb_decode};
 use crate::output::files::write_beside;
 
 /// A finished picture: linear light, RGBA, colour premultiplied by alpha, over the background.
@@ -64,7 +64,7 @@ fn encode([r, g, b, alpha]: [f64; 4]) -> [u8; 4] {
     let straight = |value: f64| {
         if alpha > 0.0 { (value / alpha).clamp(0.0, 1.0) } else { 0.0 }
     };
-    let [r, g, b] = [r, g, b].map(|value| byte(srgb_encode(straight(value))));
+    let [r, g, b] = [r, g, b].map(|value| srgb_byte(straight(value)));
     [r, g, b, byte(alpha)]
 }
 

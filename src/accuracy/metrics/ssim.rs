@@ -19,55 +19,69 @@ const C2: f64 = 0.03 * 0.03;
 /// Window means of a, b, a², b² and ab, for three channels.
 type Moments = [[f64; 3]; 5];
 
+/// Rows of windows that a thread goes through at a time: what each pixel has is multiplied out once for all of them.
+const BAND: usize = 16;
+
 /// Mean structural similarity over all windows and channels.
 pub(super) fn ssim(a: &Picture, b: &Picture) -> f64 {
     let (columns, rows) = (Window::along(a.width), Window::along(a.height));
-    let sums: Vec<f64> = rows.centres.clone().into_par_iter().map(|y| row_sum(a, b, &columns, &rows, y)).collect();
-    sums.iter().sum::<f64>() / (3 * rows.centres.len() * columns.centres.len()) as f64
+    let sums: Vec<Vec<f64>> = rows.places.par_chunks(BAND).map(|band| row_sums(a, b, &columns, band)).collect();
+    sums.as_slice().concat().iter().sum::<f64>() / (3 * rows.places.len() * columns.places.len()) as f64
 }
 
-/// The window along one side of the picture.
+/// The windows along one side of the picture.
 struct Window {
-    size: usize,
-    /// Pixels that have a window.
-    centres: Range<usize>,
-    taps: [f64; 2 * RADIUS + 1],
+    places: Vec<Place>,
+}
+
+/// One of them: positions under it, and their weights, which sum to 1.
+struct Place {
+    covered: Range<usize>,
+    weights: Vec<f64>,
 }
 
 impl Window {
     fn along(size: usize) -> Self {
         let margin = if size > 2 * RADIUS { RADIUS } else { 0 };
-        let taps = std::array::from_fn(|tap| {
-            let distance = (tap as f64 - RADIUS as f64) / SIGMA;
+        let tap = |distance: usize| {
+            let distance = distance as f64 / SIGMA;
             libm::exp(-0.5 * distance * distance)
-        });
-        Window { size, centres: margin..size - margin, taps }
-    }
-
-    /// Positions under the window and their weights, which sum to 1.
-    fn weights(&self, centre: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let covered = centre.saturating_sub(RADIUS)..(centre + RADIUS + 1).min(self.size);
-        let tap = move |at: usize| self.taps[at + RADIUS - centre];
-        let total: f64 = covered.clone().map(tap).sum();
-        covered.map(move |at| (at, tap(at) / total))
+        };
+        let place = |centre: usize| {
+            let covered = centre.saturating_sub(RADIUS)..(centre + RADIUS + 1).min(size);
+            let taps: Vec<f64> = covered.clone().map(|at| tap(at.abs_diff(centre))).collect();
+            let total: f64 = taps.iter().sum();
+            Place { covered, weights: taps.iter().map(|tap| tap / total).collect() }
+        };
+        Window { places: (margin..size - margin).map(place).collect() }
     }
 }
 
-/// Sum of the similarity over one row of windows: the window is separable, so columns first, then along the row.
-fn row_sum(a: &Picture, b: &Picture, columns: &Window, rows: &Window, y: usize) -> f64 {
-    let mut vertical = vec![Moments::default(); a.width];
-    for (row, weight) in rows.weights(y) {
-        for (x, moments) in vertical.iter_mut().enumerate() {
-            let index = row * a.width + x;
-            add(moments, &products(clamped(a, index), clamped(b, index)), weight);
-        }
+impl Place {
+    fn weighted(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.covered.clone().zip(self.weights.iter().copied())
     }
-    let similarity = |x| {
-        let mut moments = Moments::default();
-        columns.weights(x).for_each(|(column, weight)| add(&mut moments, &vertical[column], weight));
-        (0..3).map(|channel| of_window(moments.map(|moment| moment[channel]))).sum::<f64>()
+}
+
+/// Sums of the similarity over rows of windows: the window is separable, so columns first, then along the row.
+fn row_sums(a: &Picture, b: &Picture, columns: &Window, band: &[Place]) -> Vec<f64> {
+    let (Some(first), Some(last)) = (band.first(), band.last()) else { return Vec::new() };
+    let pixels = first.covered.start * a.width..last.covered.end * a.width;
+    let products: Vec<Moments> = pixels.map(|index| products(clamped(a, index), clamped(b, index))).collect();
+    let row_sum = |row: &Place| {
+        let mut vertical = vec![Moments::default(); a.width];
+        for (y, weight) in row.weighted() {
+            let products = &products[(y - first.covered.start) * a.width..][..a.width];
+            vertical.iter_mut().zip(products).for_each(|(moments, products)| add(moments, products, weight));
+        }
+        let similarity = |column: &Place| {
+            let mut moments = Moments::default();
+            column.weighted().for_each(|(x, weight)| add(&mut moments, &vertical[x], weight));
+            (0..3).map(|channel| of_window(moments.map(|moment| moment[channel]))).sum::<f64>()
+        };
+        columns.places.iter().map(similarity).sum()
     };
-    columns.centres.clone().map(similarity).sum()
+    band.iter().map(row_sum).collect()
 }
 
 fn products(a: [f64; 3], b: [f64; 3]) -> Moments {

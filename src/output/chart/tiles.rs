@@ -1,7 +1,7 @@
 //! Tiles: pictures enlarged pixel by pixel, and words, as cells of a grid.
 
 use super::{Area, COLOURS, Draw, Drawn, FONT, INK, Mark, drawing_error};
-use crate::output::colour::srgb_encode;
+use crate::output::colour::srgb_byte;
 use crate::output::picture::Picture;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
@@ -38,7 +38,7 @@ impl Draw for Tile {
         let side = ((width as i32 - 2 * MARGIN_PX) / columns).min((height as i32 - 2 * MARGIN_PX - CAPTION_PX) / rows).max(1);
         for (i, [r, g, b, _]) in self.picture.rgba.iter().enumerate() {
             let [x, y] = [MARGIN_PX + i as i32 % columns * side, MARGIN_PX + CAPTION_PX + i as i32 / columns * side];
-            let [r, g, b] = [r, g, b].map(|channel| (255.0 * srgb_encode(*channel)).round() as u8);
+            let [r, g, b] = [r, g, b].map(|channel| srgb_byte(*channel));
             // The corner is not part of it.
             let square = [(x, y), (x + side, y + side)];
             area.draw(&Rectangle::new(square, RGBColor(r, g, b).filled())).map_err(drawing_error)?;
