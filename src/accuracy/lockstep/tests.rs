@@ -39,6 +39,29 @@ fn coarser_depths_make_flips_that_nothing_explains() {
 }
 
 #[test]
+fn a_weight_that_is_no_number_may_have_left_every_word() {
+    let limits = Limits::new(&machines::load("reference", &[]).unwrap(), Near::exact(0.999));
+    let attributes = &[Near::exact(0.5); ATTRIBUTES];
+    // Of these sums none but that of weights is anything but small.
+    let overflows = |weight: f64, error: f64| {
+        let arrival = Arrival {
+            golden: Fragment { weight, alpha: 0.25, ..Fragment::default() },
+            weight: Near { value: weight, error },
+            attributes,
+            filled: limits.filled(attributes),
+            held_depth: 0,
+            depth: OnceCell::new(),
+            find_depth: &|| Near::exact(1.0),
+        };
+        pixel::Bounds::new(&limits, &arrival).overflowed
+    };
+    assert!(!overflows(0.5, 0.0));
+    for wrong in [f64::NAN, f64::INFINITY] {
+        assert!(overflows(wrong, 0.0) && overflows(0.5, wrong), "{wrong}");
+    }
+}
+
+#[test]
 fn what_is_no_number_violates_every_bound() {
     let (right, held) = (Near::within(0.5, 0.25), [0.5; 4]);
     assert!(!violates(held, [right; 4]));
