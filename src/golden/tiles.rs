@@ -150,6 +150,7 @@ pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
         .zip(covered.par_chunks_mut(width * TILE_PX))
         .zip(&bands)
         .enumerate()
+        .with_max_len(1)
         .filter(|(_, (_, members))| !members.is_empty())
         .map(|(index, ((rgba, covered), members))| {
             let (top, painter) = (index * TILE_PX, painter());

@@ -137,7 +137,6 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let (observed, observed_seconds) = timed(|| evaluation.observe());
     let Observed { drawing, picture: fixed, signals, work } = observed;
     let detail = if options.requests { Detail::Log } else { Detail::Histograms };
-    let (golden, golden_seconds) = timed(|| evaluation.golden());
     let replay = || {
         let (cycles, seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
         let timings = options.timings.as_ref().map(|variants| Timings::new(variants, &work));
@@ -145,9 +144,10 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         let report = CyclesReport::new(&elaborated.timing, &work, &cycles);
         (cycles, report, seconds, timings, answers)
     };
-    // A replay keeps one thread busy.
-    let ((cycles, cycles_report, replay_seconds, timings, answers), (ideal, ideal_seconds)) =
-        rayon::join(replay, || timed(|| golden::ideal(scene)));
+    let exact = || (timed(|| evaluation.golden()), timed(|| golden::ideal(scene)));
+    // A replay keeps one thread busy, and what is exact keeps the others busy as long.
+    let ((cycles, cycles_report, replay_seconds, timings, answers), ((golden, golden_seconds), (ideal, ideal_seconds))) =
+        rayon::join(replay, exact);
     // What was recorded is large.
     let work = options.record.then_some(work);
     let (lockstep, lockstep_seconds) = timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));

@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
-use crate::output::files::write_beside;
+use crate::output::files::{Unwritten, write_all, write_beside};
 use crate::output::picture::Picture;
 use crate::output::progress::Progress;
 use crate::output::video::Video;
@@ -126,10 +126,10 @@ impl Drawn {
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
         let overflows = observed.overflows();
         let Observed { drawing, picture: fixed, work, .. } = observed;
-        let cycles = timing::replay(&machine.timing, &work, Detail::Histograms);
-        let cycles = CyclesReport::new(&machine.timing, &work, &cycles);
-        let (golden, golden_seconds) = timed(|| evaluation.golden().picture);
-        let (ideal, ideal_seconds) = timed(|| golden::ideal(scene).picture);
+        let replay = || CyclesReport::new(&machine.timing, &work, &timing::replay(&machine.timing, &work, Detail::Histograms));
+        let exact = || (timed(|| evaluation.golden().picture), timed(|| golden::ideal(scene).picture));
+        // A replay keeps one thread busy.
+        let (cycles, ((golden, golden_seconds), (ideal, ideal_seconds))) = rayon::join(replay, exact);
         host.fixed_seconds += fixed_seconds;
         host.golden_seconds += golden_seconds;
         host.ideal_seconds += ideal_seconds;
@@ -164,18 +164,15 @@ pub fn file_name(frame: usize, picture: &str, ending: &str) -> String {
 
 fn write_frame(pictures: &Pictures, frame: usize, encoded: bool, exr: bool, folder: &Path) -> Result<()> {
     let each: [(&str, &Picture); 3] = [("fixed", &pictures.fixed), ("golden", &pictures.golden), ("ideal", &pictures.ideal)];
+    let mut files: Vec<Unwritten> = Vec::new();
     for (name, picture) in each {
-        let path = folder.join(file_name(frame, name, "png"));
-        if encoded {
-            picture.decoded().write_png(&path)?
-        } else {
-            picture.write_png(&path)?
-        }
+        let shown = move |path: &Path| if encoded { picture.decoded().write_png(path) } else { picture.write_png(path) };
+        files.push((folder.join(file_name(frame, name, "png")), Box::new(shown)));
         if exr {
-            picture.write_exr(&folder.join(file_name(frame, name, "exr")))?;
+            files.push((folder.join(file_name(frame, name, "exr")), Box::new(move |path| picture.write_exr(path))));
         }
     }
-    Ok(())
+    write_all(files).map(drop)
 }
 
 impl Report {

@@ -52,6 +52,9 @@ pub(super) fn fill_at_most<P: Probe>(
     }
 }
 
+/// Runs of tiles for each thread.
+const RUNS_A_THREAD: usize = 8;
+
 fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
     host: H,
     machine: &Elaborated,
@@ -110,7 +113,10 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
         run
     };
     let finish = |run: Run<L, P>| (run.done, run.probe);
-    let runs: Vec<(Vec<Resolved>, P)> = touched.par_iter().enumerate().fold(start, draw_tile).map(finish).collect();
+    // Tiles differ: so many runs that a thread which is free, or becomes so, finds another to begin with.
+    let longest = touched.len().div_ceil(RUNS_A_THREAD * rayon::current_num_threads());
+    let tiles = touched.par_iter().enumerate().with_max_len(longest.max(1));
+    let runs: Vec<(Vec<Resolved>, P)> = tiles.fold(start, draw_tile).map(finish).collect();
     let background = machine.resolve.one(&[], frame.background, &mut Tap::new(probe)).map(|word| word as u32);
     if let Some(ranges) = probe.resample(0, 1) {
         machine.resolve.one(&[], frame.background, &mut Tap::new(ranges));

@@ -111,6 +111,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         .splats
         .par_chunks(BLOCK_SPLATS)
         .enumerate()
+        .with_max_len(1)
         .map(|(block, splats)| {
             let mut fork = probe.fork();
             let (first, of) = ((block * BLOCK_SPLATS) as u32, frame.splats.len());
