@@ -408,6 +408,8 @@ struct Leader<'a> {
     starts: u8,
     /// The splat at hand, which is large.
     splat: Option<Box<Splat>>,
+    /// Splats of the tile before, and of this one, that go on to their right: most likely into the next tile. They are set up once for both.
+    go_on: [BTreeMap<u32, Box<Splat>>; 2],
     /// What it reached of the tile at hand.
     reached: Mask,
     /// Splats before it that reached something of the tile.
@@ -427,6 +429,7 @@ impl<'a> Leader<'a> {
             windows: Vec::new(),
             starts: 0,
             splat: None,
+            go_on: Default::default(),
             reached: Mask::default(),
             touched: Vec::new(),
             tile: Tile::default(),
@@ -495,6 +498,9 @@ impl<'a> Leader<'a> {
             }
         }
         self.reached = Mask::default();
+        if splat.footprint.columns.end > left + TILE_PX as u32 {
+            self.go_on[1].insert(splat.index, splat);
+        }
     }
 
     /// Finds what only `golden` has of other splats there.
@@ -640,7 +646,7 @@ impl<'a> Observer<'a> for Leader<'a> {
             other => {
                 self.splat = other;
                 self.end_splat([x, y].map(|at| at - at % TILE_PX as u32));
-                Box::new(self.stage.splat(contribution.splat))
+                self.go_on[0].remove(&contribution.splat).unwrap_or_else(|| Box::new(self.stage.splat(contribution.splat)))
             }
         };
         let pixel = in_tile(x, y);
@@ -690,6 +696,8 @@ impl<'a> Observer<'a> for Leader<'a> {
         self.end_splat([x, y]);
         let index = y as usize / TILE_PX * self.stage.columns + x as usize / TILE_PX;
         self.find_lost(index, [x, y]);
+        self.go_on.swap(0, 1);
+        self.go_on[1].clear();
         self.tiles.insert(index, std::mem::take(&mut self.tile));
     }
 }

@@ -63,8 +63,12 @@ pub struct Walk {
     seed: f64,
     /// From the seed's pixel to the centre, pixels.
     seed_at: [f64; 2],
+    /// e₁, e₂.
+    steps: [f64; 2],
     /// Whether every difference stays in its word.
     sound: bool,
+    /// The greatest r that its register holds.
+    most: f64,
 }
 
 impl Raster {
@@ -78,7 +82,15 @@ impl Raster {
             && !outruns(&self.gradient, (xx * x + 2.0 * xy * y).max(yy * y) + gradient)
             && !outruns(&self.first, (2.0 * xx * x + xx + 2.0 * xy * y).max(2.0 * yy * y + yy + 2.0 * xy * x) + loss(&self.first))
             && !outruns(&self.second, 2.0 * xx.max(yy).max(xy) + loss(&self.second));
-        Walk { input: *input, offset_error, seed: (x + y) * gradient + loss(&self.radial), seed_at: reach, sound }
+        Walk {
+            input: *input,
+            offset_error,
+            seed: (x + y) * gradient + loss(&self.radial),
+            seed_at: reach,
+            steps: [loss(&self.first), loss(&self.second)],
+            sound,
+            most: self.radial.word.format.value(self.radial.word.format.max()),
+        }
     }
 
     /// r at a pixel centre, given from the picture's middle.
@@ -100,13 +112,15 @@ impl Raster {
         // The f64 sum above, for a needle's terms cancel.
         let rounding = 8.0 * f64::EPSILON * (xx.value.abs() * x * x + 2.0 * xy.value.abs() * x * y + yy.value.abs() * y * y);
         let radial = Near::within(value, conic + moved + rounding + self.walked(walk, d));
-        if outruns(&self.radial, radial.most()) { Near { value, error: f64::INFINITY } } else { radial }
+        // A NaN outruns everything.
+        if radial.most() <= walk.most { radial } else { Near { value, error: f64::INFINITY } }
     }
 
     /// What rounded seed and differences add up to on the way to a pixel.
     fn walked(&self, walk: &Walk, d: [f64; 2]) -> f64 {
         let steps = two!(axis => (d[axis] + walk.seed_at[axis] + walk.offset_error[axis] + 1.0).max(0.0));
-        walk.seed + stepped(self.rows, steps, loss(&self.first), loss(&self.second))
+        let [first, second] = walk.steps;
+        walk.seed + stepped(self.rows, steps, first, second)
     }
 
     /// z at a pixel centre, clamped to what the disc can reach.
