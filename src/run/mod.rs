@@ -144,17 +144,22 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         let report = CyclesReport::new(&elaborated.timing, &work, &cycles);
         (cycles, report, seconds, timings, answers)
     };
-    let exact = || (timed(|| evaluation.golden()), timed(|| golden::ideal(scene)));
-    // A replay keeps one thread busy, and what is exact keeps the others busy as long.
-    let ((cycles, cycles_report, replay_seconds, timings, answers), ((golden, golden_seconds), (ideal, ideal_seconds))) =
-        rayon::join(replay, exact);
+    let (golden, golden_seconds) = timed(|| evaluation.golden());
+    let exact = || {
+        let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
+        let pairs = [(&fixed, &golden.picture), (&golden.picture, &ideal.picture), (&fixed, &ideal.picture)];
+        let metrics = pairs.map(|(one, other)| metrics(one, other));
+        (ideal, ideal_seconds, metrics, error_picture(&fixed, &golden.picture))
+    };
+    // A replay keeps one thread busy, and what it does not need the others.
+    let ((cycles, cycles_report, replay_seconds, timings, answers), (ideal, ideal_seconds, metrics, error)) = rayon::join(replay, exact);
+    let [fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal] = metrics;
     // What was recorded is large.
     let work = options.record.then_some(work);
     let (lockstep, lockstep_seconds) = timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
     let (attribution, attribution_seconds) =
         timed(|| attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture)));
 
-    let error = error_picture(&fixed, &golden.picture);
     let fragments = drawing.outcomes.total();
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
@@ -173,9 +178,9 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         level_of_detail: scene.detail.as_ref().map(|detail| DetailReport::new(detail, elaborated.timing.node_bytes)),
         machine: MachineReport { outside_of_search: options.outside_of_search.clone(), ..MachineReport::new(&elaborated) },
         accuracy: Accuracy {
-            fixed_vs_golden: metrics(&fixed, &golden.picture),
-            golden_vs_ideal: metrics(&golden.picture, &ideal.picture),
-            fixed_vs_ideal: metrics(&fixed, &ideal.picture),
+            fixed_vs_golden,
+            golden_vs_ideal,
+            fixed_vs_ideal,
             lockstep: lockstep.as_ref().map(|lockstep| lockstep.summary(&fixed)),
         },
         fragments: drawing.outcomes.into(),

@@ -127,9 +127,18 @@ impl Drawn {
         let overflows = observed.overflows();
         let Observed { drawing, picture: fixed, work, .. } = observed;
         let replay = || CyclesReport::new(&machine.timing, &work, &timing::replay(&machine.timing, &work, Detail::Histograms));
-        let exact = || (timed(|| evaluation.golden().picture), timed(|| golden::ideal(scene).picture));
-        // A replay keeps one thread busy.
-        let (cycles, ((golden, golden_seconds), (ideal, ideal_seconds))) = rayon::join(replay, exact);
+        let (golden, golden_seconds) = timed(|| evaluation.golden().picture);
+        let exact = || {
+            let (ideal, seconds) = timed(|| golden::ideal(scene).picture);
+            let accuracy = Distances {
+                fixed_vs_golden: metrics(&fixed, &golden),
+                golden_vs_ideal: metrics(&golden, &ideal),
+                fixed_vs_ideal: metrics(&fixed, &ideal),
+            };
+            (ideal, seconds, accuracy)
+        };
+        // A replay keeps one thread busy, and what it does not need the others.
+        let (cycles, (ideal, ideal_seconds, accuracy)) = rayon::join(replay, exact);
         host.fixed_seconds += fixed_seconds;
         host.golden_seconds += golden_seconds;
         host.ideal_seconds += ideal_seconds;
@@ -145,11 +154,7 @@ impl Drawn {
             frames_per_second: cycles.frames_per_second,
             bottleneck: cycles.bottleneck,
             memory_bytes: cycles.memory.bytes,
-            accuracy: Distances {
-                fixed_vs_golden: metrics(&fixed, &golden),
-                golden_vs_ideal: metrics(&golden, &ideal),
-                fixed_vs_ideal: metrics(&fixed, &ideal),
-            },
+            accuracy,
             flicker: None,
         };
         let notes = evaluation.quantised.notes.clone();
