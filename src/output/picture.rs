@@ -38,7 +38,12 @@ impl Picture {
         })
     }
 
-    /// The same seen as what a screen is sent: linear light that [`Picture::write_png`] encodes to the very numbers that are here.
+    /// The same of a picture whose colours may be `encoded`: not linear light but what a screen is sent.
+    pub fn write_shown(&self, encoded: bool, path: &Path) -> Result<()> {
+        if encoded { self.decoded().write_png(path) } else { self.write_png(path) }
+    }
+
+    /// The picture seen as what a screen is sent: linear light that [`Picture::write_png`] encodes to the very numbers that are here.
     pub fn decoded(&self) -> Picture {
         let decode = |[r, g, b, alpha]: &[f64; 4]| {
             let straight = |value: f64| if *alpha > 0.0 { srgb_decode((value / alpha).clamp(0.0, 1.0)) * alpha } else { 0.0 };

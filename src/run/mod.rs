@@ -15,7 +15,7 @@ pub mod report;
 pub mod sequence;
 
 use crate::accuracy::attribution::attribute;
-use crate::accuracy::{ErrorPicture, Lockstep, Tiles, error_picture, metrics, ranges};
+use crate::accuracy::{ErrorPicture, Lockstep, Tiles, error_picture, ranges};
 use crate::error::Result;
 use crate::golden;
 use crate::golden::Rendering;
@@ -30,7 +30,7 @@ use crate::performance::recording::files_of_cycles;
 use crate::performance::timings::{Timings, Variants};
 use crate::run::detail::DetailReport;
 use crate::run::evaluation::{Evaluation, Observed};
-use crate::run::report::{Accuracy, Golden, Host, MachineReport, Report, SceneReport};
+use crate::run::report::{Accuracy, Distances, Golden, Host, MachineReport, Report, SceneReport};
 use crate::scene::Scene;
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
@@ -147,13 +147,11 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let (golden, golden_seconds) = timed(|| evaluation.golden());
     let exact = || {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
-        let pairs = [(&fixed, &golden.picture), (&golden.picture, &ideal.picture), (&fixed, &ideal.picture)];
-        let metrics = pairs.map(|(one, other)| metrics(one, other));
-        (ideal, ideal_seconds, metrics, error_picture(&fixed, &golden.picture))
+        let distances = Distances::between(&fixed, &golden.picture, &ideal.picture);
+        (ideal, ideal_seconds, distances, error_picture(&fixed, &golden.picture))
     };
     // A replay keeps one thread busy, and what it does not need the others.
-    let ((cycles, cycles_report, replay_seconds, timings, answers), (ideal, ideal_seconds, metrics, error)) = rayon::join(replay, exact);
-    let [fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal] = metrics;
+    let ((cycles, cycles_report, replay_seconds, timings, answers), (ideal, ideal_seconds, distances, error)) = rayon::join(replay, exact);
     // What was recorded is large.
     let work = options.record.then_some(work);
     let (lockstep, lockstep_seconds) = timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
@@ -177,12 +175,7 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         },
         level_of_detail: scene.detail.as_ref().map(|detail| DetailReport::new(detail, elaborated.timing.node_bytes)),
         machine: MachineReport { outside_of_search: options.outside_of_search.clone(), ..MachineReport::new(&elaborated) },
-        accuracy: Accuracy {
-            fixed_vs_golden,
-            golden_vs_ideal,
-            fixed_vs_ideal,
-            lockstep: lockstep.as_ref().map(|lockstep| lockstep.summary(&fixed)),
-        },
+        accuracy: Accuracy { distances, lockstep: lockstep.as_ref().map(|lockstep| lockstep.summary(&fixed)) },
         fragments: drawing.outcomes.into(),
         signals,
         cost: CostReport::new(&elaborated, &cycles, &options.prices),
@@ -236,8 +229,7 @@ impl Outcome {
         let mut files: Vec<Unwritten> = Vec::new();
         let drawn = [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal)];
         for (name, picture) in drawn {
-            let shown = move |path: &Path| if self.encoded { picture.decoded().write_png(path) } else { picture.write_png(path) };
-            files.push((folder.join(format!("{name}.png")), Box::new(shown)));
+            files.push((folder.join(format!("{name}.png")), Box::new(move |path| picture.write_shown(self.encoded, path))));
         }
         files.push((folder.join("error.png"), Box::new(|path| self.error.picture.write_png(path))));
         if let Some(flips) = &flips {

@@ -2,8 +2,9 @@
 
 use crate::accuracy::attribution::Attribution;
 use crate::accuracy::ranges::SignalReport;
-use crate::accuracy::{Metrics, Summary, db_text};
+use crate::accuracy::{Metrics, Summary, db_text, metrics};
 use crate::hardware::quantise::Scale;
+use crate::output::picture::Picture;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::answers::Answers;
 use crate::performance::cost::CostReport;
@@ -130,13 +131,32 @@ pub struct MachineReport {
 
 /// Distances of the three pictures.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
-pub struct Accuracy {
+pub struct Distances {
     /// The arithmetic's error.
     pub fixed_vs_golden: Metrics,
     /// The method's error.
     pub golden_vs_ideal: Metrics,
     /// The whole error: the arithmetic's and the method's.
     pub fixed_vs_ideal: Metrics,
+}
+
+impl Distances {
+    /// Compares them.
+    pub fn between(fixed: &Picture, golden: &Picture, ideal: &Picture) -> Self {
+        Distances {
+            fixed_vs_golden: metrics(fixed, golden),
+            golden_vs_ideal: metrics(golden, ideal),
+            fixed_vs_ideal: metrics(fixed, ideal),
+        }
+    }
+}
+
+/// Distances of the three pictures, and that of the arithmetic alone.
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+pub struct Accuracy {
+    /// Of the pictures.
+    #[serde(flatten)]
+    pub distances: Distances,
     /// The arithmetic's error alone: against `golden` led by the machine's decisions. Absent after `run --check none`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lockstep: Option<Summary>,
@@ -251,15 +271,16 @@ impl MachineReport {
 impl Report {
     /// Figures of a preview.
     pub fn figures(&self) -> Figures {
+        let Distances { fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal } = self.accuracy.distances;
         Figures {
             width: self.scene.width,
             height: self.scene.height,
             contributions: self.scene.fragments,
             cycles: self.cycles.total,
             memory_bytes: self.cycles.memory.bytes,
-            fixed_vs_golden_psnr_db: self.accuracy.fixed_vs_golden.psnr_db,
-            golden_vs_ideal_psnr_db: self.accuracy.golden_vs_ideal.psnr_db,
-            fixed_vs_ideal_psnr_db: self.accuracy.fixed_vs_ideal.psnr_db,
+            fixed_vs_golden_psnr_db: fixed_vs_golden.psnr_db,
+            golden_vs_ideal_psnr_db: golden_vs_ideal.psnr_db,
+            fixed_vs_ideal_psnr_db: fixed_vs_ideal.psnr_db,
         }
     }
 
@@ -300,7 +321,7 @@ impl Report {
 
     fn accuracy_table(&self) -> Table {
         let mut table = plain_table(&["", "PSNR dB", "covered dB", "SSIM", "max error", "mean error", "px > 1/255"]);
-        let Accuracy { fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal, .. } = self.accuracy;
+        let Distances { fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal } = self.accuracy.distances;
         for (name, m) in [("fixed − golden", fixed_vs_golden), ("golden − ideal", golden_vs_ideal), ("fixed − ideal", fixed_vs_ideal)]
         {
             let shown = |db: f64| if db > MOST_DB { format!("> {MOST_DB}") } else { format!("{db:.1}") };

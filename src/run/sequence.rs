@@ -12,7 +12,6 @@ mod report;
 pub use report::{FrameReport, Host, Report, SceneReport, Spread, Spreads};
 
 use crate::accuracy::flicker::{Pictures, Sums};
-use crate::accuracy::metrics;
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
@@ -23,10 +22,9 @@ use crate::output::progress::Progress;
 use crate::output::video::Video;
 use crate::performance::cycles::CyclesReport;
 use crate::run::evaluation::{Evaluation, Observed};
-use crate::run::report::MachineReport;
+use crate::run::report::{Distances, MachineReport};
 use crate::run::timed;
 use crate::scene::{Scene, Sequence};
-use report::Distances;
 use rtl_model::Machine;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{self, Detail};
@@ -130,11 +128,7 @@ impl Drawn {
         let (golden, golden_seconds) = timed(|| evaluation.golden().picture);
         let exact = || {
             let (ideal, seconds) = timed(|| golden::ideal(scene).picture);
-            let accuracy = Distances {
-                fixed_vs_golden: metrics(&fixed, &golden),
-                golden_vs_ideal: metrics(&golden, &ideal),
-                fixed_vs_ideal: metrics(&fixed, &ideal),
-            };
+            let accuracy = Distances::between(&fixed, &golden, &ideal);
             (ideal, seconds, accuracy)
         };
         // A replay keeps one thread busy, and what it does not need the others.
@@ -171,8 +165,7 @@ fn write_frame(pictures: &Pictures, frame: usize, encoded: bool, exr: bool, fold
     let each: [(&str, &Picture); 3] = [("fixed", &pictures.fixed), ("golden", &pictures.golden), ("ideal", &pictures.ideal)];
     let mut files: Vec<Unwritten> = Vec::new();
     for (name, picture) in each {
-        let shown = move |path: &Path| if encoded { picture.decoded().write_png(path) } else { picture.write_png(path) };
-        files.push((folder.join(file_name(frame, name, "png")), Box::new(shown)));
+        files.push((folder.join(file_name(frame, name, "png")), Box::new(move |path| picture.write_shown(encoded, path))));
         if exr {
             files.push((folder.join(file_name(frame, name, "exr")), Box::new(move |path| picture.write_exr(path))));
         }

@@ -3,7 +3,7 @@
 use crate::accuracy::flicker::{Change, Flicker};
 use crate::accuracy::{Metrics, db_text};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
-use crate::run::report::{CulledReport, MachineReport};
+use crate::run::report::{CulledReport, Distances, MachineReport};
 use crate::scene::Camera;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -76,18 +76,6 @@ pub struct FrameReport {
     pub accuracy: Distances,
     /// Against the frame before; none of the first.
     pub flicker: Option<Flicker>,
-}
-
-/// Distances of the three pictures of a frame.
-#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
-#[schemars(rename = "FrameAccuracy")]
-pub struct Distances {
-    /// The arithmetic's error.
-    pub fixed_vs_golden: Metrics,
-    /// The method's error.
-    pub golden_vs_ideal: Metrics,
-    /// The whole error.
-    pub fixed_vs_ideal: Metrics,
 }
 
 /// A figure over all frames, the greater the better; nothing where pictures are equal, which is better than any number.

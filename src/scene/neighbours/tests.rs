@@ -113,6 +113,17 @@ fn minus_zero_is_the_same_place_as_zero() {
     assert_eq!((splats[0].radius, splats[1].radius), (1.5, 1.5));
 }
 
+/// Copies of a place are found side by side: what lies within one step of the curve is sorted by its coordinates.
+#[test]
+fn minus_zero_is_the_same_place_as_zero_with_others_between() {
+    let points = |zero: f64| [[0.0, 0.0, 0.0], [0.0, zero, 2.0], [0.0, 0.0, 1.0], [0.0, zero, 0.0], [1e9, 0.0, 0.0]].map(DVec3::from_array);
+    let [with_minus, without] = [-0.0, 0.0].map(|zero| surroundings(&points(zero)));
+    for (one, other) in with_minus.iter().zip(&without) {
+        assert_eq!((one.spacing, one.nearest), (other.spacing, other.nearest));
+    }
+    assert_eq!(with_minus[0].nearest, with_minus[3].nearest);
+}
+
 #[test]
 fn the_number_of_threads_does_not_show() {
     let with = |threads| {
