@@ -1,5 +1,7 @@
 //! Error: names what went wrong in one sentence, and the exit status that says whose fault it was.
 
+use rayon::prelude::*;
+
 /// One sentence for the user, and whose fault it was.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -39,3 +41,33 @@ fn one_line(sentence: String) -> String {
 
 /// Result of a step of the bench.
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// All that several threads make, or the first error in its order: rayon's own `collect` gives that of whichever thread has one first.
+///
+/// # Errors
+/// The first of them.
+pub fn in_order<T: Send>(results: impl ParallelIterator<Item = Result<T>>) -> Result<Vec<T>> {
+    results.collect::<Vec<_>>().into_iter().collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Duration;
+
+    #[test]
+    fn the_first_error_is_told_though_another_comes_sooner() {
+        let step = |number: u32| match number {
+            0 => {
+                std::thread::sleep(Duration::from_millis(50));
+                Err(Error::input("the first"))
+            }
+            99 => Err(Error::input("the last")),
+            number => Ok(number),
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
+        let told = pool.install(|| in_order((0..100).into_par_iter().map(step))).unwrap_err();
+        assert_eq!(told.to_string(), "the first");
+        assert_eq!(pool.install(|| in_order((1..9).into_par_iter().map(step))).unwrap(), [1, 2, 3, 4, 5, 6, 7, 8]);
+    }
+}

@@ -35,7 +35,7 @@ pub(super) use observer::outcome;
 pub(super) use stimulus::made_up;
 pub(super) use transfers::constants as constant_records;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, in_order};
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
 use crate::output::files;
@@ -535,15 +535,13 @@ impl Folder<'_> {
         let kind = Kind::of(self.frame);
         let streams: Vec<Stream> = ports::streams(self.machine, kind).into_iter().filter(|stream| window.wants(kind, stream)).collect();
         let kept: Option<Vec<Vec<u32>>> = window.sample.map(|_| sources.par_iter().map(|source| window.kept(source)).collect());
-        let files: Vec<Value> = streams
-            .par_iter()
-            .filter_map(|stream| Some((stream, sources.iter().position(|source| source.name == stream.name)?)))
-            .map(|(stream, place)| {
-                let of = |place: usize| kept.as_ref().map(|kept| &kept[place][..]);
-                let parents = sources.iter().position(|source| Some(source.name) == parent(kind, stream.name)).and_then(of);
-                self.stream(stream, &sources[place], of(place), parents)
-            })
-            .collect::<Result<_>>()?;
+        let written = |stream: &Stream| {
+            let of = |place: usize| kept.as_ref().map(|kept| &kept[place][..]);
+            let place = sources.iter().position(|source| source.name == stream.name)?;
+            let parents = sources.iter().position(|source| Some(source.name) == parent(kind, stream.name)).and_then(of);
+            Some(self.stream(stream, &sources[place], of(place), parents))
+        };
+        let files: Vec<Value> = in_order(streams.par_iter().filter_map(written))?;
         self.text("coverage.csv", &coverage.csv())?;
         let [met, cases] = coverage.counts();
         let tags: Vec<Value> =

@@ -20,7 +20,7 @@ pub use cases::{CASES, Case, FOCAL_PX, Variant};
 pub use point::{Beyond, Bounded, Found, Outcome};
 
 use crate::accuracy::Flips;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, in_order};
 use crate::golden;
 use crate::hardware::machines;
 use crate::output::files::write_beside;
@@ -131,7 +131,7 @@ pub fn run(cases: &[&'static Case], others: &[Machine]) -> Result<Catalogue> {
         crate::hardware::fixed::elaborate(machine)?;
     }
     let jobs: Vec<(usize, f64)> = cases.iter().enumerate().flat_map(|(i, case)| case.values.iter().map(move |value| (i, *value))).collect();
-    let done = jobs.par_iter().map(|&(i, value)| run_point(cases[i], value, others)).collect::<Result<Vec<_>>>()?;
+    let done = in_order(jobs.par_iter().map(|&(i, value)| run_point(cases[i], value, others)))?;
     let mut catalogue = Catalogue { version: env!("CARGO_PKG_VERSION"), cases: Vec::new(), gallery: Vec::new() };
     let mut done = done.into_iter();
     for case in cases {

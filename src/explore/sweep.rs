@@ -225,7 +225,8 @@ fn check_keys(points: &Points, scenes: &[Head], journal: &Journal, folder: &Path
         let told = format!("{}: point {number} was drawn from something else than now", folder.display());
         Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")))
     };
-    known.par_iter().map(check).collect()
+    // The first of those that are refused, whichever thread finds one first.
+    known.par_iter().map(check).find_first(Result::is_err).unwrap_or(Ok(()))
 }
 
 impl Options {

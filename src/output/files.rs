@@ -1,6 +1,6 @@
 //! Files: written whole or not at all.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, in_order};
 use rayon::prelude::*;
 use std::fs::{self, File, TryLockError};
 use std::io::{BufWriter, Write};
@@ -105,8 +105,7 @@ pub type Unwritten<'a> = (PathBuf, Writing<'a>);
 /// # Errors
 /// That of the first which cannot be written; the others are there.
 pub fn write_all(files: Vec<Unwritten>) -> Result<Vec<PathBuf>> {
-    let written: Vec<Result<PathBuf>> = files.into_par_iter().map(|(path, write)| write(&path).map(|()| path)).collect();
-    written.into_iter().collect()
+    in_order(files.into_par_iter().map(|(path, write)| write(&path).map(|()| path)))
 }
 
 /// Where a link leads to; the path itself where it is none.

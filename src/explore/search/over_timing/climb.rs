@@ -9,7 +9,7 @@
 
 use super::fields::{Bought, Knob};
 use super::{COLUMNS, Measured, Minimise, Options, Recorded, Step};
-use crate::error::Result;
+use crate::error::{Result, in_order};
 use crate::explore::sweep::table::{Journal, named};
 use crate::hardware::{fixed, machines};
 use crate::output::progress::Progress;
@@ -177,7 +177,7 @@ impl<'a> Search<'a> {
             let cost = built.map(|built| Cost::new(&built, &self.options.prices));
             Ok(cost.map(|cost| if self.options.minimise == Minimise::Gates { cost.gates.total } else { cost.area }))
         };
-        let sizes: Vec<Option<f64>> = new.par_iter().map(size).collect::<Result<_>>()?;
+        let sizes = in_order(new.par_iter().map(size))?;
         let new: Vec<(State, Option<f64>)> = new.into_iter().cloned().zip(sizes).collect();
         self.sizes.extend(new);
         Ok(())
@@ -190,7 +190,7 @@ impl<'a> Search<'a> {
         let digests: Vec<String> = self.frames.iter().map(|frame| frame.digest.clone()).collect();
         let names = self.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ");
         for batch in new.chunks(BATCH) {
-            let built: Vec<Machine> = batch.par_iter().map(|state| self.machine(state)).collect::<Result<_>>()?;
+            let built = in_order(batch.par_iter().map(|state| self.machine(state)))?;
             let prices = self.options.prices;
             let key = |machine: &Machine| {
                 let nameless = Machine { name: String::new(), ..machine.clone() };
