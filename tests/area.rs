@@ -53,7 +53,7 @@ fn have_cells() -> bool {
 /// Delays of operators by the model are within a quarter of what the standard cells take, and those of a unit that is no part of the fit.
 #[test]
 fn operators_take_as_long_as_the_model_of_the_clock_says() {
-    if !share::has_turn(5) {
+    if !share::has_turn(10) {
         return;
     }
     if !have(&["yosys"], "delays of operators") {
@@ -117,7 +117,7 @@ fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
     for (of, [.., loop_gates, _]) in told.iter().chain(&of_groups) {
         assert!((1.0..=40.0).contains(loop_gates), "{of:?}: {loop_gates}");
     }
-    if !share::has_turn(2) || !have(&["yosys", "python3"], "depths of the twins") {
+    if !share::has_turn(7) || !have(&["yosys", "python3"], "depths of the twins") {
         return;
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/depths.sh");
@@ -183,7 +183,7 @@ fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
 
 #[test]
 fn small_units_take_the_gates_that_the_model_says() {
-    if share::has_turn(5) && have_cells() {
+    if share::has_turn(10) && have_cells() {
         small_units_are_in_the_range("gates.sh", "gates", &[]);
     }
 }

@@ -30,7 +30,7 @@ fn fault(frame: &Lockstep) -> Option<String> {
 
 #[test]
 fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() {
-    if !share::has_turn(4) {
+    if !share::has_turn(9) {
         return;
     }
     for name in ["glass-spheres", "checkerboard", "torus-knot", "terrain"] {
@@ -45,7 +45,7 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
 
 #[test]
 fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
-    if !share::has_turn(5) {
+    if !share::has_turn(11) {
         return;
     }
     let scans = [

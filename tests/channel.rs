@@ -114,7 +114,7 @@ fn replayed_scenes_are_at_most_a_hundredth_off() {
 #[test]
 #[ignore = "takes a minute"]
 fn a_replayed_scene_of_full_size_is_at_most_a_hundredth_off() {
-    if !share::has_turn(3) {
+    if !share::has_turn(8) {
         return;
     }
     let mut machines = machines();

@@ -144,7 +144,7 @@ fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[Row]) -> bool {
 
 #[test]
 fn the_table_of_the_check_scene_in_surface_order() {
-    if !share::has_turn(4) {
+    if !share::has_turn(9) {
         return;
     }
     let scene = glass_spheres();

@@ -45,7 +45,7 @@ fn agree(scene: &Scene, rows: &[(Rules, f64)]) -> bool {
 
 #[test]
 fn the_figures_of_the_check_scene_in_surface_order() {
-    if !share::has_turn(4) {
+    if !share::has_turn(9) {
         return;
     }
     let join = |rules| Rules { window: WindowOptions { join: 0.1, ..WindowOptions::default() }, ..rules };
@@ -77,7 +77,7 @@ fn the_figures_of_the_check_scene_in_random_order() {
 
 #[test]
 fn the_figures_of_the_dragon() {
-    if !share::has_turn(2) {
+    if !share::has_turn(7) {
         return;
     }
     let Some(path) = shared_input::find("scenes/dragon.json") else { return };

@@ -12,7 +12,7 @@ fn scenes() -> impl Iterator<Item = Scene> {
 
 #[test]
 fn what_is_unpacked_is_what_was_packed() {
-    if !share::has_turn(3) {
+    if !share::has_turn(8) {
         return;
     }
     let with_a_tree = |scene: Scene| {

@@ -53,7 +53,7 @@ fn is_installed() -> bool {
 
 #[test]
 fn gappa_accepts_every_proof_of_the_named_machines() {
-    if !share::has_turn(5) {
+    if !share::has_turn(10) {
         return;
     }
     if !is_installed() {

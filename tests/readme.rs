@@ -217,7 +217,7 @@ fn the_table_of_machines_says_what_they_are() {
 
 #[test]
 fn the_table_of_accuracies_says_what_the_machines_reach() {
-    if !share::has_turn(5) {
+    if !share::has_turn(11) {
         return;
     }
     let mut wrong = Vec::new();
@@ -242,7 +242,7 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
 /// The rows of three layers; `tests/golden_match.rs` and `tests/golden_window.rs` have more.
 #[test]
 fn the_table_of_merge_rules_says_what_they_do() {
-    if !share::has_turn(2) {
+    if !share::has_turn(7) {
         return;
     }
     let page = page_with("<!-- merge rules -->").text;

@@ -43,7 +43,7 @@ fn a_record_that_is_read_is_the_one_that_was_written() {
 
 #[test]
 fn a_replay_takes_the_cycles_of_the_run() {
-    if !share::has_turn(2) {
+    if !share::has_turn(7) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -170,7 +170,7 @@ fn what_is_no_record_or_changes_more_than_time_is_refused() {
 /// The law behind all of it: what a replay makes of a record is what it makes of the work.
 #[test]
 fn the_cycles_are_those_of_the_work() {
-    if !share::has_turn(5) {
+    if !share::has_turn(11) {
         return;
     }
     for scene in SCENES {

@@ -201,7 +201,7 @@ fn is_sound(drawn: &Traced) {
 /// And the test above is no test of nothing: a wrong fold, a wrong corner, a wrong share are found.
 #[test]
 fn wrong_mirrors_are_found_out() {
-    if !share::has_turn(5) {
+    if !share::has_turn(7) {
         return;
     }
     if !have(&["iverilog"], "mutants of reflect") {
@@ -514,6 +514,9 @@ fn the_twin_of_windows_gives_every_record_on_both_simulators() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
+    if !share::alternates(0) {
+        return;
+    }
     if !have(&["iverilog", "verilator"], "co-simulation of ellipsoids") {
         return;
     }
@@ -612,6 +615,9 @@ fn windows_of_splats_drive_fragment_and_sheets_alone() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_twin_gives_a_million_records_on_verilator() {
+    if !share::alternates(1) {
+        return;
+    }
     if !have(&["verilator"], "co-simulation on Verilator") {
         return;
     }
@@ -709,7 +715,7 @@ fn the_wired_datapath_draws_the_frame_in_the_cycles_of_the_timing_model() {
     if !have(&["verilator"], "the wired datapath") {
         return;
     }
-    if !share::has_turn(5) {
+    if !share::has_turn(11) {
         return;
     }
     // `tiny` has all units that the others have, and a third of their words to simulate.
@@ -719,6 +725,9 @@ fn the_wired_datapath_draws_the_frame_in_the_cycles_of_the_timing_model() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn the_wired_datapaths_of_ellipsoids_draw_frames_in_the_cycles_of_the_timing_model() {
+    if !share::alternates(1) {
+        return;
+    }
     if !have(&["verilator"], "the wired datapaths of ellipsoids") {
         return;
     }
@@ -795,7 +804,7 @@ fn stalled<'a>(frames: &'a [Traced], stalls: &[&'a [&'a str]]) -> Vec<(&'a Trace
 
 #[test]
 fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without_a_reset() {
-    if !share::has_turn(3) {
+    if !share::has_turn(8) {
         return;
     }
     if !have(&["iverilog"], "two engines on Icarus") {
@@ -847,6 +856,9 @@ fn engines_draw_in_time(text: &str, side: u32, wired: &Machine, unit: Unit) {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn engines_draw_the_tiles_of_frames_in_the_cycles_of_the_timing_model() {
+    if !share::alternates(0) {
+        return;
+    }
     if !have(&["verilator"], "tile engines") {
         return;
     }
@@ -1026,7 +1038,7 @@ fn enders(trace: &Traced) -> Vec<Unit> {
 
 #[test]
 fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
-    if !share::has_turn(2) {
+    if !share::has_turn(7) {
         return;
     }
     if !have(&["iverilog"], "ends of frames on Icarus") {
@@ -1087,7 +1099,7 @@ fn ruled() -> Vec<(&'static str, Traced, Vec<Unit>)> {
 
 #[test]
 fn rules_that_no_named_machine_has_are_kept() {
-    if !share::has_turn(5) {
+    if !share::has_turn(7) {
         return;
     }
     if !have(&["iverilog"], "rules on Icarus") {
@@ -1172,6 +1184,9 @@ fn mutated(mutant: &Mutant, folder: &Path) {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_mutant_is_caught() {
+    if !share::alternates(1) {
+        return;
+    }
     if !have(&["iverilog"], "mutants of the twins") {
         return;
     }
@@ -1226,7 +1241,7 @@ fn every_mutant_of_windows_is_caught() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_mutant_of_a_frame_s_end_is_caught() {
-    if !share::has_turn(3) {
+    if !share::has_turn(8) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twins") {
@@ -1242,6 +1257,9 @@ fn every_mutant_of_a_frame_s_end_is_caught() {
 #[test]
 #[ignore = "minutes; CI runs it"]
 fn every_mutant_of_a_rule_is_caught() {
+    if !share::alternates(0) {
+        return;
+    }
     if !have(&["iverilog"], "mutants of the twins") {
         return;
     }
@@ -1535,7 +1553,7 @@ fn accept_times_are_those_of_the_timing_model() {
 
 #[test]
 fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
-    if !share::has_turn(3) {
+    if !share::has_turn(8) {
         return;
     }
     if !have(&["iverilog"], "accept times of fragment and sheets") {
@@ -1574,7 +1592,7 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
 
 #[test]
 fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
-    if !share::has_turn(4) {
+    if !share::has_turn(9) {
         return;
     }
     if !have(&["iverilog"], "accept times of windows") {

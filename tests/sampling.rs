@@ -153,7 +153,7 @@ fn says(folder: &Path, arguments: &[&str]) -> String {
 
 #[test]
 fn the_same_seed_makes_the_same_bytes_at_any_number_of_threads() {
-    if !share::has_turn(2) {
+    if !share::has_turn(7) {
         return;
     }
     let folder = folder();

@@ -311,7 +311,7 @@ impl Observer<'static> for AtZero {
 
 #[test]
 fn r_falls_below_zero_and_is_held_there() {
-    if !share::has_turn(3) {
+    if !share::has_turn(8) {
         return;
     }
     let case = case("negative-r");
@@ -583,7 +583,7 @@ fn cases_of_ellipsoids_reach_what_they_name() {
 
 #[test]
 fn nothing_written_depends_on_the_number_of_threads() {
-    if !share::has_turn(3) {
+    if !share::has_turn(8) {
         return;
     }
     let cases = ["wrap", "rim", "coincident"].map(case);

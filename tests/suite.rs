@@ -53,6 +53,7 @@ mod regressions_inputs;
 mod regressions_promises;
 mod sampling;
 mod search;
+#[expect(dead_code, reason = "the twins' tests use the rest")]
 mod share;
 mod shared_input;
 mod sheets;

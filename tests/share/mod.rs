@@ -1,11 +1,12 @@
-//! Share: which part of the slow tests is this run's, as `SPLATSIM_SHARE` says: `all`, or a number from 0 to 71, which is 6 · part + turn.
-//! Of a long list a run does one of twelve parts. Of tests that are slow as a whole it does those that have their turn: none at turn 0.
-//! Where nothing is said the share is 0, which takes least time. CI takes the number from its commit; `.ci/full` does all.
+//! Share: which part of the slow tests is this run's, as `SPLATSIM_SHARE` says: `all`, or a number from 0 to 143, which is 12 · part + turn.
+//! Of a long list a run does one of twelve parts. Of tests that are slow as a whole it does those that have their turn: none at turns 0 and
+//! 6. Of those that are slow with a part of their list, too, it does every other one. Where nothing is said the share is 0, which takes least
+//! time. CI takes the number from its commit; `.ci/full` does all.
 
 /// Parts of a long list.
 const PARTS: usize = 12;
-/// Turns of tests that are slow as a whole, with the one at which there are none.
-const TURNS: usize = 6;
+/// Turns of tests that are slow as a whole, with the two at which there are none.
+const TURNS: usize = 12;
 
 /// What of the slow tests is run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +27,7 @@ impl Share {
             return Share::All;
         }
         let number = text.map_or(Some(0), |text| text.parse().ok().filter(|number| *number < PARTS * TURNS));
-        let number: usize = number.expect("SPLATSIM_SHARE is `all` or a number from 0 to 71");
+        let number: usize = number.expect("SPLATSIM_SHARE is `all` or a number from 0 to 143");
         Share::Of { part: number / TURNS, turn: number % TURNS }
     }
 
@@ -35,6 +36,23 @@ impl Share {
         match self {
             Share::All => true,
             Share::Of { part, .. } => number % parts == part % parts,
+        }
+    }
+
+    /// Whether tests of this turn are run.
+    fn has_turn(self, turn: usize) -> bool {
+        assert!(turn < TURNS && turn % 6 > 0, "no run has turn {turn}");
+        match self {
+            Share::All => true,
+            Share::Of { turn: mine, .. } => turn == mine,
+        }
+    }
+
+    /// Whether tests of the even turns are run, 0, or those of the odd ones, 1.
+    fn alternates(self, number: usize) -> bool {
+        match self {
+            Share::All => true,
+            Share::Of { turn, .. } => turn % 2 == number,
         }
     }
 }
@@ -66,13 +84,14 @@ pub fn of(cases: usize, parts: usize) -> usize {
     if is_all() { cases } else { cases / parts }
 }
 
-/// Whether tests of this turn, from 1 to 5, are run.
+/// Whether tests of this turn are run: from 1 to 11, without 6.
 pub fn has_turn(turn: usize) -> bool {
-    assert!((1..TURNS).contains(&turn), "no run has turn {turn}");
-    match share() {
-        Share::All => true,
-        Share::Of { turn: mine, .. } => turn == mine,
-    }
+    share().has_turn(turn)
+}
+
+/// Whether a test that has a part of a list and is slow nevertheless is run: it is at even turns, 0, or at odd ones, 1.
+pub fn alternates(number: usize) -> bool {
+    share().alternates(number)
 }
 
 #[test]
@@ -82,6 +101,8 @@ fn every_part_meets_every_turn() {
         for turn in 0..TURNS {
             assert!(all.contains(&Share::Of { part, turn }));
         }
+        let of_part = || all.iter().filter(|share| share.has(part, PARTS));
+        assert!((0..2).all(|number| of_part().any(|share| share.alternates(number) && share.has_turn(2 - number))));
     }
     assert_eq!([Share::parse(Some("all")), Share::parse(None)], [Share::All, all[0]]);
 }
