@@ -178,17 +178,21 @@ impl Places {
         sorted.par_sort_unstable_by(|(a, i), (b, j)| {
             a.cmp(b).then_with(|| order(position(*i).to_array(), position(*j).to_array()).unwrap_or(i.cmp(j)))
         });
-        let mut places = Places { points: Vec::with_capacity(count), copies: Vec::with_capacity(count), place_of_splat: vec![0; count] };
-        for (_, i) in sorted {
-            let point = position(i).to_array();
-            if places.points.last() != Some(&point) {
-                places.points.push(point);
-                places.copies.push(0);
+        let mut points: Vec<[f64; 3]> = sorted.par_iter().map(|(_, i)| position(*i).to_array()).collect();
+        let (mut copies, mut place_of_splat): (Vec<u32>, _) = (Vec::with_capacity(count), vec![0; count]);
+        for (at, (_, i)) in sorted.into_iter().enumerate() {
+            let places = copies.len();
+            match copies.last_mut() {
+                Some(here) if points[places - 1] == points[at] => *here += 1,
+                _ => {
+                    points[places] = points[at];
+                    copies.push(1);
+                }
             }
-            places.place_of_splat[i as usize] = places.points.len() as u32 - 1;
-            *places.copies.last_mut().expect("a place was just pushed") += 1;
+            place_of_splat[i as usize] = copies.len() as u32 - 1;
         }
-        places
+        points.truncate(copies.len());
+        Places { points, copies, place_of_splat }
     }
 
     fn fit(&self) -> Vec<Fit> {

@@ -126,11 +126,11 @@ fn minus_zero_is_the_same_place_as_zero_with_others_between() {
 
 #[test]
 fn the_number_of_threads_does_not_show() {
+    // So many that the tree, too, is built by several.
+    let splats = super::super::builtin::Builtin::Terrain.splats(Some(300_000));
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            fitted(super::super::builtin::Builtin::Terrain.splats(Some(5000)).into_iter().map(|s| bare(s.position)).collect(), ABOVE)
-        })
+        pool.install(|| fitted(splats.iter().map(|splat| bare(splat.position)).collect(), ABOVE))
     };
     assert_eq!(with(1), with(3));
 }
