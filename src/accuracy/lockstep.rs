@@ -443,8 +443,10 @@ impl<'a> Leader<'a> {
     fn at_pixel<T>(&mut self, pixel: usize, count: impl FnOnce(&mut Self, &mut Flips) -> T) -> T {
         let mut flips = Flips::default();
         let result = count(self, &mut flips);
-        self.tile.flipped[pixel] |= flips.here;
-        self.flips.absorb(&flips);
+        if flips.here != 0 {
+            self.tile.flipped[pixel] |= flips.here;
+            self.flips.absorb(&flips);
+        }
         result
     }
 

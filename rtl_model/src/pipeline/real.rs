@@ -20,6 +20,8 @@ pub struct Footprint {
     /// Its look.
     pub ellipse: ellipse::real::Output<Near>,
     walk: raster::real::Walk,
+    /// Of gauss.
+    table_error: f64,
 }
 
 /// One splat at one pixel, but for its [`depth`](Footprint::depth) there.
@@ -46,13 +48,14 @@ impl Footprint {
             let to_edge = (f64::from(size_px[axis]) / 2.0 + point.pixel[axis].high()).max(0.0);
             (ellipse.extent[axis].high() + 1.0).min(to_edge + 1.0)
         });
-        Footprint { point, ellipse, walk: machine.raster.near(&walked(&point, &ellipse), reach) }
+        let walk = machine.raster.near(&walked(&point, &ellipse), reach);
+        Footprint { point, ellipse, walk, table_error: machine.gauss.table_error() }
     }
 
     /// Contribution of the splat to the pixel whose centre lies at `at` from the picture's middle.
     pub fn contribution(&self, machine: &Elaborated, at: [f64; 2]) -> Contribution {
         let radial = machine.raster.near_radial(&self.walk, at);
-        Contribution { radial, weight: machine.real_weight(radial, self.ellipse.amplitude) }
+        Contribution { radial, weight: machine.gauss.real_within(radial, self.ellipse.amplitude, self.table_error) }
     }
 
     /// z of the splat at that pixel, machine units.

@@ -111,7 +111,7 @@ pub struct Bounds {
     /// Contributions.
     pub count: f64,
     /// Least and greatest of each attribute.
-    range: [[f64; 2]; ATTRIBUTES],
+    range: [[f64; ATTRIBUTES]; 2],
     /// The most that a unit of weight fills of a sum's word.
     filled: f64,
     /// A sum may have left its word.
@@ -150,7 +150,7 @@ fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
 impl Bounds {
     /// Of a slot that one contribution begins: it alone may leave a sum's word.
     pub fn new(limits: &Limits, arrival: &Arrival) -> Self {
-        let range = arrival.attributes.map(|c| [c.value, c.value]);
+        let range = [arrival.attributes.map(|c| c.value); 2];
         let shaded = [Near::default(); 4];
         let (depth, held_depth) = (arrival.depth(), arrival.held_depth);
         let (attribute, filled) = ([0.0; ATTRIBUTES], arrival.filled);
@@ -163,11 +163,13 @@ impl Bounds {
     pub fn add(&mut self, limits: &Limits, arrival: &Arrival, golden: &Fragment) {
         self.weight += arrival.weight.error;
         self.count += 1.0;
+        let most = arrival.weight.most();
+        let [low, high] = &mut self.range;
         for (i, c) in arrival.attributes.iter().enumerate() {
-            self.attribute[i] += arrival.weight.most() * c.error;
-            let [low, high] = self.range[i];
+            self.attribute[i] += most * c.error;
             // What is no number is outside of no range, as with `min` and `max`, which take longer.
-            self.range[i] = [if c.value < low { c.value } else { low }, if c.value > high { c.value } else { high }];
+            low[i] = if c.value < low[i] { c.value } else { low[i] };
+            high[i] = if c.value > high[i] { c.value } else { high[i] };
         }
         self.filled = self.filled.max(arrival.filled);
         self.overflowed |= self.may_overflow(limits, golden);
@@ -179,8 +181,8 @@ impl Bounds {
         self.count += other.count;
         for i in 0..ATTRIBUTES {
             self.attribute[i] += other.attribute[i];
-            let ([low, high], [other_low, other_high]) = (self.range[i], other.range[i]);
-            self.range[i] = [low.min(other_low), high.max(other_high)];
+            self.range[0][i] = self.range[0][i].min(other.range[0][i]);
+            self.range[1][i] = self.range[1][i].max(other.range[1][i]);
         }
         self.filled = self.filled.max(other.filled);
         self.overflowed |= other.overflowed || self.may_overflow(limits, golden);
@@ -217,7 +219,7 @@ impl Bounds {
 
     /// Greatest |c − centre| among the contributions.
     fn spread(&self, i: usize, centre: f64) -> f64 {
-        let [low, high] = self.range[i];
+        let [low, high] = [self.range[0][i], self.range[1][i]];
         (high - centre).max(centre - low).max(0.0)
     }
 

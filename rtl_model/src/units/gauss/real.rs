@@ -20,8 +20,13 @@ impl Gauss {
 
     /// A·e^(−r/2).
     pub fn real<R: Real>(&self, radial: R, amplitude: R) -> R {
+        self.real_within(radial, amplitude, self.table_error())
+    }
+
+    /// The same, whose [`Gauss::table_error`] is known.
+    pub fn real_within<R: Real>(&self, radial: R, amplitude: R, table_error: f64) -> R {
         let index = radial.at_least(0.0).fit(&self.radial_index, Scale::ONE);
-        let falloff = index.falloff(&self.table, self.range(), self.table_error());
+        let falloff = index.falloff(&self.table, self.range(), table_error);
         (amplitude * falloff.fit(self.table.fit(), Scale::ONE)).fit(&self.weight, Scale::ONE)
     }
 }
