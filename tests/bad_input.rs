@@ -10,7 +10,7 @@ fn load(path: &Path) -> splatsim::error::Result<Scene> {
 
 fn check_sound(scene: &Scene, whose: &Path) {
     let view = scene.view();
-    assert!(view.rotation.is_finite() && view.focal_px.is_finite() && scene.camera.near > 0.0, "{whose:?}");
+    assert!(view.rotation.is_finite() && view.focal_px.into_iter().all(f64::is_finite) && scene.camera.near > 0.0, "{whose:?}");
     assert!(scene.surface.z_threshold > 0.0 && !scene.splats.is_empty(), "{whose:?}");
     for splat in &scene.splats {
         let unit = (splat.normal.length() - 1.0).abs() < 1e-12;

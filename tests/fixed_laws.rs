@@ -103,19 +103,22 @@ fn formulas_set_up(machine: &Machine, frame: &Frame) -> Ellipse {
     let eye = DVec3::from_array(view.eye.map(|bits| value(machine.project.eye, bits)));
     let t = rotation * (vector(machine.splat.position, own.position) - eye);
     let n = rotation * vector(machine.splat.normal, own.normal);
-    let focal = value(machine.project.focal, view.focal);
+    let focal = DVec2::from_array(view.focals().map(|focal| value(machine.project.focal, focal)));
     let (a, b) = (t.x / t.z, t.y / t.z);
     let k = focal * value(machine.splat.radius, i64::from(own.radius)) / t.z;
+    // Pixels that are not square stretch the disc as wide ones would, then the picture.
+    let stretch = DMat2::from_diagonal(k);
     let g = DVec2::new(n.x - a * n.z, n.y - b * n.z);
-    let disc = DMat2::from_cols_array(&[1.0 + a * a - g.x * g.x, a * b - g.x * g.y, a * b - g.x * g.y, 1.0 + b * b - g.y * g.y]) * (k * k);
+    let disc = DMat2::from_cols_array(&[1.0 + a * a - g.x * g.x, a * b - g.x * g.y, a * b - g.x * g.y, 1.0 + b * b - g.y * g.y]);
+    let disc = stretch * disc * stretch;
     let low_pass = value(machine.ellipse.low_pass, view.low_pass);
     let variance = disc + DMat2::IDENTITY * low_pass;
     let facing = n.dot(DVec3::new(a, b, 1.0));
     // For normals that are unit vectors this is det V; theirs are unit to their last place.
-    let area = k * k * facing;
+    let area = k.x * k.y * facing;
     let determinant = area * area + low_pass * (disc.col(0).x + disc.col(1).y) + low_pass * low_pass;
     let cutoff = value(machine.raster.cutoff, view.cutoff);
-    let pixel = DVec2::new(a, b) * focal;
+    let pixel = DVec2::new(a, b) * focal + DVec2::from_array(view.centre.map(|off| value(machine.project.pixel, off)));
     let extent = DVec2::new((cutoff * variance.col(0).x).sqrt(), (cutoff * variance.col(1).y).sqrt());
     let middle = DVec2::new(f64::from(frame.width) - 1.0, f64::from(frame.height) - 1.0) / 2.0;
     let (first, last) = (pixel + middle - extent, pixel + middle + extent);
@@ -128,12 +131,20 @@ fn formulas_set_up(machine: &Machine, frame: &Frame) -> Ellipse {
     }
 }
 
-/// One splat of k pixels anywhere in the picture, tilted anyhow.
-fn one_splat(rng: &mut Rng, k: f64) -> Scene {
+/// One splat of k pixels anywhere in the picture, tilted anyhow. Half of the pictures are of another lens: its axis is off the middle, and its
+/// pixels are not square where the machine draws such.
+fn one_splat(rng: &mut Rng, k: f64, machine: &Machine) -> Scene {
     let z = (3.0 * rng.roll()).exp2();
     let position = [z * rng.within(0.5), z * rng.within(0.5), z];
     let own = Splat { normal: rng.direction(), ..splat(position, k * z / 500.0) };
-    scene(512, 512, 500.0, vec![own])
+    let mut scene = scene(512, 512, 500.0, vec![own]);
+    if rng.roll() < 0.5 {
+        scene.camera.centre_px = Some([256.0 + rng.within(60.0), 256.0 + rng.within(60.0)]);
+        let other = 500.0 * 0.5_f64.powf(rng.roll());
+        let focal_px = if rng.roll() < 0.5 { [500.0, other] } else { [other, 500.0] };
+        scene.camera.focal_px = machine.ellipse.aspect.map(|_| focal_px);
+    }
+    scene
 }
 
 /// How far each word of a splat's setup may lie from the formulas: its own last places, and what one last place of the tilt
@@ -147,6 +158,7 @@ struct Tolerance {
 
 fn tolerance(machine: &Machine, frame: &Frame, ideal: &Ellipse) -> Tolerance {
     let own = &machine.ellipse;
+    // The larger of both.
     let focal = value(machine.project.focal, frame.view.focal);
     let turn = 2.0 * last_place(own.facing);
     let [xx, xy, yy] = ideal.conic;
@@ -197,7 +209,7 @@ fn worst_setup(machine: &Elaborated, [from, to]: [f64; 2]) -> Worst {
     let (mut rng, mut worst, mut drawn) = (Rng(7), Worst::default(), 0);
     for _ in 0..2000 {
         let k = from * (to / from).powf(rng.roll());
-        let frame = words(&one_splat(&mut rng, k), machine);
+        let frame = words(&one_splat(&mut rng, k, &machine.machine), machine);
         let Some(own) = machine_sets_up(machine, &frame) else { continue };
         let ideal = formulas_set_up(&machine.machine, &frame);
         worst.see(&own, &ideal, &tolerance(&machine.machine, &frame, &ideal));

@@ -116,6 +116,10 @@ struct View {
     /// Gaussians whose centres lie farther to the side than this, in half pictures, are not drawn; none where the file does not say it,
     /// and the oracle, like its models, draws them all.
     guard: Option<f64>,
+    /// Focal lengths and principal point, pixels; none where the angle of view says both.
+    lens: Option<[[f64; 2]; 2]>,
+    /// Whether what the low-pass filter widens gets fainter.
+    compensated: bool,
 }
 
 impl View {
@@ -130,24 +134,33 @@ impl View {
         (self.width as f64 / 2.0, self.height as f64 / 2.0)
     }
 
-    fn focal(&self) -> f64 {
-        self.half().1 / (self.fov_y_degrees.to_radians() / 2.0).tan()
+    /// Focal lengths and principal point.
+    fn lens(&self) -> [[f64; 2]; 2] {
+        let focal = self.half().1 / (self.fov_y_degrees.to_radians() / 2.0).tan();
+        self.lens.unwrap_or([[focal; 2], [self.half().0, self.half().1]])
     }
 
     fn scene(&self, file: &Path) -> Value {
-        let kernel = self.guard.map_or(json!({}), |guard| json!({"guard": guard}));
-        json!({
+        let mut kernel = self.guard.map_or(json!({}), |guard| json!({"guard": guard}));
+        if self.compensated {
+            kernel["compensate_opacity"] = json!(true);
+        }
+        let mut scene = json!({
             "splats": {"file": file},
             "kernel": kernel,
             "camera": {
                 "eye": self.eye.to_array(),
                 "target": self.target.to_array(),
                 "up": self.up.to_array(),
-                "fov_y_degrees": self.fov_y_degrees,
                 "near": self.near,
             },
             "image": {"width": self.width, "height": self.height, "background": self.background},
-        })
+        });
+        match self.lens {
+            Some([focal, centre]) => (scene["camera"]["focal_px"], scene["camera"]["centre_px"]) = (json!(focal), json!(centre)),
+            None => scene["camera"]["fov_y_degrees"] = json!(self.fov_y_degrees),
+        }
+        scene
     }
 }
 
@@ -176,33 +189,37 @@ fn world_covariance(gaussian: &Gaussian) -> DMat3 {
 }
 
 fn project(gaussian: &Gaussian, view: &View) -> Option<Ellipse> {
-    let (rotation, focal, (half_x, half_y)) = (view.rotation(), view.focal(), view.half());
+    let (rotation, [[fx, fy], [cx, cy]]) = (view.rotation(), view.lens());
+    // Half a picture is what lies to the farther side of the principal point.
+    let (half_x, half_y) = (cx.max(view.width as f64 - cx), cy.max(view.height as f64 - cy));
     let t = rotation * (gaussian.position - view.eye);
     if t.z <= view.near {
         return None;
     }
-    let halves = (t.x.abs() / half_x).max(t.y.abs() / half_y) * focal / t.z;
+    let halves = (fx * t.x.abs() / half_x).max(fy * t.y.abs() / half_y) / t.z;
     if view.guard.is_some_and(|guard| halves > guard) {
         return None;
     }
-    let most = |half: f64| 1.3 * half / focal;
-    let a = (t.x / t.z).clamp(-most(half_x), most(half_x));
-    let b = (t.y / t.z).clamp(-most(half_y), most(half_y));
-    let across = DVec3::new(focal / t.z, 0.0, -focal * a / t.z);
-    let along = DVec3::new(0.0, focal / t.z, -focal * b / t.z);
+    let most = |half: f64, focal: f64| 1.3 * half / focal;
+    let a = (t.x / t.z).clamp(-most(half_x, fx), most(half_x, fx));
+    let b = (t.y / t.z).clamp(-most(half_y, fy), most(half_y, fy));
+    let across = DVec3::new(fx / t.z, 0.0, -fx * a / t.z);
+    let along = DVec3::new(0.0, fy / t.z, -fy * b / t.z);
     let covariance = rotation * world_covariance(gaussian) * rotation.transpose();
     let xx = across.dot(covariance * across) + 0.3;
     let xy = across.dot(covariance * along);
     let yy = along.dot(covariance * along) + 0.3;
     let determinant = xx * yy - xy * xy;
+    let unfiltered = (xx - 0.3) * (yy - 0.3) - xy * xy;
+    let compensation = if view.compensated { (unfiltered.max(0.0) / determinant).sqrt() } else { 1.0 };
     let middle = (xx + yy) / 2.0;
     let longest = middle + (middle * middle - determinant).max(0.0).sqrt();
     Some(Ellipse {
         depth: t.z,
-        centre: (focal * t.x / t.z + half_x, focal * t.y / t.z + half_y),
+        centre: (fx * t.x / t.z + cx, fy * t.y / t.z + cy),
         reach: (2.0 * 255f64.ln() * longest).sqrt() + 1.0,
         conic: [yy / determinant, -xy / determinant, xx / determinant],
-        opacity: 1.0 / (1.0 + (-gaussian.logit).exp()),
+        opacity: compensation / (1.0 + (-gaussian.logit).exp()),
         rgb: colour(gaussian, view.eye),
     })
 }
@@ -301,6 +318,8 @@ fn a_trained_guitar_is_drawn_as_its_trainer_draws_it() {
         height: 256,
         background: [0.2, 0.5, 0.9, 0.75],
         guard: None,
+        lens: None,
+        compensated: false,
     };
     agree("whole", &file, &whole);
     // Much of the guitar is beside and behind the eye.
@@ -329,6 +348,8 @@ fn colours_of_the_third_degree_depend_on_the_eye_as_in_training() {
             height: 128,
             background: [0.0; 4],
             guard: None,
+            lens: None,
+            compensated: false,
         };
         agree(&format!("point {i}"), &file, &view);
     }
@@ -407,10 +428,39 @@ fn needles_flakes_and_giants_are_drawn_as_gsplat_draws_them() {
             height: 200,
             background: [0.9, 0.1, 0.3, 1.0],
             guard: Some(100.0),
+            lens: None,
+            compensated: false,
         };
         agree(&format!("among, degree {degree}"), &file, &among);
         let outside = View { eye: DVec3::new(9.0, 3.0, -8.0), width: 160, ..among };
         agree(&format!("guarded, degree {degree}"), &file, &View { guard: Some(8.0), ..among });
         agree(&format!("outside, degree {degree}"), &file, &outside);
     }
+}
+
+#[test]
+fn any_lens_and_compensated_opacities_are_drawn_as_gsplat_draws_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("random.ply");
+    write_random(&file, 11, 1);
+    let usual = View {
+        eye: DVec3::new(0.4, -0.7, 6.5),
+        target: DVec3::new(-0.2, 0.1, -0.3),
+        up: DVec3::new(0.2, -1.0, 0.1),
+        fov_y_degrees: 55.0,
+        near: 0.2,
+        width: 256,
+        height: 200,
+        background: [0.9, 0.1, 0.3, 1.0],
+        guard: Some(100.0),
+        lens: None,
+        compensated: false,
+    };
+    let lens = |focal: [f64; 2], centre: [f64; 2]| View { lens: Some([focal, centre]), ..usual };
+    agree("wide pixels", &file, &lens([180.0, 240.0], [128.0, 100.0]));
+    agree("high pixels", &file, &lens([240.0, 150.0], [128.0, 100.0]));
+    agree("off the middle", &file, &lens([200.0, 200.0], [90.5, 130.25]));
+    agree("a crop, whose axis is beside the picture", &file, &lens([210.0, 190.0], [-40.0, 250.0]));
+    agree("compensated", &file, &View { compensated: true, ..usual });
+    agree("compensated, any lens", &file, &View { compensated: true, ..lens([170.0, 240.0], [100.0, 120.0]) });
 }

@@ -316,7 +316,7 @@ fn scaled_kernels_are_as_wide_as_the_filter_and_emit_as_much() {
     let thinnest = scaled.ellipsoids.as_ref().unwrap().orientation(0).scales.min_element();
     let mut enlarged = 0;
     for (before, after) in convolved.splats.iter().zip(&scaled.splats) {
-        let px = |splat: &Splat| view.focal_px * splat.radius * thinnest / (view.rotation * (splat.position - view.eye)).z;
+        let px = |splat: &Splat| view.focal_px[0] * splat.radius * thinnest / (view.rotation * (splat.position - view.eye)).z;
         assert!((px(after) - px(before).max(5.0)).abs() < 1e-9, "{} {}", px(before), px(after));
         let emitted = |splat: &Splat| splat.opacity * splat.radius * splat.radius;
         assert!((emitted(after) / emitted(before) - 1.0).abs() < 1e-12);

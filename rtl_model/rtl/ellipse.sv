@@ -93,10 +93,10 @@ module ellipse #(
   wire signed [FACING_W-1:0] facing = blind ? FACING_W'(1) : some_facing;
   wire [RADIUS_W-1:0] radius = some_radius == '0 ? RADIUS_W'(1) : some_radius;
 
-  wire [SIZE_SQUARED_W-1:0] size_squared;
+  wire [3*SIZE_SQUARED_W-1:0] sizes_squared;
   wire signed [POWER_W-1:0] exponent;
   ellipse_size #(.POWER_W(POWER_W)) sizer (.frame(frame), .radius(radius), .point_exponent(point_exponent), .inverse_depth(inverse_depth),
-      .inverse_depth_exponent(inverse_depth_exponent), .size_squared(size_squared), .exponent(exponent));
+      .inverse_depth_exponent(inverse_depth_exponent), .sizes_squared(sizes_squared), .exponent(exponent));
 
   // Shape: 1 + a^2 - g_x^2 ...
   localparam int SHAPED_F = 2 * (SLOPE_F > TILT_F ? SLOPE_F : TILT_F);
@@ -129,7 +129,7 @@ module ellipse #(
   wire [2*COLUMN_W-1:0] firsts, lasts;
   ellipse_footprint #(.FACES(1), .POWER_W(POWER_W), .ROMS(ROMS)) footprint (.frame(frame),
       .cutoff(frame[machine_pkg::FRAME_CUTOFF_LSB+:machine_pkg::RASTER_CUTOFF_W]),
-      .pixels_from_middle(s_data[machine_pkg::ELLIPSE_IN_PIXEL_Y_LSB+:2*PIXEL_W]), .size_squared(size_squared), .exponent(exponent),
+      .pixels_from_middle(s_data[machine_pkg::ELLIPSE_IN_PIXEL_Y_LSB+:2*PIXEL_W]), .sizes_squared(sizes_squared), .exponent(exponent),
       .shape_xx(shape_xx), .shape_xy(shape_xy), .shape_yy(shape_yy), .faces(facing), .areas(areas), .root(root),
       .root_exponent(root_exponent), .flat(flat), .conic_xx(conic_xx), .conic_xy(conic_xy), .conic_yy(conic_yy), .firsts(firsts),
       .lasts(lasts), .outside(missed));

@@ -21,7 +21,7 @@ module ellipse_footprint #(
     // verilator lint_on UNUSEDSIGNAL
     input wire [machine_pkg::RASTER_CUTOFF_W-1:0] cutoff,                    // where the box ends
     input wire [2*machine_pkg::PROJECT_PIXEL_W-1:0] pixels_from_middle,      // centre, x in the most significant bits
-    input wire [machine_pkg::ELLIPSE_SIZE_SQUARED_W-1:0] size_squared,       // k'^2
+    input wire [3*machine_pkg::ELLIPSE_SIZE_SQUARED_W-1:0] sizes_squared,    // k'_x^2, k'_x*k'_y, k'_y^2, the first on top
     input wire signed [POWER_W-1:0] exponent,                                // e
     input wire signed [machine_pkg::ELLIPSE_SHAPE_W-1:0] shape_xx,           // the variance of size 1
     input wire signed [machine_pkg::ELLIPSE_SHAPE_W-1:0] shape_xy,           // likewise
@@ -88,9 +88,9 @@ module ellipse_footprint #(
   localparam int SPREADS_W = SPREAD_W + SPREAD_LEFT;
   localparam int FILTERED_W = LOW_PASS_W + 1 + FILTER_LEFT;
   localparam int VARIED_W = (SPREADS_W > FILTERED_W ? SPREADS_W : FILTERED_W) + 1;
-  wire signed [VARIED_W-1:0] spread_xx = $signed({1'b0, size_squared}) * shape_xx;
-  wire signed [SPREAD_W-1:0] spread_xy = $signed({1'b0, size_squared}) * shape_xy;
-  wire signed [VARIED_W-1:0] spread_yy = $signed({1'b0, size_squared}) * shape_yy;
+  wire signed [VARIED_W-1:0] spread_xx = $signed({1'b0, sizes_squared[2*SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * shape_xx;
+  wire signed [SPREAD_W-1:0] spread_xy = $signed({1'b0, sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * shape_xy;
+  wire signed [VARIED_W-1:0] spread_yy = $signed({1'b0, sizes_squared[0+:SIZE_SQUARED_W]}) * shape_yy;
   wire signed [VARIED_W-1:0] filtered = VARIED_W'($signed({1'b0, low_pass})) <<< FILTER_LEFT;
   wire signed [VARIED_W-1:0] varied_xx = (spread_xx <<< SPREAD_LEFT) + filtered, varied_yy = (spread_yy <<< SPREAD_LEFT) + filtered;
   wire [VARIANCE_W-1:0] variance_xx, variance_yy;
@@ -105,7 +105,7 @@ module ellipse_footprint #(
   // det V' = sum of area^2 + v' * tr V' - v'^2.
   for (genvar face = 0; face < FACES; face++) begin : g_area
     wire signed [FACING_W-1:0] facing = faces[face*FACING_W+:FACING_W];
-    wire signed [SIZE_SQUARED_W+FACING_W-1:0] turned = $signed({1'b0, size_squared}) * facing;
+    wire signed [SIZE_SQUARED_W+FACING_W-1:0] turned = $signed({1'b0, sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * facing;
     fit #(.IN_W(SIZE_SQUARED_W + FACING_W), .PLACES(SIZE_SQUARED_F + FACING_F - AREA_F), .W(AREA_W), .S(1),
         .ROUND(machine_pkg::ELLIPSE_AREA_ROUND), .WRAP(machine_pkg::ELLIPSE_AREA_WRAP))
         fit_area (.exact(turned), .word(areas[face*AREA_W+:AREA_W]));

@@ -1,6 +1,6 @@
 // Ellipse_plane: the depth plane of a disc. Twin of `depth_slope` in units/ellipse.rs, and of its depth_range.
 //
-//   forward ->(* 1/s)-> step ->(* 1/|c_n|)-> scale ->(* normal)-> depth_slope
+//   forward ->(* 1/s)-> step ->(* 1/|c_n|)-> scale ->(* normal)-> depth_slope, for each side of a pixel
 //   radius ->(* root_cutoff)-> depth_range
 //
 // Losses: every word is rounded; depth_slope is limited, for a grazing plane's slope has no limit.
@@ -45,25 +45,31 @@ module ellipse_plane #(
   reciprocal #(.IN_W(FACING_W), .IN_F(FACING_F), .BITS(STEEP_BITS), .TABLE_BITS(machine_pkg::ELLIPSE_SLOPE_RECIPROCAL_TABLE_BITS),
       .NEWTON_STEPS(machine_pkg::ELLIPSE_SLOPE_RECIPROCAL_NEWTON_STEPS), .ROM({ROMS, "ellipse.slope_reciprocal.hex"}))
       inverter (.x(facing_magnitude), .mantissa(steepness), .exponent(steepness_exponent));
-  wire [INVERSE_FOCAL_W-1:0] inverse_focal = frame[machine_pkg::FRAME_INVERSE_FOCAL_LSB+:INVERSE_FOCAL_W];
-  wire signed [7:0] inverse_focal_places = frame[machine_pkg::FRAME_INVERSE_FOCAL_PLACES_LSB+:8];
-  wire signed [FORWARD_W+INVERSE_FOCAL_W-1:0] stepped = forward * $signed({1'b0, inverse_focal});
-  wire [STEP_W-1:0] step, scale;
-  fit #(.IN_W(FORWARD_W + INVERSE_FOCAL_W), .PLACES(machine_pkg::PROJECT_CAMERA_F + machine_pkg::ELLIPSE_INVERSE_FOCAL_F - STEP_F),
-      .W(STEP_W), .S(0), .ROUND(machine_pkg::ELLIPSE_DEPTH_STEP_ROUND), .WRAP(machine_pkg::ELLIPSE_DEPTH_STEP_WRAP))
-      fit_step (.exact(stepped), .word(step));
-  wire signed [STEP_W+STEEP_BITS+1:0] steep = $signed({1'b0, step}) * $signed({1'b0, steepness});
-  fit #(.IN_W(STEP_W + STEEP_BITS + 2), .PLACES(STEEP_BITS), .W(STEP_W), .S(0), .ROUND(machine_pkg::ELLIPSE_DEPTH_STEP_ROUND),
-      .WRAP(machine_pkg::ELLIPSE_DEPTH_STEP_WRAP)) fit_scale (.exact(steep), .word(scale));
-  wire signed [STEP_W:0] away = facing[FACING_W-1] ? $signed({1'b0, scale}) : -$signed({1'b0, scale});
-  wire signed [STEP_W+NORMAL_W:0] leaning_x = away * normal_x, leaning_y = away * normal_y;
-  wire signed [POWER_W-1:0] leaning_more = POWER_W'(inverse_focal_places) - POWER_W'(steepness_exponent) - POWER_W'(point_exponent);
-  fit_shifted #(.IN_W(STEP_W + NORMAL_W + 1), .PLACES(STEP_F + NORMAL_F - machine_pkg::ELLIPSE_DEPTH_SLOPE_F), .MORE_W(POWER_W),
-      .W(DEPTH_SLOPE_W), .S(1), .ROUND(machine_pkg::ELLIPSE_DEPTH_SLOPE_ROUND), .WRAP(machine_pkg::ELLIPSE_DEPTH_SLOPE_WRAP))
-      fit_depth_slope_x (.exact(leaning_x), .more(leaning_more), .word(depth_slope_x));
-  fit_shifted #(.IN_W(STEP_W + NORMAL_W + 1), .PLACES(STEP_F + NORMAL_F - machine_pkg::ELLIPSE_DEPTH_SLOPE_F), .MORE_W(POWER_W),
-      .W(DEPTH_SLOPE_W), .S(1), .ROUND(machine_pkg::ELLIPSE_DEPTH_SLOPE_ROUND), .WRAP(machine_pkg::ELLIPSE_DEPTH_SLOPE_WRAP))
-      fit_depth_slope_y (.exact(leaning_y), .more(leaning_more), .word(depth_slope_y));
+  // Where all pixels are square, both registers are one, and both steps too.
+  wire [2*NORMAL_W-1:0] normal = {normal_x, normal_y};
+  wire [2*DEPTH_SLOPE_W-1:0] depth_slope;
+  for (genvar i = 0; i < 2; i++) begin : g_slope
+    wire [INVERSE_FOCAL_W-1:0] inverse_focal =
+        frame[(i == 0 ? machine_pkg::VIEW_INVERSE_FOCAL_Y_LSB : machine_pkg::VIEW_INVERSE_FOCAL_X_LSB)+:INVERSE_FOCAL_W];
+    wire signed [7:0] inverse_focal_places =
+        frame[(i == 0 ? machine_pkg::VIEW_INVERSE_FOCAL_Y_PLACES_LSB : machine_pkg::VIEW_INVERSE_FOCAL_X_PLACES_LSB)+:8];
+    wire signed [FORWARD_W+INVERSE_FOCAL_W-1:0] stepped = forward * $signed({1'b0, inverse_focal});
+    wire [STEP_W-1:0] step, scale;
+    fit #(.IN_W(FORWARD_W + INVERSE_FOCAL_W), .PLACES(machine_pkg::PROJECT_CAMERA_F + machine_pkg::ELLIPSE_INVERSE_FOCAL_F - STEP_F),
+        .W(STEP_W), .S(0), .ROUND(machine_pkg::ELLIPSE_DEPTH_STEP_ROUND), .WRAP(machine_pkg::ELLIPSE_DEPTH_STEP_WRAP))
+        fit_step (.exact(stepped), .word(step));
+    wire signed [STEP_W+STEEP_BITS+1:0] steep = $signed({1'b0, step}) * $signed({1'b0, steepness});
+    fit #(.IN_W(STEP_W + STEEP_BITS + 2), .PLACES(STEEP_BITS), .W(STEP_W), .S(0), .ROUND(machine_pkg::ELLIPSE_DEPTH_STEP_ROUND),
+        .WRAP(machine_pkg::ELLIPSE_DEPTH_STEP_WRAP)) fit_scale (.exact(steep), .word(scale));
+    wire signed [STEP_W:0] away = facing[FACING_W-1] ? $signed({1'b0, scale}) : -$signed({1'b0, scale});
+    wire signed [NORMAL_W-1:0] part = normal[i*NORMAL_W+:NORMAL_W];
+    wire signed [STEP_W+NORMAL_W:0] leaning = away * part;
+    wire signed [POWER_W-1:0] leaning_more = POWER_W'(inverse_focal_places) - POWER_W'(steepness_exponent) - POWER_W'(point_exponent);
+    fit_shifted #(.IN_W(STEP_W + NORMAL_W + 1), .PLACES(STEP_F + NORMAL_F - machine_pkg::ELLIPSE_DEPTH_SLOPE_F), .MORE_W(POWER_W),
+        .W(DEPTH_SLOPE_W), .S(1), .ROUND(machine_pkg::ELLIPSE_DEPTH_SLOPE_ROUND), .WRAP(machine_pkg::ELLIPSE_DEPTH_SLOPE_WRAP))
+        fit_depth_slope (.exact(leaning), .more(leaning_more), .word(depth_slope[i*DEPTH_SLOPE_W+:DEPTH_SLOPE_W]));
+  end
+  assign {depth_slope_x, depth_slope_y} = depth_slope;
   wire [ROOT_CUTOFF_W-1:0] root_cutoff = frame[machine_pkg::FRAME_ROOT_CUTOFF_LSB+:ROOT_CUTOFF_W];
   wire signed [RADIUS_W+ROOT_CUTOFF_W:0] deep = $signed({1'b0, radius}) * $signed({1'b0, root_cutoff});
   fit #(.IN_W(RADIUS_W + ROOT_CUTOFF_W + 1),

@@ -1,6 +1,8 @@
 // Ellipse_size: a radius in pixels, relative to a power of two near it. Twin of `size` in units/ellipse.rs.
 //
-//   radius ->(* focal)->(* 1/t_z)-> size k' = k/2^e -> k'^2
+//   radius ->(* focal)->(* 1/t_z)-> size k' = k/2^e -> k'^2 ->(* aspect)-> k'_x^2, k'_x*k'_y, k'_y^2
+//
+// The focal length is the larger of both. Where the machine draws square pixels alone, all three are k'^2.
 //
 // Losses: scaled_radius is cut by a normaliser; size and its square are rounded.
 `timescale 1ns / 1ps
@@ -9,7 +11,7 @@
 module ellipse_size #(
     parameter int POWER_W = 10 // bits of sums of two powers of two of 8 bits and a normaliser's places
 ) (
-    // Of the frame's constants the focal length alone.
+    // Of the frame's constants those of the lens alone.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,                              // constants: the view
     // verilator lint_on UNUSEDSIGNAL
@@ -17,7 +19,7 @@ module ellipse_size #(
     input wire signed [7:0] point_exponent,                                   // the power of two that its centre is relative to
     input wire [machine_pkg::PROJECT_RECIPROCAL_BITS:0] inverse_depth,        // 1/t_z
     input wire signed [7:0] inverse_depth_exponent,                           // and its power of two
-    output wire [machine_pkg::ELLIPSE_SIZE_SQUARED_W-1:0] size_squared,       // k'^2
+    output wire [3*machine_pkg::ELLIPSE_SIZE_SQUARED_W-1:0] sizes_squared,    // k'_x^2, k'_x*k'_y, k'_y^2, the first on top
     output wire signed [POWER_W-1:0] exponent                                 // e
 );
   localparam int RADIUS_W = machine_pkg::SPLAT_RADIUS_W;
@@ -30,6 +32,7 @@ module ellipse_size #(
   localparam int SIZE_SQUARED_W = machine_pkg::ELLIPSE_SIZE_SQUARED_W;
   localparam int SIZE_SQUARED_F = machine_pkg::ELLIPSE_SIZE_SQUARED_F;
 
+  wire [SIZE_SQUARED_W-1:0] size_squared;
   // Size k' = k/2^e, and e: k = scaled_radius * inverse_depth * 2^power, where the product lies in [1/2, 2].
   localparam int SCALED_W = FOCAL_W + RADIUS_W;
   localparam int SCALED_F = machine_pkg::PROJECT_FOCAL_F + machine_pkg::SPLAT_RADIUS_F;
@@ -58,6 +61,19 @@ module ellipse_size #(
   fit #(.IN_W(2 * SIZE_W + 1), .PLACES(2 * SIZE_F - SIZE_SQUARED_F), .W(SIZE_SQUARED_W), .S(0),
       .ROUND(machine_pkg::ELLIPSE_SIZE_SQUARED_ROUND), .WRAP(machine_pkg::ELLIPSE_SIZE_SQUARED_WRAP))
       fit_size_squared (.exact(squared), .word(size_squared));
+
+  localparam int ASPECT_W = machine_pkg::VIEW_ASPECT_W;
+  if (ASPECT_W > 0) begin : g_aspect
+    for (genvar i = 0; i < 3; i++) begin : g_side
+      wire [ASPECT_W-1:0] aspect = frame[machine_pkg::VIEW_ASPECT_YY_LSB+i*ASPECT_W+:ASPECT_W];
+      wire signed [SIZE_SQUARED_W+ASPECT_W:0] stretched = $signed({1'b0, size_squared}) * $signed({1'b0, aspect});
+      fit #(.IN_W(SIZE_SQUARED_W + ASPECT_W + 1), .PLACES(machine_pkg::VIEW_ASPECT_F), .W(SIZE_SQUARED_W), .S(0),
+          .ROUND(machine_pkg::ELLIPSE_SIZE_SQUARED_ROUND), .WRAP(machine_pkg::ELLIPSE_SIZE_SQUARED_WRAP))
+          fit_stretched (.exact(stretched), .word(sizes_squared[i*SIZE_SQUARED_W+:SIZE_SQUARED_W]));
+    end
+  end else begin : g_square
+    assign sizes_squared = {3{size_squared}};
+  end
 endmodule
 
 `default_nettype wire

@@ -168,10 +168,10 @@ module ellipsoid #(
   wire signed [FACING_W-1:0] facing = some_facing == '0 ? FACING_W'(1) : some_facing;
   wire [RADIUS_W-1:0] radius = some_radius == '0 ? RADIUS_W'(1) : some_radius;
 
-  wire [SIZE_SQUARED_W-1:0] size_squared;
+  wire [3*SIZE_SQUARED_W-1:0] sizes_squared;
   wire signed [POWER_W-1:0] exponent;
   ellipse_size #(.POWER_W(POWER_W)) sizer (.frame(frame), .radius(radius), .point_exponent(point_exponent), .inverse_depth(inverse_depth),
-      .inverse_depth_exponent(inverse_depth_exponent), .size_squared(size_squared), .exponent(exponent));
+      .inverse_depth_exponent(inverse_depth_exponent), .sizes_squared(sizes_squared), .exponent(exponent));
 
   // No weight counts beyond what the opacity says: the box ends there, by a table, or at the frame's cutoff.
   localparam int CUTOFF_W = machine_pkg::RASTER_CUTOFF_W;
@@ -196,7 +196,7 @@ module ellipsoid #(
   wire [CONIC_CROSS_W-1:0] conic_xy;
   wire [2*COLUMN_W-1:0] firsts, lasts;
   ellipse_footprint #(.FACES(3), .POWER_W(POWER_W), .ROMS(ROMS)) footprint (.frame(frame), .cutoff(cutoff),
-      .pixels_from_middle(s_data[machine_pkg::ELLIPSE_IN_PIXEL_Y_LSB+:2*PIXEL_W]), .size_squared(size_squared), .exponent(exponent),
+      .pixels_from_middle(s_data[machine_pkg::ELLIPSE_IN_PIXEL_Y_LSB+:2*PIXEL_W]), .sizes_squared(sizes_squared), .exponent(exponent),
       .shape_xx(shape_xx), .shape_xy(shape_xy), .shape_yy(shape_yy), .faces(faces), .areas(areas), .root(root),
       .root_exponent(root_exponent), .flat(flat), .conic_xx(conic_xx), .conic_xy(conic_xy), .conic_yy(conic_yy), .firsts(firsts),
       .lasts(lasts), .outside(missed));
@@ -215,15 +215,38 @@ module ellipsoid #(
   wire [RAY_W-1:0] ray;
   fit_shifted #(.IN_W(RAYED_W), .PLACES(2 * RAY_BITS - 1 - RAY_F), .MORE_W(9), .W(RAY_W), .S(0), .ROUND(machine_pkg::ELLIPSE_RAY_ROUND),
       .WRAP(machine_pkg::ELLIPSE_RAY_WRAP)) fit_ray (.exact(rayed), .more(-(9'(ray_exponent))), .word(ray));
-  wire signed [SIZE_SQUARED_W+RAY_W:0] thick = $signed({1'b0, size_squared}) * $signed({1'b0, ray});
+  wire signed [SIZE_SQUARED_W+RAY_W:0] thick = $signed({1'b0, sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * $signed({1'b0, ray});
   wire signed [AREA_W-1:0] along;
   fit #(.IN_W(SIZE_SQUARED_W + RAY_W + 1), .PLACES(SIZE_SQUARED_F + RAY_F - AREA_F), .W(AREA_W), .S(1),
       .ROUND(machine_pkg::ELLIPSE_AREA_ROUND), .WRAP(machine_pkg::ELLIPSE_AREA_WRAP)) fit_along (.exact(thick), .word(along));
 
+  // What the faces span together: the root of det V_r', where opacities are compensated.
+  localparam int COMPENSATION_BITS = machine_pkg::ELLIPSE_COMPENSATION_ROOT_BITS;
+  wire signed [AREA_W-1:0] spanned;
+  if (COMPENSATION_BITS > 0) begin : g_compensation
+    localparam int SPANNED_W = 2 * COMPENSATION_BITS + 3;
+    wire signed [AREA_W-1:0] area_0 = areas[2*AREA_W+:AREA_W], area_1 = areas[AREA_W+:AREA_W], area_2 = areas[0+:AREA_W];
+    wire signed [2*AREA_W+1:0] square_0 = area_0 * area_0, square_1 = area_1 * area_1, square_2 = area_2 * area_2;
+    wire [2*AREA_W+1:0] some_squares = square_0 + square_1 + square_2;
+    wire [2*AREA_W+1:0] squares = some_squares == '0 ? (2 * AREA_W + 2)'(1) : some_squares;
+    wire [COMPENSATION_BITS:0] squares_operand, squares_root;
+    wire signed [7:0] squares_exponent;
+    reciprocal_root #(.IN_W(2 * AREA_W + 2), .IN_F(2 * AREA_F), .BITS(COMPENSATION_BITS),
+        .TABLE_BITS(machine_pkg::ELLIPSE_COMPENSATION_ROOT_TABLE_BITS), .NEWTON_STEPS(machine_pkg::ELLIPSE_COMPENSATION_ROOT_NEWTON_STEPS),
+        .ROM({ROMS, "ellipse.compensation_root.hex"}))
+        rooter (.x(squares), .operand(squares_operand), .mantissa(squares_root), .exponent(squares_exponent));
+    wire signed [SPANNED_W-1:0] rooted = $signed({1'b0, squares_operand}) * $signed({1'b0, squares_root});
+    fit_shifted #(.IN_W(SPANNED_W), .PLACES(2 * COMPENSATION_BITS - 1 - AREA_F), .MORE_W(9), .W(AREA_W), .S(1),
+        .ROUND(machine_pkg::ELLIPSE_AREA_ROUND), .WRAP(machine_pkg::ELLIPSE_AREA_WRAP))
+        fit_spanned (.exact(rooted), .more(-(9'(squares_exponent))), .word(spanned));
+  end else begin : g_no_compensation
+    assign spanned = AREA_W'(0);
+  end
+
   // Amplitude.
   wire [VISIBILITY_W-1:0] visibility;
-  ellipse_visibility show (.area(flattened ? areas[0+:AREA_W] : along), .root(root), .root_exponent(root_exponent),
-      .visibility(visibility));
+  wire signed [AREA_W-1:0] seen = flattened ? $signed(areas[0+:AREA_W]) : kind == 2'd3 ? spanned : along;
+  ellipse_visibility show (.area(seen), .root(root), .root_exponent(root_exponent), .visibility(visibility));
   wire [INVERSE_TWO_PI_W-1:0] inverse_two_pi = INVERSE_TWO_PI_W'(machine_pkg::ELLIPSE_INVERSE_TWO_PI_WORD);
   wire signed [VISIBILITY_W+INVERSE_TWO_PI_W:0] shown = $signed({1'b0, visibility}) * $signed({1'b0, inverse_two_pi});
   wire [AMPLITUDE_W-1:0] of_disc;
@@ -238,7 +261,7 @@ module ellipsoid #(
       fit_weighed (.exact(weighed), .word(of_ray));
   fit #(.IN_W(ALPHA_W + 1), .PLACES(ALPHA_F - AMPLITUDE_F), .W(AMPLITUDE_W), .S(0), .ROUND(machine_pkg::ELLIPSE_AMPLITUDE_ROUND),
       .WRAP(machine_pkg::ELLIPSE_AMPLITUDE_WRAP)) fit_peak (.exact($signed({1'b0, opacity})), .word(of_peak));
-  wire [AMPLITUDE_W-1:0] amplitude = flattened ? of_disc : kind == 2'd1 ? of_ray : of_peak;
+  wire [AMPLITUDE_W-1:0] amplitude = flattened ? of_disc : kind == 2'd2 ? of_peak : of_ray;
   wire dark = amplitude == '0;
 
   // The normal in camera space.

@@ -1,7 +1,7 @@
 // Project: takes a splat's centre to camera space and to the screen. Twin of units/project.rs.
 //
 //   position ->(- eye)->[ << ]-> relative ->[ W* ]-> camera t -+->[ 1/t_z ]-> inverse_depth -+
-//                         +-> exponent -----------+            +----------------------------(*)-> slope ->(* focal)-> pixel
+//                         +-> exponent -----------+            +----------------------------(*)-> slope ->(* focal)->(+ centre)-> pixel
 //                                                 +----------->[ >> ]-> depth t_z
 //
 // t is relative to a power of two near the splat's distance from the eye, so near and far splats keep the same relative precision.
@@ -42,6 +42,7 @@ module project #(
   localparam int SLOPE_F = machine_pkg::PROJECT_SLOPE_F;
   localparam int FOCAL_W = machine_pkg::PROJECT_FOCAL_W;
   localparam int PIXEL_W = machine_pkg::PROJECT_PIXEL_W;
+  localparam int PIXEL_F = machine_pkg::PROJECT_PIXEL_F;
 
   // Position and eye with a common binary point.
   localparam int DIFFERENCE_F = POSITION_F > EYE_F ? POSITION_F : EYE_F;
@@ -51,6 +52,13 @@ module project #(
   localparam int DIFFERENCE_W = MAGNITUDE_W + 1;
   // |t| aligned with guard * t_z.
   localparam int LIMIT_W = CAMERA_W + (SLOPE_W > SLOPE_F + 1 ? SLOPE_W : SLOPE_F + 1);
+
+  // A product of focal length and slope, and the principal point, with a common binary point.
+  localparam int SCREEN_F = machine_pkg::PROJECT_FOCAL_F + SLOPE_F;
+  localparam int PLACED_F = SCREEN_F > PIXEL_F ? SCREEN_F : PIXEL_F;
+  localparam int SCREEN_LEFT = PLACED_F - SCREEN_F;
+  localparam int CENTRE_LEFT = PLACED_F - PIXEL_F;
+  localparam int PLACED_W = (FOCAL_W + SLOPE_W + SCREEN_LEFT > PIXEL_W + CENTRE_LEFT ? FOCAL_W + SLOPE_W + SCREEN_LEFT : PIXEL_W + CENTRE_LEFT) + 1;
 
   // Vectors lie as in a record: z, y, x from the last place on.
   wire signed [7:0] lead;
@@ -119,10 +127,13 @@ module project #(
         fit_slope (.exact(quotient), .more(slope_more), .word(tangent));
     assign slope[i*SLOPE_W+:SLOPE_W] = tangent;
 
-    wire signed [FOCAL_W-1+SLOPE_W:0] screen = $signed({1'b0, frame[machine_pkg::FRAME_FOCAL_LSB+:FOCAL_W]}) * tangent;
-    fit #(.IN_W(FOCAL_W + SLOPE_W), .PLACES(machine_pkg::PROJECT_FOCAL_F + SLOPE_F - machine_pkg::PROJECT_PIXEL_F), .W(PIXEL_W), .S(1),
-        .ROUND(machine_pkg::PROJECT_PIXEL_ROUND), .WRAP(machine_pkg::PROJECT_PIXEL_WRAP))
-        fit_pixel (.exact(screen), .word(pixel[i*PIXEL_W+:PIXEL_W]));
+    // Focal length and principal point of this axis, from the picture's middle.
+    wire [FOCAL_W-1:0] focal = frame[(i == 0 ? machine_pkg::VIEW_FOCAL_Y_LSB : machine_pkg::VIEW_FOCAL_X_LSB)+:FOCAL_W];
+    wire signed [PIXEL_W-1:0] centre = frame[machine_pkg::FRAME_CENTRE_Y_LSB+i*PIXEL_W+:PIXEL_W];
+    wire signed [FOCAL_W+SLOPE_W-1:0] screen = $signed({1'b0, focal}) * tangent;
+    wire signed [PLACED_W-1:0] placed = (PLACED_W'(screen) <<< SCREEN_LEFT) + (PLACED_W'(centre) <<< CENTRE_LEFT);
+    fit #(.IN_W(PLACED_W), .PLACES(PLACED_F - PIXEL_F), .W(PIXEL_W), .S(1), .ROUND(machine_pkg::PROJECT_PIXEL_ROUND),
+        .WRAP(machine_pkg::PROJECT_PIXEL_WRAP)) fit_pixel (.exact(placed), .word(pixel[i*PIXEL_W+:PIXEL_W]));
   end
   wire outside = !near && |beyond;
 

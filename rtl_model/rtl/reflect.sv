@@ -39,20 +39,27 @@ module reflect #(
   localparam int SEEN_W = machine_pkg::REFLECT_SLOPE_W;
   localparam int SEEN_F = machine_pkg::REFLECT_SLOPE_F;
   localparam int SIZE_W = machine_pkg::FRAME_WIDTH_W;
-  localparam int OFFSET_W = SIZE_W + 2;
+  localparam int PIXEL_W = machine_pkg::PROJECT_PIXEL_W;
+  localparam int PIXEL_F = machine_pkg::PROJECT_PIXEL_F;
+  localparam int MIDDLE_W = SIZE_W + 1 + PIXEL_F;
+  localparam int OFFSET_W = (MIDDLE_W > PIXEL_W ? MIDDLE_W : PIXEL_W) + 1;
   localparam int INVERSE_FOCAL_W = machine_pkg::ELLIPSE_INVERSE_FOCAL_W;
   localparam int SLOPED_W = OFFSET_W + INVERSE_FOCAL_W + 1;
-  wire [INVERSE_FOCAL_W-1:0] inverse_focal = frame[machine_pkg::FRAME_INVERSE_FOCAL_LSB+:INVERSE_FOCAL_W];
-  wire signed [7:0] inverse_focal_places = frame[machine_pkg::FRAME_INVERSE_FOCAL_PLACES_LSB+:8];
   wire [2*SIZE_W-1:0] place = {SIZE_W'(x), SIZE_W'(y)};
   wire [2*SIZE_W-1:0] size = {frame[machine_pkg::FRAME_WIDTH_LSB+:SIZE_W], frame[machine_pkg::FRAME_HEIGHT_LSB+:SIZE_W]};
   wire [3*SEEN_W-1:0] sights;
   for (genvar axis = 0; axis < 2; axis++) begin : g_slope
-    // Twice the distance from the middle.
-    wire signed [OFFSET_W-1:0] offset =
+    wire [INVERSE_FOCAL_W-1:0] inverse_focal =
+        frame[(axis == 0 ? machine_pkg::VIEW_INVERSE_FOCAL_X_LSB : machine_pkg::VIEW_INVERSE_FOCAL_Y_LSB)+:INVERSE_FOCAL_W];
+    wire signed [7:0] inverse_focal_places =
+        frame[(axis == 0 ? machine_pkg::VIEW_INVERSE_FOCAL_X_PLACES_LSB : machine_pkg::VIEW_INVERSE_FOCAL_Y_PLACES_LSB)+:8];
+    wire signed [PIXEL_W-1:0] centre = frame[(axis == 0 ? machine_pkg::FRAME_CENTRE_X_LSB : machine_pkg::FRAME_CENTRE_Y_LSB)+:PIXEL_W];
+    // Twice the distance from the middle, and the distance from the principal point.
+    wire signed [SIZE_W+1:0] twice =
         $signed({1'b0, place[(1-axis)*SIZE_W+:SIZE_W], 1'b1}) - $signed({2'b0, size[(1-axis)*SIZE_W+:SIZE_W]});
+    wire signed [OFFSET_W-1:0] offset = (OFFSET_W'(twice) <<< (PIXEL_F - 1)) - OFFSET_W'(centre);
     wire signed [SLOPED_W-1:0] sloped = offset * $signed({1'b0, inverse_focal});
-    fit_shifted #(.IN_W(SLOPED_W), .PLACES(machine_pkg::ELLIPSE_INVERSE_FOCAL_F + 1 - SEEN_F), .MORE_W(8), .W(SEEN_W), .S(1),
+    fit_shifted #(.IN_W(SLOPED_W), .PLACES(machine_pkg::ELLIPSE_INVERSE_FOCAL_F + PIXEL_F - SEEN_F), .MORE_W(8), .W(SEEN_W), .S(1),
         .ROUND(machine_pkg::REFLECT_SLOPE_ROUND), .WRAP(machine_pkg::REFLECT_SLOPE_WRAP))
         sloper (.exact(sloped), .more(inverse_focal_places), .word(sights[(2-axis)*SEEN_W+:SEEN_W]));
   end

@@ -150,7 +150,7 @@ impl Constants {
     pub fn registers(&self, name: &str) -> Option<(Port, Vec<Record>)> {
         let described = ports::constants(&self.machine, Kind::of(&self.frame));
         let stream = described.into_iter().find(|stream| stream.name == name)?;
-        let (_, records) = constant_records(&self.frame).into_iter().find(|(other, _)| *other == name)?;
+        let (_, records) = constant_records(&self.machine.machine, &self.frame).into_iter().find(|(other, _)| *other == name)?;
         Some((Port::new(stream), records))
     }
 

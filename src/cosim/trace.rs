@@ -343,7 +343,8 @@ impl Window {
             let count = frame.lighting.materials.len();
             return Err(Error::input(format!("the scene has {count} materials, but a record's index has {} bits", ports::MATERIAL_BITS)));
         }
-        let places = [frame.view.inverse_focal.places, frame.inverse_threshold.places];
+        let [across, down] = frame.view.inverse_focals().map(|inverse| inverse.places);
+        let places = [frame.view.inverse_focal.places, across, down, frame.inverse_threshold.places];
         if places.iter().any(|places| i8::try_from(*places).is_err()) {
             return Err(Error::input(
                 "the focal length or the coverage threshold lies beyond 2^±127, and records have 8 bits for that power",
@@ -476,7 +477,7 @@ impl Folder<'_> {
     }
 
     fn constants(&self) -> Result<Vec<Value>> {
-        let records = transfers::constants(self.frame);
+        let records = transfers::constants(&self.machine.machine, self.frame);
         let described = ports::constants(self.machine, Kind::of(self.frame));
         let of = |(stream, (_, records)): (&Stream, &(&str, Vec<Vec<i64>>))| {
             let layout = Layout::new(stream);

@@ -50,16 +50,16 @@ struct Disc {
     variance: f64,
     /// Variance of the low-pass filter, pixel².
     low_pass: f64,
-    /// Focal length and the picture's middle, pixels.
-    focal_px: f64,
-    middle_px: [f64; 2],
+    /// What sees it.
+    view: View,
 }
 
 impl Disc {
     /// What it gives to the pixel with this centre: the ray meets the plane at x = s·d, where a pixel is as large as ∂x, and the filter of
     /// variance r² + v·∂x ∂xᵀ is as high as its area is small.
     fn contribution(&self, pixel: [f64; 2]) -> Option<Contribution> {
-        let ray = DVec3::new((pixel[0] - self.middle_px[0]) / self.focal_px, (pixel[1] - self.middle_px[1]) / self.focal_px, 1.0);
+        let [a, b] = self.view.slopes(pixel);
+        let ray = DVec3::new(a, b, 1.0);
         let along = self.normal.dot(ray);
         let depth = self.normal.dot(self.position) / along;
         // Behind the eye, or along the plane.
@@ -69,8 +69,9 @@ impl Disc {
         let offset = depth * ray - self.position;
         let (u, v) = self.normal.any_orthonormal_pair();
         // ∂x/∂px: as the ray turns, s changes too, for x stays on the plane.
-        let step = |axis: DVec3| depth / self.focal_px * (axis - ray * (self.normal.dot(axis) / along));
-        let [right, down] = [step(DVec3::X), step(DVec3::Y)].map(|step| [step.dot(u), step.dot(v)]);
+        let step = |axis: DVec3, focal_px: f64| depth / focal_px * (axis - ray * (self.normal.dot(axis) / along));
+        let [fx, fy] = self.view.focal_px;
+        let [right, down] = [step(DVec3::X, fx), step(DVec3::Y, fy)].map(|step| [step.dot(u), step.dot(v)]);
         let term = |i: usize, j: usize| self.low_pass * (right[i] * right[j] + down[i] * down[j]);
         let [v00, v01, v11] = [self.variance + term(0, 0), term(0, 1), self.variance + term(1, 1)];
         // v·|∂x|² and what it adds to the square of r²: no difference of products.
@@ -93,8 +94,8 @@ impl Disc {
             return [f64::INFINITY; 2];
         }
         let filter = (cutoff * self.low_pass).sqrt();
-        [self.position.x, self.position.y].map(|side| {
-            let of_disc = self.focal_px * radius * (1.0 + side.abs() / self.position.z) / nearest;
+        [(self.position.x, self.view.focal_px[0]), (self.position.y, self.view.focal_px[1])].map(|(side, focal_px)| {
+            let of_disc = focal_px * radius * (1.0 + side.abs() / self.position.z) / nearest;
             // Towards the horizon a pixel's filter reaches farther than at the disc itself.
             of_disc + 4.0 * filter + 1.0
         })
@@ -129,28 +130,29 @@ struct Variance {
 }
 
 impl Variance {
-    /// `V_r = k² ([1+a², ab; ab, 1+b²] − g gᵀ)` and `det V_r = k⁴ c_n²`; `ray` is `(a, b, 1)`.
-    fn of_disc(k: f64, ray: DVec3, normal: DVec3) -> Self {
+    /// `V_r = K ([1+a², ab; ab, 1+b²] − g gᵀ) K` and `det V_r = (k_x k_y c_n)²`, where `K` is the diagonal matrix of the radius in pixels
+    /// along x and y; `ray` is `(a, b, 1)`.
+    fn of_disc([kx, ky]: [f64; 2], ray: DVec3, normal: DVec3) -> Self {
         let g = [normal.x - ray.x * normal.z, normal.y - ray.y * normal.z];
-        let (k2, c_n) = (k * k, normal.dot(ray));
+        let c_n = normal.dot(ray);
         Variance {
             entries: [
                 // Seen edge-on, rounding may leave less than nothing on the diagonal.
-                (k2 * (1.0 + ray.x * ray.x - g[0] * g[0])).max(0.0),
-                k2 * (ray.x * ray.y - g[0] * g[1]),
-                (k2 * (1.0 + ray.y * ray.y - g[1] * g[1])).max(0.0),
+                (kx * kx * (1.0 + ray.x * ray.x - g[0] * g[0])).max(0.0),
+                kx * ky * (ray.x * ray.y - g[0] * g[1]),
+                (ky * ky * (1.0 + ray.y * ray.y - g[1] * g[1])).max(0.0),
             ],
-            determinant: (k2 * c_n) * (k2 * c_n),
+            determinant: (kx * ky * c_n) * (kx * ky * c_n),
         }
     }
 
-    /// `J V Jᵀ` of an ellipsoid with these half-axes, for a plane at distance 1 times `scale`; `ray` is `(a, b, 1)`.
-    fn of_ellipsoid(scale: f64, ray: DVec3, half_axes: DMat3) -> Self {
-        let (across, down) = (DVec3::new(1.0, 0.0, -ray.x) * scale, DVec3::new(0.0, 1.0, -ray.y) * scale);
+    /// `J V Jᵀ` of an ellipsoid with these half-axes, for a plane at distance 1 times `kx` and `ky`; `ray` is `(a, b, 1)`.
+    fn of_ellipsoid([kx, ky]: [f64; 2], ray: DVec3, half_axes: DMat3) -> Self {
+        let (across, down) = (DVec3::new(1.0, 0.0, -ray.x) * kx, DVec3::new(0.0, 1.0, -ray.y) * ky);
         let covariance = half_axes * half_axes.transpose();
         // Half-axes are columns; what two of them span is as large on the screen as their cross product along the ray.
         let [x, y, z] = [half_axes.x_axis, half_axes.y_axis, half_axes.z_axis];
-        let spans = [y.cross(z), z.cross(x), x.cross(y)].map(|span| (scale * scale * span.dot(ray)).powi(2));
+        let spans = [y.cross(z), z.cross(x), x.cross(y)].map(|span| (kx * ky * span.dot(ray)).powi(2));
         Variance {
             entries: [across.dot(covariance * across).max(0.0), across.dot(covariance * down), down.dot(covariance * down).max(0.0)],
             determinant: spans.iter().sum(),
@@ -194,7 +196,7 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
     let mut normal = view.rotation * splat.normal;
     // The plane that depth is taken from.
     let mut plane = normal;
-    let k = view.focal_px * splat.radius / t.z;
+    let k = view.focal_px.map(|focal_px| focal_px * splat.radius / t.z);
     let reconstruction = match &scene.ellipsoids {
         None => Variance::of_disc(k, ray, normal),
         Some(ellipsoids) => {
@@ -215,11 +217,10 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
         z_reach: splat.radius * cutoff.sqrt(),
         variance: splat.radius * splat.radius,
         low_pass: scene.kernel.low_pass,
-        focal_px: view.focal_px,
-        middle_px: view.half_px,
+        view: *view,
     });
     let variance = reconstruction.low_passed(scene.kernel.low_pass);
-    let centre = [0, 1].map(|axis| view.focal_px * ray[axis] + view.half_px[axis]);
+    let centre = [0, 1].map(|axis| view.focal_px[axis] * ray[axis] + view.centre_px[axis]);
     let is_peak = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
     let box_cutoff = if is_peak { cutoff.min(counts_within(splat.opacity, least_weight)) } else { cutoff };
     let reach = [variance.entries[0], variance.entries[2]].map(|entry| (box_cutoff * entry).sqrt());
@@ -233,10 +234,11 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
             match ellipsoids.amplitude {
                 Amplitude::Disc => {
                     let scales = ellipsoids.orientation(index).scales;
-                    k * k * (scales.x * scales.y * plane.dot(ray)).abs() / variance.determinant.sqrt() / TAU
+                    k[0] * k[1] * (scales.x * scales.y * plane.dot(ray)).abs() / variance.determinant.sqrt() / TAU
                 }
                 // |J| over the root of what the filter leaves of the footprint's area (EWA (33)).
-                Amplitude::LineIntegral => splat.opacity * k * k * ray.length() / variance.determinant.sqrt(),
+                Amplitude::LineIntegral => splat.opacity * k[0] * k[1] * ray.length() / variance.determinant.sqrt(),
+                Amplitude::Peak if scene.compensates() => splat.opacity * (reconstruction.determinant / variance.determinant).sqrt(),
                 Amplitude::Peak => splat.opacity,
             }
         }
@@ -246,7 +248,7 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
     let is_ellipse = amplitude.is_finite() && conic.iter().all(|entry| entry.is_finite());
     let (amplitude, conic) = if is_ellipse { (amplitude, conic) } else { (0.0, [0.0; 3]) };
     let is_flat = scene.ellipsoids.as_ref().is_none_or(|ellipsoids| ellipsoids.amplitude == Amplitude::Disc);
-    let beyond = |axis: usize| ray[axis].abs() > scene.kernel.guard * view.half_px[axis] / view.focal_px;
+    let beyond = |axis: usize| ray[axis].abs() > view.slope(axis, scene.kernel.guard);
     // Coordinates near the end of their range overflow to something that is no number.
     let cull = if t.z <= scene.camera.near || t.z.is_nan() {
         Some(Cull::Near)
@@ -277,7 +279,7 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
         conic,
         amplitude,
         z: t.z,
-        slope: if is_flat { [plane.x, plane.y].map(|n| -t.z * n / (c_n * view.focal_px)) } else { [0.0; 2] },
+        slope: if is_flat { [0, 1].map(|axis| -t.z * plane[axis] / (c_n * view.focal_px[axis])) } else { [0.0; 2] },
         z_reach: if is_flat { splat.radius * cutoff.sqrt() } else { 0.0 },
         cutoff,
         least_weight,
@@ -299,7 +301,7 @@ fn counts_within(opacity: f64, least_weight: f64) -> f64 {
 
 /// The ray as the Jacobian has it.
 fn clamped(ray: DVec3, scene: &Scene, view: &View) -> DVec3 {
-    let limit = [0, 1].map(|axis| scene.kernel.jacobian * view.half_px[axis] / view.focal_px);
+    let limit = [0, 1].map(|axis| view.slope(axis, scene.kernel.jacobian));
     DVec3::new(ray.x.clamp(-limit[0], limit[0]), ray.y.clamp(-limit[1], limit[1]), 1.0)
 }
 
@@ -433,8 +435,8 @@ mod tests {
         /// `V00·V11 − V01²` against `k⁴c_n² + v·tr V_r + v²`, where the first does not cancel: the low-pass filter bounds
         /// the aspect of an ellipse by its size.
         #[test]
-        fn both_routes_to_the_determinant_agree(k in 0.01_f64..100.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit(), v in 0.5_f64..2.0) {
-            let variance = Variance::of_disc(k, DVec3::new(a, b, 1.0), normal).low_passed(v);
+        fn both_routes_to_the_determinant_agree(k in 0.01_f64..100.0, ratio in 0.5_f64..2.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit(), v in 0.5_f64..2.0) {
+            let variance = Variance::of_disc([k, ratio * k], DVec3::new(a, b, 1.0), normal).low_passed(v);
             let [v00, v01, v11] = variance.entries;
             let difference = v00 * v11 - v01 * v01;
             prop_assert!((variance.determinant / difference - 1.0).abs() < 1e-9);
@@ -442,10 +444,10 @@ mod tests {
 
         /// The disc's own determinant, seen no more than 80 degrees from the front.
         #[test]
-        fn the_determinant_of_a_disc_is_a_square(k in 0.01_f64..100.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit()) {
+        fn the_determinant_of_a_disc_is_a_square(k in 0.01_f64..100.0, ratio in 0.5_f64..2.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit()) {
             let ray = DVec3::new(a, b, 1.0);
             prop_assume!(normal.dot(ray).abs() > 0.17);
-            let variance = Variance::of_disc(k, ray, normal);
+            let variance = Variance::of_disc([k, ratio * k], ray, normal);
             let [v00, v01, v11] = variance.entries;
             prop_assert!(((v00 * v11 - v01 * v01) / variance.determinant - 1.0).abs() < 1e-9);
         }
@@ -454,9 +456,9 @@ mod tests {
     /// The same variance as SS writes it: with a tangent basis and the Jacobian of the projection.
     #[test]
     fn the_variance_is_that_of_two_projected_tangents() {
-        let (k, ray, normal) = (3.0, DVec3::new(0.4, -0.7, 1.0), DVec3::new(2.0, -1.0, -2.0) / 3.0);
+        let (k, ray, normal) = ([3.0, 2.5], DVec3::new(0.4, -0.7, 1.0), DVec3::new(2.0, -1.0, -2.0) / 3.0);
         let (u, v) = normal.any_orthonormal_pair();
-        let project = |tangent: DVec3| [k * (tangent.x - ray.x * tangent.z), k * (tangent.y - ray.y * tangent.z)];
+        let project = |tangent: DVec3| [k[0] * (tangent.x - ray.x * tangent.z), k[1] * (tangent.y - ray.y * tangent.z)];
         let (u, v) = (project(u), project(v));
         let expected = [u[0] * u[0] + v[0] * v[0], u[0] * u[1] + v[0] * v[1], u[1] * u[1] + v[1] * v[1]];
         for (entry, expected) in Variance::of_disc(k, ray, normal).entries.iter().zip(expected) {

@@ -72,7 +72,9 @@ pub(crate) struct Surroundings {
     environment: Arc<Environment>,
     /// World → camera.
     rotation: DMat3,
-    focal_px: f64,
+    focal_px: [f64; 2],
+    /// The principal point from the picture's middle, pixels.
+    centre_px: [f64; 2],
     /// A machine's map.
     map: Option<(Reflection, Vec<[f64; 3]>)>,
 }
@@ -83,7 +85,7 @@ impl Surroundings {
         let environment = scene.environment.clone()?;
         let view = scene.view();
         let map = way.map(|way| (way, octahedral(&environment, view.rotation, way.index_bits)));
-        Some(Surroundings { environment, rotation: view.rotation, focal_px: view.focal_px, map })
+        Some(Surroundings { environment, rotation: view.rotation, focal_px: view.focal_px, centre_px: view.off_middle_px(), map })
     }
 
     /// The colour that leaves a material of this colour, where its unit normal is this in camera space; `at` is the pixel's centre from the
@@ -108,7 +110,8 @@ impl Surroundings {
     /// The ray that is mirrored, and where it goes.
     fn direction(&self, at: [f64; 2], normal: DVec3) -> (DVec3, DVec3) {
         let along_axis = self.map.as_ref().is_some_and(|(way, _)| !way.by_ray);
-        let ray = if along_axis { DVec3::Z } else { DVec3::new(at[0] / self.focal_px, at[1] / self.focal_px, 1.0) };
+        let slope = |axis: usize| (at[axis] - self.centre_px[axis]) / self.focal_px[axis];
+        let ray = if along_axis { DVec3::Z } else { DVec3::new(slope(0), slope(1), 1.0) };
         (ray, reflected(ray, normal))
     }
 

@@ -261,19 +261,41 @@ impl Registers<'_> {
         let (p, e, raster) = (self.machine.project, self.machine.ellipse, self.machine.raster);
         let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
         // Beyond what the slope's word holds nothing could be drawn: there the guard band ends.
-        let guard = |half_px: f64| quantised(p.slope, scene.kernel.guard * half_px / view.focal_px);
+        let focal_px = view.longest_focal_px();
         frame::View {
             rotation: std::array::from_fn(|row| view.rotation.row(row).to_array().map(|x| quantised(p.rotation, x))),
             eye: eye.to_array().map(|x| self.hold("project.eye", p.eye, x)),
             near: quantised(p.depth, scene.camera.near * scale.factor()).max(0),
-            guard: view.half_px.map(guard),
-            focal: self.hold("project.focal", p.focal, view.focal_px),
-            inverse_focal: scaled(e.inverse_focal, 1.0 / view.focal_px),
+            guard: [0, 1].map(|axis| quantised(p.slope, view.slope(axis, scene.kernel.guard))),
+            focal: self.hold("project.focal", p.focal, focal_px),
+            inverse_focal: scaled(e.inverse_focal, 1.0 / focal_px),
+            centre: view.off_middle_px().map(|off| self.hold("project.pixel", p.pixel, off)),
+            aspect: self.aspect(view),
             low_pass: self.hold("ellipse.low_pass", e.low_pass, scene.kernel.low_pass),
             cutoff: self.cutoff(raster.cutoff, scene.kernel.cutoff),
             root_cutoff: self.hold("ellipse.root_cutoff", e.root_cutoff, scene.kernel.cutoff.sqrt()),
             cull_backfaces: scene.surface.cull_backfaces,
         }
+    }
+
+    /// Registers of pixels that are not square.
+    fn aspect(&mut self, view: &View) -> Option<frame::Aspect> {
+        let (focal_px, squares) = (view.focal_px, view.aspect()?);
+        let (p, e) = (self.machine.project, self.machine.ellipse);
+        let Some(word) = e.aspect else {
+            let [x, y] = focal_px;
+            self.refuse(format!(
+                "it draws square pixels alone, and the camera's focal lengths are {x} and {y} pixels: `--set ellipse.aspect=U1F{}` gives it \
+                 the registers",
+                e.size_squared.format.width().clamp(1, 26)
+            ));
+            return None;
+        };
+        Some(frame::Aspect {
+            focal: focal_px.map(|focal_px| self.hold("project.focal", p.focal, focal_px)),
+            inverse_focal: focal_px.map(|focal_px| scaled(e.inverse_focal, 1.0 / focal_px)),
+            squares: squares.map(|square| self.hold("ellipse.aspect", word, square)),
+        })
     }
 
     /// The cutoff, which the table must reach too.
@@ -315,6 +337,13 @@ impl Registers<'_> {
         if ellipsoids.sorted && machine.sort.is_none() {
             self.refuse("it has no `sort`, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
         }
+        if scene.compensates() && words.compensation_root.is_none() {
+            self.refuse(
+                "it has no `ellipse.ellipsoid.compensation_root`, and these Gaussians' opacities are compensated for the low-pass filter: \
+                 `--machine gaussian` has one, or `kernel.compensate_opacity` of the scene may be false"
+                    .into(),
+            );
+        }
         let scales = |scales: DVec3| scales.to_array().map(|scale| quantised(words.scale, scale));
         let (least_opacity, reach) = scene.least_opacity().map_or((0, Vec::new()), |least| {
             // A weight of 0 never counts.
@@ -335,9 +364,10 @@ impl Registers<'_> {
                 amplitude: match ellipsoids.amplitude {
                     Amplitude::Disc => frame::Amplitude::Disc,
                     Amplitude::LineIntegral => frame::Amplitude::LineIntegral,
+                    Amplitude::Peak if scene.compensates() => frame::Amplitude::Compensated,
                     Amplitude::Peak => frame::Amplitude::Peak,
                 },
-                jacobian: view.half_px.map(|half_px| quantised(machine.project.slope, scene.kernel.jacobian * half_px / view.focal_px)),
+                jacobian: [0, 1].map(|axis| quantised(machine.project.slope, view.slope(axis, scene.kernel.jacobian))),
                 axes: [turned.x_axis, turned.y_axis, turned.z_axis]
                     .map(|axis| axis.to_array().map(|part| quantised(machine.ellipse.normal, part))),
                 scales: scales(ellipsoids.orientations[0].scales),

@@ -28,7 +28,7 @@ use rtl_model::units::shade::reflect::real::{Mirror, Surroundings};
 use std::f64::consts::TAU;
 
 /// The words that the machine is given: the splat's record, and what a frame loads.
-pub const INPUTS: [&str; 28] = [
+pub const INPUTS: [&str; 30] = [
     "splat.position",
     "splat.normal",
     "splat.radius",
@@ -39,7 +39,9 @@ pub const INPUTS: [&str; 28] = [
     "project.depth",
     "project.slope",
     "project.focal",
+    "project.pixel",
     "ellipse.inverse_focal",
+    "ellipse.aspect",
     "ellipse.low_pass",
     "ellipse.root_cutoff",
     "ellipse.inverse_two_pi",
@@ -199,19 +201,37 @@ impl Registers<'_> {
         let (held, scale) = (&quantised.frame.view, &quantised.scale);
         let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
         let (kernel, near) = (&scene.kernel, scene.camera.near * scale.factor());
-        let guard = |axis: usize| hold.hold("project.slope", kernel.guard * view.half_px[axis] / view.focal_px, p.slope, held.guard[axis]);
+        let guard = |axis: usize| hold.hold("project.slope", view.slope(axis, kernel.guard), p.slope, held.guard[axis]);
+        let (focals, focal_px) = (held.focals(), view.longest_focal_px());
+        let squares = view.aspect().zip(held.aspect).zip(e.aspect);
         real::View {
             rotation: [0, 1, 2].map(|row| vector(hold, "project.rotation", view.rotation.row(row), p.rotation, held.rotation[row])),
             eye: vector(hold, "project.eye", eye, p.eye, held.eye),
             near: hold.hold("project.depth", near, p.depth, held.near),
             guard: [guard(0), guard(1)],
-            focal: hold.hold("project.focal", view.focal_px, p.focal, held.focal),
-            inverse_focal: hold.hold_scaled("ellipse.inverse_focal", 1.0 / view.focal_px, e.inverse_focal, held.inverse_focal),
+            focal: hold.hold("project.focal", focal_px, p.focal, held.focal),
+            focals: [0, 1].map(|axis| hold.hold("project.focal", view.focal_px[axis], p.focal, focals[axis])),
+            inverse_focals: self.inverse_focals(hold),
+            centre: self.centre(hold),
+            aspect: squares
+                .map(|((exact, held), word)| [0, 1, 2].map(|i| hold.hold("ellipse.aspect", exact[i], word, held.squares[i]))),
             low_pass: hold.hold("ellipse.low_pass", kernel.low_pass, e.low_pass, held.low_pass),
             cutoff: hold.hold("raster.cutoff", kernel.cutoff, raster.cutoff, held.cutoff),
             root_cutoff: hold.hold("ellipse.root_cutoff", kernel.cutoff.sqrt(), e.root_cutoff, held.root_cutoff),
             inverse_two_pi: hold.hold("ellipse.inverse_two_pi", 1.0 / TAU, e.inverse_two_pi, constant(e.inverse_two_pi, 1.0 / TAU)),
         }
+    }
+
+    /// 1/s_x, 1/s_y.
+    fn inverse_focals<H: Hold>(&self, hold: &H) -> [H::Real; 2] {
+        let (word, held) = (self.machine.machine.ellipse.inverse_focal, self.quantised.frame.view.inverse_focals());
+        [0, 1].map(|axis| hold.hold_scaled("ellipse.inverse_focal", 1.0 / self.eye.focal_px[axis], word, held[axis]))
+    }
+
+    /// Principal point from the picture's middle, pixels.
+    fn centre<H: Hold>(&self, hold: &H) -> [H::Real; 2] {
+        let (exact, word, held) = (self.eye.off_middle_px(), self.machine.machine.project.pixel, self.quantised.frame.view.centre);
+        [0, 1].map(|axis| hold.hold("project.pixel", exact[axis], word, held[axis]))
     }
 
     /// A splat's record; lengths in machine units.
@@ -236,7 +256,7 @@ impl Registers<'_> {
         let (m, kernel) = (&self.machine.machine, &frame.kernel);
         let words = m.ellipse.ellipsoid.as_ref()?;
         let limit = |axis: usize| {
-            let exact = self.scene.kernel.jacobian * self.eye.half_px[axis] / self.eye.focal_px;
+            let exact = self.eye.slope(axis, self.scene.kernel.jacobian);
             hold.hold("project.slope", exact, m.project.slope, kernel.jacobian[axis])
         };
         let of = exact.orientation(index);
@@ -328,11 +348,10 @@ impl Registers<'_> {
             mirrored: [0, 1, 2].map(|i| reflectance(exact.reflect * exact.tint[i], held.mirrored[i])),
             is_dull: exact.reflect == 0.0,
         };
-        let (inverse, word, held_inverse) =
-            (1.0 / self.eye.focal_px, machine.ellipse.inverse_focal, self.quantised.frame.view.inverse_focal);
         Some(Surroundings {
             mirrors: environment.mirrors.iter().zip(&held.mirrors).map(mirror).collect(),
-            inverse_focal: hold.hold_scaled("ellipse.inverse_focal", inverse, word, held_inverse),
+            inverse_focals: self.inverse_focals(hold),
+            centre: self.centre(hold),
             map: unit.real_map(self.quantised.texels.clone(), &held.texels),
         })
     }

@@ -120,9 +120,10 @@ impl Camera {
             return *self;
         }
         let view = self.view(image);
-        let pixel = (self.target - self.eye).length() / view.focal_px;
+        let distance = (self.target - self.eye).length();
         // Evenly spread over the pixel: multiples of the plastic number's inverse and of its square.
-        let [x, y] = [0.754_877_666_247, 0.569_840_290_998].map(|step| ((nth as f64 * step).fract() - 0.5) * pixel);
+        let [x, y] = [(0.754_877_666_247, view.focal_px[0]), (0.569_840_290_998, view.focal_px[1])]
+            .map(|(step, focal_px)| ((nth as f64 * step).fract() - 0.5) * (distance / focal_px));
         let by = view.rotation.row(0) * x + view.rotation.row(1) * y;
         Camera { eye: self.eye + by, target: self.target + by, ..*self }
     }

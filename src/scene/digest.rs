@@ -1,6 +1,6 @@
 //! Digest: names a text, or all that is drawn of a scene, by its SHA-256.
 
-use super::{Ellipsoids, Filter, Kernel, Orientation, Scene, Sheet, Sheets, Splat};
+use super::{Camera, Ellipsoids, Filter, Kernel, Orientation, Scene, Sheet, Sheets, Splat};
 use crate::output::text::hex;
 use sha2::{Digest, Sha256};
 
@@ -30,13 +30,22 @@ pub fn digest_of(scene: &Scene) -> String {
         detail,
     } = scene;
     let mut sha = Sha256::new();
-    let Kernel { cutoff, low_pass, guard, jacobian, filter } = kernel;
+    let Kernel { cutoff, low_pass, guard, jacobian, filter, compensate_opacity } = kernel;
     let mut kernel = format!("Kernel {{ cutoff: {cutoff:?}, low_pass: {low_pass:?}, guard: {guard:?}, jacobian: {jacobian:?} }}");
+    if *compensate_opacity {
+        kernel += "compensated";
+    }
     // The papers' own is said by no word: scenes keep their digests.
     if *filter != Filter::Ewa {
         kernel += &format!("{filter:?}");
     }
-    sha.update(format!("{camera:?}{image:?}{kernel}{surface:?}{lights:?}{materials:?}"));
+    let Camera { eye, target, up, fov_y_degrees, near, focal_px, centre_px, picture_px } = camera;
+    let angle = format!("fov_y_degrees: {fov_y_degrees:?}");
+    let mut camera = format!("Camera {{ eye: {eye:?}, target: {target:?}, up: {up:?}, {angle}, near: {near:?} }}");
+    if focal_px.or(*centre_px).is_some() {
+        camera += &format!("{focal_px:?}{centre_px:?}{picture_px:?}");
+    }
+    sha.update(format!("{camera}{image:?}{kernel}{surface:?}{lights:?}{materials:?}"));
     if let Some(Ellipsoids { orientations, amplitude, preshaded, sorted, harmonics }) = ellipsoids {
         sha.update(format!("{amplitude:?}{preshaded}{sorted}"));
         // It changes no picture, but what is read.

@@ -372,7 +372,7 @@ struct SplatFields {
     material: u32,
 }
 
-#[derive(Deserialize, JsonSchema, Clone)]
+#[derive(Deserialize, JsonSchema, Clone, Default)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct CameraFields {
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
@@ -383,9 +383,20 @@ pub(super) struct CameraFields {
     /// What is up in the picture; left out: y (for Gaussians −y), or z where the eye looks along y.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     up: Option<[f64; 3]>,
-    /// Full vertical angle of view. Narrower than the least, f64 has no use for the picture's coordinates.
+    /// Full vertical angle of view; left out, 45, or what `focal_px` means. Narrower than the least, the picture's coordinates leave f64.
     #[schemars(range(min = 1e-6), extend("exclusiveMaximum" = 180))]
-    fov_y_degrees: f64,
+    fov_y_degrees: Option<f64>,
+    /// Focal lengths along x and y, pixels of a picture of `picture_px`. Two different ones are pixels that are not square.
+    #[schemars(inner(range(min = 1e-3, max = 1e9)))]
+    focal_px: Option<[f64; 2]>,
+    /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from its top left corner (x to the right, y
+    /// down; the centre of the first pixel is 0.5, 0.5). Left out, the middle.
+    #[schemars(inner(range(min = -1e6, max = 1e6)))]
+    centre_px: Option<[f64; 2]>,
+    /// Width and height that `focal_px` and `centre_px` refer to; left out, `image`. A picture of another size (`--size`) shows the same
+    /// view: each axis is scaled on its own.
+    #[schemars(inner(range(min = 1, max = 1e6)))]
+    picture_px: Option<[f64; 2]>,
     /// Splats whose centres lie at or nearer than this depth are not drawn, Gaussians too; left out: a thousandth of the way to the target.
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
     near: Option<f64>,
@@ -448,7 +459,7 @@ pub(super) struct KeyFields {
 impl KeyFields {
     fn camera(&self) -> CameraFields {
         let &KeyFields { at: _, eye, target, up, fov_y_degrees, near } = self;
-        CameraFields { eye, target, up, fov_y_degrees, near }
+        CameraFields { eye, target, up, fov_y_degrees: Some(fov_y_degrees), near, ..CameraFields::default() }
     }
 }
 
@@ -489,6 +500,10 @@ struct KernelFields {
     /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3, which makes none of them fainter: opacity is at the peak.
     #[schemars(range(min = 0, max = 1e6))]
     low_pass: Option<f64>,
+    /// Whether a Gaussian is made fainter by as much as the low-pass filter widens it: its peak is opacity · √(det V_r/det V), which Gaussians
+    /// trained with Mip-Splatting's filter expect. Discs and volumes always have that factor. Left out, what the file of the Gaussians says
+    /// (`comment SplatRenderMode: mip` of a PLY, the flag of a `.spz`), else false.
+    compensate_opacity: Option<bool>,
     /// How a volume's kernels are filtered.
     low_pass_by: LowPass,
     /// What is drawn of a splat; others than the papers' are for comparison.
@@ -670,12 +685,6 @@ fn white() -> [f64; 3] {
     [1.0; 3]
 }
 
-impl Default for CameraFields {
-    fn default() -> Self {
-        CameraFields { eye: None, target: None, up: None, fov_y_degrees: usual_fov(), near: None }
-    }
-}
-
 impl Default for ImageFields {
     fn default() -> Self {
         ImageFields { width: 512, height: 512, background: [0.0; 4] }
@@ -687,6 +696,7 @@ impl Default for KernelFields {
         KernelFields {
             cutoff: None,
             low_pass: None,
+            compensate_opacity: None,
             low_pass_by: LowPass::Convolution,
             filter: FilterField::Ewa,
             guard: None,
@@ -816,6 +826,9 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
     if fields.kernel.filter == FilterField::Elliptical && fields.kernel.low_pass.is_some_and(|variance| variance > 0.0) {
         return Err(input_error("kernel.filter is \"elliptical\", which has no low-pass filter, and kernel.low_pass is not 0".into()));
     }
+    if fields.kernel.compensate_opacity == Some(true) && ![Kind::Gaussians, Kind::Mixed].contains(&kind) {
+        return Err(input_error("kernel.compensate_opacity is true, and discs and volumes have that factor already; it is for Gaussians".into()));
+    }
     let of_discs = [FilterField::Circular, FilterField::SourceEwa];
     if of_discs.contains(&fields.kernel.filter) && !gathered.media.is_empty() {
         let name = if fields.kernel.filter == FilterField::Circular { "circular" } else { "source-ewa" };
@@ -914,6 +927,7 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
             FilterField::Circular => Filter::Circular,
             FilterField::SourceEwa => Filter::SourceEwa,
         },
+        compensate_opacity: fields.compensate_opacity.unwrap_or(false),
         guard: fields.guard.unwrap_or(guard),
         jacobian: fields.jacobian,
     }
@@ -1606,7 +1620,8 @@ impl SceneFields {
 
     /// A camera a frame.
     fn seen_by(&self, up: DVec3, image: &Image, splats: &[Splat]) -> std::result::Result<Vec<Camera>, String> {
-        let complete = |fields: &CameraFields, whose: &str| camera(fields, whose, up, image, splats);
+        let picture = [self.image.width as f64, self.image.height as f64];
+        let complete = |fields: &CameraFields, whose: &str| camera(fields, whose, up, (image, picture), splats);
         if let Some(cameras) = &self.cameras {
             return cameras.iter().enumerate().map(|(i, fields)| complete(fields, &format!("cameras[{i}]"))).collect();
         }
@@ -1622,9 +1637,37 @@ impl SceneFields {
     }
 }
 
-/// Completes a camera; `whose` begins every complaint.
-fn camera(fields: &CameraFields, whose: &str, usual_up: DVec3, image: &Image, splats: &[Splat]) -> std::result::Result<Camera, String> {
-    let (eye, target) = eye_and_target(fields, image, splats);
+/// How far two angles of view may differ that mean the same, as a part of one.
+const SAME_ANGLE: f64 = 1e-6;
+
+/// Completes a camera; `whose` begins every complaint. A picture of the scene is an `image`, which may be larger or smaller than the `picture`
+/// that the scene file has.
+fn camera(
+    fields: &CameraFields,
+    whose: &str,
+    usual_up: DVec3,
+    (image, picture): (&Image, [f64; 2]),
+    splats: &[Splat],
+) -> std::result::Result<Camera, String> {
+    let &CameraFields { focal_px, centre_px, picture_px, .. } = fields;
+    let has_lens = focal_px.is_some() || centre_px.is_some();
+    if picture_px.is_some() && !has_lens {
+        return Err(format!("{whose}.picture_px is the size that focal_px and centre_px refer to, and neither is given"));
+    }
+    let picture_px = has_lens.then(|| picture_px.unwrap_or(picture));
+    let meant = focal_px.zip(picture_px).map(|([_, fy], [_, height])| 2.0 * libm::atan(height / 2.0 / fy).to_degrees());
+    if let (Some(angle), Some(meant)) = (fields.fov_y_degrees, meant)
+        && (angle / meant - 1.0).abs() > SAME_ANGLE
+    {
+        return Err(format!("{whose} has fov_y_degrees {angle} and a focal_px that means {meant}; one of both is enough"));
+    }
+    let fov_y_degrees = meant.or(fields.fov_y_degrees).unwrap_or_else(usual_fov);
+    // Tangents of half the angles of view, across to down.
+    let aspect = match (focal_px, picture_px) {
+        (Some([fx, fy]), Some([width, height])) => width * fy / (fx * height),
+        _ => image.width as f64 / image.height as f64,
+    };
+    let (eye, target) = eye_and_target(fields, fov_y_degrees, aspect, splats);
     let distance = (target - eye).length();
     let forward = (target - eye) / distance;
     let up = match fields.up {
@@ -1633,19 +1676,18 @@ fn camera(fields: &CameraFields, whose: &str, usual_up: DVec3, image: &Image, sp
         None => usual_up,
     };
     let near = fields.near.unwrap_or(distance * NEAR_OF_DISTANCE);
-    let camera = Camera { eye, target, up, fov_y_degrees: fields.fov_y_degrees, near };
+    let camera = Camera { eye, target, up, fov_y_degrees, near, focal_px, centre_px, picture_px };
     camera.check("", &format!("{whose}.")).map(|()| camera)
 }
 
-fn eye_and_target(fields: &CameraFields, image: &Image, splats: &[Splat]) -> (DVec3, DVec3) {
+fn eye_and_target(fields: &CameraFields, fov_y_degrees: f64, aspect: f64, splats: &[Splat]) -> (DVec3, DVec3) {
     let [eye, target] = [fields.eye, fields.target].map(|point| point.map(DVec3::from_array));
     if let (Some(eye), Some(target)) = (eye, target) {
         return (eye, target);
     }
     let ball = Ball::around(splats);
     let target = target.unwrap_or(ball.centre);
-    let aspect = image.width as f64 / image.height as f64;
-    (eye.unwrap_or_else(|| target + ball.way_to_eye(fields.fov_y_degrees, aspect)), target)
+    (eye.unwrap_or_else(|| target + ball.way_to_eye(fov_y_degrees, aspect)), target)
 }
 
 fn lights(fields: Option<Vec<LightFields>>, camera: &Camera) -> std::result::Result<Vec<Light>, String> {

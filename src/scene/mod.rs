@@ -85,10 +85,20 @@ pub struct Camera {
     #[serde(serialize_with = "camera::as_array", deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub up: DVec3,
-    /// Full vertical angle of view, degrees, in (0, 180).
+    /// Full vertical angle of view, degrees, in (0, 180). Where `focal_px` is given, the angle that it means.
     pub fov_y_degrees: f64,
     /// Splats at or nearer than this depth are culled, world units, > 0.
     pub near: f64,
+    /// Focal lengths along x and y, pixels of a picture of `picture_px`; left out, both follow from `fov_y_degrees`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub focal_px: Option<[f64; 2]>,
+    /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from its top left corner; left out, its middle.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub centre_px: Option<[f64; 2]>,
+    /// Width and height that `focal_px` and `centre_px` refer to: a picture of another size shows the same view. Left out, those of the
+    /// picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub picture_px: Option<[f64; 2]>,
 }
 
 /// The picture to make.
@@ -118,6 +128,8 @@ pub struct Kernel {
     pub jacobian: f64,
     /// What is drawn of a splat: for comparison, other filters than the papers'.
     pub filter: Filter,
+    /// Opacities of Gaussians are made smaller by as much as the low-pass filter widens them.
+    pub compensate_opacity: bool,
 }
 
 /// How a splat is filtered (SS Fig. 8). Splats without a low-pass filter are [`Filter::Ewa`] with a variance of 0.
@@ -306,10 +318,42 @@ pub struct View {
     pub rotation: DMat3,
     /// World position of the eye.
     pub eye: DVec3,
-    /// `s`: pixels per unit of `t_x/t_z` (docs/book/algorithm.md §1).
-    pub focal_px: f64,
+    /// Pixels per unit of `t_x/t_z` and of `t_y/t_z` (docs/book/algorithm.md §1): `s`, where both are equal.
+    pub focal_px: [f64; 2],
     /// Half the picture's width and height, pixels.
     pub half_px: [f64; 2],
+    /// Principal point, pixels from the picture's top left corner: `half_px` unless the camera says otherwise.
+    pub centre_px: [f64; 2],
+}
+
+impl View {
+    /// The larger of both focal lengths.
+    pub fn longest_focal_px(&self) -> f64 {
+        self.focal_px[0].max(self.focal_px[1])
+    }
+
+    /// Slope `t_x/t_z`, or `t_y/t_z`, of a ray so many half pictures from the principal point, where half a picture reaches to the side
+    /// that is farther from that point.
+    pub fn slope(&self, axis: usize, half_pictures: f64) -> f64 {
+        let [centre, size] = [self.centre_px[axis], 2.0 * self.half_px[axis]];
+        half_pictures * centre.max(size - centre) / self.focal_px[axis]
+    }
+
+    /// Principal point from the picture's middle, pixels.
+    pub fn off_middle_px(&self) -> [f64; 2] {
+        [0, 1].map(|axis| self.centre_px[axis] - self.half_px[axis])
+    }
+
+    /// Squares and product of both focal lengths, xx, xy and yy, relative to the square of the larger; none where pixels are square.
+    pub fn aspect(&self) -> Option<[f64; 3]> {
+        let [x, y] = self.focal_px.map(|focal_px| focal_px / self.longest_focal_px());
+        (x != y).then_some([x * x, x * y, y * y])
+    }
+
+    /// Slopes `t_x/t_z` and `t_y/t_z` of the ray through a point of the picture, pixels from its top left corner.
+    pub fn slopes(&self, at_px: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|axis| (at_px[axis] - self.centre_px[axis]) / self.focal_px[axis])
+    }
 }
 
 impl Scene {
@@ -393,6 +437,11 @@ impl Scene {
         Some(self.least_weight()).filter(|least| is_peak && *least > 0.0)
     }
 
+    /// Whether a peak is its splat's opacity times √(det V_r/det V).
+    pub fn compensates(&self) -> bool {
+        self.kernel.compensate_opacity && self.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak)
+    }
+
     /// The viewing transform (docs/book/algorithm.md §1): `t = rotation · (p − eye)`.
     pub fn view(&self) -> View {
         self.camera.view(&self.image)
@@ -405,12 +454,17 @@ impl Camera {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(self.up).normalize();
         let down = forward.cross(right);
-        let half_px = [image.width as f64 / 2.0, image.height as f64 / 2.0];
+        let size_px = [image.width as f64, image.height as f64];
+        let half_px = size_px.map(|side| side / 2.0);
+        // Pixels of the picture for one of that which the lengths refer to.
+        let scale = self.picture_px.map_or([1.0; 2], |[width, height]| [size_px[0] / width, size_px[1] / height]);
+        let scaled = |px: [f64; 2]| [px[0] * scale[0], px[1] * scale[1]];
         View {
             rotation: DMat3::from_cols(right, down, forward).transpose(),
             eye: self.eye,
-            focal_px: half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0),
+            focal_px: self.focal_px.map_or([half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0); 2], scaled),
             half_px,
+            centre_px: self.centre_px.map_or(half_px, scaled),
         }
     }
 }

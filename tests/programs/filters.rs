@@ -59,10 +59,10 @@ fn board(focal_px: f64) -> Vec<Splat> {
 fn scene() -> Result<Scene> {
     let mut scene = Scene::load("checkerboard", &Overrides::default())?;
     scene.image = Image { width: WIDTH, height: HEIGHT, background: BACKGROUND, encoded: false };
-    scene.camera = Camera { eye: DVec3::Y, target: DVec3::new(0.0, 1.0, 1.0), up: DVec3::Y, fov_y_degrees: FOV_Y, near: 0.01 };
+    scene.camera = Camera { eye: DVec3::Y, target: DVec3::new(0.0, 1.0, 1.0), up: DVec3::Y, fov_y_degrees: FOV_Y, near: 0.01, ..scene.camera };
     scene.materials = vec![Material::Unlit];
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (100.0, 1e-3);
-    scene.splats = board(scene.view().focal_px);
+    scene.splats = board(scene.view().focal_px[0]);
     Ok(scene)
 }
 
@@ -125,7 +125,7 @@ fn main() -> Result<()> {
         return draw(&path, &folder);
     }
     let scene = scene()?;
-    let focal_px = scene.view().focal_px;
+    let focal_px = scene.view().focal_px[0];
     // A field is four pixels high, and two fields two pixels: below the horizon by these.
     let below = |field_px: f64| HEIGHT / 2 + (field_px * focal_px / FIELD).sqrt() as usize;
     let last = HEIGHT / 2 + (focal_px / DEPTHS[1]).ceil() as usize + 4;

@@ -168,7 +168,7 @@ pub fn jumps(scene: &Scene, layers: usize) -> Vec<f64> {
     let frames: Vec<Vec<Rendering>> = (0..FRAMES)
         .map(|frame| {
             let mut scene = scene.clone();
-            let turn = STEP_PX * frame as f64 / scene.view().focal_px;
+            let turn = STEP_PX * frame as f64 / scene.view().focal_px[0];
             let camera = &mut scene.camera;
             camera.target = camera.eye + DQuat::from_axis_angle(camera.up.normalize(), turn) * (camera.target - camera.eye);
             let sorted = near_first(scene.clone());

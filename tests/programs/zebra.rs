@@ -86,7 +86,8 @@ fn loaded(folder: &Path, splats: &serde_json::Value, low_pass: f64, by: &str) ->
 /// Where a pixel's ray meets the plane of this height; none above the horizon.
 fn meets(scene: &Scene, x: f64, y: f64, height: f64) -> Option<DVec3> {
     let view = scene.view();
-    let way = view.rotation.transpose() * DVec3::new((x - view.half_px[0]) / view.focal_px, (y - view.half_px[1]) / view.focal_px, 1.0);
+    let [a, b] = view.slopes([x, y]);
+    let way = view.rotation.transpose() * DVec3::new(a, b, 1.0);
     let along = (height - view.eye.z) / way.z;
     (along > 0.0).then(|| view.eye + way * along)
 }

@@ -28,6 +28,17 @@ pub struct Scaled {
     pub places: i64,
 }
 
+/// Registers of pixels that are not square: s_x and s_y instead of s.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Aspect {
+    /// s_x, s_y (`project.focal`).
+    pub focal: [i64; 2],
+    /// 1/s_x, 1/s_y (`ellipse.inverse_focal`).
+    pub inverse_focal: [Scaled; 2],
+    /// s_x², s_x·s_y and s_y², relative to s² (`ellipse.aspect`).
+    pub squares: [i64; 3],
+}
+
 /// The viewing registers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct View {
@@ -39,10 +50,14 @@ pub struct View {
     pub near: i64,
     /// Greatest |a| and |b| (`project.slope`).
     pub guard: [i64; 2],
-    /// s (`project.focal`).
+    /// s (`project.focal`); of pixels that are not square the larger of both.
     pub focal: i64,
     /// 1/s (`ellipse.inverse_focal`).
     pub inverse_focal: Scaled,
+    /// Principal point from the picture's middle (`project.pixel`).
+    pub centre: [i64; 2],
+    /// What pixels that are not square add; none where they are square.
+    pub aspect: Option<Aspect>,
     /// Variance of the low-pass filter (`ellipse.low_pass`).
     pub low_pass: i64,
     /// Cutoff (`raster.cutoff`).
@@ -51,6 +66,23 @@ pub struct View {
     pub root_cutoff: i64,
     /// Drop splats that face away.
     pub cull_backfaces: bool,
+}
+
+impl View {
+    /// s_x, s_y.
+    pub fn focals(&self) -> [i64; 2] {
+        self.aspect.map_or([self.focal; 2], |aspect| aspect.focal)
+    }
+
+    /// s_x², s_x·s_y and s_y² relative to s², in words of which this one is 1.
+    pub fn squares(&self, one: i64) -> [i64; 3] {
+        self.aspect.map_or([one; 3], |aspect| aspect.squares)
+    }
+
+    /// 1/s_x, 1/s_y.
+    pub fn inverse_focals(&self) -> [Scaled; 2] {
+        self.aspect.map_or([self.inverse_focal; 2], |aspect| aspect.inverse_focal)
+    }
 }
 
 /// A light, in camera space.
@@ -117,6 +149,8 @@ pub enum Amplitude {
     LineIntegral,
     /// The opacity itself, at the peak.
     Peak,
+    /// The opacity at the peak, less what the low-pass filter widens: times √(det V_r/det V).
+    Compensated,
 }
 
 /// Registers that all ellipsoids of a frame have in common.

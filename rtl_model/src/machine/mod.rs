@@ -112,7 +112,7 @@ pub struct Project {
     pub slope: Word,
     /// s, pixels.
     pub focal: Word,
-    /// Position on the screen from its middle, pixels.
+    /// Position on the screen from its middle, pixels; and the principal point from there.
     pub pixel: Word,
 }
 
@@ -126,12 +126,15 @@ pub struct Ellipse {
     pub tilt: Word,
     /// c_n = n·(a, b, 1).
     pub facing: Word,
-    /// s·σ, normalised to [1, 2).
+    /// s·σ, normalised to [1, 2). Of pixels that are not square s is the larger focal length.
     pub scaled_radius: Word,
     /// k' = k/2^e, the radius on the screen.
     pub size: Word,
-    /// k'².
+    /// k'², and its products with `aspect`.
     pub size_squared: Word,
+    /// s_x², s_x·s_y and s_y² relative to s², for pixels that are not square; left out, the machine draws square ones alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aspect: Option<Word>,
     /// [1+a², ab; ab, 1+b²] − ggᵀ.
     pub shape: Word,
     /// v/4^e.
@@ -193,6 +196,9 @@ pub struct Ellipsoid {
     pub ray: Word,
     /// √(1 + a² + b²).
     pub ray_root: FunctionUnit,
+    /// √(det V_r), for opacities that are compensated for the low-pass filter; left out, the machine compensates none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub compensation_root: Option<FunctionUnit>,
     /// The table of cutoffs by opacity, for boxes of splats whose weights count from some least one on, has 2^this words, 1 to 12; left
     /// out, every box is that of the frame's cutoff.
     #[serde(default, skip_serializing_if = "Option::is_none")]

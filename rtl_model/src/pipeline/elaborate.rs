@@ -60,6 +60,11 @@ impl Elaborated {
         self.ellipse.ray_root()
     }
 
+    /// √(det V_r) of `ellipse`, `ellipse.compensation_root`, if it compensates opacities.
+    pub fn compensation_root(&self) -> Option<&ReciprocalRoot> {
+        self.ellipse.compensation_root()
+    }
+
     /// The cutoff (`raster.cutoff`) of an ellipsoid's box, from its opacity.
     pub fn box_cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
         self.ellipse.box_cutoff(view, kernel, opacity)

@@ -236,6 +236,8 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
         .word("low_pass", "ellipse.low_pass", l.low_pass)
         .word("cutoff", "raster.cutoff", m.raster.cutoff)
         .word("root_cutoff", "ellipse.root_cutoff", l.root_cutoff)
+        .words(&["centre_x", "centre_y"], "project.pixel", p.pixel);
+    let frame = aspect(frame, m)
         .naturals(&["cull_backfaces"], 1)
         .word("z_threshold", "fragment.depth", m.fragment.depth)
         .word("coverage_threshold", "fragment.weight_sum", m.fragment.weight_sum)
@@ -264,6 +266,19 @@ pub fn asks_for_pixel(m: &Machine, kind: Kind) -> bool {
 fn mirrored(material: Stream, m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.mirrors, &m.reflect) else { return material };
     material.words(&["kept", "mirrored_r", "mirrored_g", "mirrored_b"], "reflect.reflectance", words.reflectance)
+}
+
+/// Registers of pixels that are not square; none where the machine draws square ones alone.
+fn aspect(frame: Stream, m: &Machine) -> Stream {
+    let Some(word) = m.ellipse.aspect else { return frame };
+    let inverse = m.ellipse.inverse_focal;
+    frame
+        .words(&["focal_x", "focal_y"], "project.focal", m.project.focal)
+        .word("inverse_focal_x", "ellipse.inverse_focal", inverse)
+        .exponent("inverse_focal_x_places")
+        .word("inverse_focal_y", "ellipse.inverse_focal", inverse)
+        .exponent("inverse_focal_y_places")
+        .words(&["aspect_xx", "aspect_xy", "aspect_yy"], "ellipse.aspect", word)
 }
 
 /// Registers that all ellipsoids have in common.

@@ -30,10 +30,16 @@ pub struct View<R> {
     pub near: R,
     /// Greatest |a| and |b|.
     pub guard: [R; 2],
-    /// s.
+    /// s; of pixels that are not square the larger of both.
     pub focal: R,
-    /// 1/s.
-    pub inverse_focal: R,
+    /// s_x, s_y.
+    pub focals: [R; 2],
+    /// 1/s_x, 1/s_y.
+    pub inverse_focals: [R; 2],
+    /// Principal point from the picture's middle, pixels.
+    pub centre: [R; 2],
+    /// s_x², s_x·s_y and s_y², relative to s²; none where pixels are square.
+    pub aspect: Option<[R; 3]>,
     /// Variance of the low-pass filter.
     pub low_pass: R,
     /// Cutoff.

@@ -2,8 +2,8 @@
 //! "setup").
 //!
 //! ```text
-//! radius ─►(× s)─►(× 1/t_z)─► size k' = k/2^e ──► k'² ─┬────────────────────────►(×)─► variance V' ─┬─► extent ─► box
-//! normal ─►[ W·n ]─┬─► tilt g ─►[ 1+a² … − ggᵀ ]─► shape ┘             low_pass v/4^e ──(+)─┘       │
+//! radius ─►(× s)─►(× 1/t_z)─► size k' = k/2^e ─►(× aspect)─► k'² ─┬─────────────►(×)─► variance V' ─┬─► extent ─► box
+//! normal ─►[ W·n ]─┬─► tilt g ─►[ 1+a² … − ggᵀ ]─► shape ────────┘  low_pass v/4^e ──(+)─┘          │
 //!                  ├─► facing c_n ─► area k'²·c_n ─► determinant ─►[ 1/√ ]─┬─► inverse ─►(×)────────┴─► conic
 //!                  │     └─►[ 1/|c_n| ]─► depth_slope                      └─► visibility ─► amplitude
 //!                  └─►[ −n where n_z > 0 ]─► normal of the fragments
@@ -13,6 +13,9 @@
 //! det V' = area² + v'·tr V' − v'²: the three terms of docs/book/algorithm.md §3 with v'·tr V_r' + v'² gathered, none of which can go
 //! negative.
 //!
+//! Where pixels are not square, k'² is three words: k'_x², k'_x·k'_y and k'_y², each k'² times a register (`aspect`) of at most 1, for k' is
+//! that of the larger focal length; and the depth slopes come of a step each. Where they are square the registers are 1 and change no bit.
+//!
 //! Losses: every word is rounded to nearest, but `scaled_radius`, which a normaliser cuts; `extent` gets one more place than it
 //! needs, so the box never loses a pixel to rounding; `depth_slope` is clamped, for a grazing plane's slope has no limit and
 //! the depth clamp (`depth_range`) rules there.
@@ -21,7 +24,7 @@
 
 use crate::elaboration::latency::{PRODUCT, Path};
 use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator};
-use crate::frame::View;
+use crate::frame::{Scaled, View};
 use crate::functions::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
 use crate::functions::{Reciprocal, ReciprocalRoot, square_root};
 use crate::machine::Machine;
@@ -101,6 +104,7 @@ pub fn path(machine: &Machine) -> Path {
         .product(bits(m.tilt), bits(m.tilt))
         .sum(2 * bits(m.tilt))
         .fit(bits(m.shape))
+        .beside(size_path(machine))
         .product(bits(m.size_squared), bits(m.shape))
         .sum(bits(m.size_squared) + bits(m.shape))
         .fit(bits(m.variance))
@@ -121,6 +125,22 @@ pub fn path(machine: &Machine) -> Path {
         .wait(PRODUCT)
 }
 
+/// Way of a size: focal length, normalise, 1/t_z, square, aspect.
+fn size_path(machine: &Machine) -> Path {
+    let (m, p) = (&machine.ellipse, &machine.project);
+    let bits = |word: Word| word.format.width();
+    let squared = Path::default()
+        .product(bits(p.focal), bits(machine.splat.radius))
+        .normalise(bits(p.focal) + bits(machine.splat.radius))
+        .fit(bits(m.scaled_radius))
+        .product(bits(m.scaled_radius), p.reciprocal.bits.min(64) as i32)
+        .shift(bits(m.size))
+        .fit(bits(m.size))
+        .product(bits(m.size), bits(m.size))
+        .fit(bits(m.size_squared));
+    m.aspect.map_or(squared, |aspect| squared.product(bits(m.size_squared), bits(aspect)).fit(bits(m.size_squared)))
+}
+
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Ellipse {
@@ -132,6 +152,8 @@ pub struct Ellipse {
     scaled_radius: Fit,
     size: Fit,
     size_squared: Fit,
+    /// Products of `size_squared` and `aspect`; none where all pixels are square.
+    stretched: Option<Fit>,
     shape: Fit,
     low_pass: Fit,
     variance: Fit,
@@ -257,6 +279,15 @@ impl Ellipse {
         let size = e.fit_shifted(UNIT, "size", m.size, sized);
         let squared = e.times(UNIT, m.size, m.size);
         let size_squared = e.fit(UNIT, "size_squared", m.size_squared, squared);
+        let stretched = m.aspect.map(|aspect| {
+            e.port(UNIT, "aspect", aspect);
+            e.signedness(UNIT, "aspect", aspect, false);
+            e.holds_one(UNIT, "aspect", aspect);
+            e.copies(3, |e| {
+                let product = e.times(UNIT, m.size_squared, aspect);
+                e.fit(UNIT, "size_squared", m.size_squared, product)
+            })
+        });
 
         let one = Exact { int_bits: 1, frac_bits: 0 };
         let shape = e.copies(3, |e| {
@@ -325,10 +356,16 @@ impl Ellipse {
 
         e.normaliser(UNIT, m.facing.format.width());
         let slope_reciprocal = Reciprocal::new(e, UNIT, "slope_reciprocal", m.slope_reciprocal, m.facing.format.frac_bits);
-        let step = e.times(UNIT, p.camera, m.inverse_focal);
-        let depth_step = e.fit(UNIT, "depth_step", m.depth_step, step);
-        let steep = e.times(UNIT, m.depth_step, m.slope_reciprocal.format());
-        let slope_scale = e.fit(UNIT, "depth_step", m.depth_step, steep);
+        // One for each side of a pixel.
+        let steps = if m.aspect.is_some() { 2 } else { 1 };
+        let depth_step = e.copies(steps, |e| {
+            let step = e.times(UNIT, p.camera, m.inverse_focal);
+            e.fit(UNIT, "depth_step", m.depth_step, step)
+        });
+        let slope_scale = e.copies(steps, |e| {
+            let steep = e.times(UNIT, m.depth_step, m.slope_reciprocal.format());
+            e.fit(UNIT, "depth_step", m.depth_step, steep)
+        });
         let depth_slope = e.copies(2, |e| {
             let leaning = e.times(UNIT, m.depth_step, m.normal);
             e.fit_shifted(UNIT, "depth_slope", m.depth_slope, leaning)
@@ -367,6 +404,7 @@ impl Ellipse {
             scaled_radius,
             size,
             size_squared,
+            stretched,
             shape,
             low_pass,
             variance,
@@ -408,6 +446,11 @@ impl Ellipse {
     /// |(a, b, 1)|.
     pub fn ray_root(&self) -> Option<&ReciprocalRoot> {
         self.ellipsoids.as_ref().map(Ellipsoids::ray_root)
+    }
+
+    /// √(det V_r).
+    pub fn compensation_root(&self) -> Option<&ReciprocalRoot> {
+        self.ellipsoids.as_ref().and_then(Ellipsoids::compensation_root)
     }
 
     /// 1/c_n.
@@ -459,7 +502,7 @@ impl Ellipse {
         view: &View,
         size_px: [u32; 2],
         pixel: [W; 2],
-        (size_squared, exponent): (W, W),
+        (size_squared, exponent): ([W; 3], W),
         (shape, faces): ([W; 3], [W; FACES]),
         amplitude: impl FnOnce([W; FACES], &Scientific<W>, &mut Tap<P>) -> W,
         tap: &mut Tap<P>,
@@ -468,7 +511,7 @@ impl Ellipse {
         let variance = self.variance(shape, size_squared, low_pass, tap);
         let mut areas = faces;
         for area in &mut areas {
-            *area = tap.fit_words(&self.area, size_squared * *area);
+            *area = tap.fit_words(&self.area, size_squared[1] * *area);
         }
         let determinant = self.determinant(areas, variance, low_pass, tap);
         let flat = W::Exact::splat(1).above(determinant);
@@ -516,9 +559,9 @@ impl Ellipse {
         (tilt, tap.fit_words(&self.facing, a * n[0] + b * n[1] + z))
     }
 
-    /// k'² and e.
+    /// k'_x², k'_x·k'_y, k'_y², and e.
     #[inline(always)]
-    fn size<W: Words, P: Probe>(&self, view: &View, radius: W, input: &Input<W>, tap: &mut Tap<P>) -> (W, W) {
+    fn size<W: Words, P: Probe>(&self, view: &View, radius: W, input: &Input<W>, tap: &mut Tap<P>) -> ([W; 3], W) {
         let scaled = (W::splat(view.focal) * radius).max(W::Exact::splat(1));
         let lead = scaled.leading_zeros() - W::splat(2);
         let mantissa = tap.fit_top(&self.scaled_radius, scaled.left_by(lead));
@@ -528,7 +571,12 @@ impl Ellipse {
         let power = inverse_depth.exponent - input.exponent + W::splat(floor) - lead;
         let exponent = (power + W::splat(1)).max(W::splat(0));
         let size = tap.fit_shifted(&self.size, mantissa * inverse_depth.mantissa, exponent - power);
-        (tap.fit_words(&self.size_squared, size * size), exponent)
+        let squared = tap.fit_words(&self.size_squared, size * size);
+        let squares = match (view.aspect, &self.stretched) {
+            (Some(aspect), Some(fit)) => three!(i => tap.fit_words(fit, squared * W::splat(aspect.squares[i]))),
+            _ => [squared; 3],
+        };
+        (squares, exponent)
     }
 
     /// [1+a² … − ggᵀ].
@@ -546,13 +594,13 @@ impl Ellipse {
 
     /// V00', V01', V11'.
     #[inline(always)]
-    fn variance<W: Words, P: Probe>(&self, [xx, xy, yy]: [W; 3], size_squared: W, low_pass: W, tap: &mut Tap<P>) -> [W; 3] {
+    fn variance<W: Words, P: Probe>(&self, [xx, xy, yy]: [W; 3], size_squared: [W; 3], low_pass: W, tap: &mut Tap<P>) -> [W; 3] {
         let [spread, filter] = self.places.variance;
         let low_pass = low_pass.exact().left(filter);
         [
-            tap.fit_words(&self.variance, (size_squared * xx).left(spread) + low_pass),
-            tap.fit_words(&self.variance_cross, size_squared * xy),
-            tap.fit_words(&self.variance, (size_squared * yy).left(spread) + low_pass),
+            tap.fit_words(&self.variance, (size_squared[0] * xx).left(spread) + low_pass),
+            tap.fit_words(&self.variance_cross, size_squared[1] * xy),
+            tap.fit_words(&self.variance, (size_squared[2] * yy).left(spread) + low_pass),
         ]
     }
 
@@ -605,11 +653,16 @@ impl Ellipse {
     #[inline(always)]
     fn depth_slope<W: Words, P: Probe>(&self, view: &View, input: &Input<W>, n: [W; 3], facing: W, tap: &mut Tap<P>) -> [W; 2] {
         let inverse = self.slope_reciprocal.lanes(facing.exact().abs(), tap);
-        let step = tap.fit_words(&self.depth_step, input.forward * W::splat(view.inverse_focal.mantissa));
-        let scale = tap.fit_words(&self.slope_scale, step * inverse.mantissa);
-        let away = scale.where_else(W::splat(0).above(facing), -scale);
-        let more = W::splat(view.inverse_focal.places) - inverse.exponent - input.exponent;
-        [tap.fit_shifted(&self.depth_slope, away * n[0], more), tap.fit_shifted(&self.depth_slope, away * n[1], more)]
+        let scale = |inverse_focal: Scaled, tap: &mut Tap<P>| {
+            let step = tap.fit_words(&self.depth_step, input.forward * W::splat(inverse_focal.mantissa));
+            let scale = tap.fit_words(&self.slope_scale, step * inverse.mantissa);
+            let away = scale.where_else(W::splat(0).above(facing), -scale);
+            (away, W::splat(inverse_focal.places) - inverse.exponent - input.exponent)
+        };
+        let across = scale(view.inverse_focals()[0], tap);
+        // Of square pixels it is the same step.
+        let down = view.aspect.map_or(across, |aspect| scale(aspect.inverse_focal[1], tap));
+        [tap.fit_shifted(&self.depth_slope, across.0 * n[0], across.1), tap.fit_shifted(&self.depth_slope, down.0 * n[1], down.1)]
     }
 }
 

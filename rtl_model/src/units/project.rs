@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! position ─►(− eye)─►[ << ]─► relative ─►[ W· ]─► camera t ─┬─►[ 1/t_z ]─► inverse_depth ─┐
-//!                       └─► exponent ──────────────┐         ├────────────────────────────(×)─► slope (a, b) ─►(× s)─► pixel
+//!                       └─► exponent ──────────────┐         ├────────────────────────────(×)─► slope (a, b) ─►(× s)─►(+ centre)─► pixel
 //!                                                  └────────►[ >> ]─► depth t_z
 //! ```
 //! Each splat picks a power of two near its own distance from the eye, and t is relative to it: the quotients a and b do not
@@ -51,6 +51,7 @@ pub fn path(machine: &Machine) -> Path {
         .product(bits(m.camera), reciprocal)
         .shift(bits(m.slope))
         .fit(bits(m.slope))
+        // The principal point is one more row of the product's tree.
         .product(bits(m.focal), bits(m.slope))
         .fit(bits(m.pixel))
 }
@@ -68,6 +69,8 @@ pub struct Project {
     align: [u32; 2],
     difference_frac_bits: i64,
     slope_frac_bits: u32,
+    /// Left shifts that align s·a and the principal point.
+    screen_align: [u32; 2],
 }
 
 /// Output port, eight splats.
@@ -152,8 +155,10 @@ impl Project {
         }
         let pixel = e.copies(2, |e| {
             let screen = e.times(UNIT, m.focal, m.slope);
-            e.fit(UNIT, "pixel", m.pixel, screen)
+            let from_middle = e.sum(UNIT, [screen, m.pixel.into()]);
+            e.fit(UNIT, "pixel", m.pixel, from_middle)
         });
+        let screen_frac_bits = m.focal.format.frac_bits + m.slope.format.frac_bits;
         Project {
             relative,
             camera,
@@ -164,6 +169,7 @@ impl Project {
             align: align([position, eye]),
             difference_frac_bits: i64::from(position.max(eye)),
             slope_frac_bits: m.slope.format.frac_bits as u32,
+            screen_align: align([screen_frac_bits, m.pixel.format.frac_bits]),
         }
     }
 
@@ -195,7 +201,12 @@ impl Project {
         let inverse_depth = self.reciprocal.lanes(forward.exact(), tap);
         let offset = two!(axis => W::splat(0).where_else(near | outside, camera[axis]));
         let slope = two!(axis => tap.fit_shifted(&self.slope, offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
-        let pixel = two!(axis => tap.fit_wide(&self.pixel, W::splat(view.focal) * slope[axis]).low());
+        let [of_screen, of_centre] = self.screen_align;
+        let (focal, centre) = (view.focals(), view.centre.map(|centre| centre << of_centre));
+        let pixel = two!(axis => {
+            let screen = (W::splat(focal[axis]) * slope[axis]).left(of_screen);
+            tap.fit_wide(&self.pixel, screen + W::Exact::splat(centre[axis])).low()
+        });
         Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside, transparent }
     }
 

@@ -1,7 +1,7 @@
 //! Small frames for any machine: a plausible scene in its words, in which any word may be replaced by any other of its format.
 
 use rtl_model::frame::{
-    Amplitude, Each, Ellipsoids, Frame, Kernel, Light, Lighting, Material, Orientation, Scaled, Sheets, Splat, View, Window,
+    Amplitude, Aspect, Each, Ellipsoids, Frame, Kernel, Light, Lighting, Material, Orientation, Scaled, Sheets, Splat, View, Window,
 };
 use rtl_model::machine::{self, Interpolation, Machine};
 use rtl_model::num::{Format, Word};
@@ -101,7 +101,8 @@ pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         scales: std::array::from_fn(|_| w.between(words.scale, 0.0, 1.0) as i32),
     });
     let own = own.collect();
-    let amplitude = [Amplitude::Disc, Amplitude::LineIntegral, Amplitude::Peak][w.rng.below(3) as usize];
+    let amplitudes = [Amplitude::Disc, Amplitude::LineIntegral, Amplitude::Peak, Amplitude::Compensated];
+    let amplitude = amplitudes[w.rng.below(if words.compensation_root.is_some() { 4 } else { 3 }) as usize];
     let reach = words.reach_bits.filter(|_| w.rng.below(4) > 0).map_or(0, |bits| 1 << bits);
     frame.ellipsoids = Some(Ellipsoids {
         kernel: Kernel {
@@ -158,6 +159,16 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
         guard: std::array::from_fn(|_| w.near(p.slope, 1.0)),
         focal: w.near(p.focal, focal),
         inverse_focal: w.scaled(e.inverse_focal, 1.0 / focal),
+        centre: std::array::from_fn(|_| w.near(p.pixel, 0.0)),
+        aspect: e.aspect.filter(|_| w.rng.below(2) == 0).map(|word| {
+            let ratio = w.rng.between(0.3, 1.0);
+            let focals = if w.rng.below(2) == 0 { [focal, ratio * focal] } else { [ratio * focal, focal] };
+            Aspect {
+                focal: focals.map(|focal| w.near(p.focal, focal)),
+                inverse_focal: focals.map(|focal| w.scaled(e.inverse_focal, 1.0 / focal)),
+                squares: [[0, 0], [0, 1], [1, 1]].map(|[i, j]| w.between(word, 0.0, focals[i] * focals[j] / (focal * focal))),
+            }
+        }),
         low_pass: w.near(e.low_pass, 1.0),
         cutoff: w.near(machine.raster.cutoff, cutoff),
         root_cutoff: w.near(e.root_cutoff, cutoff.sqrt()),

@@ -2,7 +2,7 @@
 
 use super::observer::outcomes;
 use rtl_model::frame::Frame;
-use rtl_model::machine::{Interpolation, Merge, Rows};
+use rtl_model::machine::{FunctionUnit, Interpolation, Merge, Rows};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Field, Kind, Order, Stream};
@@ -44,6 +44,10 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         .into_iter()
         .chain(machine.roots().map(|(name, unit)| (name, unit.shape())))
         .chain(machine.ray_root().filter(|_| frame.ellipsoids.is_some()).map(|unit| ("ellipse.ray_root", unit.shape())))
+        .chain(frame.ellipsoids.iter().map(|_| {
+            let none = FunctionUnit { table_bits: 0, newton_steps: 0, bits: 0 };
+            ("ellipse.compensation_root", machine.compensation_root().map_or(none, |unit| unit.shape()))
+        }))
         .chain(machine.fragment.window_reciprocal().filter(|_| frame.window.is_some()).map(|unit| (RECIPROCAL_OF_WINDOWS, unit.shape())));
     let mirror =
         machine.shade.reflect().filter(|_| frame.surroundings.is_some()).map(|unit| ("reflect.reciprocal", unit.reciprocal().shape()));
@@ -67,6 +71,18 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
     let constants = ports::constants(machine, Kind::of(frame));
     let least_opacity = constants[0].fields.iter().position(|field| field.name == "least_opacity");
     let [opacity_w, least_opacity_lsb] = least_opacity.map_or([0; 2], |at| [constants[0].fields[at].width(), constants[0].places()[at]]);
+    // Registers of pixels that are not square, or those that serve in their place.
+    let lsb = |name: &str| constants[0].fields.iter().position(|field| field.name == name).map(|at| constants[0].places()[at]);
+    for axis in ["x", "y"] {
+        for (own, usual) in [("focal", "focal"), ("inverse_focal", "inverse_focal"), ("inverse_focal", "inverse_focal_places")] {
+            let own = usual.replace(own, &format!("{own}_{axis}"));
+            let place = lsb(&own).or_else(|| lsb(usual)).expect("every frame has a focal length");
+            all.push((format!("VIEW_{}_LSB", constant(&own)), place.into()));
+        }
+    }
+    let aspect = m.ellipse.aspect.map_or([0; 2], |word| [word.format.width(), word.format.frac_bits]);
+    all.extend([("VIEW_ASPECT_W".to_owned(), aspect[0].into()), ("VIEW_ASPECT_F".to_owned(), aspect[1].into())]);
+    all.push(("VIEW_ASPECT_YY_LSB".into(), lsb("aspect_yy").unwrap_or(0).into()));
     let rules = [
         ("PROJECT_OPACITY_W", opacity_w.into()),
         ("PROJECT_LEAST_OPACITY_LSB", least_opacity_lsb.into()),
@@ -152,7 +168,7 @@ fn codes(kind: Kind) -> Vec<Codes> {
         all.push(Codes { name: "group", of: &["FRAGMENT_GROUP"], bits: None, names: vec!["first", "interval", "window"] });
     }
     if kind.ellipsoids {
-        all.push(Codes { name: "amplitude", of: &["frame.amplitude"], bits: Some(2), names: vec!["disc", "line-integral", "peak"] });
+        all.push(Codes { name: "amplitude", of: &["frame.amplitude"], bits: Some(2), names: vec!["disc", "line-integral", "peak", "compensated"] });
     }
     all
 }

@@ -42,6 +42,9 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
     let reciprocals = machine.reciprocals().map(|(name, unit)| first_guesses(name, unit.shape(), unit.guesses()));
     let roots = machine.roots().map(|(name, unit)| first_guesses(name, unit.shape(), unit.guesses()));
     let mut all: Vec<Rom> = reciprocals.into_iter().chain(roots).collect();
+    if let (Some(_), Some(unit)) = (&frame.ellipsoids, machine.compensation_root()) {
+        all.push(first_guesses("ellipse.compensation_root", unit.shape(), unit.guesses()));
+    }
     if let (Some(_), Some(unit)) = (&frame.ellipsoids, machine.ray_root()) {
         all.push(first_guesses("ellipse.ray_root", unit.shape(), unit.guesses()));
     }

@@ -452,9 +452,12 @@ fn picture(width: usize, height: usize, splats: Vec<Splat>) -> Scene {
             up: DVec3::NEG_Y,
             fov_y_degrees: 2.0 * atan(height as f64 / 2.0 / FOCAL_PX).to_degrees(),
             near: 0.01,
+            focal_px: None,
+            centre_px: None,
+            picture_px: None,
         },
         image: Image { width, height, background: [0.25, 0.25, 0.25, 1.0], encoded: false },
-        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa },
+        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
         ellipsoids: None,
         sheets: None,
         surface: Surface { z_threshold: 0.05, coverage_threshold: 0.4, cull_backfaces: false },
@@ -798,7 +801,7 @@ fn slow_pan(pixels: f64) -> Scene {
     let side = 2 * SIDE;
     let image = Image { width: side, height: side, background: [1.0; 4], encoded: false };
     let (eye, target) = (DVec3::new(0.0, 1.2, 4.5), DVec3::new(0.0, -0.2, 0.0));
-    let camera = Camera { eye, target, up: DVec3::Y, fov_y_degrees: 45.0, near: 0.05 };
+    let camera = Camera { eye, target, up: DVec3::Y, fov_y_degrees: 45.0, near: 0.05, focal_px: None, centre_px: None, picture_px: None };
     let light = DVec3::new(0.4, 0.8, 0.5).normalize();
     let mut scene = square(Builtin::GlassSpheres.splats(Some(PAN_SPLATS)));
     scene.camera = if pixels > 0.0 { camera.panned(&image, pixels) } else { camera };

@@ -94,7 +94,7 @@ fn every_name_alone_is_a_scene_that_sees_its_splats() {
         let view = scene.view();
         let visible = |s: &&Splat| {
             let t = view.rotation * (s.position - view.eye);
-            t.z > scene.camera.near && t.x.abs() * view.focal_px < t.z * 32.0 && t.y.abs() * view.focal_px < t.z * 24.0
+            t.z > scene.camera.near && t.x.abs() * view.focal_px[0] < t.z * 32.0 && t.y.abs() * view.focal_px[1] < t.z * 24.0
         };
         let share = scene.splats.iter().filter(visible).count() as f64 / scene.splats.len() as f64;
         assert!(share > 0.5, "{builtin:?}: {share}");

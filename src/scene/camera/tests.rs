@@ -23,7 +23,7 @@ fn reach(scene: &Scene) -> [f64; 2] {
         let t = view.rotation * (splat.position - view.eye);
         assert!(t.z > scene.camera.near, "{} is not before the eye", splat.position);
         for (axis, lateral) in [t.x, t.y].into_iter().enumerate() {
-            reach[axis] = reach[axis].max((view.focal_px * lateral / t.z).abs() / view.half_px[axis]);
+            reach[axis] = reach[axis].max((view.focal_px[axis] * lateral / t.z).abs() / view.half_px[axis]);
         }
     }
     reach

@@ -221,7 +221,7 @@ proptest! {
         let read = serde_json::from_value::<SceneFields>(scene.clone());
         prop_assert!(!fits || read.is_ok(), "{:?}", read.err());
         if let Ok(scene) = load(&scene) {
-            prop_assert!(scene.view().rotation.is_finite() && scene.view().focal_px.is_finite());
+            prop_assert!(scene.view().rotation.is_finite() && scene.view().focal_px.into_iter().all(f64::is_finite));
             prop_assert!(scene.splats.iter().all(|s| s.radius > 0.0 && (s.normal.length() - 1.0).abs() < 1e-12));
         }
     }

@@ -175,7 +175,7 @@ impl<'a> Eye<'a> {
             rules: detail.rules,
             near: scene.camera.near,
             culls_backfaces: detail.rules.culls && scene.surface.cull_backfaces,
-            guard: view.half_px.map(|half_px| scene.kernel.guard * half_px / view.focal_px),
+            guard: [0, 1].map(|axis| view.slope(axis, scene.kernel.guard)),
             root_cutoff: scene.kernel.cutoff.sqrt(),
             low_pass: scene.kernel.low_pass,
             culls_outside: detail.rules.culls && scene.kernel.filter != Filter::SourceEwa,
@@ -186,7 +186,7 @@ impl<'a> Eye<'a> {
     /// Diameter of its sphere, pixels.
     fn size_px(&self, node: &Node) -> f64 {
         let nearest = (self.view.rotation * (node.splat.position - self.view.eye)).z - node.sphere;
-        if nearest > self.near { 2.0 * node.sphere * self.view.focal_px / nearest } else { f64::INFINITY }
+        if nearest > self.near { 2.0 * node.sphere * self.view.longest_focal_px() / nearest } else { f64::INFINITY }
     }
 
     /// Whether its children are to be drawn instead: it is too large, or would be culled for its own normal, though those below it look all
@@ -217,13 +217,15 @@ impl<'a> Eye<'a> {
         // An ellipse reaches √(cutoff·V) to a side, and no entry of V is more than k²·(1 + a² + b²) + v: the major axis of an EWA footprint.
         let slope = |at: f64, guard: f64| ((at.abs() + node.sphere) / nearest).min(guard);
         let [a, b] = [slope(t.x, self.guard[0]), slope(t.y, self.guard[1])];
-        let k = self.view.focal_px * node.widest / nearest;
+        let k = self.view.longest_focal_px() * node.widest / nearest;
         let reach = self.root_cutoff * (k * k * (1.0 + a * a + b * b) + self.low_pass).sqrt() + SLACK_PX;
         (0..2).any(|axis| {
             // Planes through the eye along the picture's sides, so far out.
-            let side = self.view.half_px[axis] + reach;
-            let norm = self.view.focal_px.hypot(side);
-            self.view.focal_px * t[axis].abs() - side * t.z > node.sphere * norm
+            let (focal, centre) = (self.view.focal_px[axis], self.view.centre_px[axis]);
+            [(-1.0, centre), (1.0, 2.0 * self.view.half_px[axis] - centre)].into_iter().any(|(towards, side)| {
+                let side = side + reach;
+                focal * towards * t[axis] - side * t.z > node.sphere * focal.hypot(side)
+            })
         })
     }
 

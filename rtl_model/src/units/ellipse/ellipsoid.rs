@@ -11,7 +11,8 @@
 //!
 //! In the Jacobian, and nowhere else, a and b are clamped (`jacobian`), for the approximation has no meaning far to the side.
 //!
-//! What the amplitude is follows from what is drawn ([`Amplitude`]): a disc's, the integral along the ray, or the peak itself.
+//! What the amplitude is follows from what is drawn ([`Amplitude`]): a disc's, the integral along the ray, the peak itself, or the peak times
+//! √(det V_r/det V). That root is taken of the sum of the squared faces, and goes on as the one face of a disc does.
 //!
 //! Where it is the peak itself and lesser weights than some do not count, none counts beyond r = 2·ln(α/least): the box has that cutoff,
 //! from a table by the first bits of the opacity, where it is less than the frame's.
@@ -36,6 +37,7 @@ pub(super) struct Ellipsoids {
     ray_root: ReciprocalRoot,
     ray: Fit,
     along: Fit,
+    compensation: Option<Compensation>,
     weighed: Fit,
     peak: Fit,
     /// Bits of opacity below the address of the table of cutoffs, and its last address.
@@ -44,6 +46,13 @@ pub(super) struct Ellipsoids {
     one: i64,
     /// 1 as a squared slope.
     ray_one: i64,
+}
+
+/// √(det V_r) and the word that takes it.
+#[derive(Clone, Debug)]
+struct Compensation {
+    root: ReciprocalRoot,
+    spanned: Fit,
 }
 
 /// Input port, eight splats: orientation and standard deviations.
@@ -108,7 +117,7 @@ impl Ellipsoids {
             e.fit(UNIT, "face", m.facing, turned)
         });
         // Two faces more than a disc has to square.
-        e.copies(2, |e| e.times(UNIT, m.area, m.area));
+        let squared = e.copies(2, |e| e.times(UNIT, m.area, m.area));
         let slope_squared = e.copies(2, |e| e.times(UNIT, p.slope, p.slope));
         let length_squared = e.sum(UNIT, [Exact { int_bits: 1, frac_bits: 0 }, slope_squared, slope_squared]);
         e.normaliser(UNIT, length_squared.bits());
@@ -119,6 +128,16 @@ impl Ellipsoids {
         let ray = e.fit_shifted(UNIT, "ray", words.ray, root);
         let thick = e.times(UNIT, m.size_squared, words.ray);
         let along = e.fit(UNIT, "area", m.area, thick);
+        let compensation = words.compensation_root.map(|shape| {
+            let squares = e.sum(UNIT, [squared; 3]);
+            e.normaliser(UNIT, squares.bits());
+            let normalised = squares.scaled(1).plus(squares);
+            e.holds_exact("the operand of ellipse.compensation_root, the sum of squared areas, normalised,", normalised);
+            let root = ReciprocalRoot::new(e, UNIT, "compensation_root", shape, squares.frac_bits);
+            let bits = shape.format();
+            let spanned = e.times(UNIT, bits, bits).scaled(1);
+            Compensation { root, spanned: e.fit_shifted(UNIT, "area", m.area, spanned) }
+        });
         let shown = e.times(UNIT, m.visibility, machine.splat.opacity);
         let reach = reach_shape(e, machine).map_or([0; 2], |[bits, below]| {
             e.part(UNIT, Operator::Rom([1 << bits, machine.raster.cutoff.format.width()]));
@@ -135,6 +154,7 @@ impl Ellipsoids {
             ray_root,
             ray,
             along,
+            compensation,
             reach,
             weighed: e.fit(UNIT, "amplitude", m.amplitude, shown),
             peak: e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity.into()),
@@ -145,6 +165,10 @@ impl Ellipsoids {
 
     pub(super) fn ray_root(&self) -> &ReciprocalRoot {
         &self.ray_root
+    }
+
+    pub(super) fn compensation_root(&self) -> Option<&ReciprocalRoot> {
+        self.compensation.as_ref().map(|compensation| &compensation.root)
     }
 
     /// The cutoff of a box.
@@ -232,11 +256,22 @@ impl Ellipse {
                     tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi))
                 }
                 Amplitude::LineIntegral => {
-                    let along = tap.fit_words(&own.along, sized.0 * ray);
+                    let along = tap.fit_words(&own.along, sized.0[1] * ray);
                     let visibility = shown(along, tap);
                     tap.fit_words(&own.weighed, visibility * opacity)
                 }
                 Amplitude::Peak => tap.fit_words(&own.peak, opacity.exact()),
+                Amplitude::Compensated => match &own.compensation {
+                    Some(compensation) => {
+                        let [x, y, z] = three!(axis => areas[axis] * areas[axis]);
+                        let squares = (x + y + z).max(W::Exact::splat(1));
+                        let (root, power) = compensation.root.root_lanes(squares, tap);
+                        let visibility = shown(tap.fit_shifted(&compensation.spanned, root, -power), tap);
+                        tap.fit_words(&own.weighed, visibility * opacity)
+                    }
+                    // No frame asks this of a machine without.
+                    None => zero,
+                },
             }
         };
         let cutoff = if kernel.reach.is_empty() {

@@ -115,14 +115,14 @@ impl Ellipse {
         &self,
         view: &View<R>,
         cutoff: R,
-        (size_squared, exponent): (R, Scale),
+        (size_squared, exponent): ([R; 3], Scale),
         (shape, faces): ([R; 3], [R; FACES]),
         amplitude: impl FnOnce([R; FACES], R) -> R,
     ) -> Footprint<R> {
         let squared = exponent.power(2);
         let low_pass = view.low_pass.fit(&self.low_pass, squared);
         let variance = self.real_variance(shape, size_squared, low_pass, squared);
-        let areas = faces.map(|face| (size_squared * face).fit(&self.area, squared));
+        let areas = faces.map(|face| (size_squared[1] * face).fit(&self.area, squared));
         let squares = areas.iter().map(|area| *area * *area).reduce(|sum, square| sum + square).unwrap_or(R::constant(0.0));
         let exact = squares + low_pass * (variance[0] + variance[2]) - low_pass * low_pass;
         let determinant = exact.fit(&self.determinant, exponent.power(4));
@@ -141,15 +141,20 @@ impl Ellipse {
         }
     }
 
-    /// k² and the power of two that k is relative to.
-    pub(super) fn real_size<R: Real>(&self, view: &View<R>, input: &Input<R>) -> (R, Scale) {
+    /// k_x², k_x·k_y, k_y², and the power of two that k is relative to.
+    pub(super) fn real_size<R: Real>(&self, view: &View<R>, input: &Input<R>) -> ([R; 3], Scale) {
         let scaled = (view.focal * input.splat.radius).at_least(power_of_two(-self.places.scaled_radius as i32));
         let leading = scaled.leading();
         let mantissa = scaled.fit(&self.scaled_radius, leading);
         let power = leading.times(input.forward.leading().inverse());
         let exponent = Scale { low: (power.low + 1).max(0), high: (power.high + 1).max(0) };
         let size = (mantissa * input.inverse_depth).fit(&self.size, exponent);
-        ((size * size).fit(&self.size_squared, exponent.power(2)), exponent)
+        let squared = (size * size).fit(&self.size_squared, exponent.power(2));
+        let squares = match (view.aspect, &self.stretched) {
+            (Some(aspect), Some(fit)) => aspect.map(|aspect| (squared * aspect).fit(fit, exponent.power(2))),
+            _ => [squared; 3],
+        };
+        (squares, exponent)
     }
 
     /// [1+a² … − ggᵀ].
@@ -162,11 +167,11 @@ impl Ellipse {
     }
 
     /// V00, V01, V11.
-    fn real_variance<R: Real>(&self, [xx, xy, yy]: [R; 3], size_squared: R, low_pass: R, scale: Scale) -> [R; 3] {
+    fn real_variance<R: Real>(&self, [xx, xy, yy]: [R; 3], size_squared: [R; 3], low_pass: R, scale: Scale) -> [R; 3] {
         [
-            (size_squared * xx + low_pass).fit(&self.variance, scale),
-            (size_squared * xy).fit(&self.variance_cross, scale),
-            (size_squared * yy + low_pass).fit(&self.variance, scale),
+            (size_squared[0] * xx + low_pass).fit(&self.variance, scale),
+            (size_squared[1] * xy).fit(&self.variance_cross, scale),
+            (size_squared[2] * yy + low_pass).fit(&self.variance, scale),
         ]
     }
 
@@ -180,10 +185,13 @@ impl Ellipse {
     pub(super) fn real_depth_slope<R: Real>(&self, view: &View<R>, input: &Input<R>, normal: [R; 3], facing: R) -> [R; 2] {
         let across = facing.abs().at_least_a_place(&self.facing, Scale::ONE);
         let inverse = across.reciprocal(&self.slope_reciprocal);
-        let scale = input.exponent.times(view.inverse_focal.leading().shifted(1));
-        let step = (input.forward * view.inverse_focal).fit(&self.depth_step, scale);
-        let steep = (step * inverse).fit(&self.slope_scale, scale.times(across.leading().inverse()));
-        let away = -steep.with_sign_of(facing);
-        two!(axis => (away * normal[axis]).fit(&self.depth_slope, Scale::ONE))
+        two!(axis => {
+            let inverse_focal = view.inverse_focals[axis];
+            let scale = input.exponent.times(inverse_focal.leading().shifted(1));
+            let step = (input.forward * inverse_focal).fit(&self.depth_step, scale);
+            let steep = (step * inverse).fit(&self.slope_scale, scale.times(across.leading().inverse()));
+            let away = -steep.with_sign_of(facing);
+            (away * normal[axis]).fit(&self.depth_slope, Scale::ONE)
+        })
     }
 }

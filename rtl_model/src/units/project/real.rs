@@ -51,7 +51,7 @@ impl Project {
             depth,
             inverse_depth,
             slope,
-            pixel: two!(axis => (view.focal * slope[axis]).fit(&self.pixel, Scale::ONE)),
+            pixel: two!(axis => (view.focals[axis] * slope[axis] + view.centre[axis]).fit(&self.pixel, Scale::ONE)),
             inside: two!(axis => view.guard[axis] * forward - camera[axis].abs()),
         }
     }

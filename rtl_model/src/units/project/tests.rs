@@ -1,6 +1,7 @@
 //! Project: against f64, whose own error is below 2⁻⁴⁰.
 
 use super::*;
+use crate::frame::Aspect;
 use crate::num::Word;
 use crate::num::words::PlainWords;
 use crate::probe::NoProbe;
@@ -12,7 +13,7 @@ fn quantised(word: Word, value: f64) -> i64 {
 }
 
 /// A view from `eye` turned by `angle` about the vertical.
-fn view(machine: &Machine, eye: [f64; 3], angle: f64, focal: f64) -> View {
+fn view(machine: &Machine, eye: [f64; 3], angle: f64, focal: [f64; 2], centre: [f64; 2]) -> View {
     let (sin, cos) = angle.sin_cos();
     let p = &machine.project;
     View {
@@ -20,7 +21,8 @@ fn view(machine: &Machine, eye: [f64; 3], angle: f64, focal: f64) -> View {
         eye: eye.map(|x| quantised(p.eye, x)),
         near: 1,
         guard: [quantised(p.slope, 1.0); 2],
-        focal: quantised(p.focal, focal),
+        centre: centre.map(|off| quantised(p.pixel, off)),
+        aspect: Some(Aspect { focal: focal.map(|focal| quantised(p.focal, focal)), ..Aspect::default() }),
         ..View::default()
     }
 }
@@ -34,12 +36,13 @@ proptest! {
     #[test]
     fn a_projected_point_is_within_its_last_places(
         name in prop::sample::select(Machine::NAMES.to_vec()),
-        position in prop::array::uniform3(-0.45..0.45), eye in prop::array::uniform3(-1.0..1.0), angle in -3.0..3.0, focal in 100.0..1000.0,
+        position in prop::array::uniform3(-0.45..0.45), eye in prop::array::uniform3(-1.0..1.0), angle in -3.0..3.0,
+        focal in prop::array::uniform2(100.0..1000.0), centre in prop::array::uniform2(-100.0..100.0),
     ) {
         let machine = Machine::named(name).unwrap();
         let unit = machine.elaborate().unwrap().project;
         let p = &machine.project;
-        let view = view(&machine, eye, angle, focal);
+        let view = view(&machine, eye, angle, focal, centre);
         let words: [i64; 3] = position.map(|x| quantised(machine.splat.position, x));
         let own = unit.lanes(&view, words.map(PlainWords::splat), PlainWords::splat(0), &mut Tap::new(&mut NoProbe));
 
@@ -71,8 +74,9 @@ proptest! {
                 prop_assert!((slope - exact).abs() <= of_slope, "slope {slope}, exactly {exact}, bound {of_slope}");
                 prop_assert!(slope.abs() <= 1.0 + of_slope, "beyond the guard band");
                 let pixel = p.pixel.format.value(own.pixel[axis].0[0].into());
-                let scale = p.focal.format.value(view.focal);
-                prop_assert!((pixel - scale * exact).abs() <= scale * of_slope + place(p.pixel) / 2.0, "pixel {pixel}, exactly {}", scale * exact);
+                let scale = p.focal.format.value(view.focals()[axis]);
+                let exact = scale * exact + p.pixel.format.value(view.centre[axis]);
+                prop_assert!((pixel - exact).abs() <= scale * of_slope + place(p.pixel) / 2.0, "pixel {pixel}, exactly {exact}");
             }
         }
     }

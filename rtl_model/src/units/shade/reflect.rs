@@ -24,8 +24,8 @@ use crate::records::unit;
 
 const UNIT: &str = unit::REFLECT;
 
-/// Bits of twice a pixel's distance from the middle of the picture, sign included.
-const OFFSET_BITS: i32 = 16;
+/// A pixel's distance from the middle of the picture.
+const FROM_MIDDLE: Format = Format::signed(14, 1);
 /// Most texels along a side of the map, as a power of two.
 const MOST_INDEX_BITS: u32 = 8;
 
@@ -36,15 +36,18 @@ pub struct Registers<'a> {
     pub surroundings: &'a Surroundings,
     /// Width and height of the picture.
     pub size_px: [i64; 2],
-    /// 1/s (`ellipse.inverse_focal`).
-    pub inverse_focal: Scaled,
+    /// 1/s_x, 1/s_y (`ellipse.inverse_focal`).
+    pub inverse_focals: [Scaled; 2],
+    /// Principal point from the picture's middle (`project.pixel`).
+    pub centre: [i64; 2],
 }
 
 impl<'a> Registers<'a> {
     /// A frame's; none where it mirrors nothing.
     pub fn of(frame: &'a Frame) -> Option<Self> {
         let size_px = [frame.width, frame.height].map(i64::from);
-        frame.surroundings.as_ref().map(|surroundings| Registers { surroundings, size_px, inverse_focal: frame.view.inverse_focal })
+        let surroundings = frame.surroundings.as_ref()?;
+        Some(Registers { surroundings, size_px, inverse_focals: frame.view.inverse_focals(), centre: frame.view.centre })
     }
 }
 
@@ -124,6 +127,8 @@ pub struct Seen {
 /// Places that align terms, and the words for 1.
 #[derive(Clone, Copy, Debug)]
 struct Words {
+    /// Fraction bits of pixels less that of twice a distance.
+    half: u32,
     /// 1 beside slopes.
     forward: i64,
     /// Fraction bits of slopes.
@@ -165,10 +170,15 @@ impl Reflect {
             }
         }
         e.within(UNIT, "index_bits", m.index_bits, 1, MOST_INDEX_BITS);
-        let offset = Format::signed(OFFSET_BITS - 1, 0);
-        let sloped = Exact::from(offset).times(machine.ellipse.inverse_focal).scaled(-1);
+        let pixel = machine.project.pixel;
+        let from_centre = Exact::from(FROM_MIDDLE).plus(pixel);
+        let offset = Format::signed(from_centre.int_bits + 1, from_centre.frac_bits);
+        let sloped = Exact::from(offset).times(machine.ellipse.inverse_focal);
         let (slope, slope_places, facing_sum) = if is_ray {
-            e.copies(2, |e| e.times(UNIT, offset, machine.ellipse.inverse_focal));
+            e.copies(2, |e| {
+                e.sum(UNIT, [FROM_MIDDLE.into(), pixel.into()]);
+                e.times(UNIT, offset, machine.ellipse.inverse_focal)
+            });
             let slope = e.copies(2, |e| e.fit_shifted(UNIT, "slope", slope_word, sloped));
             let along = e.copies(2, |e| e.times(UNIT, normal, slope_word));
             (slope, slope_word.format.frac_bits.clamp(0, 30) as u32, e.sum(UNIT, [along, along, normal.into()]))
@@ -218,6 +228,7 @@ impl Reflect {
                 e.fit(UNIT, "colour", colour, sum)
             }),
             words: Words {
+                half: (pixel.format.frac_bits - 1).clamp(0, 62) as u32,
                 forward: 1 << slope_places,
                 slope_places,
                 mirrored: 1 + places(mirrored.frac_bits, doubled.frac_bits),
@@ -290,9 +301,11 @@ impl Reflect {
         if self.sight == Sight::Axis {
             return [0; 2];
         }
-        let Scaled { mantissa, places } = registers.inverse_focal;
-        let offset = [0, 1].map(|axis| 2 * pixel[axis] + 1 - registers.size_px[axis]);
-        [offset[0], offset[1]].map(|offset| tap.fit_one_shifted(&self.slope, offset * mantissa, places))
+        [0, 1].map(|axis| {
+            let Scaled { mantissa, places } = registers.inverse_focals[axis];
+            let from_middle = (2 * pixel[axis] + 1 - registers.size_px[axis]) << self.words.half;
+            tap.fit_one_shifted(&self.slope, (from_middle - registers.centre[axis]) * mantissa, places)
+        })
     }
 
     /// Where a direction lies in the map, from 0 to 1 with one fraction bit more than `coordinate`.

@@ -1,9 +1,10 @@
 //! Constants: registers, lights and materials of a frame as records.
 
-use rtl_model::frame::{Amplitude, Each, Ellipsoids, Frame, Material, Sheets};
+use rtl_model::frame::{Amplitude, Each, Ellipsoids, Frame, Material, Scaled, Sheets};
+use rtl_model::machine::Machine;
 
 /// The constants of a frame as records, stream by stream.
-pub fn constants(frame: &Frame) -> Vec<(&'static str, Vec<Vec<i64>>)> {
+pub fn constants(machine: &Machine, frame: &Frame) -> Vec<(&'static str, Vec<Vec<i64>>)> {
     let v = &frame.view;
     let mut words = vec![i64::from(frame.width), i64::from(frame.height)];
     words.extend(v.rotation.as_flattened());
@@ -11,6 +12,12 @@ pub fn constants(frame: &Frame) -> Vec<(&'static str, Vec<Vec<i64>>)> {
     words.push(v.near);
     words.extend(v.guard);
     words.extend([v.focal, v.inverse_focal.mantissa, v.inverse_focal.places, v.low_pass, v.cutoff, v.root_cutoff]);
+    words.extend(v.centre);
+    if let Some(aspect) = machine.ellipse.aspect {
+        words.extend(v.focals());
+        words.extend(v.inverse_focals().into_iter().flat_map(|Scaled { mantissa, places }| [mantissa, places]));
+        words.extend(v.squares(aspect.format.one()));
+    }
     words.extend([v.cull_backfaces.into(), frame.z_threshold, frame.coverage_threshold]);
     words.extend([frame.inverse_threshold.mantissa, frame.inverse_threshold.places]);
     words.extend(frame.background);
@@ -46,6 +53,7 @@ fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
         Amplitude::Disc => 0,
         Amplitude::LineIntegral => 1,
         Amplitude::Peak => 2,
+        Amplitude::Compensated => 3,
     };
     let [preshaded, own] = [ellipsoids.preshaded, !ellipsoids.own.is_empty()].map(i64::from);
     [&[amplitude, preshaded, own], &kernel.jacobian[..], kernel.axes.as_flattened(), &kernel.scales, &[kernel.least_opacity]].concat()

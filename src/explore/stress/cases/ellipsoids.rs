@@ -101,7 +101,7 @@ fn narrow_sums() -> Vec<String> {
 fn gaussians(all: Vec<(Splat, Orientation)>) -> Scene {
     let (splats, orientations) = all.into_iter().unzip();
     Scene {
-        kernel: Kernel { cutoff: 9.0, low_pass: 0.3, guard: 100.0, jacobian: 1.3, filter: Filter::Ewa },
+        kernel: Kernel { cutoff: 9.0, low_pass: 0.3, guard: 100.0, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
         ellipsoids: Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true, harmonics: 0 }),
         sheets: Some(Sheets {
             of: Sheet::Splat,
@@ -184,7 +184,7 @@ fn slab(slices: usize, optical_depth: f64) -> Scene {
         }
     }
     Scene {
-        kernel: Kernel { cutoff: 4.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa },
+        kernel: Kernel { cutoff: 4.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
         ellipsoids: Some(Ellipsoids {
             orientations: vec![Orientation { rotation: DQuat::IDENTITY, scales: DVec3::new(1.0, 1.0, 0.5) }],
             amplitude: Amplitude::LineIntegral,
@@ -217,7 +217,7 @@ fn flattened(by: f64) -> Scene {
     Scene {
         // The leaning plane's neighbours lie two pixels apart in the picture and six in depth.
         surface: Surface { z_threshold: 12.0 * PX, ..scene.surface },
-        kernel: Kernel { cutoff: 4.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa },
+        kernel: Kernel { cutoff: 4.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
         ellipsoids: Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false, harmonics: 0 }),
         ..scene
     }

@@ -7,7 +7,7 @@ use super::{Ellipse, Ellipsoids, OTHERS};
 use crate::frame::Amplitude;
 use crate::num::{three, two};
 use crate::real::frame::{Ellipsoid, Orientation, View};
-use crate::real::{Real, Scale};
+use crate::real::{Real, Scale, power_of_two};
 use crate::units::ellipse::real::{Input, Output};
 
 impl Ellipsoids {
@@ -57,10 +57,16 @@ impl Ellipse {
                 Amplitude::LineIntegral => {
                     let [a, b] = slope;
                     let ray = (a * a + b * b).plus(1.0).root(&own.ray_root).fit(&own.ray, Scale::ONE);
-                    let along = (sized.0 * ray).fit(&own.along, squared);
+                    let along = (sized.0[1] * ray).fit(&own.along, squared);
                     (shown(along) * opacity).fit(&own.weighed, Scale::ONE)
                 }
                 Amplitude::Peak => opacity.fit(&own.peak, Scale::ONE),
+                Amplitude::Compensated => own.compensation.as_ref().map_or(R::constant(0.0), |compensation| {
+                    let [x, y, z] = areas.map(|area| area * area);
+                    let least = power_of_two(sized.1.power(4).low) * compensation.root.least_operand();
+                    let spanned = (x + y + z).at_least(least).root(&compensation.root).fit(&compensation.spanned, squared);
+                    (shown(spanned) * opacity).fit(&own.weighed, Scale::ONE)
+                }),
             }
         };
         let footprint = self.real_footprint(view, ellipsoid.cutoff, sized, (shape, faces), amplitude);

@@ -30,8 +30,10 @@ pub struct Mirror<R> {
 pub struct Surroundings<R> {
     /// One for each material.
     pub mirrors: Vec<Mirror<R>>,
-    /// 1/s.
-    pub inverse_focal: R,
+    /// 1/s_x, 1/s_y.
+    pub inverse_focals: [R; 2],
+    /// Principal point from the picture's middle, pixels.
+    pub centre: [R; 2],
     /// The map.
     pub map: RealMap,
 }
@@ -62,7 +64,10 @@ impl Reflect {
         let [zero, one] = [0.0, 1.0].map(R::constant);
         let [a, b] = match self.sight {
             Sight::Axis => [zero; 2],
-            Sight::Ray => at.map(|at| surroundings.inverse_focal.times(at).fit(&self.slope, Scale::ONE)),
+            Sight::Ray => [0, 1].map(|axis| {
+                let from_centre = (-surroundings.centre[axis]).plus(at[axis]);
+                (surroundings.inverse_focals[axis] * from_centre).fit(&self.slope, Scale::ONE)
+            }),
         };
         let seen = [a, b, one];
         let facing = (-R::dot(normal, seen)).fit(&self.facing, Scale::ONE);

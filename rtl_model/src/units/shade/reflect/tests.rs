@@ -44,17 +44,21 @@ prop_compose! {
 proptest! {
     /// R·N = V·N, and R as long as V, by real numbers.
     #[test]
-    fn a_mirror_turns_a_ray_about_its_normal(normal in facing(), pixel in prop::array::uniform2(0i64..200), by_ray in any::<bool>()) {
+    fn a_mirror_turns_a_ray_about_its_normal(
+        normal in facing(), pixel in prop::array::uniform2(0i64..200), by_ray in any::<bool>(), off in prop::array::uniform2(-40i64..40),
+    ) {
         let machine = machine(if by_ray { Sight::Ray } else { Sight::Axis });
         let (unit, surroundings) = (unit(&machine), Surroundings::default());
         let inverse = machine.ellipse.inverse_focal.format;
         // 1/s = ¾ · 2^−7.
         let inverse_focal = Scaled { mantissa: 3 * inverse.one() / 4, places: 7 };
-        let registers = Registers { surroundings: &surroundings, size_px: [200, 200], inverse_focal };
+        // Quarters of pixels.
+        let centre = off.map(|off| off * machine.project.pixel.format.one() / 4);
+        let registers = Registers { surroundings: &surroundings, size_px: [200, 200], inverse_focals: [inverse_focal; 2], centre };
         let format = machine.shade.normal.format;
         let words = normal.map(|part| (part * format.one() as f64).round() as i64);
         let found = unit.direction(&registers, pixel, words, &mut Tap::new(&mut NoProbe)).map(|part| machine.reflect.unwrap().direction.format.value(part));
-        let slope = |axis: usize| if by_ray { (pixel[axis] as f64 + 0.5 - 100.0) * 0.75 / 128.0 } else { 0.0 };
+        let slope = |axis: usize| if by_ray { (pixel[axis] as f64 + 0.5 - 100.0 - off[axis] as f64 / 4.0) * 0.75 / 128.0 } else { 0.0 };
         let view = [-slope(0), -slope(1), -1.0];
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         prop_assert!((dot(found, normal) - dot(view, normal)).abs() < 1e-3, "{:?}", found);
@@ -66,7 +70,7 @@ proptest! {
         let machine = machine(Sight::Axis);
         let unit = unit(&machine);
         let surroundings = Surroundings { mirrors: mirror(0, [65536; 3]), texels: vec![sky; 1024] };
-        let registers = Registers { surroundings: &surroundings, size_px: [64; 2], inverse_focal: Scaled::default() };
+        let registers = Registers { surroundings: &surroundings, size_px: [64; 2], inverse_focals: [Scaled::default(); 2], centre: [0; 2] };
         let format = machine.shade.normal.format;
         let words = normal.map(|part| (part * format.one() as f64).round() as i64);
         let found = unit.one(&registers, 0, [0; 2], words, colour, &mut Tap::new(&mut NoProbe));
@@ -81,7 +85,7 @@ prop_assert_eq!(found, sky.map(|light| light << places));
         let machine = machine(Sight::Axis);
         let unit = unit(&machine);
         let surroundings = Surroundings { mirrors: mirror(65536, [0; 3]), texels: vec![[65536; 3]; 1024] };
-        let registers = Registers { surroundings: &surroundings, size_px: [64; 2], inverse_focal: Scaled::default() };
+        let registers = Registers { surroundings: &surroundings, size_px: [64; 2], inverse_focals: [Scaled::default(); 2], centre: [0; 2] };
         let [n, c] = [machine.shade.normal, machine.shade.colour].map(|word| word.format.one() as f64);
         let (words, colour) = (normal.map(|part| (part * n).round() as i64), colour.map(|part| (part * c) as i64));
         prop_assert!(!unit.mirrors(&registers, 0));
