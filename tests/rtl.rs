@@ -432,6 +432,76 @@ fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
     }
 }
 
+/// Scenes seen through a lens whose axis is off the middle and whose pixels are not square, the machines that draw them, and the units that
+/// know of it: discs, on a machine with the registers and on one without; Gaussians whose opacities are compensated; mirrors along rays.
+fn lenses() -> Vec<(&'static str, Traced, Vec<Unit>)> {
+    let one_lane = "timing.raster.lanes=[1,1]";
+    let with = |text: &str, camera: serde_json::Value| {
+        let mut scene: serde_json::Value = serde_json::from_str(text).unwrap();
+        scene["camera"].as_object_mut().map(|camera| camera.remove("fov_y_degrees"));
+        for (name, value) in camera.as_object().unwrap() {
+            scene["camera"][name] = value.clone();
+        }
+        scene
+    };
+    let wide = json!({"focal_px": [17, 23.5], "centre_px": [6.25, 9.5]});
+    let high = json!({"focal_px": [31, 24], "centre_px": [9.125, 7]});
+    let mut fainter = with(&bouquet(144, 16, &json!({"stop": 0.3})), high.clone());
+    fainter["kernel"] = json!({"compensate_opacity": true});
+    let mirrored = with(MIRRORS, json!({"focal_px": [30, 41], "centre_px": [13, 18.5]}));
+    let square = with(&cloud(60, 16), json!({"centre_px": [6.25, 9.5]}));
+    let discs = || vec![unit("project"), unit("ellipse")];
+    let ellipsoids = || vec![unit("project"), OF_ELLIPSOIDS[0]];
+    [
+        ("wide pixels", with(&cloud(60, 16), wide), machine("reference", &[one_lane]), discs()),
+        ("high pixels", with(&cloud(60, 16), high.clone()), machine("tiny", &[one_lane, "ellipse.aspect=U1F7"]), discs()),
+        ("square pixels", square, machine("tiny", &[one_lane]), discs()),
+        ("compensated", fainter, machine("gaussian", &[one_lane]), ellipsoids()),
+        ("a volume", with(&shells(12, 16, &json!({"stop": 0.6})), high), machine("volume", &[one_lane]), ellipsoids()),
+        ("mirrors", mirrored, mirrors("ray").into_iter().next().unwrap(), vec![unit("shade")]),
+    ]
+    .into_iter()
+    .map(|(name, scene, machine, units)| (name, traced(&scene.to_string(), &machine, &Window::default()), units))
+    .collect()
+}
+
+#[test]
+fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
+    if !have(&["iverilog"], "lenses on Icarus") {
+        return;
+    }
+    let lenses = lenses();
+    let side = |name: &str| if name == "mirrors" { 32 } else { 16 };
+    let jobs: Vec<_> = lenses.iter().flat_map(|(name, trace, units)| units.iter().map(move |unit| (*name, trace, *unit))).collect();
+    jobs.par_iter().for_each(|(name, trace, unit)| {
+        let records = drive(Simulator::Icarus, trace, *unit, side(name), &STALLS);
+        assert!(records > 30, "{name}: {records} records of {}", unit.name);
+    });
+    let with = |scene, unit, file, find, put| (scene, Mutant { unit, file, find, put });
+    let wrong = [
+        with("wide pixels", "project", "project.sv", "+ (PLACED_W'(centre) <<< CENTRE_LEFT)", "- (PLACED_W'(centre) <<< CENTRE_LEFT)"),
+        with("wide pixels", "project", "project.sv", "VIEW_FOCAL_Y_LSB : machine_pkg::VIEW_FOCAL_X_LSB", "VIEW_FOCAL_X_LSB : machine_pkg::VIEW_FOCAL_Y_LSB"),
+        with("square pixels", "project", "project.sv", "FRAME_CENTRE_Y_LSB+i*PIXEL_W", "FRAME_CENTRE_Y_LSB"),
+        with("high pixels", "ellipse", "ellipse_size.sv", "VIEW_ASPECT_YY_LSB+i*ASPECT_W", "VIEW_ASPECT_YY_LSB+(2-i)*ASPECT_W"),
+        with("wide pixels", "ellipse", "ellipse_plane.sv", "VIEW_INVERSE_FOCAL_Y_LSB : ", "VIEW_INVERSE_FOCAL_X_LSB : "),
+        with("wide pixels", "ellipse", "ellipse_footprint.sv", "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * facing", "sizes_squared[0+:SIZE_SQUARED_W]}) * facing"),
+        with("compensated", "ellipsoid", "ellipsoid.sv", "square_0 + square_1 + square_2", "square_0 + square_1"),
+        with("compensated", "ellipsoid", "ellipsoid.sv", "kind == 2'd3 ? spanned : along", "along"),
+        with("a volume", "ellipsoid", "ellipsoid.sv", "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})", "sizes_squared[0+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})"),
+        with("mirrors", "shade", "reflect.sv", "- OFFSET_W'(centre)", "+ OFFSET_W'(centre)"),
+        with("mirrors", "shade", "reflect.sv", "VIEW_INVERSE_FOCAL_Y_LSB)", "VIEW_INVERSE_FOCAL_X_LSB)"),
+    ];
+    let survives = |(scene, mutant): &&(&str, Mutant)| {
+        let (_, trace, _) = lenses.iter().find(|(name, ..)| name == scene).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        mutated(mutant, folder.path());
+        let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit(mutant.unit), side(scene));
+        fault(trace, unit(mutant.unit), &device.drive(None, expected(trace, unit(mutant.unit)), &[])).is_none()
+    };
+    let survivors: Vec<&str> = wrong.par_iter().filter(survives).map(|(_, mutant)| mutant.put).collect();
+    assert!(survivors.is_empty(), "{survivors:#?}");
+}
+
 /// Machines that group by windows: the named one, one of intervals, few bits, splats that join from afar but closed slots that take none,
 /// one layer, eight, and closed slots that take none and may be evicted.
 fn windows() -> Vec<Machine> {

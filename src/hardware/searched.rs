@@ -166,14 +166,15 @@ impl SceneRecord {
 }
 
 /// Of a camera that is none of those that were searched.
-const ANOTHER: &str = "a camera with another target or angle of view";
+const ANOTHER: &str = "a camera with another target, angle of view or lens";
 
 fn is_near(a: f64, b: f64) -> bool {
     (a - b).abs() <= SAME * b.abs()
 }
 
 fn sees_alike(camera: &Camera, other: &Camera) -> bool {
-    is_near(camera.fov_y_degrees, other.fov_y_degrees) && (camera.target - other.target).length() <= SAME * distance(other)
+    let lens = |camera: &Camera| (camera.focal_px, camera.centre_px, camera.picture_px);
+    is_near(camera.fov_y_degrees, other.fov_y_degrees) && lens(camera) == lens(other) && (camera.target - other.target).length() <= SAME * distance(other)
 }
 
 impl DomainRecord {

@@ -348,16 +348,15 @@ impl Ellipse {
             e.limit(UNIT, 17);
             edge
         });
-        // A box in which the first lies behind the last; magnitudes of facing and area; a scale to either side.
+        // A box in which the first lies behind the last; magnitudes of facing and area; each scale to either side.
+        let steps = if m.aspect.is_some() { 2 } else { 1 };
         e.adders(UNIT, 2, 17);
-        for word in [m.facing, m.area, m.depth_step] {
-            e.limit(UNIT, word.format.width());
+        for (word, copies) in [(m.facing, 1), (m.area, 1), (m.depth_step, steps)] {
+            e.copies(copies, |e| e.limit(UNIT, word.format.width()));
         }
 
         e.normaliser(UNIT, m.facing.format.width());
         let slope_reciprocal = Reciprocal::new(e, UNIT, "slope_reciprocal", m.slope_reciprocal, m.facing.format.frac_bits);
-        // One for each side of a pixel.
-        let steps = if m.aspect.is_some() { 2 } else { 1 };
         let depth_step = e.copies(steps, |e| {
             let step = e.times(UNIT, p.camera, m.inverse_focal);
             e.fit(UNIT, "depth_step", m.depth_step, step)

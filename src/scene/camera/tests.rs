@@ -100,3 +100,55 @@ fn turned_cameras_look_at_the_same_target_from_as_far_and_never_twice_from_one_s
     let nearly_above = super::Camera { eye: camera.target + camera.up + camera.eye * 1e-3, ..camera };
     assert!((1..20).all(|nth| nearly_above.turned(nth).eye.is_finite()));
 }
+
+/// Where a point lands, pixels from the top left corner.
+fn lands(scene: &Scene, point: [f64; 3]) -> [f64; 2] {
+    let view = scene.view();
+    let t = view.rotation * (glam::DVec3::from_array(point) - view.eye);
+    [0, 1].map(|axis| view.centre_px[axis] + view.focal_px[axis] * t[axis] / t.z)
+}
+
+fn seen_through(camera: Value, size: Option<(usize, usize)>) -> Result<Scene, String> {
+    let mut camera = camera;
+    (camera["eye"], camera["target"], camera["up"]) = (json!([0, 0, 5]), json!([0, 0, 0]), json!([0, 1, 0]));
+    let image = json!({"width": 200, "height": 100});
+    let text = json!({"splats": cube(2), "camera": camera, "image": image}).to_string();
+    json::read(&text, "test.json", Path::new(""), &Overrides { size }, ALONE).map(|seen| seen.scene).map_err(|error| error.to_string())
+}
+
+/// x = f_x·X/Z + c_x with the eye at z = 5 that looks along −z; y goes down.
+#[test]
+fn a_lens_has_two_focal_lengths_and_a_principal_point() {
+    let lens = json!({"focal_px": [120, 80], "centre_px": [90, 62.5]});
+    let scene = seen_through(lens.clone(), None).unwrap();
+    assert_eq!(lands(&scene, [1.0, 0.5, 1.0]), [90.0 + 120.0 / 4.0, 62.5 - 80.0 * 0.5 / 4.0]);
+    // The same view twice as wide and three times as high.
+    let larger = seen_through(lens.clone(), Some((400, 300))).unwrap();
+    assert_eq!(lands(&larger, [1.0, 0.5, 1.0]), [2.0 * 120.0, 3.0 * 52.5]);
+    // Lengths that refer to another picture than the scene's.
+    let mut of_another = lens;
+    of_another["picture_px"] = json!([400, 200]);
+    assert_eq!(lands(&seen_through(of_another, None).unwrap(), [1.0, 0.5, 1.0]), [60.0, 26.25]);
+    let angle = 2.0 * (50.0f64 / 80.0).atan().to_degrees();
+    assert!((scene.camera.fov_y_degrees - angle).abs() < 1e-12);
+    // The angle and the lengths that it means are one camera.
+    let [by_angle, by_lengths] = [json!({"fov_y_degrees": angle}), json!({"focal_px": [80, 80], "fov_y_degrees": angle})]
+        .map(|camera| seen_through(camera, None).unwrap().view());
+    assert!((by_angle.focal_px[0] - 80.0).abs() < 1e-12 && by_angle.centre_px == by_lengths.centre_px);
+    assert_eq!(by_lengths.focal_px, [80.0; 2]);
+}
+
+#[test]
+fn a_lens_that_contradicts_itself_is_refused() {
+    for (camera, sentence) in [
+        (json!({"focal_px": [80, 80], "fov_y_degrees": 45}), "camera has fov_y_degrees 45 and a focal_px that means 64.0"),
+        (json!({"picture_px": [80, 80]}), "camera.picture_px is the size that focal_px and centre_px refer to, and neither is given"),
+        (json!({"focal_px": [0, 80]}), "camera.focal_px"),
+        (json!({"focal_px": [80]}), "camera.focal_px"),
+        (json!({"centre_px": [80, 1e9]}), "camera.centre_px"),
+        (json!({"focal_px": [80, 80], "picture_px": [0, 5]}), "camera.picture_px"),
+    ] {
+        let refused = seen_through(camera.clone(), None).unwrap_err();
+        assert!(refused.contains(sentence), "{camera}: {refused}");
+    }
+}
