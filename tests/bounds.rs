@@ -8,9 +8,10 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
 use splatsim::accuracy::{Lockstep, Tiles, lockstep, lockstep_in};
-use splatsim::hardware::{fixed, quantise};
+use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::scene::{Overrides, Scene};
 use std::collections::HashSet;
+use std::path::Path;
 
 fn scene(name: &str, size: (usize, usize)) -> Scene {
     Scene::load(name, &Overrides { size: Some(size) }).unwrap()
@@ -60,6 +61,42 @@ fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
         let Some(path) = shared_input::find(name) else { continue };
         let scene = scene(path.to_str().unwrap(), (192, 160));
         assert_eq!(fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())), None, "{name} on {machine}");
+    }
+}
+
+/// Axes off the middle, pixels that are not square, mirrors seen along such rays, and opacities that are compensated.
+#[test]
+fn no_pixel_exceeds_its_bound_through_any_lens() {
+    let [width, height] = [128, 96];
+    let mirror = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/reflection/mirror.json");
+    let mirrors = r#"{"splats": {"builtin": "glass-spheres", "count": 4000}, "environment": {"builtin": "sky"},
+        "materials": [{"unlit": true}, {"diffuse": 0.8, "reflect": 0.6}]}"#;
+    let overrides = Overrides { size: Some((width, height)) };
+    for (name, machine) in [
+        ("glass-spheres", "reference"),
+        ("glass-spheres", "window"),
+        ("nested-shells", "volume"),
+        ("bouquet", "gaussian"),
+        ("mirrors", mirror),
+    ] {
+        let load = || match name {
+            "mirrors" => Scene::from_text(mirrors, name, Path::new(""), &overrides, 0).unwrap(),
+            _ => scene(name, (width, height)),
+        };
+        let settings = if name == "mirrors" { vec!["reflect.sight=ray".to_owned()] } else { Vec::new() };
+        let machine = machines::load(machine, &settings).unwrap();
+        let usual = in_lockstep(&load(), &machine).led;
+        for (focal_px, centre_px) in [([110.0, 83.0], [52.5, 61.25]), ([70.0, 125.0], [80.0, 40.0]), ([100.0, 100.0], [-10.0, 48.0])] {
+            let mut scene = load();
+            (scene.camera.focal_px, scene.camera.centre_px) = (Some(focal_px), Some(centre_px));
+            scene.kernel.compensate_opacity = name == "bouquet";
+            let frame = in_lockstep(&scene, &machine);
+            assert_eq!(fault(&frame), None, "{name} with {focal_px:?}, {centre_px:?}");
+            assert!(frame.bound.iter().filter(|bound| **bound > 0.0).count() > 500, "{name} with {focal_px:?}, {centre_px:?} asked little");
+            assert!(frame.led.rgba != usual.rgba);
+            let summary = frame.summary(&frame.led);
+            assert!(summary.psnr_db.is_none_or(|db| db > 55.0), "{name} with {focal_px:?}, {centre_px:?}: {:?} dB", summary.psnr_db);
+        }
     }
 }
 

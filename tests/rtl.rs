@@ -480,14 +480,32 @@ fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
     let with = |scene, unit, file, find, put| (scene, Mutant { unit, file, find, put });
     let wrong = [
         with("wide pixels", "project", "project.sv", "+ (PLACED_W'(centre) <<< CENTRE_LEFT)", "- (PLACED_W'(centre) <<< CENTRE_LEFT)"),
-        with("wide pixels", "project", "project.sv", "VIEW_FOCAL_Y_LSB : machine_pkg::VIEW_FOCAL_X_LSB", "VIEW_FOCAL_X_LSB : machine_pkg::VIEW_FOCAL_Y_LSB"),
+        with(
+            "wide pixels",
+            "project",
+            "project.sv",
+            "VIEW_FOCAL_Y_LSB : machine_pkg::VIEW_FOCAL_X_LSB",
+            "VIEW_FOCAL_X_LSB : machine_pkg::VIEW_FOCAL_Y_LSB",
+        ),
         with("square pixels", "project", "project.sv", "FRAME_CENTRE_Y_LSB+i*PIXEL_W", "FRAME_CENTRE_Y_LSB"),
         with("high pixels", "ellipse", "ellipse_size.sv", "VIEW_ASPECT_YY_LSB+i*ASPECT_W", "VIEW_ASPECT_YY_LSB+(2-i)*ASPECT_W"),
         with("wide pixels", "ellipse", "ellipse_plane.sv", "VIEW_INVERSE_FOCAL_Y_LSB : ", "VIEW_INVERSE_FOCAL_X_LSB : "),
-        with("wide pixels", "ellipse", "ellipse_footprint.sv", "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * facing", "sizes_squared[0+:SIZE_SQUARED_W]}) * facing"),
+        with(
+            "wide pixels",
+            "ellipse",
+            "ellipse_footprint.sv",
+            "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * facing",
+            "sizes_squared[0+:SIZE_SQUARED_W]}) * facing",
+        ),
         with("compensated", "ellipsoid", "ellipsoid.sv", "square_0 + square_1 + square_2", "square_0 + square_1"),
         with("compensated", "ellipsoid", "ellipsoid.sv", "kind == 2'd3 ? spanned : along", "along"),
-        with("a volume", "ellipsoid", "ellipsoid.sv", "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})", "sizes_squared[0+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})"),
+        with(
+            "a volume",
+            "ellipsoid",
+            "ellipsoid.sv",
+            "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})",
+            "sizes_squared[0+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})",
+        ),
         with("mirrors", "shade", "reflect.sv", "- OFFSET_W'(centre)", "+ OFFSET_W'(centre)"),
         with("mirrors", "shade", "reflect.sv", "VIEW_INVERSE_FOCAL_Y_LSB)", "VIEW_INVERSE_FOCAL_X_LSB)"),
     ];

@@ -213,8 +213,7 @@ impl Registers<'_> {
             focals: [0, 1].map(|axis| hold.hold("project.focal", view.focal_px[axis], p.focal, focals[axis])),
             inverse_focals: self.inverse_focals(hold),
             centre: self.centre(hold),
-            aspect: squares
-                .map(|((exact, held), word)| [0, 1, 2].map(|i| hold.hold("ellipse.aspect", exact[i], word, held.squares[i]))),
+            aspect: squares.map(|((exact, held), word)| [0, 1, 2].map(|i| hold.hold("ellipse.aspect", exact[i], word, held.squares[i]))),
             low_pass: hold.hold("ellipse.low_pass", kernel.low_pass, e.low_pass, held.low_pass),
             cutoff: hold.hold("raster.cutoff", kernel.cutoff, raster.cutoff, held.cutoff),
             root_cutoff: hold.hold("ellipse.root_cutoff", kernel.cutoff.sqrt(), e.root_cutoff, held.root_cutoff),

@@ -174,7 +174,9 @@ fn is_near(a: f64, b: f64) -> bool {
 
 fn sees_alike(camera: &Camera, other: &Camera) -> bool {
     let lens = |camera: &Camera| (camera.focal_px, camera.centre_px, camera.picture_px);
-    is_near(camera.fov_y_degrees, other.fov_y_degrees) && lens(camera) == lens(other) && (camera.target - other.target).length() <= SAME * distance(other)
+    is_near(camera.fov_y_degrees, other.fov_y_degrees)
+        && lens(camera) == lens(other)
+        && (camera.target - other.target).length() <= SAME * distance(other)
 }
 
 impl DomainRecord {

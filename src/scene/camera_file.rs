@@ -126,7 +126,16 @@ impl CameraFile {
             };
             let target = pose.eye + distance * pose.forward;
             let near = distance * NEAR_OF_DISTANCE;
-            let camera = Camera { eye: pose.eye, target, up: pose.up, fov_y_degrees: fov_y.to_degrees(), near, focal_px: None, centre_px: None, picture_px: None };
+            let camera = Camera {
+                eye: pose.eye,
+                target,
+                up: pose.up,
+                fov_y_degrees: fov_y.to_degrees(),
+                near,
+                focal_px: None,
+                centre_px: None,
+                picture_px: None,
+            };
             camera.check(&format!("{}: frame {frame}: ", self.name), "").map(|()| camera)
         };
         self.poses.iter().enumerate().map(camera).collect::<std::result::Result<_, String>>().map_err(Error::input)

@@ -827,7 +827,9 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
         return Err(input_error("kernel.filter is \"elliptical\", which has no low-pass filter, and kernel.low_pass is not 0".into()));
     }
     if fields.kernel.compensate_opacity == Some(true) && ![Kind::Gaussians, Kind::Mixed].contains(&kind) {
-        return Err(input_error("kernel.compensate_opacity is true, and discs and volumes have that factor already; it is for Gaussians".into()));
+        return Err(input_error(
+            "kernel.compensate_opacity is true, and discs and volumes have that factor already; it is for Gaussians".into(),
+        ));
     }
     let of_discs = [FilterField::Circular, FilterField::SourceEwa];
     if of_discs.contains(&fields.kernel.filter) && !gathered.media.is_empty() {

@@ -64,7 +64,16 @@ impl KeyedFields {
         let [a1, a2, a3, b1, b2, b3, c1, c2, c3, fov_y_degrees] = between;
         let near = keys[a].1.near + part * (keys[b].1.near - keys[a].1.near);
         let up = DVec3::new(c1, c2, c3).normalize_or_zero();
-        let camera = Camera { eye: DVec3::new(a1, a2, a3), target: DVec3::new(b1, b2, b3), up, fov_y_degrees, near, focal_px: None, centre_px: None, picture_px: None };
+        let camera = Camera {
+            eye: DVec3::new(a1, a2, a3),
+            target: DVec3::new(b1, b2, b3),
+            up,
+            fov_y_degrees,
+            near,
+            focal_px: None,
+            centre_px: None,
+            picture_px: None,
+        };
         let begin = format!("camera_path at frame {frame}: ");
         camera.check(&begin, "")?;
         if !(LEAST_FOV_DEGREES..180.0).contains(&fov_y_degrees) {

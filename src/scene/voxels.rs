@@ -310,7 +310,8 @@ impl Scene {
         let Some(ellipsoids) = &self.ellipsoids else { return };
         for (index, splat) in self.splats.iter_mut().enumerate() {
             let depth = view.rotation.row(2).dot(splat.position - view.eye);
-            let thinnest_px = view.focal_px[0].min(view.focal_px[1]) * splat.radius * ellipsoids.orientation(index).scales.min_element() / depth;
+            let thinnest_px =
+                view.focal_px[0].min(view.focal_px[1]) * splat.radius * ellipsoids.orientation(index).scales.min_element() / depth;
             // What lies behind the eye is not drawn.
             let factor = if thinnest_px > 0.0 { (filter / thinnest_px).max(1.0) } else { 1.0 };
             splat.radius *= factor;

@@ -59,7 +59,8 @@ fn board(focal_px: f64) -> Vec<Splat> {
 fn scene() -> Result<Scene> {
     let mut scene = Scene::load("checkerboard", &Overrides::default())?;
     scene.image = Image { width: WIDTH, height: HEIGHT, background: BACKGROUND, encoded: false };
-    scene.camera = Camera { eye: DVec3::Y, target: DVec3::new(0.0, 1.0, 1.0), up: DVec3::Y, fov_y_degrees: FOV_Y, near: 0.01, ..scene.camera };
+    scene.camera =
+        Camera { eye: DVec3::Y, target: DVec3::new(0.0, 1.0, 1.0), up: DVec3::Y, fov_y_degrees: FOV_Y, near: 0.01, ..scene.camera };
     scene.materials = vec![Material::Unlit];
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (100.0, 1e-3);
     scene.splats = board(scene.view().focal_px[0]);

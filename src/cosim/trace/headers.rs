@@ -168,7 +168,12 @@ fn codes(kind: Kind) -> Vec<Codes> {
         all.push(Codes { name: "group", of: &["FRAGMENT_GROUP"], bits: None, names: vec!["first", "interval", "window"] });
     }
     if kind.ellipsoids {
-        all.push(Codes { name: "amplitude", of: &["frame.amplitude"], bits: Some(2), names: vec!["disc", "line-integral", "peak", "compensated"] });
+        all.push(Codes {
+            name: "amplitude",
+            of: &["frame.amplitude"],
+            bits: Some(2),
+            names: vec!["disc", "line-integral", "peak", "compensated"],
+        });
     }
     all
 }
