@@ -89,10 +89,10 @@ module bench;
     .reflections(reflections),
 `endif
 `ifdef HAS_LEAST
-    .least('0),
+    .least({machine_pkg::GAUSS_WEIGHT_W{1'b0}}),
 `endif
 `ifdef HAS_CORNER
-    .corner('0),
+    .corner({(machine_pkg::RASTER_OUT_X_W + machine_pkg::RASTER_OUT_Y_W) {1'b0}}),
 `endif
 `ifdef HAS_DRAIN
     .drain(drain),
@@ -156,7 +156,7 @@ module bench;
   reg [RECORD_W-1:0] record;
   reg have_record;
 
-  function [31:0] xorshift(input [31:0] state);
+  function automatic [31:0] xorshift(input [31:0] state);
     reg [31:0] x;
     begin
       x = state ^ (state << 13);
@@ -165,7 +165,7 @@ module bench;
     end
   endfunction
 
-  task finish;
+  task automatic finish;
     begin
       ended = 1'b1;
       if (out_file != 0) $fclose(out_file);
@@ -175,7 +175,7 @@ module bench;
   endtask
 
   // Reads a line of so many bits into `record`; at the file's end `have_record` is 0.
-  task read_record(input integer file, input integer bits, input longint number);
+  task automatic read_record(input integer file, input integer bits, input longint number);
     integer chars;
     integer digits;
     integer at;
@@ -213,7 +213,7 @@ module bench;
   endtask
 
   // Opens the file `name`.
-  task open_to_read(output integer file);
+  task automatic open_to_read(output integer file);
     begin
       file = $fopen(name, "r");
       if (file == 0) begin
@@ -224,7 +224,7 @@ module bench;
   endtask
 
 `ifdef HAS_LIGHTING
-  task check_count(input integer count, input integer wanted);
+  task automatic check_count(input integer count, input integer wanted);
     begin
       if (count != wanted && !ended) begin
         $display("bench: FAILED %0s has not %0d records, as the package says, but %0d", name, wanted, count);
@@ -235,7 +235,7 @@ module bench;
 `endif
 
 `ifdef HAS_FRAME
-  task read_constants;
+  task automatic read_constants;
     integer file;
     integer count;
     begin
