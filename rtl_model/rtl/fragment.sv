@@ -438,8 +438,9 @@ module fragment #(
       assign goes[one*PLACES+place] = stacked[one] && rank == PLACE_W'(place);
       assign comes[place*PLACES+one] = goes[one*PLACES+place];
     end
-    // All others are there, and in front.
-    assign deepest[one] = &(in_front | PLACES'(1) << one);
+    // All others are there, and in front. A constant of its own has the width of all: Yosys makes 32 bits of PLACES'(1) << one.
+    localparam [PLACES-1:0] ITSELF = PLACES'(1) << one;
+    assign deepest[one] = &(in_front | ITSELF);
   end
   wire [STACK_W-1:0] sorted;
   for (genvar place = 0; place < PLACES; place++) begin : g_sorted

@@ -12,6 +12,7 @@
 //   HAS_LEAST        it has the port least: 0, so that all comes out
 //   HAS_CORNER       it has the port corner: 0, that of a picture
 //   HAS_DRAIN        it has the ports drain, which says that nothing more comes, and drained, which says that it is done with it
+//   NETLIST          it is a netlist, whose memories have names of their own: the benches load none
 // Arguments
 //   +in=FILE         records to drive, a line of lower-case hex each
 //   +out=FILE        where to write the records that come
