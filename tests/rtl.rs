@@ -1,6 +1,8 @@
 //! Do the twins in SystemVerilog give every record that the machine gives, on two simulators, and are mistakes in them caught?
 
 mod cosimulation;
+mod front_ends;
+mod netlists;
 #[allow(dead_code, reason = "others use the rest")]
 mod share;
 mod traced;
@@ -304,31 +306,6 @@ fn twins_are_clean_and_can_be_synthesised() {
             unit.name
         );
         run(Command::new("yosys").current_dir(&trace.folder).args(["-q", "-p", &script]));
-    }
-}
-
-/// The files that a list of them names, a line each.
-fn listed(list: &str) -> Vec<String> {
-    let text = std::fs::read_to_string(sources().join(list)).unwrap();
-    let files = text.lines().filter_map(|line| line.trim().strip_prefix("- ")).filter(|file| file.ends_with(".sv"));
-    files.filter(|file| !file.starts_with("bench/")).map(str::to_owned).collect()
-}
-
-#[test]
-fn lists_of_files_have_every_twin_behind_what_it_is_built_of() {
-    let list = listed("Bender.yml");
-    assert_eq!(list, listed("splatsim.core"));
-    let names = |files: Vec<PathBuf>| files.iter().map(|file| file.file_name().unwrap().display().to_string()).collect::<HashSet<_>>();
-    assert_eq!(list.iter().cloned().collect::<HashSet<_>>(), names(twin_files()));
-    assert_eq!(list.len(), twin_files().len(), "a file is listed twice");
-    for (place, file) in list.iter().enumerate() {
-        let text = std::fs::read_to_string(sources().join(file)).unwrap();
-        assert!(text.contains("`timescale 1ns / 1ps\n`default_nettype none\n"), "{file} has no time scale");
-        for later in &list[place + 1..] {
-            let unit = later.trim_end_matches(".sv");
-            let builds = |line: &str| line.trim_start().strip_prefix(unit).is_some_and(|rest| rest.starts_with(' ') && rest.contains('('));
-            assert!(!text.lines().any(builds), "{file} is built of {later}, which comes later");
-        }
     }
 }
 

@@ -30,6 +30,7 @@ module testbench;
     .clk(clk),
     .rst(rst),
     .frame(frame[0]),
+    .corner({(machine_pkg::RASTER_OUT_X_W + machine_pkg::RASTER_OUT_Y_W) {1'b0}}),
     .s_valid(s_valid),
     .s_ready(s_ready),
     .s_data(in[s_valid ? sent : 0]),

@@ -33,7 +33,7 @@ module bin #(
   localparam int COLUMN_W = machine_pkg::RASTER_IN_FIRST_COLUMN_W;
   localparam int ROW_W = machine_pkg::RASTER_IN_FIRST_ROW_W;
 
-  function [ADDRESS_W-1:0] address(input [TILE_W-1:0] tile, input [LENGTH_W-1:0] entry);
+  function automatic [ADDRESS_W-1:0] address(input [TILE_W-1:0] tile, input [LENGTH_W-1:0] entry);
     address = ADDRESS_W'((TILE_W + LENGTH_W)'(tile) * (TILE_W + LENGTH_W)'(RECORDS) + (TILE_W + LENGTH_W)'(entry));
   endfunction
 

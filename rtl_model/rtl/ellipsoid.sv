@@ -182,7 +182,7 @@ module ellipsoid #(
     initial $readmemh({ROMS, "ellipse.reach.hex"}, cutoffs);
     // An opacity of 1 has the last address.
     wire [ALPHA_W-1:0] step = opacity >> (ALPHA_F - REACH_BITS);
-    wire [REACH_BITS-1:0] address = |(step >> REACH_BITS) ? '1 : REACH_BITS'(step);
+    wire [REACH_BITS-1:0] address = |(step >> REACH_BITS) ? {REACH_BITS{1'b1}} : REACH_BITS'(step);
     assign cutoff = cutoffs[address];
   end else begin : g_no_reach
     assign cutoff = frame[machine_pkg::FRAME_CUTOFF_LSB+:CUTOFF_W];

@@ -23,8 +23,8 @@ module fit #(
   // Rounding up may need one bit more.
   localparam int SUM_W = IN_W + LEFT + 1;
   localparam int CUT_W = SUM_W - RIGHT;
-  localparam [W-1:0] MIN = S != 0 ? W'(1) << (W - 1) : '0;
-  localparam [W-1:0] MAX = S != 0 ? ~MIN : '1;
+  localparam [W-1:0] MIN = S != 0 ? W'(1) << (W - 1) : {W{1'b0}};
+  localparam [W-1:0] MAX = S != 0 ? ~MIN : {W{1'b1}};
   // Half of the last place that is left.
   localparam [SUM_W-1:0] HALF = (SUM_W'(1) << RIGHT) >> 1;
 

@@ -98,7 +98,7 @@ module fragment #(
   localparam int REPLACE = machine_pkg::MERGE_REPLACE;
 
   // The slot of a stack that one bit says, or 0 where none does.
-  function [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
+  function automatic [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
     integer at;
     begin
       chosen = '0;
@@ -107,7 +107,7 @@ module fragment #(
   endfunction
 
   // Which of the words that count is the least: one bit, of equals the first one's.
-  function [LAYERS-1:0] least(input [LAYERS-1:0] counts, input [LAYERS*DEPTH_W-1:0] words);
+  function automatic [LAYERS-1:0] least(input [LAYERS-1:0] counts, input [LAYERS*DEPTH_W-1:0] words);
     integer at;
     reg any;
     reg [DEPTH_W-1:0] word;
@@ -126,7 +126,7 @@ module fragment #(
   endfunction
 
   // The number of one bit's place.
-  function [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
+  function automatic [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
     integer at;
     begin
       number = '0;
@@ -135,7 +135,7 @@ module fragment #(
   endfunction
 
   // How many bits are set.
-  function [PLACE_W-1:0] count(input [PLACES-1:0] bits);
+  function automatic [PLACE_W-1:0] count(input [PLACES-1:0] bits);
     integer at;
     begin
       count = '0;
@@ -181,7 +181,8 @@ module fragment #(
         .coverage_threshold(coverage_threshold),
         .opaque(word_opaque)
     );
-    always_ff @(posedge clk) begin
+    // No always_ff: the bench writes what pixels hold at the start of a window, and of what an always_ff drives nothing else may.
+    always @(posedge clk) begin
       if (write && write_mask[slot]) memory[write_pixel] <= write_slots[slot*SLOT_W+:SLOT_W];
       if (read) out <= word;
       if (read) out_opaque <= word_opaque;
@@ -197,7 +198,7 @@ module fragment #(
   logic touched_out;
   wire empty_all;
   wire [LIVE_W-1:0] live = touched_out ? live_out : '0;
-  always_ff @(posedge clk) begin
+  always @(posedge clk) begin
     if (write) lives[write_pixel] <= write_live;
     if (read) live_out <= lives[read_pixel];
     if (read) touched_out <= touched[read_pixel];
@@ -437,8 +438,9 @@ module fragment #(
       assign goes[one*PLACES+place] = stacked[one] && rank == PLACE_W'(place);
       assign comes[place*PLACES+one] = goes[one*PLACES+place];
     end
-    // All others are there, and in front.
-    assign deepest[one] = (in_front | PLACES'(1) << one) == '1;
+    // All others are there, and in front. A constant of its own has the width of all: Yosys makes 32 bits of PLACES'(1) << one.
+    localparam [PLACES-1:0] ITSELF = PLACES'(1) << one;
+    assign deepest[one] = &(in_front | ITSELF);
   end
   wire [STACK_W-1:0] sorted;
   for (genvar place = 0; place < PLACES; place++) begin : g_sorted
@@ -454,7 +456,7 @@ module fragment #(
     for (genvar place = 0; place < LAYERS; place++) begin : g_apart
       assign apart[place*DEPTH_W+:DEPTH_W] = sorted[(place+1)*SLOT_W+DEPTH+:DEPTH_W] - sorted[place*SLOT_W+DEPTH+:DEPTH_W];
     end
-    assign pair = least('1, apart);
+    assign pair = least({LAYERS{1'b1}}, apart);
   end else if (machine_pkg::FRAGMENT_MERGE == FARTHEST_PAIR || machine_pkg::FRAGMENT_MERGE == REPLACE) begin : g_farthest_pair
     // Where the nearer one replaces the other there is no pair to merge, and nobody asks.
     assign pair = LAYERS'(1) << (LAYERS - 1);

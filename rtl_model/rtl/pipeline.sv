@@ -57,7 +57,7 @@ module pipeline #(
       .lights(lights),
       .materials(materials),
       .reflections(reflections),
-      .corner('0),
+      .corner({(machine_pkg::RASTER_OUT_X_W + machine_pkg::RASTER_OUT_Y_W) {1'b0}}),
       .s_valid(splat_valid),
       .s_ready(splat_taken),
       .s_look(look),

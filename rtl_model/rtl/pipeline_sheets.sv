@@ -101,7 +101,7 @@ module pipeline_sheets #(
       .rst(rst),
       .frame(frame),
       .least(some_least == '0 ? WEIGHT_W'(1) : some_least),
-      .corner('0),
+      .corner({(machine_pkg::RASTER_OUT_X_W + machine_pkg::RASTER_OUT_Y_W) {1'b0}}),
       .s_valid(lit_valid),
       .s_ready(lit_taken),
       .s_tag({lit_sheet, lit_rgb}),

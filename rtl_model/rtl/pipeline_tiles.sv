@@ -46,7 +46,7 @@ module pipeline_tiles #(
       + machine_pkg::RASTER_IN_TAG_LSB;
 
   // The word of the one that a bit says.
-  function [OUT_W-1:0] picked(input [ENGINES:0] choice, input [(ENGINES+1)*OUT_W-1:0] all);
+  function automatic [OUT_W-1:0] picked(input [ENGINES:0] choice, input [(ENGINES+1)*OUT_W-1:0] all);
     integer at;
     begin
       picked = '0;
@@ -131,7 +131,7 @@ module pipeline_tiles #(
     end
   end
   wire all_blank;
-  assign drained = drawing && !queued && idle == '1 && all_blank;
+  assign drained = drawing && !queued && &idle && all_blank;
 
   // Engines, and blank behind them. A word that is offered stays until it is taken, whoever else offers one.
 

@@ -102,7 +102,8 @@ module sheets #(
   logic [PIXELS-1:0] touched;
   logic touched_out;
   wire empty_all;
-  always_ff @(posedge clk) begin
+  // No always_ff: the bench writes what pixels hold at the start of a window, and of what an always_ff drives nothing else may.
+  always @(posedge clk) begin
     if (write) memory[write_pixel] <= write_state;
     if (read) out <= memory[read_pixel];
     if (read) touched_out <= touched[read_pixel];

@@ -137,7 +137,7 @@ module windows #(
       CLOSED_BEHIND = machine_pkg::OUTCOME_CLOSED_BEHIND, CLOSED_INSIDE = machine_pkg::OUTCOME_CLOSED_INSIDE;
 
   // The slot of a stack that one bit says, or 0 where none does.
-  function [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
+  function automatic [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
     integer at;
     begin
       chosen = '0;
@@ -146,7 +146,7 @@ module windows #(
   endfunction
 
   // The number of one bit's place.
-  function [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
+  function automatic [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
     integer at;
     begin
       number = '0;
@@ -155,7 +155,7 @@ module windows #(
   endfunction
 
   // How many bits are set.
-  function [PLACE_W-1:0] count(input [PLACES-1:0] bits);
+  function automatic [PLACE_W-1:0] count(input [PLACES-1:0] bits);
     integer at;
     begin
       count = '0;
@@ -163,33 +163,33 @@ module windows #(
     end
   endfunction
 
-  function [DEPTH_W-1:0] nearer(input [DEPTH_W-1:0] one, input [DEPTH_W-1:0] other);
+  function automatic [DEPTH_W-1:0] nearer(input [DEPTH_W-1:0] one, input [DEPTH_W-1:0] other);
     nearer = one < other ? one : other;
   endfunction
 
-  function [DEPTH_W-1:0] farther(input [DEPTH_W-1:0] one, input [DEPTH_W-1:0] other);
+  function automatic [DEPTH_W-1:0] farther(input [DEPTH_W-1:0] one, input [DEPTH_W-1:0] other);
     farther = one > other ? one : other;
   endfunction
 
   // How far a depth lies outside of a span.
-  function [DEPTH_W-1:0] gap(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] z);
+  function automatic [DEPTH_W-1:0] gap(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] z);
     gap = z < near ? near - z : z > far ? z - far : '0;
   endfunction
 
   // Whether a span together with a depth is narrower than a width: it lies between the depth less the width and the depth and the width. One
   // that has the depth inside is so too, for slots and their sides are narrower than a contribution may make them.
-  function spans(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input signed [DEPTH_W+1:0] from, input [DEPTH_W:0] to);
+  function automatic spans(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input signed [DEPTH_W+1:0] from, input [DEPTH_W:0] to);
     spans = $signed({2'b00, near}) > from && {1'b0, far} < to;
   endfunction
 
   // Whether one closed slot lies behind the front of another and before its farthest depth.
-  function encloses(input [DEPTH_W-1:0] front_far, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] its_near, input [DEPTH_W-1:0] its_far);
+  function automatic encloses(input [DEPTH_W-1:0] front_far, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] its_near, input [DEPTH_W-1:0] its_far);
     encloses = INSIDE && front_far < its_near && its_far < far;
   endfunction
 
   // The greatest power of two, from 1 down to 2^-8, that what is seen reaches: one bit, the first for 1; none where it is less than all.
   localparam int POWERS = 9;
-  function [POWERS-1:0] power_of(input [THROUGH_W-1:0] seen);
+  function automatic [POWERS-1:0] power_of(input [THROUGH_W-1:0] seen);
     integer power;
     begin
       power_of = '0;
@@ -611,7 +611,7 @@ module windows #(
 
   // 6: the pair that costs least, of equals the one nearer to the eye.
   localparam int COST_W = 2 * DEPTH_W + 2 + POWERS - 1;
-  function [COST_W-1:0] times_power(input [COST_W-1:0] whole, input [POWERS-1:0] power);
+  function automatic [COST_W-1:0] times_power(input [COST_W-1:0] whole, input [POWERS-1:0] power);
     integer at;
     begin
       times_power = '0;

@@ -12,7 +12,7 @@ module windows_least #(
     input wire [N*W-1:0] words, // the first in the lowest bits
     output wire [N-1:0] least   // one bit, or none where no word counts
 );
-  function [N-1:0] least_of(input [N-1:0] counting, input [N*W-1:0] all);
+  function automatic [N-1:0] least_of(input [N-1:0] counting, input [N*W-1:0] all);
     integer at, step;
     reg [N-1:0] any;
     reg [N*W-1:0] left;

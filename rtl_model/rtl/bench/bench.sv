@@ -12,6 +12,7 @@
 //   HAS_LEAST        it has the port least: 0, so that all comes out
 //   HAS_CORNER       it has the port corner: 0, that of a picture
 //   HAS_DRAIN        it has the ports drain, which says that nothing more comes, and drained, which says that it is done with it
+//   NETLIST          it is a netlist, whose memories have names of their own: the benches load none
 // Arguments
 //   +in=FILE         records to drive, a line of lower-case hex each
 //   +out=FILE        where to write the records that come
@@ -89,10 +90,10 @@ module bench;
     .reflections(reflections),
 `endif
 `ifdef HAS_LEAST
-    .least('0),
+    .least({machine_pkg::GAUSS_WEIGHT_W{1'b0}}),
 `endif
 `ifdef HAS_CORNER
-    .corner('0),
+    .corner({(machine_pkg::RASTER_OUT_X_W + machine_pkg::RASTER_OUT_Y_W) {1'b0}}),
 `endif
 `ifdef HAS_DRAIN
     .drain(drain),
@@ -156,7 +157,7 @@ module bench;
   reg [RECORD_W-1:0] record;
   reg have_record;
 
-  function [31:0] xorshift(input [31:0] state);
+  function automatic [31:0] xorshift(input [31:0] state);
     reg [31:0] x;
     begin
       x = state ^ (state << 13);
@@ -165,7 +166,7 @@ module bench;
     end
   endfunction
 
-  task finish;
+  task automatic finish;
     begin
       ended = 1'b1;
       if (out_file != 0) $fclose(out_file);
@@ -175,7 +176,7 @@ module bench;
   endtask
 
   // Reads a line of so many bits into `record`; at the file's end `have_record` is 0.
-  task read_record(input integer file, input integer bits, input longint number);
+  task automatic read_record(input integer file, input integer bits, input longint number);
     integer chars;
     integer digits;
     integer at;
@@ -213,7 +214,7 @@ module bench;
   endtask
 
   // Opens the file `name`.
-  task open_to_read(output integer file);
+  task automatic open_to_read(output integer file);
     begin
       file = $fopen(name, "r");
       if (file == 0) begin
@@ -224,7 +225,7 @@ module bench;
   endtask
 
 `ifdef HAS_LIGHTING
-  task check_count(input integer count, input integer wanted);
+  task automatic check_count(input integer count, input integer wanted);
     begin
       if (count != wanted && !ended) begin
         $display("bench: FAILED %0s has not %0d records, as the package says, but %0d", name, wanted, count);
@@ -235,7 +236,7 @@ module bench;
 `endif
 
 `ifdef HAS_FRAME
-  task read_constants;
+  task automatic read_constants;
     integer file;
     integer count;
     begin

@@ -106,7 +106,8 @@ module bench_fragment #(
   );
 
 `ifndef HAS_WINDOWS
-  // What pixels hold at the start goes straight into their memory.
+`ifndef NETLIST
+  // What pixels hold at the start goes straight into their memory, which has another name in a netlist.
   localparam int MATERIAL_W = machine_pkg::FRAGMENT_START_MATERIAL_W;
   localparam int MATERIAL = machine_pkg::FRAGMENT_START_MATERIAL_LSB;
   localparam int SLOT_W = machine_pkg::FRAGMENT_START_SLOT_LSB;
@@ -119,10 +120,11 @@ module bench_fragment #(
   // A pixel's slots come in their order.
   always @(posedge clk) begin
     if (loads) begin
-      unit.lives[start_pixel] <= ($bits(unit.live))'(start_slot + 1);
+      unit.lives[start_pixel] <= ($clog2(machine_pkg::FRAGMENT_LAYERS + 1))'(start_slot + 1);
       unit.touched[start_pixel] <= 1'b1;
     end
   end
+`endif
 `endif
 
   reg [8*NAME_CHARS-1:0] name;
@@ -147,7 +149,7 @@ module bench_fragment #(
   reg drain_was = 1'b0;
   integer file_error;
 
-  function [31:0] xorshift(input [31:0] state);
+  function automatic [31:0] xorshift(input [31:0] state);
     reg [31:0] x;
     begin
       x = state ^ (state << 13);

@@ -73,13 +73,15 @@ module bench_sheets #(
     .h_data(h_data)
   );
 
-  // What pixels hold at the start goes straight into their memory.
+`ifndef NETLIST
+  // What pixels hold at the start goes straight into their memory, which has another name in a netlist.
   always @(posedge clk) begin
     if (loads) begin
       sheets.memory[start_pixel] <= start[machine_pkg::FRAGMENT_START_Y_LSB-1:0];
       sheets.touched[start_pixel] <= 1'b1;
     end
   end
+`endif
 
   reg [8*NAME_CHARS-1:0] name;
   integer held_file = 0;
@@ -90,7 +92,7 @@ module bench_sheets #(
   reg h_waits = 1'b0;
   reg [HELD_W-1:0] h_waiting = '0;
 
-  function [31:0] xorshift(input [31:0] state);
+  function automatic [31:0] xorshift(input [31:0] state);
     reg [31:0] x;
     begin
       x = state ^ (state << 13);

@@ -116,10 +116,10 @@ module live #(
     .reflections(reflections),
 `endif
 `ifdef HAS_LEAST
-    .least('0),
+    .least({machine_pkg::GAUSS_WEIGHT_W{1'b0}}),
 `endif
 `ifdef HAS_CORNER
-    .corner('0),
+    .corner({(machine_pkg::RASTER_OUT_X_W + machine_pkg::RASTER_OUT_Y_W) {1'b0}}),
 `endif
 `ifdef HAS_DRAIN
     .drain(drain),
@@ -199,7 +199,7 @@ module live #(
     chance = chance == 0 ? 32'h9e3779b9 : chance;
   end
 
-  function [31:0] xorshift(input [31:0] state);
+  function automatic [31:0] xorshift(input [31:0] state);
     reg [31:0] x;
     begin
       x = state ^ (state << 13);
