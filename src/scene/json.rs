@@ -198,8 +198,8 @@ struct FileSource {
 #[serde(deny_unknown_fields)]
 struct VolumeSource {
     volume: VolumeFile,
-    /// Which of a file's arrays at points has the samples; left out: the one that the file names, else the first of one component. Of `.vtr`,
-    /// `.vts`, `.vtu` and `.vtp`.
+    /// Which of a file's arrays at points has the samples; left out: the one that the file names, else the first of one component. Of `.vti`,
+    /// `.vtr`, `.vts`, `.vtu` and `.vtp`.
     array: Option<String>,
     /// Which array has the variance of each point's kernel, world units²: of 1 component, the same in all directions, of 3, along x, y and
     /// z, or of 6, xx, yy, zz, xy, yz and xz. Left out: from the distance to the 6 nearest points. Of `.vtu` and `.vtp`.
@@ -801,6 +801,13 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
         return Err(input_error(format!("has no frame {} (--frame): {right}", which.frame)));
     };
     // Whatever else depends on the eye is the first one's: the world stays as it is while the eye moves.
+    if which.cameras.is_none() && fields.frames_itself() {
+        let (missed, all) = (cameras[0].misses(&image, &gathered.splats), gathered.splats.len());
+        if missed > 0 {
+            gathered.notes.push(format!("{missed} of {all} splats lie outside of the frame that was chosen; `camera` shows them"));
+        }
+    }
+    gathered.notes.extend(which.cameras.iter().flat_map(|file| &file.notes).cloned());
     gathered.complete(cameras[0].eye);
     let lights = lights(fields.lights, &cameras[0]).map_err(input_error)?;
     let surface = surface(&fields.surface, &gathered.splats);
@@ -1262,6 +1269,14 @@ impl<'a> Gathered<'a> {
             VolumeFile::Raw(_) => self.input_error(format!("{path}.volume: {sentence}")),
             _ => Error::input(format!("{}: {sentence}", file.display())),
         })?;
+        self.add_notes(samples.notes(), &file);
+        let (all, absent) = (samples.values().len(), samples.values().iter().filter(|value| value.is_nan()).count());
+        if absent == all {
+            return Err(Error::input(format!("{}: all of its {all} samples are NaN; there is nothing to draw", file.display())));
+        }
+        if absent > 0 {
+            self.add_notes(&[format!("{absent} of {all} samples are NaN: they are drawn as empty")], &file);
+        }
         let cutoff = self.volume_cutoff;
         let transfer = match &source.transfer {
             Some(points) => {
@@ -1379,7 +1394,7 @@ impl<'a> Gathered<'a> {
         let input_error = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
         let parse = match formats::reader(&file).unwrap_or(formats::default_reader()) {
             Reader::Splats(parse) => parse,
-            Reader::Volume(_) | Reader::Irregular(_) => {
+            Reader::Volume(_) | Reader::Image(_) | Reader::Irregular(_) => {
                 return self.add_volume(&VolumeSource::of(source), path);
             }
         };
@@ -1602,6 +1617,11 @@ impl SceneFields {
             return Err(format!("has {}; only one of `camera`, `cameras` and `camera_path` may be given", given.join(" and ")));
         }
         if let Some(PathFields::Keys(path)) = &self.camera_path { path.check() } else { Ok(()) }
+    }
+
+    /// Whether the one camera's place is left to be chosen.
+    fn frames_itself(&self) -> bool {
+        self.cameras.is_none() && self.camera_path.is_none() && self.camera.as_ref().is_none_or(|camera| camera.eye.is_none())
     }
 
     /// A camera a frame.

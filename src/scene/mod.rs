@@ -361,7 +361,7 @@ impl Scene {
             return Err(input_error(no_such_file(name)));
         }
         if is_json(path) {
-            let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+            let text = strict_json::read_text(path).map_err(input_error)?;
             return json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides, which);
         }
         if formats::reader(path).is_some() {
@@ -379,7 +379,7 @@ impl Scene {
         if let (Some(text), false) = (path.to_str().and_then(builtin::scene), path.is_file()) {
             return Some(text.to_owned());
         }
-        is_json(path).then(|| std::fs::read_to_string(path).ok())?
+        is_json(path).then(|| strict_json::read_text(path).ok())?
     }
 
     /// The least weight that makes a fragment; 0 where any does.
