@@ -172,6 +172,34 @@ fn a_sheared_grid_is_the_curvilinear_grid_that_it_is() {
     assert!(psnr > 40.0, "{psnr} dB");
 }
 
+/// Kernels that the eye sees along their length are deeper than the usual machine holds: the summary names a format that holds them.
+#[test]
+fn the_summary_of_needles_names_a_format_that_holds_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |i: usize| DVec3::new((i % 5) as f64, (i / 5) as f64, 0.0);
+    let points = array("Float64", "points", 3, (0..25).flat_map(|i| at(i).to_array()));
+    let samples = array("Float32", "waves", 1, (0..25).map(|_| 1.0));
+    let variance = array("Float64", "v", 3, (0..25).flat_map(|_| [0.01, 0.01, 4.0]));
+    let inside = format!("<PointData>{samples}{variance}</PointData><Points>{points}</Points>");
+    std::fs::write(folder.path().join("x.vtu"), vtk("UnstructuredGrid", "", "NumberOfPoints=\"25\"", &inside)).unwrap();
+    let camera = json!({"eye": [2, 2, 40], "target": [2, 2, 0], "fov_y_degrees": 8});
+    let transfer = json!([{"value": 0, "opacity": 0}, {"value": 1, "opacity": 0.1}]);
+    let scene = json!({"splats": {"volume": "x.vtu", "variance": "v", "transfer": transfer}, "camera": camera,
+        "image": {"width": 32, "height": 32}, "kernel": {"low_pass": 0.01}});
+    std::fs::write(folder.path().join("scene.json"), scene.to_string()).unwrap();
+    let run = |more: &[&str]| {
+        let mut run = Command::new(env!("CARGO_BIN_EXE_splatsim"));
+        let output = run.current_dir(folder.path()).args(["run", "scene.json", "--out", "out"]).args(more).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let told = run(&[]);
+    assert!(told.contains("ellipse.visibility (U3F22) saturated 25 times"), "{told}");
+    let setting = told.split("`--set ").nth(1).and_then(|rest| rest.split('`').next()).unwrap_or_default();
+    assert!(setting.starts_with("ellipse.visibility=U"), "{told}");
+    assert!(!run(&["--set", setting]).contains("ellipse.visibility ("), "{setting}");
+}
+
 /// A sample that is NaN is one that the transfer function does not show, in every format, and the summary counts it.
 #[test]
 fn a_sample_that_is_nan_is_drawn_as_empty() {
