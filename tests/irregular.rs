@@ -141,6 +141,160 @@ fn an_even_grid_is_the_volume_that_it_is() {
     assert!(apart < 1e-12, "points: {apart:e}");
 }
 
+/// A sheared grid is the curvilinear one of the same places: kernels, gradients, light and depths, in `ideal`.
+#[test]
+fn a_sheared_grid_is_the_curvilinear_grid_that_it_is() {
+    let steps = [[0.3, 0.0, 0.1], [0.2, 0.5, 0.0], [-0.1, 0.3, 0.7]].map(DVec3::from_array);
+    let sheared = |i: usize| (0..3).fold(DVec3::from_array(ORIGIN), |place, axis| place + steps[axis] * index(i)[axis] as f64);
+    let shown = |volume: &str| {
+        let gradient = json!([{"magnitude": 0.1, "factor": 0.4}, {"magnitude": 2, "factor": 1}]);
+        scene(json!({"volume": volume, "transfer": transfer(), "gradient": gradient}), &even_look())
+    };
+    let vector = |of: DVec3| format!("({},{},{})", of.x, of.y, of.z);
+    let header = format!(
+        "NRRD0004\ntype: float\ndimension: 3\nspace: RAS\nsizes: {} {} {}\nspace directions: {}\nspace origin: {}\nendian: little\nencoding: raw\n\n",
+        SIZE[0],
+        SIZE[1],
+        SIZE[2],
+        steps.map(vector).join(" "),
+        vector(DVec3::from_array(ORIGIN))
+    );
+    let values: Vec<u8> = (0..COUNT).flat_map(|i| value(i).to_le_bytes()).collect();
+    let grid = loaded(&[("x.nrrd", &[header.as_bytes(), &values].concat())], &shown("x.nrrd")).unwrap();
+    let curvilinear = loaded(&[("x.vts", vts(sheared).as_bytes())], &shown("x.vts")).unwrap();
+    assert_eq!((machines::usual(&grid), grid.splats.len()), ("volume", curvilinear.splats.len()));
+    let picture = golden::ideal(&grid).picture;
+    check_drawn(&picture);
+    let apart = farthest(&golden::ideal(&curvilinear).picture, &picture);
+    assert!(apart < 1e-9, "{apart:e}");
+    // In slices it is what it is sample by sample, nearly: kernels of a slice are one sheet.
+    let psnr = metrics(&golden(&grid), &picture).psnr_db.unwrap();
+    assert!(psnr > 40.0, "{psnr} dB");
+}
+
+/// Kernels that the eye sees along their length are deeper than the usual machine holds: the summary names a format that holds them.
+#[test]
+fn the_summary_of_needles_names_a_format_that_holds_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |i: usize| DVec3::new((i % 5) as f64, (i / 5) as f64, 0.0);
+    let points = array("Float64", "points", 3, (0..25).flat_map(|i| at(i).to_array()));
+    let samples = array("Float32", "waves", 1, (0..25).map(|_| 1.0));
+    let variance = array("Float64", "v", 3, (0..25).flat_map(|_| [0.01, 0.01, 4.0]));
+    let inside = format!("<PointData>{samples}{variance}</PointData><Points>{points}</Points>");
+    std::fs::write(folder.path().join("x.vtu"), vtk("UnstructuredGrid", "", "NumberOfPoints=\"25\"", &inside)).unwrap();
+    let camera = json!({"eye": [2, 2, 40], "target": [2, 2, 0], "fov_y_degrees": 8});
+    let transfer = json!([{"value": 0, "opacity": 0}, {"value": 1, "opacity": 0.1}]);
+    let scene = json!({"splats": {"volume": "x.vtu", "variance": "v", "transfer": transfer}, "camera": camera,
+        "image": {"width": 32, "height": 32}, "kernel": {"low_pass": 0.01}});
+    std::fs::write(folder.path().join("scene.json"), scene.to_string()).unwrap();
+    let run = |more: &[&str]| {
+        let mut run = Command::new(env!("CARGO_BIN_EXE_splatsim"));
+        let output = run.current_dir(folder.path()).args(["run", "scene.json", "--out", "out"]).args(more).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap().split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    let told = run(&[]);
+    assert!(told.contains("ellipse.visibility (U3F22) saturated 25 times"), "{told}");
+    let setting = told.split("`--set ").nth(1).and_then(|rest| rest.split('`').next()).unwrap_or_default();
+    assert!(setting.starts_with("ellipse.visibility=U"), "{told}");
+    assert!(!run(&["--set", setting]).contains("ellipse.visibility ("), "{setting}");
+}
+
+/// A sample that is NaN is one that the transfer function does not show, in every format, and the summary counts it.
+#[test]
+fn a_sample_that_is_nan_is_drawn_as_empty() {
+    let holes = [30, 31, 250];
+    let with = |hole: f32| -> Vec<f32> { (0..COUNT).map(|i| if holes.contains(&i) { hole } else { value(i) }).collect() };
+    let bytes = |values: &[f32]| -> Vec<u8> { values.iter().flat_map(|value| value.to_le_bytes()).collect() };
+    let joined = |header: &str, values: &[f32]| [header.as_bytes(), &bytes(values)].concat();
+    let [nx, ny, nz] = SIZE;
+    let of_text = |values: &[f32]| array("Float32", "waves", 1, values.iter().map(|value| f64::from(*value)));
+    let points = array("Float64", "points", 3, (0..COUNT).flat_map(|i| place(i).to_array()));
+    let axes = [0, 1, 2].map(|axis| array("Float64", "axis", 1, (0..SIZE[axis]).map(|i| ORIGIN[axis] + SPACING[axis] * i as f64))).concat();
+    let nii = |values: &[f32]| {
+        let mut header = vec![0_u8; 352];
+        let mut put = |at: usize, word: &[u8]| header[at..at + word.len()].copy_from_slice(word);
+        put(0, &348_i32.to_le_bytes());
+        [3, nx, ny, nz, 1, 1, 1, 1].iter().enumerate().for_each(|(i, n)| put(40 + 2 * i, &(*n as i16).to_le_bytes()));
+        put(70, &16_i16.to_le_bytes());
+        SPACING.iter().enumerate().for_each(|(i, n)| put(80 + 4 * i, &(*n as f32).to_le_bytes()));
+        put(108, &352.0_f32.to_le_bytes());
+        put(344, b"n+1\0");
+        [header, bytes(values)].concat()
+    };
+    let files: Vec<(&str, Box<dyn Fn(&[f32]) -> Vec<u8>>)> = vec![
+        (
+            "x.nrrd",
+            Box::new(|values| {
+                joined(&format!("NRRD0004\ntype: float\ndimension: 3\nsizes: {nx} {ny} {nz}\nendian: little\nencoding: raw\n\n"), values)
+            }),
+        ),
+        (
+            "x.mha",
+            Box::new(|values| {
+                joined(&format!("NDims = 3\nDimSize = {nx} {ny} {nz}\nElementType = MET_FLOAT\nElementDataFile = LOCAL\n"), values)
+            }),
+        ),
+        ("x.nii", Box::new(nii)),
+        ("x.vti", Box::new(|values| vtk("ImageData", &extent(), "", &format!("<PointData>{}</PointData>", of_text(values))).into_bytes())),
+        (
+            "x.vtr",
+            Box::new(|values| {
+                vtk(
+                    "RectilinearGrid",
+                    &extent(),
+                    "",
+                    &format!("<PointData>{}</PointData><Coordinates>{axes}</Coordinates>", of_text(values)),
+                )
+                .into_bytes()
+            }),
+        ),
+        (
+            "x.vts",
+            Box::new(|values| {
+                vtk("StructuredGrid", &extent(), "", &format!("<PointData>{}</PointData><Points>{points}</Points>", of_text(values)))
+                    .into_bytes()
+            }),
+        ),
+        (
+            "x.vtp",
+            Box::new(|values| {
+                let piece = format!("NumberOfPoints=\"{COUNT}\"");
+                vtk("PolyData", "", &piece, &format!("<PointData>{}</PointData><Points>{points}</Points>", of_text(values))).into_bytes()
+            }),
+        ),
+    ];
+    let look = json!({"image": {"width": 40, "height": 36}, "materials": [{"unlit": true}]});
+    for (name, file) in files {
+        let read =
+            |hole: f32| loaded(&[(name, &file(&with(hole)))], &scene(json!({"volume": name, "transfer": transfer()}), &look)).unwrap();
+        let (absent, unseen) = (read(f32::NAN), read(-1.0));
+        assert_eq!(absent.splats.len(), unseen.splats.len(), "{name}");
+        assert!(farthest(&golden(&absent), &golden(&unseen)) == 0.0, "{name}");
+        let said = absent.notes.iter().filter(|note| note.ends_with(&format!("3 of {COUNT} samples are NaN: they are drawn as empty")));
+        assert_eq!((said.count(), unseen.notes.iter().any(|note| note.contains("NaN"))), (1, false), "{name}: {:?}", absent.notes);
+        let all = vec![f32::NAN; COUNT];
+        let told = loaded(&[(name, &file(&all))], &scene(json!({"volume": name}), &look)).unwrap_err().to_string();
+        assert!(told.contains(&format!("all of its {COUNT} samples are NaN")), "{name}: {told}");
+    }
+}
+
+/// An isosurface ends where samples do: none of its splats comes from a step to a sample that is NaN.
+#[test]
+fn an_isosurface_ends_beside_samples_that_are_nan() {
+    let size = [12, 6, 6];
+    let slope = |hole: f32| -> Vec<u8> {
+        let of = |i: usize| if i % 12 > 8 { hole } else { (i % 12) as f32 };
+        (0..size.iter().product()).flat_map(|i| of(i).to_le_bytes()).collect()
+    };
+    let source = |isovalue: f64| json!({"volume": {"file": "x.raw", "size": size, "type": "f32"}, "isovalue": isovalue});
+    let look = json!({"camera": {"eye": [-30, 3, 3], "target": [5, 3, 3]}});
+    let at = |hole: f32, isovalue: f64| loaded(&[("x.raw", &slope(hole))], &scene(source(isovalue), &look));
+    let scene = at(f32::NAN, 8.2).unwrap();
+    assert!(scene.splats.len() == 36 && scene.splats.iter().all(|splat| (splat.position.x - 8.2).abs() < 1e-6), "{:?}", scene.splats);
+    assert!(at(f32::NAN, 30.0).unwrap_err().to_string().contains("no surface of this isovalue"));
+}
+
 /// A piece of a twisted tube: cells get longer outwards and towards one end.
 fn twisted(i: usize) -> DVec3 {
     let [x, y, z] = index(i).map(|at| at as f64);

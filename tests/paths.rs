@@ -337,16 +337,42 @@ fn load(folder: &Path, file: &str) -> splatsim::error::Result<Sequence> {
     Sequence::load(&scene, &Overrides::default(), Some(file))
 }
 
-/// A scene seen by COLMAP's cameras and by the same ones in nerfstudio's form: every point must land where COLMAP's own formula, u = f·x/z + c
+/// A file of numbers with the lowest byte first, as COLMAP writes `cameras.bin`: one camera of this model and these numbers.
+fn cameras_bin(id: u32, model: u32, size: [u64; 2], numbers: &[f64]) -> Vec<u8> {
+    let words = [1_u64.to_le_bytes().to_vec(), id.to_le_bytes().to_vec(), model.to_le_bytes().to_vec()].concat();
+    let sizes = size.iter().flat_map(|side| side.to_le_bytes());
+    words.into_iter().chain(sizes).chain(numbers.iter().flat_map(|number| number.to_le_bytes())).collect()
+}
+
+/// An image of `images.bin`, with so many points.
+fn image_bin(id: u32, turn: [f64; 4], shift: [f64; 3], camera: u32, name: &str, points: u64) -> Vec<u8> {
+    let mut bytes = id.to_le_bytes().to_vec();
+    turn.iter().chain(&shift).for_each(|number| bytes.extend(number.to_le_bytes()));
+    bytes.extend(camera.to_le_bytes());
+    bytes.extend(name.as_bytes());
+    bytes.push(0);
+    bytes.extend(points.to_le_bytes());
+    (0..points).for_each(|point| bytes.extend([1.5_f64.to_le_bytes(), 2.5_f64.to_le_bytes(), point.to_le_bytes()].concat()));
+    bytes
+}
+
+fn write_bytes(folder: &Path, name: &str, bytes: &[u8]) {
+    let path = folder.join(name);
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    std::fs::write(path, bytes).unwrap();
+}
+
+/// A scene seen by COLMAP's cameras and by the same ones in the forms of other programs: every point must land where COLMAP's own formula, u = f·x/z + c
 /// of x = R·X + t, puts it.
 #[test]
 fn points_land_where_the_formulas_of_colmap_and_nerfstudio_put_them() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let mut random = noise(7);
-    let (width, height, focal) = (640.0_f64, 400.0, 512.5);
+    let (width, height, focal) = (640.0_f64, 400.0_f64, 512.5);
     let mut images = String::from("# Image list\n#   POINTS2D[] as (X, Y, POINT3D_ID)\n");
     let (mut poses, mut frames) = (Vec::new(), Vec::new());
+    let (mut binary, mut trained, mut video, mut short) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for nth in 0..8 {
         let mut turn = [random(), random(), random(), random()];
         let length = turn.iter().map(|part| part * part).sum::<f64>().sqrt();
@@ -363,15 +389,43 @@ fn points_land_where_the_formulas_of_colmap_and_nerfstudio_put_them() {
         let mut rows: Vec<Value> = (0..3).map(|i| json!([right[i], -down[i], -ahead[i], at[i]])).collect();
         rows.push(json!([0, 0, 0, 1]));
         frames.push(json!({"file_path": format!("{nth}.png"), "transform_matrix": rows}));
+        short.push(json!({"file_path": format!("{nth}.png"), "transform_matrix": rows[..3]}));
+        video.push(json!({"camera_to_world": rows.iter().flat_map(|row| row.as_array().unwrap()).collect::<Vec<_>>(), "aspect": 1,
+            "fov": 2.0 * (height / 2.0 / focal).atan().to_degrees()}));
+        let axes: Vec<Value> = (0..3).map(|i| json!([right[i], down[i], ahead[i]])).collect();
+        trained.push(json!({"id": nth, "img_name": format!("{nth}"), "width": 640, "height": 400, "position": at, "rotation": axes,
+            "fy": focal, "fx": focal}));
+        binary.push(image_bin(100 - nth, turn, t, 3, &format!("view {nth}.png"), u64::from(nth % 3)));
     }
     poses.iter().rev().for_each(|(_, _, line)| images.push_str(line));
     write(folder, "sparse/cameras.txt", &format!("# Camera list\n3 SIMPLE_RADIAL 640 400 {focal} 320 200 0\n"));
     write(folder, "sparse/images.txt", &images);
+    write(folder, "bare/cameras.txt", &format!("\u{feff}3 SIMPLE_RADIAL 640 400 {focal} 320 200 0\r\n"));
+    let bare: String =
+        images.lines().filter(|line| !line.starts_with(['#', '1']) || line.contains("view")).map(|line| format!("{line}\r\n")).collect();
+    write(folder, "bare/images.txt", &bare);
+    write_bytes(folder, "project/sparse/0/cameras.bin", &cameras_bin(3, 2, [640, 400], &[focal, 320.0, 200.0, 0.0]));
+    let images_bin = [8_u64.to_le_bytes().to_vec(), binary.into_iter().rev().flatten().collect()].concat();
+    write_bytes(folder, "project/sparse/0/images.bin", &images_bin);
+    write(folder, "cameras.json", &Value::from(trained).to_string());
+    write(
+        folder,
+        "camera_path.json",
+        &json!({"camera_type": "perspective", "render_width": 640, "render_height": 400, "fps": 24,
+        "camera_path": video, "crop": null})
+        .to_string(),
+    );
+    let more = json!({"w": 640, "h": 400, "fl_x": focal, "frames": short});
+    write(folder, "ns/transforms.json", &format!("\u{feff}{more}"));
+    let wide = |order: fn(u16) -> [u8; 2]| format!("\u{feff}{more}").encode_utf16().flat_map(order).collect::<Vec<u8>>();
+    write_bytes(folder, "wide.json", &wide(u16::to_le_bytes));
     let all = json!({"camera_model": "OPENCV", "w": 640, "h": 400, "fl_x": focal, "fl_y": focal, "cx": 320.0, "cy": 200, "k1": 0.0, "frames": frames});
     write(folder, "transforms.json", &all.to_string());
     let wide = 2.0 * (width / 2.0 / focal).atan();
     write(folder, "blender.json", &json!({"camera_angle_x": wide, "w": 640, "h": 400, "frames": frames}).to_string());
-    for file in ["sparse", "sparse/images.txt", "sparse/cameras.txt", "transforms.json", "blender.json"] {
+    let text = ["sparse", "sparse/images.txt", "sparse/cameras.txt", "bare", "transforms.json", "blender.json", "ns", "wide.json"];
+    let others = ["project", "project/sparse/0", "project/sparse/0/images.bin", "cameras.json", "camera_path.json"];
+    for file in text.into_iter().chain(others) {
         let mut sequence = load(folder, file).unwrap();
         assert_eq!((sequence.scene().image.width, sequence.scene().image.height, sequence.cameras().len()), (640, 400, 8), "{file}");
         for (nth, (r, t, _)) in poses.iter().enumerate() {
@@ -416,8 +470,6 @@ fn cameras_that_cannot_be_expressed_are_refused_in_a_sentence() {
     let mirrored = json!([[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]);
     for (told, part) in [
         (nerfstudio(json!({"k1": 0.01}), &unit), "frames[0]: k1 is 0.01: a lens that distorts"),
-        (nerfstudio(json!({"cx": 30}), &unit), "its principal point is 30, 24; only the middle"),
-        (nerfstudio(json!({"fl_y": 51}), &unit), "its focal lengths are 50 and 51 pixels; only square pixels"),
         (nerfstudio(json!({"fl_x": 0}), &unit), "must be above 0"),
         (nerfstudio(json!({"fl_x": "50"}), &unit), "fl_x is no number"),
         (nerfstudio(json!({"w": 1e9}), &unit), "w is 1000000000; it must be a whole number of pixels"),
@@ -425,6 +477,8 @@ fn cameras_that_cannot_be_expressed_are_refused_in_a_sentence() {
         (nerfstudio(json!({"camera_model": "OPENCV_FISHEYE"}), &unit), "camera_model is OPENCV_FISHEYE"),
         (nerfstudio(json!({}), &mirrored), "transform_matrix is no rotation"),
         (nerfstudio(json!({}), &json!([[1, 0], [0, 1]])), "four rows of four numbers"),
+        (nerfstudio(json!({}), &json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 2]])), "its last row must be 0 0 0 1"),
+        (nerfstudio(json!({}), &json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1], [0, 0, 0, 1]])), "four rows of four"),
         (nerfstudio(json!({"frames": []}), &unit), "has no camera"),
         (nerfstudio(json!({"frames": 3}), &unit), "has no list `frames`"),
     ] {
@@ -438,27 +492,180 @@ fn cameras_that_cannot_be_expressed_are_refused_in_a_sentence() {
         load(folder, "c").unwrap_err().to_string()
     };
     let good = "1 PINHOLE 64 48 50 50 32 24";
-    let two = format!("{good}\n2 PINHOLE 60 48 50 50 30 24");
+    let one = "1 1 0 0 0 0 0 4 1 a.png\n";
     for (told, part) in [
         (colmap("1 OPENCV 64 48 50 50 32 24 0 0 0.1 0", ""), "cameras.txt: line 1: a lens that distorts cannot be drawn (0.1)"),
         (colmap("# of\n1 OPENCV_FISHEYE 64 48 50 50 32 24 0 0 0 0", ""), "line 2: the model OPENCV_FISHEYE cannot"),
         (colmap("1 PINHOLE 64 48 50 50 32", ""), "PINHOLE has 3 numbers"),
         (colmap("1 PINHOLE 64 48 50 50 NaN 24", ""), "`NaN` is no finite number"),
-        (colmap("1 PINHOLE 64 48 50 50 31 24", ""), "principal point is 31, 24"),
+        (colmap("x PINHOLE 64 48 50 50 32 24", one), "`x` is no identity"),
         (colmap("1 PINHOLE 99999999999999999999 48 50 50 31 24", ""), "is no width or height"),
         (colmap(&format!("{good}\n{good}"), ""), "line 2: camera 1 is there a second time"),
         (colmap(good, ""), "has no camera"),
         (colmap(good, "1 1 0 0 0 0 0 4 7 a.png\n"), "images.txt: line 1: its camera 7 is not in cameras.txt"),
         (colmap(good, "1 0 0 0 0 0 0 4 1 a.png\n"), "quaternion is zero"),
         (colmap(good, "1 1 0 0 0 0 0 inf 1 a.png\n"), "`inf` is no finite number"),
-        (colmap(good, "1 1 0 0 0 0 0 4 1 a.png\n2 1 0 0 0 0 0 4 1 b.png\n"), "line 2: "),
-        (colmap(&two, "1 1 0 0 0 0 0 4 1 a.png\n\n2 1 0 0 0 0 0 4 2 b.png\n\n"), "line 3: its picture is 60×48"),
+        (colmap(good, "1 1 0 0 0 0 0 4 1 a.png\n1.5 2.5\n"), "line 2: a picture is an identity, a quaternion"),
     ] {
         assert!(told.starts_with("--cameras ") && told.contains(part) && !told.contains('\n'), "{told}, not {part}");
     }
-    write(folder, "images.bin", "");
-    assert!(CameraFile::read(&folder.join("images.bin")).unwrap_err().to_string().contains("model_converter"));
     assert!(CameraFile::read(&folder.join("absent.json")).unwrap_err().to_string().contains("cannot be read"));
+}
+
+#[test]
+fn cameras_of_training_and_of_videos_that_cannot_be_read_are_refused_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |all: &Value| {
+        write(folder.path(), "x.json", &all.to_string());
+        let told = CameraFile::read(&folder.path().join("x.json")).unwrap_err().to_string();
+        assert!(told.starts_with("--cameras ") && !told.contains('\n'), "{told}");
+        told
+    };
+    let good =
+        json!({"width": 96, "height": 72, "position": [0, 0, -4], "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "fx": 120, "fy": 120});
+    let trained = |name: &str, value: Value| {
+        let mut second = good.clone();
+        second[name] = value;
+        refused(&json!([good, second]))
+    };
+    for (told, part) in [
+        (trained("width", json!(1.5)), "[1]: width is 1.5; it must be a whole number"),
+        (trained("height", Value::Null), "[1]: has no height"),
+        (trained("cx", json!("40")), "[1]: cx is no number"),
+        (trained("fx", json!(0)), "[1]: its focal lengths are 0 and 120 pixels; they must be above 0"),
+        (trained("fy", json!("120")), "[1]: fy is no number"),
+        (trained("position", json!([0, 0])), "[1]: position must be three numbers"),
+        (trained("position", json!([0, 0, 1e300])), "[1]: its position is"),
+        (trained("rotation", json!([[1, 0, 0], [0, 1, 0]])), "[1]: rotation must be three rows of three numbers"),
+        (trained("rotation", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]])), "[1]: rotation is no rotation"),
+        (refused(&json!([])), "has no camera"),
+        (refused(&json!([7])), "[0]: has no width"),
+        (refused(&json!({"cameras": []})), "has no list `frames`"),
+        (refused(&json!(7)), "has no list `frames`"),
+    ] {
+        assert!(told.contains(part), "{told}, not {part}");
+    }
+    let unit = json!([1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 5, 0, 0, 0, 1]);
+    let video = |more: Value, camera: Value| {
+        let mut all = json!({"render_width": 64, "render_height": 48, "camera_path": [{"camera_to_world": unit, "fov": 50}]});
+        more.as_object().unwrap().iter().for_each(|(name, value)| all[name] = value.clone());
+        camera.as_object().unwrap().iter().for_each(|(name, value)| all["camera_path"][0][name] = value.clone());
+        refused(&all)
+    };
+    for (told, part) in [
+        (video(json!({"camera_type": "equirectangular"}), json!({})), "camera_type is equirectangular; only perspective"),
+        (video(json!({"render_width": null}), json!({})), "has no render_width"),
+        (video(json!({}), json!({"fov": 180})), "camera_path[0]: fov is 180"),
+        (video(json!({}), json!({"fov": null})), "camera_path[0]: has no fov"),
+        (video(json!({}), json!({"camera_to_world": [1, 2, 3]})), "camera_path[0]: camera_to_world must be four rows"),
+    ] {
+        assert!(told.contains(part), "{told}, not {part}");
+    }
+}
+
+#[test]
+fn broken_binary_cameras_end_in_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let lens = cameras_bin(1, 1, [64, 48], &[50.0, 50.0, 32.0, 24.0]);
+    let image = |camera: u32| image_bin(1, [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 4.0], camera, "a.png", 2);
+    let images = |count: u64, all: &[Vec<u8>]| [count.to_le_bytes().to_vec(), all.concat()].concat();
+    let read = |lens: &[u8], images: &[u8]| {
+        write_bytes(folder, "cameras.bin", lens);
+        write_bytes(folder, "images.bin", images);
+        CameraFile::read(folder)
+    };
+    assert!(read(&lens, &images(1, &[image(1)])).is_ok());
+    let refused = |lens: &[u8], images: &[u8]| read(lens, images).unwrap_err().to_string();
+    for (told, part) in [
+        (refused(&lens, &images(1, &[image(2)])), "images.bin: image 0 of 1: its camera 2 is not in cameras.bin"),
+        (refused(&lens, &images(u64::MAX, &[image(1)])), "image 1 of 18446744073709551615: the file ends inside it"),
+        (refused(&lens, &images(1, &[image(1), vec![7]])), "its end: 1 bytes follow the last of 1 images"),
+        (refused(&lens, &images(0, &[])), "has no camera"),
+        (refused(&lens, &[1, 2]), "images.bin: its header: the file ends inside it"),
+        (refused(&cameras_bin(1, 5, [64, 48], &[50.0; 8]), &[]), "cameras.bin: camera 0 of 1: the model OPENCV_FISHEYE cannot be drawn"),
+        (refused(&cameras_bin(1, 2, [64, 48], &[50.0, 32.0, 24.0, 0.1]), &[]), "a lens that distorts cannot be drawn (0.1)"),
+        (refused(&cameras_bin(1, 99, [64, 48], &[]), &[]), "its model has the number 99; 0 to 11 are known"),
+        (refused(&cameras_bin(1, 1, [1 << 40, 48], &[50.0; 4]), &[]), "its picture is 1099511627776×48"),
+        (refused(&cameras_bin(1, 1, [64, 48], &[50.0, f64::NAN, 32.0, 24.0]), &[]), "it has a number that is NaN"),
+    ] {
+        assert!(told.starts_with("--cameras ") && told.contains(part) && !told.contains('\n'), "{told}, not {part}");
+    }
+    let whole = images(1, &[image(1)]);
+    for length in 0..whole.len() {
+        assert!(read(&lens, &whole[..length]).is_err(), "{length}");
+    }
+    for length in 0..lens.len() {
+        assert!(read(&lens[..length], &whole).is_err(), "{length}");
+    }
+    std::fs::remove_file(folder.join("cameras.bin")).unwrap();
+    assert!(CameraFile::read(&folder.join("images.bin")).unwrap_err().to_string().contains("cameras.bin: cannot be read"));
+    assert!(CameraFile::read(folder).unwrap_err().to_string().contains("holds no cameras; a folder must hold one of transforms.json"));
+}
+
+/// Pictures of several sizes are frames of the size that most have, each as high as its own picture sees.
+#[test]
+fn pictures_of_several_sizes_are_drawn_at_the_size_that_most_have() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    write(folder, "c/cameras.txt", "1 PINHOLE 60 40 50 50 30 20\n2 PINHOLE 64 48 50 50 32 24\n3 PINHOLE 30 20 25 25 15 10\n");
+    let image = |nth: usize, camera: usize| format!("{nth} 1 0 0 0 0 0 {} {camera} {nth}.png\n", nth + 4);
+    write(folder, "c/images.txt", &[image(0, 1), image(1, 2), image(2, 2), image(3, 3)].concat());
+    let sequence = load(folder, "c").unwrap();
+    assert_eq!((sequence.scene().image.width, sequence.scene().image.height), (64, 48));
+    let tangents: Vec<f64> = sequence.cameras().iter().map(|camera| (camera.fov_y_degrees.to_radians() / 2.0).tan()).collect();
+    for (tangent, expected) in tangents.iter().zip([20.0 / 50.0, 24.0 / 50.0, 24.0 / 50.0, 10.0 / 25.0]) {
+        assert!((tangent - expected).abs() < 1e-12, "{tangents:?}");
+    }
+    let notes = &sequence.scene().notes;
+    assert!(notes.iter().any(|note| note.contains("2 of 4 pictures are not 64×48: all frames are drawn at one size")), "{notes:?}");
+    write(folder, "c/cameras.json", "[]");
+    let notes = load(folder, "c").unwrap().scene().notes.join("; ");
+    assert!(notes.contains("is read, and not the cameras.json in the same folder"), "{notes}");
+}
+
+/// u = f_x·X/Z + c_x, v = f_y·Y/Z + c_y, whatever program wrote the lens; and in the middle of a picture of another size, by its height.
+#[test]
+fn two_focal_lengths_and_a_principal_point_are_those_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let still = json!([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]);
+    let frames = json!([{"transform_matrix": still}]);
+    write(folder, "n.json", &json!({"w": 64, "h": 48, "fl_x": 50, "fl_y": 61, "cx": 30, "cy": 27.5, "frames": frames}).to_string());
+    write(folder, "c/cameras.txt", "1 PINHOLE 64 48 50 61 30 27.5\n");
+    write(folder, "c/images.txt", "1 0 1 0 0 0 0 4 1 a.png\n\n");
+    let trained = json!({"width": 64, "height": 48, "fx": 50, "fy": 61, "cx": 30, "cy": 27.5, "position": [0, 0, 4],
+        "rotation": [[1, 0, 0], [0, -1, 0], [0, 0, -1]]});
+    write(folder, "t.json", &json!([trained]).to_string());
+    for file in ["n.json", "c", "t.json"] {
+        for (scale, size) in [(1.0, None), (2.5, Some((200, 120)))] {
+            let cameras = CameraFile::read(&folder.join(file)).unwrap();
+            let scene = write(folder, "scene.json", &spheres(&json!({})));
+            let sequence = Sequence::load(&scene, &Overrides { size }, Some(cameras)).unwrap();
+            let (view, image) = (sequence.scene().view(), sequence.scene().image);
+            let seen = view.rotation * (glam::DVec3::new(0.5, 0.25, 1.0) - view.eye);
+            let [x, y] = [0, 1].map(|axis| view.centre_px[axis] + view.focal_px[axis] * seen[axis] / seen.z);
+            let middle = [image.width as f64 / 2.0, image.height as f64 / 2.0];
+            let right = middle[0] + scale * (30.0 - 32.0 + 50.0 * 0.5 / 3.0);
+            let down = middle[1] + scale * (27.5 - 24.0 - 61.0 * 0.25 / 3.0);
+            assert!((x - right).abs() < 1e-9 && (y - down).abs() < 1e-9, "{file}: {x} {y}, not {right} {down}");
+        }
+    }
+}
+
+/// The cameras that other programs see with square pixels and a centred axis are one camera, at (0, 0, −4).
+#[test]
+fn the_cameras_in_the_shared_folder_are_one_camera() {
+    let Some(folder) = crate::shared_input::find("outside/09-cameras") else { return };
+    for file in ["square", "square/images.txt", "cameras.json"] {
+        let sequence =
+            Sequence::load(folder.join("scene.json"), &Overrides::default(), Some(CameraFile::read(&folder.join(file)).unwrap()));
+        let sequence = sequence.unwrap();
+        let (view, image) = (sequence.scene().view(), sequence.scene().image);
+        assert_eq!((image.width, image.height, view.eye), (96, 72, glam::DVec3::new(0.0, 0.0, -4.0)), "{file}");
+        assert!(view.focal_px.iter().all(|focal| (focal - 120.0).abs() < 1e-9) && (view.rotation.row(2) - glam::DVec3::Z).length() < 1e-12, "{file}");
+        assert!((view.rotation.row(1) - glam::DVec3::Y).length() < 1e-12, "{file}");
+    }
 }
 
 // ---- bad input ----
@@ -569,9 +776,7 @@ fn lenses_that_no_camera_here_has_are_refused_however_they_are_told() {
     };
     assert!(read(json!({"cx": 32, "cy": 32, "camera_angle_y": 0.7, "is_fisheye": false, "distortion_params": [0, 0.0]})).is_ok());
     for (more, says) in [
-        (json!({"cx": 0}), "principal point"),
         (json!({"cx": "abc"}), "cx is no number"),
-        (json!({"camera_angle_y": 2.7}), "square pixels"),
         (json!({"is_fisheye": true}), "is_fisheye"),
         (json!({"distortion_params": [0.5, 0]}), "distortion_params"),
         (json!({"camera_model": 5}), "camera_model is no text"),

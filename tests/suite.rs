@@ -66,6 +66,7 @@ mod tree;
 mod view;
 mod volume_match;
 mod windows;
+mod worlds;
 
 #[test]
 fn no_question_is_forgotten() {

@@ -15,6 +15,7 @@ use crate::accuracy::partial::UNITS;
 use crate::output::chart::{Extent, Extents};
 use crate::output::text::share;
 use rtl_model::elaboration::Signal;
+use rtl_model::num::Format;
 use rtl_model::probe::Range;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -62,6 +63,9 @@ pub struct SignalReport {
     /// Powers of two of the format's last place and of what its magnitudes stay below.
     #[serde(skip)]
     extent: [i32; 2],
+    /// A format of as many bits in which no result would have left its range, where some did.
+    #[serde(skip)]
+    as_wide: Option<String>,
 }
 
 /// Words by magnitude.
@@ -142,6 +146,10 @@ impl SignalReport {
             unused_low_bits: narrowest.map(|narrowest| format.frac_bits - narrowest.frac_bits),
             histogram: Histogram::new(range, format.frac_bits),
             declared_clamp: declared.map(|(_, _, why)| *why),
+            as_wide: narrowest
+                .map(|narrowest| narrowest.int_bits - format.int_bits)
+                .filter(|lacking| (1..=format.frac_bits).contains(lacking))
+                .map(|lacking| Format { int_bits: format.int_bits + lacking, frac_bits: format.frac_bits - lacking, ..format }.to_string()),
             extent: [-format.frac_bits, format.magnitude_bits() - format.frac_bits],
         }
     }
@@ -164,6 +172,12 @@ impl SignalReport {
     /// Results that left the format's range.
     pub fn overflows(&self) -> u64 {
         self.saturated() + self.wrapped
+    }
+
+    /// What to set where a word saturates that need not: kernels of points may be seen along their length, and no format suits all.
+    pub fn remedy(&self) -> Option<String> {
+        let is_depth_of_kernels = (self.unit, self.name.as_str()) == ("ellipse", "visibility") && self.saturated() > 0;
+        self.as_wide.as_ref().filter(|_| is_depth_of_kernels).map(|format| format!("--set ellipse.visibility={format}"))
     }
 
     /// A row of the table; what no word was seen of is left empty.

@@ -30,7 +30,7 @@ pub(super) struct Typed {
     scene: OsString,
     #[command(flatten)]
     pub common: Common,
-    /// Cameras of transforms.json, or of COLMAP's text
+    /// Cameras of nerfstudio, COLMAP or 3D Gaussian training
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Write the machine's pictures as a video too

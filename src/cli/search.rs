@@ -32,7 +32,7 @@ pub(super) struct Typed {
     /// Fields of `timing` and values [default: usual]
     #[arg(long, value_name = "FILE", requires = "min_fps")]
     fields: Option<PathBuf>,
-    /// Cameras of transforms.json, or of COLMAP's text
+    /// Cameras of nerfstudio, COLMAP or 3D Gaussian training
     #[arg(long, value_name = "FILE", conflicts_with = "frame")]
     cameras: Option<PathBuf>,
     /// Distances, as parts of each camera's: 0.25..2

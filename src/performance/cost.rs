@@ -126,8 +126,7 @@ impl Prices {
     /// [`Error::Input`] where it cannot be read, or says something else.
     pub fn load(path: &Path) -> Result<Self> {
         let input_error = |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-        let value = strict_json::parse(&text).map_err(input_error)?;
+        let value = strict_json::read(path).map_err(input_error)?;
         validate::check(&value, &schemars::schema_for!(Prices).to_value()).map_err(|misfit| input_error(misfit.to_string()))?;
         serde_json::from_value(value).map_err(|e| input_error(e.to_string()))
     }

@@ -402,6 +402,13 @@ impl Report {
             let times = if signal.overflows() == 1 { "once".into() } else { thousands(signal.overflows()) + " times" };
             let line = format!("  {}.{} ({}) {what} {times}{declared}", signal.unit, signal.name, signal.format);
             let _ = write!(text, "\n{}", wrapped(&line));
+            if let Some(remedy) = signal.remedy() {
+                let _ = write!(
+                    text,
+                    "\n{}",
+                    wrapped(&format!("  (kernels seen along their length are deeper than it holds; `{remedy}` holds these)"))
+                );
+            }
         }
         text
     }

@@ -1,6 +1,13 @@
 //! Camera: chooses the eye that a scene does not name, so that its splats fill the picture.
+//!
+//! ```text
+//! positions ─► box of all but 0.5 % on each side of each axis ─► ball of all ────────────────────────────────────┐
+//! positions, opacity, radius ─► box of all but 2 % of what is seen ─► ball of what is seen, if less than half of it ─┴─► eye, target
+//! ```
+//! The second ball is for scenes with a few splats far away that are faint or small: it counts only where those that it leaves out are,
+//! in the mean, less than half as visible as all are. Splats that are all alike never lead to it.
 
-use super::{Camera, Image, Splat, neighbours::lone_radius};
+use super::{Camera, Image, Splat, neighbours};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -10,6 +17,16 @@ const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
 const MARGIN: f64 = 1.05;
 /// Stray points of a scan lie outside this share of its points, on each side of each axis.
 const STRAYS: f64 = 0.005;
+/// What is seen lies within all but this share of the weight of splats, on each side of each axis, and so far from its middle.
+const UNSEEN: f64 = 0.02;
+/// Farther than this many times that, a splat is outside.
+const REACH: f64 = 1.5;
+/// A ball of what is seen counts where it is less than this part of that of all.
+const SMALLER: f64 = 0.5;
+/// What lies outside must have less than this part of the mean weight.
+const FAINTER: f64 = 0.5;
+/// Splats by which boxes are measured, at most twice as many: enough for a share of 2 %, and sorted in no time.
+const MEASURED: usize = 1 << 17;
 /// A splat is visible to about this many radii.
 const VISIBLE_RADII: f64 = 2.0;
 
@@ -19,10 +36,76 @@ pub(super) struct Ball {
     pub radius: f64,
 }
 
+/// Weight of each splat: its opacity, times its area where it is smaller than the median. None where all weigh the same.
+fn weights(splats: &[Splat]) -> Option<Vec<f64>> {
+    let median = neighbours::median(splats.iter().map(|splat| splat.radius).collect())?;
+    let weight = |splat: &Splat| {
+        let size = if median > 0.0 { (splat.radius / median).min(1.0) } else { 1.0 };
+        splat.opacity.min(1.0) * size * size
+    };
+    let weights: Vec<f64> = splats.iter().map(weight).collect();
+    weights.iter().any(|weight| *weight != weights[0]).then_some(weights)
+}
+
+/// The first value, in ascending order, before which more than a share of the weight lies.
+fn quantile(ascending: impl Iterator<Item = (f64, f64)>, most: f64) -> f64 {
+    let (mut passed, mut last) = (0.0, 0.0);
+    for (value, weight) in ascending {
+        (passed, last) = (passed + weight, value);
+        if passed > most {
+            break;
+        }
+    }
+    last
+}
+
 impl Ball {
+    /// The ball around what is seen of the splats: of all, or of those that are not far away and faint or small.
+    pub fn around(splats: &[Splat]) -> Ball {
+        let all = Ball::of_all(splats);
+        Ball::of_seen(splats).filter(|seen| seen.radius < SMALLER * all.radius).unwrap_or(all)
+    }
+
+    /// The ball about the middle of the box that holds all but a share of what is seen, and what reaches little farther; none where that is
+    /// not what the others are fainter or smaller than.
+    fn of_seen(splats: &[Splat]) -> Option<Ball> {
+        let weights = weights(splats)?;
+        let all: f64 = weights.iter().sum();
+        let stride = splats.len().div_ceil(MEASURED);
+        let measured = || splats.iter().zip(&weights).step_by(stride);
+        let most = UNSEEN * measured().map(|(_, weight)| weight).sum::<f64>();
+        let ends = |value: &dyn Fn(&Splat) -> f64| {
+            let mut values: Vec<(f64, f64)> = measured().map(|(splat, weight)| (value(splat), *weight)).collect();
+            values.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+            [quantile(values.iter().copied(), most), quantile(values.iter().rev().copied(), most)]
+        };
+        let spans = [0, 1, 2].map(|axis| ends(&|splat| splat.position[axis]));
+        let centre = DVec3::from_array(spans.map(|[low, high]| low + (high - low) / 2.0));
+        let reach = |splat: &Splat| (splat.position - centre).length() + VISIBLE_RADII * splat.radius;
+        let [_, usual] = ends(&reach);
+        let (mut radius, mut outside, mut outside_weight) = (0.0_f64, 0, 0.0);
+        for (splat, weight) in splats.iter().zip(&weights) {
+            let reach = reach(splat);
+            if reach <= REACH * usual {
+                radius = radius.max(reach);
+            } else {
+                (outside, outside_weight) = (outside + 1, outside_weight + weight);
+            }
+        }
+        let are_faint = outside_weight / all < FAINTER * f64::from(outside) / splats.len() as f64;
+        are_faint.then(|| Ball::sound(centre, radius))
+    }
+
+    /// A ball that an eye can see.
+    fn sound(centre: DVec3, radius: f64) -> Ball {
+        // Below that, the eye's own coordinates could not tell it from the centre.
+        let least = if radius > 0.0 { centre.length() * 1e-6 } else { VISIBLE_RADII * neighbours::lone_radius(centre) };
+        Ball { centre, radius: radius.max(least) }
+    }
+
     /// The ball about the middle of the box that holds all but the strays, as large as what is in that box.
     /// Splats without a radius (0) count as points; the ball never has radius 0.
-    pub fn around(splats: &[Splat]) -> Ball {
+    fn of_all(splats: &[Splat]) -> Ball {
         let span = |axis: usize| {
             let mut values: Vec<f64> = splats.iter().map(|s| s.position[axis]).collect();
             let strays = ((values.len() - 1) as f64 * STRAYS) as usize;
@@ -36,10 +119,7 @@ impl Ball {
         let centre = (low + high) / 2.0;
         let reach = |s: &Splat| (s.position - centre).length() + VISIBLE_RADII * s.radius;
         let inside = splats.iter().filter(|s| s.position.cmpge(low).all() && s.position.cmple(high).all());
-        let radius = inside.map(reach).fold(0.0, f64::max);
-        // Below that, the eye's own coordinates could not tell it from the centre.
-        let least = if radius > 0.0 { centre.length() * 1e-6 } else { VISIBLE_RADII * lone_radius(centre) };
-        Ball { centre, radius: radius.max(least) }
+        Ball::sound(centre, inside.map(reach).fold(0.0, f64::max))
     }
 
     /// From the ball's centre to an eye that sees all of it, in a picture of `aspect` = width / height.
@@ -79,6 +159,19 @@ impl Camera {
             return Err(format!("{begin}{own}up is parallel to the view from eye to target; it must point to the side of it"));
         }
         Ok(())
+    }
+}
+
+impl Camera {
+    /// How many splats have their centres outside of the picture, or too near.
+    pub(super) fn misses(&self, image: &Image, splats: &[Splat]) -> usize {
+        let view = self.view(image);
+        let is_seen = |splat: &&Splat| {
+            let seen = view.rotation * (splat.position - view.eye);
+            let is_within = |way: f64, half: f64| view.focal_px * way.abs() <= half * seen.z;
+            seen.z > self.near && is_within(seen.x, view.half_px[0]) && is_within(seen.y, view.half_px[1])
+        };
+        splats.len() - splats.iter().filter(is_seen).count()
     }
 }
 

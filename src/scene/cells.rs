@@ -57,7 +57,7 @@ pub struct Slices {
 
 /// A cell by its principal axes.
 #[derive(Clone, Copy, Debug)]
-struct Cell {
+pub(super) struct Cell {
     steps: DMat3,
     /// Unit vectors, right-handed, and how long the cell is along them.
     axes: DMat3,
@@ -66,7 +66,7 @@ struct Cell {
 
 impl Cell {
     /// Of three steps: one-sided rotations (Hestenes 1958) make them orthogonal, and what they span together stays as it is.
-    fn new(steps: DMat3) -> Self {
+    pub(super) fn new(steps: DMat3) -> Self {
         let largest = steps.to_cols_array().iter().fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
         // Scaled to about 1: squares can neither overflow nor vanish.
         let scale = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
@@ -87,6 +87,11 @@ impl Cell {
         // A kernel looks the same from both ends.
         let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
         Cell { steps, axes: DMat3::from_cols(x, y, z), lengths: DVec3::from_array(lengths) * scale }
+    }
+
+    /// Its principal axes, as long as it is along them.
+    pub(super) fn principal(&self) -> [DVec3; 3] {
+        [self.axes.x_axis * self.lengths.x, self.axes.y_axis * self.lengths.y, self.axes.z_axis * self.lengths.z]
     }
 
     fn volume(&self) -> f64 {
@@ -201,11 +206,16 @@ impl<'a> Cells<'a> {
     /// Of a grid by differences along it; of points the one that their nearest ask for with the least squares.
     fn gradient(&self, index: usize, cell: &Cell) -> DVec3 {
         let Places::Scattered(points, _) = &self.field.places else {
-            let growth = |axis| self.beside(index, axis).map_or(0.0, |([low, high], ways)| (self.value(high) - self.value(low)) / ways);
+            let beside = [0, 1, 2].map(|axis| self.beside(index, axis));
+            if beside.iter().flatten().flat_map(|(ends, _)| ends).any(|end| self.value(*end).is_nan()) {
+                return self.one_sided_gradient(index, beside.map(|beside| beside.map(|(ends, _)| ends)));
+            }
+            let growth = |axis: usize| beside[axis].map_or(0.0, |([low, high], ways)| (self.value(high) - self.value(low)) / ways);
             return cell.gradient(DVec3::new(growth(0), growth(1), growth(2)));
         };
         let around = &self.around[index];
         let nearest = around.nearest.iter().filter(|other| **other != neighbours::NONE).map(|other| *other as usize);
+        let nearest = nearest.filter(|other| !self.value(*other).is_nan());
         let (mut squares, mut growth) = (DMat3::ZERO, DVec3::ZERO);
         for other in nearest {
             let way = (points[other] - points[index]) / around.spacing;
@@ -219,6 +229,15 @@ impl<'a> Cells<'a> {
         }
         let gradient = squares.inverse() * growth / around.spacing;
         if gradient.is_finite() { gradient } else { DVec3::ZERO }
+    }
+
+    /// That of a grid beside samples that are NaN, in the place of which the sample itself stands.
+    fn one_sided_gradient(&self, index: usize, beside: [Option<[usize; 2]>; 3]) -> DVec3 {
+        let known = |to: usize| if self.value(to).is_nan() { index } else { to };
+        let ends = beside.map(|ends| ends.map(|ends| ends.map(known)).filter(|[low, high]| low != high));
+        let steps = ends.map(|ends| ends.map(|[low, high]| self.position(high) - self.position(low)));
+        let growth = ends.map(|ends| ends.map_or(0.0, |[low, high]| self.value(high) - self.value(low)));
+        Cell::new(completed(steps, neighbours::lone_radius(self.position(index)))).gradient(DVec3::from_array(growth))
     }
 
     fn count(&self) -> usize {

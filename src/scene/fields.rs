@@ -31,7 +31,7 @@ impl Field {
             }
         }
         let axes = [[step, 0.0, 0.0], [0.0, step, 0.0], [0.0, 0.0, step]];
-        Volume { size: [samples; 3], axes, origin: [-1.0; 3], values }
+        Volume { size: [samples; 3], axes, origin: [-1.0; 3], values, notes: vec![] }
     }
 
     fn at(self, p: DVec3) -> f64 {

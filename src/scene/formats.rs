@@ -23,6 +23,8 @@ pub(super) enum Reader {
     Splats(fn(&[u8]) -> Parsed<Splats>),
     /// A header may name a second file, which lies in that folder.
     Volume(fn(&[u8], &Path) -> Parsed<Volume>),
+    /// A regular grid of which a scene may ask for an array by name.
+    Image(fn(&[u8], &Arrays) -> Parsed<Volume>),
     /// A scene may ask for arrays by name.
     Irregular(fn(&[u8], &Arrays) -> Parsed<Irregular>),
 }
@@ -46,7 +48,7 @@ const FORMATS: &[(&str, &[Kind], Reader)] = &[
     (".mha", &[Kind::Volume], Reader::Volume(volume::metaimage::read)),
     (".nii", &[Kind::Volume], Reader::Volume(|bytes, _| volume::nifti::read(bytes))),
     (".nii.gz", &[Kind::Volume], Reader::Volume(|bytes, _| volume::nifti::read(bytes))),
-    (".vti", &[Kind::Volume], Reader::Volume(|bytes, _| volume::vti::read(bytes))),
+    (".vti", &[Kind::Volume], Reader::Image(volume::vti::read)),
     (".vtr", &[Kind::Volume], Reader::Irregular(volume::irregular::read_rectilinear)),
     (".vts", &[Kind::Volume], Reader::Irregular(volume::irregular::read_curvilinear)),
     (".vtu", &[Kind::Volume], Reader::Irregular(volume::irregular::read_unstructured)),

@@ -198,8 +198,8 @@ struct FileSource {
 #[serde(deny_unknown_fields)]
 struct VolumeSource {
     volume: VolumeFile,
-    /// Which of a file's arrays at points has the samples; left out: the one that the file names, else the first of one component. Of `.vtr`,
-    /// `.vts`, `.vtu` and `.vtp`.
+    /// Which of a file's arrays at points has the samples; left out: the one that the file names, else the first of one component. Of `.vti`,
+    /// `.vtr`, `.vts`, `.vtu` and `.vtp`.
     array: Option<String>,
     /// Which array has the variance of each point's kernel, world units²: of 1 component, the same in all directions, of 3, along x, y and
     /// z, or of 6, xx, yy, zz, xy, yz and xz. Left out: from the distance to the 6 nearest points. Of `.vtu` and `.vtp`.
@@ -393,8 +393,8 @@ pub(super) struct CameraFields {
     /// down; the centre of the first pixel is 0.5, 0.5). Left out, the middle.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     centre_px: Option<[f64; 2]>,
-    /// Width and height that `focal_px` and `centre_px` refer to; left out, `image`. A picture of another size (`--size`) shows the same
-    /// view: each axis is scaled on its own.
+    /// Width and height that `focal_px` and `centre_px` refer to; left out, `image`. In a picture of another size (`--size`) both are scaled
+    /// by its height, about its middle.
     #[schemars(inner(range(min = 1, max = 1e6)))]
     picture_px: Option<[f64; 2]>,
     /// Splats whose centres lie at or nearer than this depth are not drawn, Gaussians too; left out: a thousandth of the way to the target.
@@ -811,6 +811,13 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
         return Err(input_error(format!("has no frame {} (--frame): {right}", which.frame)));
     };
     // Whatever else depends on the eye is the first one's: the world stays as it is while the eye moves.
+    if which.cameras.is_none() && fields.frames_itself() {
+        let (missed, all) = (cameras[0].misses(&image, &gathered.splats), gathered.splats.len());
+        if missed > 0 {
+            gathered.notes.push(format!("{missed} of {all} splats lie outside of the frame that was chosen; `camera` shows them"));
+        }
+    }
+    gathered.notes.extend(which.cameras.iter().flat_map(|file| &file.notes).cloned());
     gathered.complete(cameras[0].eye);
     let lights = lights(fields.lights, &cameras[0]).map_err(input_error)?;
     let surface = surface(&fields.surface, &gathered.splats);
@@ -1278,6 +1285,14 @@ impl<'a> Gathered<'a> {
             VolumeFile::Raw(_) => self.input_error(format!("{path}.volume: {sentence}")),
             _ => Error::input(format!("{}: {sentence}", file.display())),
         })?;
+        self.add_notes(samples.notes(), &file);
+        let (all, absent) = (samples.values().len(), samples.values().iter().filter(|value| value.is_nan()).count());
+        if absent == all {
+            return Err(Error::input(format!("{}: all of its {all} samples are NaN; there is nothing to draw", file.display())));
+        }
+        if absent > 0 {
+            self.add_notes(&[format!("{absent} of {all} samples are NaN: they are drawn as empty")], &file);
+        }
         let cutoff = self.volume_cutoff;
         let transfer = match &source.transfer {
             Some(points) => {
@@ -1395,7 +1410,7 @@ impl<'a> Gathered<'a> {
         let input_error = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
         let parse = match formats::reader(&file).unwrap_or(formats::default_reader()) {
             Reader::Splats(parse) => parse,
-            Reader::Volume(_) | Reader::Irregular(_) => {
+            Reader::Volume(_) | Reader::Image(_) | Reader::Irregular(_) => {
                 return self.add_volume(&VolumeSource::of(source), path);
             }
         };
@@ -1618,6 +1633,11 @@ impl SceneFields {
             return Err(format!("has {}; only one of `camera`, `cameras` and `camera_path` may be given", given.join(" and ")));
         }
         if let Some(PathFields::Keys(path)) = &self.camera_path { path.check() } else { Ok(()) }
+    }
+
+    /// Whether the one camera's place is left to be chosen.
+    fn frames_itself(&self) -> bool {
+        self.cameras.is_none() && self.camera_path.is_none() && self.camera.as_ref().is_none_or(|camera| camera.eye.is_none())
     }
 
     /// A camera a frame.

@@ -95,8 +95,8 @@ pub struct Camera {
     /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from its top left corner; left out, its middle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_px: Option<[f64; 2]>,
-    /// Width and height that `focal_px` and `centre_px` refer to: a picture of another size shows the same view. Left out, those of the
-    /// picture.
+    /// Width and height that `focal_px` and `centre_px` refer to: in a picture of another size both are scaled by its height. Left out,
+    /// those of the picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture_px: Option<[f64; 2]>,
 }
@@ -405,7 +405,7 @@ impl Scene {
             return Err(input_error(no_such_file(name)));
         }
         if is_json(path) {
-            let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+            let text = strict_json::read_text(path).map_err(input_error)?;
             return json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides, which);
         }
         if formats::reader(path).is_some() {
@@ -423,7 +423,7 @@ impl Scene {
         if let (Some(text), false) = (path.to_str().and_then(builtin::scene), path.is_file()) {
             return Some(text.to_owned());
         }
-        is_json(path).then(|| std::fs::read_to_string(path).ok())?
+        is_json(path).then(|| strict_json::read_text(path).ok())?
     }
 
     /// The least weight that makes a fragment; 0 where any does.
@@ -456,15 +456,15 @@ impl Camera {
         let down = forward.cross(right);
         let size_px = [image.width as f64, image.height as f64];
         let half_px = size_px.map(|side| side / 2.0);
-        // Pixels of the picture for one of that which the lengths refer to.
-        let scale = self.picture_px.map_or([1.0; 2], |[width, height]| [size_px[0] / width, size_px[1] / height]);
-        let scaled = |px: [f64; 2]| [px[0] * scale[0], px[1] * scale[1]];
+        // By its height, as where the vertical angle of view is given: pixels keep their shape.
+        let picture_px = self.picture_px.unwrap_or(size_px);
+        let scale = size_px[1] / picture_px[1];
         View {
             rotation: DMat3::from_cols(right, down, forward).transpose(),
             eye: self.eye,
-            focal_px: self.focal_px.map_or([half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0); 2], scaled),
+            focal_px: self.focal_px.map_or([half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0); 2], |focal_px| focal_px.map(|px| scale * px)),
             half_px,
-            centre_px: self.centre_px.map_or(half_px, scaled),
+            centre_px: self.centre_px.map_or(half_px, |centre| [0, 1].map(|i| half_px[i] + scale * (centre[i] - picture_px[i] / 2.0))),
         }
     }
 }

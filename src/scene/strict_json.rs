@@ -1,13 +1,45 @@
 //! Strict JSON: reads a text in which no object has a field twice; of two values one would be lost without a word.
+//!
+//! Files of JSON are read here: a byte-order mark, as editors put it at the start of a file, is no part of the text.
 
 use crate::output::text::clipped;
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 use std::fmt;
+use std::path::Path;
 
-/// Reads a text; the error is the second half of a sentence that begins with the file's name, and says line and column.
+/// A text's first character that says nothing but how it is encoded.
+const BYTE_ORDER_MARK: char = '\u{feff}';
+
+/// Text of a file, in UTF-8, or in UTF-16 where a byte-order mark says so; the error is the second half of a sentence that begins with the
+/// file's name.
+pub(crate) fn read_text(path: &Path) -> Result<String, String> {
+    let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
+    let wide = |order: fn([u8; 2]) -> u16, bytes: &[u8]| match bytes.as_chunks::<2>() {
+        (words, []) => String::from_utf16(&words.iter().map(|word| order(*word)).collect::<Vec<_>>()).ok(),
+        _ => None,
+    };
+    let text = match bytes.as_slice() {
+        [0xff, 0xfe, rest @ ..] => wide(u16::from_le_bytes, rest),
+        [0xfe, 0xff, rest @ ..] => wide(u16::from_be_bytes, rest),
+        _ => String::from_utf8(bytes).ok(),
+    };
+    text.ok_or_else(|| "cannot be read: it is no text in UTF-8".into())
+}
+
+/// A text without the byte-order mark at its start.
+pub(crate) fn without_mark(text: &str) -> &str {
+    text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text)
+}
+
+/// Reads a file as [`parse`] reads a text.
+pub(crate) fn read(path: &Path) -> Result<Value, String> {
+    parse(&read_text(path)?)
+}
+
+/// Reads a text, with or without a byte-order mark; the error is the second half of a sentence that begins with the file's name, and says line and column.
 pub(crate) fn parse(text: &str) -> Result<Value, String> {
-    let mut deserializer = serde_json::Deserializer::from_str(text);
+    let mut deserializer = serde_json::Deserializer::from_str(without_mark(text));
     let value = Unique.deserialize(&mut deserializer).and_then(|value| deserializer.end().map(|()| value));
     value.map_err(|e| if e.is_data() { e.to_string() } else { format!("not JSON: {e}") })
 }
@@ -88,6 +120,25 @@ mod tests {
         let text = r#"{"b": [1, -2, 0.1, 1e300, -0.0, 18446744073709551616, "é\n", true, null, {}], "a": {"b": 1, "a": 2}}"#;
         let value = parse(text).unwrap();
         assert_eq!(value.to_string(), serde_json::from_str::<Value>(text).unwrap().to_string());
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_no_part_of_a_text() {
+        let text = "{\"é\": [1, \"\u{1f600}\"]}";
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("x.json");
+        let wide = |order: fn(u16) -> [u8; 2]| format!("\u{feff}{text}").encode_utf16().flat_map(order).collect::<Vec<u8>>();
+        let plain = text.as_bytes().to_vec();
+        for bytes in [plain, format!("\u{feff}{text}").into_bytes(), wide(u16::to_le_bytes), wide(u16::to_be_bytes)] {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(read(&path).unwrap(), serde_json::from_str::<Value>(text).unwrap());
+        }
+        // One mark alone is none of the text, and what is cut or of another encoding is told of.
+        assert!(parse("\u{feff}\u{feff}1").unwrap_err().starts_with("not JSON"));
+        for bytes in [&[0xff, 0xfe, b'1'][..], &[0xff, 0xfe, 0x00, 0xd8], &[b'"', 0xe9, b'"']] {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(read(&path).unwrap_err(), "cannot be read: it is no text in UTF-8");
+        }
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Volume: reads a scalar field on a grid from NRRD, MetaImage, NIfTI-1, VTK's XML or plain samples; or at points, from VTK's XML.
 //!
 //! Readers of our own, because the files come in few, simple layouts and every fault must end in a sentence. Nothing is
-//! reserved that the file's length does not vouch for, so a header cannot ask for memory. World coordinates are those of
-//! the file: formats that count towards the left (NRRD, MetaImage) and towards the right (NIfTI-1) are not reconciled.
+//! reserved that the file's length does not vouch for, so a header cannot ask for memory. Medical formats are brought into one
+//! world, right-anterior-superior ([`world`]).
 
 mod decode;
 pub(super) mod irregular;
@@ -13,6 +13,7 @@ pub(super) mod nrrd;
 mod tests;
 pub(super) mod vti;
 mod vtk;
+mod world;
 
 use super::formats::{self, Reader};
 pub use decode::{ByteOrder, SampleType};
@@ -25,12 +26,14 @@ use std::path::Path;
 pub struct Volume {
     /// Samples along each axis, x fastest; at least 1 each, at most 2³¹ in all.
     pub size: [usize; 3],
-    /// World vector of one step along each axis (spacing times direction); at right angles to each other, none of length zero.
+    /// World vector of one step along each axis (spacing times direction); they span space, at any angles.
     pub axes: [[f64; 3]; 3],
     /// World position of the first sample.
     pub origin: [f64; 3],
-    /// The samples, x fastest; all finite.
+    /// The samples, x fastest; finite, or NaN where there is none.
     pub values: Vec<f32>,
+    /// What a reader assumed or turned, for the summary; each is the second half of a sentence that begins with the file's name.
+    pub notes: Vec<String>,
 }
 
 /// A scalar field.
@@ -47,6 +50,14 @@ impl Samples {
         match self {
             Samples::Even(volume) => &volume.values,
             Samples::Uneven(field) => &field.values,
+        }
+    }
+
+    /// What the reader assumed, each note the second half of a sentence.
+    pub fn notes(&self) -> &[String] {
+        match self {
+            Samples::Even(volume) => &volume.notes,
+            Samples::Uneven(field) => &field.notes,
         }
     }
 }
@@ -80,26 +91,31 @@ fn unit_spacing() -> [f64; 3] {
     [1.0; 3]
 }
 
-/// Reads a field in the format that the extension names. Arrays have names in VTK's formats of uneven grids and points alone.
+/// Reads a field in the format that the extension names. Arrays have names in VTK's formats alone.
 ///
 /// # Errors
 /// As [`read`].
 pub fn read_samples(path: &Path, arrays: &Arrays) -> Result<Samples, String> {
-    if let Some(Reader::Irregular(parse)) = formats::reader(path) {
-        return parse(&read_file(path)?, arrays).map(Samples::Uneven);
+    match formats::reader(path) {
+        Some(Reader::Irregular(parse)) => return parse(&read_file(path)?, arrays).map(Samples::Uneven),
+        Some(Reader::Image(parse)) => return parse(&read_file(path)?, arrays).map(Samples::Even),
+        _ => {}
     }
     let volume = read(path)?;
     let field = arrays.values.map(|_| "array").or(arrays.variance.map(|_| "variance"));
-    field.map_or(Ok(Samples::Even(volume)), |field| Err(format!("has no arrays with names, and `{field}` asks for one")))
+    field.map_or(Ok(Samples::Even(volume)), |field| Err(format!("is of a format without named arrays, and `{field}` requests one")))
 }
 
-/// Reads a volume in the format that the extension names.
+/// Reads a volume in the format that the extension names; of named arrays the one that the file itself names, or the first.
 ///
 /// # Errors
 /// One sentence that does not name `path` itself, but names a second file if that is at fault.
 pub fn read(path: &Path) -> Result<Volume, String> {
     if let Some(Reader::Volume(parse)) = formats::reader(path) {
         return parse(&read_file(path)?, path.parent().unwrap_or(Path::new("")));
+    }
+    if let Some(Reader::Image(parse)) = formats::reader(path) {
+        return parse(&read_file(path)?, &Arrays::default());
     }
     let has_end = |end: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(end));
     Err(if ["hdr", "img"].into_iter().any(has_end) {
@@ -121,7 +137,7 @@ pub fn read_raw(description: &RawDescription, folder: &Path) -> Result<Volume, S
     let bytes = read_beside(folder, &description.file, "file")?;
     let values = skip_bytes(&bytes, description.skip, "skip").and_then(|samples| layout.values(samples));
     let values = values.map_err(|e| in_data_file(&description.file, e))?;
-    Ok(Volume { size: layout.size, axes, origin: description.origin, values })
+    Ok(Volume { size: layout.size, axes, origin: description.origin, values, notes: vec![] })
 }
 
 /// The bytes after the first `skip`.

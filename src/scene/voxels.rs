@@ -10,8 +10,12 @@
 //! and setup does the rest. A footprint ends where the radial index reaches the cutoff c and lacks e^(−c/2) of what the whole one has: what is
 //! left is made that much deeper.
 //!
+//! A grid may be sheared: its kernels have the principal axes of the cell that its three steps span, as those of [`super::cells`] have, and
+//! its slices are the planes of two of its axes.
+//!
 //! Law: `a_slab_is_as_opaque_as_it_says` (tests/regressions_promises.rs).
 
+use super::cells::Cell;
 use super::placement::Placement;
 use super::volume::Volume;
 use super::{Ellipsoids, Orientation, Scene, Sheet, Splat, View};
@@ -60,7 +64,7 @@ pub struct Classification {
 pub struct Voxels {
     /// The sample that each splat was.
     at: Vec<[u32; 3]>,
-    axes: [DVec3; 3],
+    axes: Axes,
     origin: DVec3,
 }
 
@@ -68,15 +72,51 @@ fn vector(of: [f64; 3]) -> DVec3 {
     DVec3::from_array(of)
 }
 
+/// Cosine of the largest angle off a right one that counts as right: headers write as few digits.
+const RIGHT_ANGLE: f64 = 1e-3;
+
+/// The three steps of a grid.
+#[derive(Clone, Copy, Debug)]
+struct Axes {
+    steps: [DVec3; 3],
+    /// At right angles to the planes of the other two: the steps themselves where all are at right angles.
+    normals: [DVec3; 3],
+    /// The box that a cell is.
+    principal: [DVec3; 3],
+}
+
+impl Axes {
+    fn new(steps: [DVec3; 3]) -> Self {
+        let [x, y, z] = steps;
+        let is_right = |a: DVec3, b: DVec3| a.dot(b).abs() <= RIGHT_ANGLE * a.length() * b.length();
+        if is_right(x, y) && is_right(x, z) && is_right(y, z) {
+            return Axes { steps, normals: steps, principal: steps };
+        }
+        let units = steps.map(DVec3::normalize);
+        let normals = [0, 1, 2].map(|axis| units[(axis + 1) % 3].cross(units[(axis + 2) % 3]));
+        Axes { steps, normals, principal: Cell::new(DMat3::from_cols(x, y, z)).principal() }
+    }
+
+    /// How long a cell is along its principal axes.
+    fn lengths(&self) -> [f64; 3] {
+        self.principal.map(DVec3::length)
+    }
+
+    /// A place's index along an axis, of a place seen from the first sample.
+    fn index(&self, axis: usize, way: DVec3) -> f64 {
+        way.dot(self.normals[axis]) / self.normals[axis].dot(self.steps[axis])
+    }
+}
+
 /// A field with its geometry.
 struct Field<'a> {
     volume: &'a Volume,
-    axes: [DVec3; 3],
+    axes: Axes,
 }
 
 impl<'a> Field<'a> {
     fn new(volume: &'a Volume) -> Self {
-        Field { volume, axes: volume.axes.map(vector) }
+        Field { volume, axes: Axes::new(volume.axes.map(vector)) }
     }
 
     fn value(&self, [x, y, z]: [usize; 3]) -> f64 {
@@ -85,10 +125,10 @@ impl<'a> Field<'a> {
     }
 
     fn position(&self, at: [usize; 3]) -> DVec3 {
-        (0..3).fold(vector(self.volume.origin), |position, axis| position + self.axes[axis] * at[axis] as f64)
+        (0..3).fold(vector(self.volume.origin), |position, axis| position + self.axes.steps[axis] * at[axis] as f64)
     }
 
-    /// Central differences, one-sided at the border; axes are at right angles.
+    /// Central differences, one-sided at the border and beside a sample that is NaN.
     fn gradient(&self, at: [usize; 3]) -> DVec3 {
         let along = |axis: usize| {
             let step = |to: usize| {
@@ -96,17 +136,19 @@ impl<'a> Field<'a> {
                 there[axis] = to;
                 self.value(there)
             };
-            let (low, high) = (at[axis].saturating_sub(1), (at[axis] + 1).min(self.volume.size[axis] - 1));
+            let known = |to: usize| if step(to).is_nan() { at[axis] } else { to };
+            let (low, high) = (known(at[axis].saturating_sub(1)), known((at[axis] + 1).min(self.volume.size[axis] - 1)));
             if low == high {
                 return DVec3::ZERO;
             }
-            self.axes[axis] * ((step(high) - step(low)) / ((high - low) as f64 * self.axes[axis].length_squared()))
+            let normal = self.axes.normals[axis];
+            normal * ((step(high) - step(low)) / ((high - low) as f64 * normal.dot(self.axes.steps[axis])))
         };
         along(0) + along(1) + along(2)
     }
 
     fn steps(&self) -> [f64; 3] {
-        self.axes.map(DVec3::length)
+        self.axes.lengths()
     }
 
     fn longest_step(&self) -> f64 {
@@ -157,7 +199,11 @@ impl Classification {
         vec![at(0.25, 0.0), at(1.0, USUAL_OPACITY)]
     }
 
+    /// Colour and depth of a value; NaN, which says that there is none, is not seen.
     pub(super) fn colour(&self, value: f64) -> ([f64; 3], f64) {
+        if value.is_nan() {
+            return ([0.0; 3], 0.0);
+        }
         let points = self.transfer.iter().map(|p| (p.value, [p.rgb[0], p.rgb[1], p.rgb[2], p.depth]));
         let [r, g, b, depth] = piecewise(points, value);
         ([r, g, b], depth)
@@ -261,19 +307,19 @@ pub(super) fn ranks(slices: u32, distance: impl Fn(u32) -> f64, back_to_front: b
 impl Voxels {
     /// Brings the grid to another place.
     pub(super) fn put(&mut self, place: &Placement) {
-        self.axes = self.axes.map(|axis| place.vector(axis));
+        self.axes = Axes::new(self.axes.steps.map(|axis| place.vector(axis)));
         self.origin = place.point(self.origin);
     }
 
     /// The kernel that all of them have.
     pub(super) fn orientation(&self) -> Orientation {
-        let longest = self.axes.iter().map(|axis| axis.length()).fold(0.0, f64::max);
-        let [x, y, z] = self.axes.map(DVec3::normalize);
+        let longest = self.axes.lengths().into_iter().fold(0.0, f64::max);
+        let [x, y, z] = self.axes.principal.map(DVec3::normalize);
         // A kernel looks the same from both ends: a mirrored grid has the kernel of the other.
         let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
         Orientation {
             rotation: DQuat::from_mat3(&DMat3::from_cols(x, y, z)),
-            scales: DVec3::from_array(self.axes.map(|axis| axis.length() / longest)),
+            scales: DVec3::from_array(self.axes.lengths().map(|length| length / longest)),
         }
     }
 
@@ -281,10 +327,9 @@ impl Voxels {
     /// first, or last. A slice's number is its sheet.
     pub fn ordered(self, splats: Vec<Splat>, view: &View, back_to_front: bool) -> (Vec<Splat>, Orientation, Sheet) {
         let forward = view.rotation.row(2);
-        let across = |axis: &usize| self.axes[*axis].normalize().dot(forward).abs();
+        let across = |axis: &usize| self.axes.normals[*axis].normalize().dot(forward).abs();
         let axis = (0..3).max_by(|a, b| across(a).total_cmp(&across(b))).unwrap_or(0);
-        let direction = self.axes[axis];
-        let eye = (view.eye - self.origin).dot(direction) / direction.length_squared();
+        let eye = self.axes.index(axis, view.eye - self.origin);
         let slices = self.at.iter().map(|at| at[axis] + 1).max().unwrap_or(0);
         let rank = ranks(slices, |slice| (f64::from(slice) - eye).abs(), back_to_front);
         let orientation = self.orientation();

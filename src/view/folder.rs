@@ -15,6 +15,7 @@
 use crate::error::{Error, Result};
 use crate::explore::sweep::table::Table;
 use crate::hardware::{fixed, machines};
+use crate::scene::strict_json;
 use rtl_model::Machine;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -305,7 +306,7 @@ fn read_json(listed: &Listed, whose: &str) -> Result<Value> {
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
     let bytes = listed.read().map_err(|(_, what)| input_error(what))?;
     let text = String::from_utf8(bytes).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-    serde_json::from_str(&text).map_err(|e| input_error(format!("is no JSON that splatsim wrote: {e}")))
+    serde_json::from_str(strict_json::without_mark(&text)).map_err(|e| input_error(format!("is no JSON that splatsim wrote: {e}")))
 }
 
 /// Whether a file has rows, by its name.

@@ -100,7 +100,8 @@ pub unsafe extern "C" fn splatsim_machine_from_json(json: *const c_char, length:
         sound(json, length, "json")?;
         // SAFETY: the caller's; it was checked.
         let bytes = unsafe { std::slice::from_raw_parts(json.cast::<u8>(), length) };
-        let value = serde_json::from_slice(bytes).map_err(|e| format!("the machine is no JSON: {e}"))?;
+        let value = serde_json::from_slice(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes))
+            .map_err(|e| format!("the machine is no JSON: {e}"))?;
         checked(machines::from_value(&value, "the machine").map_err(sentence)?)
     })
 }

@@ -31,7 +31,7 @@ impl Machine {
     /// That of a text as a machine file has it; `whose` begins every error.
     #[staticmethod]
     fn parse(text: &str, whose: &str) -> PyResult<Self> {
-        let value = serde_json::from_str(text).map_err(|error| refused(format!("{whose}: {error}")))?;
+        let value = serde_json::from_str(text.trim_start_matches('\u{feff}')).map_err(|error| refused(format!("{whose}: {error}")))?;
         let file = machines::from_description(value, whose, whose).map_err(raised)?;
         Ok(Machine { file, is_changed: false })
     }

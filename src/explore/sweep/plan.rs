@@ -216,7 +216,7 @@ impl Points {
                 let sentence = format!("no such file, and no ready plan either; ready are {}{nearest}", names.join(", "));
                 return Err(input_error(sentence));
             }
-            None => std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?,
+            None => strict_json::read_text(path).map_err(input_error)?,
         };
         Points::from_text(&text, name, path.parent().unwrap_or(Path::new("")))
     }

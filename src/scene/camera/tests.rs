@@ -49,6 +49,44 @@ fn strays_do_not_push_the_eye_away() {
     assert!(with_strays(50) > 100.0 * with_strays(0), "a tenth of the cloud is no stray");
 }
 
+/// A bare cloud of Gaussians, of which some lie far away: faint, or small, or large and faint, in every direction.
+#[test]
+fn faint_and_small_splats_far_away_do_not_push_the_eye_away() {
+    let camera = |far: &dyn Fn(usize) -> Option<Value>, opacity: f64| {
+        let mut splats: Vec<Value> = cube(5).as_array().unwrap().clone();
+        splats.iter_mut().for_each(|splat| splat["opacity"] = json!(opacity));
+        splats.extend((0..12).filter_map(far));
+        let scene = scene_of(splats.into(), (64, 64));
+        ((scene.camera.eye - scene.camera.target).length(), scene.camera.target, scene.notes)
+    };
+    let way = |i: usize| [0, 1, 2].map(|axis| 3000.0 * libm::sin((7 * i + 2 * axis) as f64));
+    let (plain, middle, notes) = camera(&|_| None, 0.9);
+    assert_eq!(notes, [""; 0]);
+    for (what, radius, opacity) in [("faint", 0.1, 0.02), ("small", 0.005, 0.9), ("large and faint", 50.0, 0.03)] {
+        let far = |i: usize| Some(json!({"position": way(i), "radius": radius, "opacity": opacity}));
+        let (distance, target, notes) = camera(&far, 0.9);
+        assert!(distance < 1.1 * plain && (target - middle).length() < 0.1 * plain, "{what}: {distance}, {target}");
+        assert!(notes.iter().any(|note| note.starts_with("12 of 137 splats lie outside of the frame")), "{what}: {notes:?}");
+    }
+    // As opaque and as large as the others they are part of the scene.
+    let far = |i: usize| Some(json!({"position": way(i), "radius": 0.1, "opacity": 0.9}));
+    assert!(camera(&far, 0.9).0 > 100.0 * plain);
+}
+
+/// Where nothing lies far away, opacities and sizes change nothing.
+#[test]
+fn opacities_of_an_ordinary_scene_leave_its_eye_where_it_is() {
+    let at = |weigh: &dyn Fn(usize) -> f64| {
+        let mut splats: Vec<Value> = cube(6).as_array().unwrap().clone();
+        splats.iter_mut().enumerate().for_each(|(i, splat)| splat["opacity"] = json!(weigh(i)));
+        scene_of(splats.into(), (64, 64)).camera
+    };
+    let plain = at(&|_| 1.0);
+    assert_eq!(at(&|i| 0.02 + 0.98 * libm::sin(i as f64).abs()), plain);
+    assert_eq!(at(&|i| if i < 30 { 0.01 } else { 1.0 }), plain);
+    assert_eq!(at(&|_| 0.0), plain);
+}
+
 #[test]
 fn one_splat_points_in_one_place_lines_and_planes_are_seen() {
     let clouds = [
@@ -122,9 +160,9 @@ fn a_lens_has_two_focal_lengths_and_a_principal_point() {
     let lens = json!({"focal_px": [120, 80], "centre_px": [90, 62.5]});
     let scene = seen_through(lens.clone(), None).unwrap();
     assert_eq!(lands(&scene, [1.0, 0.5, 1.0]), [90.0 + 120.0 / 4.0, 62.5 - 80.0 * 0.5 / 4.0]);
-    // The same view twice as wide and three times as high.
+    // Three times as high: what lies off the middle lies three times as far from it, whatever the width.
     let larger = seen_through(lens.clone(), Some((400, 300))).unwrap();
-    assert_eq!(lands(&larger, [1.0, 0.5, 1.0]), [2.0 * 120.0, 3.0 * 52.5]);
+    assert_eq!(lands(&larger, [1.0, 0.5, 1.0]), [200.0 + 3.0 * 20.0, 3.0 * 52.5]);
     // Lengths that refer to another picture than the scene's.
     let mut of_another = lens;
     of_another["picture_px"] = json!([400, 200]);

@@ -61,6 +61,7 @@ fn steps_in_a_plane_have_no_volume() {
     let field = Irregular {
         places: Places::Curvilinear([2, 2, 2], (0..8).map(|i| DVec3::new(f64::from(i % 2), f64::from(i / 2 % 2), 0.0)).collect()),
         values: vec![1.0; 8],
+        notes: Vec::new(),
     };
     let cells = Cells::new(&field, 0.7);
     assert_eq!(cells.usual_layer(), None);
@@ -87,14 +88,20 @@ fn a_linear_field_has_its_gradient() {
     };
     let of = |places: Places, position: &dyn Fn(usize) -> DVec3| {
         let values = (0..60).map(|i| slope.dot(position(i)) as f32).collect();
-        Irregular { places, values }
+        Irregular { places, values, notes: Vec::new() }
     };
-    for field in [
+    // So it has beside a sample that is NaN, one at a corner: the others keep a neighbour along each axis.
+    let hole = |field: Irregular| {
+        let values = field.values.iter().enumerate().map(|(i, value)| if i == 0 { f32::NAN } else { *value }).collect();
+        Irregular { values, ..field }
+    };
+    let fields = [
         of(Places::Curvilinear(size, (0..60).map(sheared).collect()), &sheared),
         of(Places::Scattered((0..60).map(wobbly).collect(), None), &wobbly),
-    ] {
+    ];
+    for field in fields.clone().into_iter().chain(fields.map(hole)) {
         let cells = Cells::new(&field, 0.7);
-        for index in 0..60 {
+        for index in (0..60).filter(|index| !field.values[*index].is_nan()) {
             let gradient = cells.gradient(index, &cells.cell(index));
             assert!((gradient - slope).length() < 1e-5, "{index}: {gradient}");
         }

@@ -1,4 +1,4 @@
-//! Decode: turns the bytes of a file into finite `f32` samples, and the words of a header into numbers.
+//! Decode: turns the bytes of a file into `f32` samples, finite or NaN, and the words of a header into numbers.
 
 pub(super) use crate::scene::ply::clip;
 use flate2::bufread::{GzDecoder, ZlibDecoder};
@@ -128,7 +128,7 @@ impl Layout {
 
     /// Decodes the first samples of `bytes`; what follows them is ignored.
     pub fn values(&self, bytes: &[u8]) -> Parsed<Vec<f32>> {
-        self.finite(decoded!(self, self.samples(bytes)?, f32))
+        self.known(decoded!(self, self.samples(bytes)?, f32))
     }
 
     /// [`Layout::values`], as precise as the file has them: for positions.
@@ -147,7 +147,7 @@ impl Layout {
 
     /// Reads the first samples of a text of numbers with white space between them; what follows them is ignored.
     pub fn text_values(&self, text: &[u8]) -> Parsed<Vec<f32>> {
-        self.finite(self.text_reals(text)?.into_iter().map(|n| n as f32).collect())
+        self.known(self.text_reals(text)?.into_iter().map(|n| n as f32).collect())
     }
 
     /// Refuses a text of more numbers than there are samples.
@@ -176,14 +176,23 @@ impl Layout {
         Ok(values)
     }
 
-    /// Hands the values back if all are finite.
-    pub fn finite<T: Copy + Into<f64>>(&self, values: Vec<T>) -> Parsed<Vec<T>> {
-        match values.iter().position(|value| !(*value).into().is_finite()) {
+    /// Hands the places back if all are finite.
+    pub fn finite(&self, places: Vec<f64>) -> Parsed<Vec<f64>> {
+        match places.iter().position(|place| !place.is_finite()) {
+            None => Ok(places),
+            Some(i) => Err(format!("sample {} is {}; all samples must be finite 64-bit floats", self.place(i), places[i])),
+        }
+    }
+
+    /// Hands the values back if none is infinite; NaN says that there is no sample.
+    pub fn known(&self, values: Vec<f32>) -> Parsed<Vec<f32>> {
+        match values.iter().position(|value| value.is_infinite()) {
             None => Ok(values),
-            Some(i) => {
-                let kind = if size_of::<T>() == size_of::<f32>() { "32-bit" } else { "64-bit" };
-                Err(format!("sample {} is {}; all samples must be finite {kind} floats", self.place(i), values[i].into()))
-            }
+            Some(i) => Err(format!(
+                "sample {} is {}; all samples must be finite 32-bit floats, or NaN where there is none",
+                self.place(i),
+                values[i]
+            )),
         }
     }
 
@@ -356,7 +365,10 @@ pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Whether the axes are of a sound length and at right angles to each other, as far as headers write their digits.
+/// Least volume of a cell, as a part of that of a box with the same edges: thinner, a kernel is a disc.
+const FLATTEST_CELL: f64 = 1e-6;
+
+/// Whether the axes are of a sound length and span space. They may be sheared.
 pub(super) fn check_grid(axes: &[[f64; 3]; 3], axes_field: &str, origin: &[f64; 3], origin_field: &str) -> Parsed<()> {
     let lengths = axes.each_ref().map(|axis| dot(axis, axis).sqrt());
     for length in lengths {
@@ -364,10 +376,10 @@ pub(super) fn check_grid(axes: &[[f64; 3]; 3], axes_field: &str, origin: &[f64; 
             return Err(format!("`{axes_field}` has a step of length {length}; each must be finite and not zero"));
         }
     }
-    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
-        if dot(&axes[i], &axes[j]).abs() > 1e-3 * lengths[i] * lengths[j] {
-            return Err(format!("axes {i} and {j} of `{axes_field}` are not at right angles; sheared grids are not read"));
-        }
+    let [a, b, c] = [0, 1, 2].map(|i| axes[i].map(|part| part / lengths[i]));
+    let across = [0, 1, 2].map(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]);
+    if dot(&across, &c).abs() < FLATTEST_CELL {
+        return Err(format!("the axes of `{axes_field}` lie in a plane; they must span space"));
     }
     match origin.iter().find(|x| x.is_nan() || x.abs() > FARTHEST) {
         None => Ok(()),

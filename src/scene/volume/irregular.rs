@@ -13,8 +13,10 @@ use glam::DVec3;
 pub struct Irregular {
     /// Where the samples are.
     pub places: Places,
-    /// The samples, x fastest on a grid; all finite, at least 1.
+    /// The samples, x fastest on a grid; finite, or NaN where there is none; at least 1.
     pub values: Vec<f32>,
+    /// What a reader assumed, for the summary, as those of [`super::Volume`].
+    pub notes: Vec<String>,
 }
 
 /// Where samples are; all finite.
@@ -39,7 +41,7 @@ pub struct Arrays<'a> {
 
 impl Arrays<'_> {
     /// Grids have their kernels from their spacing.
-    fn without_variance(&self, kind: &str) -> Parsed<()> {
+    pub(super) fn without_variance(&self, kind: &str) -> Parsed<()> {
         self.variance.map_or(Ok(()), |_| Err(format!("is a {kind} grid, whose kernels come from its spacing; `variance` is of points")))
     }
 }
@@ -65,8 +67,9 @@ pub(in crate::scene) fn read_rectilinear(bytes: &[u8], arrays: &Arrays) -> Parse
     });
     let mut next = || coordinates.next().unwrap_or_else(|| Err("has no coordinates".into()));
     let coordinates = [next()?, next()?, next()?];
-    let values = file.values(file.active_array(arrays.values)?, size, "WholeExtent")?;
-    Ok(Irregular { places: Places::Rectilinear(coordinates), values })
+    let (array, note) = file.active_array(arrays.values)?;
+    let values = file.values(array, size, "WholeExtent")?;
+    Ok(Irregular { places: Places::Rectilinear(coordinates), values, notes: note.into_iter().collect() })
 }
 
 pub(in crate::scene) fn read_curvilinear(bytes: &[u8], arrays: &Arrays) -> Parsed<Irregular> {
@@ -75,8 +78,9 @@ pub(in crate::scene) fn read_curvilinear(bytes: &[u8], arrays: &Arrays) -> Parse
     let (size, _) = file.extent()?;
     Layout::new(size, SampleType::U8, ByteOrder::Little, "WholeExtent")?;
     let points = read_points(&file, size.iter().product())?;
-    let values = file.values(file.active_array(arrays.values)?, size, "WholeExtent")?;
-    Ok(Irregular { places: Places::Curvilinear(size, points), values })
+    let (array, note) = file.active_array(arrays.values)?;
+    let values = file.values(array, size, "WholeExtent")?;
+    Ok(Irregular { places: Places::Curvilinear(size, points), values, notes: note.into_iter().collect() })
 }
 
 pub(in crate::scene) fn read_unstructured(bytes: &[u8], arrays: &Arrays) -> Parsed<Irregular> {
@@ -97,9 +101,10 @@ fn read_scattered(bytes: &[u8], set: &str, arrays: &Arrays) -> Parsed<Irregular>
     let size = [count, 1, 1];
     Layout::new(size, SampleType::U8, ByteOrder::Little, FIELD)?;
     let points = read_points(&file, count)?;
-    let values = file.values(file.active_array(arrays.values)?, size, FIELD)?;
+    let (array, note) = file.active_array(arrays.values)?;
+    let values = file.values(array, size, FIELD)?;
     let variances = arrays.variance.map(|name| read_variances(&file, name, count)).transpose()?;
-    Ok(Irregular { places: Places::Scattered(points, variances), values })
+    Ok(Irregular { places: Places::Scattered(points, variances), values, notes: note.into_iter().collect() })
 }
 
 fn read_points(file: &File, count: usize) -> Parsed<Vec<DVec3>> {

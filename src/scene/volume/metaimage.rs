@@ -1,11 +1,13 @@
 //! MetaImage: reads a volume from an `.mha` file, or from an `.mhd` header and its data file (docs.itk.org, "MetaIO").
 //!
-//! Keys that have no bearing on the samples are skipped: the format lets users add their own.
+//! Coordinates are left-posterior-superior, as ITK defines them, and are turned into the one world. `AnatomicalOrientation` says again what
+//! `TransformMatrix` says and is not read. Keys that have no bearing on the samples are skipped: the format lets users add their own.
 
 use super::decode::{
     Fields, Layout, Parsed, check_grid, clip, diagonal, in_data_file, next_line, number, numbers, positive, read_beside, take_all, triple,
     unpacker,
 };
+use super::world::World;
 use super::{ByteOrder, SampleType, Volume, skip_bytes};
 use std::path::Path;
 
@@ -59,6 +61,7 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     };
     let layout = Layout::new(triple(header.need("DimSize")?, "DimSize")?, sample_type(&header)?, order, "DimSize")?;
     let (axes, origin) = read_grid(&header)?;
+    let (axes, origin) = World::LPS.turned(axes, origin);
     let values = match header.need("ElementDataFile")? {
         "LOCAL" | "Local" | "local" => read_samples(local, &header, &layout)?,
         name if name.starts_with("LIST") || name.contains('%') => {
@@ -69,7 +72,7 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
             read_samples(&data, &header, &layout).map_err(|e| in_data_file(name, e))?
         }
     };
-    Ok(Volume { size: layout.size, axes, origin, values })
+    Ok(Volume { size: layout.size, axes, origin, values, notes: World::LPS.note().into_iter().collect() })
 }
 
 /// The keys that are of use, and what follows `ElementDataFile`, which is the last.

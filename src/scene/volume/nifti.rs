@@ -1,9 +1,10 @@
 //! Nifti: reads a volume from a single NIfTI-1 file, gzipped or not, in either byte order (nifti.nimh.nih.gov, `nifti1.h`).
 //!
-//! Axes are those of the sform if it is set, else of the qform; where the one is sheared or broken the next is tried, and
-//! the bare `pixdim` comes last. Samples are scaled by `scl_slope` and `scl_inter`.
+//! Axes are those of the sform if it is set, else of the qform; where the one is broken the next is tried, and the bare `pixdim`, which
+//! says nothing of the world, comes last. A note says what was left out. Units are not converted. Samples are scaled by `scl_slope` and `scl_inter`.
 
-use super::decode::{Layout, Parsed, check_grid, diagonal, is_gzip, pass_over, positive, take, unpacker};
+use super::decode::{Layout, Parsed, check_grid, diagonal, dot, is_gzip, pass_over, positive, take, unpacker};
+use super::world::unsaid;
 use super::{ByteOrder, SampleType, Volume};
 use std::io::Read;
 
@@ -28,20 +29,21 @@ const TYPES: [(SampleType, i16); 10] = [
     (SampleType::U64, 1280),
 ];
 
-type Axes = [[f64; 3]; 3];
+/// Axes and origin.
+type Grid = ([[f64; 3]; 3], [f64; 3]);
 
 pub(in crate::scene) fn read(bytes: &[u8]) -> Parsed<Volume> {
     let mut source: Box<dyn Read> = if is_gzip(bytes) { unpacker(bytes) } else { Box::new(bytes) };
     let header = Header::new(take(&mut source, HEADER_BYTES)?)?;
     let layout = header.layout()?;
-    let (axes, origin) = header.grid()?;
+    let ((axes, origin), notes) = header.grid()?;
     let offset = header.offset()?;
     let skip = offset - HEADER_BYTES as u64;
     if pass_over(&mut source, skip)? < skip {
         return Err(format!("`vox_offset` is {offset}, but the file ends before"));
     }
     let values = layout.values(&take(&mut source, layout.bytes())?)?;
-    Ok(Volume { size: layout.size, axes, origin, values: header.scaled(values, &layout)? })
+    Ok(Volume { size: layout.size, axes, origin, values: header.scaled(values, &layout)?, notes })
 }
 
 struct Header {
@@ -123,26 +125,62 @@ impl Header {
         }
     }
 
-    fn grid(&self) -> Parsed<(Axes, [f64; 3])> {
-        let sound = |(axes, origin): &(Axes, [f64; 3])| check_grid(axes, "", origin, "").is_ok();
-        if let Some(grid) = self.sform().filter(sound).or_else(|| self.qform().filter(sound)) {
-            return Ok(grid);
+    /// Axes and origin, and notes of what was left out of it.
+    fn grid(&self) -> Parsed<(Grid, Vec<String>)> {
+        let sound = |(axes, origin): &Grid| check_grid(axes, "", origin, "").is_ok();
+        let (sform, qform) = (self.sform(), self.qform());
+        let mut notes = Vec::new();
+        if sform.is_some_and(|grid| !sound(&grid)) {
+            notes.push("its sform is set, and its axes do not span space: it is left out".into());
         }
-        let pixdim = self.triple(80);
-        positive(pixdim, "pixdim")?;
-        let grid = (diagonal(pixdim), [0.0; 3]);
-        check_grid(&grid.0, "pixdim", &grid.1, "")?;
-        Ok(grid)
+        if qform.is_some_and(|grid| !sound(&grid)) || (qform.is_none() && self.i16(252) > 0) {
+            notes.push("its qform is set, and it has no sound grid: it is left out".into());
+        }
+        let grid = match (sform.filter(sound), qform.filter(sound)) {
+            (Some(sform), Some(qform)) => {
+                if self.differ(&sform, &qform) {
+                    notes.push("its sform and its qform put samples at different places: the sform is drawn".into());
+                }
+                sform
+            }
+            (Some(grid), None) | (None, Some(grid)) => grid,
+            (None, None) => {
+                let pixdim = self.triple(80);
+                positive(pixdim, "pixdim")?;
+                let grid = (diagonal(pixdim), [0.0; 3]);
+                check_grid(&grid.0, "pixdim", &grid.1, "")?;
+                notes.push(unsaid("has neither sform nor qform"));
+                grid
+            }
+        };
+        Ok((grid, notes))
     }
 
-    fn sform(&self) -> Option<(Axes, [f64; 3])> {
+    /// Whether the grid's first or last corner lies half a shortest step apart in two grids.
+    fn differ(&self, one: &Grid, other: &Grid) -> bool {
+        let last = [0, 1, 2].map(|i| f64::from(self.i16(42 + 2 * i)) - 1.0);
+        let shortest = one.0.iter().map(|axis| dot(axis, axis)).fold(f64::INFINITY, f64::min);
+        let corners = (0..8).map(|corner| [0, 1, 2].map(|axis| if corner >> axis & 1 == 1 { last[axis] } else { 0.0 }));
+        let place =
+            |(axes, origin): &Grid, at: [f64; 3]| [0, 1, 2].map(|i| origin[i] + (0..3).map(|axis| axes[axis][i] * at[axis]).sum::<f64>());
+        corners.into_iter().any(|at| {
+            let (here, there) = (place(one, at), place(other, at));
+            let way = [0, 1, 2].map(|i| here[i] - there[i]);
+            dot(&way, &way) > shortest / 4.0
+        })
+    }
+
+    fn sform(&self) -> Option<Grid> {
         let column = |i: usize| [280, 296, 312].map(|row| f64::from(self.f32(row + 4 * i)));
         (self.i16(254) > 0).then(|| ([0, 1, 2].map(column), column(3)))
     }
 
-    fn qform(&self) -> Option<(Axes, [f64; 3])> {
+    fn qform(&self) -> Option<Grid> {
         let [b, c, d] = self.triple(256);
-        let a = (1.0 - b * b - c * c - d * d).max(0.0).sqrt();
+        let squares = b * b + c * c + d * d;
+        // A turn by half a circle, whose squares may add up to a little more than 1.
+        let by = if squares > 1.0 { squares.sqrt().recip() } else { 1.0 };
+        let ([b, c, d], a) = ([b, c, d].map(|part| part * by), (1.0 - squares).max(0.0).sqrt());
         let directions = [
             [a * a + b * b - c * c - d * d, 2.0 * (b * c + a * d), 2.0 * (b * d - a * c)],
             [2.0 * (b * c - a * d), a * a + c * c - b * b - d * d, 2.0 * (c * d + a * b)],
@@ -166,6 +204,6 @@ impl Header {
         for value in &mut values {
             *value = (f64::from(*value) * slope + inter) as f32;
         }
-        layout.finite(values)
+        layout.known(values)
     }
 }

@@ -3,12 +3,14 @@
 //!
 //! - Axes of length 1 are dropped until three are left, those without a space direction first.
 //! - `space directions` win over `spacings`, these over the steps that `axis mins` and `axis maxs` give.
+//! - `space` names the world, which is turned into the one ([`super::world`]); a header without it is drawn as it is, with a note.
 //! - Unknown fields are refused, as the format demands; key/value pairs and comments are skipped.
 
 use super::decode::{
     Fields, Layout, Parsed, check_grid, clip, diagonal, in_data_file, next_line, number, numbers, pass_over, read_beside, take_all,
     unpacker,
 };
+use super::world::{World, unsaid};
 use super::{ByteOrder, SampleType, Volume, skip_bytes};
 use std::path::Path;
 
@@ -80,7 +82,9 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     let encoding = encoding(&header)?;
     let sample_type = sample_type(&header)?;
     let order = byte_order(&header, encoding, sample_type)?;
-    let grid = three_axes(read_axes(&header)?)?;
+    let space = header.get("space").map(space).transpose()?;
+    let numbers = if space.is_some_and(|(_, has_time)| has_time) { 4 } else { 3 };
+    let grid = three_axes(read_axes(&header, numbers)?)?;
     let layout = Layout::new(grid.each_ref().map(|axis| axis.size), sample_type, order, "sizes")?;
     let axes = if grid.iter().all(|axis| axis.direction.is_some()) {
         grid.each_ref().map(|axis| axis.direction.unwrap_or_default())
@@ -89,10 +93,15 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     };
     let axes_field = if header.get("space directions").is_some() { "space directions" } else { "spacings" };
     let origin = match header.get("space origin") {
-        Some(text) => only_vector(text)?,
+        Some(text) => only_vector(text, numbers)?,
         None => grid.each_ref().map(Axis::first_position),
     };
     check_grid(&axes, axes_field, &origin, "space origin")?;
+    let (axes, origin) = space.map_or((axes, origin), |(world, _)| world.turned(axes, origin));
+    let note = match space {
+        Some((world, _)) => world.note(),
+        None => Some(unsaid("has no `space`")),
+    };
     let values = match (header.get("data file"), attached) {
         (Some(name), _) => {
             let data = read_beside(folder, name, "data file")?;
@@ -101,7 +110,7 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
         (None, Some(data)) => read_samples(data, &header, encoding, &layout)?,
         (None, None) => return Err("has neither a `data file` nor an empty line with the samples after it".into()),
     };
-    Ok(Volume { size: layout.size, axes, origin, values })
+    Ok(Volume { size: layout.size, axes, origin, values, notes: note.into_iter().collect() })
 }
 
 /// The fields, and what follows the empty line at their end.
@@ -149,6 +158,12 @@ fn sample_type(header: &Fields) -> Parsed<SampleType> {
     found.ok_or_else(|| format!("`type` is `{}`; integers of 8, 16, 32 and 64 bits, float and double are read", clip(name)))
 }
 
+/// The world that `space` names, and whether vectors have a fourth number, time.
+fn space(name: &str) -> Parsed<(World, bool)> {
+    let known = || format!("`space` is `{}`; {}, and these with -time are read", clip(name), World::names());
+    World::of_nrrd(name).ok_or_else(known)
+}
+
 fn encoding(header: &Fields) -> Parsed<Encoding> {
     let name = header.need("encoding")?;
     match name.to_lowercase().as_str() {
@@ -188,7 +203,7 @@ impl Axis {
     }
 }
 
-fn read_axes(header: &Fields) -> Parsed<Vec<Axis>> {
+fn read_axes(header: &Fields, numbers_each: usize) -> Parsed<Vec<Axis>> {
     let dimension: usize = number(header.need("dimension")?, "dimension", "a whole number")?;
     if !(3..=MOST_AXES).contains(&dimension) {
         return Err(format!("`dimension` is {dimension}; a volume has 3 (or more, where the others are of length 1)"));
@@ -196,7 +211,8 @@ fn read_axes(header: &Fields) -> Parsed<Vec<Axis>> {
     let sizes = numbers(header.need("sizes")?, dimension, "sizes")?;
     let per_axis = |field| header.get(field).map(|text| numbers::<f64>(text, dimension, field)).transpose();
     let (spacings, mins, maxs) = (per_axis("spacings")?, per_axis("axis mins")?, per_axis("axis maxs")?);
-    let directions = header.get("space directions").map(|text| vectors(text, dimension, "space directions")).transpose()?;
+    let directions = header.get("space directions").map(|text| vectors(text, dimension, numbers_each, "space directions")).transpose()?;
+    let directions = directions.map(|all| all.into_iter().map(in_space).collect::<Parsed<Vec<_>>>()).transpose()?;
     let mut centers = header.get("centers").unwrap_or_default().split_ascii_whitespace();
     let axis = |(i, size): (usize, usize)| {
         let in_cells = centers.next() == Some("cell");
@@ -230,9 +246,21 @@ fn three_axes(mut axes: Vec<Axis>) -> Parsed<[Axis; 3]> {
     Ok(axes)
 }
 
-/// Vectors in parentheses, or `none` in place of one.
-fn vectors(text: &str, count: usize, field: &str) -> Parsed<Vec<Option<[f64; 3]>>> {
-    let wrong = || format!("`{field}` is `{}`; it must be {count} times a vector like (1,0,0) or none", clip(text));
+/// The part of a step that is in space; none where it is in time alone.
+fn in_space(step: Option<[f64; 4]>) -> Parsed<Option<[f64; 3]>> {
+    match step {
+        Some([x, y, z, time]) if time != 0.0 && [x, y, z] != [0.0; 3] => {
+            Err(format!("`space directions` has a step ({x},{y},{z},{time}) in space and in time; it must be in one of them"))
+        }
+        Some([x, y, z, time]) if time == 0.0 => Ok(Some([x, y, z])),
+        _ => Ok(None),
+    }
+}
+
+/// Vectors of 3 numbers in parentheses, or of 4, or `none` in place of one; of 3 the fourth is 0.
+fn vectors(text: &str, count: usize, numbers_each: usize, field: &str) -> Parsed<Vec<Option<[f64; 4]>>> {
+    let like = if numbers_each == 4 { "(1,0,0,0)" } else { "(1,0,0)" };
+    let wrong = || format!("`{field}` is `{}`; it must be {count} times a vector like {like} or none", clip(text));
     let mut vectors = Vec::new();
     let mut rest = text.trim();
     while !rest.is_empty() {
@@ -241,7 +269,9 @@ fn vectors(text: &str, count: usize, field: &str) -> Parsed<Vec<Option<[f64; 3]>
             None => {
                 let (inside, after) = rest.strip_prefix('(').and_then(|rest| rest.split_once(')')).ok_or_else(wrong)?;
                 let parsed: Option<Vec<f64>> = inside.split(',').map(|word| word.trim().parse().ok()).collect();
-                let vector: [f64; 3] = parsed.and_then(|numbers| numbers.try_into().ok()).ok_or_else(wrong)?;
+                let mut parsed = parsed.filter(|numbers| numbers.len() == numbers_each).ok_or_else(wrong)?;
+                parsed.resize(4, 0.0);
+                let vector: [f64; 4] = parsed.try_into().map_err(|_| wrong())?;
                 (Some(vector), after)
             }
         };
@@ -251,9 +281,9 @@ fn vectors(text: &str, count: usize, field: &str) -> Parsed<Vec<Option<[f64; 3]>
     if vectors.len() == count { Ok(vectors) } else { Err(wrong()) }
 }
 
-fn only_vector(text: &str) -> Parsed<[f64; 3]> {
-    let vector = vectors(text, 1, "space origin")?.into_iter().next().flatten();
-    vector.ok_or_else(|| "`space origin` is none; it must be a vector like (0,0,0)".into())
+fn only_vector(text: &str, numbers: usize) -> Parsed<[f64; 3]> {
+    let vector = vectors(text, 1, numbers, "space origin")?.into_iter().next().flatten();
+    vector.map(|[x, y, z, _]| [x, y, z]).ok_or_else(|| "`space origin` is none; it must be a vector like (0,0,0)".into())
 }
 
 // ---- samples ----

@@ -1,16 +1,18 @@
-//! Vti: reads a volume from a VTK XML image file: the array of `PointData` that its `Scalars` attribute names, else the first of one
-//! component.
+//! Vti: reads a volume from a VTK XML image file: the array of `PointData` that a scene or its own `Scalars` attribute names, else the first
+//! of one component.
 
-use super::Volume;
 use super::decode::{Parsed, check_grid, numbers, positive, triple};
 use super::vtk::{File, Tag};
+use super::{Arrays, Volume};
 
-pub(in crate::scene) fn read(bytes: &[u8]) -> Parsed<Volume> {
+pub(in crate::scene) fn read(bytes: &[u8], arrays: &Arrays) -> Parsed<Volume> {
+    arrays.without_variance("regular")?;
     let file = File::scan(bytes, "ImageData")?;
     let (size, first) = file.extent()?;
     let (axes, origin) = read_grid(&file.set, first)?;
-    let values = file.values(file.active_array(None)?, size, "WholeExtent")?;
-    Ok(Volume { size, axes, origin, values })
+    let (array, note) = file.active_array(arrays.values)?;
+    let values = file.values(array, size, "WholeExtent")?;
+    Ok(Volume { size, axes, origin, values, notes: note.into_iter().collect() })
 }
 
 /// Axes, and position of the sample whose index is `first`: the origin is where index 0 is.

@@ -188,8 +188,10 @@ impl<'a> File<'a> {
         self.arrays.iter().filter(move |(of, _)| *of == section).map(|(_, array)| array)
     }
 
-    /// The array of samples: the one of this name, or else the one that `PointData` names, or else the first of one component.
-    pub fn active_array(&self, named: Option<&str>) -> Parsed<&Tag<'a>> {
+    /// The array of samples: the one of this name, or else the one that `PointData` names, or else the first of one component; then a note
+    /// says so where there are others.
+    pub fn active_array(&self, named: Option<&str>) -> Parsed<(&Tag<'a>, Option<String>)> {
+        let mut note = None;
         let of_name = |name: &str| self.arrays("PointData").find(|array| array.get("Name") == Some(name));
         let array = match named {
             Some(name) => of_name(name).ok_or_else(|| self.no_array(name))?,
@@ -200,14 +202,26 @@ impl<'a> File<'a> {
                     Some(name) if first().is_some() => {
                         of_name(name).ok_or_else(|| format!("`Scalars` of <PointData>: {}", self.no_array(name)))?
                     }
-                    _ => first().ok_or("has no <DataArray> in <PointData>; samples at points are read")?,
+                    _ => {
+                        let array = first().ok_or("has no <DataArray> in <PointData>; samples at points are read")?;
+                        note = self.others(array);
+                        array
+                    }
                 }
             }
         };
         match components(array) {
-            "1" => Ok(array),
+            "1" => Ok((array, note)),
             other => Err(format!("`NumberOfComponents` is `{}`; only arrays of 1 component are read", clip(other))),
         }
+    }
+
+    /// Names the array that is drawn where a scene may have meant another.
+    fn others(&self, array: &Tag) -> Option<String> {
+        let name = |array: &Tag| clip(array.get("Name").unwrap_or_default());
+        let fit = self.arrays("PointData").filter(|other| components(other) == "1");
+        let others: Vec<String> = fit.map(name).filter(|other| *other != name(array)).collect();
+        (!others.is_empty()).then(|| format!("array `{}` is drawn, the first; `array` may name {}", name(array), clip(&others.join(", "))))
     }
 
     /// An array of samples at points, of any number of components, by its name.
