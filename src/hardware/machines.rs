@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::hardware::searched::SearchRecord;
+use crate::input;
 use crate::output::text::{clipped, is_unprintable, one_line};
 use crate::scene::{Scene, strict_json, validate};
 use rtl_model::Machine;
@@ -233,7 +234,7 @@ fn read(path: &Path) -> Result<(Value, Option<SearchRecord>)> {
         let nearest = validate::in_brackets(name, &named);
         return Err(input_error(format!("no such file, and no named machine either; named are {names}{nearest}")));
     }
-    let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+    let text = input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
     let value = strict_json::parse(&text).map_err(input_error)?;
     described(value, name, &one_line(&path.file_stem().unwrap_or_default().to_string_lossy()))
 }

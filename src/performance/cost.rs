@@ -22,6 +22,7 @@
 //! Law: `the_parts_of_a_raster_grow_as_synthesis_says`.
 
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::scene::{strict_json, validate};
 use rtl_model::elaboration::microarchitecture::{Fifo, Pace, Pipeline};
@@ -126,7 +127,7 @@ impl Prices {
     /// [`Error::Input`] where it cannot be read, or says something else.
     pub fn load(path: &Path) -> Result<Self> {
         let input_error = |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        let text = input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
         let value = strict_json::parse(&text).map_err(input_error)?;
         validate::check(&value, &schemars::schema_for!(Prices).to_value()).map_err(|misfit| input_error(misfit.to_string()))?;
         serde_json::from_value(value).map_err(|e| input_error(e.to_string()))

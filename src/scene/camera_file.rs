@@ -13,6 +13,7 @@ use super::path::MOST_FRAMES;
 use super::ply::FARTHEST;
 use super::{Camera, Image, Splat, strict_json};
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::text::clipped;
 use glam::{DMat3, DQuat, DVec3};
 use serde_json::Value;
@@ -134,7 +135,7 @@ impl CameraFile {
 }
 
 fn read(path: &Path, name: &str) -> Result<String> {
-    std::fs::read_to_string(path).map_err(|e| Error::input(format!("{name}: cannot be read: {e}")))
+    input::read_text(path).map_err(|e| Error::input(format!("{name}: cannot be read: {e}")))
 }
 
 type Poses = (Option<(usize, usize)>, Vec<Pose>);

@@ -184,6 +184,13 @@ impl Folder {
         };
         let charts: Vec<&String> = files.keys().filter(is_chart).take(MOST_CHARTS).collect();
         if run.is_none() && sequence.is_none() && cycles.is_none() && compare.is_none() && tables.is_empty() {
+            let is_picture = |name: &String| {
+                PICTURES.contains(&name.strip_suffix(".png").unwrap_or(name)) || is_of_sequence(name.trim_end_matches(".png"))
+            };
+            if files.keys().any(is_picture) {
+                let told = "has pictures of a run and no report.json, which is written last: the run was ended before, or is still at work";
+                return Err(Error::input(format!("{}: {told}", folder.display())));
+            }
             let told =
                 "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
             return Err(Error::input(format!("{}: {told}", folder.display())));

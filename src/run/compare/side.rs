@@ -3,6 +3,7 @@
 use super::Named;
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
+use crate::input;
 use crate::output::colour::srgb_decode;
 use crate::output::picture::Picture;
 use crate::performance::cost::{Cost, CostReport, Prices};
@@ -132,7 +133,7 @@ impl Side {
         if metadata.len() > MOST_BYTES {
             return Err(input_error(format!("has {} MB; no report has more than {}", metadata.len() >> 20, MOST_BYTES >> 20)));
         }
-        let text = std::fs::read_to_string(&file).map_err(|e| input_error(format!("cannot be read: {e}")));
+        let text = input::read_text(&file).map_err(|e| input_error(format!("cannot be read: {e}")));
         let report: Value = match text.and_then(|text| serde_json::from_str(&text).map_err(|e| input_error(format!("is no JSON: {e}")))) {
             Ok(report) => report,
             // What is no JSON may be a broken machine, of which more can be said.

@@ -5,6 +5,7 @@
 
 use crate::error::{Error, Result};
 use crate::hardware::machines;
+use crate::input;
 use crate::scene::strict_json;
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Memory, Organisation};
@@ -110,7 +111,7 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
 /// [`Error::Input`] where it cannot be read, or is something else.
 pub fn read(path: &Path) -> Result<Vec<Field>> {
     let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+    let text = input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
     let value = strict_json::parse(&text).map_err(input_error)?;
     let fields: Vec<Field> = serde_path_to_error::deserialize(&value).map_err(|e| {
         input_error(format!(
