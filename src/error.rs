@@ -1,6 +1,7 @@
 //! Error: names what went wrong in one sentence, and the exit status that says whose fault it was.
 
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// One sentence for the user, and whose fault it was.
 #[derive(Debug, thiserror::Error)]
@@ -33,10 +34,30 @@ impl Error {
     }
 }
 
-/// The sentence on one line, whatever names and paths it quotes.
+/// Letters of a word of a sentence, and of a sentence, at most. Paths have up to 4096 bytes, names in files megabytes: of longer ones beginning
+/// and end are told.
+const LONGEST_WORD: usize = 320;
+const LONGEST: usize = 2_400;
+
+/// The sentence on one line, of a length that can be read, whatever names and paths it quotes.
 fn one_line(sentence: String) -> String {
     let escaped = |letter: char| if letter.is_control() { letter.escape_default().to_string() } else { letter.to_string() };
-    if sentence.contains(char::is_control) { sentence.chars().map(escaped).collect() } else { sentence }
+    let sentence = if sentence.contains(char::is_control) { sentence.chars().map(escaped).collect() } else { sentence };
+    if sentence.len() <= LONGEST_WORD {
+        return sentence;
+    }
+    let words: Vec<Cow<str>> = sentence.split(' ').map(|word| shortened(word, LONGEST_WORD)).collect();
+    shortened(&words.join(" "), LONGEST).into_owned()
+}
+
+/// The beginning and the end of a text that has more letters than may be.
+fn shortened(text: &str, most: usize) -> Cow<'_, str> {
+    let place = |letter: usize| text.char_indices().nth(letter).map(|(at, _)| at);
+    if text.len() <= most || place(most).is_none() {
+        return text.into();
+    }
+    let end = text.char_indices().rev().nth(most / 4).map_or(0, |(at, _)| at);
+    format!("{}…{}", &text[..place(most * 3 / 4 - 2).unwrap_or(0)], &text[end..]).into()
 }
 
 /// Result of a step of the bench.
@@ -54,6 +75,19 @@ pub fn in_order<T: Send>(results: impl ParallelIterator<Item = Result<T>>) -> Re
 mod tests {
     use super::*;
     use std::time::Duration;
+
+    #[test]
+    fn a_sentence_is_short_whatever_it_quotes_and_shows_where_that_begins_and_ends() {
+        let long = "é".repeat(1 << 20);
+        let told = Error::input(format!("scene.json: a{long}z is no file")).to_string();
+        assert!(told.starts_with("scene.json: aé") && told.ends_with("éz is no file") && told.contains('…'), "{told}");
+        assert!(told.chars().count() < 360, "{told}");
+        let told = Error::job(format!("begins {} ends", "word and ".repeat(1 << 20))).to_string();
+        assert!(told.starts_with("begins word") && told.ends_with("and  ends") && told.chars().count() == LONGEST, "{}", told.len());
+        assert_eq!(Error::input("\n".repeat(1 << 20)).to_string().chars().count(), LONGEST_WORD);
+        let path = format!("/{}", "x".repeat(LONGEST_WORD - 1));
+        assert_eq!(Error::input(path.clone()).to_string(), path);
+    }
 
     #[test]
     fn the_first_error_is_told_though_another_comes_sooner() {

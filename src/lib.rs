@@ -38,6 +38,8 @@ pub mod sampling;
 
 pub mod scene;
 
+pub mod input;
+
 pub mod output;
 
 pub mod error;

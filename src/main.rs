@@ -1,14 +1,27 @@
 //! The command line: see `cli/mod.rs`.
 
 use splatsim::cli;
+use splatsim::output::files;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    files::clean_up_on_signals();
+    fail_where_memory_ends();
     match cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             cli::complain(&error);
             ExitCode::from(error.exit_status())
         }
+    }
+}
+
+/// An allocation that fails says so in a sentence and aborts: to the shell it is a job that failed, status 1.
+fn fail_where_memory_ends() {
+    #[cfg(unix)]
+    {
+        let always = std::sync::Arc::new(true.into());
+        // Where it cannot be registered the process ends by the signal.
+        let _ = signal_hook::flag::register_conditional_shutdown(signal_hook::consts::SIGABRT, 1, always);
     }
 }

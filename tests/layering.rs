@@ -296,6 +296,7 @@ const THE_BENCH: Layers = Layers {
         "golden",
         "sampling",
         "scene",
+        "input",
         "output",
         "error",
     ],
@@ -526,6 +527,30 @@ fn only_quantise_turns_real_numbers_into_bits() {
     let writes = |path: &str| path.starts_with("src/cosim/trace") || path == "src/cosim/live.rs";
     check(&sources, |path| path != door && !reads(path) && !writes(path), |_, code| ways_to_bits(code));
     check(&sources, writes, |_, code| floats(code));
+}
+
+/// So that none of them reads a device without an end, or waits for a pipe that no process writes into.
+#[test]
+fn inputs_are_opened_in_one_place() {
+    let opens = |code: &str| -> Vec<String> {
+        let tokens = tokens(code);
+        let called = |owner: &str, what: &str| tokens.windows(5).any(|w| w == [owner, ":", ":", what, "("]);
+        let ways = [("fs", "read"), ("fs", "read_to_string"), ("File", "open"), ("ImageReader", "open"), ("image", "open")];
+        ways.into_iter().filter(|(owner, what)| called(owner, what)).map(|(owner, what)| format!("{owner}::{what}")).collect()
+    };
+    // What the program itself wrote into a folder, and whether a file may be written over.
+    let of_results = [
+        "src/output/files.rs",
+        "src/output/video.rs",
+        "src/performance/recording.rs",
+        "src/view/export.rs",
+        "src/view/folder.rs",
+        "src/explore/sweep/table.rs",
+        "src/run/compare/side.rs",
+    ];
+    let sources = sources(&["src"]);
+    assert!(of_results.iter().all(|path| !opens(&sources[*path]).is_empty()), "a file is excused that opens none");
+    check(&sources, |path| !path.starts_with("src/input/") && !of_results.contains(&path), |_, code| opens(code));
 }
 
 #[test]

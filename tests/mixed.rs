@@ -84,6 +84,20 @@ fn a_surface_in_a_fog_has_half_of_it_in_front() {
     }
 }
 
+/// What Gaussians are drawn with beside other splats mirrors nothing, however shiny all of the scene's materials are.
+#[test]
+fn gaussians_beside_mirrors_mirror_nothing() {
+    let mut scene = front(together(plane(0.0, [1.0, 0.0, 0.0], 1.0).into_iter().chain([json!({"gaussians": "bouquet", "count": 3})])));
+    scene["materials"] = json!([{"unlit": true, "reflect": 0.5}, {"reflect": 1.0}]);
+    scene["environment"] = json!({"builtin": "sky"});
+    let scene = made(&scene);
+    let mirrors = &scene.environment.as_ref().unwrap().mirrors;
+    assert_eq!(mirrors.len(), scene.materials.len());
+    let shares: Vec<f64> = scene.splats.iter().map(|splat| mirrors[splat.material as usize].reflect).collect();
+    assert!(shares[..31 * 31].iter().all(|share| *share == 0.5) && shares[31 * 31..] == [0.0; 3], "{shares:?}");
+    golden(&scene);
+}
+
 /// One Gaussian as training programs write it, of sRGB grey 0.5.
 fn gaussian(folder: &Path, logit: f64) -> Value {
     coloured(folder, logit, "")

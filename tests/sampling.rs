@@ -309,13 +309,42 @@ fn solved_colours_reconstruct_a_picture_better_than_averages_and_samples() {
             let sampled = checks(1500, acquisition, cutoff, 8);
             assert_eq!(sampled.solution.is_some(), acquisition == Acquisition::Optimised);
             if let Some(solution) = sampled.solution {
-                assert!(solution.residual <= 1e-6 && solution.steps > 3, "{solution:?}");
+                assert!(solution.damped_residual <= 1e-6 && solution.steps > 3, "{solution:?}");
             }
             assert_eq!(sampled.beyond > 0, acquisition == Acquisition::Optimised);
             missing(&sampled.splats, cut(cutoff), 8)
         });
         assert!(optimised < 0.9 * nearest && nearest < ewa, "{cutoff}: {nearest} {ewa} {optimised}");
     }
+}
+
+/// From the book alone: e are the colours of `ewa`, R the products of round kernels, c = e times its row sums, s 3 % of their mean.
+#[test]
+fn residuals_are_those_of_the_equations_and_of_the_damped_ones() {
+    let (cutoff, count) = (2.0, 400);
+    let optimised = checks(count, Acquisition::Optimised, cutoff, 4);
+    let ewa = checks(count, Acquisition::Ewa, cutoff, 4);
+    let half = cutoff / 2.0;
+    let drawn = (1.0 - half / (half.exp() - 1.0)).sqrt();
+    let product = |a: &Splat, b: &Splat| {
+        let [p, q] = [a, b].map(|splat| (drawn * splat.radius).powi(2));
+        let index = a.position.distance_squared(b.position) / (2.0 * (p + q));
+        if (-index).exp() < 1e-3 { 0.0 } else { p * q / (p + q) * (-index).exp() }
+    };
+    let rows: Vec<Vec<f64>> = ewa.splats.iter().map(|a| ewa.splats.iter().map(|b| product(a, b)).collect()).collect();
+    let sums: Vec<f64> = rows.iter().map(|row| row.iter().sum()).collect();
+    let stay = 0.03 * sums.iter().sum::<f64>() / count as f64;
+    // Of a checkerboard all channels are one.
+    let [e, w] = [&ewa, &optimised].map(|sampled| sampled.splats.iter().map(|splat| splat.rgb[0]).collect::<Vec<f64>>());
+    let norm = |vector: &[f64]| vector.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let of = |damping: f64| {
+        let right: Vec<f64> = (0..count).map(|k| e[k] * (sums[k] + damping)).collect();
+        let left: Vec<f64> = (0..count).map(|k| right[k] - damping * w[k] - (0..count).map(|j| rows[k][j] * w[j]).sum::<f64>()).collect();
+        norm(&left) / norm(&right)
+    };
+    let solution = optimised.solution.unwrap();
+    assert!((solution.residual / of(0.0) - 1.0).abs() < 1e-3 && solution.residual > 1e-3, "{solution:?} for {}", of(0.0));
+    assert!(of(stay) < 1e-5 && solution.damped_residual <= 1e-6, "{solution:?} for {}", of(stay));
 }
 
 /// A picture of one colour has nothing to be solved.

@@ -24,6 +24,7 @@ mod golden_match;
 mod golden_window;
 mod handmade;
 mod harmonics;
+mod hostile;
 mod irregular;
 mod layering;
 mod live;
@@ -65,6 +66,7 @@ mod traced;
 mod tree;
 mod view;
 mod volume_match;
+mod wild_scenes;
 mod windows;
 mod worlds;
 

@@ -198,6 +198,62 @@ fn smaller_pixels_never_cut_coarser() {
     assert!(dbs[0] + 3.0 < dbs[1] && dbs[1] + 3.0 < dbs[2], "{dbs:?}");
 }
 
+/// The walk of the book: a stack of nodes, of which `ahead` are taken at a time; what waits is pushed in reversed order.
+fn walked(tree: &Tree, ahead: usize, opens: impl Fn(u32) -> bool) -> Vec<u32> {
+    let (mut drawn, mut stack) = (Vec::new(), Vec::new());
+    if opens(0) {
+        stack.push(0)
+    } else {
+        drawn.push(0)
+    }
+    while !stack.is_empty() {
+        let taken: Vec<u32> = (0..ahead).filter_map(|_| stack.pop()).collect();
+        let children = taken.iter().flat_map(|node| tree.nodes()[*node as usize].below());
+        let (waits, small): (Vec<u32>, Vec<u32>) = children.map(|child| child as u32).partition(|child| opens(*child));
+        drawn.extend(small);
+        stack.extend(waits.into_iter().rev());
+    }
+    drawn
+}
+
+#[test]
+fn a_walk_draws_in_the_order_of_its_stack() {
+    let mut scene = ball(700);
+    scene.surface.cull_backfaces = false;
+    let view = scene.view();
+    for (ahead, children) in [(1, 2), (3, 4), (8, 4), (1000, 5)] {
+        let scene = cut(&scene, children, Rules { pixels: 6.0, ahead, ..EVERYTHING });
+        let tree = &detail(&scene).tree;
+        let opens = |number: u32| {
+            let node = &tree.nodes()[number as usize];
+            let nearest = (view.rotation * (node.splat.position - view.eye)).z - node.sphere;
+            !node.is_leaf() && 2.0 * node.sphere * view.focal_px / nearest > 6.0
+        };
+        assert_eq!(detail(&scene).cut.drawn, walked(tree, ahead, opens), "{ahead} {children}");
+    }
+}
+
+/// Three discs of two sizes in a plane, and far apart, so that their second moment is what counts.
+#[test]
+fn an_inner_node_is_as_wide_as_the_second_moment_of_whole_discs() {
+    let discs = [([0.0, 0.0, 2.0], 0.1), ([1.0, 0.0, 2.0], 0.1), ([0.0, 2.0, 2.0], 0.2)];
+    let splats: Vec<Splat> = discs.iter().map(|(position, radius)| splat(*position, *radius)).collect();
+    let tree = Tree::new(&splats, 4).unwrap();
+    let root = tree.nodes()[0];
+    let all: f64 = splats.iter().map(|s| s.radius * s.radius).sum();
+    let mean = splats.iter().map(|s| s.position * s.radius * s.radius).sum::<DVec3>() / all;
+    let moment = |s: &Splat| s.radius * s.radius * (s.radius * s.radius + (s.position - mean).length_squared() / 2.0);
+    let variance = splats.iter().map(moment).sum::<f64>() / all;
+    let sphere = splats.iter().map(|s| (s.position - mean).length() + s.radius).fold(0.0, f64::max);
+    assert!(all < variance && variance < 2.0 * sphere * sphere);
+    assert!((root.splat.radius.powi(2) / variance - 1.0).abs() < 1e-12, "{root:?} for {variance}");
+    assert!((root.splat.opacity - all / variance).abs() < 1e-12 && (root.splat.position - mean).length() < 1e-12, "{root:?}");
+    assert!((root.sphere / sphere - 1.0).abs() < 1e-8 && root.widest == root.splat.radius, "{root:?} for {sphere}");
+    // At one place many are no wider than twice the sphere of the discs, which their own width does not count for.
+    let stacked = Tree::new(&[splats[0]; 50], 4).unwrap().nodes()[0];
+    assert!((stacked.splat.radius.powi(2) / (2.0 * 0.01) - 1.0).abs() < 1e-9, "{stacked:?}");
+}
+
 #[test]
 fn budgets_are_kept_and_used() {
     let scene = ball(900);

@@ -138,7 +138,8 @@ pub fn complain(error: &Error) {
 
 /// Prints a warning's sentence to standard error.
 fn warn(sentence: &str) {
-    eprintln!("splatsim: warning: {}", one_line(sentence));
+    // Quotes are cut as those of errors are.
+    eprintln!("splatsim: warning: {}", Error::input(one_line(sentence)));
 }
 
 /// Prints a text, if there is one.

@@ -17,7 +17,7 @@ use crate::run::detail::bounded;
 use crate::run::preview;
 use crate::run::preview::Preview;
 use crate::run::{Check, Options, Outcome, timed};
-use crate::scene::{CameraFile, Scene, Sequence};
+use crate::scene::{CameraFile, Scene, Sequence, memory};
 use clap::{Args, ValueEnum};
 use rtl_model::Machine;
 use std::ffi::OsString;
@@ -152,6 +152,7 @@ impl Typed {
             None => (bounded(scene, &elaborated)?, None),
         };
         let drawn = small.as_ref().unwrap_or(&scene);
+        memory::check_frame(drawn)?;
         quantise(drawn, &machine)?;
         if let (Some(timings), Some(detail)) = (&timings, &drawn.detail) {
             timings.hold_stack(detail.cut.deepest as u64)?;

@@ -2,9 +2,10 @@
 
 use super::arguments::Threads;
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::files::are_one;
 use crate::output::text::{one_line, thousands, wrapped};
-use crate::sampling::{Acquisition, Amount, Pattern, Picture, Radii, Request, Sampled, file, sample};
+use crate::sampling::{Acquisition, Amount, Pattern, Picture, Radii, Request, Sampled, Solution, file, sample};
 use crate::scene::mesh::{Image, Mesh, Texture, Wrap};
 use clap::{Args, ValueEnum};
 use std::ffi::OsString;
@@ -145,7 +146,7 @@ fn check_out(path: &Path) -> Result<()> {
 
 fn picture(path: &Path) -> Result<Picture> {
     let wrong = |why: String| Error::input(format!("{}: {why}", path.display()));
-    let bytes = std::fs::read(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
+    let bytes = input::read(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
     let image = Image::decode(&bytes).map_err(wrong)?;
     Ok(Picture::Texture(Texture { image: Arc::new(image), wrap: [Wrap::Repeat; 2] }))
 }
@@ -176,7 +177,8 @@ fn told(mesh: &Mesh, request: &Request, sampled: &Sampled) -> Vec<String> {
         radius(f64::max)
     ));
     if let Some(solution) = sampled.solution {
-        lines.push(format!("colours solved for: residual {:.1e} after {} steps", solution.residual, solution.steps));
+        let Solution { residual, damped_residual, steps, .. } = solution;
+        lines.push(format!("colours solved for: residual {residual:.1e}, of the damped system {damped_residual:.1e} after {steps} steps"));
     }
     if request.acquisition == Acquisition::Optimised {
         let (beyond, all) = (thousands(sampled.beyond as u64), thousands(sampled.splats.len() as u64));

@@ -6,7 +6,7 @@ use crate::explore::search;
 use crate::explore::search::{Domain, Options, Target, over_fragment, over_timing};
 use crate::hardware::{machines, searched};
 use crate::performance::cost::Prices;
-use crate::scene::{CameraFile, Scene, Sequence};
+use crate::scene::{CameraFile, Scene, Sequence, memory};
 use clap::{Args, ValueEnum};
 use rtl_model::Machine;
 use std::ffi::{OsStr, OsString};
@@ -134,6 +134,7 @@ pub(super) struct Job {
 impl Typed {
     pub fn check(self) -> Result<Job> {
         let domains = self.domains()?;
+        domains.iter().try_for_each(|domain| memory::check_frame(domain.scene()))?;
         let mut machine = self.common.machine(domains[0].scene())?;
         machines::pay(&mut machine, domains.iter().any(|domain| domain.scene().detail.is_some()));
         let target = self.target()?;

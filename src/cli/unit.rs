@@ -3,6 +3,7 @@
 use super::arguments::Common;
 use crate::cosim::live::{Constants, Port, Record, Refused, Unit};
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::text::one_line;
 use clap::Args;
 use std::ffi::OsString;
@@ -144,7 +145,7 @@ impl<R: BufRead> Lines<R> {
 impl Lines<BufReader<File>> {
     fn open(path: &Path, form: Form) -> Result<Self> {
         let name = one_line(&path.to_string_lossy());
-        let file = File::open(path).map_err(|e| Error::input(format!("{name}: cannot be read: {e}")))?;
+        let file = input::open(path).map_err(|e| Error::input(format!("{name}: cannot be read: {e}")))?;
         Ok(Lines { name, form, text: BufReader::new(file), number: 0 })
     }
 }

@@ -13,6 +13,7 @@
 
 use crate::cosim::trace::{Key, Layout, Malformed, flag};
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::text::hex;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -100,8 +101,8 @@ impl Trace {
     fn open(folder: &Path) -> Result<Trace> {
         let path = folder.join("manifest.json");
         let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
-        let text = std::fs::read_to_string(&path)
-            .map_err(|e| input_error(format!("cannot be read: {e}; a folder that `trace` wrote is needed")))?;
+        let text =
+            input::read_text(&path).map_err(|e| input_error(format!("cannot be read: {e}; a folder that `trace` wrote is needed")))?;
         let manifest: Value = serde_json::from_str(&text).map_err(|e| input_error(format!("is no manifest: {e}")))?;
         if manifest["format"] != "splatsim-trace-1" {
             return Err(input_error(format!("its format is {}, and splatsim-trace-1 is needed", manifest["format"])));
@@ -166,7 +167,7 @@ impl Trace {
 }
 
 fn read(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display())))?;
+    let bytes = input::read(path).map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display())))?;
     String::from_utf8(bytes).map_err(|_| Error::input(format!("{}: is no text; a record a line is needed, in hexadecimal", path.display())))
 }
 

@@ -117,6 +117,8 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         ));
     }
     let _open = files::Folder::open(folder)?;
+    // Written last: while it is not there, no stream of an earlier trace counts as one of this.
+    files::remove_if_there(&folder.join("manifest.json"))?;
     let folder = Folder { folder, machine: &elaborated, frame: &frame };
     let mut contents = if let Some(cases) = window.stimulus {
         let stimulus::Stimulus { made, tags, coverage } =

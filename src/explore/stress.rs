@@ -23,7 +23,7 @@ use crate::accuracy::Flips;
 use crate::error::{Error, Result, in_order};
 use crate::golden;
 use crate::hardware::machines;
-use crate::output::files::write_beside;
+use crate::output::files::{Unwritten, write_as_one, write_beside};
 use crate::output::text::{aligned, plain_table};
 use crate::scene::{Scene, validate};
 use rayon::prelude::*;
@@ -318,12 +318,18 @@ impl Catalogue {
     /// # Errors
     /// [`Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        let [json, csv, chart, gallery] = ["stress.json", "stress.csv", "stress.png", "gallery.png"].map(|name| folder.join(name));
-        write_beside(&json, |file| serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string()))?;
-        write_beside(&csv, |file| std::io::Write::write_all(file, self.csv().as_bytes()).map_err(|e| e.to_string()))?;
-        pictures::write_chart(self, &chart)?;
-        pictures::write_gallery(&self.gallery, &gallery)?;
-        Ok(vec![json, csv, chart, gallery])
+        let csv =
+            |path: &Path| write_beside(path, |file| std::io::Write::write_all(file, self.csv().as_bytes()).map_err(|e| e.to_string()));
+        let json = |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string()));
+        let files: Vec<Unwritten> = vec![
+            (folder.join("stress.csv"), Box::new(csv)),
+            (folder.join("stress.png"), Box::new(|path| pictures::write_chart(self, path))),
+            (folder.join("gallery.png"), Box::new(|path| pictures::write_gallery(&self.gallery, path))),
+            (folder.join("stress.json"), Box::new(json)),
+        ];
+        let mut written = write_as_one(folder, files, &[])?;
+        written.rotate_right(1);
+        Ok(written)
     }
 
     /// One line a point.

@@ -1,29 +1,41 @@
-//! Files: written whole or not at all.
+//! Files: written whole or not at all, and results of several files all or none.
 
 use crate::error::{Error, Result, in_order};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// End of the name of what is not finished, after the number of the process that writes it.
+const PART: &str = ".splatsim.part";
+/// How often a folder is made again that another process removes meanwhile.
+const TRIES: u32 = 100;
 
 /// A folder that files are being written into, by this process alone until it is dropped.
 ///
-/// Where nothing was written into a folder that was not there before, it is gone afterwards.
+/// Where nothing was written into a folder that was not there before, it is removed afterwards. Only a process that holds the lock of a folder
+/// removes it.
 #[derive(Debug)]
 pub struct Folder {
-    /// The open folder itself is what is locked: the system lets go of it however the process ends, and no file of ours lies about.
+    /// The open folder itself is what is locked: the system releases it however the process ends, and there is no lock file.
     open: Option<File>,
     /// Folders that were not there before, the outermost first.
     made: Vec<PathBuf>,
 }
 
 impl Folder {
-    /// Makes sure that files can be written into a folder, before any work is done for them.
+    /// Makes sure that files can be written into a folder, before any work is done for them; removes what a process that was killed left
+    /// there unfinished.
     ///
     /// # Errors
     /// [`Error::Input`] where they cannot, or where another process is writing there.
     pub fn open(path: &Path) -> Result<Self> {
-        Folder::locked(path, File::try_lock)
+        let folder = Folder::locked(path, File::try_lock)?;
+        remove_left(path);
+        Ok(folder)
     }
 
     /// Makes sure of it for a folder into which several processes may write, each its own files.
@@ -38,26 +50,92 @@ impl Folder {
         if path.exists() && !path.is_dir() {
             return Err(cannot(path, "it is a file, and a folder is needed"));
         }
-        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-        let mut made: Vec<PathBuf> = path.ancestors().take_while(missing).map(Path::to_owned).collect();
-        made.reverse();
-        let mut folder = Folder { open: None, made };
-        let written = fs::create_dir_all(path).and_then(|()| probe(path));
-        written.map_err(|e| cannot(path, &e.to_string()))?;
-        folder.open = File::open(path).ok();
-        // Where folders cannot be locked, as on some networks, nobody is kept out.
-        match folder.open.as_ref().map(lock) {
-            Some(Err(TryLockError::WouldBlock)) => Err(cannot(path, "another process is writing there")),
-            _ => Ok(folder),
+        let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        for _ in 0..TRIES {
+            let mut made: Vec<PathBuf> = path.ancestors().take_while(is_missing).map(Path::to_owned).collect();
+            made.reverse();
+            // Dropped before it is locked it would remove what another process has locked.
+            let mut folder = Folder { open: None, made: Vec::new() };
+            match fs::create_dir_all(path) {
+                Ok(()) => {}
+                Err(error) if error.kind() == ErrorKind::NotFound && !made.is_empty() => {
+                    std::thread::sleep(Duration::from_millis(1));
+                    continue;
+                }
+                Err(error) => {
+                    remove_free(&made);
+                    return Err(cannot(path, &error.to_string()));
+                }
+            }
+            folder.open = match File::open(path) {
+                Ok(open) => Some(open),
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                // Where folders cannot be opened or locked, as on some networks, no process is kept out.
+                Err(_) => None,
+            };
+            if let Some(Err(TryLockError::WouldBlock)) = folder.open.as_ref().map(lock) {
+                return Err(cannot(path, "another process is writing there"));
+            }
+            // The process that held the lock before may have removed the folder meanwhile.
+            if folder.open.as_ref().is_none_or(|open| leads_to(path, open)) {
+                folder.made = made;
+                return probe(path).map(|()| folder).map_err(|error| cannot(path, &error.to_string()));
+            }
         }
+        Err(cannot(path, "other processes remove it again and again"))
     }
 }
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // A folder with something in it stays.
-        self.made.iter().rev().for_each(|folder| _ = fs::remove_dir(folder));
+        // Others that share it go on writing; the last one removes it.
+        drop(self.open.take());
+        remove_free(&self.made);
     }
+}
+
+/// Removes folders, the innermost first, in which there is nothing and no process is about to write.
+fn remove_free(made: &[PathBuf]) {
+    for folder in made.iter().rev() {
+        let open = File::open(folder).ok();
+        let is_free = open.as_ref().is_none_or(|open| !matches!(open.try_lock(), Err(TryLockError::WouldBlock)));
+        if !is_free || fs::remove_dir(folder).is_err() {
+            return;
+        }
+    }
+}
+
+/// Whether a path leads to this open folder, and not to one that was made after that one was removed.
+#[cfg(unix)]
+fn leads_to(path: &Path, open: &File) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let place = |metadata: fs::Metadata| (metadata.dev(), metadata.ino());
+    matches!((fs::metadata(path).map(place), open.metadata().map(place)), (Ok(now), Ok(then)) if now == then)
+}
+
+/// Elsewhere an open folder cannot be removed.
+#[cfg(not(unix))]
+fn leads_to(_: &Path, _: &File) -> bool {
+    true
+}
+
+/// Removes what processes that are gone left unfinished in a folder, which this process has locked.
+fn remove_left(folder: &Path) {
+    let is_left = |name: &str| {
+        let process = name.strip_suffix(PART).and_then(|name| name.rsplit_once('.')).and_then(|(_, number)| number.parse::<u32>().ok());
+        // Files beside a result, as a video, are written without its lock.
+        process.is_some_and(|number| number != std::process::id() && !Path::new(&format!("/proc/{number}")).exists())
+    };
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_str().is_some_and(is_left) {
+            remove(&entry.path());
+        }
+    }
+}
+
+/// Removes a file or a whole folder. What cannot be removed stays.
+fn remove(path: &Path) {
+    let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
 }
 
 /// Whether a file can be put into a folder: puts one there and takes it away.
@@ -65,34 +143,154 @@ impl Drop for Folder {
 /// # Errors
 /// Why not.
 pub fn probe(folder: &Path) -> std::io::Result<()> {
-    let probe = folder.join(format!(".{}.part", std::process::id()));
-    fs::write(&probe, []).and_then(|()| fs::remove_file(&probe))
+    let probe = Unfinished::beside(&folder.join("probe"));
+    fs::write(&probe.0, [])
 }
 
 fn cannot(folder: &Path, why: &str) -> Error {
     Error::input(format!("--out {}: cannot be written: {why}", folder.display()))
 }
 
-/// Writes a file under a temporary name beside its own, then renames it: whoever looks finds all of it or nothing.
+/// What is being written, under a temporary name: a file or a folder. Removed when it is dropped, and when a signal ends the process.
+#[derive(Debug)]
+pub struct Unfinished(PathBuf);
+
+/// All of this process.
+static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Unfinished {
+    /// Beside what it will be; nothing is made yet.
+    pub fn beside(path: &Path) -> Self {
+        let mut name = path.file_name().unwrap_or_default().to_os_string();
+        name.push(format!(".{}{PART}", std::process::id()));
+        let part = path.with_file_name(name);
+        unfinished().insert(part.clone());
+        Unfinished(part)
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+
+    /// Gives it its name.
+    ///
+    /// # Errors
+    /// Why it cannot.
+    pub fn finish(self, path: &Path) -> std::io::Result<()> {
+        fs::rename(&self.0, path)
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        // It may never have come to be, or may have its name already; then there is nothing to remove.
+        remove(&self.0);
+        unfinished().remove(&self.0);
+    }
+}
+
+/// From now on SIGINT and SIGTERM remove what is unfinished before they end the process. For a program's main thread.
+pub fn clean_up_on_signals() {
+    #[cfg(unix)]
+    {
+        use signal_hook::consts::{SIGINT, SIGTERM};
+        let wanted: Vec<i32> = [SIGINT, SIGTERM].into_iter().filter(|signal| !is_ignored(*signal)).collect();
+        let Ok(mut signals) = signal_hook::iterator::Signals::new(wanted) else { return };
+        std::thread::spawn(move || {
+            for signal in signals.forever() {
+                // Held until the end: no other thread begins to write a file.
+                let unfinished = unfinished();
+                unfinished.iter().for_each(|path| remove(path));
+                let _ = signal_hook::low_level::emulate_default_handler(signal);
+            }
+        });
+    }
+}
+
+/// Whether the process was started with a signal ignored, as by `nohup` or in the background of a script.
+#[cfg(unix)]
+fn is_ignored(signal: i32) -> bool {
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+}
+
+/// Writes a file under a temporary name beside its own, then renames it: readers find all of it or nothing.
 ///
-/// Behind a link it is the file that the link leads to. What is there and is no file, as a device or a pipe, stays.
+/// Behind a link it is the file that the link leads to. A device or a pipe is not replaced.
 ///
 /// # Errors
 /// [`Error::Job`] where it cannot be written, or something is there that is no file.
 pub fn write_beside(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), String>) -> Result<()> {
     let path = &behind_links(path);
-    if path.exists() && !path.is_file() {
-        return Err(Error::job(format!("{}: cannot be written: it is no file", path.display())));
-    }
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    let written = write_and_close(&part, write).and_then(|()| fs::rename(&part, path).map_err(|error| error.to_string()));
-    written.map_err(|error| {
-        // It may never have come to be; then there is nothing to remove.
-        let _ = fs::remove_file(&part);
-        Error::job(format!("{}: cannot be written: {error}", path.display()))
+    check_replaceable(path)?;
+    let part = Unfinished::beside(path);
+    let written = write_and_close(&part.0, write).and_then(|()| part.finish(path).map_err(|error| error.to_string()));
+    written.map_err(|error| cannot_be_written(path, &error))
+}
+
+fn check_replaceable(path: &Path) -> Result<()> {
+    if path.exists() && !path.is_file() { Err(cannot_be_written(path, "it is no file")) } else { Ok(()) }
+}
+
+fn cannot_be_written(path: &Path, why: &str) -> Error {
+    Error::job(format!("{}: cannot be written: {why}", path.display()))
+}
+
+/// Writes files of a folder that are one result: all, or where one cannot be written none, and those of the result before stay as they are.
+///
+/// The last file tells what the others are, as `report.json`: while others are exchanged it is not there. `stale` are files of a result before
+/// that this one does not have. All are written into a folder of their own first, in parallel, then moved. Returns what was written.
+///
+/// # Errors
+/// [`Error::Job`] naming the first file that cannot be written.
+pub fn write_as_one<'a>(folder: &Path, files: Vec<Unwritten<'a>>, stale: &[&str]) -> Result<Vec<PathBuf>> {
+    let finals: Vec<PathBuf> = files.iter().map(|(path, _)| path.clone()).collect();
+    finals.iter().try_for_each(|path| check_replaceable(&behind_links(path)))?;
+    let stage = Unfinished::beside(&folder.join(".files"));
+    remove(&stage.0);
+    fs::create_dir(&stage.0).map_err(|error| cannot_be_written(folder, &error.to_string()))?;
+    let staged = |path: &Path| stage.0.join(path.file_name().unwrap_or_default());
+    let files = files.into_iter().map(|(path, write)| (staged(&path), write)).collect();
+    // Users know the file by its own name.
+    write_all(files).map_err(|error| Error::job(error.to_string().replace(&*stage.0.to_string_lossy(), &folder.to_string_lossy())))?;
+    let (last, others) = finals.split_last().expect("a result has files");
+    let exchange = || {
+        remove_if_there(last)?;
+        others.iter().try_for_each(|path| move_to(&staged(path), path))?;
+        let is_stale = |path: &PathBuf| !finals.contains(path);
+        stale.iter().map(|name| folder.join(name)).filter(is_stale).try_for_each(|path| remove_if_there(&path))?;
+        move_to(&staged(last), last)
+    };
+    exchange().map(|()| finals.clone()).map_err(|error| {
+        let name = last.file_name().unwrap_or_default().to_string_lossy();
+        Error::job(format!("{error}; files of two results are in {}, without {name}: write it again", folder.display()))
     })
+}
+
+fn move_to(from: &Path, to: &Path) -> Result<()> {
+    // What a link leads to may be on another disk.
+    let copy = |file: &mut BufWriter<File>| {
+        let copied = File::open(from).and_then(|mut from| std::io::copy(&mut from, file));
+        copied.map(drop).map_err(|error| error.to_string())
+    };
+    fs::rename(from, behind_links(to)).or_else(|_| write_beside(to, copy))
+}
+
+/// Removes a file that tells what others are, before those are replaced.
+///
+/// # Errors
+/// [`Error::Job`] where it is there and cannot be removed.
+pub fn remove_if_there(path: &Path) -> Result<()> {
+    match fs::remove_file(path) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::job(format!("{}: cannot be removed: {error}", path.display()))),
+        _ => Ok(()),
+    }
 }
 
 /// How a file is written.
@@ -179,11 +377,102 @@ mod tests {
         fs::write(deep.join("c"), "").unwrap();
         drop(open);
         assert!(deep.join("c").exists());
-        // One that was there before is none of ours.
+        // One that was there before stays.
         let empty = folder.path().join("empty");
         fs::create_dir(&empty).unwrap();
         drop(Folder::open(&empty).unwrap());
         assert!(empty.exists());
+    }
+
+    #[test]
+    fn only_a_process_that_holds_a_folder_removes_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let new = folder.path().join("new");
+        let first = Folder::open(&new).unwrap();
+        Folder::open(&new).unwrap_err();
+        assert!(new.is_dir(), "the refused one removed it");
+        drop(first);
+        assert!(!new.exists());
+        let [one, other] = [Folder::shared(&new).unwrap(), Folder::shared(&new).unwrap()];
+        drop(one);
+        assert!(new.is_dir(), "the first of two that share it removed it");
+        drop(other);
+        // The outer folder is the result of another process that has written nothing yet.
+        let inner = Folder::open(&new.join("inner")).unwrap();
+        let outer = Folder::open(&new).unwrap();
+        drop(inner);
+        assert!(new.is_dir());
+        drop(outer);
+    }
+
+    #[test]
+    fn many_at_once_never_lose_the_folder_that_they_hold() {
+        let folder = tempfile::tempdir().unwrap();
+        let new = folder.path().join("a/b");
+        let held = std::sync::atomic::AtomicU32::new(0);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for turn in 0..200 {
+                        let Ok(open) = Folder::open(&new) else { continue };
+                        held.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+                        let file = new.join("file");
+                        fs::write(&file, "").expect("the folder that is held is there");
+                        if turn % 2 == 0 {
+                            std::thread::yield_now();
+                        }
+                        fs::remove_file(&file).unwrap();
+                        drop(open);
+                    }
+                });
+            }
+        });
+        assert!(held.into_inner() > 10);
+    }
+
+    #[test]
+    fn what_a_killed_process_left_unfinished_is_removed_and_other_files_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        // No process has so high a number.
+        let [left, of_us, others] =
+            [format!("a.png.4194999{PART}"), format!("b.png.{}{PART}", std::process::id()), "c.png.4194999.part".to_owned()];
+        for name in [&left, &of_us, &others] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        fs::create_dir(folder.path().join(format!(".files.4194999{PART}"))).unwrap();
+        drop(Folder::open(folder.path()).unwrap());
+        let mut names: Vec<String> = fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        assert_eq!(names, [of_us, others]);
+    }
+
+    #[test]
+    fn a_result_is_the_old_one_or_the_new_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let put = |text: &'static str| -> Writing<'static> {
+            Box::new(move |path: &Path| write_beside(path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string())))
+        };
+        let fails = || -> Writing<'static> { Box::new(|path: &Path| write_beside(path, |_| Err("disk full".into()))) };
+        let held = || {
+            let all = ["a", "b", "report"].map(|name| fs::read_to_string(at(name)).unwrap_or_default());
+            (all, fs::read_dir(folder.path()).unwrap().count())
+        };
+        let first = vec![(at("a"), put("1")), (at("b"), put("2")), (at("report"), put("3"))];
+        assert_eq!(write_as_one(folder.path(), first, &["b"]).unwrap(), [at("a"), at("b"), at("report")]);
+        let old = (["1", "2", "3"].map(String::from), 3);
+        assert_eq!(held(), old);
+        let broken = vec![(at("a"), put("4")), (at("b"), fails()), (at("report"), put("5"))];
+        let error = write_as_one(folder.path(), broken, &[]).unwrap_err().to_string();
+        assert_eq!((error, held()), (format!("{}: cannot be written: disk full", at("b").display()), old));
+        // While it is exchanged, nothing says what the files are.
+        let second = vec![(at("a"), put("6")), (at("report"), put("7"))];
+        write_as_one(folder.path(), second, &["b"]).unwrap();
+        assert_eq!(held(), (["6", "", "7"].map(String::from), 2));
+        fs::create_dir(at("b")).unwrap();
+        let third = vec![(at("a"), put("8")), (at("b"), put("8")), (at("report"), put("8"))];
+        assert!(write_as_one(folder.path(), third, &[]).unwrap_err().to_string().ends_with("it is no file"));
+        assert_eq!(held(), (["6", "", "7"].map(String::from), 3));
     }
 
     #[test]

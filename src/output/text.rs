@@ -18,6 +18,11 @@ pub fn thousands(number: u64) -> String {
     out
 }
 
+/// Bytes in units that memory is sold in.
+pub fn gigabytes(bytes: u64) -> String {
+    format!("{:.1} GB", bytes as f64 / 1e9)
+}
+
 /// Seconds in words, as people round them.
 pub fn duration(seconds: f64) -> String {
     match seconds {
@@ -84,6 +89,11 @@ pub fn clipped(word: &str) -> String {
     clipped
 }
 
+/// JSON inside of a `script` element of a page: no text in it ends the element or begins a comment there.
+pub fn json_in_html(value: &serde_json::Value) -> String {
+    value.to_string().replace('<', "\\u003c")
+}
+
 /// Sentences that a long list of faults names; the others are counted.
 const MOST_LISTED: usize = 8;
 
@@ -138,6 +148,14 @@ mod tests {
     fn a_name_is_one_line() {
         assert_eq!(one_line("a\nb\u{2028}c\u{1b}[1m é"), "a_b_c_[1m é");
         assert_eq!(clipped(&format!("{}\n", "x".repeat(40))), format!("{}…", "x".repeat(40)));
+    }
+
+    #[test]
+    fn json_in_a_page_means_the_same_and_has_no_sign_that_html_reads() {
+        let value = serde_json::json!({"</script>": "<!--<script>", "é": [1, "<"]});
+        let text = json_in_html(&value);
+        assert!(!text.contains('<') && text.contains("\\u003c!--"), "{text}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
     }
 
     #[test]

@@ -6,11 +6,11 @@
 //! BT.601 and limited range are what a reader takes where a file of this kind says nothing else (ITU-R BT.601-7, §2.5.1 to §2.5.3).
 
 use super::colour::srgb_encode;
-use super::files::behind_links;
+use super::files::{Unfinished, behind_links};
 use super::picture::Picture;
 use crate::error::{Error, Result};
 use rayon::prelude::*;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,7 @@ const MAGIC: &str = "YUV4MPEG2";
 #[derive(Debug)]
 pub struct Video {
     path: PathBuf,
-    part: PathBuf,
+    part: Unfinished,
     file: Option<BufWriter<File>>,
 }
 
@@ -58,12 +58,10 @@ impl Video {
     /// [`Error::Input`] where no file can be written there.
     pub fn create(path: &Path, width: usize, height: usize) -> Result<Self> {
         let path = &behind_links(path);
-        let mut name = path.file_name().unwrap_or_default().to_os_string();
-        name.push(format!(".{}.part", std::process::id()));
-        let part = path.with_file_name(name);
         let input_error = |e: std::io::Error| Error::input(format!("--y4m {}: cannot be written: {e}", path.display()));
         Video::may_be_written(path)?;
-        let file = BufWriter::new(File::create(&part).map_err(input_error)?);
+        let part = Unfinished::beside(path);
+        let file = BufWriter::new(File::create(part.path()).map_err(input_error)?);
         let mut video = Video { path: path.to_owned(), part, file: Some(file) };
         let head = format!("{MAGIC} W{width} H{height} F{FRAMES_PER_SECOND}:1 Ip A1:1 C444\n");
         video.write(head.as_bytes()).map(|()| video)
@@ -87,26 +85,20 @@ impl Video {
     ///
     /// # Errors
     /// [`Error::Job`] where it cannot be written to its end.
-    pub fn finish(mut self) -> Result<()> {
-        let done = self.file.take().map_or(Ok(()), |mut file| file.flush());
-        done.and_then(|()| fs::rename(&self.part, &self.path)).map_err(|e| self.error(&e))
+    pub fn finish(self) -> Result<()> {
+        let Video { path, part, file } = self;
+        let done = file.map_or(Ok(()), |mut file| file.flush());
+        done.and_then(|()| part.finish(&path)).map_err(|e| error(&path, &e))
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let written = self.file.as_mut().map_or(Ok(()), |file| file.write_all(bytes));
-        written.map_err(|e| self.error(&e))
-    }
-
-    fn error(&self, e: &std::io::Error) -> Error {
-        Error::job(format!("{}: cannot be written: {e}", self.path.display()))
+        written.map_err(|e| error(&self.path, &e))
     }
 }
 
-impl Drop for Video {
-    fn drop(&mut self) {
-        // Renamed, it is not there any more.
-        let _ = fs::remove_file(&self.part);
-    }
+fn error(path: &Path, e: &std::io::Error) -> Error {
+    Error::job(format!("{}: cannot be written: {e}", path.display()))
 }
 
 /// Y', Cb and Cr of a colour: premultiplied, so over black.

@@ -10,9 +10,10 @@
 
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
+use crate::input;
 use crate::output::chart;
 use crate::output::chart::Chart;
-use crate::output::files::{Unwritten, Writing, probe, write_all, write_beside};
+use crate::output::files::{Unwritten, Writing, probe, write_as_one, write_beside};
 use crate::output::text::wrapped;
 use crate::performance::answers::Answers;
 use crate::performance::cost::Prices;
@@ -112,7 +113,7 @@ impl Recording {
     /// [`Error::Input`], one sentence, where the file is none of these or is damaged.
     pub fn read(path: &Path) -> Result<Self> {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
-        let bytes = fs::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
+        let bytes = input::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
         let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| input_error("is no record of a frame's work, as `run --record` writes them"))?;
         let damaged = |what: &str| input_error(&format!("is damaged: {what}"));
         let (parts, left): (Parts, &[u8]) =
@@ -193,7 +194,7 @@ impl Replayed {
         let json =
             |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, &self.cycles).map_err(|error| error.to_string()));
         files.push((folder.join("cycles.json"), Box::new(json)));
-        write_all(files)
+        write_as_one(folder, files, &[])
     }
 }
 

@@ -18,7 +18,7 @@ pub use side::{Frame, Side};
 
 use crate::accuracy::{error_picture, metrics};
 use crate::error::Result;
-use crate::output::files::write_beside;
+use crate::output::files::{Unwritten, write_as_one, write_beside};
 use crate::output::picture::Picture;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -53,6 +53,9 @@ pub struct Comparison {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub difference_scale: Option<f64>,
 }
+
+/// Pictures that a comparison of two frames writes.
+const FILES: [&str; 3] = ["a.png", "b.png", "difference.png"];
 
 /// One of the two.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
@@ -189,19 +192,14 @@ impl Comparison {
     /// # Errors
     /// [`crate::error::Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, a: &Side, b: &Side, folder: &Path) -> Result<Vec<PathBuf>> {
-        let mut written = Vec::new();
-        if let Some([one, other]) = fixed(a, b) {
-            let difference = error_picture(one, other).picture;
-            for (name, picture) in [("a.png", one), ("b.png", other), ("difference.png", &difference)] {
-                let path = folder.join(name);
-                picture.write_png(&path)?;
-                written.push(path);
-            }
+        let shown = fixed(a, b).map(|[one, other]| [one.clone(), other.clone(), error_picture(one, other).picture]);
+        let mut files: Vec<Unwritten> = Vec::new();
+        for (name, picture) in FILES.into_iter().zip(shown.iter().flatten()) {
+            files.push((folder.join(name), Box::new(|path| picture.write_png(path))));
         }
-        let path = folder.join("compare.json");
-        write_beside(&path, |file| serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string()))?;
-        written.push(path);
-        Ok(written)
+        let json = |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string()));
+        files.push((folder.join("compare.json"), Box::new(json)));
+        write_as_one(folder, files, &FILES)
     }
 }
 

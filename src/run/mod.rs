@@ -21,7 +21,7 @@ use crate::golden;
 use crate::golden::Rendering;
 use crate::hardware::fixed;
 use crate::output::chart;
-use crate::output::files::{Unwritten, write_all, write_beside};
+use crate::output::files::{Unwritten, write_as_one, write_beside};
 use crate::output::picture::Picture;
 use crate::performance::answers::Answers;
 use crate::performance::cost::{CostReport, Prices};
@@ -31,7 +31,7 @@ use crate::performance::timings::{Timings, Variants};
 use crate::run::detail::DetailReport;
 use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::{Accuracy, Distances, Golden, Host, MachineReport, Report, SceneReport};
-use crate::scene::Scene;
+use crate::scene::{Scene, memory};
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
@@ -85,8 +85,12 @@ pub struct Options {
     pub scene_file: Option<PathBuf>,
 }
 
+/// Files that every run of one frame writes, without `report.json`.
+const ALWAYS: [&str; 9] =
+    ["fixed.png", "golden.png", "ideal.png", "error.png", "ranges.png", "cycles.png", "cycles.csv", "roofline.png", "roofline.svg"];
+
 /// Files that only some runs write.
-const OPTIONAL: [&str; 10] = [
+const OPTIONAL: [&str; 11] = [
     "flips.png",
     "bounds.png",
     "attribution.png",
@@ -97,6 +101,8 @@ const OPTIONAL: [&str; 10] = [
     "fixed.exr",
     "golden.exr",
     "ideal.exr",
+    // `replay` writes it, of a record.
+    "cycles.json",
 ];
 
 /// Three pictures, their difference, and what was found.
@@ -127,6 +133,7 @@ pub struct Outcome {
 /// # Errors
 /// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold the scene.
 pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Options) -> Result<Outcome> {
+    memory::check_frame(scene)?;
     let attributed = options.attribution;
     let elaborated = fixed::elaborate(machine)?;
     let (evaluation, quantise_seconds) = timed(|| Evaluation::on(scene, &elaborated));
@@ -256,17 +263,9 @@ impl Outcome {
         files.push((folder.join("ranges.png"), Box::new(ranges)));
         let Report { cycles, timings, answers, .. } = &self.report;
         files.extend(files_of_cycles(cycles, timings.as_ref(), answers.as_ref(), self.requests.as_ref(), folder));
-        // Those of the last run would lie beside pictures that they are not of.
-        for path in OPTIONAL.map(|name| folder.join(name)) {
-            if files.iter().all(|(other, _)| *other != path) {
-                let _ = std::fs::remove_file(path);
-            }
-        }
-        let mut written = write_all(files)?;
-        // The last: whoever waits for it finds the others.
-        let path = folder.join("report.json");
-        write_beside(&path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()))?;
-        written.push(path);
-        Ok(written)
+        let report = |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()));
+        files.push((folder.join("report.json"), Box::new(report)));
+        // Optional files of the last run would be beside pictures that they are not of.
+        write_as_one(folder, files, &OPTIONAL)
     }
 }

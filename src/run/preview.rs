@@ -14,10 +14,10 @@ use crate::accuracy::distance;
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
-use crate::output::text::{aligned, duration, plain_table, thousands, wrapped};
+use crate::output::text::{aligned, duration, gigabytes, plain_table, thousands, wrapped};
 use crate::run::evaluation::Evaluation;
 use crate::run::timed;
-use crate::scene::Scene;
+use crate::scene::{Scene, memory};
 use rtl_model::Machine;
 use rtl_model::num::Rounding;
 use rtl_model::timing::{self, Detail};
@@ -179,7 +179,10 @@ const LONG: f64 = 10.0;
 /// Splats and pixels from which on a job may be long.
 const MANY: usize = 2_000_000;
 
-/// Sentence to say before a long job, and the seconds that it may take; nothing where it is short. It takes a fortieth of the job or less: every
+/// Bytes from which on a job's memory is announced.
+const MUCH: u64 = 1 << 30;
+
+/// Sentence to say before a job that takes long or much memory, and the seconds that it may take; none otherwise. It takes a fortieth of the job or less: every
 /// splat is set up once, which tells the contributions and how fast this computer is.
 pub fn announcement(scene: &Scene, machine: &Machine) -> Option<(String, f64)> {
     let pixels = scene.image.width * scene.image.height;
@@ -191,12 +194,17 @@ pub fn announcement(scene: &Scene, machine: &Machine) -> Option<(String, f64)> {
     let each = |count: f64| count / scene.splats.len().max(1) as f64;
     let expected = seconds * (splat + contribution * each(contributions as f64) + pixel * each(pixels as f64));
     let is_quicker = each(contributions as f64) > SMALL;
+    let bytes = memory::of_frame(scene);
     let note = || {
         let (splats, contributions) = (thousands(scene.splats.len() as u64), thousands(rounded(contributions)));
         let hint = if is_quicker { " (--preview is quicker)" } else { "" };
-        (format!("{splats} splats, about {contributions} contributions: about {}{hint}", duration(expected)), expected)
+        let memory = gigabytes(bytes);
+        (
+            format!("{splats} splats, about {contributions} contributions: about {} and {memory} of memory{hint}", duration(expected)),
+            expected,
+        )
     };
-    (expected > LONG).then(note)
+    (expected > LONG || bytes > MUCH).then(note)
 }
 
 /// Pixels of a splat below which a smaller picture saves nothing: its low-pass filter alone reaches about ten, on each of two pictures.

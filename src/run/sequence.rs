@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
-use crate::output::files::{Unwritten, write_all, write_beside};
+use crate::output::files::{Unwritten, remove_if_there, write_all, write_beside};
 use crate::output::picture::Picture;
 use crate::output::progress::Progress;
 use crate::output::video::Video;
@@ -24,7 +24,7 @@ use crate::performance::cycles::CyclesReport;
 use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::{Distances, MachineReport};
 use crate::run::timed;
-use crate::scene::{Scene, Sequence};
+use crate::scene::{Scene, Sequence, memory};
 use rtl_model::Machine;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{self, Detail};
@@ -46,6 +46,7 @@ pub struct Output {
 /// # Errors
 /// [`crate::error::Error::Input`] where it does not, or where a frame's scene cannot be read again.
 pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
+    memory::check_frame(sequence.scene())?;
     for frame in 0..sequence.cameras().len() {
         let scene = sequence.frame(frame)?;
         // Which splats a budget of bytes or cycles leaves is known when the frame is drawn.
@@ -76,6 +77,7 @@ pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output
         frames: sequence.cameras().len() as u64,
         notes: sequence.scene().notes.clone(),
     };
+    output.folder.as_deref().map_or(Ok(()), |folder| begin(folder, sequence.cameras().len()))?;
     let mut video = output.video.as_deref().map(|path| Video::create(path, scene.width, scene.height)).transpose()?;
     let (mut frames, mut before) = (Vec::new(), None);
     let mut all = Sums::default();
@@ -85,7 +87,8 @@ pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output
         let drawn = Drawn::new(seen, &elaborated, &mut host)?;
         let encoded = seen.image.encoded;
         if let Some(folder) = &output.folder {
-            write_frame(&drawn.pictures, number, encoded, output.exr, folder)?;
+            write_frame(&drawn.pictures, number, encoded, output.exr, folder)
+                .map_err(|error| Error::job(format!("{error}; the run is not finished, and {} has no report.json", folder.display())))?;
         }
         if let Some(video) = &mut video {
             video.push(&drawn.pictures.fixed, encoded)?;
@@ -159,6 +162,27 @@ impl Drawn {
 /// Name of a picture of a frame, as `frame_0012_fixed.png`.
 pub fn file_name(frame: usize, picture: &str, ending: &str) -> String {
     format!("frame_{frame:04}_{picture}.{ending}")
+}
+
+/// Frames appear one by one: from the first one on no report of an earlier run describes them, nor are files of one beside them.
+fn begin(folder: &Path, frames: usize) -> Result<()> {
+    remove_if_there(&folder.join("report.json"))?;
+    super::ALWAYS.iter().chain(&super::OPTIONAL).try_for_each(|name| remove_if_there(&folder.join(name)))?;
+    let is_stale = |name: &str| frame_of(name).is_some_and(|(frame, ending)| frame >= frames || ending == "exr");
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        if entry.file_name().to_str().is_some_and(is_stale) {
+            remove_if_there(&entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Frame and ending of a name that [`file_name`] gives; none of any other.
+fn frame_of(name: &str) -> Option<(usize, &str)> {
+    let (stem, ending) = name.split_once('.').filter(|(_, ending)| ["png", "exr"].contains(ending))?;
+    let (number, picture) = stem.strip_prefix("frame_")?.split_once('_')?;
+    let frame = number.parse().ok()?;
+    (["fixed", "golden", "ideal"].contains(&picture) && file_name(frame, picture, ending) == name).then_some((frame, ending))
 }
 
 fn write_frame(pictures: &Pictures, frame: usize, encoded: bool, exr: bool, folder: &Path) -> Result<()> {

@@ -27,8 +27,10 @@ const CHUNK: usize = 4096;
 /// How well a solution fulfils its equations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// ‖c − R w‖ / ‖c‖, of the worst channel.
+    /// ‖c − R w‖ / ‖c‖, of the worst channel: how far colours that stay near the averages are from fulfilling the equations.
     pub residual: f64,
+    /// ‖c′ − (R + s) w‖ / ‖c′‖ of the system that is solved, c′ = c + s e, of the worst channel.
+    pub damped_residual: f64,
     /// Steps of conjugate gradients.
     pub steps: usize,
     /// Entries of R that are not 0.
@@ -99,13 +101,16 @@ impl Matrix {
             product.par_iter_mut().zip(w).for_each(|(p, w)| (0..3).for_each(|c| p[c] += self.stay * w[c]));
             product
         };
+        let undamped = right;
         let right: Vec<Rgb> = right.iter().zip(averages).map(|(c, e)| std::array::from_fn(|i| c[i] + self.stay * e[i])).collect();
-        let norm = dot(&right, &right);
         let mut w = averages.to_vec();
         let mut residual: Vec<Rgb> = right.iter().zip(applied(&w)).map(|(c, p)| std::array::from_fn(|i| c[i] - p[i])).collect();
         let mut direction = residual.clone();
         let mut squares = dot(&residual, &residual);
-        let relative = |squares: &Rgb| (0..3).map(|c| if norm[c] > 0.0 { (squares[c] / norm[c]).sqrt() } else { 0.0 }).fold(0.0, f64::max);
+        let over =
+            |norm: Rgb, squares: &Rgb| (0..3).map(|c| if norm[c] > 0.0 { (squares[c] / norm[c]).sqrt() } else { 0.0 }).fold(0.0, f64::max);
+        let norm = dot(&right, &right);
+        let relative = |squares: &Rgb| over(norm, squares);
         let mut steps = 0;
         while steps < MOST_STEPS && relative(&squares) > GOOD {
             let product = applied(&direction);
@@ -120,7 +125,9 @@ impl Matrix {
             steps += 1;
         }
         let entries = self.rows.iter().map(|row| row.len()).sum();
-        (w, Solution { residual: relative(&squares), steps, entries })
+        let left: Vec<Rgb> = undamped.iter().zip(self.times(&w)).map(|(c, p)| std::array::from_fn(|i| c[i] - p[i])).collect();
+        let undamped_residual = over(dot(undamped, undamped), &dot(&left, &left));
+        (w, Solution { residual: undamped_residual, damped_residual: relative(&squares), steps, entries })
     }
 }
 

@@ -29,6 +29,7 @@ use super::{
     unit, volume,
 };
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::{colour::srgb_decode, text::one_line};
 use crate::scene::{Filter, gaussian_cutoff, strict_json, validate};
 use glam::{DQuat, DVec3};
@@ -903,7 +904,7 @@ fn environment(fields: &SceneFields, folder: &Path) -> std::result::Result<Optio
         (Some(EnvironmentFields::File(EnvironmentFile { file, scale })), _) => {
             let file = folder.join(file);
             let of_file = |sentence: String| format!("environment: {}: {sentence}", file.display());
-            let bytes = std::fs::read(&file).map_err(|e| of_file(format!("cannot be read: {e}")))?;
+            let bytes = input::read(&file).map_err(|e| of_file(format!("cannot be read: {e}")))?;
             Environment::decode(&bytes, *scale).map_err(of_file)?
         }
     };
@@ -1116,7 +1117,7 @@ fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
                     all[range.start + index] = of;
                 }
                 if scene.materials.len() as u32 == unlit {
-                    scene.materials.push(Material::Unlit);
+                    scene.add_material(Material::Unlit);
                 }
             }
         }
@@ -1414,7 +1415,7 @@ impl<'a> Gathered<'a> {
                 return self.add_volume(&VolumeSource::of(source), path);
             }
         };
-        let bytes = std::fs::read(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        let bytes = input::read(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
         match parse(&bytes).map_err(input_error)? {
             Splats::Gaussians(gaussians) => {
                 self.add_gaussians(gaussians, &file, source);

@@ -1,7 +1,10 @@
-//! Memory: says what a scene would take before it is made; an allocation that fails ends a process without a sentence.
+//! Memory: says what a scene would take before it is made, and a frame before it is drawn; an allocation that fails ends a process without a
+//! sentence of its own.
 
-use crate::output::text::thousands;
-use std::fs;
+use super::{Image, Scene, Splat};
+use crate::error::Error;
+use crate::input::memory::free;
+use crate::output::text::{gigabytes, thousands};
 
 /// Bytes that a disc, or a voxel, takes in a `run` at its height: pictures, words, records and golden's own (200,000 to 800,000 discs of
 /// `terrain` on 16×16 pixels, release build).
@@ -10,6 +13,30 @@ pub(super) const DISC_BYTES: u64 = 1_130;
 pub(super) const NODE_BYTES: u64 = 1_100;
 /// Bytes of a Gaussian, with an orientation and harmonics of degree 0 (`bouquet`).
 pub(super) const GAUSSIAN_BYTES: u64 = 1_660;
+
+/// Bytes of a pixel in a `run`: pictures, what is measured of them, and the frame's words. Files are encoded from copies.
+const PIXEL_BYTES: u64 = 220;
+
+/// Bytes that a `run` of a scene takes besides the scene itself.
+pub(crate) fn of_frame(scene: &Scene) -> u64 {
+    let pixels = scene.image.width as u64 * scene.image.height as u64;
+    let splat_bytes = if scene.ellipsoids.is_some() { GAUSSIAN_BYTES } else { DISC_BYTES };
+    let rest = splat_bytes - std::mem::size_of::<Splat>() as u64;
+    pixels.saturating_mul(PIXEL_BYTES).saturating_add(rest.saturating_mul(scene.splats.len() as u64))
+}
+
+/// Refuses a frame for which there is no room.
+///
+/// # Errors
+/// [`Error::Input`] with what it takes and what is free.
+pub(crate) fn check_frame(scene: &Scene) -> Result<(), Error> {
+    let Image { width, height, .. } = scene.image;
+    let told = |sentence: String| {
+        let splats = thousands(scene.splats.len() as u64);
+        Error::input(format!("{}: a frame of {width}×{height} pixels and {splats} splats is too large here: {sentence}", scene.name))
+    };
+    crate::input::memory::check(of_frame(scene)).map_err(told)
+}
 
 /// Refuses more than is free, in the second half of a sentence.
 pub(crate) fn check(count: u64, what: &str, bytes_each: u64) -> Result<(), String> {
@@ -21,18 +48,7 @@ fn check_against(free: u64, count: u64, what: &str, bytes_each: u64) -> Result<(
     if needed <= free {
         return Ok(());
     }
-    let gigabytes = |bytes: u64| format!("{:.1} GB", bytes as f64 / 1e9);
     Err(format!("{} {what} would take about {} of memory, and {} are free", thousands(count), gigabytes(needed), gigabytes(free)))
-}
-
-/// Bytes that this process may still have; none where the system does not say (Linux does).
-fn free() -> Option<u64> {
-    let meminfo = fs::read_to_string("/proc/meminfo").ok()?;
-    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    let kilobytes: u64 = line.split_whitespace().next()?.parse().ok()?;
-    // Of a container.
-    let limit = fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
-    Some((kilobytes * 1024).min(limit.unwrap_or(u64::MAX)))
 }
 
 #[cfg(test)]

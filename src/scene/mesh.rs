@@ -16,6 +16,7 @@ pub use picture::{Image, Texture, Wrap};
 
 use super::{memory, unit};
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::text::clipped;
 use glam::DVec3;
 use std::collections::HashMap;
@@ -181,7 +182,7 @@ impl Mesh {
                 FORMATS.map(|(end, _)| end).join(", ")
             )));
         };
-        let bytes = std::fs::read(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        let bytes = input::read(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
         let contents = reader(&bytes, path.parent().unwrap_or(Path::new(""))).map_err(input_error)?;
         contents.checked().map_err(input_error)
     }
@@ -282,7 +283,7 @@ fn place(corner: DVec3) -> [u64; 3] {
 /// Bytes of a file that another names, in the same folder or below it.
 fn beside(folder: &Path, name: &str) -> Parsed<Vec<u8>> {
     let path = inside(folder, name)?;
-    std::fs::read(&path).map_err(|e| format!("`{}` cannot be read: {e}", clipped(name)))
+    input::read(&path).map_err(|e| format!("`{}` cannot be read: {e}", clipped(name)))
 }
 
 /// Path of a file that another names; only one in the same folder or below it will do.

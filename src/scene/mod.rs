@@ -35,6 +35,7 @@ pub use path::MOST_FRAMES;
 pub use sequence::Sequence;
 
 use crate::error::{Error, Result};
+use crate::input;
 use glam::{DMat3, DQuat, DVec3};
 use json::{Seen, Which};
 use schemars::JsonSchema;
@@ -405,7 +406,7 @@ impl Scene {
             return Err(input_error(no_such_file(name)));
         }
         if is_json(path) {
-            let text = strict_json::read_text(path).map_err(input_error)?;
+            let text = input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
             return json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides, which);
         }
         if formats::reader(path).is_some() {
@@ -423,7 +424,7 @@ impl Scene {
         if let (Some(text), false) = (path.to_str().and_then(builtin::scene), path.is_file()) {
             return Some(text.to_owned());
         }
-        is_json(path).then(|| strict_json::read_text(path).ok())?
+        is_json(path).then(|| input::read_text(path).ok())?
     }
 
     /// The least weight that makes a fragment; 0 where any does.
@@ -445,6 +446,14 @@ impl Scene {
     /// The viewing transform (docs/book/algorithm.md §1): `t = rotation · (p − eye)`.
     pub fn view(&self) -> View {
         self.camera.view(&self.image)
+    }
+
+    /// Appends a material that mirrors nothing. `environment.mirrors` has one entry per material, so both lists grow together.
+    fn add_material(&mut self, material: Material) {
+        self.materials.push(material);
+        if let Some(environment) = &mut self.environment {
+            Arc::make_mut(environment).mirrors.push(Mirror::NONE);
+        }
     }
 }
 

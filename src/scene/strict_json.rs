@@ -1,45 +1,22 @@
 //! Strict JSON: reads a text in which no object has a field twice; of two values one would be lost without a word.
 //!
-//! Files of JSON are read here: a byte-order mark, as editors put it at the start of a file, is no part of the text.
+//! A byte-order mark, as editors put it at the start of a file, is no part of the text.
 
+use crate::input;
 use crate::output::text::clipped;
 use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 use serde_json::{Map, Number, Value};
 use std::fmt;
 use std::path::Path;
 
-/// A text's first character that says nothing but how it is encoded.
-const BYTE_ORDER_MARK: char = '\u{feff}';
-
-/// Text of a file, in UTF-8, or in UTF-16 where a byte-order mark says so; the error is the second half of a sentence that begins with the
-/// file's name.
-pub(crate) fn read_text(path: &Path) -> Result<String, String> {
-    let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
-    let wide = |order: fn([u8; 2]) -> u16, bytes: &[u8]| match bytes.as_chunks::<2>() {
-        (words, []) => String::from_utf16(&words.iter().map(|word| order(*word)).collect::<Vec<_>>()).ok(),
-        _ => None,
-    };
-    let text = match bytes.as_slice() {
-        [0xff, 0xfe, rest @ ..] => wide(u16::from_le_bytes, rest),
-        [0xfe, 0xff, rest @ ..] => wide(u16::from_be_bytes, rest),
-        _ => String::from_utf8(bytes).ok(),
-    };
-    text.ok_or_else(|| "cannot be read: it is no text in UTF-8".into())
-}
-
-/// A text without the byte-order mark at its start.
-pub(crate) fn without_mark(text: &str) -> &str {
-    text.strip_prefix(BYTE_ORDER_MARK).unwrap_or(text)
-}
-
 /// Reads a file as [`parse`] reads a text.
 pub(crate) fn read(path: &Path) -> Result<Value, String> {
-    parse(&read_text(path)?)
+    parse(&input::read_text(path).map_err(|e| format!("cannot be read: {e}"))?)
 }
 
 /// Reads a text, with or without a byte-order mark; the error is the second half of a sentence that begins with the file's name, and says line and column.
 pub(crate) fn parse(text: &str) -> Result<Value, String> {
-    let mut deserializer = serde_json::Deserializer::from_str(without_mark(text));
+    let mut deserializer = serde_json::Deserializer::from_str(input::without_mark(text));
     let value = Unique.deserialize(&mut deserializer).and_then(|value| deserializer.end().map(|()| value));
     value.map_err(|e| if e.is_data() { e.to_string() } else { format!("not JSON: {e}") })
 }

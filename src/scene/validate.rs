@@ -248,6 +248,10 @@ const LIKE: f64 = 0.76;
 
 /// The known word most like `text`, if it may well have been meant.
 pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
+    // A text so much longer is none of them, and may have megabytes.
+    if text.len() > 4 * known.iter().map(|word| word.len()).max().unwrap_or(0) {
+        return None;
+    }
     // Of short words a swap of letters leaves little that agrees, though it is one slip.
     let one_slip = |word: &str| text.len() > 2 && strsim::osa_distance(text, word) == 1;
     let likeness = |word: &str| strsim::jaro_winkler(text, word).max(if one_slip(word) { LIKE } else { 0.0 });
@@ -265,6 +269,13 @@ mod tests {
     use super::*;
 
     const NAMES: [&str; 6] = ["precision", "precision-in-lockstep", "curves", "architecture", "layers", "clock"];
+
+    #[test]
+    fn a_name_of_megabytes_is_compared_with_none() {
+        let start = std::time::Instant::now();
+        assert_eq!(nearest(&"precision".repeat(1 << 20), &NAMES), None);
+        assert!(start.elapsed().as_secs_f64() < 1.0, "{:?}", start.elapsed());
+    }
 
     #[test]
     fn a_misspelt_name_has_a_nearest_one_and_a_strange_one_has_none() {

@@ -30,6 +30,9 @@ pub const ALL: [Asset; 12] = [
     Asset { name: "view.js", kind: SCRIPT, text: include_str!("assets/view.js") },
 ];
 
+/// Title of the page, in its head.
+pub const TITLE: &str = "<title>splatsim view</title>";
+
 /// What stands between styles and scripts.
 const BODY: &str = include_str!("assets/body.html");
 
@@ -64,7 +67,7 @@ pub fn page_with(folder: &str) -> String {
 fn around(styles: &str, folder: &str, scripts: &str) -> String {
     format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n<title>splatsim view</title>\n{styles}</head>\n\
+         <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n{TITLE}\n{styles}</head>\n\
          <body>\n{BODY}{folder}{scripts}</body>\n</html>\n"
     )
 }

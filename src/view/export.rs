@@ -6,16 +6,21 @@ use super::View;
 use super::assets;
 use crate::error::{Error, Result};
 use crate::output::files::write_beside;
+use crate::output::text::json_in_html;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Map, Value, json};
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read, Write};
 use std::path::Path;
 
 /// Pictures in a page, at most: a browser holds all of them at once.
 const MOST_PICTURES: usize = 512;
 
-/// Writes a folder's page into a file.
+/// Bytes of a page in which its title is.
+const HEAD_BYTES: u64 = 1024;
+
+/// Writes a folder's page into a file; another file is not written over.
 ///
 /// # Errors
 /// [`Error::Input`] where there is no place for it, [`Error::Job`] where it cannot be written.
@@ -28,8 +33,18 @@ pub fn write(view: &View, path: &Path) -> Result<()> {
     if path.is_dir() {
         return input_error("it is a folder, and a file is needed");
     }
+    if path.exists() && !is_page(path) {
+        return input_error("it is there already and is not a page that --export wrote");
+    }
     let page = html(view)?;
     write_beside(path, |file| file.write_all(page.as_bytes()).map_err(|e| e.to_string()))
+}
+
+/// Whether a file is empty or begins as a page of this kind does.
+fn is_page(path: &Path) -> bool {
+    let mut begins = Vec::new();
+    let read = path.is_file() && File::open(path).is_ok_and(|file| file.take(HEAD_BYTES).read_to_end(&mut begins).is_ok());
+    read && (begins.is_empty() || String::from_utf8_lossy(&begins).contains(assets::TITLE))
 }
 
 /// The page, with the pictures that it shows as data URLs.
@@ -54,8 +69,7 @@ pub fn html(view: &View) -> Result<String> {
         told["texts"] = json!({"tiles.csv": String::from_utf8_lossy(&bytes)});
     }
     hide_paths(&mut told);
-    // Inside of a script element only its end, or a comment's beginning, would be read as something else.
-    Ok(assets::page_with(&told.to_string().replace('<', "\\u003c")))
+    Ok(assets::page_with(&json_in_html(&told)))
 }
 
 /// Leaves no folder of this computer in what others will read: a scene keeps its file's name alone.

@@ -15,7 +15,7 @@
 use crate::error::{Error, Result};
 use crate::explore::sweep::table::Table;
 use crate::hardware::{fixed, machines};
-use crate::scene::strict_json;
+use crate::input;
 use rtl_model::Machine;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
@@ -185,6 +185,13 @@ impl Folder {
         };
         let charts: Vec<&String> = files.keys().filter(is_chart).take(MOST_CHARTS).collect();
         if run.is_none() && sequence.is_none() && cycles.is_none() && compare.is_none() && tables.is_empty() {
+            let is_picture = |name: &String| {
+                PICTURES.contains(&name.strip_suffix(".png").unwrap_or(name)) || is_of_sequence(name.trim_end_matches(".png"))
+            };
+            if files.keys().any(is_picture) {
+                let told = "has pictures of a run and no report.json, which is written last: the run was ended before, or is still at work";
+                return Err(Error::input(format!("{}: {told}", folder.display())));
+            }
             let told =
                 "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
             return Err(Error::input(format!("{}: {told}", folder.display())));
@@ -306,7 +313,7 @@ fn read_json(listed: &Listed, whose: &str) -> Result<Value> {
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
     let bytes = listed.read().map_err(|(_, what)| input_error(what))?;
     let text = String::from_utf8(bytes).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-    serde_json::from_str(strict_json::without_mark(&text)).map_err(|e| input_error(format!("is no JSON that splatsim wrote: {e}")))
+    serde_json::from_str(input::without_mark(&text)).map_err(|e| input_error(format!("is no JSON that splatsim wrote: {e}")))
 }
 
 /// Whether a file has rows, by its name.

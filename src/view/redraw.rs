@@ -17,7 +17,7 @@ use crate::run::detail::bounded;
 use crate::run::evaluation::Evaluation;
 use crate::run::explain::{Explained, explained};
 use crate::run::preview;
-use crate::scene::{Overrides, Scene};
+use crate::scene::{Overrides, Scene, memory};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use rtl_model::pipeline;
@@ -70,6 +70,7 @@ impl Redraw {
         if scene.splats.len() as u64 != splats {
             return Err(other(&format!("{} splats, and {splats} were drawn", scene.splats.len())));
         }
+        memory::check_frame(&scene)?;
         let evaluation = Evaluation::new(&scene, &run.machine)?;
         let mut census = Census::default();
         let drawing = pipeline::draw_with_decisions(&evaluation.machine, &evaluation.quantised.frame, &mut census);

@@ -83,6 +83,7 @@ fn change(leaf: &Value, pointer: &str, m: &Mutation) -> Value {
         Value::String(_) if pointer.ends_with("/group") => choice(&["first", "interval", "window"]),
         Value::String(_) if pointer.ends_with("/fragment_depth") => choice(&["first", "nearest"]),
         Value::String(_) if pointer.ends_with("/interpolation") => choice(&["nearest", "linear"]),
+        Value::String(_) if pointer.ends_with("/sight") => choice(&["axis", "ray"]),
         Value::String(text) => word(text.parse().unwrap(), None, m),
         Value::Object(long) => word(long["format"].as_str().unwrap().parse().unwrap(), Some(leaf), m),
         other => panic!("{pointer} is {other}"),

@@ -10,7 +10,7 @@ mod items;
 use super::record::Layout;
 use super::transfers::Source;
 use crate::error::{Error, Result};
-use crate::output::files::write_beside;
+use crate::output::files::{Unfinished, write_beside};
 use fst_writer::{FstFileType, FstInfo, FstScopeType, FstSignalType, FstVarDirection, FstVarType, open_fst};
 use items::{Shown, Walk, stream_of};
 use rtl_model::pipeline::Elaborated;
@@ -156,13 +156,10 @@ impl<'a> Waves<'a> {
     /// [`Error::Job`] where one cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_beside(&folder.join("waves.vcd"), |file| self.vcd(file).map_err(|e| e.to_string()))?;
-        let (part, path) = (folder.join("waves.fst.part"), folder.join("waves.fst"));
-        let written = self.fst(&part).map_err(|e| e.to_string()).and_then(|()| std::fs::rename(&part, &path).map_err(|e| e.to_string()));
-        written.map_err(|e| {
-            // It may never have come to be; then there is nothing to remove.
-            let _ = std::fs::remove_file(&part);
-            Error::job(format!("{}: cannot be written: {e}", path.display()))
-        })
+        let path = folder.join("waves.fst");
+        let part = Unfinished::beside(&path);
+        let written = self.fst(part.path()).map_err(|e| e.to_string()).and_then(|()| part.finish(&path).map_err(|e| e.to_string()));
+        written.map_err(|e| Error::job(format!("{}: cannot be written: {e}", path.display())))
     }
 
     /// Wires scope by scope, each with its place: a unit's own, then those of its lanes.

@@ -14,11 +14,11 @@ use super::table::{Row, Table};
 use crate::error::{Error, Result};
 use crate::explore::pareto;
 use crate::hardware::machines;
+use crate::input;
 use crate::output::chart;
 use crate::output::chart::{Axis, Bars, Chart, Mark, Panel, Series, Shape};
 use crate::output::files::write_beside;
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
-use crate::scene::strict_json;
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use std::collections::{BTreeMap, BTreeSet};
@@ -136,8 +136,8 @@ struct Sought {
 impl Sought {
     /// Of a folder whose plan has a target.
     fn read(folder: &Path, target: &serde_json::Value) -> Self {
-        let text = std::fs::read_to_string(folder.join("search.json")).unwrap_or_default();
-        let search: serde_json::Value = serde_json::from_str(strict_json::without_mark(&text)).unwrap_or_default();
+        let text = input::read_text(&folder.join("search.json")).unwrap_or_default();
+        let search: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
         let last = search["path"].as_array().and_then(|path| path.last());
         let found = ["area", "psnr_db", "max_error"].map(|name| last.and_then(|last| last[name].as_f64()));
         let column = match (target["metric"].as_str(), target["against"].as_str()) {
@@ -190,9 +190,8 @@ impl Rows {
         let table = Table::read(folder)?;
         let path = folder.join("plan.json");
         let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
-        let text = std::fs::read_to_string(&path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-        let plan: serde_json::Value =
-            serde_json::from_str(strict_json::without_mark(&text)).map_err(|e| input_error(format!("not JSON: {e}")))?;
+        let text = input::read_text(&path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        let plan: serde_json::Value = serde_json::from_str(&text).map_err(|e| input_error(format!("not JSON: {e}")))?;
         let base = machines::from_value(plan.get("machine").unwrap_or(&serde_json::Value::Null), &format!("{}: machine", path.display()))?;
         let words = machines::words(&base).into_iter().collect();
         let sought = plan.get("search").map(|target| Sought::read(folder, target));

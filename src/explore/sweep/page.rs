@@ -2,6 +2,7 @@
 
 use super::charts::Figure;
 use super::table::Table;
+use crate::output::text::json_in_html;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
@@ -62,8 +63,7 @@ pub fn html(table: &Table, base: &str, figures: &[(&Figure, String)]) -> String 
     let same: Vec<String> = same.map(|(at, (name, _))| format!("{name} = {}", shown(&table.rows[0][*at]))).collect();
     let columns: Vec<&String> = varied.iter().map(|(_, (name, _))| name).collect();
     let rows: Vec<Vec<&Value>> = table.rows.iter().map(|row| varied.iter().map(|(at, _)| &row[*at]).collect()).collect();
-    // Inside of a script element only its end would end it.
-    let rows = json!({"columns": columns, "rows": rows}).to_string().replace("</", "<\\/");
+    let rows = json_in_html(&json!({"columns": columns, "rows": rows}));
     let name = escaped(base);
     let mut page = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>splatsim: {name}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>Machines made from {name}</h1>\n"

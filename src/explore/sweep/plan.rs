@@ -8,9 +8,10 @@
 use crate::accuracy::partial::UNITS;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
+use crate::input;
 use crate::output::text::{clipped, thousands};
 use crate::scene::digest::mixed;
-use crate::scene::{Camera, Overrides, Scene, Sequence, strict_json, validate};
+use crate::scene::{Camera, Overrides, Scene, Sequence, memory, strict_json, validate};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use schemars::JsonSchema;
@@ -216,7 +217,7 @@ impl Points {
                 let sentence = format!("no such file, and no ready plan either; ready are {}{nearest}", names.join(", "));
                 return Err(input_error(sentence));
             }
-            None => strict_json::read_text(path).map_err(input_error)?,
+            None => input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?,
         };
         Points::from_text(&text, name, path.parent().unwrap_or(Path::new("")))
     }
@@ -382,7 +383,9 @@ impl Points {
     /// [`Error::Input`] as [`Scene::load`].
     pub fn scene(&self, nth: usize) -> Result<Scene> {
         let (name, overrides) = self.named(nth);
-        Scene::load(name, &overrides)
+        let scene = Scene::load(name, &overrides)?;
+        memory::check_frame(&scene)?;
+        Ok(scene)
     }
 
     /// What a scene is loaded by.

@@ -13,6 +13,7 @@ mod batch;
 pub use batch::packed;
 
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::files::write_beside;
 use crate::output::progress::is_wanted;
 use crate::scene::digest::digest;
@@ -63,12 +64,12 @@ impl Table {
         let paths = journals(folder).map_err(cannot)?;
         let input_error = |what: &str| Error::input(format!("{}: {what}", folder.display()));
         let first = paths.first().ok_or_else(|| input_error("has no points.jsonl: it is no folder of `sweep` or `search`"))?;
-        let text = fs::read_to_string(first).map_err(cannot)?;
+        let text = input::read_text(first).map_err(cannot)?;
         let header = text.lines().next().unwrap_or_default();
         let columns = columns(header).ok_or_else(|| Error::input(format!("{}: line 1: names no columns", first.display())))?;
         let mut rows = BTreeMap::new();
         for path in &paths {
-            let text = fs::read(path).map_err(cannot)?;
+            let text = input::read(path).map_err(cannot)?;
             read(path, whole_lines(&text), header, &mut rows)?;
         }
         batch::read_all(folder, &columns, &mut rows)?;
@@ -128,7 +129,7 @@ impl Journal {
         let header = header(&columns);
         let mut journal = Journal { columns, file, rows: BTreeMap::new(), unused: is_new.then(|| own.clone()) };
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
-            let text = fs::read(&path).map_err(|e| cannot(&path, e))?;
+            let text = input::read(&path).map_err(|e| cannot(&path, e))?;
             let whole = whole_lines(&text);
             read(&path, whole, &header, &mut journal.rows)?;
             if path == own && whole.len() < text.len() {
@@ -165,7 +166,7 @@ impl Journal {
         let cannot = |path: &Path, e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", path.display()));
         let header = header(&self.columns);
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
-            let text = fs::read(&path).map_err(|e| cannot(&path, e))?;
+            let text = input::read(&path).map_err(|e| cannot(&path, e))?;
             read(&path, whole_lines(&text), &header, &mut self.rows)?;
         }
         batch::read_all(folder, &self.columns, &mut self.rows)

@@ -3,6 +3,7 @@
 use super::Named;
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
+use crate::input;
 use crate::output::colour::srgb_decode;
 use crate::output::picture::Picture;
 use crate::performance::cost::{Cost, CostReport, Prices};
@@ -10,7 +11,7 @@ use crate::performance::cycles::CyclesReport;
 use crate::performance::recording::Recording;
 use crate::run::report::MachineReport;
 use crate::run::{self, Options};
-use crate::scene::{MOST_PIXELS, Scene, strict_json};
+use crate::scene::{MOST_PIXELS, Scene};
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use serde_json::{Value, json};
@@ -132,10 +133,8 @@ impl Side {
         if metadata.len() > MOST_BYTES {
             return Err(input_error(format!("has {} MB; no report has more than {}", metadata.len() >> 20, MOST_BYTES >> 20)));
         }
-        let text = std::fs::read_to_string(&file).map_err(|e| input_error(format!("cannot be read: {e}")));
-        let report: Value = match text
-            .and_then(|text| serde_json::from_str(strict_json::without_mark(&text)).map_err(|e| input_error(format!("is no JSON: {e}"))))
-        {
+        let text = input::read_text(&file).map_err(|e| input_error(format!("cannot be read: {e}")));
+        let report: Value = match text.and_then(|text| serde_json::from_str(&text).map_err(|e| input_error(format!("is no JSON: {e}")))) {
             Ok(report) => report,
             // What is no JSON may be a broken machine, of which more can be said.
             Err(_) if !is_folder => return Ok(None),

@@ -26,7 +26,7 @@ const MODELS: [(&str, usize); 12] = [
 ];
 
 /// Intrinsics by identity, and the place in the file where they are.
-type Lenses = BTreeMap<u32, (Intrinsics, String)>;
+type Lenses = BTreeMap<u32, Intrinsics>;
 /// A line or a record, and what is wrong with it.
 type Wrong = (String, String);
 
@@ -88,9 +88,9 @@ fn unreadable(path: &Path) -> impl Fn(std::io::Error) -> Error {
 /// `cameras.txt` and `images.txt` in a folder; the name of the second for sentences.
 pub(super) fn read_text(folder: &Path) -> Result<(String, Vec<Pose>)> {
     let [lenses, images] = ["cameras.txt", "images.txt"].map(|file| folder.join(file));
-    let text = fs::read_to_string(&lenses).map_err(unreadable(&lenses))?;
+    let text = input::read_text(&lenses).map_err(unreadable(&lenses))?;
     let known = text_lenses(&text).map_err(wrong(&lenses))?;
-    let text = fs::read_to_string(&images).map_err(unreadable(&images))?;
+    let text = input::read_text(&images).map_err(unreadable(&images))?;
     let poses = text_poses(&text, &known).map_err(wrong(&images))?;
     Ok((named(&images), in_order(poses)))
 }
@@ -176,9 +176,9 @@ fn text_pose(line: &str, known: &Lenses) -> Parsed<(String, Pose)> {
 /// `cameras.bin` and `images.bin` in a folder; the name of the second for sentences.
 pub(super) fn read_binary(folder: &Path) -> Result<(String, Vec<Pose>)> {
     let [lenses, images] = ["cameras.bin", "images.bin"].map(|file| folder.join(file));
-    let bytes = fs::read(&lenses).map_err(unreadable(&lenses))?;
+    let bytes = input::read(&lenses).map_err(unreadable(&lenses))?;
     let known = binary_lenses(&bytes).map_err(wrong(&lenses))?;
-    let bytes = fs::read(&images).map_err(unreadable(&images))?;
+    let bytes = input::read(&images).map_err(unreadable(&images))?;
     let poses = binary_poses(&bytes, &known).map_err(wrong(&images))?;
     Ok((named(&images), in_order(poses)))
 }

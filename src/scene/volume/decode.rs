@@ -257,13 +257,9 @@ fn broken(error: io::Error) -> String {
 
 // ---- files ----
 
-/// All bytes of a file; pipes and devices, which need not end, are refused.
+/// All bytes of a file.
 pub(super) fn read_file(path: &Path) -> Parsed<Vec<u8>> {
-    let cannot = |e: io::Error| format!("cannot be read ({e})");
-    if !std::fs::metadata(path).map_err(cannot)?.is_file() {
-        return Err("cannot be read (it is no regular file)".into());
-    }
-    std::fs::read(path).map_err(cannot)
+    crate::input::read(path).map_err(|e| format!("cannot be read ({e})"))
 }
 
 /// All bytes of the file that `field` of a header in `folder` names.

@@ -7,6 +7,7 @@
 
 use super::{Column, Kind, Row};
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::files::write_beside;
 use crate::scene::digest::digest;
 use bytes::Bytes;
@@ -68,7 +69,7 @@ fn damaged(error: ParquetError) -> String {
 pub(super) fn read_all(folder: &Path, columns: &[Column], rows: &mut BTreeMap<u64, Row>) -> Result<()> {
     for path in files(folder, "parquet") {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
-        let bytes = fs::read(&path).map_err(|e| input_error(&format!("cannot be read: {e}")))?;
+        let bytes = input::read(&path).map_err(|e| input_error(&format!("cannot be read: {e}")))?;
         let found = unpacked(&bytes, columns)
             .map_err(|what| input_error(&format!("{what}: take the file away, and its points will be drawn again")))?;
         rows.extend(found);

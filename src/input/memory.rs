@@ -1,0 +1,133 @@
+//! Memory: how much this process may still have.
+
+use crate::output::text::gigabytes;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Bytes from which on a need is held against what is free: less is there on any host, and looking takes time.
+const LEAST_BYTES: u64 = 64 << 20;
+
+/// Refuses more bytes than are free, in the second half of a sentence.
+///
+/// # Errors
+/// Both numbers.
+pub fn check(needed: u64) -> Result<(), String> {
+    if needed < LEAST_BYTES {
+        return Ok(());
+    }
+    match free() {
+        Some(free) if needed > free => Err(format!("it needs {} of memory, and {} are free", gigabytes(needed), gigabytes(free))),
+        // What the system says nothing of shows when the memory is asked for; none of it is touched.
+        _ => match Vec::<u8>::new().try_reserve_exact(usize::try_from(needed).unwrap_or(usize::MAX)) {
+            Ok(()) => Ok(()),
+            Err(_) => Err(format!("it needs {} of memory, which the system does not give", gigabytes(needed))),
+        },
+    }
+}
+
+/// Bytes that this process may still have; none where the system does not say (Linux does).
+pub fn free() -> Option<u64> {
+    let meminfo = fs::read_to_string("/proc/meminfo").ok()?;
+    let available = 1024 * field(&meminfo, "MemAvailable:")?;
+    let of_groups = groups(&fs::read_to_string("/proc/self/cgroup").unwrap_or_default()).into_iter().filter_map(|group| group.free());
+    Some(of_groups.chain(address_space()).fold(available, u64::min))
+}
+
+/// What a limit of addresses (`ulimit -v`) leaves.
+fn address_space() -> Option<u64> {
+    let limits = fs::read_to_string("/proc/self/limits").ok()?;
+    let limit = field(&limits, "Max address space")?;
+    let used = field(&fs::read_to_string("/proc/self/status").ok()?, "VmSize:")?;
+    Some(limit.saturating_sub(1024 * used))
+}
+
+/// The number that follows a name at the beginning of a line.
+fn field(text: &str, name: &str) -> Option<u64> {
+    text.lines().find_map(|line| line.strip_prefix(name))?.split_whitespace().next()?.parse().ok()
+}
+
+/// A control group with limits: of a container, or of a job on a cluster.
+#[derive(Debug, PartialEq)]
+struct Group {
+    folder: PathBuf,
+    /// Files of its limit, of its use, and the part of the use that the system takes back where it is needed.
+    names: [&'static str; 3],
+}
+
+const VERSION_1: [&str; 3] = ["memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"];
+const VERSION_2: [&str; 3] = ["memory.max", "memory.current", "inactive_file"];
+
+/// All groups that this process is in, from the text of `/proc/self/cgroup`; in a container its own may be at the root.
+fn groups(text: &str) -> Vec<Group> {
+    let mut all = Vec::new();
+    for line in text.lines() {
+        let mut parts = line.splitn(3, ':').skip(1);
+        let (root, names) = match parts.next() {
+            Some("") => ("/sys/fs/cgroup", VERSION_2),
+            Some(controllers) if controllers.split(',').any(|controller| controller == "memory") => ("/sys/fs/cgroup/memory", VERSION_1),
+            _ => continue,
+        };
+        let own = Path::new(parts.next().unwrap_or_default().trim_start_matches('/'));
+        all.extend(own.ancestors().map(|folder| Group { folder: Path::new(root).join(folder), names }));
+    }
+    all
+}
+
+impl Group {
+    fn free(&self) -> Option<u64> {
+        let read = |name: &str| fs::read_to_string(self.folder.join(name)).ok();
+        let number = |name: &str| read(name)?.trim().parse::<u64>().ok();
+        let [limit, used, inactive] = self.names;
+        let given_back = read("memory.stat").and_then(|stat| field(&stat, inactive)).unwrap_or(0);
+        Some(number(limit)?.saturating_sub(number(used)?.saturating_sub(given_back)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_group_has_what_its_limit_leaves_and_what_the_system_takes_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let group = Group { folder: folder.path().to_owned(), names: VERSION_2 };
+        assert_eq!(group.free(), None);
+        let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
+        write("memory.max", "max\n");
+        write("memory.current", "700\n");
+        assert_eq!(group.free(), None);
+        write("memory.max", "1000\n");
+        assert_eq!(group.free(), Some(300));
+        write("memory.stat", "anon 5\ninactive_file 150\n");
+        assert_eq!(group.free(), Some(450));
+        write("memory.current", "2000\n");
+        assert_eq!(group.free(), Some(0));
+    }
+
+    #[test]
+    fn every_group_from_the_process_up_to_the_root_counts() {
+        let folders: Vec<String> = groups("4:memory:/a/b\n1:cpu:/x\n0::/c\n")
+            .iter()
+            .map(|group| format!("{} {}", group.folder.display(), group.names[0]))
+            .collect();
+        let [of_1, of_2] = ["memory.limit_in_bytes", "memory.max"];
+        assert_eq!(
+            folders,
+            [
+                format!("/sys/fs/cgroup/memory/a/b {of_1}"),
+                format!("/sys/fs/cgroup/memory/a {of_1}"),
+                format!("/sys/fs/cgroup/memory/ {of_1}"),
+                format!("/sys/fs/cgroup/c {of_2}"),
+                format!("/sys/fs/cgroup/ {of_2}"),
+            ]
+        );
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn more_than_any_host_has_is_refused_in_numbers() {
+        let told = check(1 << 50).unwrap_err();
+        assert!(told.starts_with("it needs 1125899.9 GB of memory, and ") && told.ends_with(" are free"), "{told}");
+        assert_eq!(check(LEAST_BYTES), Ok(()));
+    }
+}
