@@ -252,7 +252,7 @@ fn in_space(step: Option<[f64; 4]>) -> Parsed<Option<[f64; 3]>> {
         Some([x, y, z, time]) if time != 0.0 && [x, y, z] != [0.0; 3] => {
             Err(format!("`space directions` has a step ({x},{y},{z},{time}) in space and in time; it must be in one of them"))
         }
-        Some([x, y, z, time]) if time == 0.0 => Ok(Some([x, y, z])),
+        Some([x, y, z, 0.0]) => Ok(Some([x, y, z])),
         _ => Ok(None),
     }
 }

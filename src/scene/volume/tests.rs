@@ -319,6 +319,11 @@ fn an_nrrd_axis_of_time_is_dropped() {
     let header = header.replace("dimension: 3", "dimension: 4").replace("3 2 2", "3 2 2 1") + "\n";
     let volume = check(read_files(&[("x.nrrd", &joined(&header, &SAMPLES))]), SampleType::U8);
     assert_eq!(volume.axes, diagonal([1.0, 1.0, 2.0]));
+    // And not another axis of one sample.
+    let first =
+        header.replace("3 2 2 1", "1 3 4 1").replace("(1,0,0,0) (0,1,0,0) (0,0,2,0) (0,0,0,3)", "(0,0,0,3) (1,0,0,0) (0,1,0,0) (0,0,2,0)");
+    let volume = read_files(&[("x.nrrd", &joined(&first, &SAMPLES))]).unwrap();
+    assert_eq!((volume.size, volume.axes), ([3, 4, 1], diagonal([1.0, 1.0, 2.0])));
 }
 
 #[test]
