@@ -381,7 +381,8 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
     let mut short_glb = glb();
     short_glb[8..12].copy_from_slice(&3u32.to_le_bytes());
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
-        ("a.off", b"OFF".to_vec(), "is of no known kind; a mesh is one of .obj, .ply, .gltf, .glb, .stl, or `plane`"),
+        ("a.off", b"OFF".to_vec(), "is a mesh of another program, which is not read; MeshLab or Blender writes it as .ply, .obj or .glb"),
+        ("a.mesh", b"4 1".to_vec(), "is of no known kind; a mesh is one of .ply, .gltf, .glb, .obj, .stl, or `plane`"),
         ("a.obj", b"".to_vec(), "has no triangles"),
         ("a.obj", obj("f 1 2 4"), "line 4: a face names number 4 of 3 vertices"),
         ("a.obj", obj("f 1/1 2/1 3/1"), "line 4: a face names number 1 of 0 texture coordinates"),

@@ -18,6 +18,7 @@ mod edge_cases;
 mod filters;
 mod fixed_laws;
 mod fixed_match;
+mod foreign_files;
 mod gaussian_match;
 mod golden_laws;
 mod golden_match;

@@ -227,7 +227,7 @@ fn a_walk_draws_in_the_order_of_its_stack() {
         let opens = |number: u32| {
             let node = &tree.nodes()[number as usize];
             let nearest = (view.rotation * (node.splat.position - view.eye)).z - node.sphere;
-            !node.is_leaf() && 2.0 * node.sphere * view.focal_px / nearest > 6.0
+            !node.is_leaf() && 2.0 * node.sphere * view.focal_px[0] / nearest > 6.0
         };
         assert_eq!(detail(&scene).cut.drawn, walked(tree, ahead, opens), "{ahead} {children}");
     }

@@ -2,7 +2,6 @@
 
 use crate::error::{Error, Result};
 use crate::hardware::searched::SearchRecord;
-use crate::input;
 use crate::output::text::{clipped, is_unprintable, one_line};
 use crate::scene::{Scene, strict_json, validate};
 use rtl_model::Machine;

@@ -22,7 +22,6 @@
 //! Law: `the_parts_of_a_raster_grow_as_synthesis_says`.
 
 use crate::error::{Error, Result};
-use crate::input;
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::scene::{strict_json, validate};
 use rtl_model::elaboration::microarchitecture::{Fifo, Pace, Pipeline};

@@ -168,8 +168,11 @@ impl Camera {
         let view = self.view(image);
         let is_seen = |splat: &&Splat| {
             let seen = view.rotation * (splat.position - view.eye);
-            let is_within = |way: f64, half: f64| view.focal_px * way.abs() <= half * seen.z;
-            seen.z > self.near && is_within(seen.x, view.half_px[0]) && is_within(seen.y, view.half_px[1])
+            let is_within = |axis: usize| {
+                let (way, centre) = (view.focal_px[axis] * seen[axis], view.centre_px[axis]);
+                -centre * seen.z <= way && way <= (2.0 * view.half_px[axis] - centre) * seen.z
+            };
+            seen.z > self.near && is_within(0) && is_within(1)
         };
         splats.len() - splats.iter().filter(is_seen).count()
     }

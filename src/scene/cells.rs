@@ -65,28 +65,10 @@ pub(super) struct Cell {
 }
 
 impl Cell {
-    /// Of three steps: one-sided rotations (Hestenes 1958) make them orthogonal, and what they span together stays as it is.
+    /// Of three steps.
     pub(super) fn new(steps: DMat3) -> Self {
-        let largest = steps.to_cols_array().iter().fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
-        // Scaled to about 1: squares can neither overflow nor vanish.
-        let scale = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
-        let mut columns = [steps.x_axis, steps.y_axis, steps.z_axis].map(|column| column / scale);
-        // Convergence is quadratic: six sweeps reach rounding from anywhere.
-        for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(18) {
-            let (a, b) = (columns[p], columns[q]);
-            let off = a.dot(b);
-            if off != 0.0 {
-                let theta = (b.length_squared() - a.length_squared()) / (2.0 * off);
-                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
-                let c = 1.0 / (t * t + 1.0).sqrt();
-                (columns[p], columns[q]) = (a * c - b * (t * c), a * (t * c) + b * c);
-            }
-        }
-        let lengths = columns.map(DVec3::length);
-        let [x, y, z] = [0, 1, 2].map(|i| columns[i] / lengths[i]);
-        // A kernel looks the same from both ends.
-        let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
-        Cell { steps, axes: DMat3::from_cols(x, y, z), lengths: DVec3::from_array(lengths) * scale }
+        let (axes, lengths) = principal_axes(steps);
+        Cell { steps, axes, lengths }
     }
 
     /// Its principal axes, as long as it is along them.
@@ -107,6 +89,31 @@ impl Cell {
         let gradient = self.steps.transpose().inverse() * growth;
         if gradient.is_finite() { gradient } else { DVec3::ZERO }
     }
+}
+
+/// Principal axes, unit vectors, right-handed, and lengths of what three steps span: one-sided rotations (Hestenes 1958) make them orthogonal,
+/// and what they span together stays as it is. No axis is finite that has the length 0.
+pub(super) fn principal_axes(steps: DMat3) -> (DMat3, DVec3) {
+    let largest = steps.to_cols_array().iter().fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
+    // Scaled to about 1: squares can neither overflow nor vanish.
+    let scale = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
+    let mut columns = [steps.x_axis, steps.y_axis, steps.z_axis].map(|column| column / scale);
+    // Convergence is quadratic: six sweeps reach rounding from anywhere.
+    for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(18) {
+        let (a, b) = (columns[p], columns[q]);
+        let off = a.dot(b);
+        if off != 0.0 {
+            let theta = (b.length_squared() - a.length_squared()) / (2.0 * off);
+            let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+            let c = 1.0 / (t * t + 1.0).sqrt();
+            (columns[p], columns[q]) = (a * c - b * (t * c), a * (t * c) + b * c);
+        }
+    }
+    let lengths = columns.map(DVec3::length);
+    let [x, y, z] = [0, 1, 2].map(|i| columns[i] / lengths[i]);
+    // A kernel looks the same from both ends.
+    let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
+    (DMat3::from_cols(x, y, z), DVec3::from_array(lengths) * scale)
 }
 
 /// Steps of a grid that has a single sample along some axes: there at right angles to the others, and as long as they are in the mean.

@@ -3,15 +3,17 @@
 //! .ply, floats          log scale, logit opacity ─► [float_ply]  ─┐
 //! .ply, SuperSplat's    chunks of 256, 16 bytes each ─► [packed_ply] ─┤
 //! .splat                32 bytes each ───────────────► [splat]     ─┼─► [Intake] ─► Gaussians
-//! .spz                  gzip, up to 65 bytes each ───► [spz]       ─┘
+//! .spz                  packed, up to 65 bytes each ─► [spz]       ─┤
+//! .gltf, .glb           an accessor for each number ─► [gltf]      ─┘
 //! ```
 //! - Axes are as in the file: right, down, forward as cameras have them in what training programs write and in `.splat`;
-//!   right, up, back in `.spz`, which is half a turn about x (`three_formats_of_the_same_three_gaussians_agree`).
+//!   right, up, back in `.spz` and glTF, which is half a turn about x (`three_formats_of_the_same_three_gaussians_agree`).
 //! - What no program can draw is left out and counted in a note: see `FLAWS`.
 //! - Nothing is reserved that the file's length does not vouch for.
 
 mod bouquet;
 mod float_ply;
+pub(super) mod gltf;
 mod harmonics;
 mod packed_ply;
 pub(super) mod splat;

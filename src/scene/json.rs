@@ -1271,6 +1271,7 @@ impl<'a> Gathered<'a> {
         let (file, read) = match &source.volume {
             VolumeFile::Path(file) => {
                 let file = self.folder.join(file);
+                self.add_notes(formats::contradiction(&file).as_slice(), &file);
                 (file.clone(), volume::read_samples(&file, &arrays))
             }
             _ if arrays.values.or(arrays.variance).is_some() => {
@@ -1409,14 +1410,20 @@ impl<'a> Gathered<'a> {
         let material = self.known_material(source.material, path)?;
         let file = self.folder.join(&source.file);
         let input_error = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
-        let parse = match formats::reader(&file).unwrap_or(formats::default_reader()) {
-            Reader::Splats(parse) => parse,
-            Reader::Volume(_) | Reader::Image(_) | Reader::Irregular(_) => {
+        let cannot = |e: std::io::Error| input_error(format!("cannot be read: {e}"));
+        let parse = match formats::reader(&file) {
+            Some(Reader::Splats(parse)) => parse,
+            Some(Reader::Volume(_) | Reader::Image(_) | Reader::Irregular(_)) => {
                 return self.add_volume(&VolumeSource::of(source), path);
             }
+            None => {
+                std::fs::metadata(&file).map_err(cannot)?;
+                return Err(input_error(formats::no_splats(&file)));
+            }
         };
-        let bytes = input::read(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-        match parse(&bytes).map_err(input_error)? {
+        let bytes = input::read(&file).map_err(cannot)?;
+        self.add_notes(formats::contradiction(&file).as_slice(), &file);
+        match parse(&bytes, file.parent().unwrap_or(Path::new(""))).map_err(input_error)? {
             Splats::Gaussians(gaussians) => {
                 self.add_gaussians(gaussians, &file, source);
             }

@@ -14,6 +14,7 @@ mod stl;
 
 pub use picture::{Image, Texture, Wrap};
 
+use super::formats::{self, Content};
 use super::{memory, unit};
 use crate::error::{Error, Result};
 use crate::input;
@@ -144,15 +145,18 @@ struct Contents {
     notes: Vec<String>,
 }
 
-/// Ends of names, and their readers; a reader is given the folder of the file too.
+/// A reader is given the folder of the file too.
 type Reader = fn(&[u8], &Path) -> Parsed<Contents>;
-const FORMATS: [(&str, Reader); 5] = [
-    (".obj", obj::read),
-    (".ply", |bytes, _| ply::read(bytes)),
-    (".gltf", gltf::read),
-    (".glb", gltf::read),
-    (".stl", |bytes, _| stl::read(bytes)),
-];
+
+fn reader(content: Option<Content>) -> Option<Reader> {
+    match content? {
+        Content::Obj => Some(obj::read),
+        Content::Ply => Some(ply::read),
+        Content::Gltf => Some(gltf::read),
+        Content::Stl => Some(|bytes, _| stl::read(bytes)),
+        _ => None,
+    }
+}
 
 /// The square from 0 to 1 of the plane z = 0, a picture upright on it: the one mesh that needs no file.
 const PLANE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
@@ -164,7 +168,7 @@ impl Mesh {
         contents.expect("a square is sound")
     }
 
-    /// Reads a mesh, by the end of the file's name; `plane`, where there is no such file, is [`Mesh::plane`].
+    /// Reads a mesh, by its content, and where that tells nothing by the end of the file's name; `plane`, where there is no such file, is [`Mesh::plane`].
     ///
     /// # Errors
     /// [`Error::Input`], one sentence: which file, which line or part of it, what is wrong with it.
@@ -174,16 +178,12 @@ impl Mesh {
         if name == "plane" && !path.is_file() {
             return Ok(Mesh::plane());
         }
-        let lower = name.to_lowercase();
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
-        let Some((_, reader)) = FORMATS.iter().find(|(end, _)| lower.ends_with(end)) else {
-            return Err(input_error(format!(
-                "is of no known kind; a mesh is one of {}, or `plane`",
-                FORMATS.map(|(end, _)| end).join(", ")
-            )));
-        };
         let bytes = input::read(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-        let contents = reader(&bytes, path.parent().unwrap_or(Path::new(""))).map_err(input_error)?;
+        let content = formats::mesh(&bytes, path);
+        let reader = reader(content).ok_or_else(|| input_error(formats::no_mesh(content, path)))?;
+        let mut contents = reader(&bytes, path.parent().unwrap_or(Path::new(""))).map_err(input_error)?;
+        contents.notes.extend(formats::contradiction(path));
         contents.checked().map_err(input_error)
     }
 }
@@ -281,7 +281,7 @@ fn place(corner: DVec3) -> [u64; 3] {
 }
 
 /// Bytes of a file that another names, in the same folder or below it.
-fn beside(folder: &Path, name: &str) -> Parsed<Vec<u8>> {
+pub(super) fn beside(folder: &Path, name: &str) -> Parsed<Vec<u8>> {
     let path = inside(folder, name)?;
     input::read(&path).map_err(|e| format!("`{}` cannot be read: {e}", clipped(name)))
 }

@@ -11,6 +11,7 @@ mod environment;
 mod fields;
 mod formats;
 mod gaussians;
+mod gltf;
 mod json;
 pub(crate) mod memory;
 pub mod mesh;
@@ -405,17 +406,16 @@ impl Scene {
         if !path.exists() {
             return Err(input_error(no_such_file(name)));
         }
-        if is_json(path) {
+        if formats::is_json(path) {
             let text = input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-            return json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides, which);
+            let mut seen = json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides, which)?;
+            seen.scene.notes.extend(formats::contradiction(path));
+            return Ok(seen);
         }
         if formats::reader(path).is_some() {
             return json::of_file(path, name, overrides, which);
         }
-        let [points, gaussians, volumes] = formats::names();
-        Err(input_error(format!(
-            "is of no known kind; a scene is a .json file, points ({points}), Gaussians ({gaussians}), a volume ({volumes}) or a built-in name"
-        )))
+        Err(input_error(formats::no_splats(path)))
     }
 
     /// Text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
@@ -424,7 +424,7 @@ impl Scene {
         if let (Some(text), false) = (path.to_str().and_then(builtin::scene), path.is_file()) {
             return Some(text.to_owned());
         }
-        is_json(path).then(|| input::read_text(path).ok())?
+        formats::is_json(path).then(|| input::read_text(path).ok())?
     }
 
     /// The least weight that makes a fragment; 0 where any does.
@@ -476,10 +476,6 @@ impl Camera {
             centre_px: self.centre_px.map_or(half_px, |centre| [0, 1].map(|i| half_px[i] + scale * (centre[i] - picture_px[i] / 2.0))),
         }
     }
-}
-
-fn is_json(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"))
 }
 
 /// Half a sentence about a name that is neither a file nor a built-in scene.

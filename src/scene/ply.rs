@@ -6,14 +6,17 @@
 //! the splats, and nothing is reserved that the file's length does not vouch for, so a header cannot ask for memory.
 //!
 //! - Text is read by lines, one row a line; blank lines and unknown header lines are skipped, too few or too many values refused.
-//! - Integer colours are sRGB codes (`ushort` out of 65535, all others out of 255) and are decoded; float colours are
-//!   linear light in [0, 1] and are clamped.
+//! - Colours are sRGB codes of whatever type, and are decoded, unless a comment says that they are linear light ([`colours`]).
 //! - Vertices without a finite position (or past ±1e30, as some scanners mark holes) are left out and counted in a note.
 //! - Faces serve only to find normals where the file has none; a face that names a vertex out of range is left out and counted.
 
+mod colours;
+mod faces;
+
 use super::{LEAST_RADIUS, Splat, unit};
-use crate::output::colour::srgb_decode;
 pub(super) use crate::output::text::clipped as clip;
+use colours::{Columns, Extent, Meaning};
+use faces::Faces;
 use glam::DVec3;
 use rayon::prelude::*;
 use rayon::slice::ChunksExact;
@@ -40,7 +43,7 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
     let (header, mut body) = read_header(bytes)?;
     let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or("has no element `vertex`, so there are no points in it")?;
     let layout = Layout::of(vertices)?;
-    let mut notes = header.notes;
+    let mut notes = header.notes.clone();
     if vertices.properties.iter().any(|p| p.name == "f_dc_0") {
         notes.push("looks like trained 3D Gaussians, but has no scales and rotations: shown as plain points".into());
     }
@@ -56,6 +59,7 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
         }
     }
     body.finish(rest)?;
+    notes.extend(layout.decode(&mut splats, &header));
     if !layout.has_normals() {
         faces.give_normals(&mut splats);
         notes.extend(faces.note());
@@ -73,11 +77,28 @@ pub(super) struct Faced {
     /// Texture coordinates of vertices, from the picture's upper left corner.
     pub uv: Option<Vec<[f32; 2]>>,
     pub has_normals: bool,
-    /// Indices of vertices, all in range.
-    pub triangles: Vec<[u32; 3]>,
+    /// Whether vertices have colours.
+    pub has_colours: bool,
+    /// All vertices are in range.
+    pub triangles: Vec<Triangle>,
     /// Triangles that name vertices which do not exist.
     pub refused: usize,
+    /// Names of pictures, by number.
+    pub pictures: Vec<String>,
     pub notes: Vec<String>,
+}
+
+/// A triangle of a face, and what the face says of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Triangle {
+    /// Indices of vertices.
+    pub corners: [u32; 3],
+    /// The corners' own texture coordinates, from the picture's upper left corner.
+    pub uv: Option<[[f32; 2]; 3]>,
+    /// Linear light and opacity of the corners.
+    pub rgba: Option<[[f32; 4]; 3]>,
+    /// Index into [`Faced::pictures`]; none where the face has no picture.
+    pub picture: Option<u32>,
 }
 
 /// Reads the bytes of a PLY file as a mesh; the error is the second half of a sentence that begins with the file's name.
@@ -85,25 +106,41 @@ pub(super) fn parse_faced(bytes: &[u8]) -> Parsed<Faced> {
     let (header, mut body) = read_header(bytes)?;
     let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or("has no element `vertex`, so there are no corners in it")?;
     let layout = Layout::of(vertices)?;
-    let has_uv = layout.kind_of_slot[TEXTURE..].iter().all(Option::is_some);
+    let has_uv = layout.is_filled[TEXTURE..].iter().all(|&filled| filled);
     let (mut splats, mut uv, mut faces) = (Vec::new(), Vec::new(), Faces::new(vertices.count));
     for element in &header.elements {
         if element.name != "vertex" {
-            faces.read(&mut body, element)?;
+            faces.read_all(&mut body, element)?;
             continue;
         }
         splats.reserve(body.room(element));
         body.rows(element, &layout.slot_of_property, &mut [0.0; SLOTS.len()], |values| {
             splats.push(layout.splat(values));
             if has_uv {
-                // Rows of a picture count down, coordinates of a PLY up.
-                uv.push([values[TEXTURE] as f32, 1.0 - values[TEXTURE + 1] as f32]);
+                uv.push(from_upper_left([values[TEXTURE], values[TEXTURE + 1]]));
             }
         })?;
     }
     body.finish(std::iter::empty())?;
-    let (has_normals, uv) = (layout.has_normals(), has_uv.then_some(uv));
-    Ok(Faced { vertices: splats, uv, has_normals, triangles: faces.triangles, refused: faces.refused, notes: header.notes })
+    let mut notes = header.notes.clone();
+    notes.extend(layout.decode(&mut splats, &header));
+    let (triangles, refused, of_faces) = faces.finish(header.has_linear_colours());
+    notes.extend(of_faces);
+    Ok(Faced {
+        vertices: splats,
+        uv: has_uv.then_some(uv),
+        has_normals: layout.has_normals(),
+        has_colours: layout.colours.rgb.is_some(),
+        triangles,
+        refused,
+        pictures: header.pictures(),
+        notes,
+    })
+}
+
+/// Rows of a picture count down, coordinates of a PLY up.
+fn from_upper_left([u, v]: [f64; 2]) -> [f32; 2] {
+    [u as f32, (1.0 - v) as f32]
 }
 
 // ---- header ----
@@ -147,6 +184,8 @@ pub(super) struct Element {
 /// The tables of a file in their order, and what looks odd about the header.
 pub(super) struct Header {
     pub elements: Vec<Element>,
+    /// What stands behind `comment`, line by line.
+    pub comments: Vec<String>,
     pub notes: Vec<String>,
 }
 
@@ -284,7 +323,7 @@ pub(super) fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
     if lines.next() != Some(b"ply") {
         return Err("is no PLY file: its first line is not `ply`".into());
     }
-    let mut header = Header { elements: Vec::new(), notes: Vec::new() };
+    let mut header = Header { elements: Vec::new(), comments: Vec::new(), notes: Vec::new() };
     let mut encoding = None;
     loop {
         let line = lines.next().ok_or("ends inside its header: there is no line `end_header`")?;
@@ -295,7 +334,8 @@ pub(super) fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words.as_slice() {
             ["end_header"] => break,
-            [] | ["comment" | "obj_info", ..] => {}
+            ["comment", ..] => header.comments.push(line.trim_start().trim_start_matches("comment").trim().to_owned()),
+            [] | ["obj_info", ..] => {}
             ["format", rest @ ..] => encoding = Some(format(rest).map_err(|e| at_line(lines.number, e))?),
             ["element", rest @ ..] => header.element(rest).map_err(|e| at_line(lines.number, e))?,
             ["property", rest @ ..] => header.property(rest).map_err(|e| at_line(lines.number, e))?,
@@ -323,6 +363,19 @@ fn format(words: &[&str]) -> Parsed<Encoding> {
 }
 
 impl Header {
+    fn has_linear_colours(&self) -> bool {
+        self.comments.iter().any(|comment| colours::says_linear(comment))
+    }
+
+    /// Names behind `TextureFile` in comments, as MeshLab writes them; they may have blanks.
+    fn pictures(&self) -> Vec<String> {
+        let name = |comment: &String| {
+            let (word, name) = comment.split_once(|c: char| c.is_ascii_whitespace())?;
+            word.eq_ignore_ascii_case("texturefile").then(|| name.trim().to_owned())
+        };
+        self.comments.iter().filter_map(name).collect()
+    }
+
     fn element(&mut self, words: &[&str]) -> Parsed<()> {
         let [name, count] = words else {
             return Err("an element line must read `element NAME COUNT`".into());
@@ -491,7 +544,7 @@ fn number(word: &[u8], kind: Scalar) -> Parsed<f64> {
 
 // ---- vertices ----
 
-/// Where a vertex's values go, under all names that mean the same.
+/// Where a vertex's values go, under all names that mean the same; names of colours are those of [`colours`].
 const SLOTS: [&[&str]; 13] = [
     &["x"],
     &["y"],
@@ -499,10 +552,10 @@ const SLOTS: [&[&str]; 13] = [
     &["nx"],
     &["ny"],
     &["nz"],
-    &["red", "diffuse_red"],
-    &["green", "diffuse_green"],
-    &["blue", "diffuse_blue"],
-    &["alpha", "diffuse_alpha"],
+    &[],
+    &[],
+    &[],
+    &[],
     &["radius"],
     &["s", "u", "texture_u"],
     &["t", "v", "texture_v"],
@@ -513,73 +566,75 @@ const ALPHA: usize = 9;
 const RADIUS: usize = 10;
 /// Texture coordinates, which only meshes use.
 const TEXTURE: usize = 11;
+/// Colour of what has none, linear light.
+const GREY: f64 = 0.5;
 
 /// Which property of the vertices fills which slot.
 struct Layout {
     slot_of_property: Vec<Option<usize>>,
-    kind_of_slot: [Option<Scalar>; SLOTS.len()],
-    /// Linear light of the 256 codes of a byte: decoding them one by one would take longer than reading the file.
-    linear_of_code: Vec<f64>,
+    is_filled: [bool; SLOTS.len()],
+    colours: Columns,
 }
 
 impl Layout {
     fn of(vertices: &Element) -> Parsed<Layout> {
-        let mut kind_of_slot = [None; SLOTS.len()];
-        let slot_of_property = vertices.properties.iter().map(|property| {
-            let Kind::Scalar(kind) = property.kind else {
+        let mut is_filled = [false; SLOTS.len()];
+        let colours = Columns::of(vertices);
+        let slot_of_property = vertices.properties.iter().enumerate().map(|(place, property)| {
+            let Kind::Scalar(_) = property.kind else {
                 return None;
             };
-            let slot = SLOTS.iter().position(|names| names.contains(&property.name.as_str()))?;
-            kind_of_slot[slot].replace(kind).is_none().then_some(slot)
+            let channel = colours.rgb.and_then(|(places, _)| places.iter().position(|&own| own == place)).map(|channel| COLOUR + channel);
+            let alpha = colours.alpha.filter(|&(own, _)| own == place).map(|_| ALPHA);
+            let other = || SLOTS.iter().position(|names| names.contains(&property.name.as_str()));
+            let slot = channel.or(alpha).or_else(other)?;
+            (!std::mem::replace(&mut is_filled[slot], true)).then_some(slot)
         });
         let slot_of_property = slot_of_property.collect();
-        if let Some(missing) = (0..NORMAL).find(|&slot| kind_of_slot[slot].is_none()) {
+        if let Some(missing) = (0..NORMAL).find(|&slot| !is_filled[slot]) {
             return Err(format!("element `vertex` has no number `{}`; a point needs x, y and z", SLOTS[missing][0]));
         }
-        let linear_of_code = (0..256).map(|code| srgb_decode(code as f64 / 255.0)).collect();
-        Ok(Layout { slot_of_property, kind_of_slot, linear_of_code })
+        Ok(Layout { slot_of_property, is_filled, colours })
     }
 
     fn has_normals(&self) -> bool {
-        self.kind_of_slot[NORMAL..COLOUR].iter().all(Option::is_some)
+        self.is_filled[NORMAL..COLOUR].iter().all(|&filled| filled)
     }
 
+    /// A splat whose colour and opacity are still the file's numbers.
     fn splat(&self, values: &[f64]) -> Splat {
         let vector = |slot| DVec3::from_slice(&values[slot..slot + 3]);
         Splat {
             position: vector(0),
             normal: if self.has_normals() { unit(vector(NORMAL)).unwrap_or(DVec3::ZERO) } else { DVec3::ZERO },
             radius: values[RADIUS],
-            rgb: std::array::from_fn(|i| self.channel(COLOUR + i, values[COLOUR + i]).unwrap_or(0.5)),
-            opacity: self.alpha(values[ALPHA]),
+            rgb: std::array::from_fn(|i| values[COLOUR + i]),
+            opacity: values[ALPHA],
             material: 0,
         }
     }
 
-    /// Linear light; none where the file has none or a NaN.
-    fn channel(&self, slot: usize, value: f64) -> Option<f64> {
-        match self.kind_of_slot[slot]? {
-            Scalar::F32 | Scalar::F64 => (!value.is_nan()).then(|| value.clamp(0.0, 1.0)),
-            Scalar::U16 => Some(srgb_decode(value / 65535.0)),
-            _ => Some(self.linear_of_code[value.clamp(0.0, 255.0) as usize]),
-        }
-    }
-
-    /// Opacity is linear whatever its type.
-    fn alpha(&self, value: f64) -> f64 {
-        let full = match self.kind_of_slot[ALPHA] {
-            None => return 1.0,
-            Some(Scalar::F32 | Scalar::F64) => 1.0,
-            Some(Scalar::U16) => 65535.0,
-            Some(_) => 255.0,
-        };
-        if value.is_nan() { 1.0 } else { (value / full).clamp(0.0, 1.0) }
+    /// Makes linear light and opacities of all splats' numbers; what was assumed is a note.
+    fn decode(&self, splats: &mut [Splat], header: &Header) -> Vec<String> {
+        let rgb = |extent: Extent, splat: &Splat| splat.rgb.iter().fold(extent, |extent, &value| extent.with(value));
+        let opacity = |extent: Extent, splat: &Splat| extent.with(splat.opacity);
+        let colours = self.colours.rgb.map(|(_, kind)| (kind, extent(splats, kind, rgb)));
+        let colours = colours.map(|(kind, extent)| (kind, extent, Meaning::of_colours(kind, extent, header.has_linear_colours())));
+        let of_colours = colours.as_ref().map(|(kind, _, meaning)| (*kind, meaning));
+        let opacities = self.colours.alpha.map(|(_, kind)| Meaning::of_opacities(kind, extent(splats, kind, opacity), of_colours));
+        splats.par_iter_mut().for_each(|splat| {
+            let light = |value| of_colours.and_then(|(_, meaning)| meaning.light(value)).unwrap_or(GREY);
+            splat.rgb = splat.rgb.map(light);
+            splat.opacity = opacities.as_ref().and_then(|meaning| meaning.light(splat.opacity)).unwrap_or(1.0);
+        });
+        let note = colours.as_ref().and_then(|(kind, extent, meaning)| meaning.note("vertex", *kind, *extent));
+        self.colours.notes.iter().cloned().chain(note).collect()
     }
 
     fn check_radii(&self, splats: &[Splat]) -> Parsed<()> {
         let wrong = |s: &Splat| is_placed(s) && !(LEAST_RADIUS..=FARTHEST).contains(&s.radius);
         match splats.iter().position(wrong) {
-            Some(number) if self.kind_of_slot[RADIUS].is_some() => Err(format!(
+            Some(number) if self.is_filled[RADIUS] => Err(format!(
                 "vertex {number} of {} has the radius {}; it must be at least {LEAST_RADIUS:e} and at most {FARTHEST:e}",
                 splats.len(),
                 splats[number].radius
@@ -587,6 +642,10 @@ impl Layout {
             _ => Ok(()),
         }
     }
+}
+
+fn extent(splats: &[Splat], kind: Scalar, add: impl Fn(Extent, &Splat) -> Extent + Send + Sync) -> Extent {
+    splats.par_iter().fold(|| Extent::of(kind), add).reduce(|| Extent::of(kind), Extent::and)
 }
 
 fn read_vertices(body: &mut Body, element: &Element, layout: &Layout) -> Parsed<Vec<Splat>> {
@@ -615,82 +674,6 @@ fn drop_unplaced(splats: &mut Vec<Splat>) -> Option<String> {
     splats.retain(is_placed);
     let dropped = all - splats.len();
     (dropped > 0).then(|| format!("{dropped} of {all} vertices have no finite position and were left out"))
-}
-
-// ---- faces ----
-
-/// Triangles of the file, as indices of vertices.
-struct Faces {
-    vertices: usize,
-    triangles: Vec<[u32; 3]>,
-    total: usize,
-    refused: usize,
-}
-
-impl Faces {
-    fn new(vertices: usize) -> Self {
-        Faces { vertices, triangles: Vec::new(), total: 0, refused: 0 }
-    }
-
-    /// Reads polygons and triangle strips; of any other element, nothing: its rows are only passed over.
-    fn read(&mut self, body: &mut Body, element: &Element) -> Parsed<()> {
-        let is_list = |p: &Property| matches!(p.kind, Kind::List { .. }) && matches!(p.name.as_str(), "vertex_indices" | "vertex_index");
-        let indices = element.properties.iter().position(is_list);
-        let mut corners = Vec::new();
-        for number in 0..element.rows() {
-            corners.clear();
-            body.row(element, number, |property, value| {
-                if Some(property) == indices {
-                    corners.push(value);
-                }
-            })?;
-            match element.name.as_str() {
-                "face" => self.add_polygon(&corners),
-                "tristrips" => corners.split(|&corner| corner < 0.0).for_each(|strip| self.add_strip(strip)),
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-
-    fn add_polygon(&mut self, corners: &[f64]) {
-        for i in 2..corners.len() {
-            self.add([corners[0], corners[i - 1], corners[i]]);
-        }
-    }
-
-    fn add_strip(&mut self, corners: &[f64]) {
-        for (i, corner) in corners.windows(3).enumerate() {
-            let turn = i % 2;
-            self.add([corner[turn], corner[1 - turn], corner[2]]);
-        }
-    }
-
-    fn add(&mut self, corners: [f64; 3]) {
-        self.total += 1;
-        if corners.iter().all(|&c| c >= 0.0 && c < self.vertices as f64) {
-            self.triangles.push(corners.map(|c| c as u32));
-        } else {
-            self.refused += 1;
-        }
-    }
-
-    fn note(&self) -> Option<String> {
-        let Faces { refused, total, .. } = self;
-        (*refused > 0).then(|| format!("{refused} of {total} triangles name vertices that do not exist and were left out"))
-    }
-
-    /// Each vertex's normal: the mean of its triangles' normals, weighted by area; none where that has no direction.
-    fn give_normals(&self, splats: &mut [Splat]) {
-        for triangle in &self.triangles {
-            let [a, b, c] = triangle.map(|i| splats[i as usize].position);
-            let twice_area = (b - a).cross(c - a);
-            if twice_area.is_finite() {
-                triangle.iter().for_each(|&i| splats[i as usize].normal += twice_area);
-            }
-        }
-        splats.iter_mut().for_each(|s| s.normal = unit(s.normal).unwrap_or(DVec3::ZERO));
-    }
 }
 
 #[cfg(test)]

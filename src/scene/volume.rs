@@ -117,12 +117,7 @@ pub fn read(path: &Path) -> Result<Volume, String> {
     if let Some(Reader::Image(parse)) = formats::reader(path) {
         return parse(&read_file(path)?, &Arrays::default());
     }
-    let has_end = |end: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(end));
-    Err(if ["hdr", "img"].into_iter().any(has_end) {
-        "pairs of .hdr and .img are not read; a NIfTI-1 volume must be a single .nii or .nii.gz".into()
-    } else {
-        format!("is no volume by its extension; {} are read", formats::names()[2])
-    })
+    if path.is_file() { Err(formats::no_volume(path)) } else { read_file(path).and(Err(formats::no_volume(path))) }
 }
 
 /// Reads plain samples; bytes after the last sample are ignored.

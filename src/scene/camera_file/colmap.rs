@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::output::text::clipped;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
-use std::fs;
+use crate::input;
 use std::path::Path;
 
 /// A model of lenses: its name, and how many numbers it has. In the order of the numbers that binary files have for them.

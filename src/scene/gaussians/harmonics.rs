@@ -19,7 +19,7 @@ pub fn colour(harmonics: &[[f32; 3]], direction: DVec3) -> [f64; 3] {
 }
 
 /// The 16 harmonics of degree 0 to 3.
-fn basis(DVec3 { x, y, z }: DVec3) -> [f64; 16] {
+pub(super) fn basis(DVec3 { x, y, z }: DVec3) -> [f64; 16] {
     let (xx, yy, zz) = (x * x, y * y, z * z);
     [
         CONSTANT,

@@ -1,12 +1,16 @@
-//! Spz: reads Gaussians from Niantic's `.spz` files of versions 1 to 3: gzip, then a header of 16 bytes, then one table after another.
+//! Spz: reads Gaussians from Niantic's `.spz` files: of versions 1 to 3 gzip, then a header of 16 bytes, then one table after another; of
+//! version 4 a header of 32 bytes, then sizes of tables, then tables, each packed by Zstandard.
 //! ```text
 //! magic `NGSP`: u32   version: u32   Gaussians: u32   degree: u8   fractional bits: u8   flags: u8   reserved: u8
 //! positions    3 × 24 bits, fixed point (version 1: 3 × f16)
 //! opacities    u8 of 255
 //! colours      3 × u8: the constant coefficients in ±0.5/0.15
 //! scales       3 × u8: logarithms, 16 steps for 1, from −10
-//! rotations    version 3: 4 bytes, the three smallest of x y z w; before: 3 bytes, x y z in ±1
+//! rotations    from version 3 on: 4 bytes, the three smallest of x y z w; before: 3 bytes, x y z in ±1
 //! harmonics    3 × u8 for each other coefficient, 128 is 0, 128 steps for 1
+//!
+//! version 4    the header's last byte is the number of tables, then where their sizes begin: u32   reserved: 12 bytes
+//! sizes        bytes packed: u64   bytes unpacked: u64   of each table; a table without bytes is left out
 //! ```
 //! All little-endian. Files that are not compressed are read as well. Their axes are right, up, back; those of training programs' files
 //! right, down, forward: everything is given half a turn about x, so that a scene looks the same from either.
@@ -14,10 +18,18 @@
 use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, exp, part};
 use flate2::read::GzDecoder;
 use glam::{DQuat, DVec3};
+use ruzstd::decoding::StreamingDecoder;
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::Read;
 
 const ANTIALIASED: u8 = 1;
+/// In version 4: something stands between the header and the sizes of tables.
+const EXTENDED: u8 = 2;
+/// The version whose tables are packed one by one.
+const STREAMED: u32 = 4;
+/// Bytes of that version's header, and of the two sizes of a table.
+const HEADER_OF_TABLES: usize = 32;
+const SIZES: usize = 16;
 
 /// Files that would grow more than this, and past [`LONGEST`], are taken for ones made to fill the memory: positions and
 /// rotations of a trained scene hardly shrink and are a fifth of its bytes or more. gzip's own limit is 1032.
@@ -38,20 +50,20 @@ struct Header {
 pub(in crate::scene) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
     let is_gzip = bytes.starts_with(&[0x1f, 0x8b]);
     let most = LONGEST.max(MOST_COMPRESSED.saturating_mul(bytes.len() as u64));
-    if is_gzip { unpack(GzDecoder::new(bytes), most) } else { unpack(bytes, most) }
+    if is_gzip {
+        return unpack(GzDecoder::new(bytes), most);
+    }
+    if bytes.starts_with(&[b"NGSP".as_slice(), &STREAMED.to_le_bytes()].concat()) {
+        unpack_tables(bytes, most)
+    } else {
+        unpack(bytes, most)
+    }
 }
 
 /// Reads what is left once gzip is taken off; more bytes than `most` are not believed.
 fn unpack(mut stream: impl Read, most: u64) -> Parsed<Gaussians> {
     let header = Header::read(&mut stream)?;
-    let row_bytes = header.row_bytes();
-    let length = header.count * row_bytes.iter().sum::<usize>() as u64;
-    if length > most {
-        return Err(format!(
-            "promises {} Gaussians, more than a file of its size can hold: they take {length} bytes, at most {most} are believed",
-            header.count
-        ));
-    }
+    let length = header.length(most)?;
     // Grows with what is there, not with what the header promises.
     let mut body = Vec::new();
     stream.by_ref().take(length).read_to_end(&mut body).map_err(damaged)?;
@@ -59,20 +71,65 @@ fn unpack(mut stream: impl Read, most: u64) -> Parsed<Gaussians> {
         return Err(format!("ends after {} of the {length} bytes that its {} Gaussians take", body.len(), header.count));
     }
     let surplus = std::io::copy(&mut stream, &mut std::io::sink()).map_err(damaged)?;
-    let mut notes = Vec::new();
-    if header.flags & ANTIALIASED != 0 {
-        notes.push("was trained for an antialiasing filter, which is not applied".to_owned());
-    }
-    if surplus > 0 {
-        notes.push(format!("has {surplus} bytes after its last Gaussian, which are not read"));
-    }
     let count = header.count as usize;
     let mut rest = body.as_slice();
-    let tables = row_bytes.map(|row| {
+    let tables = header.row_bytes().map(|row| {
         let (table, after) = rest.split_at(count * row);
         rest = after;
         table
     });
+    gaussians(&header, tables, surplus)
+}
+
+/// Reads a file of version 4, whose tables are packed one by one; more bytes than `most` are not believed.
+fn unpack_tables(bytes: &[u8], most: u64) -> Parsed<Gaussians> {
+    let header = Header::read(&mut &bytes[..])?;
+    header.length(most)?;
+    let cut = || format!("has {} bytes, and its header and the sizes of its tables take more", bytes.len());
+    let number = |at: usize| bytes.get(at..)?.first_chunk().map(|word| u64::from_le_bytes(*word));
+    let &[tables, s0, s1, s2, s3] = bytes.get(15..20).and_then(<[u8]>::first_chunk).ok_or_else(cut)?;
+    let expected = header.row_bytes().map(|row| header.count * row as u64);
+    let present = expected.iter().filter(|length| **length > 0).count();
+    if usize::from(tables) != present {
+        return Err(format!("has {tables} tables; {} Gaussians of degree {} have {present}", header.count, header.degree));
+    }
+    let sizes = u32::from_le_bytes([s0, s1, s2, s3]) as usize;
+    let mut next = sizes.checked_add(SIZES * present).filter(|end| sizes >= HEADER_OF_TABLES && *end <= bytes.len()).ok_or_else(cut)?;
+    let mut unpacked = [const { Vec::new() }; 6];
+    let mut row = sizes;
+    for (table, &length) in unpacked.iter_mut().zip(&expected).filter(|(_, length)| **length > 0) {
+        let (packed, promised) = number(row).zip(number(row + 8)).ok_or_else(cut)?;
+        row += SIZES;
+        if promised != length {
+            return Err(format!("has a table of {promised} bytes, and its {} Gaussians take {length}", header.count));
+        }
+        let end = usize::try_from(packed).ok().and_then(|packed| next.checked_add(packed)).filter(|end| *end <= bytes.len());
+        let end = end.ok_or_else(|| format!("has a table of {packed} packed bytes, and {} are left of the file", bytes.len() - next))?;
+        let bad = |e: String| format!("cannot be uncompressed, it is cut short or damaged: {e}");
+        let decoder = StreamingDecoder::new(&bytes[next..end]).map_err(|e| bad(e.to_string()))?;
+        // One byte more, to see that there is none.
+        decoder.take(length + 1).read_to_end(table).map_err(|e| bad(e.to_string()))?;
+        if table.len() as u64 != length {
+            return Err(bad(format!("a table has {} bytes and should have {length}", table.len())));
+        }
+        next = end;
+    }
+    gaussians(&header, unpacked.each_ref().map(Vec::as_slice), (bytes.len() - next) as u64)
+}
+
+/// Gaussians of tables that are as long as the header says.
+fn gaussians(header: &Header, tables: [&[u8]; 6], surplus: u64) -> Parsed<Gaussians> {
+    let (count, row_bytes) = (header.count as usize, header.row_bytes());
+    let mut notes = Vec::new();
+    if header.flags & ANTIALIASED != 0 {
+        notes.push("was trained for an antialiasing filter, which is not applied".to_owned());
+    }
+    if header.version == STREAMED && header.flags & EXTENDED != 0 {
+        notes.push("has extensions of its header, which are not read".to_owned());
+    }
+    if surplus > 0 {
+        notes.push(format!("has {surplus} bytes after its last Gaussian, which are not read"));
+    }
     let mut intake = Intake::new(header.degree, count, notes);
     for i in 0..count {
         let row = |table: usize| &tables[table][i * row_bytes[table]..][..row_bytes[table]];
@@ -113,13 +170,25 @@ impl Header {
             return Err("is no .spz file: it does not begin with the 16 bytes of a header of `NGSP`, under gzip or bare".into());
         };
         let version = u32::from_le_bytes([v0, v1, v2, v3]);
-        if !(1..=3).contains(&version) {
-            return Err(format!("is an .spz file of version {version}; versions 1, 2 and 3 can be read"));
+        if !(1..=STREAMED).contains(&version) {
+            return Err(format!("is an .spz file of version {version}; versions 1 to {STREAMED} can be read"));
         }
         if degree > 3 {
             return Err(format!("has spherical harmonics of degree {degree}; degrees 0 to 3 can be read"));
         }
         Ok(Header { version, count: u32::from_le_bytes([n0, n1, n2, n3]).into(), degree: degree.into(), fractional_bits, flags })
+    }
+
+    /// Bytes of all tables.
+    fn length(&self, most: u64) -> Parsed<u64> {
+        let length = self.count * self.row_bytes().iter().sum::<usize>() as u64;
+        if length > most {
+            return Err(format!(
+                "promises {} Gaussians, more than a file of its size can hold: they take {length} bytes, at most {most} are believed",
+                self.count
+            ));
+        }
+        Ok(length)
     }
 
     /// Of one Gaussian: position, opacity, colour, scales, rotation, harmonics.

@@ -25,7 +25,7 @@ fn is_ply(path: &Path) -> bool {
 fn read(path: &Path) -> Parsed<Gaussians> {
     let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
     match formats::reader(path) {
-        Some(Reader::Splats(parse)) if !is_ply(path) => match parse(&bytes)? {
+        Some(Reader::Splats(parse)) if !is_ply(path) => match parse(&bytes, Path::new(""))? {
             Splats::Gaussians(gaussians) => Ok(gaussians),
             Splats::Points(_) | Splats::Tree(_) => Err("holds points".into()),
         },
@@ -143,7 +143,7 @@ fn text_files_of_other_projects_are_read_or_refused() {
     );
     assert_eq!(
         read(&stored("malformed/ply/metalsplatter__beetle.ascii.ply")).unwrap_err(),
-        "element `vertex` has no number `rot_1`; a trained Gaussian needs x y z, f_dc_0 to 2, opacity, scale_0 to 2 and rot_0 to 3"
+        "element `vertex` has no number `rot_1`; a trained Gaussian needs x y z, f_dc_0 to 2, opacity, scale_0 to 2 and rot_0 to 3, of which 2D Gaussians lack scale_2"
     );
     for entry in std::fs::read_dir(stored("malformed/ply")).unwrap() {
         let _ = read(&entry.unwrap().path());
@@ -270,14 +270,18 @@ fn headers_that_lie_are_refused_at_once() {
         .contains("holds no Gaussians")
     );
     assert_eq!(refused(".ply", "ply\nformat ascii 1.0\nend_header\n"), "has no element `vertex`, so there are no Gaussians in it");
-    assert!(refused(".ply", file.replace("property float scale_2\n", "")).starts_with("element `vertex` has no number `scale_2`; "));
+    assert!(refused(".ply", file.replace("property float scale_1\n", "")).starts_with("element `vertex` has no number `scale_1`; "));
     assert!(
         refused(".ply", file.replace("property float rot_0\n", "property list uchar int rot_0\n"))
             .starts_with("element `vertex` has no number `rot_0`; ")
     );
     let other = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
     let sentence = crate::scene::Scene::load(other.path(), &crate::scene::Overrides::default()).unwrap_err().to_string();
-    assert!(sentence.contains("is of no known kind") && sentence.contains("Gaussians (.ply, .splat, .spz)"), "{sentence}");
+    assert!(
+        sentence.contains("is an OBJ file, which is a mesh; `splatsim sample` makes points of it")
+            && sentence.contains("Gaussians (.ply, .splat, .spz, .gltf, .glb)"),
+        "{sentence}"
+    );
     assert!(read(&stored("gone.ply")).unwrap_err().starts_with("cannot be read: "));
 }
 
@@ -466,7 +470,7 @@ fn spz_files_that_lie_are_refused() {
     assert_eq!(refused(".spz", ""), no_header);
     assert_eq!(refused(".spz", "NGSP"), no_header);
     assert_eq!(refused(".spz", gzip(b"something else, and more of it")), no_header);
-    assert_eq!(refused(".spz", spz_header(4, 1, 0, 0)), "is an .spz file of version 4; versions 1, 2 and 3 can be read");
+    assert_eq!(refused(".spz", spz_header(5, 1, 0, 0)), "is an .spz file of version 5; versions 1 to 4 can be read");
     assert_eq!(refused(".spz", spz_header(3, 1, 4, 0)), "has spherical harmonics of degree 4; degrees 0 to 3 can be read");
     assert_eq!(refused(".spz", spz_header(3, 0, 0, 0)), "holds no Gaussians");
     let promise = |count| gzip(&[spz_header(3, count, 3, 0), vec![0; 100]].concat());

@@ -1,4 +1,4 @@
-//! STL: reads triangles without materials, from the binary form (80 bytes, a count, 50 bytes a triangle) or from text. Normals in the file
+//! STL: reads triangles without materials, from the binary form (80 bytes, a count, 50 bytes a triangle) or from text, whose words may be in either case. Normals in the file
 //! are left aside: many writers leave them 0, and the corners say them too.
 
 use super::{Contents, GREY, Parsed, Raw};
@@ -8,14 +8,22 @@ use glam::DVec3;
 /// Bytes before the first triangle, and of each.
 const HEAD: usize = 84;
 const ROW: usize = 50;
+/// What some editors put before text in UTF-8.
+const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
 /// Reads the bytes of an STL file; the error is the second half of a sentence that begins with the file's name.
 pub(super) fn read(bytes: &[u8]) -> Parsed<Contents> {
     let promised = bytes.get(80..HEAD).map(|count| u32::from_le_bytes(count.try_into().expect("four bytes")) as usize);
+    let is_text = bytes
+        .strip_prefix(BYTE_ORDER_MARK)
+        .unwrap_or(bytes)
+        .trim_ascii_start()
+        .get(..5)
+        .is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
     // Binary files may begin with `solid` too; their length tells.
     let fits = promised.is_some_and(|count| bytes.len() == HEAD + ROW * count);
     match promised {
-        _ if bytes.starts_with(b"solid") && !fits => text(bytes),
+        _ if is_text && !fits => text(bytes),
         Some(count) => binary(&bytes[HEAD..], count),
         None => Err("is no STL file: it has neither the word `solid` nor the 84 bytes that a binary one begins with".into()),
     }
@@ -41,8 +49,11 @@ fn binary(rows: &[u8], promised: usize) -> Parsed<Contents> {
 fn text(bytes: &[u8]) -> Parsed<Contents> {
     let mut contents = Contents::default();
     let mut corners = Vec::new();
-    for (number, line) in bytes.split(|&byte| byte == b'\n').enumerate() {
-        let line = String::from_utf8_lossy(line);
+    // Old Macs end lines with the other of the two bytes alone.
+    let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
+    for (number, line) in bytes.split(|&byte| byte == end).enumerate() {
+        // Words may be in either case.
+        let line = String::from_utf8_lossy(line).to_lowercase();
         let words: Vec<&str> = line.split_ascii_whitespace().take(5).collect();
         let at = |sentence: String| format!("line {}: {sentence}", number + 1);
         match words.as_slice() {

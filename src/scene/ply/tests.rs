@@ -1,4 +1,5 @@
 use super::*;
+use crate::output::colour::srgb_decode;
 use proptest::prelude::*;
 use serde::Serialize;
 
@@ -77,15 +78,47 @@ fn one_cloud_written_in_three_ways_is_one_cloud() {
 }
 
 #[test]
-fn colours_are_decoded_from_integers_and_taken_linear_from_floats() {
+fn colours_are_codes_out_of_the_least_full_light_that_holds_them_all() {
     let colour = |kind: &str, row: &str| {
         let properties = format!("{XYZ}\nproperty {kind} diffuse_red\nproperty {kind} diffuse_green\nproperty {kind} diffuse_blue");
         splats(text(&properties, 1, &format!("0 0 0 {row}")).as_bytes())[0].rgb
     };
-    assert_eq!(colour("uchar", "0 128 255"), [0.0, srgb_decode(128.0 / 255.0), 1.0]);
-    assert_eq!(colour("ushort", "0 32768 65535"), [0.0, srgb_decode(32768.0 / 65535.0), 1.0]);
-    assert_eq!(colour("int", "-5 128 300"), [0.0, srgb_decode(128.0 / 255.0), 1.0]);
-    assert_eq!(colour("float", "0.25 nan 7"), [0.25, 0.5, 1.0]);
+    let code = |value: f64, full: f64| srgb_decode(value / full);
+    assert_eq!(colour("uchar", "0 128 255"), [0.0, code(128.0, 255.0), 1.0]);
+    assert_eq!(colour("char", "-128 -1 127"), [code(128.0, 255.0), 1.0, code(127.0, 255.0)]);
+    assert_eq!(colour("ushort", "0 32768 65535"), [0.0, code(32768.0, 65535.0), 1.0]);
+    assert_eq!(colour("ushort", "0 128 255"), [0.0, code(128.0, 255.0), 1.0]);
+    assert_eq!(colour("int", "-5 128 255"), [0.0, code(128.0, 255.0), 1.0]);
+    assert_eq!(colour("int", "-5 128 300"), [0.0, code(128.0, 65535.0), code(300.0, 65535.0)]);
+    assert_eq!(colour("uint", "0 65536 4294967295"), [0.0, code(65536.0, 4294967295.0), 1.0]);
+    assert_eq!(colour("float", "0.25 nan 1.5"), [code(0.25, 1.0), 0.5, 1.0]);
+    assert_eq!(colour("float", "0.25 -7 260"), [code(0.25, 255.0), 0.0, 1.0]);
+    assert_eq!(colour("double", "1000 65535 0"), [code(1000.0, 65535.0), 1.0, 0.0]);
+    // One number that no colour can be leaves the others as they are.
+    assert_eq!(colour("float", "0.25 inf 1e30"), [code(0.25, 1.0), 1.0, 1.0]);
+}
+
+#[test]
+fn a_comment_makes_colours_linear_light() {
+    let properties = format!("{XYZ}\nproperty float red\nproperty float green\nproperty float blue");
+    let file = text(&properties, 1, "0 0 0 0.25 nan 7").replace("element", "comment points; colours are linear light\nelement");
+    let cloud = parse(file.as_bytes()).unwrap();
+    assert_eq!((cloud.splats[0].rgb, cloud.notes.len()), ([0.25, 0.5, 1.0], 0));
+}
+
+#[test]
+fn opacities_have_a_full_number_of_their_own() {
+    let opacity = |kind: &str, row: &str| {
+        let properties = format!("{XYZ}\nproperty {kind} red\nproperty {kind} green\nproperty {kind} blue\nproperty {kind} alpha");
+        splats(text(&properties, 1, &format!("0 0 0 {row}")).as_bytes())[0].opacity
+    };
+    assert_eq!(opacity("uchar", "1 2 3 51"), 0.2);
+    assert_eq!(opacity("float", "200 100 50 1"), 1.0);
+    assert_eq!(opacity("float", "200 100 50 51"), 0.2);
+    assert_eq!(opacity("float", "0.5 0.5 0.5 0.25"), 0.25);
+    assert_eq!(opacity("ushort", "60000 0 0 13107"), 0.2);
+    assert_eq!(opacity("ushort", "60000 0 0 255"), 255.0 / 65535.0);
+    assert_eq!(opacity("ushort", "200 0 0 51"), 0.2);
 }
 
 #[test]

@@ -773,7 +773,7 @@ fn vti_without_an_active_array_takes_the_first_of_one_component() {
 fn a_broken_vti_ends_in_a_sentence() {
     check(vti_with("UInt8", "UInt8"), SampleType::U8);
     refused(vti_with("VTKFile", "svg"), &["no <VTKFile>"]);
-    refused(vti_with("type=\"ImageData\"", "type=\"PolyData\""), &["PolyData", "only ImageData"]);
+    refused(vti_with("type=\"ImageData\"", "type=\"PolyData\""), &["is a VTP file by its content"]);
     refused(vti_with("WholeExtent", "Extend"), &["`WholeExtent`"]);
     refused(vti_with("\"0 2 0 1 0 1\"", "\"0 2 0 1\""), &["`WholeExtent`", "6 whole numbers"]);
     refused(vti_with("\"0 2 0 1 0 1\"", "\"0 -1 0 1 0 1\""), &["`WholeExtent` is 0 × 2 × 2"]);

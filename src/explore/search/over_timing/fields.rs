@@ -5,7 +5,6 @@
 
 use crate::error::{Error, Result};
 use crate::hardware::machines;
-use crate::input;
 use crate::scene::strict_json;
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Memory, Organisation};
