@@ -85,7 +85,8 @@ impl Place {
         let [x, y, z] = [0, 1, 2].map(|i| columns[i] / lengths[i]);
         let skew = x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs());
         // NaN is no right angle either.
-        if !(skew <= SKEW && x.cross(y).dot(z) > 0.0) || !all.is_finite() {
+        let is_turn = skew <= SKEW && x.cross(y).dot(z) > 0.0;
+        if !is_turn || !all.is_finite() {
             return Err("its transform shears, mirrors or flattens; Gaussians can be turned, moved and scaled".into());
         }
         let longest = lengths.into_iter().fold(0.0, f64::max);
