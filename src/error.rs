@@ -37,7 +37,7 @@ impl Error {
 /// Letters of a word of a sentence, and of a sentence, at most. Paths have up to 4096 bytes, names in files megabytes: of longer ones beginning
 /// and end are told.
 const LONGEST_WORD: usize = 320;
-const LONGEST: usize = 2_400;
+const LONGEST: usize = 1_600;
 
 /// The sentence on one line, of a length that can be read, whatever names and paths it quotes.
 fn one_line(sentence: String) -> String {

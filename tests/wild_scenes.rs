@@ -3,7 +3,7 @@
 //! Drawn are kinds of splats alone and mixed, at other places, with mirrors, trees, cameras one and many, and any rules; on all named machines
 //! with fields changed, with and without a unit that reflects. Cases are the same in every run; `PROPTEST_CASES=10000` draws that many others.
 
-use crate::mutation::{differences, mutated, mutations};
+use crate::mutation::{Mutation, mutated, mutations};
 use crate::share;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -14,7 +14,7 @@ use splatsim::error::{Error, Result};
 use splatsim::hardware::{fixed, machines};
 use splatsim::run::detail::bounded;
 use splatsim::run::{self, Options, sequence};
-use splatsim::scene::{Overrides, Sequence};
+use splatsim::scene::{Overrides, Scene, Sequence};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -192,28 +192,39 @@ fn scenes() -> BoxedStrategy<Value> {
         .boxed()
 }
 
-/// Named machines with a unit that reflects, or none, and with any fields changed that leave a machine.
-fn machine() -> BoxedStrategy<Machine> {
-    let sight = select(vec![None, Some(false), Some(true)]);
-    (select(Machine::names().collect::<Vec<_>>()), sight, mutations(0..12))
-        .prop_map(|(name, along_rays, changes)| {
-            let reflect = along_rays.map(|along_rays| {
-                let mut words = json!({"sight": "axis", "facing": "I2F14", "direction": "I3F13",
-                    "reciprocal": {"table_bits": 8, "newton_steps": 1, "bits": 16}, "coordinate": "U1F12", "index_bits": 4,
-                    "fraction": "U1F7", "light": "U1F10", "reflectance": "U1F10"});
-                if along_rays {
-                    words["sight"] = json!("ray");
-                    words["slope"] = json!("I2F14");
-                }
-                format!("reflect={words}")
-            });
-            let machine = machines::load(name, &reflect.into_iter().collect::<Vec<_>>()).unwrap();
-            changes.iter().fold(machine, |machine, change| {
-                let other = mutated(&machine, change);
-                if other.elaborate().is_ok() { other } else { machine }
-            })
+/// How a machine is made: from a named one, or the one that a scene is drawn on where none is named; with a unit that reflects, along the axis or
+/// along rays, or none; and with any fields changed that leave a machine.
+#[derive(Clone, Debug)]
+struct Made {
+    name: Option<&'static str>,
+    along_rays: Option<bool>,
+    changes: Vec<Mutation>,
+}
+
+fn made() -> BoxedStrategy<Made> {
+    let name = prop::option::weighted(0.5, select(Machine::names().collect::<Vec<_>>()));
+    let parts = (name, select(vec![None, Some(false), Some(true)]), mutations(0..12));
+    parts.prop_map(|(name, along_rays, changes)| Made { name, along_rays, changes }).boxed()
+}
+
+impl Made {
+    fn machine(&self, scene: &Scene) -> Machine {
+        let reflect = self.along_rays.map(|along_rays| {
+            let mut words = json!({"sight": "axis", "facing": "I2F14", "direction": "I3F13",
+                "reciprocal": {"table_bits": 8, "newton_steps": 1, "bits": 16}, "coordinate": "U1F12", "index_bits": 4,
+                "fraction": "U1F7", "light": "U1F10", "reflectance": "U1F10"});
+            if along_rays {
+                words["sight"] = json!("ray");
+                words["slope"] = json!("I2F14");
+            }
+            format!("reflect={words}")
+        });
+        let machine = machines::load(self.name.unwrap_or(machines::usual(scene)), &reflect.into_iter().collect::<Vec<_>>()).unwrap();
+        self.changes.iter().fold(machine, |machine, change| {
+            let other = mutated(&machine, change);
+            if other.elaborate().is_ok() { other } else { machine }
         })
-        .boxed()
+    }
 }
 
 /// What came of a case.
@@ -229,8 +240,9 @@ struct Met {
 }
 
 /// Draws it as `run` does, in lockstep.
-fn draw(path: &Path, machine: &Machine, met: &mut Met) -> Result<()> {
+fn draw(path: &Path, made: &Made, met: &mut Met) -> Result<()> {
     let mut frames = Sequence::load(path, &Overrides::default(), None)?;
+    let machine = &made.machine(frames.scene());
     let elaborated = fixed::elaborate(machine)?;
     if frames.is_sequence() {
         sequence::check(&mut frames, machine)?;
@@ -265,10 +277,10 @@ fn every_scene_that_is_read_draws_on_every_machine_or_ends_in_a_sentence() {
     let seed = if given.is_some() { rand_seed() } else { [48; 32] };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &seed));
     let met = std::cell::Cell::new(Met::default());
-    let drawn = runner.run(&(scenes(), machine()), |(scene, machine)| {
+    let drawn = runner.run(&(scenes(), made()), |(scene, made)| {
         std::fs::write(&path, scene.to_string()).unwrap();
         let mut so_far = met.get();
-        let drawn = catch_unwind(AssertUnwindSafe(|| draw(&path, &machine, &mut so_far)));
+        let drawn = catch_unwind(AssertUnwindSafe(|| draw(&path, &made, &mut so_far)));
         let told = match drawn {
             Ok(Ok(())) => None,
             Ok(Err(Error::Input(sentence))) => {
@@ -279,9 +291,7 @@ fn every_scene_that_is_read_draws_on_every_machine_or_ends_in_a_sentence() {
             Err(_) => Some("a panic".into()),
         };
         met.set(so_far);
-        told.map_or(Ok(()), |told| {
-            Err(TestCaseError::fail(format!("{told}: {scene} on {} with {:#?}", machine.name, differences(&machine))))
-        })
+        told.map_or(Ok(()), |told| Err(TestCaseError::fail(format!("{told}: {scene} on {made:?}"))))
     });
     if let Err(TestError::Fail(why, _)) = drawn {
         panic!("{why}");
@@ -289,7 +299,8 @@ fn every_scene_that_is_read_draws_on_every_machine_or_ends_in_a_sentence() {
     let met = met.get();
     let kinds = [met.drawn, met.mixed, met.mirrors, met.trees, met.sequences, met.windows];
     println!("{met:?}");
-    assert!(met.drawn > cases as usize / 5 && kinds.iter().all(|count| *count > 0), "{met:?}");
+    // Few cases need not meet every kind.
+    assert!(cases < 200 || met.drawn > cases as usize / 5 && kinds.iter().all(|count| *count > 0), "{met:?}");
 }
 
 fn rand_seed() -> [u8; 32] {
