@@ -307,6 +307,20 @@ fn requests_are_written_in_the_order_of_cycles_and_hold_all_traffic() {
     assert_eq!([ramulator.lines().count(), dramsim.lines().count()], [bursts as usize; 2]);
     let cycles: Vec<u64> = dramsim.lines().map(|line| line.split(' ').nth(2).unwrap().parse().unwrap()).collect();
     assert!(cycles.is_sorted() && cycles[0] == 0);
+    // The map has every address, and a small device holds all of them.
+    let map: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(out.path().join("requests.json")).unwrap()).unwrap();
+    let number = |value: &serde_json::Value, name: &str| value[name].as_u64().unwrap_or_else(|| panic!("{name}: {value}"));
+    let regions = map["regions"].as_array().unwrap();
+    let addresses: Vec<u64> = dramsim.lines().map(|line| u64::from_str_radix(line[2..].split(' ').next().unwrap(), 16).unwrap()).collect();
+    let is_in =
+        |at: u64| regions.iter().any(|region| (number(region, "base")..number(region, "base") + number(region, "bytes")).contains(&at));
+    assert!(addresses.iter().all(|at| is_in(*at)));
+    assert_eq!((number(&map, "bursts"), number(&map, "clock_hz")), (bursts, report["cycles"]["clock_hz"].as_u64().unwrap()));
+    let end = addresses.iter().max().unwrap() + number(&map, "burst_bytes");
+    assert!(end <= number(&map, "address_bytes") && number(&map, "address_bytes") <= number(&map, "device_bytes"));
+    // No more than the traffic could touch, in whole rows.
+    assert!(number(&map, "device_bytes") < 1 << 26, "{map}");
+    assert!(regions.windows(2).all(|pair| number(&pair[0], "base") + number(&pair[0], "bytes") == number(&pair[1], "base")), "{map}");
     for (load, read) in ramulator.lines().zip(dramsim.lines()) {
         let (load, read) = (load.split_once(' ').unwrap(), read.split(' ').collect::<Vec<_>>());
         assert_eq!((load.1, load.0 == "LD"), (read[0], read[1] == "READ"));

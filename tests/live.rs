@@ -122,7 +122,18 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
     gauss.step(&trace.records("gauss.in")[0]).unwrap();
     let weight = trace.records("gauss.out")[0][0];
     let sentence = gauss.compare(Side::Out, &[weight + 1]).unwrap_err();
-    assert_eq!(sentence, format!("gauss.out: record 0: field weight is {}, and the model's is {weight}", weight + 1));
+    let given = &trace.records("gauss.in")[0];
+    let from = format!("made from record 0 of gauss.in: radial {}, amplitude {}", given[0], given[1]);
+    assert_eq!(sentence, format!("gauss.out: record 0: field weight is {}, and the model's is {weight}; {from}", weight + 1));
+    // Of many records the very one, and of one too many the last that was given.
+    for words in trace.records("gauss.in").iter().take(30) {
+        gauss.step(words).unwrap();
+    }
+    let outs = trace.records("gauss.out");
+    (0..20).for_each(|at| gauss.compare(Side::Out, &outs[at]).unwrap());
+    assert!(gauss.compare(Side::Out, &[outs[20][0] + 1]).unwrap_err().contains("made from record 21 of gauss.in: "));
+    (21..30).for_each(|at| gauss.compare(Side::Out, &outs[at]).unwrap());
+    assert!(gauss.compare(Side::Out, &outs[0]).unwrap_err().contains("the last record that it took is record 30 of gauss.in: "));
     // What means nothing is not compared.
     let mut ellipse = Scoreboard::new(&constants, "ellipse", 1).unwrap();
     let (inputs, outputs) = (trace.records("ellipse.in"), trace.records("ellipse.out"));
@@ -482,6 +493,52 @@ fn random_records_are_mostly_taken() {
     for constants in FRAMES.iter() {
         for name in constants.units() {
             assert!(survives(constants, name, &seeds) > 10, "{name}");
+        }
+    }
+}
+
+#[test]
+fn the_filter_passes_over_what_writememh_writes_beside_records() {
+    let lines: Vec<String> = text_of("gauss.in.hex").lines().take(20).map(str::to_owned).collect();
+    let plain = filtered("gauss", &[], lines.join("\n") + "\n");
+    let commented = format!("// 0x00000000\n@0\n{}\n/* 10:\n1f */\n@a\n{} // end\n", lines[..10].join("\n"), lines[10..].join("\n"));
+    let again = filtered("gauss", &[], commented);
+    assert!(again.status.success() && again.stdout == plain.stdout, "{}", String::from_utf8_lossy(&again.stderr));
+    let gap = filtered("gauss", &[], format!("{}\n@7\n", lines[0]));
+    assert_eq!(gap.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&gap.stderr).contains("line 2: the address is @7, and the next record is 1"));
+}
+
+#[test]
+fn the_words_of_a_record_are_those_that_the_machine_rounds() {
+    let folder = tempfile::tempdir().unwrap();
+    for unit in ["project", "ellipse", "raster", "gauss", "shade", "resolve", "fragment"] {
+        let file = folder.path().join(format!("{unit}.csv"));
+        let output = filtered(unit, &["--words", file.to_str().unwrap()], text_of(&format!("{unit}.in.hex")));
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        // The answers are what they are without it.
+        assert_eq!(says(&output), text_of(&format!("{unit}.out.hex")), "{unit}");
+        let text = std::fs::read_to_string(&file).unwrap();
+        let mut lines = text.lines();
+        assert_eq!(lines.next(), Some("record,signal,bits,value,lost"));
+        let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+        // A normal leaves ellipse in the word that fragment sums.
+        let is_own = |signal: &str| signal.starts_with(&format!("{unit}.")) || unit == "ellipse" && signal == "fragment.normal";
+        assert!(rows.iter().all(|row| row.len() == 5 && is_own(row[1])), "{unit}");
+        let records: std::collections::BTreeSet<usize> = rows.iter().map(|row| row[0].parse().unwrap()).collect();
+        if unit != "fragment" && unit != "resolve" {
+            assert_eq!(records.len(), text_of(&format!("{unit}.in.hex")).lines().count(), "{unit}");
+        }
+        if unit == "gauss" {
+            // The last word of each record is the one that leaves the unit.
+            let out = text_of("gauss.out.hex");
+            let last = |record: usize| rows.iter().rfind(|row| row[0] == record.to_string() && row[1] == "gauss.weight").unwrap()[2];
+            assert!(out.lines().enumerate().all(|(record, line)| last(record) == line));
+        }
+        if unit == "raster" {
+            let of_first: Vec<&str> = rows.iter().filter(|row| row[0] == "0").map(|row| row[1]).collect();
+            assert_eq!(of_first.iter().filter(|signal| **signal == "raster.offset").count(), 2, "{of_first:?}");
+            assert_eq!(of_first.iter().filter(|signal| **signal == "raster.gradient").count(), 2, "{of_first:?}");
         }
     }
 }

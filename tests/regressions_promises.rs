@@ -12,7 +12,7 @@ use rtl_model::num::Format;
 use serde_json::json;
 use splatsim::accuracy::attribution::attribute;
 use splatsim::accuracy::{Lockstep, lockstep};
-use splatsim::cosim::trace::{Window, trace};
+use splatsim::cosim::trace::{Origin, Window, trace};
 use splatsim::explore::search;
 use splatsim::golden::{Rules, ideal, render};
 use splatsim::hardware::quantise::quantise;
@@ -281,7 +281,7 @@ fn made_up(name: &str, scene: &Scene, word: &str, format: Format) -> Result<bool
     let machine = with_format(&Machine::named(name).unwrap(), word, format);
     let folder = tempfile::tempdir().unwrap();
     let window = Window { stimulus: Some(0), ..Window::default() };
-    let made = catch_unwind(AssertUnwindSafe(|| trace(scene, None, &machine, &window, folder.path())));
+    let made = catch_unwind(AssertUnwindSafe(|| trace(scene, Origin::default(), &machine, &window, folder.path())));
     match made {
         Ok(Ok(_)) => Ok(true),
         // A sentence.

@@ -17,7 +17,7 @@ use rtl_model::timing::{self, Detail};
 use rtl_model::{Machine, pipeline};
 use serde_json::json;
 use share::Share;
-use splatsim::cosim::diff::{Zeros, diff};
+use splatsim::cosim::diff::{How, Order, Zeros, diff};
 use splatsim::cosim::trace::Window;
 use splatsim::hardware::fixed;
 use splatsim::hardware::machines::changed;
@@ -99,7 +99,7 @@ fn fault(trace: &Traced, unit: Unit, given: &Given) -> Option<String> {
     if !given.last.starts_with("bench: done") {
         return Some(given.last.clone());
     }
-    match diff(&trace.folder, &outputs(unit, given), Zeros::Compared) {
+    match diff(&trace.folder, &outputs(unit, given), How { zeros: Zeros::Compared, order: Order::Trace }) {
         Ok(outcome) if outcome.equal => None,
         Ok(outcome) => Some(outcome.sentence),
         Err(error) => Some(error.to_string()),
@@ -338,9 +338,55 @@ fn the_least_testbench_runs_in_one_command() {
     if !have(&["iverilog"], "traces/testbench.sh") {
         return;
     }
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/testbench.sh");
-    let output = run(Command::new("sh").arg(script));
-    assert!(String::from_utf8_lossy(&output.stdout).trim_end().ends_with("records equal"));
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let kept = tempfile::tempdir().unwrap();
+    let file = kept.path().join("raster.out.hex");
+    let output = run(Command::new("sh").arg(root.join("traces/testbench.sh")).arg(&file));
+    let told = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(told.contains("615 records equal\n") && told.contains(&format!("splatsim diff traces/knot raster.out {}", file.display())));
+    // What it writes is a file for `diff`.
+    let compared = diff(&root.join("traces/knot"), &[("raster.out".to_owned(), file)], How { order: Order::Trace, ..How::default() });
+    assert!(compared.unwrap().equal);
+}
+
+/// The blocks of the page *Check your RTL in ten minutes*, by the comments that they begin with.
+fn blocks_of_ten_minutes() -> Vec<(String, String)> {
+    let page = include_str!("../docs/book/check-rtl.md");
+    let blocks = page.split("```bash\n# ").skip(1).map(|rest| rest.split_once("\n```").unwrap().0);
+    blocks.map(|block| (block.split([':', '\n']).next().unwrap().to_owned(), format!("# {block}\n"))).collect()
+}
+
+#[test]
+fn the_page_of_ten_minutes_leads_from_a_trace_to_the_first_difference() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let program = Path::new(env!("CARGO_BIN_EXE_splatsim")).parent().unwrap();
+    let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
+    let here = tempfile::tempdir().unwrap();
+    for folder in ["traces", "rtl_model"] {
+        std::os::unix::fs::symlink(root.join(folder), here.path().join(folder)).unwrap();
+    }
+    let blocks = blocks_of_ten_minutes();
+    let told = |name: &str| {
+        let (_, block) = blocks.iter().find(|(other, _)| other == name).unwrap_or_else(|| panic!("no block {name}"));
+        let output = run(Command::new("bash").args(["-euo", "pipefail", "-c", block]).env("PATH", &path).current_dir(here.path()));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert_eq!(told("trace"), "");
+    // The block of cocotb is run by test_cocotb.py.
+    for (tool, tools) in [("Icarus", &["iverilog"][..]), ("Verilator", &["verilator"]), ("Yosys", &["yosys", "iverilog"])] {
+        if !have(tools, &format!("{tool} in the page of ten minutes")) {
+            continue;
+        }
+        let _ = std::fs::remove_file(here.path().join("device.hex"));
+        told(tool);
+        assert_eq!(told("diff"), "raster.out: 615 records equal\n", "{tool}");
+        let fault = told("a fault");
+        let page = include_str!("../docs/book/check-rtl.md");
+        assert!(page.contains(&format!("```text\n{}\n```", fault.lines().next().unwrap())), "{fault}");
+        for part in ["raster.offset", "raster.gradient", "made from, raster.in record", "splatsim trace"] {
+            assert!(fault.contains(part), "{part}: {fault}");
+        }
+    }
 }
 
 #[test]
@@ -1201,7 +1247,7 @@ fn what_must_be_zero_is_zero() {
     mutated(&mutant, folder.path());
     let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit("ellipse"), 16);
     let given = device.drive(None, expected(&trace, unit("ellipse")), &[]);
-    let compared = |zeros| diff(&trace.folder, &outputs(unit("ellipse"), &given), zeros).unwrap();
+    let compared = |zeros| diff(&trace.folder, &outputs(unit("ellipse"), &given), How { zeros, order: Order::Trace }).unwrap();
     assert!(compared(Zeros::Ignored).equal);
     assert!(!compared(Zeros::Compared).equal);
 }

@@ -997,3 +997,136 @@ fn waves_show_the_words_of_all_units() {
         assert!(seen >= if case == "one unit" { 1 } else { 6 }, "{case}: {seen} units");
     }
 }
+
+/// What happened to words, as README's *Keys* says it: bits of flags from the losses that the machine's own arithmetic reports.
+#[derive(Default)]
+struct Losses(i64);
+
+impl rtl_model::probe::Observer<'static> for Losses {
+    fn fork(&self) -> Box<dyn rtl_model::probe::Observer<'static>> {
+        Box::new(Losses::default())
+    }
+    fn hand_over(self: Box<Self>) -> Box<dyn std::any::Any + Send> {
+        self
+    }
+    fn take_over(&mut self, _seen: Box<dyn std::any::Any + Send>) {}
+    fn word(&mut self, fit: &rtl_model::num::Fit, exact: i64, more: i64, _word: i64) {
+        let loss = fit.loss(exact, more);
+        let [inexact, low, high, wrapped] = [loss.inexact, loss.saturated_low, loss.saturated_high, loss.wrapped].map(i64::from);
+        self.0 |= inexact | low << 1 | high << 2 | wrapped << 3;
+    }
+    fn wrapped(&mut self, _signal: usize) {
+        self.0 |= 8;
+    }
+}
+
+const FLAGS: usize = 5;
+
+/// Flags of every record of these streams are those of its words; returns how many records of each have which.
+fn flags_are_those_of_the_words(
+    trace: &Traced,
+    elaborated: &rtl_model::Elaborated,
+    frame: &rtl_model::Frame,
+) -> BTreeMap<(String, i64), usize> {
+    let mut met = BTreeMap::new();
+    let size_px = [frame.width, frame.height];
+    let streams = ["gauss.out", "raster.in", "shade.out", "ellipse.in", "ellipse.out", "project.out", "fragment.out"];
+    let all: BTreeMap<&str, Vec<Vec<i64>>> = streams.into_iter().map(|stream| (stream, trace.keys(stream))).collect();
+    let (weights, places, made) = (trace.records("gauss.out"), trace.records("project.in"), trace.records("ellipse.out"));
+    let mut check = |stream: &str, record: usize, wanted: i64| {
+        let flags = all[stream][record][FLAGS];
+        assert_eq!(flags, wanted, "{stream} record {record}");
+        *met.entry((stream.to_owned(), flags)).or_insert(0) += 1;
+    };
+    let of = |run: &dyn Fn(&mut Losses)| {
+        let mut losses = Losses::default();
+        run(&mut losses);
+        losses.0
+    };
+    let sampled = |stream: &str| {
+        let records = trace.records(stream);
+        let step = records.len() / 200 + 1;
+        records.into_iter().enumerate().step_by(step)
+    };
+    for (record, input) in sampled("gauss.in") {
+        let cut_off = if weights[record] == [0] { 16 } else { 0 };
+        check("gauss.out", record, cut_off | of(&|losses| _ = unit_replay::gauss(elaborated, array(&input), losses)));
+    }
+    for (record, input) in sampled("raster.in") {
+        // One box's flags are those of all its tiles.
+        check("raster.in", record, of(&|losses| _ = unit_replay::raster(elaborated, &frame.view, size_px, array(&input[1..]), losses)));
+    }
+    for (record, sums) in sampled("shade.in") {
+        let input = shade::Input {
+            weight: sums[0],
+            colour: array(&sums[1..4]),
+            opacity: sums[4],
+            normal: array(&sums[5..8]),
+            material: sums[8] as u32,
+            pixel: [0; 2],
+        };
+        check("shade.out", record, of(&|losses| _ = unit_replay::shade(elaborated, frame, &input, losses)));
+    }
+    for (record, input) in sampled("ellipse.in") {
+        let own = of(&|losses| _ = unit_replay::ellipse(elaborated, &frame.view, size_px, array(&input), losses));
+        let projected = all["ellipse.in"][record][PARENT] as usize;
+        let parent = all["project.out"][projected][PARENT] as usize;
+        let place = &places[parent];
+        let before = of(&|losses| _ = unit_replay::project(elaborated, frame, array(&place[..3]), 0, losses));
+        let culled = if made[record][..3] == [0; 3] { 0 } else { 16 };
+        check("ellipse.out", record, own | before | culled);
+        check("project.out", projected, own | before);
+    }
+    for (record, output) in sampled("fragment.out") {
+        let [merged, evicted] = [2, 3].map(|outcome| output[2] == outcome);
+        assert_eq!(all["fragment.out"][record][FLAGS] >> 4, i64::from(merged) << 1 | i64::from(evicted) << 2);
+    }
+    met
+}
+
+#[test]
+fn made_up_records_have_the_flags_that_a_scene_s_have() {
+    let text = cloud(60, 24);
+    let machine = machine("tiny", &[]);
+    let (elaborated, frame) = (machine.elaborate().unwrap(), frame(&text, &machine));
+    flags_are_those_of_the_words(&traced(&text, &machine, &Window::default()), &elaborated, &frame);
+    let made_up = traced(&text, &machine, &Window { stimulus: Some(100), ..Window::default() });
+    let met = flags_are_those_of_the_words(&made_up, &elaborated, &frame);
+    for stream in ["gauss.out", "ellipse.out", "shade.out"] {
+        let saturated = met.iter().filter(|((of, flags), _)| of == stream && flags & 6 != 0).map(|(_, count)| count).sum::<usize>();
+        assert!(saturated > 0, "{stream}: nothing saturates in {met:?}");
+    }
+    // As often as coverage.csv has limits of the only word of the table's product.
+    let coverage = std::fs::read_to_string(made_up.path("coverage.csv")).unwrap();
+    let limits = |case: &str| -> usize {
+        let row = coverage.lines().find(|row| row.starts_with(&format!("gauss.weight,\"{case}\""))).unwrap();
+        row.rsplit(',').next().unwrap().parse().unwrap()
+    };
+    let high = made_up.keys("gauss.out").iter().filter(|key| key[FLAGS] & 4 != 0).count();
+    assert!(high >= limits("high limit"), "{high} {}", limits("high limit"));
+}
+
+#[test]
+fn waves_behind_the_end_of_a_frame_come_with_a_sentence() {
+    let text = cloud(20, 16);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.json");
+    std::fs::write(&path, &text).unwrap();
+    let scene = Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap();
+    let told = |cycles: [u64; 2]| {
+        let window = Window { waves: Some(cycles), ..Window::default() };
+        let origin = splatsim::cosim::trace::Origin::default();
+        splatsim::cosim::trace::trace(&scene, origin, &machine("tiny", &[]), &window, &folder.path().join("trace")).unwrap().table()
+    };
+    let behind = told([9_000_000, 9_000_100]);
+    let last: u64 = behind
+        .split_once("the last item of the frame is taken in cycle ")
+        .map(|(_, rest)| rest.replace('\n', " "))
+        .unwrap()
+        .trim()
+        .parse()
+        .unwrap();
+    assert!(behind.contains("--waves 9000000..9000100: no unit takes an item"), "{behind}");
+    // One cycle earlier there is something.
+    assert!(!told([last, last + 1]).contains("no unit takes") && told([last + 1, last + 2]).contains("no unit takes"));
+}

@@ -1,6 +1,8 @@
-// Testbench: plays recorded records into the raster and checks what it gives: the least that a trace needs. Run it with testbench.sh.
+// Testbench: plays recorded records into the raster, checks what it gives and writes that down: the least that a trace needs. Run it with
+// testbench.sh.
 //
 //   raster.in.hex ─► s ─►( raster )─► m ─► raster.out.hex, record by record
+//                                      └─► the file of +out=FILE, a record per line, for `splatsim diff`
 
 `timescale 1ns / 1ps
 `default_nettype none
@@ -20,6 +22,8 @@ module testbench;
   integer seen = 0;
   integer wrong = 0;
   integer cycles = 0;
+  reg [8*1024-1:0] path;
+  integer given = 0;
 
   wire s_valid = !rst && sent < IN_RECORDS;
   wire s_ready;
@@ -43,6 +47,7 @@ module testbench;
     $readmemh("frame.hex", frame);
     $readmemh("raster.in.hex", in);
     $readmemh("raster.out.hex", out);
+    if ($value$plusargs("out=%s", path)) given = $fopen(path, "w");
   end
 
   always #5 clk = !clk;
@@ -52,6 +57,8 @@ module testbench;
     cycles <= cycles + 1;
     if (s_valid && s_ready) sent <= sent + 1;
     if (m_valid) begin
+      // As many digits as the record has: %h writes them all.
+      if (given != 0) $fdisplay(given, "%h", m_data);
       if (seen >= OUT_RECORDS || m_data !== out[seen]) begin
         if (wrong == 0) $display("record %0d: %h expected, %h given", seen, out[seen], m_data);
         wrong <= wrong + 1;

@@ -1,14 +1,15 @@
 //! Diff: compares a device's output with a trace, and names the first mismatch.
 
 use super::arguments::pretty;
-use crate::cosim::diff::{self, Zeros};
+use crate::cosim::diff::{self, How, Order, Zeros};
 use crate::error::{Error, Result};
 use clap::Args;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
 /// End of the help text.
-pub(super) const HELP: &str = "Streams whose order counts at each pixel only may come in another.\n\
+pub(super) const HELP: &str = "Streams whose order counts at each pixel only may come in another. A file in\n\
+    the order of tiles is compared in it, and a sentence says so; --order decides.\n\
     What means nothing in a record, as the pixel of a culled splat, must be 0:\n\
     --strict compares it.\n\
     Exit status 0 where all is equal, 1 where it is not, 2 where a file is malformed";
@@ -24,9 +25,23 @@ pub(super) struct Typed {
     /// Compare fields that must be 0 too
     #[arg(long)]
     strict: bool,
+    /// Order of records [default: trace, or tiles where they are in that]
+    #[arg(long, value_name = "ORDER", value_enum)]
+    order: Option<Typable>,
     /// Print JSON instead of text
     #[arg(long)]
     json: bool,
+}
+
+/// An order, as it is typed.
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+enum Typable {
+    /// As the trace has them
+    Trace,
+    /// Tile by tile, as a binned design gives them
+    Tiles,
+    /// Any: by tag and pixel
+    Any,
 }
 
 /// A comparison that can be made.
@@ -34,7 +49,7 @@ pub(super) struct Job {
     folder: PathBuf,
     /// Streams, and a device's records of each.
     outputs: Vec<(String, PathBuf)>,
-    zeros: Zeros,
+    how: How,
     json: bool,
 }
 
@@ -46,13 +61,18 @@ impl Typed {
         }
         let outputs = pairs.iter().map(|[stream, file]| (stream.to_string_lossy().into_owned(), file.into())).collect();
         let zeros = if self.strict { Zeros::Compared } else { Zeros::Ignored };
-        Ok(Job { folder: self.folder, outputs, zeros, json: self.json })
+        let order = self.order.map_or(Order::Auto, |order| match order {
+            Typable::Trace => Order::Trace,
+            Typable::Tiles => Order::Tiles,
+            Typable::Any => Order::Any,
+        });
+        Ok(Job { folder: self.folder, outputs, how: How { zeros, order }, json: self.json })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let outcome = diff::diff(&self.folder, &self.outputs, self.zeros)?;
+        let outcome = diff::diff(&self.folder, &self.outputs, self.how)?;
         let text = if self.json { pretty(&outcome.json)? } else { outcome.text };
         if outcome.equal {
             return Ok(text);

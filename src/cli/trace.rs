@@ -2,14 +2,14 @@
 
 use super::arguments::{Common, Corners, Span};
 use crate::cosim::trace;
-use crate::cosim::trace::Window;
+use crate::cosim::trace::{Origin, Window};
 use crate::error::Result;
 use crate::output::text::{one_line, wrapped};
 use crate::scene::Scene;
 use clap::Args;
 use rtl_model::Machine;
 use std::ffi::OsString;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// End of the help text.
 pub(super) const HELP: &str = "Units: pipeline, project, ellipse, sort (of Gaussians), raster, gauss, fragment,\n\
@@ -57,6 +57,9 @@ pub(super) struct Typed {
 pub(super) struct Job {
     scene: Scene,
     text: Option<String>,
+    /// The file, with its whole path, or the built-in name.
+    source: Option<String>,
+    frame: usize,
     machine: Machine,
     window: Window,
     out: PathBuf,
@@ -76,15 +79,19 @@ impl Typed {
             waves: self.waves.map(|Span(cycles)| cycles.map(u64::from)),
             seed: self.seed,
         };
-        // The file by itself stands for the first frame.
-        let text = if self.common.frame.unwrap_or(0) == 0 { Scene::text(&self.scene) } else { None };
-        Ok(Job { scene, text, machine, window, out: self.out, quiet: self.quiet })
+        let frame = self.common.frame.unwrap_or(0);
+        let path = Path::new(&self.scene);
+        // A device's records may be compared in another folder.
+        let source = if path.exists() { std::path::absolute(path).ok() } else { Some(path.to_owned()) };
+        let source = source.and_then(|source| source.to_str().map(str::to_owned));
+        Ok(Job { text: Scene::text(&self.scene), source, frame, scene, machine, window, out: self.out, quiet: self.quiet })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let written = trace::trace(&self.scene, self.text.as_deref(), &self.machine, &self.window, &self.out)?;
+        let origin = Origin { text: self.text.as_deref(), source: self.source.as_deref(), frame: self.frame };
+        let written = trace::trace(&self.scene, origin, &self.machine, &self.window, &self.out)?;
         let folder = one_line(&self.out.to_string_lossy());
         let end = wrapped(&format!("written to {folder}; README.md there says what each file is"));
         Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", written.table()) })

@@ -2,11 +2,14 @@
 
 use super::arguments::Common;
 use crate::cosim::live::{Constants, Port, Record, Refused, Unit};
+use crate::cosim::trace::without_comment;
+use crate::cosim::words::{self, Word};
 use crate::error::{Error, Result};
 use crate::input;
 use crate::output::text::one_line;
 use clap::Args;
 use std::ffi::OsString;
+use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
@@ -43,6 +46,9 @@ pub(super) struct Typed {
     /// Write what fragment's pixels hold in the end
     #[arg(long, value_name = "FILE")]
     held: Option<PathBuf>,
+    /// Write all intermediate words of each record
+    #[arg(long, value_name = "FILE")]
+    words: Option<PathBuf>,
     #[command(flatten)]
     pub common: Common,
 }
@@ -56,6 +62,7 @@ pub(super) struct Job {
     answers: Option<PathBuf>,
     requests: Option<PathBuf>,
     held: Option<PathBuf>,
+    words: Option<PathBuf>,
 }
 
 /// What records look like.
@@ -72,6 +79,10 @@ struct Lines<R> {
     text: R,
     /// Number of the line that was read last, from 1.
     number: u64,
+    /// Records that were read.
+    records: u64,
+    /// A comment of several lines is open.
+    is_inside: bool,
 }
 
 /// A file with a record a line that is written as it grows. What was in it stays until there is something to write, or nothing was wrong.
@@ -97,8 +108,8 @@ impl Typed {
             }
         }
         let form = if self.json { Form::Json } else { Form::Hex };
-        let Typed { name, groups, answers, requests, held, .. } = self;
-        Ok(Job { name, constants, form, groups, answers, requests, held })
+        let Typed { name, groups, answers, requests, held, words, .. } = self;
+        Ok(Job { name, constants, form, groups, answers, requests, held, words })
     }
 }
 
@@ -116,8 +127,36 @@ impl<R: BufRead> Lines<R> {
         Error::input(format!("{}: line {}: {refused}", self.name, self.number))
     }
 
-    /// The next line without its end; none where there is no more.
+    /// The next line without its end; none where there is no more. Comments and addresses of `$writememh` are passed over.
     fn next(&mut self) -> Result<Option<String>> {
+        while let Some(line) = self.next_line()? {
+            let line = match self.form {
+                Form::Hex => without_comment(&line, &mut self.is_inside),
+                Form::Json => Some(line),
+            };
+            match line {
+                Some(line) if self.is_address(&line)? => {}
+                Some(line) => {
+                    self.records += u64::from(!line.is_empty());
+                    return Ok(Some(line));
+                }
+                None => {}
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether a line is the address of the next record, as `@1f`.
+    fn is_address(&self, line: &str) -> Result<bool> {
+        let Some(address) = line.strip_prefix('@') else { return Ok(false) };
+        if u64::from_str_radix(address.trim(), 16).ok() == Some(self.records) {
+            return Ok(true);
+        }
+        let sentence = format!("the address is {line}, and the next record is {:x} (hexadecimal)", self.records);
+        Err(self.refuse(&Refused { field: None, sentence }))
+    }
+
+    fn next_line(&mut self) -> Result<Option<String>> {
         let mut line = Vec::new();
         let read = self.text.by_ref().take(LONGEST).read_until(b'\n', &mut line);
         let read = read.map_err(|e| Error::input(format!("{}: cannot be read: {e}", self.name)))?;
@@ -146,7 +185,7 @@ impl Lines<BufReader<File>> {
     fn open(path: &Path, form: Form) -> Result<Self> {
         let name = one_line(&path.to_string_lossy());
         let file = input::open(path).map_err(|e| Error::input(format!("{name}: cannot be read: {e}")))?;
-        Ok(Lines { name, form, text: BufReader::new(file), number: 0 })
+        Ok(Lines { name, form, text: BufReader::new(file), number: 0, records: 0, is_inside: false })
     }
 }
 
@@ -169,10 +208,23 @@ impl Written {
     }
 
     fn write(&mut self, port: &Port, records: &[Record]) -> Result<()> {
-        self.begin()?;
         let mut text = Vec::new();
         records.iter().for_each(|words| self.form.write(port, words, &mut text));
-        self.file.write_all(&text).map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.name)))
+        self.write_text(&text)
+    }
+
+    fn write_text(&mut self, text: &[u8]) -> Result<()> {
+        self.begin()?;
+        self.file.write_all(text).map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.name)))
+    }
+
+    /// Writes a line for each word that a record made: which record, the signal, its bits, its value, what was lost.
+    fn write_words(&mut self, record: u64, words: &[Word]) -> Result<()> {
+        let mut text = String::new();
+        for word in words {
+            let _ = writeln!(text, "{record},{},{},{},{}", word.signal, word.hex(), word.value(), word.events.join(" "));
+        }
+        self.write_text(text.as_bytes())
     }
 }
 
@@ -227,16 +279,35 @@ impl Job {
         let requests = self.requests.as_deref().map(|path| Written::open(path, self.form)).transpose()?;
         let answers = self.answers.as_deref().map(|path| Lines::open(path, self.form)).transpose()?;
         let mut held = self.held.as_deref().map(|path| Written::open(path, self.form)).transpose()?;
+        let mut noted = self.words.as_deref().map(|path| Written::open(path, self.form)).transpose()?;
+        if let Some(noted) = &mut noted {
+            noted.write_text(b"record,signal,bits,value,lost\n")?;
+        }
         let mut shading = Shading { constants: &self.constants, ports: unit.shade.clone(), answers, requests, asked: 0, fault: None };
-        let mut input = Lines { name: "standard input".into(), form: self.form, text: std::io::stdin().lock(), number: 0 };
+        let mut input = Lines {
+            name: "standard input".into(),
+            form: self.form,
+            text: std::io::stdin().lock(),
+            number: 0,
+            records: 0,
+            is_inside: false,
+        };
         let mut is_open = true;
         while is_open {
             let line = input.next()?;
             is_open = line.is_some();
             let out = match line {
                 Some(line) if !line.is_empty() || !unit.has_state() => {
-                    let words = input.record(&unit.input, &line)?;
-                    unit.step(&words, &mut |request| shading.answer(request)).map_err(|refused| input.refuse(&refused))?
+                    let record = input.record(&unit.input, &line)?;
+                    let mut shade = |request: &[i64]| shading.answer(request);
+                    match &mut noted {
+                        None => unit.step(&record, &mut shade).map_err(|refused| input.refuse(&refused))?,
+                        Some(noted) => {
+                            let (out, made) = words::step(&mut unit, &record, &mut shade).map_err(|refused| input.refuse(&refused))?;
+                            noted.write_words(input.records - 1, &made)?;
+                            out
+                        }
+                    }
                 }
                 _ => {
                     let end = unit.end(&mut |request| shading.answer(request)).map_err(|refused| input.refuse(&refused))?;

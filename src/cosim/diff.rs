@@ -2,22 +2,33 @@
 //!
 //! ```text
 //! trace ─► expected records ─┐
-//!                            ├─► pairs by the stream's order ─► first mismatch, field by field, with what led to it; how many more
+//!                            ├─►( order )─►( align )─► missing, surplus, moved, different ─► the first of them, with what led to it
 //! device ─► lines, checked ──┘
 //! ```
-//! A stream whose order counts is compared record by record, and brought into step again behind a record that is missing, surplus or
-//! swapped with its neighbour; one whose order counts at each pixel only, pixel by pixel.
+//! Records that have a tag or a pixel are paired by it, others by an edit script ([`align`]). Where the order of pixels does not count, or
+//! where the device went through tiles, the expected records are brought into that order first ([`order`]).
 //!
 //! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`, `a_fault_at_a_pixel_is_named`,
+//! `runs_of_missing_and_surplus_records_are_counted_apart`, `a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named`,
 //! `what_must_be_zero_counts_where_it_is_asked_for` (tests/diff.rs).
 
-use crate::cosim::trace::{Key, Layout, Malformed, flag};
+mod align;
+mod lines;
+mod order;
+mod replay;
+
+pub use order::Order;
+
+use crate::cosim::trace::{Key, Layout, flag};
+use crate::cosim::words;
 use crate::error::{Error, Result};
 use crate::input;
 use crate::output::text::hex;
+use align::{Mismatch, Name};
+use lines::Lines;
+use order::{Ordered, Permutation};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -27,6 +38,8 @@ struct Field {
     name: String,
     width: u32,
     frac_bits: i32,
+    /// It is a word, and not a number that identifies or counts something.
+    is_word: bool,
 }
 
 /// A stream of a trace.
@@ -52,26 +65,18 @@ pub enum Zeros {
     Compared,
 }
 
-/// What is different.
-#[derive(Clone, Debug, PartialEq, Eq)]
-enum Mismatch {
-    /// An expected record has another content: the first field that does, and its word.
-    Field { record: usize, line: usize, field: usize, expected: i64, got: i64 },
-    /// An expected record is not there.
-    Missing { record: usize },
-    /// A line that no expected record is left for, behind so many of them.
-    Surplus { line: usize, before: usize },
-    /// Two expected records stand in the other order.
-    Swapped { record: usize, line: usize },
+/// How a device's records are compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct How {
+    /// What fields that mean nothing hold.
+    pub zeros: Zeros,
+    /// In which order records come.
+    pub order: Order,
 }
 
-impl Mismatch {
-    /// Where in the trace it is.
-    fn record(&self) -> usize {
-        match self {
-            Mismatch::Field { record, .. } | Mismatch::Missing { record } | Mismatch::Swapped { record, .. } => *record,
-            Mismatch::Surplus { before, .. } => *before,
-        }
+impl Default for How {
+    fn default() -> Self {
+        How { zeros: Zeros::Ignored, order: Order::Auto }
     }
 }
 
@@ -122,6 +127,11 @@ impl Trace {
         })
     }
 
+    /// Whether its records are made up.
+    fn is_stimulus(&self) -> bool {
+        !self.manifest["window"]["stimulus"].is_null()
+    }
+
     fn described(&self, stream: &Value) -> Option<Stream> {
         let text = |value: &Value| value.as_str().map(str::to_owned);
         let fields = stream["fields"].as_array()?;
@@ -130,7 +140,9 @@ impl Trace {
         let (mut widths, mut signed, mut unless) = (Vec::new(), Vec::new(), Vec::new());
         for field in fields {
             let width = u32::try_from(number(field, "width")?).ok().filter(|width| (1..=63).contains(width))?;
-            described.push(Field { name: text(&field["name"])?, width, frac_bits: number(field, "frac_bits")? as i32 });
+            let frac_bits = number(field, "frac_bits")? as i32;
+            let is_word = frac_bits != 0 || !field["signal"].is_null();
+            described.push(Field { name: text(&field["name"])?, width, frac_bits, is_word });
             widths.push(width);
             signed.push(field["signed"].as_bool()?);
             let flags = field["zero_where"].as_array().map(Vec::as_slice).unwrap_or_default();
@@ -153,68 +165,63 @@ impl Trace {
     /// The trace's own records, which must be as they were written.
     fn expected(&self, stream: &Stream) -> Result<Records> {
         let path = self.folder.join(&stream.file);
-        let text = read(&path)?;
+        let text = lines::read(&path)?;
         if hex(&Sha256::digest(&text)) != stream.sha256 {
             return Err(Error::input(format!("{}: is not what `trace` wrote there: its digest is another", path.display())));
         }
-        records(&path, &text, &stream.layout, Zeros::Compared)
+        Ok(lines::records(&path, &text, &stream.layout, Zeros::Compared)?.records)
     }
 
     fn keys(&self, stream: &Stream) -> Result<Records> {
         let path = self.folder.join(&stream.key_file);
-        records(&path, &read(&path)?, &Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits)), Zeros::Compared)
+        let layout = Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
+        Ok(lines::records(&path, &lines::read(&path)?, &layout, Zeros::Compared)?.records)
     }
 }
 
-fn read(path: &Path) -> Result<String> {
-    let bytes = input::read(path).map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display())))?;
-    String::from_utf8(bytes).map_err(|_| Error::input(format!("{}: is no text; a record a line is needed, in hexadecimal", path.display())))
-}
+impl Stream {
+    /// Places of the fields that identify a record, as far as the stream has them.
+    fn naming(&self) -> [Option<usize>; 3] {
+        ["tag", "x", "y"].map(|name| self.fields.iter().position(|field| field.name == name))
+    }
 
-/// The records of a file, every line of which must be one.
-fn records(path: &Path, text: &str, layout: &Layout, zeros: Zeros) -> Result<Records> {
-    let malformed_line = |(line, malformed): (usize, Malformed)| {
-        let what = match malformed {
-            Malformed::Digits(0, needed) => format!("is empty; {needed} digits are needed"),
-            Malformed::Digits(found, needed) => format!("has {found} digits, and a record has {needed}"),
-            Malformed::Digit(digit) if "xXzZ".contains(digit) => format!("has `{digit}` in it: bits that the simulator does not know"),
-            Malformed::Digit(digit) => format!("has `{digit}` in it, which is no hexadecimal digit"),
-            Malformed::TooWide => format!("has bits above the {} of a record", layout.width),
-        };
-        Error::input(format!("{}: line {} {what}", path.display(), line + 1))
-    };
-    let lines = text.lines().enumerate().map(|(line, record)| {
-        let mut words = layout.read(record).map_err(|malformed| malformed_line((line, malformed)))?;
-        if zeros == Zeros::Ignored {
-            layout.mask(&mut words);
-        }
-        Ok(words)
-    });
-    lines.collect()
+    /// What identifies each record; none where nothing does.
+    fn names(&self, records: &[Vec<i64>]) -> Option<Vec<Name>> {
+        let naming = self.naming();
+        let name = |record: &Vec<i64>| naming.map(|place| place.map_or(0, |place| record[place]));
+        naming.iter().any(Option::is_some).then(|| records.iter().map(name).collect())
+    }
 }
 
 /// Compares devices' outputs with a trace: of several streams, the earliest that is different tells what went wrong.
 ///
 /// # Errors
 /// [`Error::Input`] where the folder is no trace, has no such stream, was changed, or where a device's file is malformed.
-pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], zeros: Zeros) -> Result<Outcome> {
+pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], how: How) -> Result<Outcome> {
     let trace = Trace::open(folder)?;
     let mut streams: Vec<(Stream, &Path)> =
         outputs.iter().map(|(name, file)| Ok((trace.stream(name)?, file.as_path()))).collect::<Result<_>>()?;
     let all = trace.manifest["streams"].as_array().map(Vec::as_slice).unwrap_or_default();
     streams.sort_by_key(|(stream, _)| all.iter().position(|other| other["name"] == stream.name.as_str()));
     let mut equal = Vec::new();
+    let mut rastered: Option<Permutation> = None;
     for (stream, file) in &streams {
         let expected = trace.expected(stream)?;
-        let got = records(file, &read(file)?, &stream.layout, zeros)?;
-        let found = if stream.per_pixel { by_pixel(stream, &expected, &got) } else { in_order(&expected, &got) };
-        if let Some(first) = found.first() {
-            let compared = Compared { trace: &trace, stream, expected: &expected, got: &got };
-            return compared.outcome(first, &found);
+        let got = lines::records(file, &lines::read(file)?, &stream.layout, how.zeros)?;
+        let sides = Sides { trace: &trace, stream, expected: &expected, got: &got };
+        let ordered = sides.ordered(how.order, rastered.as_ref())?;
+        if let Some(first) = ordered.found.first() {
+            return sides.outcome(first, &ordered);
         }
-        equal.push(json!({"stream": stream.name, "records": expected.len()}));
+        equal.push(json!({"stream": stream.name, "records": expected.len(), "order": ordered.order.name(), "note": ordered.order.note()}));
+        if stream.name == "raster.out" {
+            rastered = ordered.permutation;
+        }
     }
-    let line = |stream: &Value| format!("{}: {} records equal", stream["stream"].as_str().unwrap_or_default(), stream["records"]);
+    let line = |stream: &Value| {
+        let note = stream["note"].as_str().map_or(String::new(), |note| format!("; {note}"));
+        format!("{}: {} records equal{note}", stream["stream"].as_str().unwrap_or_default(), stream["records"])
+    };
     let text = equal.iter().map(line).collect::<Vec<_>>().join("\n");
     Ok(Outcome { sentence: text.clone(), text, json: json!({"equal": true, "streams": equal}), equal: true })
 }
@@ -224,95 +231,12 @@ fn other_field(expected: &[i64], got: &[i64]) -> Option<usize> {
     expected.iter().zip(got).position(|(expected, got)| expected != got)
 }
 
-fn differing(record: usize, line: usize, expected: &[i64], got: &[i64]) -> Option<Mismatch> {
-    let field = other_field(expected, got)?;
-    Some(Mismatch::Field { record, line, field, expected: expected[field], got: got[field] })
-}
-
-/// Records in step again: so many that agree behind a fault.
-const IN_STEP: usize = 4;
-
-/// Whether records agree from here on, for a while or to the end of both.
-fn agree(expected: &[Vec<i64>], got: &[Vec<i64>]) -> bool {
-    let (left, right) = (expected.len().min(IN_STEP), got.len().min(IN_STEP));
-    left.min(right) == left.max(right).min(expected.len()).min(got.len()) && expected.iter().zip(got).take(IN_STEP).all(|(a, b)| a == b)
-}
-
-/// Compares records whose order counts.
-fn in_order(expected: &[Vec<i64>], got: &[Vec<i64>]) -> Vec<Mismatch> {
-    let (mut found, mut e, mut g) = (Vec::new(), 0, 0);
-    while e < expected.len() && g < got.len() {
-        if expected[e] == got[g] {
-            (e, g) = (e + 1, g + 1);
-            continue;
-        }
-        let behind = |skip_expected: usize, skip_got: usize| match (expected.get(e + skip_expected..), got.get(g + skip_got..)) {
-            (Some(expected), Some(got)) => agree(expected, got),
-            _ => false,
-        };
-        let swapped = e + 1 < expected.len() && g + 1 < got.len() && expected[e] == got[g + 1] && expected[e + 1] == got[g];
-        if swapped && behind(2, 2) {
-            found.push(Mismatch::Swapped { record: e, line: g });
-            (e, g) = (e + 2, g + 2);
-        } else if behind(1, 1) {
-            found.extend(differing(e, g, &expected[e], &got[g]));
-            (e, g) = (e + 1, g + 1);
-        } else if behind(1, 0) {
-            found.push(Mismatch::Missing { record: e });
-            e += 1;
-        } else if behind(0, 1) {
-            found.push(Mismatch::Surplus { line: g, before: e });
-            g += 1;
-        } else {
-            found.extend(differing(e, g, &expected[e], &got[g]));
-            (e, g) = (e + 1, g + 1);
-        }
-    }
-    found.extend((e..expected.len()).map(|record| Mismatch::Missing { record }));
-    found.extend((g..got.len()).map(|line| Mismatch::Surplus { line, before: expected.len() }));
-    found
-}
-
-/// Compares records whose order counts at each pixel.
-fn by_pixel(stream: &Stream, expected: &[Vec<i64>], got: &[Vec<i64>]) -> Vec<Mismatch> {
-    let place = |name: &str| stream.fields.iter().position(|field| field.name == name).unwrap_or(0);
-    let (x, y) = (place("x"), place("y"));
-    let pixels = |records: &[Vec<i64>]| {
-        let mut pixels: BTreeMap<(i64, i64), Vec<usize>> = BTreeMap::new();
-        for (number, record) in records.iter().enumerate() {
-            pixels.entry((record[y], record[x])).or_default().push(number);
-        }
-        pixels
-    };
-    let (ours, mut theirs) = (pixels(expected), pixels(got));
-    let mut found = Vec::new();
-    for (pixel, numbers) in &ours {
-        let lines = theirs.remove(pixel).unwrap_or_default();
-        let of = |all: &[Vec<i64>], numbers: &[usize]| numbers.iter().map(|&number| all[number].clone()).collect::<Vec<_>>();
-        found.extend(in_order(&of(expected, numbers), &of(got, &lines)).into_iter().map(|mismatch| match mismatch {
-            Mismatch::Field { record, line, field, expected, got } => {
-                Mismatch::Field { record: numbers[record], line: lines[line], field, expected, got }
-            }
-            Mismatch::Missing { record } => Mismatch::Missing { record: numbers[record] },
-            Mismatch::Swapped { record, line } => Mismatch::Swapped { record: numbers[record], line: lines[line] },
-            Mismatch::Surplus { line, before } => {
-                let last = numbers.last().map_or(0, |last| last + 1);
-                Mismatch::Surplus { line: lines[line], before: numbers.get(before).copied().unwrap_or(last) }
-            }
-        }));
-    }
-    let strangers = theirs.into_values().flatten();
-    found.extend(strangers.map(|line| Mismatch::Surplus { line, before: line.min(expected.len()) }));
-    found.sort_by_key(Mismatch::record);
-    found
-}
-
-/// A stream of which something is different.
-struct Compared<'a> {
+/// A stream's records, and a device's.
+struct Sides<'a> {
     trace: &'a Trace,
     stream: &'a Stream,
     expected: &'a [Vec<i64>],
-    got: &'a [Vec<i64>],
+    got: &'a Lines,
 }
 
 /// A natural number of a key's part, if there is one.
@@ -321,71 +245,164 @@ fn part(key: &[i64], place: usize) -> Option<i64> {
     key.get(place).copied().filter(|&part| part != (1 << bits) - 1)
 }
 
-impl Compared<'_> {
-    fn outcome(&self, first: &Mismatch, all: &[Mismatch]) -> Result<Outcome> {
+/// Places of a key's parts.
+const SPLAT: usize = 0;
+const X: usize = 1;
+const Y: usize = 2;
+const SLOT: usize = 3;
+const PARENT: usize = 4;
+const FLAGS: usize = 5;
+
+impl Sides<'_> {
+    fn outcome(&self, first: &Mismatch, ordered: &Ordered) -> Result<Outcome> {
         let keys = self.trace.keys(self.stream)?;
         let record = first.record();
         // A surplus record has no key: that of the one that it stands before tells where the device was.
         let key = keys.get(record.min(keys.len().saturating_sub(1))).cloned().unwrap_or_default();
-        let (kind, line) = match first {
-            Mismatch::Field { line, .. } => ("field", Some(*line)),
+        let (kind, line) = match *first {
+            Mismatch::Different { line, .. } => ("field", Some(line)),
             Mismatch::Missing { .. } => ("missing", None),
-            Mismatch::Surplus { line, .. } => ("surplus", Some(*line)),
-            Mismatch::Swapped { line, .. } => ("swapped", Some(*line)),
+            Mismatch::Surplus { line, .. } => ("surplus", Some(line)),
+            Mismatch::Moved { line, swapped: true, .. } => ("swapped", Some(line)),
+            Mismatch::Moved { line, .. } => ("moved", Some(line)),
         };
-        let place = |mut mismatch: Value| {
-            for (place, name) in [(0, "splat"), (1, "x"), (2, "y"), (3, "slot")] {
-                if let Some(part) = part(&key, place) {
-                    mismatch[name] = part.into();
-                }
-            }
-            mismatch
-        };
+        let got = line.map(|line| &self.got.records[line]);
         let flags: Vec<&str> = {
-            let bits = key.get(5).copied().unwrap_or(0);
+            let bits = key.get(FLAGS).copied().unwrap_or(0);
             flag::NAMES.iter().enumerate().filter(|(bit, _)| bits >> bit & 1 == 1).map(|(_, name)| *name).collect()
         };
-        let mut mismatch = place(json!({
-            "equal": false, "stream": self.stream.name, "unit": self.stream.unit, "kind": kind, "sequence": record,
-            "line": line.map(|line| line + 1), "expected_records": self.expected.len(), "records": self.got.len(),
-            "mismatches": all.len(), "flags": flags,
-        }));
-        if let Mismatch::Field { field, expected, got, .. } = first {
-            mismatch["field"] = self.field(*field, *expected, *got);
+        let counts = Counts::of(&ordered.found);
+        let run = ordered.run();
+        let mut mismatch = json!({
+            "equal": false, "stream": self.stream.name, "unit": self.stream.unit, "kind": kind, "sequence": record, "run": run,
+            "line": line.map(|line| self.got.numbers[line]), "expected_records": self.expected.len(), "records": self.got.records.len(),
+            "mismatches": ordered.found.len(), "counts": counts.json(), "order": ordered.order.name(), "note": ordered.order.note(),
+            "flags": flags,
+        });
+        for (place, name) in [(SPLAT, "splat"), (X, "x"), (Y, "y"), (SLOT, "slot")] {
+            if let Some(part) = part(&key, place) {
+                mismatch[name] = part.into();
+            }
+        }
+        let mut field_name = None;
+        if let (Mismatch::Different { .. }, Some(got)) = (first, got)
+            && let Some(field) = other_field(&self.expected[record], got)
+        {
+            field_name = Some(self.stream.fields[field].name.as_str());
+            mismatch["field"] = self.field(field, self.expected[record][field], got[field]);
         }
         mismatch["expected"] = self.expected.get(record).map_or(Value::Null, |words| self.words(self.stream, words));
-        mismatch["got"] = line.map_or(Value::Null, |line| self.words(self.stream, &self.got[line]));
-        let inputs = self.inputs(&key)?;
-        mismatch["inputs"] = inputs;
-        mismatch["replay"] = self.replay(&key).into();
-        let sentence = self.sentence(first, all.len());
-        Ok(Outcome { text: self.text(&mismatch, &sentence), json: mismatch, equal: false, sentence })
+        mismatch["got"] = got.map_or(Value::Null, |words| self.words(self.stream, words));
+        mismatch["inputs"] = self.inputs(&key)?;
+        mismatch["stimulus"] = self.stimulus(record, &key).map_or(Value::Null, Value::from);
+        let (intermediate, why_none) = match words::of_record(&self.trace.folder, &self.trace.manifest, self.replayed(record, &key)?) {
+            Ok(words) => (words, None),
+            Err(why) => (Vec::new(), Some(why)),
+        };
+        mismatch["intermediate"] = intermediate.iter().map(words::Word::json).collect();
+        mismatch["intermediate_absent"] = why_none.into();
+        mismatch["replay"] = replay::command(&self.trace.folder, &self.trace.manifest, &self.stream.unit, &key).into();
+        let sentence = self.sentence(first, run, field_name, &counts);
+        Ok(Outcome { text: self.text(&mismatch, &sentence, &intermediate), json: mismatch, equal: false, sentence })
     }
 
-    fn sentence(&self, first: &Mismatch, count: usize) -> String {
+    fn sentence(&self, first: &Mismatch, run: usize, field: Option<&str>, counts: &Counts) -> String {
         let name = &self.stream.name;
-        let what = match first {
-            Mismatch::Field { record, field, .. } => format!("record {record}, field {}, is different", self.stream.fields[*field].name),
+        let line_of = |line: usize| self.got.numbers[line];
+        let what = match *first {
+            Mismatch::Different { record, .. } => format!("record {record}, field {}, is different", field.unwrap_or_default()),
+            Mismatch::Missing { record } if run > 1 => format!("records {record} to {} are missing", record + run - 1),
             Mismatch::Missing { record } => format!("record {record} is missing"),
-            Mismatch::Surplus { line, before } if *before < self.expected.len() => {
-                format!("line {} is one too many, before record {before}", line + 1)
+            Mismatch::Surplus { line, before } => {
+                let place = if before < self.expected.len() { format!("before record {before}") } else { "behind the last record".into() };
+                match run {
+                    1 => format!("line {} is surplus, {place}", line_of(line)),
+                    _ => format!("lines {} to {} are surplus, {place}", line_of(line), line_of(line + run - 1)),
+                }
             }
-            Mismatch::Surplus { line, .. } => format!("line {} is one too many, behind the last record", line + 1),
-            Mismatch::Swapped { record, .. } => format!("records {record} and {} are swapped", record + 1),
+            Mismatch::Moved { record, swapped: true, .. } => format!("records {record} and {} are swapped", record + 1),
+            Mismatch::Moved { record, line, .. } => format!("record {record} is at another place, line {}", line_of(line)),
         };
-        let more = match count - 1 {
-            0 => "and nothing else of it is".to_owned(),
-            1 => "and one more difference follows".to_owned(),
-            more => format!("and {more} more differences follow"),
+        let more = if counts.all() == run { "nothing else is different".to_owned() } else { format!("in all {counts}") };
+        format!("{name}: {what}; {more}")
+    }
+
+    /// The class of made-up cases that a record belongs to, as the trace's manifest calls it.
+    fn stimulus(&self, record: usize, key: &[i64]) -> Option<String> {
+        let tags = self.trace.manifest["tags"].as_array()?;
+        let is_in = |stream: &str, record: i64| {
+            tags.iter().find(|tag| {
+                let first = tag["first"].as_i64().unwrap_or(i64::MAX);
+                tag["stream"] == stream && first <= record && record - first < tag["records"].as_i64().unwrap_or(0)
+            })
         };
-        format!("{name}: {what}, {more}")
+        let (mut stream, mut record, mut key) = (self.stream.clone(), record as i64, key.to_vec());
+        // Records of an output are of the class of what they are made from.
+        for _ in 0..tags.len() + 8 {
+            if let Some(tag) = is_in(&stream.name, record) {
+                return Some(format!("{}, record {record} of {}", tag["tag"].as_str()?, stream.name));
+            }
+            record = part(&key, PARENT)?;
+            stream = self.trace.stream(stream.parent.as_deref()?).ok()?;
+            key = self.trace.keys(&stream).ok()?.get(record as usize)?.clone();
+        }
+        None
+    }
+
+    /// The records that a unit has to be given so that it makes this one again.
+    fn replayed(&self, record: usize, key: &[i64]) -> Result<words::Replayed> {
+        let unit = self.stream.unit.clone();
+        let (Some(parent), Some(number)) = (&self.stream.parent, part(key, PARENT)) else { return Ok(words::Replayed::nothing(unit)) };
+        let Some(expected) = self.expected.get(record) else { return Ok(words::Replayed::nothing(unit)) };
+        if *parent != format!("{unit}.in") || self.stream.name != format!("{unit}.out") {
+            return Ok(words::Replayed::nothing(unit));
+        }
+        let Ok(input) = self.trace.stream(parent) else { return Ok(words::Replayed::nothing(unit)) };
+        let (records, keys) = (self.trace.expected(&input)?, self.trace.keys(&input)?);
+        let number = number as usize;
+        let of_pixel = |key: &Vec<i64>| part(key, X).zip(part(key, Y));
+        let Some(own) = keys.get(number) else { return Ok(words::Replayed::nothing(unit)) };
+        let inputs: Vec<usize> = match unit.as_str() {
+            "fragment" => (0..=number).filter(|&other| of_pixel(&keys[other]) == of_pixel(own)).collect(),
+            "resolve" => {
+                let last = input.fields.iter().position(|field| field.name == "last");
+                let ends = |record: &usize| last.is_none_or(|last| records[*record][last] == 1);
+                let end = (number..records.len()).find(ends).unwrap_or(number);
+                (number..=end).collect()
+            }
+            _ => vec![number],
+        };
+        let answers = if unit == "fragment" { self.answers(&inputs)? } else { Vec::new() };
+        let begins_empty = unit != "fragment" || self.trace.manifest["window"]["splats"][0] == 0 || self.trace.is_stimulus();
+        Ok(words::Replayed {
+            unit,
+            inputs: inputs.into_iter().map(|record| records[record].clone()).collect(),
+            answers,
+            made: expected.clone(),
+            begins_empty,
+        })
+    }
+
+    /// What shade said to the requests of these records of `fragment.in`.
+    fn answers(&self, inputs: &[usize]) -> Result<Vec<Vec<i64>>> {
+        let (Ok(requests), Ok(answers)) = (self.trace.stream("fragment.request"), self.trace.stream("fragment.answer")) else {
+            return Ok(Vec::new());
+        };
+        let (request_keys, keys) = (self.trace.keys(&requests)?, self.trace.keys(&answers)?);
+        let made_from = |key: &Vec<i64>| part(key, PARENT).and_then(|request| part(request_keys.get(request as usize)?, PARENT));
+        let records = self.trace.expected(&answers)?.into_iter().zip(&keys);
+        Ok(records
+            .filter(|(_, key)| made_from(key).is_some_and(|from| inputs.contains(&(from as usize))))
+            .map(|(words, _)| words)
+            .collect())
     }
 
     fn field(&self, field: usize, expected: i64, got: i64) -> Value {
-        let Field { name, width, frac_bits } = &self.stream.fields[field];
+        let Field { name, width, frac_bits, is_word } = &self.stream.fields[field];
         json!({
             "name": name, "expected_hex": digits(expected, *width), "got_hex": digits(got, *width),
-            "expected": value(expected, *frac_bits), "got": value(got, *frac_bits), "difference_ulp": got - expected,
+            "expected": value(expected, *frac_bits), "got": value(got, *frac_bits),
+            "difference_ulp": is_word.then_some(got - expected),
         })
     }
 
@@ -413,32 +430,12 @@ impl Compared<'_> {
                     .zip(&from[..count])
                     .map(|(record, words)| json!({"stream": stream.name, "sequence": record, "fields": self.words(&stream, words)})),
             );
-            (parent, number) = (stream.parent.clone(), part(key, 4));
+            (parent, number) = (stream.parent.clone(), part(key, PARENT));
         }
         Ok(inputs.into())
     }
 
-    /// A command that traces what led there, and nothing else.
-    fn replay(&self, key: &[i64]) -> String {
-        let m = &self.trace.manifest;
-        let scene = match m["scene"]["complete"].as_bool() {
-            Some(true) => self.trace.folder.join("scene.json").display().to_string(),
-            _ => m["scene"]["name"].as_str().unwrap_or_default().to_owned(),
-        };
-        let (width, height) = (&m["scene"]["width"], &m["scene"]["height"]);
-        let machine = self.trace.folder.join("machine.json");
-        let mut command =
-            format!("splatsim trace {scene} --size {width}x{height} --machine {} --units {}", machine.display(), self.stream.unit);
-        if let (Some(splat), false) = (part(key, 0), ["fragment", "resolve"].contains(&self.stream.unit.as_str())) {
-            let _ = write!(command, " --splats {splat}..{}", splat + 1);
-        }
-        if let (Some(x), Some(y), true) = (part(key, 1), part(key, 2), self.stream.unit != "raster") {
-            let _ = write!(command, " --pixels {x},{y},{x},{y}");
-        }
-        command + " --out replay"
-    }
-
-    fn text(&self, mismatch: &Value, sentence: &str) -> String {
+    fn text(&self, mismatch: &Value, sentence: &str, intermediate: &[words::Word]) -> String {
         let mut text = format!("{sentence}\n\n");
         let mut line = |name: &str, value: String| {
             let _ = writeln!(text, "  {name:<10} {value}");
@@ -456,14 +453,22 @@ impl Compared<'_> {
         if let Some(at) = number("line") {
             line("line", at.to_string());
         }
-        line("records", format!("{} expected, {} found", self.expected.len(), self.got.len()));
+        line("records", format!("{} expected, {} found", self.expected.len(), self.got.records.len()));
+        if let Some(note) = mismatch["note"].as_str() {
+            line("order", note.to_owned());
+        }
+        if let Some(class) = mismatch["stimulus"].as_str() {
+            line("stimulus", class.to_owned());
+        }
         let field = &mismatch["field"];
         if !field.is_null() {
             let side = |name: &str| format!("{} = {}", field[format!("{name}_hex")].as_str().unwrap_or_default(), field[name]);
             line("field", field["name"].as_str().unwrap_or_default().to_owned());
             line("expected", side("expected"));
             line("got", side("got"));
-            line("difference", format!("{} × the last place", field["difference_ulp"]));
+            if !field["difference_ulp"].is_null() {
+                line("difference", format!("{} ulp", field["difference_ulp"]));
+            }
         }
         let flags: Vec<&str> = mismatch["flags"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
         if !flags.is_empty() {
@@ -484,8 +489,53 @@ impl Compared<'_> {
         for input in inputs.take_while(|input| input["stream"] == mismatch["inputs"][0]["stream"]) {
             block(format!("made from, {} record {}", input["stream"].as_str().unwrap_or_default(), input["sequence"]), &input["fields"]);
         }
+        if !intermediate.is_empty() {
+            let of = self.stream.parent.as_deref().unwrap_or_default();
+            let lines: Vec<String> = intermediate.iter().map(words::Word::to_string).collect();
+            let _ = write!(text, "\n  words of {} that the machine makes of {of}\n    {}\n", self.stream.unit, lines.join("\n    "));
+        }
         let _ = write!(text, "\n  replay     {}", mismatch["replay"].as_str().unwrap_or_default());
         text
+    }
+}
+
+/// How many records are what.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Counts {
+    missing: usize,
+    surplus: usize,
+    moved: usize,
+    different: usize,
+}
+
+impl Counts {
+    fn of(found: &[Mismatch]) -> Self {
+        let mut counts = Counts::default();
+        for mismatch in found {
+            *match mismatch {
+                Mismatch::Different { .. } => &mut counts.different,
+                Mismatch::Missing { .. } => &mut counts.missing,
+                Mismatch::Surplus { .. } => &mut counts.surplus,
+                Mismatch::Moved { .. } => &mut counts.moved,
+            } += 1;
+        }
+        counts
+    }
+
+    fn all(&self) -> usize {
+        self.missing + self.surplus + self.moved + self.different
+    }
+
+    fn json(&self) -> Value {
+        json!({"missing": self.missing, "surplus": self.surplus, "moved": self.moved, "different": self.different})
+    }
+}
+
+impl std::fmt::Display for Counts {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let all = [(self.missing, "missing"), (self.surplus, "surplus"), (self.moved, "moved"), (self.different, "different")];
+        let counted: Vec<String> = all.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+        f.write_str(&counted.join(", "))
     }
 }
 

@@ -20,7 +20,7 @@ use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Kind, Order, Stream, project_out_words};
 use rtl_model::pipeline::unit_replay::{self, Fragments, Sheets, Windows};
-use rtl_model::probe::NoProbe;
+use rtl_model::probe::{NoProbe, Observer};
 use rtl_model::records::unit;
 use rtl_model::units::fragment::{Premultiplied, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
@@ -154,6 +154,11 @@ impl Constants {
         Some((Port::new(stream), records))
     }
 
+    /// The name of a signal, as `raster.offset`.
+    pub fn signal(&self, number: usize) -> String {
+        self.machine.signals.get(number).map_or_else(String::new, |signal| format!("{}.{}", signal.unit, signal.name))
+    }
+
     /// Whether requests to `shade` begin with their pixel.
     fn asks_for_pixel(&self) -> bool {
         ports::asks_for_pixel(&self.machine.machine, Kind::of(&self.frame))
@@ -161,10 +166,14 @@ impl Constants {
 
     /// What `shade` says of a request.
     pub fn light(&self, request: &[i64]) -> [i64; 4] {
+        self.light_observed(request, &mut NoProbe)
+    }
+
+    fn light_observed(&self, request: &[i64], observer: &mut dyn Observer<'_>) -> [i64; 4] {
         let (pixel, sums) = if self.asks_for_pixel() { request.split_at(2.min(request.len())) } else { (&[][..], request) };
         let &[weight, r, g, b, opacity, x, y, z, material] = sums else { return [0; 4] };
         let input = shade::Input { weight, colour: [r, g, b], opacity, normal: [x, y, z], material: material as u32, pixel: array(pixel) };
-        let output = unit_replay::shade(&self.machine, &self.frame, &input, &mut NoProbe);
+        let output = unit_replay::shade(&self.machine, &self.frame, &input, observer);
         let [r, g, b] = output.colour;
         [r, g, b, output.opacity]
     }
@@ -352,6 +361,11 @@ impl<'a> Unit<'a> {
         Ok(Unit { of, name, input, output, shade, held: port("held"), state })
     }
 
+    /// The machine and the constants that it reads.
+    pub fn constants(&self) -> &'a Constants {
+        self.of
+    }
+
     /// Whether what it says of a record depends on those before.
     pub fn has_state(&self) -> bool {
         !matches!(self.state, State::None)
@@ -413,20 +427,33 @@ impl<'a> Unit<'a> {
     /// # Errors
     /// [`Unit::check`]; nothing has happened then.
     pub fn step(&mut self, words: &[i64], shade: &mut Shade) -> std::result::Result<Vec<Record>, Refused> {
+        self.step_observed(words, shade, &mut NoProbe)
+    }
+
+    /// [`Unit::step`] with an observer of every word on the way.
+    ///
+    /// # Errors
+    /// As [`Unit::step`].
+    pub fn step_observed(
+        &mut self,
+        words: &[i64],
+        shade: &mut Shade,
+        observer: &mut dyn Observer<'_>,
+    ) -> std::result::Result<Vec<Record>, Refused> {
         self.check(words)?;
-        let mut out = self.answers(words, shade);
+        let mut out = self.answers(words, shade, observer);
         out.iter_mut().for_each(|words| self.output.mask(words));
         Ok(out)
     }
 
-    fn answers(&mut self, words: &[i64], shade: &mut Shade) -> Vec<Record> {
-        let (machine, frame, probe) = (&self.of.machine, &self.of.frame, &mut NoProbe);
+    fn answers(&mut self, words: &[i64], shade: &mut Shade, probe: &mut dyn Observer<'_>) -> Vec<Record> {
+        let (machine, frame) = (&self.of.machine, &self.of.frame);
         let deepest = machine.machine.fragment.layers as u8 - 1;
         let tile = |at: &[i64]| [at[1] / TILE_PX as i64, at[0] / TILE_PX as i64];
         let place = if self.of.asks_for_pixel() { &words[..2] } else { &[] };
         let light = |slot: &Slot| premultiplied(shade(&[place, &slot.sums[..], &[slot.material.into()]].concat()));
         let decision = match &mut self.state {
-            State::None => return self.of.once(self.name, words),
+            State::None => return self.of.once(self.name, words, probe),
             State::Sort(depths) => {
                 depths.push(words.to_vec());
                 return Vec::new();
@@ -467,13 +494,21 @@ impl<'a> Unit<'a> {
     /// # Errors
     /// Where a pixel's last layer is missing.
     pub fn end(&mut self, shade: &mut Shade) -> std::result::Result<End, Refused> {
+        self.end_observed(shade, &mut NoProbe)
+    }
+
+    /// [`Unit::end`] with an observer of every word on the way.
+    ///
+    /// # Errors
+    /// As [`Unit::end`].
+    pub fn end_observed(&mut self, shade: &mut Shade, observer: &mut dyn Observer<'_>) -> std::result::Result<End, Refused> {
         let machine = &self.of.machine;
         let mut end = End::default();
         match &mut self.state {
             State::None => {}
             State::Sort(depths) => {
                 let keys: Vec<i64> = depths.iter().map(|words| words[1]).collect();
-                let sorted = unit_replay::sort(machine, &keys, &mut NoProbe).unwrap_or_default();
+                let sorted = unit_replay::sort(machine, &keys, observer).unwrap_or_default();
                 end.out = sorted.into_iter().map(|(nth, key)| vec![depths[nth][0], key]).collect();
                 depths.clear();
             }
@@ -493,7 +528,7 @@ impl<'a> Unit<'a> {
             State::Windows(tiles) => {
                 in_rows(tiles, |tile, at, pixel| {
                     let light = |slot: &Slot| premultiplied(shade(&[&slot.sums[..], &[slot.material.into()]].concat()));
-                    let layers = tile.layers(pixel, light, &mut NoProbe).into_iter();
+                    let layers = tile.layers(pixel, light, observer).into_iter();
                     end.held.extend(layers.map(|layer| {
                         let [r, g, b] = layer.colour;
                         vec![at[0], at[1], layer.slot as i64, layer.depth, r, g, b, layer.opacity]
@@ -515,8 +550,8 @@ const EMPTY: usize = 3;
 
 impl Constants {
     /// What a unit that keeps nothing gives for a record that was checked.
-    fn once(&self, name: &str, words: &[i64]) -> Vec<Record> {
-        let (machine, frame, probe) = (&self.machine, &self.frame, &mut NoProbe);
+    fn once(&self, name: &str, words: &[i64], probe: &mut dyn Observer<'_>) -> Vec<Record> {
+        let (machine, frame) = (&self.machine, &self.frame);
         let size_px = self.size_px();
         match name {
             unit::PROJECT => {
@@ -533,7 +568,7 @@ impl Constants {
                 made.into_iter().map(|fragment| [&words[..1], &fragment].concat()).collect()
             }
             unit::GAUSS => vec![vec![unit_replay::gauss(machine, array(words), probe)]],
-            unit::SHADE => vec![self.light(words).to_vec()],
+            unit::SHADE => vec![self.light_observed(words, probe).to_vec()],
             _ => Vec::new(),
         }
     }

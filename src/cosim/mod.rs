@@ -4,3 +4,4 @@ pub mod diff;
 pub mod live;
 pub mod scoreboard;
 pub mod trace;
+pub mod words;

@@ -11,6 +11,7 @@ use crate::cosim::live::{Constants, End, Port, Record, Refused, Unit};
 use crate::error::Result;
 use std::collections::VecDeque;
 use std::fmt::Write;
+use std::sync::Arc;
 
 /// Port of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,12 +33,29 @@ impl Side {
     pub const ALL: [Side; 5] = [Side::In, Side::Out, Side::Request, Side::Answer, Side::Held];
 }
 
+/// A record that a unit was given.
+#[derive(Clone, Debug)]
+struct Given {
+    number: u64,
+    words: Record,
+}
+
+/// A record that a unit gave, and the one that it made it of; none of what it holds in the end.
+#[derive(Clone, Debug)]
+struct Waiting {
+    words: Record,
+    from: Option<Arc<Given>>,
+}
+
 /// A unit, and what it gave that nobody has taken.
 pub struct Scoreboard<'a> {
     of: &'a Constants,
     unit: Unit<'a>,
     /// By the numbers of sides.
-    waiting: [VecDeque<Record>; 5],
+    waiting: [VecDeque<Waiting>; 5],
+    /// What was given last, and how many records were.
+    last: Option<Arc<Given>>,
+    given: u64,
     /// Records that were compared.
     compared: [u64; 5],
     made_up: VecDeque<Record>,
@@ -54,7 +72,7 @@ impl<'a> Scoreboard<'a> {
     /// As [`Unit::new`].
     pub fn new(of: &'a Constants, name: &str, seed: u64) -> Result<Self> {
         let unit = Unit::new(of, name)?;
-        Ok(Scoreboard { of, unit, waiting: Default::default(), compared: [0; 5], made_up: VecDeque::new(), seed })
+        Ok(Scoreboard { of, unit, waiting: Default::default(), last: None, given: 0, compared: [0; 5], made_up: VecDeque::new(), seed })
     }
 
     /// The unit's name.
@@ -80,8 +98,11 @@ impl<'a> Scoreboard<'a> {
     /// As [`Unit::step`].
     pub fn step(&mut self, words: &[i64]) -> std::result::Result<(), Refused> {
         let [_, out, requests, answers, _] = &mut self.waiting;
-        let given = self.unit.step(words, &mut |request| told(self.of, request, requests, answers))?;
-        out.extend(given);
+        let from = Some(Arc::new(Given { number: self.given, words: words.to_vec() }));
+        let given = self.unit.step(words, &mut |request| told(self.of, request, from.as_ref(), requests, answers))?;
+        out.extend(given.into_iter().map(|words| Waiting { words, from: from.clone() }));
+        self.given += 1;
+        self.last = from;
         Ok(())
     }
 
@@ -91,10 +112,11 @@ impl<'a> Scoreboard<'a> {
     /// As [`Unit::end`].
     pub fn end(&mut self) -> std::result::Result<(), Refused> {
         let [_, out, requests, answers, held] = &mut self.waiting;
-        let end = self.unit.end(&mut |request| told(self.of, request, requests, answers))?;
+        let end = self.unit.end(&mut |request| told(self.of, request, None, requests, answers))?;
         let End { out: more, held: holds } = end;
-        out.extend(more);
-        held.extend(holds);
+        let of_none = |words: Record| Waiting { words, from: None };
+        out.extend(more.into_iter().map(of_none));
+        held.extend(holds.into_iter().map(of_none));
         Ok(())
     }
 
@@ -105,7 +127,7 @@ impl<'a> Scoreboard<'a> {
 
     /// Takes the record that has waited longest.
     pub fn next(&mut self, side: Side) -> Option<Record> {
-        self.waiting[side as usize].pop_front()
+        self.waiting[side as usize].pop_front().map(|waiting| waiting.words)
     }
 
     /// Compares a device's record with the one that has waited longest, where order counts at each pixel only with that of its pixel, and
@@ -124,18 +146,31 @@ impl<'a> Scoreboard<'a> {
         let mut masked = given.to_vec();
         port.mask(&mut masked);
         let waiting = &mut self.waiting[side as usize];
-        let at = waiting.iter().position(|expected| !is_per_pixel || expected[..2] == given[..2]);
+        let at = waiting.iter().position(|expected| !is_per_pixel || expected.words[..2] == given[..2]);
         let Some(expected) = at.and_then(|at| waiting.remove(at)) else {
             let whose = if is_per_pixel { format!(" at pixel ({}, {})", given[0], given[1]) } else { String::new() };
-            return Err(format!("{name}: record {number} is one too many: the model gave no more{whose}"));
+            let last =
+                self.last.as_ref().map_or(String::new(), |last| format!("; the last record that it took is {}", self.described(last)));
+            return Err(format!("{name}: record {number} is one too many: the model gave no more{whose}{last}"));
         };
+        let Waiting { words: expected, from } = expected;
         let Some(field) = (0..fields).find(|field| masked[*field] != expected[*field]) else { return Ok(()) };
         let names = self.port(side).map(|port| port.stream.fields[field].name.clone()).unwrap_or_default();
         let mut sentence = format!("{name}: record {number}: field {names} is {}, and the model's is {}", masked[field], expected[field]);
         if is_per_pixel {
             let _ = write!(sentence, ", at pixel ({}, {})", given[0], given[1]);
         }
+        if let Some(from) = &from {
+            let _ = write!(sentence, "; made from {}", self.described(from));
+        }
         Err(sentence)
+    }
+
+    /// A record that the unit was given, with its words.
+    fn described(&self, given: &Given) -> String {
+        let stream = &self.unit.input.stream;
+        let words: Vec<String> = stream.fields.iter().zip(&given.words).map(|(field, word)| format!("{} {word}", field.name)).collect();
+        format!("record {} of {}: {}", given.number, stream.name, words.join(", "))
     }
 
     /// The next made-up record of the input: corners and thresholds, then random ones, for ever.
@@ -149,9 +184,15 @@ impl<'a> Scoreboard<'a> {
     }
 }
 
-fn told(of: &Constants, request: &[i64], requests: &mut VecDeque<Record>, answers: &mut VecDeque<Record>) -> [i64; 4] {
+fn told(
+    of: &Constants,
+    request: &[i64],
+    from: Option<&Arc<Given>>,
+    requests: &mut VecDeque<Waiting>,
+    answers: &mut VecDeque<Waiting>,
+) -> [i64; 4] {
     let answer = of.light(request);
-    requests.push_back(request.to_vec());
-    answers.push_back(answer.to_vec());
+    requests.push_back(Waiting { words: request.to_vec(), from: from.cloned() });
+    answers.push_back(Waiting { words: answer.to_vec(), from: from.cloned() });
     answer
 }

@@ -28,7 +28,7 @@ mod transfers;
 mod waves;
 
 pub use observer::flag;
-pub use record::{Layout, Malformed};
+pub use record::{Layout, Malformed, without_comment};
 pub use transfers::{Key, NONE};
 
 pub(super) use observer::outcome;
@@ -40,7 +40,7 @@ use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
 use crate::output::files;
 use crate::output::files::write_beside;
-use crate::output::text::{aligned, hex, plain_table, thousands};
+use crate::output::text::{aligned, hex, plain_table, thousands, wrapped};
 use crate::scene::Scene;
 use crate::scene::digest::digest_of;
 use coverage::Coverage;
@@ -82,6 +82,17 @@ pub struct Window {
     pub seed: u64,
 }
 
+/// Where a scene is from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Origin<'a> {
+    /// The text of its file, if it has one.
+    pub text: Option<&'a str>,
+    /// The file, or the built-in name.
+    pub source: Option<&'a str>,
+    /// Which frame of a sequence it is.
+    pub frame: usize,
+}
+
 /// Files that were written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Written {
@@ -89,6 +100,8 @@ pub struct Written {
     pub streams: Vec<(String, u64, u64)>,
     /// Cases that were met, and all of them (coverage.csv).
     pub coverage: [u64; 2],
+    /// What a reader should know, a sentence each.
+    pub notes: Vec<String>,
 }
 
 /// Where splats are sorted, or fragments grouped by windows, what these units do depends on all splats that meet at a pixel.
@@ -106,7 +119,9 @@ const CHUNK: usize = 16_384;
 ///
 /// # Errors
 /// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file cannot be written.
-pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
+pub fn trace(scene: &Scene, origin: Origin, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
+    // A text stands for the first frame, and for a scene that needs no other file.
+    let complete = origin.text.filter(|text| origin.frame == 0 && is_complete(text));
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
@@ -120,6 +135,7 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
     // Written last: while it is not there, no stream of an earlier trace counts as one of this.
     files::remove_if_there(&folder.join("manifest.json"))?;
     let folder = Folder { folder, machine: &elaborated, frame: &frame };
+    let mut notes = Vec::new();
     let mut contents = if let Some(cases) = window.stimulus {
         let stimulus::Stimulus { made, tags, coverage } =
             stimulus::stimulus(&elaborated, &frame, cases, window.seed, |units| window.wants_any(units));
@@ -144,7 +160,15 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
             let (_, _, work) = pipeline::draw_measured(&elaborated, &shown);
             let replayed = timing::replay(&elaborated.timing, &work, Detail::Log);
             let timed = Timed { machine: &elaborated, kind, work: &work, splats: &splats, units: &replayed.units, sources: &sources };
-            Waves::new(&timed, cycles).write(folder.folder)?;
+            let waves = Waves::new(&timed, cycles);
+            waves.write(folder.folder)?;
+            if waves.is_empty() {
+                let last = replayed.units.iter().filter_map(|unit| unit.log.last()).max().copied().unwrap_or(0);
+                notes.push(format!(
+                    "--waves {}..{}: no unit takes an item in these cycles, and the waves are empty; the last item of the frame is taken in cycle {last}",
+                    cycles[0], cycles[1]
+                ));
+            }
         }
         folder.contents(window, &sources, &coverage, &[])?
     };
@@ -155,7 +179,8 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
         "machine": {"name": machine.name, "sha256": hex(&Sha256::digest(&description)), "description": machine},
         "scene": {
             "name": scene.name, "sha256": digest_of(scene), "splats": scene.splats.len(),
-            "width": frame.width, "height": frame.height, "text": scene_text, "complete": scene_text.is_some_and(is_complete),
+            "width": frame.width, "height": frame.height, "text": origin.text.filter(|_| origin.frame == 0),
+            "complete": complete.is_some(), "source": origin.source.filter(|_| complete.is_none()), "frame": origin.frame,
         },
         "window": {
             "units": if window.units.is_empty() { units(kind).iter().map(|&unit| unit.to_owned()).collect() } else { window.units.clone() },
@@ -179,11 +204,11 @@ pub fn trace(scene: &Scene, scene_text: Option<&str>, machine: &Machine, window:
     let names: Vec<&str> = manifest["streams"].as_array().into_iter().flatten().filter_map(|stream| stream["name"].as_str()).collect();
     folder.headers(&scene.name, &names)?;
     folder.text("machine.json", &description)?;
-    if let Some(text) = scene_text.filter(|text| is_complete(text)) {
+    if let Some(text) = complete {
         folder.text("scene.json", text)?;
     }
     folder.text("manifest.json", &(serde_json::to_string_pretty(&manifest).unwrap_or_default() + "\n"))?;
-    Ok(Written::new(&manifest))
+    Ok(Written { notes, ..Written::new(&manifest) })
 }
 
 impl Written {
@@ -196,6 +221,7 @@ impl Written {
         Written {
             streams: manifest["streams"].as_array().into_iter().flatten().map(entry).collect(),
             coverage: [number("met"), number("cases")],
+            notes: Vec::new(),
         }
     }
 
@@ -206,7 +232,8 @@ impl Written {
             table.add_row([name.clone(), thousands(*records), thousands(*bytes)]);
         }
         let [met, cases] = self.coverage.map(thousands);
-        format!("{}\n\n{met} of {cases} cases met: coverage.csv has roundings, limits, decisions", aligned(table).trim_fmt())
+        let notes: String = self.notes.iter().map(|note| format!("\n\n{}", wrapped(note))).collect();
+        format!("{}\n\n{met} of {cases} cases met: coverage.csv has roundings, limits, decisions{notes}", aligned(table).trim_fmt())
     }
 }
 

@@ -114,6 +114,12 @@ pub fn one_line(name: &str) -> String {
     name.replace(is_unprintable, "_")
 }
 
+/// A word of a command line, in quotes where a shell would take it for something else.
+pub fn quoted_for_shell(word: &str) -> String {
+    let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "_-./=:,+@%".contains(letter);
+    if !word.is_empty() && word.chars().all(is_plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+}
+
 /// Bytes as hexadecimal digits.
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()

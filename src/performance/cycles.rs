@@ -298,7 +298,9 @@ impl CyclesReport {
 #[derive(Clone, Debug)]
 pub struct Requests {
     burst_bytes: u64,
+    clock_hz: u64,
     requests: Vec<Request>,
+    map: Vec<Segment>,
 }
 
 /// A format of traces.
@@ -310,14 +312,64 @@ pub enum Trace {
     Dramsim3,
 }
 
+/// A run of addresses that stays together in a trace.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Segment {
+    /// Where the model has it.
+    model: std::ops::Range<u64>,
+    /// Where the trace has its first byte.
+    base: u64,
+}
+
+/// What is kept where in the model: a region of 2^40 bytes each (`rtl_model::timing`, memory).
+const REGIONS: [&str; 7] = ["splats", "records", "lists", "lines", "words", "nodes", "map"];
+const REGION_LOG: u32 = 40;
+/// Gaps of fewer bytes stay in a trace.
+const GAP_BYTES: u64 = 1 << 16;
+
+/// The runs of addresses that are used, brought together row by row of memory.
+fn address_map(requests: &[Request], row_bytes: u64) -> Vec<Segment> {
+    let row = row_bytes.max(1);
+    let mut used: Vec<std::ops::Range<u64>> =
+        requests.iter().map(|request| request.address / row * row..(request.address + request.bytes).div_ceil(row) * row).collect();
+    used.sort_unstable_by_key(|range| (range.start, range.end));
+    let mut map: Vec<Segment> = Vec::new();
+    for range in used {
+        match map
+            .last_mut()
+            .filter(|last| range.start < last.model.end + GAP_BYTES && range.start >> REGION_LOG == last.model.start >> REGION_LOG)
+        {
+            Some(last) => last.model.end = last.model.end.max(range.end),
+            None => map.push(Segment { model: range, base: 0 }),
+        }
+    }
+    let mut base = 0;
+    for segment in &mut map {
+        segment.base = base;
+        base += segment.model.end - segment.model.start;
+    }
+    map
+}
+
 impl Requests {
     /// File names.
     pub const FORMATS: [(&'static str, Trace); 2] = [("requests.ramulator2", Trace::Ramulator2), ("requests.dramsim3", Trace::Dramsim3)];
+    /// The file that says what the addresses and cycles are.
+    pub const MAP: &'static str = "requests.json";
 
     /// In the order of cycles; those of one cycle as they were made.
     pub fn new(timing: &Microarchitecture, mut requests: Vec<Request>) -> Self {
         requests.sort_by_key(|request| request.cycle);
-        Requests { burst_bytes: timing.timing.memory.burst_bytes.into(), requests }
+        let memory = &timing.timing.memory;
+        let map = address_map(&requests, memory.row_bytes.into());
+        Requests { burst_bytes: memory.burst_bytes.into(), clock_hz: timing.timing.clock_hz.into(), requests, map }
+    }
+
+    /// Where the trace has a byte of the model's memory.
+    fn mapped(&self, address: u64) -> u64 {
+        let after = self.map.partition_point(|segment| segment.model.start <= address);
+        let segment = after.checked_sub(1).map(|place| &self.map[place]);
+        segment.map_or(address, |segment| segment.base + (address - segment.model.start))
     }
 
     /// Writes a trace, a burst a line.
@@ -326,7 +378,8 @@ impl Requests {
     /// Those of the file.
     pub fn write(&self, format: Trace, file: &mut impl std::io::Write) -> std::io::Result<()> {
         for Request { cycle, address, bytes, direction } in &self.requests {
-            for at in (*address..address + bytes).step_by(self.burst_bytes as usize) {
+            let first = self.mapped(*address);
+            for at in (first..first + bytes).step_by(self.burst_bytes as usize) {
                 match (format, direction) {
                     (Trace::Ramulator2, Direction::Read) => writeln!(file, "LD 0x{at:x}")?,
                     (Trace::Ramulator2, Direction::Write) => writeln!(file, "ST 0x{at:x}")?,
@@ -336,6 +389,39 @@ impl Requests {
             }
         }
         Ok(())
+    }
+
+    /// What the addresses and cycles are: the map, the unit of time, and the size of a device that holds all addresses.
+    pub fn map(&self) -> serde_json::Value {
+        let bytes = self.map.last().map_or(0, |last| last.base + (last.model.end - last.model.start));
+        let region = |number: u64, segments: Vec<&Segment>| {
+            let (first, last) = (segments[0], segments[segments.len() - 1]);
+            let segments: Vec<serde_json::Value> = segments
+                .iter()
+                .map(|segment| {
+                    serde_json::json!({
+                        "base": segment.base, "bytes": segment.model.end - segment.model.start,
+                        "model_offset": segment.model.start - (number << REGION_LOG),
+                    })
+                })
+                .collect();
+            serde_json::json!({
+                "name": REGIONS.get(number as usize), "base": first.base,
+                "bytes": last.base + (last.model.end - last.model.start) - first.base, "segments": segments,
+            })
+        };
+        let numbers: std::collections::BTreeSet<u64> = self.map.iter().map(|segment| segment.model.start >> REGION_LOG).collect();
+        let of = |number: u64| self.map.iter().filter(|segment| segment.model.start >> REGION_LOG == number).collect();
+        serde_json::json!({
+            "format": "splatsim-requests-1",
+            "clock_hz": self.clock_hz,
+            "cycle_ns": 1e9 / self.clock_hz as f64,
+            "burst_bytes": self.burst_bytes,
+            "bursts": self.requests.iter().map(|request| request.bytes.div_ceil(self.burst_bytes.max(1))).sum::<u64>(),
+            "address_bytes": bytes,
+            "device_bytes": bytes.next_power_of_two(),
+            "regions": numbers.into_iter().map(|number| region(number, of(number))).collect::<Vec<_>>(),
+        })
     }
 }
 
@@ -408,5 +494,28 @@ mod tests {
         };
         assert_eq!(told(Trace::Dramsim3), "0x40 READ 3\n0x100 WRITE 9\n0x140 WRITE 9\n");
         assert_eq!(told(Trace::Ramulator2), "LD 0x40\nST 0x100\nST 0x140\n");
+    }
+
+    #[test]
+    fn regions_that_lie_far_apart_are_brought_together_and_none_shares_a_row() {
+        let timing = Machine::named("tiny").unwrap().elaborate().unwrap().timing;
+        let row = u64::from(timing.timing.memory.row_bytes);
+        let request = |cycle, address, bytes| Request { cycle, address, bytes, direction: Direction::Read };
+        let far = [64, (1 << 40) + 128, (2 << 40) + 64, (2 << 40) + (1 << 22), (4 << 40) + 64];
+        let requests = Requests::new(&timing, far.iter().zip(0..).map(|(&address, cycle)| request(cycle, address, 64)).collect());
+        let mut text = Vec::new();
+        requests.write(Trace::Dramsim3, &mut text).unwrap();
+        let addresses: Vec<u64> = String::from_utf8(text)
+            .unwrap()
+            .lines()
+            .map(|line| u64::from_str_radix(line[2..].split(' ').next().unwrap(), 16).unwrap())
+            .collect();
+        // A row each, one behind the other, each address at its place in the row.
+        assert_eq!(addresses, [64, row + 128, 2 * row + 64, 3 * row, 4 * row + 64]);
+        let map = requests.map();
+        assert_eq!((&map["address_bytes"], &map["device_bytes"]), (&(5 * row).into(), &(8 * row).into()));
+        let names: Vec<&str> = map["regions"].as_array().unwrap().iter().map(|region| region["name"].as_str().unwrap()).collect();
+        assert_eq!(names, ["splats", "records", "lists", "words"]);
+        assert_eq!(map["regions"][2]["segments"].as_array().unwrap().len(), 2);
     }
 }

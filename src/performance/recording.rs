@@ -215,6 +215,13 @@ pub fn files_of_cycles<'a>(
     for (requests, (name, format)) in requests.into_iter().flat_map(|requests| Requests::FORMATS.map(|format| (requests, format))) {
         add(name, Box::new(move |path| write_beside(path, |file| requests.write(format, file).map_err(|e| e.to_string()))));
     }
+    if let Some(requests) = requests {
+        let map = move |path: &Path| {
+            let map = serde_json::to_string_pretty(&requests.map()).map_err(|error| Error::job(error.to_string()))?;
+            text(path, &(map + "\n"))
+        };
+        add(Requests::MAP, Box::new(map));
+    }
     add(
         "cycles.png",
         Box::new(|path| {

@@ -4,7 +4,7 @@
 
 use rtl_model::Machine;
 use serde_json::{Value, json};
-use splatsim::cosim::trace::{Window, trace};
+use splatsim::cosim::trace::{Origin, Window, trace};
 use splatsim::hardware::machines;
 use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
@@ -89,7 +89,7 @@ pub fn traced(text: &str, machine: &Machine, window: &Window) -> Traced {
     std::fs::write(&scene_file, text).unwrap();
     let scene = Scene::load(scene_file.to_str().unwrap(), &Overrides::default()).unwrap();
     let folder = kept.path().join("trace");
-    trace(&scene, Some(text), machine, window, &folder).unwrap();
+    trace(&scene, Origin { text: Some(text), ..Origin::default() }, machine, window, &folder).unwrap();
     let manifest = serde_json::from_str(&std::fs::read_to_string(folder.join("manifest.json")).unwrap()).unwrap();
     Traced { folder, manifest, _kept: kept }
 }

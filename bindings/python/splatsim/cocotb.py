@@ -16,6 +16,7 @@ from pathlib import Path
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import ReadOnly, RisingEdge
+from cocotb.utils import get_sim_time
 
 from splatsim import Unit
 
@@ -186,7 +187,7 @@ class Bench:
         self.coverage[1].sample(record)
         fault = self.model.compare(record)
         if fault and len(self.faults) < FAULTS:
-            self.faults.append(fault)
+            self.faults.append(f"at {get_sim_time('ns'):.0f} ns: {fault}")
 
     async def reset(self, cycles=3):
         """Starts the clock and resets the device."""

@@ -4,7 +4,7 @@ use crate::models::{Machine, Scene};
 use crate::work::{done, json, raised, refused};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use splatsim::cosim::trace::{Window, trace as write_trace};
+use splatsim::cosim::trace::{Origin, Window, trace as write_trace};
 use splatsim::hardware::fixed;
 use splatsim::output::files::Folder;
 use splatsim::performance::cost::Prices;
@@ -200,7 +200,12 @@ pub(crate) fn trace(
         return Err(refused("sample is 0, and one in 1 is the most"));
     }
     let (machine, _) = Machine::of(machine, &scene.scene).map_err(raised)?;
-    let Scene { scene, text, .. } = scene.clone();
+    let Scene { scene, text, file, frame } = scene.clone();
+    let file = file.and_then(|file| std::path::absolute(file).ok()).and_then(|file| file.to_str().map(str::to_owned));
     let window = Window { units, splats, pixels, sample, stimulus, waves, seed };
-    done(py, None, move || write_trace(&scene, text.as_deref(), &machine, &window, &folder).map(|written| written.table()))
+    done(py, None, move || {
+        let frame = frame.and_then(|frame| usize::try_from(frame).ok()).unwrap_or(0);
+        let origin = Origin { text: text.as_deref(), source: file.as_deref(), frame };
+        write_trace(&scene, origin, &machine, &window, &folder).map(|written| written.table())
+    })
 }

@@ -1,6 +1,7 @@
 """Twins on Icarus beside the live model. `python3 twins.py TRACE BUILD` runs them, as test_cocotb.py does; a twin in under twenty lines."""
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -44,6 +45,8 @@ async def another_machine(dut):
         await bench.finish()
     except AssertionError as fault:
         assert "field weight is" in str(fault), fault
+        # When, and what it was made from.
+        assert re.match(r"at \d+ ns: gauss\.out: record ", str(fault)) and "of gauss.in: radial " in str(fault), fault
         assert len(bench.faults) == FAULTS and bench.faults[:1] == first, (first, bench.faults)
     else:
         assert False, "nobody has noticed"

@@ -103,7 +103,7 @@ const PACKAGE: &str = r#"  typedef bit [32*WORDS-1:0] record_t;
   function automatic bit is_equal(chandle model, int side, record_t record);
     int differs;
     differs = splatsim_unit_compare_bits(model, side, record, 64'(WORDS));
-    if (differs != 0) $display("splatsim: %s", splatsim_last_error());
+    if (differs != 0) $display("splatsim: at %0d ns: %s", $time, splatsim_last_error());
     return differs == 0;
   endfunction
 
@@ -174,7 +174,7 @@ module splatsim_scoreboard #(
 
   // Whether a stream has a bit that is X or Z where it counts; says so.
   function automatic bit unknown(string stream, string what, bit is_so);
-    if (is_so) $display("splatsim: %s.%s: %s is X or Z in part", UNIT, stream, what);
+    if (is_so) $display("splatsim: at %0d ns: %s.%s: %s is X or Z in part", $time, UNIT, stream, what);
     return is_so;
   endfunction
 

@@ -15,6 +15,9 @@ use std::any::Any;
 
 /// Events of a record's words; the bits of `flags` in a key.
 pub mod flag {
+    use rtl_model::num::Fit;
+    use rtl_model::units::fragment::Decision;
+
     /// A word lost bits below its last place.
     pub const INEXACT: u8 = 1;
     /// A word met its lower limit.
@@ -32,6 +35,28 @@ pub mod flag {
 
     /// Their names, from the last bit up.
     pub const NAMES: [&str; 7] = ["inexact", "saturated_low", "saturated_high", "wrapped", "cut_off", "merged", "evicted"];
+
+    /// What is lost when an exact result, with `more` fraction bits than was elaborated, becomes a word.
+    pub fn of(fit: &Fit, exact: i64, more: i64) -> u8 {
+        let loss = fit.loss(exact, more);
+        let losses =
+            [(loss.inexact, INEXACT), (loss.saturated_low, SATURATED_LOW), (loss.saturated_high, SATURATED_HIGH), (loss.wrapped, WRAPPED)];
+        losses.iter().filter(|(lost, _)| *lost).fold(0, |flags, (_, flag)| flags | flag)
+    }
+
+    /// What a decision of `fragment` does to fragments.
+    pub fn of_decision(decision: Decision) -> u8 {
+        match decision {
+            Decision::Merged(..) | Decision::Summed(..) | Decision::Closed(..) => MERGED,
+            Decision::Evicted(_) => EVICTED,
+            _ => 0,
+        }
+    }
+
+    /// Names of the flags that are set.
+    pub fn names(flags: u8) -> Vec<&'static str> {
+        NAMES.into_iter().enumerate().filter(|(bit, _)| flags >> bit & 1 == 1).map(|(_, name)| name).collect()
+    }
 }
 
 /// A splat that went through setup.
@@ -166,8 +191,8 @@ impl Observations {
             coverage: Coverage::new(machine),
             least_weight: least_weight(frame),
             project_cases: project_cases(frame),
-            unread: frame.sheets.as_ref().map(|_| machine.fragment.depth_fit().signal),
-            unseen: machine.signals.iter().position(|signal| signal.unit == unit::FRAGMENT && signal.name == "window.density"),
+            unread: unread(machine, frame),
+            unseen: unseen(machine),
             outcomes: outcomes(Kind::of(frame)),
             deepest: machine.machine.fragment.layers.saturating_sub(1) as u8,
             ..Observations::default()
@@ -229,6 +254,16 @@ impl Observations {
     fn flush(&mut self) -> u8 {
         std::mem::take(&mut self.observed)
     }
+}
+
+/// Words of this signal reach nothing.
+pub fn unread(machine: &Elaborated, frame: &Frame) -> Option<usize> {
+    frame.sheets.as_ref().map(|_| machine.fragment.depth_fit().signal)
+}
+
+/// Words of this signal cross no port.
+pub fn unseen(machine: &Elaborated) -> Option<usize> {
+    machine.signals.iter().position(|signal| signal.unit == unit::FRAGMENT && signal.name == "window.density")
 }
 
 /// Reasons for which `project` culls, in the order of their flags.
@@ -318,14 +353,7 @@ impl probe::Observer<'static> for Observations {
         if self.unseen == Some(fit.signal) {
             return;
         }
-        let loss = fit.loss(exact, more);
-        let losses = [
-            (loss.inexact, flag::INEXACT),
-            (loss.saturated_low, flag::SATURATED_LOW),
-            (loss.saturated_high, flag::SATURATED_HIGH),
-            (loss.wrapped, flag::WRAPPED),
-        ];
-        self.observed |= losses.iter().filter(|(lost, _)| *lost).fold(0, |flags, (_, flag)| flags | flag);
+        self.observed |= flag::of(fit, exact, more);
     }
 
     fn wrapped(&mut self, _signal: usize) {
@@ -391,12 +419,7 @@ impl probe::Observer<'static> for Observations {
         }
         if let Some(arrival) = self.arrivals.last_mut() {
             [arrival.outcome, arrival.slot, arrival.place] = outcome(decision, self.deepest);
-            let flag = match decision {
-                Decision::Merged(..) | Decision::Summed(..) | Decision::Closed(..) => flag::MERGED,
-                Decision::Evicted(_) => flag::EVICTED,
-                _ => 0,
-            };
-            arrival.fragment_flags = flags | flag;
+            arrival.fragment_flags = flags | flag::of_decision(decision);
         }
     }
 

@@ -27,6 +27,25 @@ pub enum Malformed {
     TooWide,
 }
 
+/// A line without Verilog's comments and the blanks around it; none where nothing else is in it. `is_inside` tells whether a `/*` is open.
+pub fn without_comment(line: &str, is_inside: &mut bool) -> Option<String> {
+    let (mut rest, mut kept, mut has_comment) = (line, String::new(), *is_inside);
+    while !rest.is_empty() {
+        if *is_inside {
+            let Some((_, behind)) = rest.split_once("*/") else { break };
+            (rest, *is_inside) = (behind, false);
+            continue;
+        }
+        let at = ["//", "/*"].iter().filter_map(|mark| rest.find(mark)).min().unwrap_or(rest.len());
+        kept.push_str(&rest[..at]);
+        has_comment |= at < rest.len();
+        *is_inside = rest[at..].starts_with("/*");
+        rest = if *is_inside { &rest[at + 2..] } else { "" };
+    }
+    let kept = kept.trim();
+    (!has_comment || !kept.is_empty()).then(|| kept.to_owned())
+}
+
 const DIGITS: &[u8; 16] = b"0123456789abcdef";
 
 impl Layout {
@@ -146,6 +165,15 @@ mod tests {
             prop_assert_eq!(line.trim_end(), expected);
             prop_assert_eq!(layout.read(line.trim_end()), Ok(words));
         }
+    }
+
+    #[test]
+    fn comments_are_not_records_and_an_empty_line_is_none() {
+        let mut is_inside = false;
+        let mut kept = |line: &str| without_comment(line, &mut is_inside);
+        assert_eq!([kept("// 0x00000000"), kept("  // 1f"), kept("/* 1f */")], [None, None, None]);
+        assert_eq!([kept(" 1f // a"), kept("1/* x */f"), kept("")], [Some("1f".into()), Some("1f".into()), Some(String::new())]);
+        assert_eq!([kept("1f /* a"), kept("1f"), kept(""), kept("b */ 1e")], [Some("1f".into()), None, None, Some("1e".into())]);
     }
 
     #[test]

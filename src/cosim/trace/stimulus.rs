@@ -7,17 +7,19 @@ mod ellipsoids;
 mod windows;
 
 use super::coverage::Coverage;
-use super::observer::{least_weight, outcome, outcomes, project_cases};
+use super::observer::{flag, least_weight, outcome, outcomes, project_cases, unread, unseen};
 use super::transfers::{Key, NONE};
 use rtl_model::frame::Frame;
-use rtl_model::num::Format;
+use rtl_model::num::{Fit, Format};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Kind, Stream, asks_for_pixel, project_out_words};
 use rtl_model::pipeline::unit_replay::{self, Fragments};
+use rtl_model::probe::Observer;
 use rtl_model::records::{PROJECT_FLAGS, unit};
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
 use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
+use std::any::Any;
 
 /// The records of one stream, made up.
 #[derive(Clone, Debug, Default)]
@@ -114,7 +116,8 @@ pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, want
         streams,
         random: Random(seed),
         // A stream that nothing is made for is there all the same, and empty.
-        out: Stimulus { made, coverage: Coverage::new(machine), tags: Vec::new() },
+        out: Stimulus { made, ..Stimulus::default() },
+        seen: Seen { coverage: Coverage::new(machine), unread: unread(machine, frame), unseen: unseen(machine), flags: 0 },
         cases: cases as usize,
     };
     let of_fragments = match Kind::of(frame) {
@@ -132,7 +135,8 @@ pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, want
         (&["resolve"], Maker::resolve),
     ];
     makers.iter().filter(|(units, _)| wants(units)).for_each(|(_, make)| make(&mut maker));
-    maker.out
+    let Maker { out, seen, .. } = maker;
+    Stimulus { coverage: seen.coverage, ..out }
 }
 
 /// The records of one unit's input alone.
@@ -158,7 +162,56 @@ struct Maker<'a> {
     streams: Vec<Stream>,
     random: Random,
     out: Stimulus,
+    seen: Seen,
     cases: usize,
+}
+
+/// Cases that were met, and what happened to the words of a record.
+struct Seen {
+    coverage: Coverage,
+    /// Words of this signal reach nothing.
+    unread: Option<usize>,
+    /// Words of this signal cross no port.
+    unseen: Option<usize>,
+    flags: u8,
+}
+
+impl Seen {
+    /// What happened to words since the last record.
+    fn flush(&mut self) -> u8 {
+        std::mem::take(&mut self.flags)
+    }
+}
+
+impl Observer<'static> for Seen {
+    fn fork(&self) -> Box<dyn Observer<'static>> {
+        Box::new(Seen { coverage: self.coverage.of_another_part(), unread: self.unread, unseen: self.unseen, flags: 0 })
+    }
+
+    fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
+        self
+    }
+
+    fn take_over(&mut self, seen: Box<dyn Any + Send>) {
+        if let Ok(fork) = seen.downcast::<Seen>() {
+            self.coverage.merge(fork.coverage);
+            self.flags |= fork.flags;
+        }
+    }
+
+    fn word(&mut self, fit: &Fit, exact: i64, more: i64, _word: i64) {
+        if self.unread == Some(fit.signal) {
+            return;
+        }
+        self.coverage.fitted(fit, exact, more);
+        if self.unseen != Some(fit.signal) {
+            self.flags |= flag::of(fit, exact, more);
+        }
+    }
+
+    fn wrapped(&mut self, _signal: usize) {
+        self.flags |= flag::WRAPPED;
+    }
 }
 
 /// A key of a case that has no place in a picture.
@@ -195,6 +248,14 @@ impl Maker<'_> {
         let Some(Made { records, .. }) = self.out.made.iter_mut().find(|made| made.name == name) else { return UNKNOWN };
         records.push((words, key));
         records.len() - 1
+    }
+
+    /// Adds what happened to the words of a record.
+    fn flag(&mut self, name: &'static str, record: usize, flags: u8) {
+        let made = self.out.made.iter_mut().find(|made| made.name == name);
+        if let Some((_, key)) = made.and_then(|made| made.records.get_mut(record)) {
+            key.flags |= flags;
+        }
     }
 
     /// What has been made since so many records are cases of one kind.
@@ -256,39 +317,46 @@ impl Maker<'_> {
                 // An ellipsoid's last word is its opacity.
                 let opacity = if self.frame.ellipsoids.is_some() { own.last().copied() } else { None };
                 let input = self.push("project.in", position.into_iter().chain(opacity).collect(), key(UNKNOWN));
-                let projected =
-                    unit_replay::project(self.machine, self.frame, position, opacity.unwrap_or_default(), &mut self.out.coverage);
+                let projected = unit_replay::project(self.machine, self.frame, position, opacity.unwrap_or_default(), &mut self.seen);
+                let flags = self.seen.flush();
                 let output = self.push("project.out", project_out_words(Kind::of(self.frame), projected).collect(), key(input));
+                self.flag("project.out", output, flags);
                 for (flag, case) in projected.into_iter().zip(project_cases(self.frame)) {
-                    self.out.coverage.count_if(flag != 0, "project", case);
+                    self.seen.coverage.count_if(flag != 0, "project", case);
                 }
                 let [near, outside, transparent, forward, exponent, _, inverse, inverse_exponent, a, b, x, y] = projected;
                 if [near, outside, transparent] != [0; PROJECT_FLAGS] {
+                    self.flag("project.out", output, flag::CUT_OFF);
                     continue;
                 }
                 let [a, b] = self.at_limits([a, b]);
                 let point: [i64; POINT] = [forward, exponent, inverse, inverse_exponent, a, b, x, y];
-                self.set_up([own, &point].concat(), output);
+                // Both units' records have what happened in both.
+                let later = self.set_up([own, &point].concat(), output, flags);
+                self.flag("project.out", output, later);
             }
             first = self.tag("project.in", &kind, first);
             first_disc = self.tag("ellipse.in", &kind, first_disc);
         }
     }
 
-    /// `ellipse`, by itself.
-    fn set_up(&mut self, words: Vec<i64>, parent: usize) {
+    /// `ellipse`, by itself; what happened to its words.
+    fn set_up(&mut self, words: Vec<i64>, parent: usize, before: u8) -> u8 {
         let input = self.push("ellipse.in", words.clone(), key(parent));
         let size_px = [self.frame.width, self.frame.height];
-        let (machine, frame, coverage) = (self.machine, self.frame, &mut self.out.coverage);
+        let (machine, frame, coverage) = (self.machine, self.frame, &mut self.seen);
         let made = match &frame.ellipsoids {
             None => words.try_into().ok().map(|words| unit_replay::ellipse(machine, &frame.view, size_px, words, coverage)),
             Some(_) => words.try_into().ok().and_then(|words| unit_replay::ellipsoid(machine, frame, words, coverage)),
         };
-        let Some(made) = made else { return };
+        let flags = self.seen.flush();
+        let Some(made) = made else { return flags };
         for (flag, case) in made.into_iter().zip(["backface", "faint", "outside"]) {
-            self.out.coverage.count_if(flag != 0, "ellipse", case);
+            self.seen.coverage.count_if(flag != 0, "ellipse", case);
         }
-        self.push("ellipse.out", made.to_vec(), key(input));
+        let culled = if made[..3] == [0; 3] { 0 } else { flag::CUT_OFF };
+        self.push("ellipse.out", made.to_vec(), Key { flags: before | flags | culled, ..key(input) });
+        flags
     }
 
     /// Places on both sides of where the camera no longer sees them, as near to each other as words can be.
@@ -346,13 +414,10 @@ impl Maker<'_> {
                 }
                 let number = self.out.made.iter().find(|made| made.name == "raster.in").map_or(0, |made| made.records.len());
                 let parent = self.push("raster.in", [&[number as i64], &input[..]].concat(), key(UNKNOWN));
-                let fragments = unit_replay::raster(
-                    self.machine,
-                    &self.frame.view,
-                    [self.frame.width, self.frame.height],
-                    input,
-                    &mut self.out.coverage,
-                );
+                let fragments =
+                    unit_replay::raster(self.machine, &self.frame.view, [self.frame.width, self.frame.height], input, &mut self.seen);
+                let flags = self.seen.flush();
+                self.flag("raster.in", parent, flags);
                 self.cover_raster(&input, &fragments);
                 for [x, y, radial, depth] in fragments {
                     self.push("raster.out", vec![number as i64, x, y, radial, depth], pixel_key([x, y], parent));
@@ -382,7 +447,7 @@ impl Maker<'_> {
             [(input[5], m.project.depth), (input[8], m.ellipse.depth_range)].map(|(word, of)| moved(word, depth_f - of.format.frac_bits));
         let cutoff = moved(self.frame.view.cutoff, m.raster.radial.format.frac_bits - m.raster.cutoff.format.frac_bits);
         let pixels = (input[10] - input[9] + 1) * (input[12] - input[11] + 1);
-        let meet = &mut self.out.coverage;
+        let meet = &mut self.seen.coverage;
         meet.count("raster", if fragments.is_empty() { "box keeps nothing" } else { "box keeps something" });
         if fragments.len() as i64 == pixels {
             meet.count("raster", "box keeps everything");
@@ -419,14 +484,16 @@ impl Maker<'_> {
             for [radial_word, amplitude] in records {
                 let words = [radial_word.clamp(0, radial.max()), amplitude];
                 let parent = self.push("gauss.in", words.to_vec(), key(UNKNOWN));
-                let weight = unit_replay::gauss(self.machine, words, &mut self.out.coverage);
-                self.out.coverage.count("gauss", if weight == 0 { "weight 0" } else { "weight above 0" });
+                let weight = unit_replay::gauss(self.machine, words, &mut self.seen);
+                self.seen.coverage.count("gauss", if weight == 0 { "weight 0" } else { "weight above 0" });
                 for (by, name) in [(-1, "weight one below the least"), (0, "weight at the least")] {
                     if least > 1 {
-                        self.out.coverage.count_if(weight == least + by, "gauss", name);
+                        self.seen.coverage.count_if(weight == least + by, "gauss", name);
                     }
                 }
-                self.push("gauss.out", vec![weight], key(parent));
+                let cut_off = if weight < least { flag::CUT_OFF } else { 0 };
+                let flags = self.seen.flush() | cut_off;
+                self.push("gauss.out", vec![weight], Key { flags, ..key(parent) });
             }
             first = self.tag("gauss.in", kind, first);
         }
@@ -522,8 +589,9 @@ impl Maker<'_> {
                 asked.push((*slot, answer));
                 answer
             },
-            &mut self.out.coverage,
+            &mut self.seen,
         );
+        let flags = self.seen.flush();
         for (slot, answer) in asked {
             let place = if self.asks_for_pixel() { &at[..] } else { &[] };
             let request = self.push("fragment.request", [place, &slot.sums[..], &[slot.material.into()]].concat(), pixel_key(at, input));
@@ -533,7 +601,7 @@ impl Maker<'_> {
         let [outcome, slot, _] = outcome(decision, 0);
         let full = held.len() == self.machine.machine.fragment.layers as usize;
         let shaded = held.iter().filter(|slot| slot.shaded).count();
-        let meet = &mut self.out.coverage;
+        let meet = &mut self.seen.coverage;
         meet.count("fragment", &format!("{}, slot {slot}", outcomes(Kind::of(self.frame))[usize::from(outcome)]));
         if full {
             meet.count("fragment", &format!("full, {shaded} of them shaded"));
@@ -542,7 +610,9 @@ impl Maker<'_> {
             let same = unit.held(pixel).iter().filter(|slot| slot.shaded).count();
             meet.count("fragment", &format!("merge leaves {same} shaded"));
         }
-        self.push("fragment.out", vec![at[0], at[1], outcome.into(), slot.into()], pixel_key(at, input));
+        let flags = flags | flag::of_decision(decision);
+        let key = Key { slot: slot.into(), flags, ..pixel_key(at, input) };
+        self.push("fragment.out", vec![at[0], at[1], outcome.into(), slot.into()], key);
     }
 
     /// A depth at, or beside, the reach of a fragment that is there, in the middle of two, or anywhere.
@@ -573,7 +643,7 @@ impl Maker<'_> {
 
     fn cover_match(&mut self, held: &[Slot], z: i64, threshold: i64) {
         let mut distances: Vec<i64> = held.iter().filter(|slot| !slot.shaded).map(|slot| (slot.depth - z).abs()).collect();
-        let meet = &mut self.out.coverage;
+        let meet = &mut self.seen.coverage;
         for distance in &distances {
             for (by, name) in [(-1, "depth one within ε"), (0, "depth at ε"), (1, "depth one beyond ε")] {
                 meet.count_if(*distance == threshold + by, "fragment", name);
@@ -595,7 +665,9 @@ impl Maker<'_> {
             let slot = &slots[number];
             let mut words = vec![at[0], at[1], number as i64, slot.shaded.into(), slot.depth, slot.material.into()];
             words.extend(slot.sums);
-            let lit = if slot.shaded { unit.lit(slot, &mut self.out.coverage) } else { Premultiplied::default() };
+            let lit = if slot.shaded { unit.lit(slot, &mut self.seen) } else { Premultiplied::default() };
+            // What a pixel holds in the end has no flags, as in a scene's trace.
+            self.seen.flush();
             words.extend(lit.colour);
             words.push(lit.opacity);
             self.push("fragment.held", words, Key { slot: number as u32, ..pixel_key(at, UNKNOWN) });
@@ -641,17 +713,18 @@ impl Maker<'_> {
                     material: material as u32,
                     pixel,
                 };
-                let output = unit_replay::shade(self.machine, self.frame, &input, &mut self.out.coverage);
+                let output = unit_replay::shade(self.machine, self.frame, &input, &mut self.seen);
                 let weight = match words[0] {
                     0 => "weight 0",
                     weight if weight < threshold => "weight below τ",
                     weight if weight == threshold => "weight at τ",
                     _ => "weight above τ",
                 };
-                self.out.coverage.count("shade", weight);
-                self.out.coverage.count_if(words[5..8] == [0, 0, 0], "shade", "normals cancel");
+                self.seen.coverage.count("shade", weight);
+                self.seen.coverage.count_if(words[5..8] == [0, 0, 0], "shade", "normals cancel");
                 let [r, g, b] = output.colour;
-                self.push("shade.out", vec![r, g, b, output.opacity], key(parent));
+                let flags = self.seen.flush();
+                self.push("shade.out", vec![r, g, b, output.opacity], Key { flags, ..key(parent) });
             }
             first = self.tag("shade.in", &kind, first);
         }
@@ -682,9 +755,10 @@ impl Maker<'_> {
             if layers.is_empty() {
                 first = Some(self.push("resolve.in", vec![at[0], at[1], 1, 1, 0, 0, 0, 0], pixel_key(at, UNKNOWN)));
             }
-            let word = unit_replay::resolve(self.machine, self.frame, &layers, &mut self.out.coverage);
-            self.out.coverage.count("resolve", &format!("{count} layers"));
-            self.push("resolve.out", [&at[..], &word[..]].concat(), pixel_key(at, first.unwrap_or(UNKNOWN)));
+            let word = unit_replay::resolve(self.machine, self.frame, &layers, &mut self.seen);
+            self.seen.coverage.count("resolve", &format!("{count} layers"));
+            let flags = self.seen.flush();
+            self.push("resolve.out", [&at[..], &word[..]].concat(), Key { flags, ..pixel_key(at, first.unwrap_or(UNKNOWN)) });
         }
         self.tag("resolve.in", "random layers", 0);
     }

@@ -91,6 +91,11 @@ impl<'a> Waves<'a> {
         waves
     }
 
+    /// Whether no unit takes anything in these cycles.
+    pub fn is_empty(&self) -> bool {
+        !self.changes.iter().any(|(_, change)| matches!(change, Change::Word(_, 1)))
+    }
+
     /// When a unit takes items.
     fn taken(&mut self, unit: &UnitCycles, [first, end]: [u64; 2]) {
         let taken = self.wires.len();

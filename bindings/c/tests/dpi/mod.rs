@@ -117,6 +117,10 @@ fn the_live_model_agrees_with_a_twin_and_names_what_is_different() {
     std::fs::write(trace.path("machine.json"), serde_json::to_string(&other).unwrap()).unwrap();
     let told = told(&simulation, &trace.folder, 20_000, 0);
     assert!(told.contains("field weight is") && told.contains("live: FAILED: record"), "{told}");
+    // When, and what it was made from.
+    let fault = told.lines().find(|line| line.contains("field weight is")).unwrap();
+    let time: u64 = fault.split_once("splatsim: at ").unwrap().1.split_once(" ns: ").unwrap().0.parse().unwrap();
+    assert!(time > 0 && fault.contains("made from record") && fault.contains("of gauss.in: radial "), "{fault}");
 }
 
 #[test]

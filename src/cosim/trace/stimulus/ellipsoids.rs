@@ -1,7 +1,7 @@
 //! Ellipsoids: made-up cases of axes, of the sort, and of sheets: where a sheet changes, and where a pixel stops.
 
-use super::super::observer::{least_weight, outcome, outcomes};
-use super::{CONTRIBUTIONS, Maker, UNKNOWN, key, pixel_key};
+use super::super::observer::{flag, least_weight, outcome, outcomes};
+use super::{CONTRIBUTIONS, Key, Maker, UNKNOWN, key, pixel_key};
 use rtl_model::frame::Each;
 use rtl_model::num::Format;
 use rtl_model::pipeline::ports::Kind;
@@ -77,7 +77,7 @@ impl Maker<'_> {
     pub(super) fn at_limits(&mut self, slope: [i64; 2]) -> [i64; 2] {
         let Some(ellipsoids) = &self.frame.ellipsoids else { return slope };
         let (format, limits) = (self.machine.machine.project.slope.format, ellipsoids.kernel.jacobian);
-        let (random, coverage) = (&mut self.random, &mut self.out.coverage);
+        let (random, coverage) = (&mut self.random, &mut self.seen.coverage);
         let slope = [0, 1].map(|axis| {
             let by = random.below(3) - 1;
             let at = limits[axis] * if random.one_in(2) { -1 } else { 1 } + by;
@@ -116,9 +116,11 @@ impl Maker<'_> {
         for (tag, depth) in (0i64..).zip(&depths) {
             self.push("sort.in", vec![tag, *depth], key(UNKNOWN));
         }
-        for (nth, word) in unit_replay::sort(self.machine, &depths, &mut self.out.coverage).unwrap_or_default() {
+        for (nth, word) in unit_replay::sort(self.machine, &depths, &mut self.seen).unwrap_or_default() {
             self.push("sort.out", vec![nth as i64, word], key(nth));
         }
+        // Records of the sort have no flags, as in a scene's trace.
+        self.seen.flush();
         self.tag("sort.in", "ties and random", 0);
     }
 
@@ -191,7 +193,7 @@ impl Maker<'_> {
         let weight = weight.clamp(least, format.max());
         let cases = [(least, "weight at the least"), (most, "weight at the most"), (most + 1, "weight one above the most")];
         for (at, name) in cases {
-            self.out.coverage.count_if(weight == at, "fragment", name);
+            self.seen.coverage.count_if(weight == at, "fragment", name);
         }
         weight
     }
@@ -242,7 +244,7 @@ impl Maker<'_> {
             *(if stops(middle) { &mut above } else { &mut below }) = middle;
         }
         words[2] = if self.random.one_in(2) { above } else { below };
-        self.out.coverage.count("fragment", if words[2] == above { "the least weight that stops" } else { "one less than that" });
+        self.seen.coverage.count("fragment", if words[2] == above { "the least weight that stops" } else { "one less than that" });
         if slices {
             let before = with(words[2], words);
             self.add_to_sheet(tiles, before.to_vec());
@@ -255,16 +257,18 @@ impl Maker<'_> {
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
         let before = tiles.held(at);
         let (tile, pixel) = tiles.of(at);
-        let decision = tile.take(words.clone().try_into().unwrap_or_default(), &mut self.out.coverage);
+        let decision = tile.take(words.clone().try_into().unwrap_or_default(), &mut self.seen);
+        let flags = self.seen.flush() | flag::of_decision(decision);
         let after = tile.held(pixel).unwrap_or_default();
         let [outcome, slot, _] = outcome(decision, 0);
         self.cover_sheet(before, after, words[3], outcome);
-        self.push("fragment.out", vec![at[0], at[1], outcome.into(), slot.into()], pixel_key(at, input));
+        let key = Key { slot: slot.into(), flags, ..pixel_key(at, input) };
+        self.push("fragment.out", vec![at[0], at[1], outcome.into(), slot.into()], key);
     }
 
     fn cover_sheet(&mut self, before: Option<Held>, after: Held, sheet: i64, outcome: u8) {
         let Some(registers) = &self.frame.sheets else { return };
-        let meet = &mut self.out.coverage;
+        let meet = &mut self.seen.coverage;
         meet.count("fragment", outcomes(Kind::of(self.frame))[usize::from(outcome)]);
         let stopped = before.is_some_and(|before| before.stopped);
         meet.count_if(stopped, "fragment", "stopped before");
@@ -286,7 +290,8 @@ impl Maker<'_> {
 
     fn end_of_sheets(&mut self, tiles: &mut Tiles, at: [i64; 2]) {
         let (tile, pixel) = tiles.of(at);
-        let (Some(held), Some(lit)) = (tile.held(pixel), tile.lit(pixel, &mut self.out.coverage)) else { return };
+        let (Some(held), Some(lit)) = (tile.held(pixel), tile.lit(pixel, &mut self.seen)) else { return };
+        self.seen.flush();
         let (sheet, open) = held.open.unwrap_or_default();
         let mut words = vec![at[0], at[1], held.stopped.into(), held.open.is_none().into()];
         words.extend(&held.composite[1..=OPACITY]);

@@ -1,6 +1,6 @@
 //! Windows: made-up cases of clusters: depths at, just within and just beyond what slots span and take, weights up to τ, and full pixels.
 
-use super::super::observer::{outcome, outcomes};
+use super::super::observer::{flag, outcome, outcomes};
 use super::{Maker, UNKNOWN, answer, pixel_key};
 use rtl_model::num::Format;
 use rtl_model::pipeline::ports::{self, Kind};
@@ -119,7 +119,7 @@ impl Maker<'_> {
 
     fn cover_windows(&mut self, held: &[Cluster], z: i64) {
         let threshold = self.frame.z_threshold;
-        let meet = &mut self.out.coverage;
+        let meet = &mut self.seen.coverage;
         for slot in held {
             let kind = if slot.closed { "a closed" } else { "an open" };
             for (end, name) in [(slot.near(), "nearest end"), (slot.far(), "farthest end")] {
@@ -135,20 +135,22 @@ impl Maker<'_> {
     fn contribute_to_window(&mut self, unit: &mut Windows, words: Vec<i64>) {
         let at = [words[0], words[1]];
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
-        let (random, machine, coverage) = (&mut self.random, self.machine, &mut self.out.coverage);
+        let (random, machine, coverage) = (&mut self.random, self.machine, &mut self.seen);
         let mut asked = Vec::new();
         let words: [i64; WindowIn::WORDS] = words.try_into().unwrap_or_default();
         let decision = unit.take(words, |slot| told(slot, answer(random, machine), &mut asked), coverage);
+        let flags = coverage.flush() | flag::of_decision(decision);
         self.requests(asked, at, input);
         let deepest = self.machine.machine.fragment.layers - 1;
         let [number, slot, place] = outcome(decision, deepest as u8);
         let name = outcomes(Kind::of(self.frame))[usize::from(number)];
-        self.out.coverage.count("fragment", &format!("{name}, slot {slot}"));
+        self.seen.coverage.count("fragment", &format!("{name}, slot {slot}"));
         if let Decision::Closed(..) = decision {
             let closed = unit.held(pixel(at)).iter().filter(|slot| slot.closed).count();
-            self.out.coverage.count("fragment", &format!("{closed} are closed"));
+            self.seen.coverage.count("fragment", &format!("{closed} are closed"));
         }
-        self.push("fragment.out", vec![at[0], at[1], number.into(), slot.into(), place.into()], pixel_key(at, input));
+        let key = super::Key { slot: slot.into(), flags, ..pixel_key(at, input) };
+        self.push("fragment.out", vec![at[0], at[1], number.into(), slot.into(), place.into()], key);
     }
 
     /// What shade was asked, and said.
@@ -161,11 +163,12 @@ impl Maker<'_> {
     }
 
     fn end_of_windows(&mut self, unit: &mut Windows, at: [i64; 2]) {
-        let (random, machine, coverage) = (&mut self.random, self.machine, &mut self.out.coverage);
+        let (random, machine, coverage) = (&mut self.random, self.machine, &mut self.seen);
         let mut asked = Vec::new();
         let slots = unit.held(pixel(at)).len();
         let layers = unit.layers(pixel(at), |slot| told(slot, answer(random, machine), &mut asked), coverage);
-        coverage.count("fragment", &format!("{slots} slots in the end, {} layers", layers.len()));
+        coverage.flush();
+        coverage.coverage.count("fragment", &format!("{slots} slots in the end, {} layers", layers.len()));
         self.requests(asked, at, UNKNOWN);
         for layer in layers {
             let mut words = vec![at[0], at[1], layer.slot as i64, layer.depth];
