@@ -18,7 +18,7 @@ pub struct Lines {
 
 /// A file's text.
 pub fn read(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display())))?;
+    let bytes = crate::input::read(path).map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display())))?;
     String::from_utf8(bytes)
         .map_err(|_| Error::input(format!("{}: is not a text; one record per line is needed, in hexadecimal", path.display())))
 }
