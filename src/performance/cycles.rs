@@ -362,7 +362,7 @@ impl Requests {
         requests.sort_by_key(|request| request.cycle);
         let memory = &timing.timing.memory;
         let map = address_map(&requests, memory.row_bytes.into());
-        Requests { burst_bytes: memory.burst_bytes.into(), clock_hz: timing.timing.clock_hz.into(), requests, map }
+        Requests { burst_bytes: memory.burst_bytes.into(), clock_hz: timing.timing.clock_hz, requests, map }
     }
 
     /// Where the trace has a byte of the model's memory.
