@@ -9,6 +9,9 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
+use splatsim::golden::{Rules, render};
+use splatsim::hardware::quantise::quantise;
+use splatsim::hardware::{fixed, machines};
 use splatsim::scene::mesh::Mesh;
 use splatsim::scene::{Overrides, Scene};
 use std::io::Cursor;
@@ -800,4 +803,77 @@ fn gaussians_of_a_gltf_may_be_quantised_and_are_checked() {
         load(&folder, "d.glb", glb(&document, &buffer))
     };
     assert!(linear.notes.iter().any(|note| note.contains("has the colour space lin_rec709_display")), "{:?}", linear.notes);
+}
+
+// ---- opacities that are compensated ----
+
+/// A ball of σ 0.2 pixels, opacity 0.9, centred on the corner of four pixels, as the program Brush writes it.
+fn small_ball(comment: &str) -> String {
+    let [scale, logit] = [(0.2f64 / 64.0).ln(), 9f64.ln()];
+    format!(
+        "ply\nformat ascii 1.0\n{comment}element vertex 1\n{}end_header\n0 0 1 1 0 0 0 {scale} {scale} {scale} {logit} 1 1 1\n",
+        ["x", "y", "z", "rot_0", "rot_1", "rot_2", "rot_3", "scale_0", "scale_1", "scale_2", "opacity", "f_dc_0", "f_dc_1", "f_dc_2"]
+            .map(|name| format!("property float {name}\n"))
+            .concat()
+    )
+}
+
+/// With the low-pass filter of 0.3 pixel² the variance is 0.34, and the pixel's centre lies half a pixel to each side: α is
+/// 0.9·e^(−0.25/0.34), and with compensation √(0.04²/0.34²) of that (gsplat, `antialiased`).
+#[test]
+fn a_file_for_mip_splatting_gets_fainter_and_any_other_does_not() {
+    let folder = folder();
+    let plain = 0.9 * f64::exp(-0.25 / 0.34);
+    for (comment, kernel, expected) in [
+        ("", json!({}), plain),
+        ("comment SplatRenderMode: default\n", json!({}), plain),
+        ("comment SplatRenderMode: mip\n", json!({}), plain * 0.04 / 0.34),
+        ("comment splatrendermode:Mip\n", json!({}), plain * 0.04 / 0.34),
+        ("comment SplatRenderMode: mip\n", json!({"compensate_opacity": false}), plain),
+        ("", json!({"compensate_opacity": true}), plain * 0.04 / 0.34),
+    ] {
+        write(&folder, "ball.ply", small_ball(comment));
+        let camera = json!({"eye": [0, 0, 0], "target": [0, 0, 1], "focal_px": [64, 64]});
+        let scene = json!({"splats": {"file": "ball.ply"}, "kernel": kernel, "camera": camera, "image": {"width": 8, "height": 8}});
+        let scene = load(&folder, "scene.json", scene.to_string());
+        let told = scene.notes.iter().any(|note| note.contains("opacities are compensated for the low-pass filter"));
+        assert_eq!(told, comment.to_lowercase().contains("mip") && kernel == json!({}), "{comment}: {:?}", scene.notes);
+        let golden = render(&scene, &Rules::default()).picture;
+        let machine = machines::load("gaussian", &[]).unwrap();
+        let words = quantise(&scene, &machine).unwrap();
+        let drawing = rtl_model::pipeline::draw_unobserved(&fixed::elaborate(&machine).unwrap(), &words.frame);
+        let one = machine.resolve.frame.format.one() as f64;
+        for pixel in [27, 28, 35, 36] {
+            let [exact, held] = [golden.rgba[pixel][3], f64::from(drawing.frame[pixel][3]) / one];
+            assert!((exact - expected).abs() < 1e-9, "{comment} {kernel}: golden has {exact}, not {expected}");
+            assert!((held - expected).abs() < 2e-3, "{comment} {kernel}: the machine has {held}, not {expected}");
+        }
+    }
+}
+
+#[test]
+fn of_files_that_disagree_none_is_compensated_and_a_note_says_so() {
+    let folder = folder();
+    write(&folder, "a.ply", small_ball("comment SplatRenderMode: mip\n"));
+    write(&folder, "b.ply", small_ball(""));
+    let scene = load(&folder, "scene.json", json!({"splats": [{"file": "a.ply"}, {"file": "b.ply"}]}).to_string());
+    assert!(!scene.kernel.compensate_opacity);
+    assert!(scene.notes.iter().any(|note| note.contains("1 of 2 sources of Gaussians ask for opacities")), "{:?}", scene.notes);
+    let discs = json!({"splats": [{"position": [0, 0, 0]}], "kernel": {"compensate_opacity": true}});
+    assert!(refused("run", &write(&folder, "discs.json", discs.to_string())).contains("discs and volumes have that factor already"));
+}
+
+#[test]
+fn the_balls_in_the_shared_folder_are_as_bright_as_their_trainer_draws_them() {
+    let Some(path) = shared_input::find("outside/03-mip-comment/scene.json") else { return };
+    let scene = Scene::load(&path, &Overrides::default()).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    let other = if text.contains("mip.ply") { text.replace("mip.ply", "plain.ply") } else { text.replace("plain.ply", "mip.ply") };
+    let other = Scene::from_text(&other, "scene.json", path.parent().unwrap(), &Overrides::default(), 0).unwrap();
+    let brightest = |scene: &Scene| render(scene, &Rules::default()).picture.rgba.iter().map(|pixel| pixel[0]).fold(0.0, f64::max);
+    let [a, b] = [brightest(&scene), brightest(&other)];
+    let code = |light: f64| (255.0 * if scene.image.encoded { light } else { light.powf(1.0 / 2.2) }).round();
+    let codes = [code(a.min(b)), code(a.max(b))];
+    println!("{codes:?}");
+    assert!((codes[0] - 13.0).abs() <= 1.0 && (codes[1] - 108.0).abs() <= 1.0, "{codes:?}");
 }

@@ -663,7 +663,10 @@ fn the_cameras_in_the_shared_folder_are_one_camera() {
         let sequence = sequence.unwrap();
         let (view, image) = (sequence.scene().view(), sequence.scene().image);
         assert_eq!((image.width, image.height, view.eye), (96, 72, glam::DVec3::new(0.0, 0.0, -4.0)), "{file}");
-        assert!(view.focal_px.iter().all(|focal| (focal - 120.0).abs() < 1e-9) && (view.rotation.row(2) - glam::DVec3::Z).length() < 1e-12, "{file}");
+        assert!(
+            view.focal_px.iter().all(|focal| (focal - 120.0).abs() < 1e-9) && (view.rotation.row(2) - glam::DVec3::Z).length() < 1e-12,
+            "{file}"
+        );
         assert!((view.rotation.row(1) - glam::DVec3::Y).length() < 1e-12, "{file}");
     }
 }

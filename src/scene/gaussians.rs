@@ -47,6 +47,8 @@ pub struct Gaussians {
     pub all: Vec<Gaussian>,
     /// Degree of the spherical harmonics, 0 to 3.
     pub degree: usize,
+    /// The file says that they were trained to get fainter as the low-pass filter widens them (Yu et al. 2024, Mip-Splatting).
+    pub compensated: bool,
     /// Notes of what was left out or looks odd, one sentence each.
     pub notes: Vec<String>,
     /// Of all Gaussians, one after another: `(degree + 1)²` coefficients each, as f32, which no format exceeds.
@@ -75,7 +77,15 @@ pub(super) fn is_trained_ply(bytes: &[u8]) -> bool {
 /// Reads a PLY file of trained Gaussians.
 pub(super) fn parse_ply(bytes: &[u8]) -> Parsed<Gaussians> {
     let (header, body) = ply::read_header(bytes)?;
-    if packed_ply::is_packed(&header) { packed_ply::parse(&header, body) } else { float_ply::parse(&header, body) }
+    let parsed = if packed_ply::is_packed(&header) { packed_ply::parse(&header, body) } else { float_ply::parse(&header, body) };
+    let compensated = header.comments.iter().any(|comment| asks_for_compensation(comment));
+    parsed.map(|gaussians| Gaussians { compensated, ..gaussians })
+}
+
+/// Whether a comment is `SplatRenderMode: mip`, in any case, with or without the blank.
+fn asks_for_compensation(comment: &str) -> bool {
+    let (name, mode) = comment.split_once(':').unwrap_or_default();
+    name.trim().eq_ignore_ascii_case("SplatRenderMode") && mode.trim().eq_ignore_ascii_case("mip")
 }
 
 /// Coefficients per channel.
@@ -103,7 +113,11 @@ impl Intake {
     /// Room for as many Gaussians as the file's length vouches for.
     fn new(degree: usize, room: usize, notes: Vec<String>) -> Self {
         let harmonics = Vec::with_capacity(room.saturating_mul(coefficients(degree)));
-        Intake { gaussians: Gaussians { all: Vec::with_capacity(room), degree, notes, harmonics }, count: 0, left_out: [0; FLAWS.len()] }
+        Intake {
+            gaussians: Gaussians { all: Vec::with_capacity(room), degree, compensated: false, notes, harmonics },
+            count: 0,
+            left_out: [0; FLAWS.len()],
+        }
     }
 
     /// Takes one Gaussian, whose rotation may have any length, and its `(degree + 1)²` coefficients.

@@ -857,10 +857,11 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
         }
         Some(fields) => Some(gathered.detail(fields).map_err(input_error)?),
     };
+    let compensate_opacity = kind == Kind::Gaussians && fields.kernel.compensate_opacity.unwrap_or_else(|| gathered.compensates());
     let Gathered { splats, materials, notes, media, .. } = gathered;
     // What is written of a scene may be a comment of one line.
     let name = one_line(&Path::new(name).file_name().unwrap_or_default().to_string_lossy());
-    let kernel = kernel(&fields.kernel, kind);
+    let kernel = Kernel { compensate_opacity, ..kernel(&fields.kernel, kind) };
     let mut scene = Scene {
         name,
         splats,
@@ -937,7 +938,7 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
             FilterField::Circular => Filter::Circular,
             FilterField::SourceEwa => Filter::SourceEwa,
         },
-        compensate_opacity: fields.compensate_opacity.unwrap_or(false),
+        compensate_opacity: false,
         guard: fields.guard.unwrap_or(guard),
         jacobian: fields.jacobian,
     }
@@ -1392,6 +1393,30 @@ impl<'a> Gathered<'a> {
         };
         let splats = gaussians.all.iter().map(splat).collect();
         self.add_medium(splats, Medium::Gaussians(gaussians, DQuat::IDENTITY));
+    }
+
+    /// Whether all files of Gaussians say that opacities are compensated; a note says what was taken.
+    fn compensates(&mut self) -> bool {
+        let of_files = self.media.iter().filter_map(|part| match &part.medium {
+            Medium::Gaussians(gaussians, _) => Some(gaussians.compensated),
+            _ => None,
+        });
+        let (asks, does_not): (Vec<bool>, Vec<bool>) = of_files.partition(|compensated| *compensated);
+        if asks.is_empty() {
+            return false;
+        }
+        self.notes.push(if does_not.is_empty() {
+            "opacities are compensated for the low-pass filter, as the file asks (`kernel.compensate_opacity`: false draws them without)"
+                .into()
+        } else {
+            format!(
+                "{} of {} sources of Gaussians ask for opacities that are compensated for the low-pass filter: none is, unless \
+                 `kernel.compensate_opacity` is true",
+                asks.len(),
+                asks.len() + does_not.len()
+            )
+        });
+        does_not.is_empty()
     }
 
     /// Splats that follow each other in an array are one cloud; every other source is one of its own.

@@ -471,7 +471,9 @@ impl Camera {
         View {
             rotation: DMat3::from_cols(right, down, forward).transpose(),
             eye: self.eye,
-            focal_px: self.focal_px.map_or([half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0); 2], |focal_px| focal_px.map(|px| scale * px)),
+            focal_px: self
+                .focal_px
+                .map_or([half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0); 2], |focal_px| focal_px.map(|px| scale * px)),
             half_px,
             centre_px: self.centre_px.map_or(half_px, |centre| [0, 1].map(|i| half_px[i] + scale * (centre[i] - picture_px[i] / 2.0))),
         }

@@ -3,10 +3,10 @@
 
 use super::{Intrinsics, LONGEST_SIDE, Lens, Parsed, Pose, check_position, named};
 use crate::error::{Error, Result};
+use crate::input;
 use crate::output::text::clipped;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
-use crate::input;
 use std::path::Path;
 
 /// A model of lenses: its name, and how many numbers it has. In the order of the numbers that binary files have for them.

@@ -7,9 +7,7 @@ use serde_json::Value;
 
 /// In the order of the list.
 pub(super) fn poses(cameras: &[Value]) -> Parsed<Vec<Pose>> {
-    let pose = |(i, camera): (usize, &Value)| {
-        pose(camera).map_err(|sentence| format!("[{i}]: {sentence}"))
-    };
+    let pose = |(i, camera): (usize, &Value)| pose(camera).map_err(|sentence| format!("[{i}]: {sentence}"));
     cameras.iter().enumerate().map(pose).collect()
 }
 

@@ -121,9 +121,6 @@ fn unpack_tables(bytes: &[u8], most: u64) -> Parsed<Gaussians> {
 fn gaussians(header: &Header, tables: [&[u8]; 6], surplus: u64) -> Parsed<Gaussians> {
     let (count, row_bytes) = (header.count as usize, header.row_bytes());
     let mut notes = Vec::new();
-    if header.flags & ANTIALIASED != 0 {
-        notes.push("was trained for an antialiasing filter, which is not applied".to_owned());
-    }
     if header.version == STREAMED && header.flags & EXTENDED != 0 {
         notes.push("has extensions of its header, which are not read".to_owned());
     }
@@ -144,7 +141,8 @@ fn gaussians(header: &Header, tables: [&[u8]; 6], surplus: u64) -> Parsed<Gaussi
         let others = others.map(|(rgb, sign): (&[u8; 3], f32)| rgb.map(|code| sign * (f32::from(code) / 128.0 - 1.0)));
         intake.push(raw, std::iter::once(constant).chain(others));
     }
-    intake.finish()
+    let compensated = header.flags & ANTIALIASED != 0;
+    intake.finish().map(|gaussians| Gaussians { compensated, ..gaussians })
 }
 
 /// Half a turn about x.

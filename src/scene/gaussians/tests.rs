@@ -492,10 +492,9 @@ fn what_an_spz_file_holds_besides_gaussians_is_noted() {
     let mut file = spz(2);
     file[14] = 1;
     file.extend([1, 2, 3]);
-    assert_eq!(
-        read_as(".spz", &gzip(&file)).unwrap().notes,
-        ["was trained for an antialiasing filter, which is not applied", "has 3 bytes after its last Gaussian, which are not read"]
-    );
+    let read = read_as(".spz", &gzip(&file)).unwrap();
+    assert_eq!(read.notes, ["has 3 bytes after its last Gaussian, which are not read"]);
+    assert!(read.compensated && !read_as(".spz", &gzip(&spz(2))).unwrap().compensated);
 }
 
 // ---- colours ----
