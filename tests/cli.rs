@@ -730,7 +730,7 @@ fn machine_files_that_do_not_fit_are_refused_with_what_would() {
         run_refused(&["--machine", &file], &format!("splatsim: {file}: "));
     }
     let latin = folder.path().join("latin.json");
-    std::fs::write(&latin, b"\xff\xfe{}").unwrap();
+    std::fs::write(&latin, b"{\"name\": \"caf\xe9\"}").unwrap();
     run_refused(&["--machine", latin.to_str().unwrap()], "cannot be read");
     run_refused(&["--machine", folder.path().to_str().unwrap()], "cannot be read");
 }

@@ -222,7 +222,9 @@ fn a_sample_that_is_nan_is_drawn_as_empty() {
         put(344, b"n+1\0");
         [header, bytes(values)].concat()
     };
-    let files: Vec<(&str, Box<dyn Fn(&[f32]) -> Vec<u8>>)> = vec![
+    /// A file of these samples.
+    type Written<'a> = Box<dyn Fn(&[f32]) -> Vec<u8> + 'a>;
+    let files: Vec<(&str, Written<'_>)> = vec![
         (
             "x.nrrd",
             Box::new(|values| {

@@ -30,7 +30,7 @@ pub(super) struct Typed {
     scene: OsString,
     #[command(flatten)]
     pub common: Common,
-    /// Cameras of nerfstudio, COLMAP or 3D Gaussian training
+    /// Cameras of nerfstudio, COLMAP, Gaussian training
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Write the machine's pictures as a video too

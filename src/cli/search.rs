@@ -32,7 +32,7 @@ pub(super) struct Typed {
     /// Fields of `timing` and values [default: usual]
     #[arg(long, value_name = "FILE", requires = "min_fps")]
     fields: Option<PathBuf>,
-    /// Cameras of nerfstudio, COLMAP or 3D Gaussian training
+    /// Cameras of nerfstudio, COLMAP, Gaussian training
     #[arg(long, value_name = "FILE", conflicts_with = "frame")]
     cameras: Option<PathBuf>,
     /// Distances, as parts of each camera's: 0.25..2

@@ -90,7 +90,7 @@ const ALWAYS: [&str; 9] =
     ["fixed.png", "golden.png", "ideal.png", "error.png", "ranges.png", "cycles.png", "cycles.csv", "roofline.png", "roofline.svg"];
 
 /// Files that only some runs write.
-const OPTIONAL: [&str; 11] = [
+const OPTIONAL: [&str; 12] = [
     "flips.png",
     "bounds.png",
     "attribution.png",
@@ -98,6 +98,7 @@ const OPTIONAL: [&str; 11] = [
     "tiles.csv",
     "requests.ramulator2",
     "requests.dramsim3",
+    "requests.json",
     "fixed.exr",
     "golden.exr",
     "ideal.exr",

@@ -184,7 +184,7 @@ impl Content {
         // What is no regular file may never end, or wait.
         let metadata = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file)?;
         let mut head = Vec::new();
-        std::fs::File::open(path).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
+        crate::input::open(path).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
         Content::of(&head, metadata.len())
     }
 

@@ -64,8 +64,8 @@ fn unsound(fault: impl std::fmt::Display) -> String {
 }
 
 impl File {
-    /// Opens a file and those that it names; the error is the second half of a sentence that begins with the file's name.
-    pub fn open(bytes: &[u8], folder: &Path) -> Parsed<File> {
+    /// Reads a file and those that it names; the error is the second half of a sentence that begins with the file's name.
+    pub fn parse(bytes: &[u8], folder: &Path) -> Parsed<File> {
         let (json, blob) = if bytes.starts_with(b"glTF") {
             check_length(bytes)?;
             let glb = Glb::from_slice(bytes).map_err(unsound)?;

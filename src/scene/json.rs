@@ -1395,28 +1395,14 @@ impl<'a> Gathered<'a> {
         self.add_medium(splats, Medium::Gaussians(gaussians, DQuat::IDENTITY));
     }
 
-    /// Whether all files of Gaussians say that opacities are compensated; a note says what was taken.
+    /// Whether the file of the Gaussians says that their opacities are compensated; a note says so.
     fn compensates(&mut self) -> bool {
-        let of_files = self.media.iter().filter_map(|part| match &part.medium {
-            Medium::Gaussians(gaussians, _) => Some(gaussians.compensated),
-            _ => None,
-        });
-        let (asks, does_not): (Vec<bool>, Vec<bool>) = of_files.partition(|compensated| *compensated);
-        if asks.is_empty() {
-            return false;
+        let asks = self.media.iter().any(|part| matches!(&part.medium, Medium::Gaussians(gaussians, _) if gaussians.compensated));
+        if asks {
+            let says = "opacities are compensated for the low-pass filter, as the file asks (`kernel.compensate_opacity`: false draws them without)";
+            self.notes.push(says.into());
         }
-        self.notes.push(if does_not.is_empty() {
-            "opacities are compensated for the low-pass filter, as the file asks (`kernel.compensate_opacity`: false draws them without)"
-                .into()
-        } else {
-            format!(
-                "{} of {} sources of Gaussians ask for opacities that are compensated for the low-pass filter: none is, unless \
-                 `kernel.compensate_opacity` is true",
-                asks.len(),
-                asks.len() + does_not.len()
-            )
-        });
-        does_not.is_empty()
+        asks
     }
 
     /// Splats that follow each other in an array are one cloud; every other source is one of its own.

@@ -102,6 +102,10 @@ impl<'s> Law<'s> {
     /// Of several schemas, the one that the value's kind and fields point to has the say.
     fn check_options(&self, value: &Value, options: &'s [Value]) -> Fits {
         let options: Vec<&Value> = options.iter().map(|option| self.resolve(option)).collect();
+        // A field that is null is as one that is left out.
+        if value.is_null() && options.iter().any(|option| option["type"] == "null") {
+            return Ok(());
+        }
         let words: Vec<&str> = options.iter().filter_map(|option| option["const"].as_str()).collect();
         if let (Value::String(text), false) = (value, words.is_empty()) {
             return check_word(text, &words);

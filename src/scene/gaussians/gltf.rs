@@ -23,7 +23,7 @@ const THINNEST: f64 = 1e-9;
 
 /// Reads the bytes of a glTF or GLB file and the files that it names.
 pub(in crate::scene) fn parse(bytes: &[u8], folder: &Path) -> Parsed<Gaussians> {
-    let file = File::open(bytes, folder)?;
+    let file = File::parse(bytes, folder)?;
     let mut notes = file.notes.clone();
     let (mut sets, mut others) = (Vec::new(), 0);
     for (node, transform) in file.nodes()? {

@@ -25,7 +25,7 @@ const REFLECTED: f32 = 0.04;
 /// Reads the bytes of a glTF or GLB file and the files that it names; the error is the second half of a sentence that begins with the
 /// file's name.
 pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
-    let file = File::open(bytes, folder)?;
+    let file = File::parse(bytes, folder)?;
     let mut contents = Contents::default();
     contents.notes.extend(file.notes.iter().cloned());
     let mut reading = Reading { file: &file, contents, textures: HashMap::new(), passed_over: 0, gaussians: 0 };

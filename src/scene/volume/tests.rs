@@ -744,7 +744,7 @@ fn vti_extents_may_start_anywhere_and_axes_may_be_turned() {
 /// Arrays of one component are drawn by name, and a note says which one is where the file leaves it open.
 #[test]
 fn an_array_of_a_vti_is_drawn_by_its_name() {
-    let [zeros, ones] = ["0", "1"].map(|value| vec![value; 12].join(" "));
+    let [zeros, ones] = ["0", "1"].map(|value| [value; 12].join(" "));
     let array = |name: &str, values: &str| format!("<DataArray type=\"Float32\" Name=\"{name}\" format=\"ascii\">{values}</DataArray>");
     let both = array("zero", &zeros) + &array("one", &ones);
     let file = |scalars: &str| vti_header("", VTI_IMAGE, &both, "</VTKFile>").replace(" Scalars=\"it\"", scalars);
