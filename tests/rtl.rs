@@ -481,6 +481,8 @@ fn lenses() -> Vec<(&'static str, Traced, Vec<Unit>)> {
         ("square pixels", square, machine("tiny", &[one_lane]), discs()),
         ("compensated", fainter, machine("gaussian", &[one_lane]), ellipsoids()),
         ("a volume", with(&shells(12, 16, &json!({"stop": 0.6})), high), machine("volume", &[one_lane]), ellipsoids()),
+        // So wide that rays are more than twice as long as their depth.
+        ("a wide volume", with(&shells(12, 16, &json!({})), json!({"focal_px": [4, 5], "eye": [0.3, 0.2, 0.9], "near": 0.05})), machine("volume", &[one_lane]), ellipsoids()),
         ("mirrors", mirrored, mirrors("ray").into_iter().next().unwrap(), vec![unit("shade")]),
     ]
     .into_iter()
@@ -529,6 +531,7 @@ fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
             "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})",
             "sizes_squared[0+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})",
         ),
+        with("a wide volume", "ellipsoid", "ellipsoid.sv", ".more(9'(ray_exponent))", ".more(-(9'(ray_exponent)))"),
         with("mirrors", "shade", "reflect.sv", "- OFFSET_W'(centre)", "+ OFFSET_W'(centre)"),
         with("mirrors", "shade", "reflect.sv", "VIEW_INVERSE_FOCAL_Y_LSB)", "VIEW_INVERSE_FOCAL_X_LSB)"),
     ];

@@ -214,7 +214,7 @@ module ellipsoid #(
   wire signed [RAYED_W-1:0] rayed = $signed({1'b0, ray_operand}) * $signed({1'b0, ray_root});
   wire [RAY_W-1:0] ray;
   fit_shifted #(.IN_W(RAYED_W), .PLACES(2 * RAY_BITS - 1 - RAY_F), .MORE_W(9), .W(RAY_W), .S(0), .ROUND(machine_pkg::ELLIPSE_RAY_ROUND),
-      .WRAP(machine_pkg::ELLIPSE_RAY_WRAP)) fit_ray (.exact(rayed), .more(-(9'(ray_exponent))), .word(ray));
+      .WRAP(machine_pkg::ELLIPSE_RAY_WRAP)) fit_ray (.exact(rayed), .more(9'(ray_exponent)), .word(ray));
   wire signed [SIZE_SQUARED_W+RAY_W:0] thick = $signed({1'b0, sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * $signed({1'b0, ray});
   wire signed [AREA_W-1:0] along;
   fit #(.IN_W(SIZE_SQUARED_W + RAY_W + 1), .PLACES(SIZE_SQUARED_F + RAY_F - AREA_F), .W(AREA_W), .S(1),
@@ -238,7 +238,7 @@ module ellipsoid #(
     wire signed [SPANNED_W-1:0] rooted = $signed({1'b0, squares_operand}) * $signed({1'b0, squares_root});
     fit_shifted #(.IN_W(SPANNED_W), .PLACES(2 * COMPENSATION_BITS - 1 - AREA_F), .MORE_W(9), .W(AREA_W), .S(1),
         .ROUND(machine_pkg::ELLIPSE_AREA_ROUND), .WRAP(machine_pkg::ELLIPSE_AREA_WRAP))
-        fit_spanned (.exact(rooted), .more(-(9'(squares_exponent))), .word(spanned));
+        fit_spanned (.exact(rooted), .more(9'(squares_exponent)), .word(spanned));
   end else begin : g_no_compensation
     assign spanned = AREA_W'(0);
   end

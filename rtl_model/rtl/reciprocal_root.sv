@@ -2,8 +2,8 @@
 // Twin of functions/square_root.rs.
 //
 //   x ->[<< even lz]-> m in [1,4) -+->[table]-> y0 ->( q = y*y       )*steps -> y in (1/2,1]
-//         +-> exponent 2e          |                 ( c = 3 - m*q   )          1/sqrt(x) = y * 2^-e
-//                                  +---------------->( y = 1/2*y*c   )          sqrt(x) = m*y * 2^e
+//         +-> exponent -2e         |                 ( c = 3 - m*q   )          1/sqrt(x) = y * 2^e
+//                                  +---------------->( y = 1/2*y*c   )          sqrt(x) = m*y * 2^-e
 //
 // Losses: the mantissa m is cut (its rounding up could leave [1,4)); the square q, the correction c and the result y are rounded to
 // nearest.
@@ -21,7 +21,7 @@ module reciprocal_root #(
     input wire [IN_W-1:0] x,            // the operand, never 0
     output wire [BITS:0] operand,       // its mantissa m, U2F{BITS-1}
     output wire [BITS:0] mantissa,      // 1/sqrt(x) is this
-    output wire signed [7:0] exponent   // times 2 to the power of minus this
+    output wire signed [7:0] exponent   // times 2 to the power of this
 );
   localparam int W = BITS + 1;
   localparam int PRODUCT_W = 2 * W;
