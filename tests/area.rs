@@ -159,8 +159,7 @@ fn the_fit_is_what_the_book_says() {
 /// And no unit of these machines takes a tenth more or less than the model's gates.
 #[test]
 fn the_gates_are_what_the_book_says() {
-    let rows =
-        holds_in_the_book("gates", &[], |unit| unit.gates - unit.bits.register as f64 * DEFAULT.gates.register);
+    let rows = holds_in_the_book("gates", &[], |unit| unit.gates - unit.bits.register as f64 * DEFAULT.gates.register);
     assert!(rows.iter().all(|row| (0.9..=1.1).contains(&(row.mapped / row.model))), "{rows:?}");
 }
 

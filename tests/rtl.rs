@@ -482,7 +482,12 @@ fn lenses() -> Vec<(&'static str, Traced, Vec<Unit>)> {
         ("compensated", fainter, machine("gaussian", &[one_lane]), ellipsoids()),
         ("a volume", with(&shells(12, 16, &json!({"stop": 0.6})), high), machine("volume", &[one_lane]), ellipsoids()),
         // So wide that rays are more than twice as long as their depth.
-        ("a wide volume", with(&shells(12, 16, &json!({})), json!({"focal_px": [4, 5], "eye": [0.3, 0.2, 0.9], "near": 0.05})), machine("volume", &[one_lane]), ellipsoids()),
+        (
+            "a wide volume",
+            with(&shells(12, 16, &json!({})), json!({"focal_px": [4, 5], "eye": [0.3, 0.2, 0.9], "near": 0.05})),
+            machine("volume", &[one_lane]),
+            ellipsoids(),
+        ),
         ("mirrors", mirrored, mirrors("ray").into_iter().next().unwrap(), vec![unit("shade")]),
     ]
     .into_iter()
