@@ -93,7 +93,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/camera/fov",
             json!(45),
-            "camera.fov is no known field; the nearest is `fov_y_degrees` (known are eye, target, up, fov_y_degrees, near)",
+            "camera.fov is no known field; the nearest is `fov_y_degrees` (known are eye, target, up, fov_y_degrees, focal_px, centre_px, picture_px, near)",
         ),
         (
             "/camra",

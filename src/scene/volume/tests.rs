@@ -183,8 +183,8 @@ fn a_broken_description_of_plain_samples_ends_in_a_sentence() {
     refused(with(&|d| d.skip = u64::MAX), &["x.raw", "`skip`", "only 12"]);
     refused(with(&|d| d.file = "none.raw".into()), &["none.raw", "cannot be read"]);
     refused(with(&|d| d.file = "/dev/zero".into()), &["`file`", "relative"]);
-    refused(with(&|d| d.file = "../../../../../../../dev/zero".into()), &["no regular file"]);
-    refused(with(&|d| d.file = ".".into()), &["no regular file"]);
+    refused(with(&|d| d.file = "../../../../../../../dev/zero".into()), &["it is a device", "a file is needed"]);
+    refused(with(&|d| d.file = ".".into()), &["it is a folder", "a file is needed"]);
     fs::write(folder.path().join("x.raw"), [0.0_f32.to_le_bytes(), f32::NAN.to_le_bytes()].concat()).unwrap();
     let absent = with(&|d| (d.size, d.sample_type) = ([1, 2, 1], SampleType::F32)).unwrap();
     assert!(absent.values[0] == 0.0 && absent.values[1].is_nan());
@@ -209,7 +209,7 @@ fn volumes_are_told_by_their_extension() {
 #[test]
 fn a_path_that_is_no_volume_ends_in_a_sentence() {
     refused(read(Path::new("/nowhere/x.nrrd")), &["cannot be read"]);
-    refused(read_files(&[("x.hdr", b"")]), &["pairs"]);
+    refused(read_files(&[("x.hdr", b"")]), &["a pair of .hdr and .img"]);
     refused(read_files(&[("x.foo", b"")]), &[".nrrd", ".vti"]);
     let folder = TempDir::new().unwrap();
     fs::create_dir(folder.path().join("x.nii")).unwrap();
