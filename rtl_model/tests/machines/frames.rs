@@ -147,6 +147,8 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
     let (p, e) = (&machine.project, &machine.ellipse);
     let focal = w.rng.between(0.5, 3.0) * f64::from(width);
     let cutoff = w.rng.between(0.5, 4.0);
+    // By numbers of its own: what else is drawn stays as it was.
+    let mut lens = Words { rng: Rng(!w.rng.0), wildness: w.wildness };
     View {
         rotation: std::array::from_fn(|row| {
             std::array::from_fn(|column| {
@@ -159,20 +161,23 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
         guard: std::array::from_fn(|_| w.near(p.slope, 1.0)),
         focal: w.near(p.focal, focal),
         inverse_focal: w.scaled(e.inverse_focal, 1.0 / focal),
-        centre: std::array::from_fn(|_| w.near(p.pixel, 0.0)),
-        aspect: e.aspect.filter(|_| w.rng.below(2) == 0).map(|word| {
-            let ratio = w.rng.between(0.3, 1.0);
-            let focals = if w.rng.below(2) == 0 { [focal, ratio * focal] } else { [ratio * focal, focal] };
-            Aspect {
-                focal: focals.map(|focal| w.near(p.focal, focal)),
-                inverse_focal: focals.map(|focal| w.scaled(e.inverse_focal, 1.0 / focal)),
-                squares: [[0, 0], [0, 1], [1, 1]].map(|[i, j]| w.between(word, 0.0, focals[i] * focals[j] / (focal * focal))),
-            }
-        }),
+        centre: std::array::from_fn(|_| lens.near(p.pixel, 0.0)),
+        aspect: e.aspect.filter(|_| lens.rng.below(2) == 0).map(|word| aspect(p.focal, e.inverse_focal, word, focal, &mut lens)),
         low_pass: w.near(e.low_pass, 1.0),
         cutoff: w.near(machine.raster.cutoff, cutoff),
         root_cutoff: w.near(e.root_cutoff, cutoff.sqrt()),
         cull_backfaces: w.rng.below(4) == 0,
+    }
+}
+
+/// Pixels up to three times as wide as they are high, or the reverse.
+fn aspect(focal_word: Word, inverse: Word, square: Word, focal: f64, w: &mut Words) -> Aspect {
+    let ratio = w.rng.between(0.3, 1.0);
+    let focals = if w.rng.below(2) == 0 { [focal, ratio * focal] } else { [ratio * focal, focal] };
+    Aspect {
+        focal: focals.map(|focal| w.near(focal_word, focal)),
+        inverse_focal: focals.map(|focal| w.scaled(inverse, 1.0 / focal)),
+        squares: [[0, 0], [0, 1], [1, 1]].map(|[i, j]| w.near(square, focals[i] * focals[j] / (focal * focal))),
     }
 }
 
