@@ -714,7 +714,7 @@ fn what_no_tree_can_be_made_of_is_refused_in_a_sentence() {
     write("one.json", &format!(r#"{{"splats": [{splat}]}}"#));
     write("shells.json", r#"{"splats": {"gaussians": "bouquet", "count": 5}, "level_of_detail": {}}"#);
     write("broken.tree", "splatsim-tree-1\nnothing");
-    write("other.tree", "ply\n");
+    write("other.tree", "plant\n");
     for (name, fields) in
         [("negative", r#"{"pixels": -1}"#), ("none", r#"{"budget": {"splats": 0}}"#), ("unknown", r#"{"order": "random"}"#)]
     {
