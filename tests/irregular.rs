@@ -443,7 +443,9 @@ fn what_is_wrong_is_said_and_nothing_is_written() {
         (sound[..sound.len() / 2].to_owned(), "numbers"),
         (sound.replace("0 8 0 7", "0 80000 0 70000"), "at most"),
         ("<svg><path d=\"M0 0\"/></svg>".into(), "no <VTKFile>"),
-        (sound.replace("StructuredGrid", "PolyData"), "only StructuredGrid"),
+        (sound.replace("StructuredGrid", "HyperTreeGrid"), "only StructuredGrid"),
+        // Read as what its content says it is.
+        (sound.replace("StructuredGrid", "PolyData"), "`NumberOfPoints`"),
         (vts(|_| DVec3::ZERO), "shows nothing of the volume; samples that its transfer function shows have a cell of no volume"),
         (String::new(), "no <VTKFile>"),
     ] {
