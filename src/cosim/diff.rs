@@ -5,8 +5,8 @@
 //!                            ├─►( order )─►( align )─► missing, surplus, moved, different ─► the first of them, with what led to it
 //! device ─► lines, checked ──┘
 //! ```
-//! Records that have a tag or a pixel are paired by it, others by an edit script ([`align`]). Where the order of pixels does not count, or
-//! where the device went through tiles, the expected records are brought into that order first ([`order`]).
+//! Records that have a tag or a pixel are paired by it, others by an edit script (`align`). Where the order of pixels does not count, or
+//! where the device went through tiles, the expected records are brought into that order first (`order`).
 //!
 //! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`, `a_fault_at_a_pixel_is_named`,
 //! `runs_of_missing_and_surplus_records_are_counted_apart`, `a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named`,
