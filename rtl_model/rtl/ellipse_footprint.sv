@@ -29,7 +29,7 @@ module ellipse_footprint #(
     input wire [FACES*machine_pkg::ELLIPSE_FACING_W-1:0] faces,              // the first in the lowest bits
     output wire [FACES*machine_pkg::ELLIPSE_AREA_W-1:0] areas,               // likewise, of this size
     output wire [machine_pkg::ELLIPSE_ROOT_BITS:0] root,                     // 1/sqrt det V' is this
-    output wire signed [7:0] root_exponent,                                  // times 2 to the power of minus this
+    output wire signed [7:0] root_exponent,                                  // times 2 to the power of this
     output wire flat,                                                        // det V' is 0
     output wire [machine_pkg::ELLIPSE_CONIC_W-1:0] conic_xx,                 // the conic
     output wire [machine_pkg::ELLIPSE_CONIC_CROSS_W-1:0] conic_xy,           // likewise

@@ -9,7 +9,7 @@
 module ellipse_visibility (
     input wire signed [machine_pkg::ELLIPSE_AREA_W-1:0] area,              // of either sign
     input wire [machine_pkg::ELLIPSE_ROOT_BITS:0] root,                    // 1/sqrt det V' is this
-    input wire signed [7:0] root_exponent,                                 // times 2 to the power of minus this
+    input wire signed [7:0] root_exponent,                                 // times 2 to the power of this
     output wire [machine_pkg::ELLIPSE_VISIBILITY_W-1:0] visibility         // the amplitude of a kernel of height 1
 );
   localparam int AREA_W = machine_pkg::ELLIPSE_AREA_W;

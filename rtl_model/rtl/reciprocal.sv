@@ -1,7 +1,7 @@
 // Reciprocal: 1/x by leading-zero normalisation, a table and Newton steps. Twin of functions/reciprocal.rs.
 //
 //   x ->[<< lz]-> m in [1,2) -+->[table]-> y0 ->( c = 2 - m*y )*steps -> y in [1/2,1]
-//         +-> exponent e      +---------------->( y = y*c     )          1/x = y * 2^-e
+//         +-> exponent e      +---------------->( y = y*c     )          1/x = y * 2^e
 //
 // Losses: the mantissa m is cut (its rounding up could leave [1,2)); the correction c and the result y are rounded to nearest.
 `timescale 1ns / 1ps
@@ -17,7 +17,7 @@ module reciprocal #(
 ) (
     input wire [IN_W-1:0] x,            // the operand, never 0
     output wire [BITS:0] mantissa,      // 1/x is this
-    output wire signed [7:0] exponent   // times 2 to the power of minus this
+    output wire signed [7:0] exponent   // times 2 to the power of this
 );
   localparam int W = BITS + 1;
   localparam int PRODUCT_W = 2 * W;
