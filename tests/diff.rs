@@ -290,7 +290,7 @@ fn counts(told: &Value) -> [u64; 4] {
 const KINDS: [&str; 6] = ["raster.in", "raster.out", "ellipse.out", "gauss.in", "gauss.out", "resolve.out"];
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(32))]
+    #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
     fn runs_of_missing_and_surplus_records_are_counted_apart(stream in prop::sample::select(KINDS.to_vec()), at in any::<prop::sample::Index>(), long in 1usize..40, other in any::<prop::sample::Index>()) {

@@ -3,7 +3,7 @@
 use crate::share;
 use splatsim::scene::tree::Tree;
 use splatsim::scene::tree::cut::{Budget, Detail, Order, Rules};
-use splatsim::scene::{Overrides, Scene, names, parcel};
+use splatsim::scene::{Camera, Overrides, Scene, names, parcel};
 use std::sync::Arc;
 
 fn scenes() -> impl Iterator<Item = Scene> {
@@ -27,6 +27,18 @@ fn what_is_unpacked_is_what_was_packed() {
         count += 1;
     }
     assert!(count > 3);
+}
+
+/// Whatever a scene leaves out: a packed value has no names by which a field could be missed.
+#[test]
+fn a_camera_is_unpacked_with_and_without_a_lens_of_its_own() {
+    let scene = scenes().next().unwrap();
+    let lenses = [None, Some([300.0, 310.5])].into_iter().flat_map(|focal_px| [None, Some([4.0, 2.5])].map(|other| (focal_px, other)));
+    for (focal_px, other) in lenses {
+        let camera = Camera { focal_px, centre_px: other, picture_px: other.map(|[x, y]| [2.0 * x, y]), ..scene.camera };
+        let scene = Scene { camera, ..scene.clone() };
+        assert!(parcel::unpacked(&parcel::packed(&scene).unwrap()).unwrap() == scene, "{focal_px:?} {other:?}");
+    }
 }
 
 #[test]

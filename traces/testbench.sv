@@ -22,7 +22,7 @@ module testbench;
   integer seen = 0;
   integer wrong = 0;
   integer cycles = 0;
-  reg [8*1024-1:0] path;
+  string path;
   integer given = 0;
 
   wire s_valid = !rst && sent < IN_RECORDS;
@@ -47,7 +47,7 @@ module testbench;
     $readmemh("frame.hex", frame);
     $readmemh("raster.in.hex", in);
     $readmemh("raster.out.hex", out);
-    if ($value$plusargs("out=%s", path)) given = $fopen(path, "w");
+    if ($value$plusargs("out=%s", path) != 0) given = $fopen(path, "w");
   end
 
   always #5 clk = !clk;

@@ -9,7 +9,7 @@
 
 use super::{Camera, Image, Splat, neighbours};
 use glam::{DQuat, DVec3};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use serde::{Deserialize, Deserializer, Serialize, Serializer, ser::SerializeStruct};
 
 /// Where the eye is, seen from the splats: in front, a little to the right and above (y is up).
 const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
@@ -131,12 +131,29 @@ impl Ball {
     }
 }
 
-/// A vector as a scene file has it.
-pub(super) fn as_array<S: Serializer>(vector: &DVec3, serializer: S) -> Result<S::Ok, S::Error> {
-    vector.to_array().serialize(serializer)
+/// As a scene file has it: fields that are left out are not written. To a format whose fields have no names every field is written.
+impl Serialize for Camera {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let &Camera { eye, target, up, fov_y_degrees, near, focal_px, centre_px, picture_px } = self;
+        let skips = serializer.is_human_readable();
+        let mut camera = serializer.serialize_struct("Camera", 8)?;
+        camera.serialize_field("eye", &eye.to_array())?;
+        camera.serialize_field("target", &target.to_array())?;
+        camera.serialize_field("up", &up.to_array())?;
+        camera.serialize_field("fov_y_degrees", &fov_y_degrees)?;
+        camera.serialize_field("near", &near)?;
+        for (name, value) in [("focal_px", focal_px), ("centre_px", centre_px), ("picture_px", picture_px)] {
+            if skips && value.is_none() {
+                camera.skip_field(name)?;
+            } else {
+                camera.serialize_field(name, &value)?;
+            }
+        }
+        camera.end()
+    }
 }
 
-/// The same, read.
+/// A vector as a scene file has it.
 pub(super) fn from_array<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DVec3, D::Error> {
     <[f64; 3]>::deserialize(deserializer).map(DVec3::from_array)
 }

@@ -72,19 +72,19 @@ pub struct Splat {
 }
 
 /// Where the eye is and what it sees (docs/book/algorithm.md §1), as a scene file has it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
     /// World position of the eye.
-    #[serde(serialize_with = "camera::as_array", deserialize_with = "camera::from_array")]
+    #[serde(deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub eye: DVec3,
     /// World position that lands on the middle of the picture.
-    #[serde(serialize_with = "camera::as_array", deserialize_with = "camera::from_array")]
+    #[serde(deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub target: DVec3,
     /// Direction that is up in the picture; not parallel to `target − eye`.
-    #[serde(serialize_with = "camera::as_array", deserialize_with = "camera::from_array")]
+    #[serde(deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub up: DVec3,
     /// Full vertical angle of view, degrees, in (0, 180). Where `focal_px` is given, the angle that it means.
@@ -92,14 +92,14 @@ pub struct Camera {
     /// Splats at or nearer than this depth are culled, world units, > 0.
     pub near: f64,
     /// Focal lengths along x and y, pixels of a picture of `picture_px`; left out, both follow from `fov_y_degrees`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub focal_px: Option<[f64; 2]>,
     /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from its top left corner; left out, its middle.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub centre_px: Option<[f64; 2]>,
     /// Width and height that `focal_px` and `centre_px` refer to: in a picture of another size both are scaled by its height. Left out,
     /// those of the picture.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default)]
     pub picture_px: Option<[f64; 2]>,
 }
 

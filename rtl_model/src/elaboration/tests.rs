@@ -1,5 +1,5 @@
 use crate::elaboration::Part;
-use crate::frame::View;
+use crate::frame::{Aspect, View};
 use crate::machine::Machine;
 use crate::num::lanes::Plain;
 use crate::num::words::PlainWords;
@@ -207,9 +207,10 @@ fn products<T>(work: impl FnOnce(&mut Tap<NoProbe>) -> T) -> (u32, T) {
 #[test]
 fn what_setup_multiplies_is_what_it_declares() {
     for name in Machine::NAMES {
-        let machine = Machine::named(name).unwrap().elaborate().unwrap();
+        let file = Machine::named(name).unwrap();
+        let machine = file.elaborate().unwrap();
         let declared = |unit: &str| machine.parts.iter().filter(|part| part.unit == unit).map(Part::products).sum::<u32>();
-        let view = View { cutoff: 1, ..View::default() };
+        let view = View { cutoff: 1, aspect: file.ellipse.aspect.map(|_| Aspect::default()), ..View::default() };
         let one = Word::splat(1);
         let (project, point) = products(|tap| machine.project.lanes(&view, [one; 3], Word::splat(0), tap));
         assert_eq!(project, declared("project"), "{name}");

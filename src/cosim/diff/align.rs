@@ -339,8 +339,12 @@ struct Script<'a> {
 
 /// What it costs to skip so many records and lines: each that is different, and one gap whose length counts little.
 fn cost(records: usize, lines: usize) -> usize {
-    let gap = records.abs_diff(lines);
-    8 * records.min(lines) + if gap == 0 { 0 } else { 16 + gap }
+    8 * records.min(lines) + gap(records.abs_diff(lines))
+}
+
+/// What it costs that a side has so many in a row which the other has not.
+fn gap(length: usize) -> usize {
+    if length == 0 { 0 } else { 16 + length }
 }
 
 /// Bits of information in each record of a sequence.
@@ -351,23 +355,24 @@ fn information(records: &[u32]) -> HashMap<u32, u32> {
     counts.into_iter().map(|(record, count)| (record, (all / count).max(1).ilog2())).collect()
 }
 
-/// Whether two sequences agree for long enough to be in step, or to the end of both. A gap takes more than a record that is different.
-fn in_step(bits: &HashMap<u32, u32>, expected: &[u32], got: &[u32], skipped: [usize; 2]) -> bool {
-    let is_doubtful = skipped[0] != skipped[1] || skipped[0] > 2;
+/// What it costs beside what is skipped that two sequences go on from here, if they are in step: they agree for long enough to tell their
+/// place, or to the end of one, and what the other has left is a gap. After one or two records that are different a few equal ones will do,
+/// but any place that can be told is cheaper.
+fn in_step(bits: &HashMap<u32, u32>, expected: &[u32], got: &[u32], skipped: [usize; 2]) -> Option<usize> {
+    let is_short = skipped[0] == skipped[1] && skipped[0] <= 2;
     let (mut equal, mut sure) = (0, 0);
     loop {
-        let is_long = if is_doubtful { equal >= RUN / 2 && sure >= SURE_BITS } else { equal >= RUN / 2 };
-        if is_long || equal >= MOST_EQUAL {
-            return true;
+        if equal >= RUN / 2 && sure >= SURE_BITS || equal >= MOST_EQUAL {
+            return Some(0);
         }
         match (expected.get(equal), got.get(equal)) {
             (Some(a), Some(b)) if a == b => {
                 sure += bits.get(a).copied().unwrap_or(0);
                 equal += 1;
             }
-            (Some(_), Some(_)) => return false,
-            (None, None) => return true,
-            _ => return equal > 0,
+            (Some(_), Some(_)) => return (is_short && equal >= RUN / 2).then_some(gap(WINDOW)),
+            (None, None) => return Some(0),
+            _ => return (equal > 0).then(|| gap(expected.len().abs_diff(got.len()))),
         }
     }
 }
@@ -385,7 +390,7 @@ impl Script<'_> {
         let (expected, got) = (&self.expected[record..], &self.got[line..]);
         let is_swap = expected.len() > 1 && got.len() > 1 && expected[0] == got[1] && expected[1] == got[0];
         let bits = self.bits.get_or_insert_with(|| information(self.expected));
-        if is_swap && in_step(bits, &expected[2..], &got[2..], [2, 2]) {
+        if is_swap && in_step(bits, &expected[2..], &got[2..], [2, 2]).is_some() {
             // As a script has it: the first is not here, the second is, and then the first comes.
             self.steps.extend([Step::Missing(record), Step::Pair(record + 1, line), Step::Surplus(line + 1)]);
             self.at = [record + 2, line + 2];
@@ -412,8 +417,13 @@ impl Script<'_> {
                     continue;
                 }
                 let cost = cost(records, lines);
-                if best.is_none_or(|(lowest, _)| cost < lowest) && in_step(bits, &expected[records..], &got[lines..], [records, lines]) {
-                    best = Some((cost, [records, lines]));
+                let is_lower = |cost: usize| best.is_none_or(|(lowest, _)| cost < lowest);
+                if !is_lower(cost) {
+                    continue;
+                }
+                let Some(more) = in_step(bits, &expected[records..], &got[lines..], [records, lines]) else { continue };
+                if is_lower(cost + more) {
+                    best = Some((cost + more, [records, lines]));
                 }
             }
         }

@@ -213,7 +213,7 @@ fn a_path_that_is_no_volume_ends_in_a_sentence() {
     refused(read_files(&[("x.foo", b"")]), &[".nrrd", ".vti"]);
     let folder = TempDir::new().unwrap();
     fs::create_dir(folder.path().join("x.nii")).unwrap();
-    refused(read(&folder.path().join("x.nii")), &["no regular file"]);
+    refused(read(&folder.path().join("x.nii")), &["it is a folder"]);
     for name in ["x.nrrd", "x.nhdr", "x.mhd", "x.mha", "x.nii", "x.nii.gz", "x.vti"] {
         refused(read_files(&[(name, b"")]), &[]);
     }
