@@ -37,7 +37,7 @@ use crate::run::evaluation::Evaluation;
 use crate::scene::digest::{digest, digest_of};
 use crate::scene::{Camera, Scene};
 use crew::{Foresight, Measured};
-use descent::Problem;
+use descent::{Problem, Settled};
 pub use domain::{Domain, Member};
 use knobs::Knob;
 use rtl_model::Machine;
@@ -47,7 +47,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -78,6 +78,8 @@ const ROUNDS: usize = 12;
 const RANGE_VIEWS: usize = 16;
 /// The first of them; unseen views come long before.
 const FIRST_RANGE_VIEW: usize = 1_000_000;
+/// Views that fail and raise no aim: they are searched on from then on, and later ones raise the aim too.
+const PATIENCE: usize = 3;
 /// By how much a view that fails makes the aim higher, squared error, at most: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
 
@@ -283,8 +285,12 @@ pub struct Outcome {
     pub learnt: Vec<String>,
     /// Cameras that were searched on: the scenes' own, then those of `learnt`.
     pub cameras: Vec<Searched>,
-    /// Critical words: the effect of a step less, the worst first: knob, value now, decibels then; none where it could not be built.
+    /// Words that are critical for the target: with a step less some view that was searched on misses it. The worst first.
     pub tight: Vec<CriticalWord>,
+    /// What unseen views cost.
+    pub margin: Margin,
+    /// Steps that were measured on the machine that was found, all of which miss the aim.
+    pub checked: Checked,
     /// The machine.
     pub machine: Machine,
     /// For what it was searched, as its file says.
@@ -292,6 +298,35 @@ pub struct Outcome {
     /// Files that were written.
     #[serde(skip)]
     pub files: Vec<PathBuf>,
+}
+
+/// What unseen views cost: the machine that was found, against the narrowest one that meets the target on the views that were searched on
+/// at first.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Margin {
+    /// Decibels above the target that every view that was searched on had to reach; 0 where the aim is the target.
+    pub aim_db: f64,
+    /// Least decibels of the machine on the views that were searched on at first; none where pictures are equal.
+    pub first_psnr_db: Option<f64>,
+    /// Those decibels above the target's; none where the target has none, or pictures are equal.
+    pub db: Option<f64>,
+    /// Area of the narrowest machine that meets the target on those views, LUT equivalents.
+    pub target_alone_area: f64,
+    /// Area that the found machine takes more, LUT equivalents.
+    pub area: f64,
+    /// Words that got integer bits back because they saturated on a view that failed.
+    pub widened: Vec<String>,
+}
+
+/// Steps that cannot be taken from the machine that was found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct Checked {
+    /// Words and sizes of which a step less was drawn: each misses the aim.
+    pub alone: usize,
+    /// Joint steps of words that are not critical for the target: each misses the aim.
+    pub together: usize,
+    /// Words and sizes of which a step less takes more area.
+    pub costly: usize,
 }
 
 /// A view that was not searched on.
@@ -385,31 +420,46 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
     let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
     write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": options.target, "scenes": names, "machine": machine}))?;
     let mut search = Search::new(machine, knobs, domains, views, journal, options);
+    let first_views = search.views.len();
     let none = vec![0; search.knobs.len()];
     search.check_reach()?;
     let mut path = vec![search.step(&machine.name, &none)?];
     let mut learnt: Vec<String> = Vec::new();
     let mut next_view = 1;
     let mut steps: Option<Vec<u32>> = None;
+    let mut target_alone_area = None;
     loop {
-        let best = search.round(steps.as_deref(), &mut path)?;
+        let Settled { steps: best, alone, together, costly } = search.round(steps.as_deref(), &mut path)?;
+        let area = search.area(&best).unwrap_or(f64::INFINITY);
+        let target_alone_area = *target_alone_area.get_or_insert(area);
         let (held, failed) = search.verified(&best, next_view)?;
         next_view += options.views;
         let Some((found, views)) = failed else {
-            let outcome = search.outcome(names, path, held, learnt, &best)?;
+            let margin = search.margin(&best, first_views, [target_alone_area, area])?;
+            let checked = Checked { alone, together, costly };
+            let outcome = search.outcome(names, path, held, learnt, &best, (margin, checked))?;
             return search.write(outcome, folder);
         };
         let worst = &views[0];
         if learnt.len() + 1 == ROUNDS {
             return Err(Error::job(format!("after {ROUNDS} rounds {} still misses the target: aim lower", worst.name)));
         }
-        learnt.push(worst.name.clone());
-        path.push(Step { method: format!("{} fails", worst.short_name()), found, ..search.step("", &best)? });
-        let load = options.target.load(&found);
-        // Views differ: what just meets the target on some misses it on others.
-        search.stricter *= if load.is_finite() { load.min(MOST_STRICTER) } else { 1.0 };
+        let (name, from) = (worst.name.clone(), worst.short_name().to_owned());
+        let (widened, load) = search.widened(&best, &views, options.target.load(&found))?;
+        let stricter = search.stricter;
+        if learnt.len() >= PATIENCE && load > 1.0 && load.is_finite() {
+            search.stricter *= load.min(MOST_STRICTER);
+        }
+        let step = search.step("", &best)?;
         search.learn(views);
         search.check_reach()?;
+        let method = match (widened, search.aim_db()) {
+            (true, _) => format!("{from} saturates"),
+            (false, db) if search.stricter > stricter => format!("{from}: aim +{db:.1} dB"),
+            _ => format!("{from} fails"),
+        };
+        learnt.push(name);
+        path.push(Step { method, found, ..step });
         steps = Some(best);
     }
 }
@@ -437,6 +487,8 @@ struct Search<'a> {
     foresight: Foresight,
     /// The error allowed, squared, is so many times less than the target's.
     stricter: f64,
+    /// Integer bits that a word needs at least, because it saturated on a view that failed.
+    least_int_bits: BTreeMap<String, i32>,
     progress: Progress,
 }
 
@@ -460,6 +512,7 @@ impl<'a> Search<'a> {
             asked_for: HashSet::new(),
             foresight: Foresight::new(),
             stricter: 1.0,
+            least_int_bits: BTreeMap::new(),
             progress,
         }
     }
@@ -606,6 +659,9 @@ impl<'a> Search<'a> {
                 }
             }
         }
+        for (word, bits) in &self.least_int_bits {
+            needed.entry(word.clone()).and_modify(|needed| *needed = (*needed).max(*bits));
+        }
         self.cut = self.base.clone();
         self.take_fields();
         let is_asked = |path: &str| self.options.only.is_empty() || self.options.only.iter().any(|name| machines::is_below(path, name));
@@ -651,7 +707,7 @@ impl<'a> Search<'a> {
     }
 
     /// From the ranges to a machine that meets the target on all views. Fraction bits begin where the round before ended.
-    fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<Step>) -> Result<Vec<u32>> {
+    fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<Step>) -> Result<Settled> {
         let none = vec![0; self.knobs.len()];
         self.method = "ranges";
         self.cut()?;
@@ -674,7 +730,7 @@ impl<'a> Search<'a> {
             // A round for another view.
             let down = descent::taken_away(self, if is_back_well { &back } else { &none })?;
             path.push(self.step("max−1", &down)?);
-            return Ok(down);
+            return self.last_steps(&down, path);
         };
         let down = descent::taken_away(self, &well)?;
         path.push(self.step("max−1", &down)?);
@@ -682,10 +738,78 @@ impl<'a> Search<'a> {
         self.method = "annealing";
         let cold = descent::annealed(self, &best, self.options.seed, self.options.tries)?;
         path.push(self.step("annealing", &cold)?);
-        self.method = "last steps";
         let last = descent::taken_away(self, &cold)?;
-        path.push(self.step("last steps", &last)?);
-        Ok(last)
+        self.last_steps(&last, path)
+    }
+
+    /// Steps that are left one by one, and together.
+    fn last_steps(&mut self, from: &[u32], path: &mut Vec<Step>) -> Result<Settled> {
+        self.method = "last steps";
+        let settled = descent::settled(self, from)?;
+        path.push(self.step("last steps", &settled.steps)?);
+        Ok(settled)
+    }
+
+    /// Gives integer bits to the words that saturate on views that failed, where that makes the views better; whether it does, and the load
+    /// of the views then.
+    fn widened(&mut self, steps: &[u32], views: &[View], load: f64) -> Result<(bool, f64)> {
+        let Some(machine) = self.machine(steps) else { return Ok((false, load)) };
+        let elaborated = fixed::elaborate(&machine)?;
+        let mut needed: BTreeMap<String, i32> = BTreeMap::new();
+        for view in views {
+            let Ok(quantised) = quantise(&view.scene, &machine) else { continue };
+            let (_, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
+            for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
+                let format = signal.word.format;
+                let narrowest = range.narrowest(format).filter(|narrowest| narrowest.int_bits > format.int_bits);
+                if let Some(narrowest) = narrowest {
+                    let bits = needed.entry(format!("{}.{}", signal.unit, signal.name)).or_insert(i32::MIN);
+                    *bits = (*bits).max(narrowest.int_bits);
+                }
+            }
+        }
+        let of_base: HashMap<String, Format> = machines::words(&self.base).into_iter().collect();
+        let [now, mut wider] = [&machine, &machine].map(machines::value);
+        let mut widened = BTreeMap::new();
+        for (path, format) in machines::words(&machine) {
+            let Some((bits, of_base)) = needed.get(&path).zip(of_base.get(&path)) else { continue };
+            let int_bits = (*bits).min(of_base.int_bits);
+            if int_bits > format.int_bits {
+                machines::lay(&mut wider, &path, Value::from(Format { int_bits, ..format }.to_string()));
+                widened.insert(path, int_bits);
+            }
+        }
+        let built = serde_json::from_value::<Machine>(wider.clone()).ok().and_then(|machine| fixed::elaborate(&machine).ok());
+        let Some(built) = built.filter(|_| wider != now) else { return Ok((false, load)) };
+        let found = found_on(views, |view| drawn(&built, view, &self.options.target)).unwrap_or(HOPELESS);
+        let then = self.options.target.load(&found);
+        if then >= load {
+            return Ok((false, load));
+        }
+        self.least_int_bits.extend(widened);
+        Ok((true, then))
+    }
+
+    /// Decibels of the aim above the target.
+    fn aim_db(&self) -> f64 {
+        10.0 * libm::log10(self.stricter)
+    }
+
+    /// What unseen views cost; areas are those of the target alone and of what was found.
+    fn margin(&mut self, steps: &[u32], first_views: usize, [alone, found]: [f64; 2]) -> Result<Margin> {
+        let target = &self.options.target;
+        let machine = self.machine(steps).unwrap_or_else(|| self.base.clone());
+        let elaborated = fixed::elaborate(&machine)?;
+        let on_first = found_on(&self.views[..first_views], |view| drawn(&elaborated, view, target)).unwrap_or(HOPELESS);
+        let first_psnr_db = on_first.psnr_db_of(target);
+        Ok(Margin {
+            aim_db: self.aim_db().max(0.0),
+            first_psnr_db,
+            db: first_psnr_db.zip(target.psnr_db).map(|(reached, wanted)| reached - wanted),
+            target_alone_area: alone,
+            area: found - alone,
+            widened: self.least_int_bits.keys().cloned().collect(),
+        })
     }
 
     /// How the machine does on unseen views, and the worst that fails.
@@ -718,7 +842,15 @@ impl<'a> Search<'a> {
         Ok((held, worst.map(|(_, failed)| failed)))
     }
 
-    fn outcome(&mut self, scenes: Vec<String>, path: Vec<Step>, views: Vec<Unseen>, learnt: Vec<String>, steps: &[u32]) -> Result<Outcome> {
+    fn outcome(
+        &mut self,
+        scenes: Vec<String>,
+        path: Vec<Step>,
+        views: Vec<Unseen>,
+        learnt: Vec<String>,
+        steps: &[u32],
+        (margin, checked): (Margin, Checked),
+    ) -> Result<Outcome> {
         let mut tight = Vec::new();
         let lesser = |knob: usize| {
             let mut next = steps.to_vec();
@@ -730,7 +862,7 @@ impl<'a> Search<'a> {
         self.foresee(&all)?;
         for knob in open {
             let found = self.found(&lesser(knob))?;
-            if found == HOPELESS || self.options.target.load(&found) * self.stricter <= 1.0 {
+            if found == HOPELESS || self.options.target.load(&found) <= 1.0 {
                 continue;
             }
             let Knob { path, .. } = &self.knobs[knob];
@@ -754,7 +886,7 @@ impl<'a> Search<'a> {
         let (target, base) = (self.options.target, self.base.name.clone());
         let cameras = self.views.iter().map(|view| Searched { name: view.name.clone(), camera: view.scene.camera }).collect();
         let searched = SearchRecord { target, scenes: self.scene_records(&views) };
-        Ok(Outcome { scenes, target, base, path, views, learnt, cameras, tight, machine, searched, files: Vec::new() })
+        Ok(Outcome { scenes, target, base, path, views, learnt, cameras, tight, margin, checked, machine, searched, files: Vec::new() })
     }
 
     /// Each scene with the cameras that were searched on, then those of unseen views.
@@ -796,6 +928,11 @@ impl Problem for Search<'_> {
     fn load(&mut self, steps: &[u32]) -> Result<f64> {
         let found = self.found(steps)?;
         Ok(self.load_of(&found))
+    }
+
+    fn load_without_margin(&mut self, steps: &[u32]) -> Result<f64> {
+        let found = self.found(steps)?;
+        Ok(if found == HOPELESS { f64::INFINITY } else { self.options.target.load(&found) })
     }
 
     fn width(&self) -> usize {
@@ -912,6 +1049,8 @@ impl Outcome {
             count => format!("holds on {count} unseen views{worst}"),
         };
         let _ = write!(text, "\n{}", wrapped(&views));
+        let _ = write!(text, "\n{}", wrapped(&self.margin_text()));
+        let _ = write!(text, "\n{}", wrapped(&self.checked_text()));
         let tight = self.tight.iter().take(TOLD).map(|tight| {
             let value = tight.value.as_str().map_or_else(|| tight.value.to_string(), str::to_owned);
             format!("{} {value} ({})", tight.path, tight.psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB")))
@@ -923,6 +1062,49 @@ impl Outcome {
                 "\n{}",
                 wrapped(&format!("critical word lengths, and what a step less would make of each: {}", tight.join(", ")))
             );
+        }
+        text
+    }
+
+    /// What unseen views cost, a sentence or two.
+    fn margin_text(&self) -> String {
+        let Margin { aim_db, first_psnr_db, db, target_alone_area, area, widened } = &self.margin;
+        if self.learnt.is_empty() {
+            return "unseen views need no margin: the target alone takes the same area".into();
+        }
+        let count = self.learnt.len();
+        let views = if count == 1 { "1 view that failed is".to_owned() } else { format!("{count} views that failed are") };
+        let mut text = format!(
+            "the target alone takes {} LUT equivalents; unseen views need {:+.1}% of area",
+            thousands(*target_alone_area as u64),
+            100.0 * area / target_alone_area
+        );
+        match db {
+            Some(db) => {
+                let _ = write!(text, " and {db:+.1} dB on the first view ({} dB)", decibels(*first_psnr_db));
+            }
+            None => text.push_str(", and no dB is stated for the first view"),
+        }
+        let _ = write!(text, ": {views} searched on");
+        if *aim_db > 0.0 {
+            let _ = write!(text, ", and the aim on every searched view is {aim_db:.1} dB above the target");
+        }
+        if !widened.is_empty() {
+            let _ = write!(text, "; integer bits given back to {}", widened.join(", "));
+        }
+        text
+    }
+
+    /// How it was made sure that no word can lose a bit.
+    fn checked_text(&self) -> String {
+        let Checked { alone, together, costly } = self.checked;
+        let aim = if self.margin.aim_db > 0.0 { "aim" } else { "target" };
+        let mut text = format!("a step less of each of {alone} words and sizes misses the {aim}");
+        if together > 0 {
+            let _ = write!(text, ", and so do {together} joint steps");
+        }
+        if costly > 0 {
+            let _ = write!(text, "; {costly} would take more area");
         }
         text
     }

@@ -30,6 +30,14 @@ pub trait Problem {
     /// Where it cannot be kept what was found.
     fn load(&mut self, steps: &[u32]) -> Result<f64>;
 
+    /// The load without the margin that [`Problem::load`] adds to what is wanted; the same where there is no margin.
+    ///
+    /// # Errors
+    /// As [`Problem::load`].
+    fn load_without_margin(&mut self, steps: &[u32]) -> Result<f64> {
+        self.load(steps)
+    }
+
     /// Loads that can be measured at once: 1 where nothing is gained by that.
     fn width(&self) -> usize {
         1
@@ -255,6 +263,83 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
     Ok(steps)
 }
 
+/// Knobs from which no step can be taken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Settled {
+    /// Steps taken from each knob.
+    pub steps: Vec<u32>,
+    /// Single steps that were measured and fail.
+    pub alone: usize,
+    /// Joint steps that were measured and fail.
+    pub together: usize,
+    /// Single steps that were not measured, because they take more area.
+    pub costly: usize,
+}
+
+/// From where all is well: takes every step that leaves it well and takes no more area, until every single step fails and every joint
+/// step of those knobs fails that have a step to spare without the margin.
+pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
+    let most = problem.most();
+    let mut steps = from.to_vec();
+    loop {
+        let open = open_steps(problem, &steps, &most);
+        let costly = (0..most.len()).filter(|knob| steps[*knob] < most[*knob]).count() - open.len();
+        let before = steps.clone();
+        for (at, knob) in open.iter().enumerate() {
+            let next = with(&steps, *knob, steps[*knob] + 1);
+            let others = |_: &mut _, width: usize| open[at + 1..].iter().take(width).map(|knob| with(&steps, *knob, steps[*knob] + 1)).collect();
+            if load_ahead(problem, &next, others)? <= 1.0 {
+                steps = next;
+            }
+        }
+        if steps != before {
+            continue;
+        }
+        let joint = joint_steps(problem, &steps, &open)?;
+        let mut taken = None;
+        for next in &joint {
+            let (Some(area), Some(after)) = (problem.area(&steps), problem.area(next)) else { continue };
+            if after <= area && problem.load(next)? <= 1.0 {
+                taken = Some(next.clone());
+                break;
+            }
+        }
+        match taken {
+            Some(next) => steps = next,
+            None => return Ok(Settled { steps, alone: open.len(), together: joint.len(), costly }),
+        }
+    }
+}
+
+/// Knobs that have a step left which takes no more area, those that save most in front.
+fn open_steps(problem: &mut impl Problem, steps: &[u32], most: &[u32]) -> Vec<usize> {
+    let Some(area) = problem.area(steps) else { return Vec::new() };
+    let mut open: Vec<(f64, usize)> = Vec::new();
+    for knob in (0..most.len()).filter(|knob| steps[*knob] < most[*knob]) {
+        let after = problem.area(&with(steps, knob, steps[knob] + 1));
+        open.extend(after.filter(|after| *after <= area).map(|after| (area - after, knob)));
+    }
+    open.sort_by(|(a, first), (b, second)| b.total_cmp(a).then(first.cmp(second)));
+    open.into_iter().map(|(_, knob)| knob).collect()
+}
+
+/// Joint steps of the knobs whose step fails for the margin only: all of them, then half as many, and so on, the least harmful kept longest.
+fn joint_steps(problem: &mut impl Problem, steps: &[u32], open: &[usize]) -> Result<Vec<Vec<u32>>> {
+    let mut spare: Vec<(f64, usize)> = Vec::new();
+    for knob in open {
+        let load = problem.load_without_margin(&with(steps, *knob, steps[*knob] + 1))?;
+        spare.extend((load <= 1.0).then_some((load, *knob)));
+    }
+    spare.sort_by(|(a, first), (b, second)| a.total_cmp(b).then(first.cmp(second)));
+    let counts = std::iter::successors(Some(spare.len()), |count| Some(count / 2)).take_while(|count| *count > 1);
+    let joint = |count: usize| {
+        let mut steps = steps.to_vec();
+        spare[..count].iter().for_each(|(_, knob)| steps[*knob] += 1);
+        steps
+    };
+    Ok(counts.map(joint).collect())
+}
+
 /// A walk of random exchanges, ever colder.
 #[derive(Clone)]
 struct Walk {
@@ -409,6 +494,45 @@ mod tests {
             for knob in 0..4 {
                 prop_assert!(steps[knob] == sum.most || sum.allowed(&with(&steps, knob, steps[knob] + 1)) > 1.0);
             }
+        }
+    }
+
+    /// Two knobs: a step of each fails by the margin, both together do not.
+    struct Lucky;
+
+    impl Problem for Lucky {
+        fn most(&self) -> Vec<u32> {
+            vec![1, 1, 1]
+        }
+
+        fn area(&mut self, steps: &[u32]) -> Option<f64> {
+            // A step of the last knob takes more area.
+            Some(f64::from(10 + 5 * steps[2] - 2 * steps[0] - steps[1]))
+        }
+
+        fn load(&mut self, steps: &[u32]) -> Result<f64> {
+            Ok(if steps[0] == steps[1] { 0.9 } else { 1.5 })
+        }
+
+        fn load_without_margin(&mut self, steps: &[u32]) -> Result<f64> {
+            Ok(self.load(steps)? / 2.0)
+        }
+    }
+
+    #[test]
+    fn a_joint_step_is_taken_where_no_single_step_can_be() {
+        let settled = settled(&mut Lucky, &[0, 0, 0]).unwrap();
+        assert_eq!(settled, Settled { steps: vec![1, 1, 0], alone: 0, together: 0, costly: 1 });
+        assert_eq!(taken_away(&mut Lucky, &[0, 0, 0]).unwrap(), [0, 0, 0]);
+    }
+
+    proptest! {
+        #[test]
+        fn every_single_step_of_a_settled_machine_fails(mut sum in sums()) {
+            let Settled { steps, alone, .. } = settled(&mut sum, &[0; 4]).unwrap();
+            let open: Vec<usize> = (0..4).filter(|knob| steps[*knob] < sum.most).collect();
+            prop_assert_eq!(alone, open.len());
+            prop_assert!(open.iter().all(|knob| sum.allowed(&with(&steps, *knob, steps[*knob] + 1)) > 1.0), "{:?}", steps);
         }
     }
 
