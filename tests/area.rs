@@ -4,8 +4,10 @@ use crate::cosimulation::{have, run};
 use crate::program::PROGRAM;
 use crate::share;
 use rtl_model::elaboration::latency::Path;
+use serde_json::{Value, json};
 use splatsim::hardware::{fixed, machines};
 use splatsim::performance::cost::{Cost, DEFAULT, UnitCost};
+use splatsim::performance::given;
 use std::process::Command;
 
 /// A row of what `area.sh` or `gates.sh` prints: machine, unit, LUTs or gates of logic, and what the model says of them.
@@ -194,4 +196,131 @@ fn small_units_take_what_the_model_says() {
     if share::has_turn(3) {
         small_units_are_in_the_range("area.sh", "area", &["--without-dsps"]);
     }
+}
+
+// ---- Nothing for nothing ----
+
+/// The machine with every latency that is left out as short as its clock allows: longer ones would gain by being shortened.
+fn with_least_latencies(name: &str, settings: &[&str]) -> rtl_model::Machine {
+    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+    let machine = machines::load(name, &settings).unwrap();
+    let ways = splatsim::performance::clock::ways(&fixed::elaborate(&machine).unwrap());
+    let units = ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
+    let of = |unit: &&str| ways.iter().find(|way| *way.name == **unit).map(|way| (format!("timing.{unit}.latency"), json!(way.least)));
+    machines::with(&machine, &units.iter().filter_map(of).collect::<Vec<_>>(), "").unwrap()
+}
+
+/// Other values of every number below `timing`, of every number of a pair, and of fields that are left out.
+fn changes(timing: &Value) -> Vec<(String, Value)> {
+    let others =
+        |number: u64| [2 * number, number / 2, number + 1, number.saturating_sub(1)].into_iter().filter(move |other| *other != number);
+    let left_out = json!({"engines": 2, "queue": "longest", "project": {"multipliers": 4}, "ellipse": {"multipliers": 16},
+        "fragment": {"units": 2, "merges_in_flight": 2, "hazard": 1}, "shade": {"units": 2}, "resolve": {"units": 2}});
+    let mut all = Vec::new();
+    for (nth, tree) in [timing, &left_out].into_iter().enumerate() {
+        for (unit, fields) in tree.as_object().unwrap() {
+            let leaves: Vec<(String, &Value)> = match fields.as_object() {
+                Some(fields) => fields.iter().map(|(name, value)| (format!("timing.{unit}.{name}"), value)).collect(),
+                None => vec![(format!("timing.{unit}"), fields)],
+            };
+            for (field, value) in leaves {
+                match value {
+                    other if nth == 1 => all.push((field, other.clone())),
+                    Value::Number(number) => all.extend(others(number.as_u64().unwrap()).map(|other| (field.clone(), json!(other)))),
+                    Value::Array(pair) => {
+                        let [a, b] = [0, 1].map(|at| pair[at].as_u64().unwrap());
+                        all.extend([[2 * a, b], [a, 2 * b]].map(|pair| (field.clone(), json!(pair))));
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
+    let machines =
+        [("tiny", &[][..], "glass-spheres"), ("lean", &["timing.organisation=immediate"], "torus-knot"), ("gaussian", &[], "bouquet")];
+    let (mut tried, mut marked) = (0, 0);
+    for (name, settings, scene) in machines {
+        let base = with_least_latencies(name, settings);
+        let scene = splatsim::scene::Scene::load(scene, &splatsim::scene::Overrides { size: Some((24, 16)) }).unwrap();
+        let work = splatsim::run::evaluation::Evaluation::new(&scene, &base).unwrap().observe().work;
+        // Seconds, area, joules.
+        let measured = |machine: &rtl_model::Machine| -> Option<[f64; 3]> {
+            let built = fixed::elaborate(machine).ok()?;
+            let cycles = rtl_model::timing::replay(&built.timing, &work, rtl_model::timing::Detail::Accounts);
+            let cost = splatsim::performance::cost::CostReport::new(&built, &cycles, &DEFAULT);
+            Some([cycles.total as f64 / machine.timing.clock_hz as f64, cost.cost.area, cost.energy.total])
+        };
+        let before = measured(&base).unwrap();
+        for (field, value) in changes(&machines::value(&base)["timing"]) {
+            let Some(machine) = machines::with(&base, &[(field.clone(), value.clone())], "").ok() else { continue };
+            let Some(after) = measured(&machine) else { continue };
+            assert!(after.iter().all(|figure| figure.is_finite()), "{field}={value}: {after:?}");
+            tried += 1;
+            let is_faster = after[0] < 0.999 * before[0];
+            if is_faster && after[1] <= before[1] && after[2] <= before[2] {
+                assert!(given::reason_alone(&field).is_some(), "{name}: {field}={value} is for nothing: {before:?} to {after:?}");
+                marked += 1;
+            }
+        }
+    }
+    assert!(tried > 150 && marked > 3, "{tried} tried, {marked} given");
+}
+
+/// Area of a machine with other words.
+fn area_with(name: &str, settings: &[&str]) -> f64 {
+    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+    Cost::new(&fixed::elaborate(&machines::load(name, &settings).unwrap()).unwrap(), &DEFAULT).area
+}
+
+#[test]
+fn rounding_to_even_takes_more_than_rounding_up_and_a_wider_key_no_less() {
+    for word in ["gauss.weight", "project.slope", "fragment.colour_sum", "shade.rgb"] {
+        let show = machines::value(&machines::load("lean", &[]).unwrap());
+        let format = show.pointer(&format!("/{}", word.replace('.', "/"))).unwrap().as_str().unwrap().to_owned();
+        let even = format!("{word}={{\"format\":\"{format}\",\"round\":\"nearest-even\"}}");
+        assert!(area_with("lean", &[&even]) > area_with("lean", &[]), "{word}");
+    }
+    // Widths at which the key is rounded like its neighbour.
+    let key = |bits: i32| area_with("gaussian", &[&format!("sort.key=U1F{bits}")]);
+    assert!((12..25).all(|bits| key(bits) < key(bits + 1)), "{:?}", (12..26).map(key).collect::<Vec<_>>());
+}
+
+/// NAND2 of `fit.sv` behind a multiplier of so many bits, by Yosys and ABC.
+fn gates_of_a_product(bits: i32, round: i32) -> f64 {
+    let folder = tempfile::tempdir().unwrap();
+    let top = format!(
+        "module top(input signed [{0}:0] a, b, output [{0}:0] y); wire signed [{1}:0] p = a * b;
+         fit #(.IN_W({2}), .PLACES({0}), .W({bits}), .S(1), .ROUND({round}), .WRAP(1)) fit(.exact(p), .word(y)); endmodule",
+        bits - 1,
+        2 * bits - 1,
+        2 * bits
+    );
+    let (path, here) = (folder.path().join("top.sv"), env!("CARGO_MANIFEST_DIR"));
+    std::fs::write(&path, top).unwrap();
+    let cells = "/usr/share/qflow/tech/osu018/osu018_stdcells.lib";
+    let script = format!(
+        "read_verilog -sv {here}/rtl_model/rtl/fit.sv {}; synth -flatten -top top; abc -liberty {cells} -script {here}/tests/programs/smallest.abc; \
+         opt_clean; stat -liberty {cells}",
+        path.display()
+    );
+    let printed = String::from_utf8(run(Command::new("yosys").args(["-p", &script])).stdout).unwrap();
+    let area =
+        printed.lines().rfind(|line| line.contains("Chip area")).and_then(|line| line.split_whitespace().last()?.parse::<f64>().ok());
+    area.expect("yosys says an area") / 24.0
+}
+
+#[test]
+fn rounding_to_even_costs_what_synthesis_says() {
+    if !have(&["yosys"], "rounding to even") || !have_cells() {
+        return;
+    }
+    let bits = 8;
+    let mapped = gates_of_a_product(bits, 2) - gates_of_a_product(bits, 1);
+    let model = DEFAULT.gates.adder * f64::from(bits);
+    assert!((0.6..1.6).contains(&(mapped / model)), "{mapped} gates more, by the model {model}");
 }

@@ -294,6 +294,26 @@ fn an_answer_is_what_the_run_with_it_says() {
     }
 }
 
+/// Bandwidth and bursts have no price: the frame is faster with them, and no suggestion is made of it that is not marked.
+#[test]
+fn a_gain_without_a_price_is_marked_as_given() {
+    let answers = json_of(&MADE.path("a/report.json"))["answers"].clone();
+    let fields = |list: &str| -> Vec<String> {
+        answers[list].as_array().unwrap().iter().map(|answer| answer["field"].as_str().unwrap().to_owned()).collect()
+    };
+    let (priced, given) = (fields("best"), fields("given"));
+    assert!(given.contains(&"timing.memory.bytes_per_cycle".to_owned()), "{given:?}");
+    let is_given = |field: &String| ["bytes_per_cycle", "burst_bytes", "ways"].iter().any(|name| field.ends_with(name));
+    assert!(given.iter().all(is_given) && !priced.iter().any(is_given), "{priced:?} {given:?}");
+    for answer in answers["given"].as_array().unwrap() {
+        assert!(answer["given"].as_str().unwrap().contains("price") && answer["faster"].as_f64().unwrap() > 0.0, "{answer}");
+    }
+    let table = says(&["replay", &MADE.text("frame.work"), "--answers"]);
+    assert!(table.contains("timing.memory.bytes_per_cycle *") && table.contains("* given: memory"), "{table}");
+    let timings = says(&["replay", &MADE.text("frame.work"), "--timing", "timing.clock_hz=2e8,4e8"]);
+    assert!(timings.contains("given, at no cost: timing.clock_hz (memory keeps its bytes per cycle"), "{timings}");
+}
+
 #[test]
 fn a_replay_answers_as_the_run_does_and_prints_no_report_again() {
     let record = MADE.text("frame.work");

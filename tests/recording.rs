@@ -73,6 +73,30 @@ fn a_replay_takes_the_cycles_of_the_run() {
     assert_eq!(json(path("run/report.json"))["cycles"], json(path("replay/cycles.json")));
 }
 
+#[test]
+fn a_replay_has_the_area_and_energy_of_the_run_at_any_digit_of_the_sort() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let json = |path: String| -> Value { serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap() };
+    let (out, record, replayed) = (path("run"), path("frame.work"), path("replay"));
+    let scene = ["bouquet", "--size", "32x24"];
+    assert!(splatsim(&[&["run"], &scene[..], &["--record", &record]].concat()).status.success());
+    let mut areas = Vec::new();
+    for digit in ["4", "8", "12"] {
+        let set = format!("sort.digit_bits={digit}");
+        let run = splatsim(&[&["run"], &scene[..], &["--set", &set, "--out", &out, "--quiet"]].concat());
+        let replay = splatsim(&["replay", &record, "--set", &set, "--out", &replayed]);
+        assert!(run.status.success() && replay.status.success(), "{replay:?}");
+        let report = json(path("run/report.json"));
+        assert_eq!((&report["cycles"], &report["cost"]), (&json(path("replay/cycles.json")), &json(path("replay/cost.json"))), "{digit}");
+        let told = String::from_utf8(replay.stdout).unwrap();
+        let millijoules = format!("energy: {:.2} mJ a frame", report["cost"]["energy"]["total"].as_f64().unwrap() * 1e3);
+        assert!(told.contains("\narea: ") && told.contains(&millijoules), "{told}");
+        areas.push(report["cost"]["area"].as_f64().unwrap());
+    }
+    assert!(areas[0] < areas[2], "{areas:?}");
+}
+
 fn refusal(bytes: &[u8]) -> Option<String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.work");

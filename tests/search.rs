@@ -825,3 +825,163 @@ fn flips_do_not_count_in_lockstep_and_luck_does_not_where_it_must_be_robust() {
         assert!(psnr >= 40.0, "{camera}: {psnr}");
     }
 }
+
+// ---- Margins and claims ----
+
+/// Least PSNR against golden of a machine on a scene from some cameras, worked out without the search; none where it cannot be built.
+fn worst_db(machine: &Value, scene: &splatsim::scene::Scene, cameras: &[Value]) -> Option<f64> {
+    let machine: Machine = serde_json::from_value(machine.clone()).ok()?;
+    let mut worst = f64::INFINITY;
+    for camera in cameras {
+        let seen = splatsim::scene::Scene { camera: serde_json::from_value(camera.clone()).unwrap(), ..scene.clone() };
+        let evaluation = Evaluation::new(&seen, &machine).ok()?;
+        let (fixed, golden) = (evaluation.picture(&evaluation.draw()), evaluation.golden().picture);
+        let db = splatsim::accuracy::metrics(&fixed, &golden).psnr_db.unwrap_or(f64::INFINITY);
+        assert!(!db.is_nan());
+        worst = worst.min(db);
+    }
+    Some(worst)
+}
+
+/// The words of a machine file below some units, with one fraction bit less each.
+fn narrower(machine: &Value, units: &[&str]) -> Vec<(String, Value)> {
+    let mut all = Vec::new();
+    for unit in units {
+        for (name, value) in machine[unit].as_object().unwrap() {
+            let Some((int_bits, frac_bits)) = value.as_str().and_then(|text| text.split_once('F')) else { continue };
+            let format = format!("{int_bits}F{}", frac_bits.parse::<i32>().unwrap() - 1);
+            all.push((format!("{unit}.{name}"), json!(format)));
+        }
+    }
+    all
+}
+
+fn with_words(machine: &Value, words: &[(String, Value)]) -> Value {
+    let mut machine = machine.clone();
+    for (path, value) in words {
+        *machine.pointer_mut(&format!("/{}", path.replace('.', "/"))).unwrap() = value.clone();
+    }
+    machine.as_object_mut().unwrap().remove("searched");
+    machine
+}
+
+fn area_of(machine: &Value) -> f64 {
+    let machine: Machine = serde_json::from_value(machine.clone()).unwrap();
+    Cost::new(&fixed::elaborate(&machine).unwrap(), &Prices::default()).area
+}
+
+#[test]
+fn no_word_of_a_found_machine_can_lose_a_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let out = folder.path().join("out");
+    let target = 33.0;
+    let options = ["--size", "24x20", "--machine", "lean", "--target-psnr", "33", "--only", "gauss", "--only", "raster"];
+    let told = ok(&splatsim(&[&["search", &path, "--views", "3", "--tries", "5", "--out", out.to_str().unwrap()], &options[..]].concat()));
+    assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    let (found, machine) = (read(&out.join("search.json")), read(&out.join("machine.json")));
+    let size = splatsim::scene::Overrides { size: Some((24, 20)) };
+    let drawn = splatsim::scene::Scene::load(&path, &size).unwrap();
+    let cameras_of = |list: &str| found[list].as_array().unwrap().iter().map(|view| view["camera"].clone()).collect::<Vec<_>>();
+    let (searched, unseen) = (cameras_of("cameras"), cameras_of("views"));
+    assert_eq!(unseen.len(), 3);
+    let own = with_words(&machine, &[]);
+    let aim = target + found["margin"]["aim_db"].as_f64().unwrap();
+    assert!(worst_db(&own, &drawn, &searched).unwrap() >= aim && worst_db(&own, &drawn, &unseen).unwrap() >= target);
+    // One by one, and all of those together that the target alone could spare.
+    let (mut critical, mut spare) = (HashSet::new(), Vec::new());
+    for word in narrower(&machine, &["gauss", "raster"]) {
+        let less = with_words(&machine, std::slice::from_ref(&word));
+        let Some(db) = worst_db(&less, &drawn, &searched) else { continue };
+        if area_of(&less) > area_of(&own) {
+            continue;
+        }
+        assert!(db < aim, "{word:?} can lose a bit: {db} dB of {aim}");
+        if db < target {
+            critical.insert(word.0);
+        } else {
+            spare.push(word);
+        }
+    }
+    if spare.len() > 1 {
+        assert!(worst_db(&with_words(&machine, &spare), &drawn, &searched).is_none_or(|db| db < aim), "{spare:?}");
+    }
+    assert!(critical.len() > 3, "{critical:?}");
+    // What is told to be critical is so for the target, and nothing that is stays untold.
+    let told: Vec<&str> = found["tight"].as_array().unwrap().iter().map(|word| word["path"].as_str().unwrap()).collect();
+    assert!(critical.iter().all(|word| told.contains(&word.as_str())), "{critical:?}, and told {told:?}");
+    let lost = |path: &str| narrower(&machine, &["gauss", "raster"]).into_iter().find(|(word, _)| word == path);
+    for word in told.iter().filter_map(|path| lost(path)) {
+        let db = worst_db(&with_words(&machine, std::slice::from_ref(&word)), &drawn, &searched);
+        assert!(db.is_some_and(|db| db < target), "{word:?} is told to be critical: {db:?}");
+    }
+    // What the margin costs.
+    let margin = &found["margin"];
+    let [alone, more] = ["target_alone_area", "area"].map(|name| margin[name].as_f64().unwrap());
+    assert!((alone + more - area_of(&own)).abs() < 1e-6 && alone > 0.0, "{margin}");
+    let first = worst_db(&own, &drawn, &searched[..1]).unwrap();
+    assert!((margin["db"].as_f64().unwrap() - (first - target)).abs() < 1e-9, "{margin}: {first}");
+}
+
+/// Figures and the commands behind them, as a search prints them.
+fn commands(told: &str) -> Vec<(String, Vec<String>)> {
+    let all = told.split("to see ").skip(1).map(|rest| {
+        let (sentence, command) = rest.split_once("again:").unwrap();
+        let command = command.split("\n\n").next().unwrap().replace("\\\n", " ");
+        let words = command.split_whitespace().skip(1).map(|word| word.trim_matches('\'').to_owned());
+        (sentence.split_whitespace().collect::<Vec<_>>().join(" "), words.collect())
+    });
+    all.collect()
+}
+
+#[test]
+fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scene(folder.path(), "knot.json", &json!({}));
+    let (out, run) = (folder.path().join("out"), folder.path().join("run"));
+    let again = |command: &[String]| {
+        let more = ["--out", run.to_str().unwrap(), "--quiet"].map(str::to_owned);
+        ok(&Command::new(PROGRAM.as_str()).args(command).args(more).output().unwrap());
+        read(&run.join("report.json"))
+    };
+    let arguments = ["search", &path, "--size", "24x20", "--target-psnr", "33", "--only", "gauss", "--distance", "0.5..2"];
+    let told = ok(&splatsim(&[&arguments[..], &["--views", "2", "--tries", "5", "--out", out.to_str().unwrap()]].concat()));
+    let shown = commands(&told);
+    assert_eq!(shown.len(), 2, "{told}");
+    for (sentence, command) in &shown {
+        let db = again(command)["accuracy"]["fixed_vs_golden"]["psnr_db"].as_f64().unwrap();
+        assert!(sentence.starts_with(&format!("{db:.1} dB, fixed − golden on ")), "{sentence}: {db}");
+    }
+    // The worst of all, not just one that is right.
+    let worst = read(&out.join("search.json"))["views"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|view| view["psnr_db"].as_f64().unwrap())
+        .fold(1e9, f64::min);
+    assert!(shown[1].0.starts_with(&format!("{worst:.1} dB")), "{shown:?}");
+
+    let (out, fields) = (folder.path().join("timing"), few(folder.path()));
+    let arguments = ["search", &path, "--size", "24x18", "--machine", "lean", "--min-fps", "3000", "--fields", &fields];
+    let told = ok(&splatsim(&[&arguments[..], &["--views", "3", "--out", out.to_str().unwrap()]].concat()));
+    let shown = commands(&told);
+    assert_eq!(shown.len(), 2, "{told}");
+    for (sentence, command) in &shown {
+        let fps = again(command)["cycles"]["frames_per_second"].as_f64().unwrap();
+        assert!(sentence.starts_with(&format!("{fps:.1} frames/s on ")), "{sentence}: {fps}");
+    }
+    // The camera that decided is in the lists of the search and of the machine, and is the slowest of those.
+    let found = read(&out.join("search.json"));
+    let decided = found["cameras"].as_array().unwrap();
+    let fps = |view: &Value| view["frames_per_second"].as_f64().unwrap();
+    assert!(told.contains(&format!("decided by {}", decided[0]["name"].as_str().unwrap())), "{told}");
+    assert!(decided.iter().all(|view| fps(view) >= fps(&decided[0]) && fps(view) >= 3000.0));
+    let cameras = read(&out.join("machine.json"))["searched"]["scenes"][0]["cameras"].clone();
+    assert!(decided.iter().all(|view| cameras.as_array().unwrap().contains(&view["camera"])), "{cameras}");
+    // A file of cameras that is damaged is refused in a sentence.
+    let file = out.join("cameras.json");
+    let mut cameras = read(&file);
+    cameras["splatsim_cameras"][1]["camera"]["near"] = json!(-1);
+    fs::write(&file, cameras.to_string()).unwrap();
+    refused(&["run", &path, "--cameras", file.to_str().unwrap(), "--frame", "1"], "splatsim_cameras[1].camera needs finite vectors");
+}

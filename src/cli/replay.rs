@@ -25,7 +25,7 @@ pub(super) struct Typed {
     #[arg(long)]
     answers: bool,
     /// What a bit costs [default: machine prices]
-    #[arg(long, value_name = "FILE", requires = "answers")]
+    #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
     /// Write cycles.json, tables and charts into this folder
     #[arg(long, value_name = "DIR")]
@@ -44,8 +44,9 @@ pub(super) struct Typed {
 pub(super) struct Job {
     recording: Recording,
     timing: Vec<Axes>,
-    /// Prices of bits, where it is asked what would be faster.
-    answers: Option<Prices>,
+    /// Whether to try what would be faster.
+    answers: bool,
+    prices: Prices,
     requests: bool,
     out: Option<(PathBuf, Folder)>,
     quiet: bool,
@@ -57,15 +58,15 @@ impl Typed {
         self.settings.iter().try_for_each(|setting| recording.set(setting))?;
         fixed::elaborate(&recording.machine)?;
         recording.hold_stack(&self.timing)?;
-        let answers = self.answers.then(|| Prices::load_or_default(self.prices.as_deref())).transpose()?;
+        let prices = Prices::load_or_default(self.prices.as_deref())?;
         let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
-        Ok(Job { recording, timing: self.timing, answers, requests: self.requests, out, quiet: self.quiet })
+        Ok(Job { recording, timing: self.timing, answers: self.answers, prices, requests: self.requests, out, quiet: self.quiet })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let replayed = self.recording.replay(&self.timing, self.requests, self.answers.as_ref())?;
+        let replayed = self.recording.replay_priced(&self.timing, self.requests, self.answers, &self.prices)?;
         let end = match &self.out {
             Some((folder, _)) => written(folder, &replayed.write(folder)?),
             None => "nothing written: --out DIR writes tables and charts".into(),

@@ -3,27 +3,28 @@
 use super::arguments::{Common, Parts, folder_for, positive, written};
 use crate::error::{Error, Result};
 use crate::explore::search;
-use crate::explore::search::{Domain, Options, Target, over_fragment, over_timing};
+use crate::explore::search::{Claim, Domain, Options, Target, over_fragment, over_timing};
 use crate::hardware::{machines, searched};
+use crate::output::text::wrapped;
 use crate::performance::cost::Prices;
-use crate::scene::{CameraFile, Scene, Sequence, memory};
+use crate::scene::{CameraFile, Overrides, Scene, Sequence, memory};
 use clap::{Args, ValueEnum};
 use rtl_model::Machine;
 use std::ffi::{OsStr, OsString};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// Scenes, clouds, volumes or built-in names; all must do
+    /// Scenes, clouds, volumes, built-in names; all count
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<OsString>,
-    /// At least so many dB over all pixels
+    /// Least PSNR over all pixels, dB
     #[arg(long, value_name = "DB", value_parser = positive, required_unless_present_any = ["max_error", "min_fps"])]
     target_psnr: Option<f64>,
-    /// No pixel further off, linear light in [0, 1]
+    /// Greatest error of a pixel, linear light in [0, 1]
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     max_error: Option<f64>,
-    /// At least so many frames a second, by `timing`
+    /// Least frames per second, by `timing`
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
     /// Least `area` (default), `gates`, `energy`, `cycles`
@@ -38,7 +39,7 @@ pub(super) struct Typed {
     /// Distances, as parts of each camera's: 0.25..2
     #[arg(long, value_name = "A..B")]
     distance: Option<Parts>,
-    /// Every view: the worst of so many
+    /// Each view: the worst of N near cameras
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     robust: u8,
     /// `psnr`, or `lockstep`: no flips
@@ -57,7 +58,7 @@ pub(super) struct Typed {
     /// No word may leave its range
     #[arg(long)]
     no_saturation: bool,
-    /// Unseen cameras where it must hold too
+    /// Held-out cameras that must meet it too
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(0..=100))]
     views: u8,
     /// Only this unit, word or size; may be given again
@@ -66,7 +67,7 @@ pub(super) struct Typed {
     /// Machines that annealing draws
     #[arg(long, value_name = "N", default_value_t = 300)]
     tries: u32,
-    /// Another seed, another annealing
+    /// Seed of the annealing
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
@@ -80,6 +81,37 @@ pub(super) struct Typed {
     /// Print nothing
     #[arg(long)]
     quiet: bool,
+}
+
+/// An argument as a shell takes it.
+fn quoted(text: &str) -> String {
+    let is_plain = !text.is_empty() && text.chars().all(|letter| letter.is_ascii_alphanumeric() || "-_./:=,+@%".contains(letter));
+    if is_plain { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
+}
+
+/// A command whose lines a shell takes as one, broken where they would be longer than 80 columns.
+fn continued(parts: &[String]) -> String {
+    let mut text = String::from("   ");
+    let mut columns = 3;
+    for part in parts {
+        let more = part.chars().count() + 1;
+        if columns > 3 && columns + more > 78 {
+            text.push_str(" \\\n       ");
+            columns = 7;
+        }
+        text.push(' ');
+        text.push_str(part);
+        columns += more;
+    }
+    text
+}
+
+/// Scene and size of every domain, as `run` takes them.
+fn named(scenes: &[OsString], common: &Common) -> Vec<String> {
+    let size = |overrides: &Overrides| overrides.size.map_or(String::new(), |(width, height)| format!(" --size {width}x{height}"));
+    let of =
+        |scene: &OsString| common.each_overrides().iter().map(|each| quoted(&scene.to_string_lossy()) + &size(each)).collect::<Vec<_>>();
+    scenes.iter().flat_map(of).collect()
 }
 
 /// [`searched::Against`] as typed.
@@ -118,8 +150,15 @@ enum Minimise {
     Cycles,
 }
 
+/// The first half of a command that shows a figure again, of each scene and size.
+struct Again {
+    scenes: Vec<String>,
+    prices: String,
+}
+
 /// A search that can be done.
 pub(super) struct Job {
+    again: Again,
     /// The frames a second that are wanted.
     over_timing: Option<over_timing::Options>,
     /// What is to be least, where rules are searched and not words.
@@ -148,6 +187,8 @@ impl Typed {
             prices: Prices::load_or_default(self.prices.as_deref())?,
             progress: !self.quiet,
         };
+        let prices_flag = self.prices.as_deref().map_or(String::new(), |path| format!(" --prices {}", quoted(&path.to_string_lossy())));
+        let again = Again { scenes: named(&self.scenes, &self.common), prices: prices_flag };
         let folder = self.out.unwrap_or_else(|| folder_for(&self.scenes[0], "-search"));
         let by = match self.by {
             Some(By::Bytes) => over_fragment::By::Bytes,
@@ -164,7 +205,7 @@ impl Typed {
         let Options { views, prices, progress, .. } = options.clone();
         let memory = Some(over_timing::Bought::of(&machine));
         let over_timing = self.min_fps.map(|min_fps| over_timing::Options { min_fps, minimise, fields, memory, views, prices, progress });
-        Ok(Job { over_timing, over_fragment, domains, machine, folder, options, quiet: self.quiet })
+        Ok(Job { again, over_timing, over_fragment, domains, machine, folder, options, quiet: self.quiet })
     }
 
     /// Every scene at every size.
@@ -219,7 +260,7 @@ impl Job {
             return self.over_timing(options);
         }
         let outcome = search::run_on(&self.domains, &self.machine, &self.folder, &self.options)?;
-        Ok(self.told(&[outcome.summary()], &outcome.files))
+        Ok(self.told(&[outcome.summary(), self.again(&outcome.claims, &self.folder)], &outcome.files))
     }
 
     /// Timing alone; or timing, then words, then timing with these.
@@ -228,14 +269,36 @@ impl Job {
         let (domains, folder) = (&self.domains, &self.folder);
         if psnr_db.is_none() && max_error.is_none() && !no_saturation {
             let outcome = over_timing::run(domains, &self.machine, None, folder, options)?;
-            return Ok(self.told(&[outcome.summary()], &outcome.files));
+            return Ok(self.told(&[outcome.summary(), self.again(&outcome.claims, folder)], &outcome.files));
         }
         // Before anything is written.
         search::check(domains, &self.machine, &self.options)?;
         let fast = over_timing::run(domains, &self.machine, None, &folder.join("timing"), options)?;
         let words = search::run_on(domains, &fast.machine, &folder.join("words"), &self.options)?;
         let last = over_timing::run(domains, &words.machine, Some(&words.searched), folder, options)?;
-        Ok(self.told(&[fast.summary(), words.summary(), last.summary()], &last.files))
+        // The words' figures are those of the last machine too: timing changes no picture.
+        let again = [self.again_with(&words.claims, &folder.join("words"), folder), self.again(&last.claims, folder)].join("\n");
+        Ok(self.told(&[fast.summary(), words.summary(), last.summary(), again], &last.files))
+    }
+
+    /// The command that shows each figure again.
+    fn again(&self, claims: &[Claim], folder: &Path) -> String {
+        self.again_with(claims, folder, folder)
+    }
+
+    fn again_with(&self, claims: &[Claim], cameras: &Path, machine: &Path) -> String {
+        let path = |folder: &Path, name: &str| quoted(&folder.join(name).to_string_lossy());
+        let command = |Claim { figure, view, scene, cameras: file, frame }: &Claim| {
+            let (machine, file) = (path(machine, "machine.json"), path(cameras, file));
+            let command = [
+                format!("splatsim run {}", self.again.scenes[*scene]),
+                format!("--machine {machine}"),
+                format!("--cameras {file}"),
+                format!("--frame {frame}{}", self.again.prices),
+            ];
+            format!("{}\n{}", wrapped(&format!("to see {figure} on {view} again:")), continued(&command))
+        };
+        claims.iter().map(command).collect::<Vec<_>>().join("\n")
     }
 
     fn told(&self, summaries: &[String], files: &[PathBuf]) -> String {

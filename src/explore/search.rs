@@ -11,6 +11,7 @@
 //! Laws (tests/search.rs): `a_machine_is_found_that_meets_the_target_elsewhere_too`, `it_is_close_to_the_best_of_all`,
 //! `a_search_that_is_killed_goes_on`.
 
+mod claims;
 pub mod crew;
 mod descent;
 mod domain;
@@ -36,6 +37,8 @@ use crate::performance::cost::{Cost, Prices};
 use crate::run::evaluation::Evaluation;
 use crate::scene::digest::{digest, digest_of};
 use crate::scene::{Camera, Scene};
+pub use claims::Claim;
+use claims::Decided;
 use crew::{Foresight, Measured};
 use descent::{Problem, Settled};
 pub use domain::{Domain, Member};
@@ -287,6 +290,8 @@ pub struct Outcome {
     pub cameras: Vec<Searched>,
     /// Words that are critical for the target: with a step less some view that was searched on misses it. The worst first.
     pub tight: Vec<CriticalWord>,
+    /// Figures that are stated, and the cameras that decide them.
+    pub claims: Vec<Claim>,
     /// What unseen views cost.
     pub margin: Margin,
     /// Steps that were measured on the machine that was found, all of which miss the aim.
@@ -438,6 +443,7 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
             let margin = search.margin(&best, first_views, [target_alone_area, area])?;
             let checked = Checked { alone, together, costly };
             let outcome = search.outcome(names, path, held, learnt, &best, (margin, checked))?;
+            let outcome = Outcome { claims: search.claims(&outcome)?, ..outcome };
             return search.write(outcome, folder);
         };
         let worst = &views[0];
@@ -886,7 +892,50 @@ impl<'a> Search<'a> {
         let (target, base) = (self.options.target, self.base.name.clone());
         let cameras = self.views.iter().map(|view| Searched { name: view.name.clone(), camera: view.scene.camera }).collect();
         let searched = SearchRecord { target, scenes: self.scene_records(&views) };
-        Ok(Outcome { scenes, target, base, path, views, learnt, cameras, tight, margin, checked, machine, searched, files: Vec::new() })
+        Ok(Outcome {
+            scenes,
+            target,
+            base,
+            path,
+            views,
+            learnt,
+            cameras,
+            tight,
+            claims: Vec::new(),
+            margin,
+            checked,
+            machine,
+            searched,
+            files: Vec::new(),
+        })
+    }
+
+    /// Views that the search was decided on: those that were searched on, then the unseen ones.
+    fn decided<'o>(&'o self, unseen: &'o [Unseen]) -> Vec<Decided<'o>> {
+        let searched = self.views.iter().map(|view| Decided { name: &view.name, of: view.of, camera: &view.scene.camera });
+        searched.chain(unseen.iter().map(|view| Decided { name: &view.name, of: view.of, camera: &view.camera })).collect()
+    }
+
+    /// The worst of the views that were searched on, and the worst of the unseen ones.
+    fn claims(&self, outcome: &Outcome) -> Result<Vec<Claim>> {
+        let target = &self.options.target;
+        let elaborated = fixed::elaborate(&outcome.machine)?;
+        let mut searched = Vec::new();
+        for view in &self.views {
+            searched.push(drawn(&elaborated, view, target)?);
+        }
+        let unseen: Vec<Found> = outcome.views.iter().map(|view| view.found).collect();
+        let worst = |found: &[Found], from: usize| {
+            let load = |nth: &usize| target.load(&found[*nth]);
+            let nth = (0..found.len()).max_by(|a, b| load(a).total_cmp(&load(b)).then(b.cmp(a)))?;
+            let figure = match target.psnr_db {
+                Some(_) => format!("{} dB, {}", decibels(found[nth].psnr_db_of(target)), target.difference()),
+                None => format!("{:.4} at most, {}", found[nth].max_error_of(target), target.difference()),
+            };
+            Some((figure, from + nth))
+        };
+        let figures = [worst(&searched, 0), worst(&unseen, searched.len())].into_iter().flatten().collect();
+        Ok(claims::claims(self.domains, &self.decided(&outcome.views), figures))
     }
 
     /// Each scene with the cameras that were searched on, then those of unseen views.
@@ -899,8 +948,10 @@ impl<'a> Search<'a> {
     }
 
     fn write(self, outcome: Outcome, folder: &Path) -> Result<Outcome> {
+        let cameras = claims::write_cameras(folder, self.domains, &self.decided(&outcome.views))?;
         drop(self.progress);
         let mut files = self.journal.write(folder, "search")?;
+        files.extend(cameras);
         let machine = machines::File { machine: outcome.machine.clone(), searched: Some(outcome.searched.clone()) };
         for (name, value) in [("machine.json", json!(machine)), ("search.json", json!(outcome))] {
             let path = folder.join(name);
@@ -1035,13 +1086,14 @@ impl Outcome {
         }
         let mut text = format!("{}\n\n{}\n", wrapped(&head), aligned(table).trim_fmt());
         let saved = 100.0 * (1.0 - last.area / first.area);
-        let _ =
-            write!(text, "\n{}: {} LUT equivalents, {saved:.1}% less than {}", self.machine.name, thousands(last.area as u64), self.base);
+        let mut size =
+            format!("{}: {} LUT equivalents, {saved:.1}% less than {}", self.machine.name, thousands(last.area as u64), self.base);
         let reference = Machine::named("reference").and_then(|machine| machine.elaborate().ok());
         if let Some(reference) = reference.filter(|_| self.base != "reference") {
             let whole = Cost::new(&reference, &Prices::default()).area;
-            let _ = write!(text, ", {:.1}% less than reference", 100.0 * (1.0 - last.area / whole));
+            let _ = write!(size, ", {:.1}% less than reference", 100.0 * (1.0 - last.area / whole));
         }
+        let _ = write!(text, "\n{}", wrapped(&size));
         let worst = self.views.iter().filter_map(|view| view.found.psnr_db_of(&self.target)).fold(f64::INFINITY, f64::min);
         let worst = if worst.is_finite() { format!(", the worst with {worst:.1} dB") } else { String::new() };
         let views = match self.views.len() {

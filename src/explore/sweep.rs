@@ -25,6 +25,7 @@ use crate::output::files::{Folder, write_beside};
 use crate::output::progress::Progress;
 use crate::output::text::{thousands, wrapped};
 use crate::performance::cost::Prices;
+use crate::performance::given;
 use crate::scene::Scene;
 use plan::Points;
 use rayon::prelude::*;
@@ -322,6 +323,9 @@ impl Outcome {
             (by(columns::FIXED_VS_IDEAL_PSNR_DB), by(columns::AREA), by(columns::FRAMES_PER_SECOND));
         for (what, row) in [("worst", worst), ("best", best), ("least area", least), ("fastest", fastest)] {
             told(what, row);
+        }
+        if let Some(note) = given::note(self.table.columns.iter().map(|(name, _)| name.as_str())) {
+            let _ = write!(text, "\n{}", wrapped(&note));
         }
         if let Some(loss) = &self.loss {
             let _ = write!(text, "\n\n{}", wrapped(loss));

@@ -12,6 +12,7 @@ use crate::output::text::{aligned, plain_table, wrapped};
 use crate::performance::clock;
 use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::frames_per_second;
+use crate::performance::given;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Colour, Organisation, Queue, Timing};
@@ -28,6 +29,9 @@ const MOST: usize = 5;
 /// Every order of tiles.
 const QUEUES: [Queue; 2] = [Queue::Order, Queue::Longest];
 
+/// What the mark behind a field means.
+const GIVEN: &str = "* given: memory, or a cache's ways and look-up, has no price, so that area and energy do not count what it costs";
+
 /// The least gain that is told, as a part of the frames a second.
 const LEAST_GAIN: f64 = 0.001;
 
@@ -38,8 +42,10 @@ pub struct Answers {
     pub tried: u64,
     /// Machines that cannot be built: the clock leaves no time, say.
     pub refused: u64,
-    /// The best change of each field, the best five of those; the most frames a second first.
+    /// The best change of each field whose cost is counted, the best five of those; the most frames a second first.
     pub best: Vec<Answer>,
+    /// The best change of each field without a price, likewise: a gain here is of another memory, say, and its area and energy are not whole.
+    pub given: Vec<Answer>,
 }
 
 /// A field with another value.
@@ -65,6 +71,9 @@ pub struct Answer {
     pub larger: f64,
     /// Joules a frame with it.
     pub energy: f64,
+    /// Why its cost is not counted; left out where it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub given: Option<&'static str>,
 }
 
 impl Answers {
@@ -88,19 +97,21 @@ impl Answers {
                 area: cost.cost.area,
                 larger: if before > 0.0 { cost.cost.area / before - 1.0 } else { 0.0 },
                 energy: cost.energy.total,
+                given: given::reason_alone(field),
             }
         };
         let mut answers: Vec<Answer> = built.iter().zip(timing::replay_all(&timings, work, Detail::Accounts)).map(answer).collect();
         let tried = answers.len() as u64;
         // Stable: of equals the first in the description.
         answers.sort_by(|one, other| one.cycles.cmp(&other.cycles).then(one.area.total_cmp(&other.area)));
-        let mut best: Vec<Answer> = Vec::new();
+        let [mut best, mut given] = [const { Vec::<Answer>::new() }; 2];
         for answer in answers {
-            if best.len() < MOST && answer.faster >= LEAST_GAIN && best.iter().all(|better| better.field != answer.field) {
-                best.push(answer);
+            let told = if answer.given.is_some() { &mut given } else { &mut best };
+            if told.len() < MOST && answer.faster >= LEAST_GAIN && told.iter().all(|better| better.field != answer.field) {
+                told.push(answer);
             }
         }
-        Answers { tried, refused: all.len() as u64 - tried, best }
+        Answers { tried, refused: all.len() as u64 - tried, best, given }
     }
 
     /// At most 80 columns.
@@ -108,13 +119,14 @@ impl Answers {
         let count = |count: u64, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
         let tried = count(self.tried, "change", "changes");
         let refused = if self.refused == 0 { String::new() } else { format!(", {} more cannot be built", self.refused) };
-        if self.best.is_empty() {
+        if self.best.is_empty() && self.given.is_empty() {
             return wrapped(&format!("answers: none of {tried} of one field of timing makes the frame faster by 0.1%{refused}"));
         }
         let mut table = plain_table(&["one field changed", "from", "to", "frames/s", "faster", "area", "energy mJ"]);
-        for Answer { field, from, to, frames_per_second, faster, larger, energy, .. } in &self.best {
+        for Answer { field, from, to, frames_per_second, faster, larger, energy, given, .. } in self.best.iter().chain(&self.given) {
+            let field = if given.is_some() { format!("{field} *") } else { field.clone() };
             table.add_row([
-                field.clone(),
+                field,
                 from.to_string(),
                 to.to_string(),
                 format!("{frames_per_second:.1}"),
@@ -124,7 +136,8 @@ impl Answers {
             ]);
         }
         let head = wrapped(&format!("answers, each the same frame replayed: the best of {tried}{refused}"));
-        format!("{head}\n{}", aligned(table).trim_fmt())
+        let mark = if self.given.is_empty() { String::new() } else { format!("\n{}", wrapped(GIVEN)) };
+        format!("{head}\n{}{mark}", aligned(table).trim_fmt())
     }
 }
 

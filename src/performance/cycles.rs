@@ -199,8 +199,9 @@ impl CyclesReport {
         }
         let memory = &self.memory;
         let gigabytes = |bytes: f64| format!("{:.2} GB/s", bytes / 1e9);
+        let why = self.why_not_the_busiest().map_or(String::new(), |why| wrapped(&why) + "\n");
         let mut text = format!(
-            "{} cycles at {:.0} MHz: {} frames/s; limited by: {}\n{}\n",
+            "{} cycles at {:.0} MHz: {} frames/s; limited by: {}\n{why}{}\n",
             thousands(self.total),
             self.clock_hz as f64 / 1e6,
             rate(self.frames_per_second),
@@ -223,6 +224,23 @@ impl CyclesReport {
         }
         let _ = write!(text, "\nstamps: {} tested, {} kept a pixel", thousands(self.slots[0]), share(self.slots[1], self.slots[0]));
         text
+    }
+
+    /// Why the frame is not limited by the unit that is busy for most cycles; none where it is.
+    fn why_not_the_busiest(&self) -> Option<String> {
+        let busiest = self.units.iter().max_by_key(|unit| unit.busy)?;
+        let own = busiest.name.split('.').next().unwrap_or_default();
+        // What waits for light is busy with it.
+        if own == self.bottleneck || self.memory.busy >= busiest.busy && self.bottleneck == "memory" {
+            return None;
+        }
+        Some(format!(
+            "{} is busy for {} of the cycles; but lifting the limit of {} gains most: {} cycles are left",
+            busiest.name,
+            share(busiest.busy, self.total),
+            self.bottleneck,
+            thousands(self.limit.cycles_without)
+        ))
     }
 
     /// Limit, in words.

@@ -4,6 +4,7 @@ pub mod answers;
 pub mod clock;
 pub mod cost;
 pub mod cycles;
+pub mod given;
 pub mod recording;
 pub mod roofline;
 pub mod timings;

@@ -16,7 +16,7 @@ use crate::output::chart::Chart;
 use crate::output::files::{Unwritten, Writing, probe, write_as_one, write_beside};
 use crate::output::text::wrapped;
 use crate::performance::answers::Answers;
-use crate::performance::cost::Prices;
+use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::{CyclesReport, Requests};
 use crate::performance::roofline;
 use crate::performance::timings::{Axes, Timings, Variants, holds_stack};
@@ -31,6 +31,9 @@ use std::path::{Path, PathBuf};
 
 /// Beginning of a file of this kind.
 const MAGIC: &[u8] = b"splatsim-work-5\n";
+
+/// The one field outside of `timing` that changes no picture: passes of the sort, each of so many bits of the key.
+const DIGIT_BITS: &str = "sort.digit_bits";
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];
@@ -66,6 +69,8 @@ pub struct Replayed {
     pub answers: Option<Answers>,
     /// Requests to memory, if that was asked for.
     pub requests: Option<Requests>,
+    /// Area of the machine, and energy of the frame.
+    pub cost: CostReport,
 }
 
 impl Recording {
@@ -137,9 +142,10 @@ impl Recording {
     /// [`Error::Input`] where there is no such field, or it is not one of `timing`.
     pub fn set(&mut self, setting: &str) -> Result<()> {
         let flag = machines::flag("--set", setting);
-        if !setting.trim_start().starts_with("timing.") {
+        let field = setting.split('=').next().unwrap_or_default().trim();
+        if !field.starts_with("timing.") && field != DIGIT_BITS {
             return Err(Error::input(format!(
-                "{flag}: what happened in a frame stands in the record; only fields below `timing` can change"
+                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {DIGIT_BITS}"
             )));
         }
         self.machine = machines::changed(&self.machine, setting, &flag)?;
@@ -161,15 +167,24 @@ impl Recording {
     /// # Errors
     /// [`Error::Input`] where no machine can have such a timing.
     pub fn replay(&self, axes: &[Axes], requests: bool, answers: Option<&Prices>) -> Result<Replayed> {
+        self.replay_priced(axes, requests, answers.is_some(), answers.unwrap_or(&Prices::default()))
+    }
+
+    /// The same, with these prices for the cost and for what would be faster.
+    ///
+    /// # Errors
+    /// As [`Recording::replay`].
+    pub fn replay_priced(&self, axes: &[Axes], requests: bool, answers: bool, prices: &Prices) -> Result<Replayed> {
         let elaborated = fixed::elaborate(&self.machine)?;
         let variants = Variants::new(&self.machine, axes)?;
         let detail = if requests { Detail::Log } else { Detail::Histograms };
         let cycles = timing::replay(&elaborated.timing, &self.work, detail);
         let report = CyclesReport::new(&elaborated.timing, &self.work, &cycles);
-        let answers = answers.map(|prices| Answers::new(&elaborated, &self.work, &cycles, prices));
+        let answers = answers.then(|| Answers::new(&elaborated, &self.work, &cycles, prices));
+        let cost = CostReport::new(&elaborated, &cycles, prices);
         let requests = requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
         let timings = variants.map(|variants| Timings::new(&variants, &self.work));
-        Ok(Replayed { cycles: report, timings, answers, requests })
+        Ok(Replayed { cycles: report, timings, answers, requests, cost })
     }
 }
 
@@ -181,7 +196,7 @@ impl Replayed {
         let head = wrapped(&format!("{scene} on {}: {} splats, {}×{}", machine.name, work.fates.len(), work.width, work.height));
         let asked = [self.timings.as_ref().map(Timings::table), self.answers.as_ref().map(Answers::table)];
         let asked: Vec<String> = asked.into_iter().flatten().collect();
-        let told = if asked.is_empty() { self.cycles.summary() } else { asked.join("\n\n") };
+        let told = if asked.is_empty() { format!("{}\n{}", self.cycles.summary(), self.cost.summary()) } else { asked.join("\n\n") };
         format!("{head}\n\n{told}")
     }
 
@@ -194,6 +209,9 @@ impl Replayed {
         let json =
             |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, &self.cycles).map_err(|error| error.to_string()));
         files.push((folder.join("cycles.json"), Box::new(json)));
+        let cost =
+            |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, &self.cost).map_err(|error| error.to_string()));
+        files.push((folder.join("cost.json"), Box::new(cost)));
         write_as_one(folder, files, &[])
     }
 }

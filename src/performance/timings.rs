@@ -9,8 +9,9 @@
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
 use crate::output::chart::{Axis, Bars};
-use crate::output::text::{aligned, plain_table, thousands};
+use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use crate::performance::cycles::CyclesReport;
+use crate::performance::given;
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
@@ -180,7 +181,8 @@ impl Timings {
             ];
             table.add_row(values.iter().cloned().chain(figures));
         }
-        aligned(table).trim_fmt()
+        let note = given::note(self.path.split(", ")).map_or(String::new(), |note| format!("\n{}", wrapped(&note)));
+        format!("{}{note}", aligned(table).trim_fmt())
     }
 
     /// Frames a second by value.

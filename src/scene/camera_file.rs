@@ -43,6 +43,8 @@ pub struct CameraFile {
     /// What the file leaves open and what was taken, for the summary.
     pub(super) notes: Vec<String>,
     poses: Vec<Pose>,
+    /// Cameras as a search recorded them, in the place of poses: taken as they are.
+    own: Vec<Camera>,
 }
 
 /// One camera.
@@ -136,6 +138,10 @@ impl CameraFile {
             let name = named(path);
             let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
             let value = strict_json::read(path).map_err(input_error)?;
+            if let Some(cameras) = value.get("splatsim_cameras") {
+                let own = recorded(cameras).map_err(input_error)?;
+                return Ok(CameraFile { name, size: None, notes: Vec::new(), poses: Vec::new(), own });
+            }
             let poses = of_json(&value, &mut notes).map_err(input_error)?;
             (name, poses)
         } else {
@@ -153,11 +159,14 @@ impl CameraFile {
         }
         let size = common_size(&poses, &mut notes);
         let notes = notes.into_iter().map(|note| format!("{name}: {note}")).collect();
-        Ok(CameraFile { name, size, notes, poses })
+        Ok(CameraFile { name, size, notes, poses, own: Vec::new() })
     }
 
     /// One camera per frame. Targets lie as far as the middle of the splats, and the near plane as it does where a scene leaves it out.
     pub(super) fn cameras(&self, image: &Image, splats: &[Splat]) -> Result<Vec<Camera>> {
+        if !self.own.is_empty() {
+            return Ok(self.own.clone());
+        }
         let ball = Ball::around(splats);
         let camera = |(frame, pose): (usize, &Pose)| {
             let distance = (ball.centre - pose.eye).length().max(ball.radius);
@@ -181,6 +190,29 @@ impl CameraFile {
         };
         self.poses.iter().enumerate().map(camera).collect::<Parsed<_>>().map_err(Error::input)
     }
+}
+
+/// Cameras as a search records them: a list of names and cameras.
+fn recorded(cameras: &Value) -> Parsed<Vec<Camera>> {
+    let cameras = cameras.as_array().filter(|cameras| !cameras.is_empty());
+    let cameras = cameras.ok_or("splatsim_cameras is not a list of cameras; it must have one per frame")?;
+    if cameras.len() > MOST_FRAMES {
+        return Err(format!("has {} cameras; at most {MOST_FRAMES} are right", cameras.len()));
+    }
+    let camera = |(frame, recorded): (usize, &Value)| {
+        let begin = format!("splatsim_cameras[{frame}].camera");
+        let value = recorded.get("camera").ok_or_else(|| format!("{begin} is missing"))?;
+        let camera: Camera = serde_json::from_value(value.clone()).map_err(|error| format!("{begin}: {error}"))?;
+        let numbers = [camera.eye, camera.target, camera.up].map(|vector| vector.is_finite());
+        if numbers != [true; 3]
+            || !(camera.fov_y_degrees > 0.0 && camera.fov_y_degrees < 180.0 && camera.near > 0.0 && camera.near.is_finite())
+        {
+            return Err(format!("{begin} needs finite vectors, an angle of view between 0 and 180 degrees and a near plane above 0"));
+        }
+        check_position(camera.eye)?;
+        camera.check(&format!("{begin}: "), "").map(|()| camera)
+    };
+    cameras.iter().enumerate().map(camera).collect()
 }
 
 /// The file as sentences call it.

@@ -201,6 +201,11 @@ impl Elaboration {
         self.part(unit, Operator::Register(bits));
         if word.round != Rounding::Truncate && from.frac_bits > word.format.frac_bits {
             self.part(unit, Operator::Rounder(bits));
+            // A tie looks at the word's last bit, so half of a last place is no row of a product's array: a chain of half adders along the
+            // exact result, half of an adder (docs/book/cost.md has what synthesis says).
+            if word.round == Rounding::NearestEven {
+                self.part(unit, Operator::Adder((from.bits() + 1) / 2));
+            }
         }
         if word.overflow == Overflow::Saturate && from.int_bits > Exact::from(word).int_bits {
             self.part(unit, Operator::Multiplexer(bits));

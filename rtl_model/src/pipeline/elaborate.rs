@@ -3,7 +3,7 @@
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
 use crate::elaboration::microarchitecture::{Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS};
-use crate::elaboration::{Elaboration, Part, Signal};
+use crate::elaboration::{Elaboration, Operator, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
 use crate::machine::{Group, Machine, Splat};
@@ -119,6 +119,13 @@ impl Machine {
         e.within(unit::SORT, "digit_bits", sort.digit_bits, 1, 16);
         // One counts the next digit's values, one counts where the next entry of this digit's value goes, or sums up.
         e.adders(unit::SORT, 2, SORT_COUNT_BITS as i32);
+        // The digit of a pass is chosen from the key, for the entry that moves and for the one that is counted.
+        let key_bits = sort.key.format.width();
+        let digit_bits = sort.digit_bits.clamp(1, 16);
+        let passes = (key_bits.max(1) as u32).div_ceil(digit_bits);
+        e.copies(2, |e| e.choice(unit::SORT, passes, digit_bits as i32));
+        // An entry, a splat's number and its key, is read, and is written.
+        e.copies(2, |e| e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32 + key_bits)));
         Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()))
     }
 

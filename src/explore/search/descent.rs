@@ -287,7 +287,8 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
         let before = steps.clone();
         for (at, knob) in open.iter().enumerate() {
             let next = with(&steps, *knob, steps[*knob] + 1);
-            let others = |_: &mut _, width: usize| open[at + 1..].iter().take(width).map(|knob| with(&steps, *knob, steps[*knob] + 1)).collect();
+            let others =
+                |_: &mut _, width: usize| open[at + 1..].iter().take(width).map(|knob| with(&steps, *knob, steps[*knob] + 1)).collect();
             if load_ahead(problem, &next, others)? <= 1.0 {
                 steps = next;
             }

@@ -14,6 +14,7 @@
 mod climb;
 mod fields;
 
+use super::claims::{self, Claim, Decided};
 use super::{Domain, Member};
 use crate::error::{Error, Result};
 use crate::explore::sweep::columns;
@@ -121,6 +122,7 @@ impl Measured {
 /// A frame that machines replay.
 struct Recorded {
     name: String,
+    camera: Camera,
     digest: String,
     work: Work,
 }
@@ -130,7 +132,7 @@ impl Recorded {
         let Member { name, scene } = member;
         let evaluation = Evaluation::new(scene, machine)?;
         let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
-        Ok(Recorded { name: name.clone(), digest: digest_of(scene), work })
+        Ok(Recorded { name: name.clone(), camera: scene.camera, digest: digest_of(scene), work })
     }
 }
 
@@ -159,6 +161,20 @@ pub struct Unseen {
     pub frames_per_second: f64,
 }
 
+/// A view that the search was decided on.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Deciding {
+    /// Which domain it is of.
+    #[serde(skip)]
+    of: usize,
+    /// Scene, or scene and number.
+    pub name: String,
+    /// The whole camera, as a scene file has it.
+    pub camera: Camera,
+    /// Frames a second of the machine that was found.
+    pub frames_per_second: f64,
+}
+
 /// What was found.
 #[derive(Debug, Serialize, JsonSchema)]
 pub struct Outcome {
@@ -178,6 +194,10 @@ pub struct Outcome {
     pub views: Vec<Unseen>,
     /// Views that were too slow, and counted from then on.
     pub learnt: Vec<String>,
+    /// Views that decided the search: those that were replayed, those that every machine is looked at on first, and those that were too slow.
+    pub cameras: Vec<Deciding>,
+    /// Figures that are stated, and the cameras that decide them.
+    pub claims: Vec<Claim>,
     /// Fields that differ from the base's, as PATH=VALUE.
     pub changes: Vec<String>,
     /// What limits the slowest scene.
@@ -257,7 +277,7 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
     let mut learnt: Vec<String> = Vec::new();
     let mut rounds = 0;
     let mut slow_frames = Vec::new();
-    let views = loop {
+    let (views, mut cameras) = loop {
         best = match search.round(&best, &mut path)? {
             Some(best) => best,
             None if search.aim > options.min_fps => {
@@ -271,7 +291,7 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
         let slow = unseen(&search, domains, &members, &best, next_view, options)?;
         next_view += options.views;
         let (fps, frame, member) = match slow {
-            Seen::Fast(views) => break views,
+            Seen::Fast(views, looked) => break (views, looked),
             Seen::Slow(fps, frame, member) => (fps, *frame, member),
         };
         if rounds + 1 == ROUNDS {
@@ -295,13 +315,47 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
         search.step(&mut path, &method, &best)?;
     };
     let machine = Machine { name: format!("{}-{}fps", base.name, options.min_fps), ..search.machine(&best)? };
+    let built = fixed::elaborate(&machine)?;
+    for frame in search.frames.iter().chain(&slow_frames) {
+        let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Total));
+        if cameras.iter().all(|other| other.name != frame.name) {
+            let of = claims::domain_of(domains, &frame.name);
+            cameras.push(Deciding { of, name: frame.name.clone(), camera: frame.camera, frames_per_second: fps });
+        }
+    }
+    cameras.sort_by(|a, b| a.frames_per_second.total_cmp(&b.frames_per_second));
+    let decided: Vec<Decided<'_>> = (cameras.iter().map(|view| Decided { name: &view.name, of: view.of, camera: &view.camera }))
+        .chain(views.iter().map(|view| Decided { name: &view.name, of: view.of, camera: &view.camera }))
+        .collect();
+    let figure = |fps: f64| format!("{fps:.1} frames/s");
+    let slowest_unseen = (0..views.len()).min_by(|a, b| views[*a].frames_per_second.total_cmp(&views[*b].frames_per_second));
+    let figures = (cameras.first().map(|view| (figure(view.frames_per_second), 0)).into_iter())
+        .chain(slowest_unseen.map(|nth| (figure(views[nth].frames_per_second), cameras.len() + nth)))
+        .collect();
+    let claims = claims::claims(domains, &decided, figures);
+    let camera_files = claims::write_cameras(folder, domains, &decided)?;
     let (changes, limited_by) = (search.changes(&best), search.limited_by(&best)?);
     let mut files = search.write(folder)?;
-    let searched = Some(searched.cloned().unwrap_or_else(|| record(domains, &views, options.min_fps)));
+    files.extend(camera_files);
+    let searched = Some(searched.cloned().unwrap_or_else(|| record(domains, (&cameras, &views), options.min_fps)));
     let file = machines::File { machine: machine.clone(), searched };
     let (min_fps, minimise, base) = (options.min_fps, options.minimise, base.name.clone());
-    let outcome =
-        Outcome { scenes: names, min_fps, minimise, base, fields, path, views, learnt, changes, limited_by, machine, files: Vec::new() };
+    let outcome = Outcome {
+        scenes: names,
+        min_fps,
+        minimise,
+        base,
+        fields,
+        path,
+        views,
+        learnt,
+        cameras,
+        claims,
+        changes,
+        limited_by,
+        machine,
+        files: Vec::new(),
+    };
     for (name, value) in [("search.json", json!(outcome)), ("machine.json", json!(file))] {
         let path = folder.join(name);
         write_beside(&path, |file| serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string()))?;
@@ -311,10 +365,16 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
 }
 
 /// What the file of a machine says whose words nobody searched.
-fn record(domains: &[Domain], views: &[Unseen], min_fps: f64) -> SearchRecord {
+fn record(domains: &[Domain], (decided, views): (&[Deciding], &[Unseen]), min_fps: f64) -> SearchRecord {
     let of = |(nth, domain): (usize, &Domain)| {
-        let first = domain.first().into_iter().map(|member| member.scene.camera);
-        domain.record(first.chain(views.iter().filter(|view| view.of == nth).map(|view| view.camera)).collect())
+        let mut cameras: Vec<Camera> = domain.first().into_iter().map(|member| member.scene.camera).collect();
+        let decided = decided.iter().filter(|view| view.of == nth).map(|view| view.camera);
+        for camera in decided.chain(views.iter().filter(|view| view.of == nth).map(|view| view.camera)) {
+            if !cameras.contains(&camera) {
+                cameras.push(camera);
+            }
+        }
+        domain.record(cameras)
     };
     let target = Target { frames_per_second: Some(min_fps), ..Target::default() };
     SearchRecord { target, scenes: domains.iter().enumerate().map(of).collect() }
@@ -338,8 +398,8 @@ fn frames(domains: &[Domain], members: &[Member], base: &Machine, options: &Opti
 
 /// What unseen views say.
 enum Seen {
-    /// All are fast enough.
-    Fast(Vec<Unseen>),
+    /// All are fast enough: the unseen ones, and those that every machine is looked at on first.
+    Fast(Vec<Unseen>, Vec<Deciding>),
     /// One is not, the slowest, with so many frames a second.
     Slow(f64, Box<Recorded>, Box<Member>),
 }
@@ -359,8 +419,11 @@ fn unseen(search: &Search, domains: &[Domain], members: &[Member], state: &State
         Ok(fps)
     };
     let is_searched = |member: &Member| search.frames.iter().any(|frame| frame.name == member.name);
+    let mut looked = Vec::new();
     for member in members.iter().filter(|member| !is_searched(member)) {
-        look(member)?;
+        let frames_per_second = look(member)?;
+        let (of, name) = (claims::domain_of(domains, &member.name), member.name.clone());
+        looked.push(Deciding { of, name, camera: member.scene.camera, frames_per_second });
     }
     for (of, domain) in domains.iter().enumerate() {
         for nth in first..first + options.views {
@@ -375,7 +438,7 @@ fn unseen(search: &Search, domains: &[Domain], members: &[Member], state: &State
             views.push(Unseen { of, name: member.name, camera, frames_per_second });
         }
     }
-    Ok(slowest.map_or(Seen::Fast(views), |(fps, frame, member)| Seen::Slow(fps, Box::new(frame), member)))
+    Ok(slowest.map_or(Seen::Fast(views, looked), |(fps, frame, member)| Seen::Slow(fps, Box::new(frame), member)))
 }
 
 impl Outcome {
@@ -414,6 +477,9 @@ impl Outcome {
             count => format!("fast enough on {count} unseen views, the slowest with {slowest:.1} frames/s"),
         };
         let _ = write!(text, "\n{}", wrapped(&views));
+        if let Some(first) = self.cameras.first() {
+            let _ = write!(text, "\n{}", wrapped(&format!("decided by {}: {:.1} frames/s", first.name, first.frames_per_second)));
+        }
         text
     }
 }

@@ -4,7 +4,9 @@
 //! bought, how a cache compares its ways. Memory stays as fast in bytes a second and in nanoseconds whatever the clock is.
 
 use crate::error::{Error, Result};
-use crate::hardware::machines;
+use crate::hardware::{fixed, machines};
+use crate::performance::given;
+pub(super) use crate::performance::given::CLOCK;
 use crate::scene::strict_json;
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Memory, Organisation};
@@ -29,14 +31,14 @@ const FIELDS: [(&str, &str); 35] = [
     ("timing.fetch.fifo", "[1, 2, 4, 8, 16, 32]"),
     ("timing.project.units", "[1, 2, 4]"),
     ("timing.project.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16]"),
-    ("timing.project.multipliers", "[null, 1, 2, 4, 8, 16]"),
+    ("timing.project.multipliers", "[null, 1]"),
     ("timing.project.fifo", "[1, 2, 4, 8, 16]"),
     ("timing.ellipse.units", "[1, 2, 4]"),
     ("timing.ellipse.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32]"),
-    ("timing.ellipse.multipliers", "[null, 1, 2, 4, 8, 16]"),
+    ("timing.ellipse.multipliers", "[null, 1]"),
     ("timing.ellipse.fifo", "[1, 2, 4, 8, 16, 32]"),
     ("timing.colour.units", "[1, 2, 4]"),
-    ("timing.colour.multipliers", "[1, 2, 4, 8, 16]"),
+    ("timing.colour.multipliers", "[16, 1]"),
     ("timing.raster.lanes", "[[1, 1], [2, 1], [4, 1], [2, 2], [8, 1], [4, 2], [8, 2], [4, 4], [8, 4], [8, 8]]"),
     ("timing.raster.latency", "[1, 2, 3, 4, 6]"),
     ("timing.raster.fifo", "[1, 2, 4, 8, 16, 32]"),
@@ -62,25 +64,6 @@ const FIELDS: [(&str, &str); 35] = [
     ("timing.memory.outstanding", "[1, 2, 4, 8, 16, 32, 64]"),
 ];
 
-/// The one field whose change changes what memory says.
-pub(super) const CLOCK: &str = "timing.clock_hz";
-
-/// What costs nothing that is counted, so that a search would only take the most of it; and why.
-const GIVEN: [(&str, &str); 11] = [
-    ("timing.technology", "a better one takes less energy, and what it costs to build in it has no price"),
-    ("timing.memory.ideal", MEMORY),
-    ("timing.memory.bytes_per_cycle", MEMORY),
-    ("timing.memory.hit_latency", MEMORY),
-    ("timing.memory.miss_latency", MEMORY),
-    ("timing.memory.burst_bytes", MEMORY),
-    ("timing.memory.row_bytes", MEMORY),
-    ("timing.memory.banks", MEMORY),
-    ("timing.cache.ways", "what compares the ways of a set has no price"),
-    ("timing.cache.latency", "a look-up takes as long as its memory, which nothing here knows"),
-    ("timing.walk.stack", "a tree's depth asks for it"),
-];
-const MEMORY: &str = "memory is bought, and has no price";
-
 fn pointer(path: &str) -> String {
     format!("/{}", path.replace('.', "/"))
 }
@@ -96,12 +79,47 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
     let place = |unit: &str| if unit == "timing.colour" { "/colour".to_owned() } else { pointer(unit) };
     let has = |unit: &str| !unused.contains(&unit) && value.pointer(&place(unit)).is_some_and(Value::is_object);
     let there = FIELDS.iter().filter(|(field, _)| !unused.contains(field) && field.rsplit_once('.').is_some_and(|(unit, _)| has(unit)));
-    let values = |text: &str| serde_json::from_str::<Vec<Value>>(text).unwrap_or_default().into_iter().map(machines::whole).collect();
-    let fields = there.map(|(field, text)| Field { field: (*field).to_owned(), values: values(text) });
+    let values = |field: &str, text: &str| {
+        let listed = serde_json::from_str::<Vec<Value>>(text).unwrap_or_default().into_iter().map(machines::whole);
+        let shared = products(machine, field).map_or(Vec::new(), |products| shared_by(products).into_iter().map(Value::from).collect());
+        let mut values: Vec<Value> = Vec::new();
+        for value in listed.chain(shared) {
+            if !values.contains(&value) {
+                values.push(value);
+            }
+        }
+        values
+    };
+    let fields = there.map(|(field, text)| Field { field: (*field).to_owned(), values: values(field, text) });
     // A field that this machine's description does not know yet is left out.
     fields
         .filter(|field| field.values.iter().any(|value| machines::with(machine, &[(field.field.clone(), value.clone())], "").is_ok()))
         .collect()
+}
+
+/// Products that take turns at the multipliers of a field; none of another field.
+fn products(machine: &Machine, field: &str) -> Option<u32> {
+    let unit = field.strip_suffix(".multipliers")?;
+    if unit == "timing.colour" {
+        return Some(fixed::elaborate(machine).ok()?.timing.colour.last()?.products);
+    }
+    // With one multiplier a splat holds the unit for as many cycles as it has products.
+    let alone = [("multipliers", json!(1)), ("latency", Value::Null), ("interval", Value::Null)];
+    let changes = alone.map(|(name, value)| (format!("{unit}.{name}"), value));
+    let built = fixed::elaborate(&machines::with(machine, &changes, "").ok()?).ok()?;
+    match unit {
+        "timing.project" => Some(built.timing.project.interval),
+        "timing.ellipse" => Some(built.timing.ellipse.interval),
+        _ => None,
+    }
+}
+
+/// Numbers of multipliers that products can share: of each interval the fewest.
+fn shared_by(products: u32) -> Vec<u32> {
+    let mut counts: Vec<u32> = (1..=products).map(|interval| products.div_ceil(interval)).collect();
+    counts.dedup();
+    counts.reverse();
+    counts
 }
 
 /// Fields and values from a file: a JSON array.
@@ -129,8 +147,8 @@ fn check(fields: &[Field]) -> std::result::Result<(), String> {
         if !field.starts_with("timing.") {
             return Err(format!("{field} is no field of timing; --target-psnr searches words"));
         }
-        if let Some((given, why)) = GIVEN.iter().find(|(given, _)| given == field) {
-            return Err(format!("{given} is given, and can be set with --set: {why}"));
+        if let Some(why) = given::reason(field) {
+            return Err(format!("{field} is given, and can be set with --set: {why}"));
         }
         if fields[..nth].iter().any(|other| other.field == *field) {
             return Err(format!("{field} is there twice"));
@@ -222,6 +240,26 @@ mod tests {
     }
 
     #[test]
+    fn multipliers_are_searched_over_every_interval_with_the_fewest_of_each() {
+        for machine in ["reference", "gaussian"].map(|name| Machine::named(name).unwrap()) {
+            let usual = usual(&machine);
+            for unit in ["project", "ellipse"] {
+                let interval = |multipliers: u64| {
+                    let change = (format!("timing.{unit}.multipliers"), json!(multipliers));
+                    let built = fixed::elaborate(&machines::with(&machine, &[change], "").unwrap()).unwrap();
+                    if unit == "project" { built.timing.project.interval } else { built.timing.ellipse.interval }
+                };
+                let field = usual.iter().find(|field| field.field == format!("timing.{unit}.multipliers")).unwrap();
+                let listed: Vec<u64> = field.values.iter().filter_map(Value::as_u64).collect();
+                // By trying every number: those with which a splat takes less time than with one multiplier less.
+                let changing: Vec<u64> = (1..=200).filter(|many| *many == 1 || interval(*many) < interval(*many - 1)).collect();
+                assert_eq!(listed, changing, "{unit} of {}", machine.name);
+                assert!(listed.len() > 7 && field.values[0].is_null(), "{listed:?}");
+            }
+        }
+    }
+
+    #[test]
     fn every_usual_field_is_one_of_a_machine() {
         let machine = Machine::named("gaussian").unwrap();
         let immediate = machines::changed(&Machine::named("reference").unwrap(), "timing.organisation=immediate", "").unwrap();
@@ -229,7 +267,7 @@ mod tests {
         for (field, text) in FIELDS {
             assert!(of_some.iter().any(|other| other == field), "{field}");
             assert!(serde_json::from_str::<Vec<Value>>(text).is_ok_and(|values| values.len() > 1), "{field}");
-            assert!(GIVEN.iter().all(|(given, _)| *given != field), "{field}");
+            assert_eq!(given::reason(field), None, "{field}");
         }
         for machine in [&machine, &immediate] {
             knobs(machine, &usual(machine)).unwrap();
