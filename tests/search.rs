@@ -849,7 +849,12 @@ fn narrower(machine: &Value, units: &[&str]) -> Vec<(String, Value)> {
     for unit in units {
         for (name, value) in machine[unit].as_object().unwrap() {
             let Some((int_bits, frac_bits)) = value.as_str().and_then(|text| text.split_once('F')) else { continue };
-            let format = format!("{int_bits}F{}", frac_bits.parse::<i32>().unwrap() - 1);
+            let [whole, fraction] = [&int_bits[1..], frac_bits].map(|bits| bits.parse::<i32>().unwrap());
+            // A search leaves a word two bits.
+            if whole + fraction <= 2 {
+                continue;
+            }
+            let format = format!("{int_bits}F{}", fraction - 1);
             all.push((format!("{unit}.{name}"), json!(format)));
         }
     }
