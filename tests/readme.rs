@@ -139,11 +139,13 @@ fn lines<'l>(text: impl IntoIterator<Item = &'l str>) -> Vec<&'l str> {
     text.into_iter().filter(|line| !line.starts_with("host:") && !line.starts_with("      fixed makes")).collect()
 }
 
-/// Whether a sample stands in what is printed; of commands that print nothing else, whether it is all of it.
+/// Whether a sample is a part of what is printed. Two pages have all that a command prints.
 fn is_printed(sample: &Sample, printed: &str) -> bool {
     let told = lines(sample.lines.iter().map(String::as_str));
     let now = lines(printed.trim_end().lines());
-    let is_all = ["run --out out", "machine cost reference"].contains(&sample.arguments.as_str());
+    let is_all = [("report.md", "run --out out"), ("cost.md", "machine cost reference")]
+        .iter()
+        .any(|(page, arguments)| sample.path.ends_with(page) && sample.arguments == *arguments);
     told.len() > 4 && if is_all { told == now } else { now.windows(told.len()).any(|some| some == told) }
 }
 
@@ -350,7 +352,7 @@ fn the_glossary_has_every_term_once() {
 #[test]
 fn readme_is_short() {
     let length = page("README.md").text.len();
-    assert!(length <= 12_000, "{length} bytes");
+    assert!(length <= 6_000, "{length} bytes");
 }
 
 // ---- Of the reader itself ----

@@ -732,7 +732,7 @@ fn windows_of_splats_drive_fragment_and_sheets_alone() {
 
 #[test]
 fn every_twin_gives_a_million_records_on_verilator() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["verilator"], "co-simulation on Verilator") {
@@ -1329,7 +1329,7 @@ fn every_mutant_is_caught() {
 
 #[test]
 fn every_mutant_of_windows_is_caught() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twin of windows") {
@@ -1350,7 +1350,7 @@ fn every_mutant_of_windows_is_caught() {
 
 #[test]
 fn every_mutant_of_a_frame_s_end_is_caught() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twins") {
@@ -1383,7 +1383,7 @@ fn every_mutant_of_a_rule_is_caught() {
 
 #[test]
 fn every_mutant_of_tiles_is_caught() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twins") {
