@@ -89,7 +89,7 @@ fn with_no_word_it_is_golden() {
     if !tier::runs(Tier::Ci) {
         return;
     }
-    for (scene, machine) in tier::some([12, 3], surfaces((96, 80)).into_iter().chain(of_ellipsoids((64, 48)))) {
+    for (scene, machine) in tier::some([12, 6], surfaces((96, 80)).into_iter().chain(of_ellipsoids((64, 48)))) {
         let (quantised, _) = drawn(&scene, &machine).unwrap();
         let found = metrics(&mixed(&scene, &machine, &quantised, |_| false), &golden(&scene, &machine).picture);
         assert!(found.max_error < 1e-12, "{} on {}: {found:?}", scene.name, machine.name);
@@ -102,7 +102,7 @@ fn with_every_word_it_is_the_machine() {
     if !tier::runs(Tier::Ci) {
         return;
     }
-    for (scene, mut machine) in tier::some([12, 3], surfaces((192, 160)).into_iter().chain(of_ellipsoids((96, 80)))) {
+    for (scene, mut machine) in tier::some([12, 6], surfaces((192, 160)).into_iter().chain(of_ellipsoids((96, 80)))) {
         for rows in [Rows::Seeded, Rows::Differenced] {
             machine.raster.rows = rows;
             let (quantised, fixed) = drawn(&scene, &machine).unwrap();
@@ -121,11 +121,11 @@ fn with_every_word_it_is_any_machine() {
     let scenes: Vec<(Scene, Option<Machine>)> = clouds.into_iter().chain(ellipsoids).collect();
     let mut runner = TestRunner::deterministic();
     let (mut held, mut asked) = (0, 0);
-    while held < tier::of([12, 3], MACHINES) {
+    while held < tier::of([12, 6], MACHINES) {
         asked += 1;
         assert!(asked < 100 * MACHINES, "only {held} of {asked} machines can draw");
         let pick = (named(), mutations(1..12)).new_tree(&mut runner).unwrap().current();
-        if !tier::has([12, 3], asked) {
+        if !tier::has([12, 6], asked) {
             continue;
         }
         let (scene, usual) = &scenes[asked % scenes.len()];
@@ -185,7 +185,7 @@ fn all_words_together_make_the_machines_error() {
     }
     let cloud = thinned(scene("torus-knot", (64, 48)), 2000);
     let surfaces = Machine::NAMES.map(|name| (cloud.clone(), Machine::named(name).unwrap()));
-    for (scene, machine) in tier::some([12, 3], surfaces.into_iter().chain(of_ellipsoids((20, 16)).into_iter().step_by(3))) {
+    for (scene, machine) in tier::some([12, 6], surfaces.into_iter().chain(of_ellipsoids((20, 16)).into_iter().step_by(3))) {
         let name = &machine.name;
         let elaborated = fixed::elaborate(&machine).unwrap();
         let (quantised, picture) = drawn(&scene, &machine).unwrap();

@@ -92,7 +92,7 @@ fn bytes(recording: Recording) -> Vec<u8> {
 fn no_damage_is_taken_for_a_record() {
     let small = bytes(Recording { scene: "x".into(), ..recorded("bouquet", (40, 24)) });
     let shorts = (0..small.len()).step_by(small.len() / 300);
-    for short in tier::some([12, 3], shorts) {
+    for short in tier::some([12, 6], shorts) {
         assert!(refusal(&small[..short]).is_some(), "{short} bytes");
     }
     let more = [&small[..], b"x"].concat();
@@ -109,7 +109,7 @@ fn no_damage_is_taken_for_a_record() {
         let mut damaged = small.clone();
         let at = roll(damaged.len());
         damaged[at] ^= 1 << roll(8);
-        if !tier::has([12, 3], number) {
+        if !tier::has([12, 6], number) {
             continue;
         }
         std::fs::write(&path, &damaged).unwrap();
@@ -125,7 +125,7 @@ fn no_damage_is_taken_for_a_record() {
         }
     }
     // Which pixels were kept, say, can be otherwise.
-    assert!(refused > tier::of([12, 3], 120) && replayed > tier::of([12, 3], 20), "{refused} {replayed}");
+    assert!(refused > tier::of([12, 6], 120) && replayed > tier::of([12, 6], 20), "{refused} {replayed}");
 }
 
 /// A few bytes that ask for much.
