@@ -2,7 +2,7 @@
 
 use crate::cosimulation::{have, run};
 use crate::program::PROGRAM;
-use crate::share;
+use crate::tier::{self, Tier};
 use rtl_model::elaboration::latency::Path;
 use serde_json::{Value, json};
 use splatsim::hardware::{fixed, machines};
@@ -55,7 +55,7 @@ fn have_cells() -> bool {
 /// Delays of operators by the model are within a quarter of what the standard cells take, and those of a unit that is no part of the fit.
 #[test]
 fn operators_take_as_long_as_the_model_of_the_clock_says() {
-    if !share::has_turn(10) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["yosys"], "delays of operators") {
@@ -119,11 +119,11 @@ fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
     for (of, [.., loop_gates, _]) in told.iter().chain(&of_groups) {
         assert!((1.0..=40.0).contains(loop_gates), "{of:?}: {loop_gates}");
     }
-    if !share::has_turn(7) || !have(&["yosys", "python3"], "depths of the twins") {
+    if !tier::runs(Tier::Ci) || !have(&["yosys", "python3"], "depths of the twins") {
         return;
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/depths.sh");
-    let units: Vec<&str> = share::mine(["raster", "gauss", "resolve"]).collect();
+    let units: Vec<&str> = tier::some([3, 3], ["gauss", "resolve", "raster"]).collect();
     let output = run(Command::new("sh").args([script, "--gates", "--splatsim", &PROGRAM, "--units", &units.join(","), "tiny"]));
     let counted = depths(&String::from_utf8(output.stdout).unwrap());
     assert_eq!(counted.len(), units.len());
@@ -171,7 +171,7 @@ fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
         return;
     }
     let script = format!("{}/tests/programs/{script}", env!("CARGO_MANIFEST_DIR"));
-    let units: Vec<&str> = share::mine(["raster", "gauss", "resolve"]).collect();
+    let units: Vec<&str> = tier::some([3, 3], ["gauss", "resolve", "raster"]).collect();
     let given = [script.as_str(), "--splatsim", PROGRAM.as_str(), "--seconds", "600", "--units", &units.join(",")].map(str::to_owned);
     let output = run(Command::new("sh").args(given).args(more).arg("tiny"));
     let printed = String::from_utf8(output.stdout).unwrap();
@@ -186,14 +186,14 @@ fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
 
 #[test]
 fn small_units_take_the_gates_that_the_model_says() {
-    if share::has_turn(10) && have_cells() {
+    if tier::runs(Tier::Ci) && have_cells() {
         small_units_are_in_the_range("gates.sh", "gates", &[]);
     }
 }
 
 #[test]
 fn small_units_take_what_the_model_says() {
-    if share::has_turn(3) {
+    if tier::runs(Tier::Full) {
         small_units_are_in_the_range("area.sh", "area", &["--without-dsps"]);
     }
 }

@@ -1,7 +1,7 @@
 //! Attribution: a machine of which some words are words, between `golden` and the machine itself.
 
 use crate::mutation::{differences, mutated, mutations, named};
-use crate::share;
+use crate::tier::{self, Tier};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
@@ -86,10 +86,10 @@ fn surfaces(size: (usize, usize)) -> Vec<(Scene, Machine)> {
 
 #[test]
 fn with_no_word_it_is_golden() {
-    if !share::has_turn(9) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
-    for (scene, machine) in share::mine(surfaces((96, 80)).into_iter().chain(of_ellipsoids((64, 48)))) {
+    for (scene, machine) in tier::some([12, 6], surfaces((96, 80)).into_iter().chain(of_ellipsoids((64, 48)))) {
         let (quantised, _) = drawn(&scene, &machine).unwrap();
         let found = metrics(&mixed(&scene, &machine, &quantised, |_| false), &golden(&scene, &machine).picture);
         assert!(found.max_error < 1e-12, "{} on {}: {found:?}", scene.name, machine.name);
@@ -99,10 +99,10 @@ fn with_no_word_it_is_golden() {
 /// Bit for bit, though it is made of f64: the second opinion on every unit, each fit, each rule.
 #[test]
 fn with_every_word_it_is_the_machine() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
-    for (scene, mut machine) in share::mine(surfaces((192, 160)).into_iter().chain(of_ellipsoids((96, 80)))) {
+    for (scene, mut machine) in tier::some([12, 6], surfaces((192, 160)).into_iter().chain(of_ellipsoids((96, 80)))) {
         for rows in [Rows::Seeded, Rows::Differenced] {
             machine.raster.rows = rows;
             let (quantised, fixed) = drawn(&scene, &machine).unwrap();
@@ -121,11 +121,11 @@ fn with_every_word_it_is_any_machine() {
     let scenes: Vec<(Scene, Option<Machine>)> = clouds.into_iter().chain(ellipsoids).collect();
     let mut runner = TestRunner::deterministic();
     let (mut held, mut asked) = (0, 0);
-    while held < share::of(MACHINES, 12) {
+    while held < tier::of([12, 6], MACHINES) {
         asked += 1;
         assert!(asked < 100 * MACHINES, "only {held} of {asked} machines can draw");
         let pick = (named(), mutations(1..12)).new_tree(&mut runner).unwrap().current();
-        if !share::is_mine(asked) {
+        if !tier::has([12, 6], asked) {
             continue;
         }
         let (scene, usual) = &scenes[asked % scenes.len()];
@@ -145,20 +145,23 @@ fn named_share<'a>(shares: &'a [Share], name: &str) -> &'a Share {
 /// One word of a good machine is narrowed: it takes the blame, and so does its unit.
 #[test]
 fn a_narrow_word_takes_the_blame() {
-    if !share::has_turn(4) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let cloud = thinned(scene("glass-spheres", (48, 48)), 3000);
     let [(shells, _), .., (bouquet, _), _] = &of_ellipsoids((24, 20))[..] else { panic!("there are more") };
-    for (scene, settings, name) in share::mine([
-        (&cloud, "splat.rgb=U1F4", "splat.rgb"),
-        (&cloud, "ellipse.root.newton_steps=0 ellipse.root.table_bits=3", "ellipse.root"),
-        (&cloud, "gauss.falloff=U1F3", "gauss.falloff"),
-        (&cloud, "shade.rgb=U1F4", "shade.rgb"),
-        (shells, "fragment.sheets.ratio=U1F4", "fragment.ratio"),
-        (bouquet, "ellipse.ellipsoid.scale=U1F4", "ellipse.scale"),
-        (bouquet, "sort.key=U18F0", "sort.key"),
-    ]) {
+    for (scene, settings, name) in tier::some(
+        [12, 12],
+        [
+            (&cloud, "splat.rgb=U1F4", "splat.rgb"),
+            (&cloud, "ellipse.root.newton_steps=0 ellipse.root.table_bits=3", "ellipse.root"),
+            (&cloud, "gauss.falloff=U1F3", "gauss.falloff"),
+            (&cloud, "shade.rgb=U1F4", "shade.rgb"),
+            (shells, "fragment.sheets.ratio=U1F4", "fragment.ratio"),
+            (bouquet, "ellipse.ellipsoid.scale=U1F4", "ellipse.scale"),
+            (bouquet, "sort.key=U18F0", "sort.key"),
+        ],
+    ) {
         let base = if scene.name == "glass-spheres" { "reference" } else { machines::usual(scene) };
         let machine = machines::load(base, &settings.split(' ').map(String::from).collect::<Vec<_>>()).unwrap();
         let elaborated = fixed::elaborate(&machine).unwrap();
@@ -177,12 +180,12 @@ fn a_narrow_word_takes_the_blame() {
 
 #[test]
 fn all_words_together_make_the_machines_error() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let cloud = thinned(scene("torus-knot", (64, 48)), 2000);
     let surfaces = Machine::NAMES.map(|name| (cloud.clone(), Machine::named(name).unwrap()));
-    for (scene, machine) in share::mine(surfaces.into_iter().chain(of_ellipsoids((20, 16)).into_iter().step_by(3))) {
+    for (scene, machine) in tier::some([12, 6], surfaces.into_iter().chain(of_ellipsoids((20, 16)).into_iter().step_by(3))) {
         let name = &machine.name;
         let elaborated = fixed::elaborate(&machine).unwrap();
         let (quantised, picture) = drawn(&scene, &machine).unwrap();
@@ -204,7 +207,7 @@ fn all_words_together_make_the_machines_error() {
 /// From among the splats: some lie behind the eye, beside it, before the near plane, and edge-on.
 #[test]
 fn splats_that_are_culled_take_no_blame() {
-    if !share::has_turn(3) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let mut scene = thinned(scene("torus-knot", (48, 40)), 1000);

@@ -1,8 +1,8 @@
 //! Does the error bound hold? The machine with `golden` in lockstep, on built-in scenes, real scans and machines that nobody would build.
 
 use crate::mutation::{differences, mutated, mutations, named};
-use crate::share;
 use crate::shared_input;
+use crate::tier::{self, Tier};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -31,7 +31,7 @@ fn fault(frame: &Lockstep) -> Option<String> {
 
 #[test]
 fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() {
-    if !share::has_turn(9) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     for name in ["glass-spheres", "checkerboard", "torus-knot", "terrain"] {
@@ -46,7 +46,7 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
 
 #[test]
 fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
-    if !share::has_turn(11) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let scans = [
@@ -57,7 +57,7 @@ fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
         "scans/park_points_rgb.ply",
         "scenes/dragon.json",
     ];
-    for (name, machine) in share::mine(scans.into_iter().flat_map(|name| Machine::NAMES.map(|machine| (name, machine)))) {
+    for (name, machine) in tier::some([12, 6], scans.into_iter().flat_map(|name| Machine::NAMES.map(|machine| (name, machine)))) {
         let Some(path) = shared_input::find(name) else { continue };
         let scene = scene(path.to_str().unwrap(), (192, 160));
         assert_eq!(fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())), None, "{name} on {machine}");
@@ -86,7 +86,8 @@ fn no_pixel_exceeds_its_bound_through_any_lens() {
         let settings = if name == "mirrors" { vec!["reflect.sight=ray".to_owned()] } else { Vec::new() };
         let machine = machines::load(machine, &settings).unwrap();
         let usual = in_lockstep(&load(), &machine).led;
-        for (focal_px, centre_px) in [([110.0, 83.0], [52.5, 61.25]), ([70.0, 125.0], [80.0, 40.0]), ([100.0, 100.0], [-10.0, 48.0])] {
+        let lenses = [([110.0, 83.0], [52.5, 61.25]), ([70.0, 125.0], [80.0, 40.0]), ([100.0, 100.0], [-10.0, 48.0])];
+        for (focal_px, centre_px) in tier::some([3, 1], lenses) {
             let mut scene = load();
             (scene.camera.focal_px, scene.camera.centre_px) = (Some(focal_px), Some(centre_px));
             scene.kernel.compensate_opacity = name == "bouquet";
@@ -103,7 +104,7 @@ fn no_pixel_exceeds_its_bound_through_any_lens() {
 /// Nine covered pixels in ten are known to four steps of an 8-bit display.
 #[test]
 fn the_bound_of_the_reference_machine_says_something() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let mut scenes = vec![scene("glass-spheres", (512, 512))];
@@ -122,7 +123,7 @@ fn the_bound_of_the_reference_machine_says_something() {
 /// Of the tiles that are held, a sampled frame says what the whole one says; of all else, nothing.
 #[test]
 fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
-    if !share::has_turn(2) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     for (scene, name) in [(scene("glass-spheres", (150, 100)), "tiny"), (scene("nested-shells", (90, 70)), "volume")] {
@@ -180,7 +181,7 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
         let scene = &scenes[asked % 2];
         let Ok(quantised) = quantise::quantise(scene, &machine) else { continue };
         drawn += 1;
-        if share::is_mine(drawn) {
+        if tier::has([12, 6], drawn) {
             let frame = lockstep(scene, &elaborated, &quantised);
             assert_eq!(fault(&frame), None, "{} {:?}", machine.name, differences(&machine));
         }

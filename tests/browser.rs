@@ -4,7 +4,7 @@
 //! `SPLATSIM_BOOK_PICTURES=1 cargo test --test suite browser::` draws the book's pictures anew.
 
 use crate::program::PROGRAM;
-use crate::share;
+use crate::tier::{self, Tier};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -19,7 +19,7 @@ fn python() -> Option<PathBuf> {
 
 #[test]
 fn the_page_does_in_a_browser_what_the_book_says() {
-    if !share::has_turn(11) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

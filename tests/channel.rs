@@ -2,7 +2,7 @@
 //!
 //! `cargo test --test channel -- --nocapture` prints a table.
 
-use crate::share;
+use crate::tier::{self, Tier};
 use rtl_model::Machine;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Tile, Timing};
 use rtl_model::timing::{Detail, replay};
@@ -102,7 +102,7 @@ fn check(name: &str, work: &Work, machines: &[(String, Timing)]) {
 
 #[test]
 fn replayed_scenes_are_at_most_a_hundredth_off() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let machines = machines();
@@ -112,14 +112,13 @@ fn replayed_scenes_are_at_most_a_hundredth_off() {
 }
 
 #[test]
-#[ignore = "takes a minute"]
 fn a_replayed_scene_of_full_size_is_at_most_a_hundredth_off() {
-    if !share::has_turn(8) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     let mut machines = machines();
     machines.retain(|(what, _)| ["immediate", "binned"].contains(&what.as_str()));
-    for (name, _) in share::mine(SCENES) {
+    for (name, _) in SCENES {
         check(name, &record(name, None, None), &machines);
     }
 }

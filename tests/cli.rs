@@ -2,8 +2,8 @@
 //! input?
 
 use crate::program::PROGRAM;
-use crate::share;
 use crate::shared_input;
+use crate::tier::{self, Tier};
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::LazyLock;
@@ -114,7 +114,7 @@ fn exr_pictures_come_on_request_and_not_without_a_folder() {
 
 #[test]
 fn the_error_is_attributed_on_request() {
-    if !share::has_turn(2) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = folder();
@@ -390,7 +390,9 @@ fn no_line_of_a_summary_is_wider_than_eighty_columns() {
     let knot = few("torus-knot", 20_000);
     // The default has numbers as large as most, and reference the longest name.
     let of = [("glass-spheres", &all[..1]), (FEW.as_str(), &all[1..]), (&knot, &all[..]), (&odd, &all)];
-    for (scene, machine) in share::mine(of.into_iter().flat_map(|(scene, machines)| machines.iter().map(move |machine| (scene, machine)))) {
+    for (scene, machine) in
+        tier::some([12, 3], of.into_iter().flat_map(|(scene, machines)| machines.iter().map(move |machine| (scene, machine))))
+    {
         let text = says(&["run", scene, "--machine", machine, "--size", "128x128", "--out", out.to_str().unwrap()]);
         for line in text.lines() {
             let is_one_word = !line.trim().contains(' ');
@@ -422,10 +424,13 @@ fn explain_tells_the_story_of_a_pixel() {
         assert!(text.contains(part), "{part} is absent from {text}");
     }
     assert!(text.lines().all(|line| line == line.trim_end()), "{text}");
-    for (scene, machine, parts) in share::mine([
-        ("nested-shells", "volume", ["open ", "add to ", "All sheets together", "fixed "]),
-        ("bouquet", "gaussian", ["blend", "too late", "All sheets together", "golden "]),
-    ]) {
+    for (scene, machine, parts) in tier::some(
+        [12, 12],
+        [
+            ("nested-shells", "volume", ["open ", "add to ", "All sheets together", "fixed "]),
+            ("bouquet", "gaussian", ["blend", "too late", "All sheets together", "golden "]),
+        ],
+    ) {
         let text = says(&["explain", scene, "--pixel", "256,256"]);
         assert!(text.starts_with(&format!("pixel 256,256 of {scene} on {machine}\n")), "{text}");
         assert!(parts.iter().all(|part| text.contains(part)), "{text}");
@@ -809,7 +814,7 @@ fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_little_time_and_me
         let mut files: Vec<PathBuf> = std::fs::read_dir(input).unwrap().map(|entry| entry.unwrap().path()).collect();
         files.sort();
         let all = files.len();
-        files = files.into_iter().enumerate().filter(|(number, _)| share::in_third(*number)).map(|(_, file)| file).collect();
+        files = files.into_iter().enumerate().filter(|(number, _)| tier::has([3, 1], *number)).map(|(_, file)| file).collect();
         let mut drawn = 0;
         for file in &files {
             let out = folder();

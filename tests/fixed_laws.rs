@@ -1,6 +1,6 @@
 //! Does the machine keep the laws of splatting (docs/book/algorithm.md §3 to §7) within its last places?
 
-use crate::share;
+use crate::tier::{self, Tier};
 use std::any::Any;
 use std::f64::consts::TAU;
 
@@ -336,7 +336,7 @@ fn tilted(tilt: f64, turn: f64, cutoff: f64) -> Scene {
 
 #[test]
 fn a_footprint_deposits_the_weight_that_its_size_and_tilt_say_at_any_turn() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     for (name, tolerance) in [("reference", 0.005), ("lean", 0.03)] {

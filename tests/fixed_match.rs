@@ -1,6 +1,6 @@
 //! Does `fixed` draw what `golden` draws? The named machines on the built-in scenes and on real scans, 512×512.
 
-use crate::{share, shared_input};
+use crate::{shared_input, tier};
 use rtl_model::Machine;
 use splatsim::accuracy::{Metrics, metrics};
 use splatsim::golden;
@@ -86,7 +86,7 @@ fn glass_spheres() {
 
 #[test]
 fn checkerboard() {
-    if !share::in_third(0) {
+    if !tier::has([3, 1], 0) {
         return;
     }
     machines_meet_their_targets("checkerboard");
@@ -94,7 +94,7 @@ fn checkerboard() {
 
 #[test]
 fn torus_knot() {
-    if !share::in_third(1) {
+    if !tier::has([3, 1], 1) {
         return;
     }
     machines_meet_their_targets("torus-knot");
@@ -102,7 +102,7 @@ fn torus_knot() {
 
 #[test]
 fn terrain() {
-    if !share::in_third(2) {
+    if !tier::has([3, 1], 2) {
         return;
     }
     machines_meet_their_targets("terrain");
@@ -110,7 +110,7 @@ fn terrain() {
 
 #[test]
 fn dragon() {
-    if !share::in_third(3) {
+    if !tier::has([3, 1], 3) {
         return;
     }
     machines_meet_their_targets_on_data("scenes/dragon.json");
@@ -118,7 +118,7 @@ fn dragon() {
 
 #[test]
 fn bunny() {
-    if !share::in_third(4) {
+    if !tier::has([3, 1], 4) {
         return;
     }
     machines_meet_their_targets_on_data("scans/bun_zipper.ply");
@@ -126,7 +126,7 @@ fn bunny() {
 
 #[test]
 fn pond() {
-    if !share::in_third(5) {
+    if !tier::has([3, 1], 5) {
         return;
     }
     machines_meet_their_targets_on_data("scans/pond.0.ply");
@@ -134,7 +134,7 @@ fn pond() {
 
 #[test]
 fn igea() {
-    if !share::in_third(6) {
+    if !tier::has([3, 1], 6) {
         return;
     }
     machines_meet_their_targets_on_data("scans/igea.ply");

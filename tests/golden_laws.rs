@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use crate::handmade::{Rng, confetti, glass, scene, splat};
-use crate::share;
+use crate::tier;
 use glam::{DMat3, DVec3};
 use splatsim::golden::{Decision, FragmentDepth, Group, Merge, Rendering, Rules, ideal, ideal_of, render, story};
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat};
@@ -195,7 +195,7 @@ fn outcomes_sum_to_fragments() {
 #[test]
 fn a_story_ends_as_the_picture_does() {
     let scene = confetti(300, 2);
-    for rules in share::mine(every_rule()) {
+    for rules in tier::some([12, 3], every_rule()) {
         let golden = render(&scene, &rules);
         let mut arrivals = 0;
         for (index, pixel) in golden.picture.rgba.iter().enumerate() {

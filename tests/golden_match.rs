@@ -1,6 +1,6 @@
 //! Does `golden` do what an independent program measured on the check scene (docs/book/algorithm.md §6, §10)?
 
-use crate::share;
+use crate::tier::{self, Tier};
 use std::f64::consts::PI;
 
 use glam::DVec3;
@@ -147,7 +147,7 @@ fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[Row]) -> bool {
 
 #[test]
 fn the_table_of_the_check_scene_in_surface_order() {
-    if !share::has_turn(9) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let scene = glass_spheres();
@@ -163,7 +163,7 @@ fn the_table_of_the_check_scene_in_surface_order() {
 
 #[test]
 fn the_table_of_the_check_scene_in_random_order() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let mut scene = glass_spheres();

@@ -2,8 +2,8 @@
 
 use crate::golden_match::{glass_spheres, permutation};
 use crate::handmade::{Rng, confetti, glass, scene, splat};
-use crate::share;
 use crate::shared_input;
+use crate::tier::{self, Tier};
 use splatsim::accuracy::metrics;
 use splatsim::golden::{Group, Merge, Rendering, Rules, WindowOptions, ideal, ideal_of, render};
 use splatsim::scene::{Overrides, Scene, Splat};
@@ -45,7 +45,7 @@ fn agree(scene: &Scene, rows: &[(Rules, f64)]) -> bool {
 
 #[test]
 fn the_figures_of_the_check_scene_in_surface_order() {
-    if !share::has_turn(9) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let join = |rules| Rules { window: WindowOptions { join: 0.1, ..WindowOptions::default() }, ..rules };
@@ -65,7 +65,7 @@ fn the_figures_of_the_check_scene_in_surface_order() {
 
 #[test]
 fn the_figures_of_the_check_scene_in_random_order() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let mut scene = glass_spheres();
@@ -77,7 +77,7 @@ fn the_figures_of_the_check_scene_in_random_order() {
 
 #[test]
 fn the_figures_of_the_dragon() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let Some(path) = shared_input::find("scenes/dragon.json") else { return };

@@ -3,7 +3,7 @@
 
 use crate::cosimulation::{Device, OF_ELLIPSOIDS, OF_WINDOWS, Simulator, UNITS, Unit, have, run, sources};
 use crate::front_ends::of_pypi;
-use crate::share;
+use crate::tier;
 use crate::traced::{Traced, cloud, machine, shells, traced};
 use crate::{STALLS, expected, fault, machines, twin_files, unit};
 use rayon::prelude::*;
@@ -84,7 +84,7 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
     let windows = made_up(&cloud(20, SIDE), &machine("window", &one_lane));
     let jobs = UNITS.iter().map(|unit| (&discs, *unit, Level::Words));
     let jobs = jobs.chain(["gauss", "resolve"].map(|name| (&discs, unit(name), Level::Gates)));
-    let jobs = jobs.chain(share::mine(UNITS).take(1).map(|unit| (&wide, unit, Level::Words)));
+    let jobs = jobs.chain(tier::some([12, 12], UNITS).take(1).map(|unit| (&wide, unit, Level::Words)));
     let jobs = jobs.chain(OF_ELLIPSOIDS.map(|unit| (&sheets, unit, Level::Words))).chain([(&windows, OF_WINDOWS, Level::Words)]);
     let jobs: Vec<_> = jobs.flat_map(|job| yosyses.iter().map(move |yosys| (job, yosys))).collect();
     let twins = twin_files();

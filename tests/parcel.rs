@@ -1,6 +1,6 @@
 //! Does a scene that is packed for another process come out as it was?
 
-use crate::share;
+use crate::tier::{self, Tier};
 use splatsim::scene::tree::Tree;
 use splatsim::scene::tree::cut::{Budget, Detail, Order, Rules};
 use splatsim::scene::{Camera, Overrides, Scene, names, parcel};
@@ -12,7 +12,7 @@ fn scenes() -> impl Iterator<Item = Scene> {
 
 #[test]
 fn what_is_unpacked_is_what_was_packed() {
-    if !share::has_turn(8) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let with_a_tree = |scene: Scene| {

@@ -2,7 +2,7 @@
 //!
 //! Gappa is asked only where it is installed (`apt-get install gappa`); with `CI` set its absence is a failure.
 
-use crate::share;
+use crate::tier::{self, Tier};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -53,7 +53,7 @@ fn is_installed() -> bool {
 
 #[test]
 fn gappa_accepts_every_proof_of_the_named_machines() {
-    if !share::has_turn(10) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !is_installed() {
@@ -291,7 +291,7 @@ fn mantissas(bits: u32, octaves: u32) -> impl Iterator<Item = i64> {
 
 #[test]
 fn a_reciprocals_script_computes_what_the_unit_does() {
-    if !share::has_turn(5) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     for name in Machine::NAMES {
@@ -313,7 +313,7 @@ fn a_reciprocals_script_computes_what_the_unit_does() {
 
 #[test]
 fn a_reciprocal_roots_script_computes_what_the_unit_does() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     for name in Machine::NAMES {

@@ -1,6 +1,6 @@
 //! Is what the ranges say of a machine's formats true of the machine?
 
-use crate::share;
+use crate::tier::{self, Tier};
 use rtl_model::Machine;
 use rtl_model::elaboration::Signal;
 use rtl_model::num::Format;
@@ -35,7 +35,7 @@ fn with(scene: &Scene, machine: &Machine, signal: &Signal, format: Format) -> Op
 /// Taking one more from a word that was used in full does change something.
 #[test]
 fn a_machine_of_narrowest_formats_draws_the_same_picture() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let scene = glass_spheres();

@@ -1,8 +1,9 @@
 //! Do boxes that follow the opacity leave the picture as it is, and do machine and `golden` agree on who is too faint to be drawn?
 
 use crate::handmade::Rng;
+use crate::shared_input;
+use crate::tier::{self, Tier};
 use crate::traced::machine;
-use crate::{share, shared_input};
 use rtl_model::Machine;
 use rtl_model::frame::{Frame, Kernel};
 use rtl_model::pipeline::{Elaborated, draw_measured, draw_unobserved, unit_replay};
@@ -111,7 +112,7 @@ fn counted(work: &Work) -> Vec<(u32, [u16; 2])> {
 
 #[test]
 fn no_weight_that_counts_lies_outside_of_its_box_and_less_is_listed() {
-    if !share::has_turn(11) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let gaussian = machine("gaussian", &[]);

@@ -1,7 +1,7 @@
 //! A frame's work in a file: read as it was written, replayed as it was run, and refused where it is damaged.
 
 use crate::program::PROGRAM;
-use crate::share;
+use crate::tier::{self, Tier};
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
@@ -29,7 +29,7 @@ fn splatsim(arguments: &[&str]) -> Output {
 
 #[test]
 fn a_record_that_is_read_is_the_one_that_was_written() {
-    if !share::has_turn(4) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -43,7 +43,7 @@ fn a_record_that_is_read_is_the_one_that_was_written() {
 
 #[test]
 fn a_replay_takes_the_cycles_of_the_run() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -116,7 +116,7 @@ fn bytes(recording: Recording) -> Vec<u8> {
 fn no_damage_is_taken_for_a_record() {
     let small = bytes(Recording { scene: "x".into(), ..recorded("bouquet", (40, 24)) });
     let shorts = (0..small.len()).step_by(small.len() / 300);
-    for short in share::mine(shorts) {
+    for short in tier::some([12, 6], shorts) {
         assert!(refusal(&small[..short]).is_some(), "{short} bytes");
     }
     let more = [&small[..], b"x"].concat();
@@ -133,7 +133,7 @@ fn no_damage_is_taken_for_a_record() {
         let mut damaged = small.clone();
         let at = roll(damaged.len());
         damaged[at] ^= 1 << roll(8);
-        if !share::is_mine(number) {
+        if !tier::has([12, 6], number) {
             continue;
         }
         std::fs::write(&path, &damaged).unwrap();
@@ -149,7 +149,7 @@ fn no_damage_is_taken_for_a_record() {
         }
     }
     // Which pixels were kept, say, can be otherwise.
-    assert!(refused > share::of(120, 12) && replayed > share::of(20, 12), "{refused} {replayed}");
+    assert!(refused > tier::of([12, 6], 120) && replayed > tier::of([12, 6], 20), "{refused} {replayed}");
 }
 
 /// A few bytes that ask for much.
@@ -194,7 +194,7 @@ fn what_is_no_record_or_changes_more_than_time_is_refused() {
 /// The law behind all of it: what a replay makes of a record is what it makes of the work.
 #[test]
 fn the_cycles_are_those_of_the_work() {
-    if !share::has_turn(11) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     for scene in SCENES {

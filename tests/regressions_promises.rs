@@ -2,7 +2,7 @@
 
 use crate::handmade::{self, confetti, scene, splat};
 use crate::mutation::{differences, mutated, mutations, named, with_format};
-use crate::share;
+use crate::tier;
 use glam::{DQuat, DVec3};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
@@ -328,15 +328,14 @@ fn cases_are_made_up_for_words_of_one_to_three_bits() {
     // Where sheets and ellipsoids make a difference, and two formats of nine.
     let differs = |word: &str| ["ellipse.ellipsoid", "sort", "fragment", "gauss"].iter().any(|unit| word.starts_with(unit));
     let is_asked = |name: &str, word: &str, which: usize| which % 9 < 2 && (name == "tiny" || differs(word));
-    let made = made_up_word_by_word(|name, word, which| is_asked(name, word, which) && share::in_third(which / 9));
-    assert!(made > share::of(40, 3), "only {made} machines can be built");
+    let made = made_up_word_by_word(|name, word, which| is_asked(name, word, which) && tier::has([3, 3], which / 9));
+    assert!(made > tier::of([3, 3], 40), "only {made} machines can be built");
 }
 
 #[test]
-#[ignore = "a thousand machines: minutes"]
 fn cases_are_made_up_for_every_word_in_every_format_of_one_to_three_bits() {
-    let made = made_up_word_by_word(|_, _, which| share::is_mine(which));
-    assert!(made > share::of(400, 12), "only {made} machines can be built");
+    let made = made_up_word_by_word(|_, _, which| tier::has([144, 12], which));
+    assert!(made > tier::of([144, 12], 400), "only {made} machines can be built");
 }
 
 // ---- volumes and Gaussians ----

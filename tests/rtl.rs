@@ -3,8 +3,7 @@
 mod cosimulation;
 mod front_ends;
 mod netlists;
-#[allow(dead_code, reason = "others use the rest")]
-mod share;
+mod tier;
 mod traced;
 
 use cosimulation::{
@@ -16,7 +15,7 @@ use rtl_model::frame::Frame;
 use rtl_model::timing::{self, Detail};
 use rtl_model::{Machine, pipeline};
 use serde_json::json;
-use share::Share;
+
 use splatsim::cosim::diff::{How, Order, Zeros, diff};
 use splatsim::cosim::trace::Window;
 use splatsim::hardware::fixed;
@@ -26,6 +25,7 @@ use splatsim::scene::{Overrides, Scene};
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use tier::Tier;
 use traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
 
 /// One lane, as the twins have; the named machines, and rules that none of them has.
@@ -162,19 +162,19 @@ fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
 
 #[test]
 fn mirrors_give_what_the_machine_gives() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog", "verilator", "yosys"], "the twin of reflect") {
         return;
     }
     let [axis, ray] = ["axis", "ray"].map(mirrors);
-    for (nth, machine) in share::mine(axis.iter().chain(&ray).enumerate()) {
+    for (nth, machine) in tier::some([12, 12], axis.iter().chain(&ray).enumerate()) {
         let made_up = traced(MIRRORS, machine, &Window { stimulus: Some(1), ..Window::default() });
         let simulator = if nth % 3 == 0 { Simulator::Verilator } else { Simulator::Icarus };
         assert!(drive(simulator, &made_up, unit("shade"), 32, &STALLS) > 100);
     }
-    for sight in share::mine(["axis", "ray"]) {
+    for sight in tier::some([12, 12], ["axis", "ray"]) {
         let drawn = traced(MIRRORS, &mirrors(sight)[0], &Window::default());
         assert!(drive(Simulator::Icarus, &drawn, unit("shade"), 32, &[]) > 100);
         assert!(drive(Simulator::Icarus, &drawn, unit("fragment"), 32, &[]) > 100);
@@ -203,7 +203,7 @@ fn is_sound(drawn: &Traced) {
 /// And the test above is no test of nothing: a wrong fold, a wrong corner, a wrong share are found.
 #[test]
 fn wrong_mirrors_are_found_out() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "mutants of reflect") {
@@ -273,7 +273,7 @@ fn twins_are_clean_and_can_be_synthesised() {
     let all =
         UNITS.iter().chain([&PIPELINE, &PIPELINE_OF_TILES]).chain(&OF_ELLIPSOIDS).chain(&PIPELINES_OF_ELLIPSOIDS).chain([&OF_WINDOWS]);
     // Simulators read all of them in every run; Yosys, which takes as long as all else, its share of them.
-    let in_yosys: HashSet<&str> = share::mine(all.clone().map(|unit| unit.name)).collect();
+    let in_yosys: HashSet<&str> = tier::some([12, 12], all.clone().map(|unit| unit.name)).collect();
     for unit in all {
         let trace = match unit.name {
             "windows" => &windows,
@@ -442,7 +442,7 @@ fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
-    for (number, (text, machine)) in share::mine(media(12, 16).into_iter().enumerate()) {
+    for (number, (text, machine)) in tier::some([12, 12], media(12, 16).into_iter().enumerate()) {
         let trace = traced(&text, &machine, &Window::default());
         let made_up = traced(&text, &machine, &Window { stimulus: Some(100), ..Window::default() });
         let given: Vec<usize> = twins(&trace)
@@ -599,7 +599,7 @@ fn the_twin_of_windows_gives_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation of windows on Icarus") {
         return;
     }
-    for (_, machine) in share::mine(windows().into_iter().take(4).enumerate()) {
+    for (_, machine) in tier::some([12, 12], windows().into_iter().take(4).enumerate()) {
         let trace = traced(&cloud(200, 16), &machine, &Window::default());
         let units = vec!["fragment".to_owned()];
         let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(100), units, ..Window::default() });
@@ -610,15 +610,14 @@ fn the_twin_of_windows_gives_every_record_on_icarus() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn the_twin_of_windows_gives_every_record_on_both_simulators() {
-    if !share::has_turn(5) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog", "verilator"], "co-simulation of windows") {
         return;
     }
-    share::mine(windows().into_iter().enumerate()).collect::<Vec<_>>().into_par_iter().for_each(|(number, machine)| {
+    tier::some([12, 12], windows().into_iter().enumerate()).collect::<Vec<_>>().into_par_iter().for_each(|(number, machine)| {
         let of = |stimulus: Option<u32>| Window { stimulus, units: vec!["fragment".into()], ..Window::default() };
         let trace = traced(&cloud(600, 24), &machine, &of(None));
         let made_up = traced(&cloud(20, 24), &machine, &of(Some(20_000)));
@@ -631,15 +630,14 @@ fn the_twin_of_windows_gives_every_record_on_both_simulators() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
-    if !share::alternates(0) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog", "verilator"], "co-simulation of ellipsoids") {
         return;
     }
-    for (number, (text, machine)) in share::mine(media(16, 24).into_iter().enumerate()) {
+    for (number, (text, machine)) in tier::some([12, 12], media(16, 24).into_iter().enumerate()) {
         let trace = traced(&text, &machine, &Window::default());
         let made_up = traced(&text, &machine, &Window { stimulus: Some(20_000), ..Window::default() });
         let drive = |unit: Unit| {
@@ -671,16 +669,17 @@ fn percent(unit: &str) -> u32 {
     }
 }
 
-/// In a run of CI every unit has a fiftieth of the made-up records, and those whose turn it is have all.
-fn parts(unit: &str) -> u32 {
-    let number = UNITS.iter().chain(&OF_ELLIPSOIDS).position(|other| other.name == unit).unwrap();
-    if share::is_mine(number) { 1 } else { 50 }
+/// How many times fewer made-up records than in the last tier a unit is given.
+const FEWER: usize = 50;
+
+/// Of so many made-up records those of this tier.
+fn of_tier(records: usize) -> usize {
+    tier::of([FEWER, FEWER], records)
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_twin_gives_fifty_thousand_records_on_icarus() {
-    if !share::has_turn(4) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "co-simulation on Icarus") {
@@ -696,21 +695,21 @@ fn every_twin_gives_fifty_thousand_records_on_icarus() {
     let jobs: Vec<_> = of_ellipsoids.chain(discs.iter().flat_map(|of| UNITS.map(|unit| (unit, of)))).collect();
     let given = jobs.par_iter().map(|(unit, (text, machine, cases))| {
         let seen = Window { units: vec![unit.stream.into()], ..Window::default() };
-        let made_up = Window { stimulus: Some(*cases * percent(unit.name) / 100 / parts(unit.name)), ..seen.clone() };
+        let made_up = Window { stimulus: Some(of_tier((cases * percent(unit.name) / 100) as usize) as u32), ..seen.clone() };
         let drive = |window: &Window, stalls: &[&str]| drive(Simulator::Icarus, &traced(text, machine, window), *unit, 24, stalls);
         (unit.name, drive(&seen, &STALLS) + drive(&made_up, &[]))
     });
     let mut records: HashMap<&str, usize> = HashMap::new();
     given.collect::<Vec<_>>().into_iter().for_each(|(unit, given)| *records.entry(unit).or_default() += given);
     println!("{records:?} records");
-    let are_enough = |(unit, records): (&&str, &usize)| *records >= 50_000 / parts(unit) as usize;
-    assert!(records.len() == 9 && records.iter().all(are_enough), "{records:?}");
+    let are_enough = |records: &usize| *records >= of_tier(50_000);
+    assert!(records.len() == 9 && records.values().all(are_enough), "{records:?}");
 }
 
 /// What is there before a window came of splats that the device has not seen: it has to be loaded.
 #[test]
 fn windows_of_splats_drive_fragment_and_sheets_alone() {
-    if !share::has_turn(4) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "windows on Icarus") {
@@ -732,9 +731,8 @@ fn windows_of_splats_drive_fragment_and_sheets_alone() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_twin_gives_a_million_records_on_verilator() {
-    if !share::alternates(1) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["verilator"], "co-simulation on Verilator") {
@@ -743,17 +741,16 @@ fn every_twin_gives_a_million_records_on_verilator() {
     let (_, machine) = &machines()[2];
     // A whole frame has a million of these three.
     let of_a_frame = ["raster", "gauss", "fragment"];
-    // Most of the time is to build: of the units that have few records this time, a run of CI has a third.
-    let has_turn = |(number, unit): &(usize, Unit)| parts(unit.name) == 1 || share::in_third(*number);
-    for (_, unit) in UNITS.into_iter().enumerate().filter(has_turn) {
-        let least = 1_000_000 / parts(unit.name);
+    let least = of_tier(1_000_000) as u32;
+    // Most of the time is to build.
+    for unit in tier::some([3, 3], UNITS) {
         // A box of the raster has many pixels; of the other two not every case makes a record.
         let cases = match unit.name {
             "raster" => least / 10,
             name if of_a_frame.contains(&name) => least * 6 / 5,
             _ => least,
         };
-        let made_up = (parts(unit.name) > 1 || !of_a_frame.contains(&unit.name)).then_some(cases);
+        let made_up = (least < 1_000_000 || !of_a_frame.contains(&unit.name)).then_some(cases);
         // Nothing of the scene is in what is made up.
         let scene = if made_up.is_some() { cloud(60, 64) } else { GLASS_SPHERES.to_owned() };
         let trace = traced(&scene, machine, &Window { units: vec![unit.name.into()], stimulus: made_up, ..Window::default() });
@@ -807,7 +804,7 @@ fn the_wired_datapaths_draw_small_frames_however_they_are_stalled() {
         return;
     }
     let (_, tiny) = machines().swap_remove(0);
-    let scenes: Vec<(String, Machine)> = share::mine([(cloud(60, 16), tiny)].into_iter().chain(media(12, 16))).collect();
+    let scenes: Vec<(String, Machine)> = tier::some([12, 12], [(cloud(60, 16), tiny)].into_iter().chain(media(12, 16))).collect();
     scenes.par_iter().for_each(|(text, machine)| {
         let trace = traced(text, machine, &Window::default());
         let cycles = draw(Simulator::Icarus, &trace, 16, &OF_ALL);
@@ -829,12 +826,11 @@ fn draws_in_time(text: &str, machine: &Machine, window: &Window, side: u32) {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn the_wired_datapath_draws_the_frame_in_the_cycles_of_the_timing_model() {
     if !have(&["verilator"], "the wired datapath") {
         return;
     }
-    if !share::has_turn(11) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     // `tiny` has all units that the others have, and a third of their words to simulate.
@@ -842,15 +838,14 @@ fn the_wired_datapath_draws_the_frame_in_the_cycles_of_the_timing_model() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn the_wired_datapaths_of_ellipsoids_draw_frames_in_the_cycles_of_the_timing_model() {
-    if !share::alternates(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["verilator"], "the wired datapaths of ellipsoids") {
         return;
     }
-    for (text, machine) in share::mine(media(32, 64)) {
+    for (text, machine) in tier::some([12, 12], media(32, 64)) {
         draws_in_time(&text, &machine, &Window::default(), 64);
     }
 }
@@ -923,7 +918,7 @@ fn stalled<'a>(frames: &'a [Traced], stalls: &[&'a [&'a str]]) -> Vec<(&'a Trace
 
 #[test]
 fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without_a_reset() {
-    if !share::has_turn(8) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "two engines on Icarus") {
@@ -973,9 +968,8 @@ fn engines_draw_in_time(text: &str, side: u32, wired: &Machine, unit: Unit) {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn engines_draw_the_tiles_of_frames_in_the_cycles_of_the_timing_model() {
-    if !share::alternates(0) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["verilator"], "tile engines") {
@@ -992,7 +986,7 @@ fn engines_draw_the_tiles_of_frames_in_the_cycles_of_the_timing_model() {
         (&fewer, 64, named(2), PIPELINE_OF_TILES),
         (&MIRRORS.replace("32", "64"), 64, one_layer_of_mirrors(), PIPELINE_OF_TILES),
     ];
-    for (text, side, machine, unit) in share::mine(frames) {
+    for (text, side, machine, unit) in tier::some([12, 12], frames) {
         engines_draw_in_time(text, side, &machine, unit);
     }
 }
@@ -1157,7 +1151,7 @@ fn enders(trace: &Traced) -> Vec<Unit> {
 
 #[test]
 fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "ends of frames on Icarus") {
@@ -1218,7 +1212,7 @@ fn ruled() -> Vec<(&'static str, Traced, Vec<Unit>)> {
 
 #[test]
 fn rules_that_no_named_machine_has_are_kept() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "rules on Icarus") {
@@ -1261,7 +1255,6 @@ fn what_must_be_zero_is_zero() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn an_offer_that_changes_fails_an_assertion() {
     if !have(&["verilator"], "assertions on Verilator") {
         return;
@@ -1301,9 +1294,8 @@ fn mutated(mutant: &Mutant, folder: &Path) {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_mutant_is_caught() {
-    if !share::alternates(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twins") {
@@ -1336,9 +1328,8 @@ fn every_mutant_is_caught() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_mutant_of_windows_is_caught() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twin of windows") {
@@ -1358,9 +1349,8 @@ fn every_mutant_of_windows_is_caught() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_mutant_of_a_frame_s_end_is_caught() {
-    if !share::has_turn(8) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twins") {
@@ -1374,9 +1364,8 @@ fn every_mutant_of_a_frame_s_end_is_caught() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_mutant_of_a_rule_is_caught() {
-    if !share::alternates(0) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twins") {
@@ -1393,9 +1382,8 @@ fn every_mutant_of_a_rule_is_caught() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_mutant_of_tiles_is_caught() {
-    if !share::has_turn(2) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog"], "mutants of the twins") {
@@ -1407,7 +1395,7 @@ fn every_mutant_of_tiles_is_caught() {
     });
 }
 
-/// Whether each of these mutants, or of a run's share of them, is caught: by what is told a copy of the twins that has it.
+/// Whether each of these mutants, or of those of this tier, is caught: by what is told a copy of the twins that has it.
 fn all_are_caught(mutants: &[Mutant], catches: impl Fn(&Mutant, &Path) -> bool + Sync) {
     let survives = |mutant: &&Mutant| {
         let folder = tempfile::tempdir().unwrap();
@@ -1415,37 +1403,24 @@ fn all_are_caught(mutants: &[Mutant], catches: impl Fn(&Mutant, &Path) -> bool +
         !catches(mutant, folder.path())
     };
     let told = |mutant: &Mutant| format!("{}: `{}` for `{}`", mutant.file, mutant.put, mutant.find);
-    let (all, mutants) = (mutants, share_of(mutants, share::share()));
+    let (all, mutants) = (mutants, some_of(mutants));
     println!("{} of {} mutants", mutants.len(), all.len());
     let survivors: Vec<String> = mutants.par_iter().copied().filter(survives).map(told).collect();
     assert!(survivors.is_empty(), "{} of {} were not caught:\n{}", survivors.len(), mutants.len(), survivors.join("\n"));
 }
 
-/// A share's mutants of each unit: one at least.
-fn share_of(mutants: &[Mutant], share: Share) -> Vec<&Mutant> {
+/// Mutants of a unit of which the first two tiers have one each.
+const MUTANTS_ONE_IN: [usize; 2] = [12, 12];
+
+/// Mutants of this tier, of each unit: one at least.
+fn some_of(mutants: &[Mutant]) -> Vec<&Mutant> {
     let mut seen: HashMap<&str, usize> = HashMap::new();
-    let mut is_in_it = |mutant: &&Mutant| {
-        let of_unit = mutants.iter().filter(|other| other.unit == mutant.unit).count();
+    let mut is_run = |mutant: &&Mutant| {
         let number = seen.entry(mutant.unit).or_default();
         *number += 1;
-        share.has(*number, of_unit.min(12))
+        tier::has(MUTANTS_ONE_IN, *number - 1)
     };
-    mutants.iter().filter(|mutant| is_in_it(mutant)).collect()
-}
-
-#[test]
-fn all_shares_of_the_mutants_are_all_and_each_has_every_unit() {
-    let whole =
-        |mutants: &[&Mutant]| mutants.iter().map(|mutant| (mutant.unit, mutant.file, mutant.find, mutant.put)).collect::<HashSet<_>>();
-    let shares: Vec<_> = (0..12).map(|part| share_of(MUTANTS, Share::Of { part, turn: 1 })).collect();
-    let all = share_of(MUTANTS, Share::All);
-    assert_eq!(all.len(), MUTANTS.len());
-    assert!(shares.iter().all(|share| share.len() < all.len() / 3));
-    assert_eq!(whole(&shares.concat()), whole(&all));
-    let units: HashSet<&str> = UNITS.iter().chain(&OF_ELLIPSOIDS).map(|unit| unit.name).collect();
-    for share in shares {
-        assert_eq!(share.iter().map(|mutant| mutant.unit).collect::<HashSet<_>>(), units);
-    }
+    mutants.iter().filter(|mutant| is_run(mutant)).collect()
 }
 
 /// Cycles in which records were taken in, and given.
@@ -1672,7 +1647,7 @@ fn accept_times_are_those_of_the_timing_model() {
 
 #[test]
 fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
-    if !share::has_turn(8) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "accept times of fragment and sheets") {
@@ -1699,7 +1674,7 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
     }
     assert!(merges.iter().all(|merges| *merges > 0), "of none, one and two to be shaded: {merges:?}");
     // Sheets in either order, with a hazard of 1 and longer blends, and splats that are blended at once.
-    let sheets: Vec<_> = share::mine(media(12, 16).into_iter().take(4).enumerate()).collect();
+    let sheets: Vec<_> = tier::some([12, 12], media(12, 16).into_iter().take(4).enumerate()).collect();
     sheets.par_iter().for_each(|(number, (text, machine))| {
         for window in [&seen, &made_up] {
             let told = accepts_in_time(&traced(text, machine, window), unit("sheets"), 16, &[]);
@@ -1711,7 +1686,7 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
 
 #[test]
 fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
-    if !share::has_turn(9) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "accept times of windows") {

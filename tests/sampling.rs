@@ -1,6 +1,7 @@
 //! Are points of a mesh where, as many, as wide and of the colours that `sample` promises?
 
-use crate::{share, shared_input};
+use crate::shared_input;
+use crate::tier::{self, Tier};
 use assert_cmd::Command;
 use glam::{DMat2, DVec2, DVec3};
 use serde_json::json;
@@ -153,7 +154,7 @@ fn says(folder: &Path, arguments: &[&str]) -> String {
 
 #[test]
 fn the_same_seed_makes_the_same_bytes_at_any_number_of_threads() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = folder();
@@ -427,7 +428,7 @@ fn a_sampled_plane_has_no_hole() {
 
 #[test]
 fn real_meshes_are_sampled_all_over() {
-    if !share::has_turn(4) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     for name in ["scans/bun_zipper.ply", "models/CesiumMilkTruck.glb", "models/space-shuttle-orbiter/space-shuttle-orbiter.obj"] {

@@ -2,7 +2,7 @@
 
 use crate::handmade::glass;
 use crate::program::PROGRAM;
-use crate::share;
+use crate::tier::{self, Tier};
 use assert_cmd::Command;
 use rayon::prelude::*;
 use rtl_model::Machine;
@@ -59,7 +59,7 @@ fn ran(folder: &Path, scene: &str, machine: &str, size: &str) -> (f64, f64) {
 
 #[test]
 fn a_machine_is_found_that_meets_the_target_elsewhere_too() {
-    if !share::has_turn(1) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -133,7 +133,7 @@ fn read_camera(path: &str) -> Value {
 /// All machines of four words, drawn by `sweep`, against what a search draws few of.
 #[test]
 fn it_is_close_to_the_best_of_all() {
-    if !share::has_turn(3) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -152,7 +152,7 @@ fn it_is_close_to_the_best_of_all() {
     let rows: Vec<Value> = text.lines().skip(1).map(|line| serde_json::from_str::<Value>(line).unwrap()[1].clone()).collect();
     assert_eq!(rows.len(), 7 * 8 * 7 * 6);
     let (psnr, area) = (at("psnr_db"), at("area"));
-    for target in share::mine([30.0, 34.0, 37.0]) {
+    for target in tier::some([12, 12], [30.0, 34.0, 37.0]) {
         let well = rows.iter().filter(|row| row[psnr].as_f64().is_some_and(|db| db >= target));
         let best = well.filter_map(|row| row[area].as_f64()).fold(f64::INFINITY, f64::min);
         let whole = rows.iter().filter_map(|row| row[area].as_f64()).fold(0.0, f64::max);
@@ -184,7 +184,7 @@ fn start_and_kill(wait_ms: u64, arguments: impl IntoIterator<Item = impl AsRef<O
 
 #[test]
 fn a_search_that_is_killed_goes_on() {
-    if !share::has_turn(2) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -419,7 +419,7 @@ fn what_cannot_be_searched_is_refused_in_a_sentence() {
 /// By brute force: of all rules and layers, the one of least area, or bytes, whose golden has the target.
 #[test]
 fn the_cheapest_rule_is_found() {
-    if !share::has_turn(3) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -523,7 +523,7 @@ fn at_least(min_fps: f64, fields: Vec<over_timing::Field>) -> over_timing::Optio
 
 #[test]
 fn the_cheapest_machine_that_is_fast_enough_is_found() {
-    if !share::has_turn(9) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let scene = glass(5, 4);
@@ -698,7 +698,7 @@ fn what_has_no_price_is_no_field_of_a_search() {
 
 #[test]
 fn a_machine_holds_on_the_whole_domain() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

@@ -2,8 +2,8 @@
 //! of them matter?
 
 use crate::mutation::{differences, mutated, mutations};
-use crate::share;
 use crate::shared_input;
+use crate::tier::{self, Tier};
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::TestRunner;
 use rtl_model::{Drawing, Machine};
@@ -84,7 +84,7 @@ fn scenes() -> Vec<(String, Scene)> {
 
 #[test]
 fn pictures_are_good() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     for name in MEDIA {
@@ -97,7 +97,7 @@ fn pictures_are_good() {
 
 #[test]
 fn no_pixel_exceeds_its_bound_and_every_flip_is_explained() {
-    if !share::has_turn(9) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let mut flips = 0;
@@ -113,7 +113,7 @@ fn no_pixel_exceeds_its_bound_and_every_flip_is_explained() {
 /// Nine covered pixels in ten are known to four steps of an 8-bit display.
 #[test]
 fn the_bound_says_something() {
-    for name in share::mine(MEDIA) {
+    for name in tier::some([12, 3], MEDIA) {
         let scene = load(name);
         let frame = in_lockstep(&scene, &usual(&scene));
         let summary = frame.summary(&frame.led).bound;
@@ -148,7 +148,7 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
         let Ok(elaborated) = machine.elaborate() else { continue };
         let Ok(quantised) = quantise::quantise(scene, &machine) else { continue };
         drawn += 1;
-        if share::is_mine(drawn) {
+        if tier::has([12, 3], drawn) {
             let frame = lockstep(scene, &elaborated, &quantised);
             assert_eq!(fault(&frame), None, "{} {:?}", machine.name, differences(&machine));
         }
@@ -158,7 +158,7 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
 /// Volumes of patients and engines, and a guitar.
 #[test]
 fn real_data_is_drawn_well_and_within_bounds() {
-    if !share::has_turn(7) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let head = json!([{"value": 500, "rgb": [0.9, 0.6, 0.45], "opacity": 0}, {"value": 900, "rgb": [0.9, 0.6, 0.45], "opacity": 0.0256063915328388},
@@ -189,7 +189,7 @@ fn real_data_is_drawn_well_and_within_bounds() {
     if let Some(path) = shared_input::find("splats3d/guitar_expanded.ply") {
         scenes.push(("guitar".into(), json!({"splats": {"file": path.canonicalize().unwrap()}})));
     }
-    for (name, scene) in share::mine(scenes) {
+    for (name, scene) in tier::some([12, 3], scenes) {
         // A surface at its own size: where there are few pixels, one flip is much. A volume has twenty times the contributions.
         let is_surface = scene["splats"]["isovalue"].is_number();
         let scene = of_size(&scene, if is_surface { None } else { Some(SIZE) });
@@ -349,7 +349,7 @@ fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
 /// The stories of every ninth pixel.
 #[test]
 fn a_story_ends_as_the_picture_does() {
-    for (name, scene) in share::mine(scenes()) {
+    for (name, scene) in tier::some([12, 3], scenes()) {
         let scene = Scene { image: scene::Image { width: 40, height: 32, ..scene.image }, ..scene };
         let golden = in_golden(&scene);
         for index in (0..40 * 32).step_by(47) {

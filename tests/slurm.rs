@@ -1,7 +1,7 @@
 //! Is a sweep that Slurm carries out in parts, one of them killed and requeued, one process's?
 
 use crate::program::PROGRAM;
-use crate::share;
+use crate::tier::{self, Tier};
 use std::process::Command;
 
 fn is_there(program: &str) -> bool {
@@ -10,9 +10,8 @@ fn is_there(program: &str) -> bool {
 }
 
 #[test]
-#[ignore = "a minute"]
 fn an_array_of_slurm_draws_what_one_process_draws() {
-    if !share::is_mine(2) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     let is_root = Command::new("id").arg("-u").output().is_ok_and(|output| output.stdout == b"0\n");

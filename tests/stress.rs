@@ -1,7 +1,7 @@
 //! Does the catalogue hold? Every case reaches the trouble that it names, and nothing that goes wrong there goes untold.
 
 use crate::program::PROGRAM;
-use crate::share;
+use crate::tier::{self, Tier};
 use std::any::Any;
 use std::collections::BTreeSet;
 use std::sync::OnceLock;
@@ -19,7 +19,7 @@ use splatsim::scene::{Scene, Splat};
 
 /// Whether the catalogue is run: a minute and a half.
 fn has_turn() -> bool {
-    share::has_turn(1)
+    tier::runs(Tier::Ci)
 }
 
 fn catalogue() -> &'static Catalogue {
@@ -311,7 +311,7 @@ impl Observer<'static> for AtZero {
 
 #[test]
 fn r_falls_below_zero_and_is_held_there() {
-    if !share::has_turn(8) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let case = case("negative-r");
@@ -583,7 +583,7 @@ fn cases_of_ellipsoids_reach_what_they_name() {
 
 #[test]
 fn nothing_written_depends_on_the_number_of_threads() {
-    if !share::has_turn(8) {
+    if !tier::runs(Tier::Ci) {
         return;
     }
     let cases = ["wrap", "rim", "coincident"].map(case);

@@ -55,13 +55,12 @@ mod regressions_inputs;
 mod regressions_promises;
 mod sampling;
 mod search;
-#[expect(dead_code, reason = "the twins' tests use the rest")]
-mod share;
 mod shared_input;
 mod sheets;
 mod slurm;
 mod stress;
 mod sweep;
+mod tier;
 mod trace;
 mod traced;
 mod tree;

@@ -4,7 +4,7 @@
 //! with fields changed, with and without a unit that reflects. Cases are the same in every run; `PROPTEST_CASES=10000` draws that many others.
 
 use crate::mutation::{Mutation, mutated, mutations};
-use crate::share;
+use crate::tier;
 use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::{RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
@@ -272,7 +272,7 @@ fn every_scene_that_is_read_draws_on_every_machine_or_ends_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.json");
     let given = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok());
-    let cases = given.unwrap_or(share::of(900, 3) as u32);
+    let cases = given.unwrap_or(tier::of([3, 1], 900) as u32);
     let config = ProptestConfig { cases, max_shrink_iters: 2_000, failure_persistence: None, ..ProptestConfig::default() };
     let seed = if given.is_some() { rand_seed() } else { [48; 32] };
     let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &seed));

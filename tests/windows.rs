@@ -2,8 +2,8 @@
 
 use crate::handmade::{confetti, glass};
 use crate::mutation::{differences, mutated, mutations};
-use crate::share;
 use crate::shared_input;
+use crate::tier;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -148,7 +148,7 @@ fn no_pixel_of_a_machine_of_windows_exceeds_its_bound() {
         let Ok(elaborated) = machine.elaborate() else { continue };
         let Ok(quantised) = quantise::quantise(scene, &machine) else { continue };
         drawn += 1;
-        if share::is_mine(drawn) {
+        if tier::has([12, 3], drawn) {
             let frame = lockstep(scene, &elaborated, &quantised);
             assert_eq!(fault(&frame), None, "{:?} on scene {}", differences(&machine), asked % scenes.len());
         }
@@ -157,7 +157,7 @@ fn no_pixel_of_a_machine_of_windows_exceeds_its_bound() {
 
 #[test]
 fn scans_are_drawn_within_bounds() {
-    for name in share::mine(["scans/igea.ply", "scans/bun_zipper.ply", "scenes/dragon.json", "scans/park_points_rgb.ply"]) {
+    for name in tier::some([12, 3], ["scans/igea.ply", "scans/bun_zipper.ply", "scenes/dragon.json", "scans/park_points_rgb.ply"]) {
         let Some(path) = shared_input::find(name) else { continue };
         let scene = load(path.to_str().unwrap(), (160, 128));
         assert_eq!(fault(&in_lockstep(&scene, &machine(&[])).unwrap()), None, "{name}");

@@ -9,6 +9,7 @@ use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
 use crate::output::files::Folder;
 use crate::output::progress::Progress;
+use crate::output::text::{one_line, wrapped};
 use crate::performance::cost::Prices;
 use crate::performance::recording::Recording;
 use crate::performance::timings::{Axes, Variants};
@@ -196,7 +197,9 @@ impl Frame {
         let mut end = match &self.out {
             Some((folder, _)) => {
                 let files = outcome.write(folder, self.exr)?;
-                format!("{}\nerror.png shows |fixed − golden| × {}", written(folder, &files), outcome.report.error_scale)
+                let (place, scale) = (one_line(&folder.to_string_lossy()), outcome.report.error_scale);
+                let next = format!("open fixed.png and error.png (|fixed − golden| × {scale}), or all in a browser: splatsim view {place}");
+                format!("{}\n{}", written(folder, &files), wrapped(&next))
             }
             None => "no pictures written: --out DIR writes them and report.json".into(),
         };

@@ -2,9 +2,9 @@
 //! and from a testbench?
 
 mod dpi;
-#[path = "../../../tests/share/mod.rs"]
+#[path = "../../../tests/tier/mod.rs"]
 #[allow(dead_code, reason = "each test file uses its own part")]
-mod share;
+mod tier;
 #[path = "../../../tests/traced/mod.rs"]
 mod traced;
 

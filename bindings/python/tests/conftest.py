@@ -7,16 +7,13 @@ from pathlib import Path
 import pytest
 
 
-#: What takes long: of these a run has a tenth, as SPLATSIM_SHARE says (tests/share/mod.rs), or none.
-IN_TURN = ("test_cluster.py", "test_cocotb.py", "test_notebooks.py")
+#: What takes minutes: tests of `.ci/full` alone (tests/tier/mod.rs).
+LONG = ()
 
 
 def pytest_collection_modifyitems(config, items):
-    share = os.environ.get("SPLATSIM_SHARE", "0")
-    turn = None if share == "all" else int(share) % 12
-    turns = [turn for turn in range(12) if turn % 6]
-    long = [item for item in items if item.path.name in IN_TURN]
-    left_out = [item for number, item in enumerate(long) if turn not in (None, turns[number % 10])]
+    is_full = os.environ.get("SPLATSIM_TIER") == "full"
+    left_out = [] if is_full else [item for item in items if item.path.name in LONG]
     if left_out:
         config.hook.pytest_deselected(items=left_out)
         items[:] = [item for item in items if item not in left_out]

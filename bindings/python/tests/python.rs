@@ -1,5 +1,9 @@
 //! Is the Python package what the command line is? Its own tests, notebooks and types, on the library that cargo has just built.
 
+#[path = "../../../tests/tier/mod.rs"]
+#[allow(dead_code, reason = "others use the rest")]
+mod tier;
+
 use std::path::Path;
 use std::process::Command;
 
@@ -37,8 +41,10 @@ fn install(folder: &Path) {
 }
 
 #[test]
-#[ignore = "a minute"]
 fn the_package_is_what_the_command_line_is() {
+    if !tier::runs(tier::Tier::Ci) {
+        return;
+    }
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().unwrap();
     install(folder.path());

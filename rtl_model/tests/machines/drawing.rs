@@ -2,7 +2,7 @@
 
 use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
-use crate::share;
+use crate::tier;
 use proptest::prelude::*;
 use rtl_model::machine::{Merge, Rows};
 use rtl_model::pipeline::{draw, draw_measured, draw_unobserved, draw_without_avx_512};
@@ -49,12 +49,12 @@ fn wander(machine: Machine, changes: &[Mutation]) -> (Machine, Elaborated) {
 
 /// So many random cases, or this run's third of them.
 fn cases(all: u32) -> u32 {
-    share::of(all as usize, 3) as u32
+    tier::of([3, 3], all as usize) as u32
 }
 
 /// The named machines of discs: all, or those whose turn it is.
 fn discs() -> impl Iterator<Item = &'static str> {
-    share::mine(Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES))
+    tier::some([12, 12], Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES))
 }
 
 proptest! {
@@ -153,7 +153,7 @@ fn meters_measure_all_and_count_a_sample() {
 #[test]
 fn merges_that_wait_are_those_at_once() {
     let rules = [(1, Merge::FarthestPair), (2, Merge::NearestPair), (3, Merge::FarthestPair), (7, Merge::NearestPair)];
-    for (layers, merge) in share::mine(rules) {
+    for (layers, merge) in tier::some([12, 12], rules) {
         for evict_hidden in [false, true] {
             let mut machine = Machine::named("reference").unwrap();
             (machine.fragment.layers, machine.fragment.merge, machine.fragment.evict_hidden) = (layers, merge, evict_hidden);

@@ -5,8 +5,8 @@ mod elaboration;
 mod frames;
 mod mutation;
 mod reach;
-#[path = "../../../tests/share/mod.rs"]
+#[path = "../../../tests/tier/mod.rs"]
 #[expect(dead_code, reason = "the tests of the program use the rest")]
-mod share;
+mod tier;
 mod timing;
 mod working;

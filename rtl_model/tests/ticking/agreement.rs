@@ -183,7 +183,7 @@ impl Seen {
 
     /// Of frames that were drawn: a third of them need not have met all that seldom happens.
     fn demand_of_drawn(&self, never: &[&str]) {
-        if crate::share::is_all() {
+        if crate::tier::of([3, 3], 3) == 3 {
             return self.demand(15, never);
         }
         assert!(self.0.iter().all(|(what, cycles)| *cycles == 0 || !never.contains(&what.as_str())), "{:?}", self.0);
@@ -241,12 +241,12 @@ pub fn of(organisation: Organisation, rng: &mut Rng) -> Timing {
 /// This run's third of the seeds.
 fn seeds(cases: u64) -> impl Iterator<Item = u64> {
     // Eight in a row: what a scene has depends on remainders of the seed.
-    (0..cases).filter(|seed| crate::share::in_third(*seed as usize / 8))
+    (0..cases).filter(|seed| crate::tier::has([3, 3], *seed as usize / 8))
 }
 
 /// How much must have been seen in these.
 fn of_all(least: u64) -> u64 {
-    crate::share::of(least as usize, 3) as u64
+    crate::tier::of([3, 3], least as usize) as u64
 }
 
 fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {

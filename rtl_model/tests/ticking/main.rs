@@ -11,6 +11,6 @@ mod machines;
 mod memory;
 mod parts;
 mod scene;
-#[path = "../../../tests/share/mod.rs"]
+#[path = "../../../tests/tier/mod.rs"]
 #[expect(dead_code, reason = "the tests of the program use the rest")]
-mod share;
+mod tier;

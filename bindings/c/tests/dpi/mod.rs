@@ -1,6 +1,6 @@
 //! Does each twin say what the live model says, over DPI-C, of random records that no trace has?
 
-use crate::share;
+use crate::tier::{self, Tier};
 use crate::traced::{Traced, bouquet, cloud, machine, shells, traced};
 use crate::{have, libraries, root, run};
 use serde_json::json;
@@ -137,16 +137,15 @@ fn the_bench_may_stop_inside_of_a_pixel_of_resolve() {
 }
 
 #[test]
-#[ignore = "minutes; CI runs it"]
 fn every_twin_agrees_with_the_live_model_on_a_million_random_records() {
-    if !share::alternates(0) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have("verilator") {
         return;
     }
     // Two at a time: a compiler keeps one core busy.
-    let mine: Vec<Twin> = share::mine(TWINS).collect();
+    let mine: Vec<Twin> = tier::some([12, 12], TWINS).collect();
     for pair in mine.chunks(2) {
         std::thread::scope(|scope| pair.iter().for_each(|twin| drop(scope.spawn(|| a_million(*twin)))));
     }
