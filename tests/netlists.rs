@@ -3,7 +3,7 @@
 
 use crate::cosimulation::{Device, OF_ELLIPSOIDS, OF_WINDOWS, Simulator, UNITS, Unit, have, run, sources};
 use crate::front_ends::of_pypi;
-use crate::tier;
+use crate::tier::{self, Tier};
 use crate::traced::{Traced, cloud, machine, shells, traced};
 use crate::{STALLS, expected, fault, machines, twin_files, unit};
 use rayon::prelude::*;
@@ -103,6 +103,9 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
 /// constants; both make 32 bits of a shifted constant whose width is a cast to a parameter, so that a reduction sees zeros above it.
 #[test]
 fn netlists_that_yosys_reads_otherwise_are_found_out() {
+    if !tier::runs(Tier::Full) {
+        return;
+    }
     let Some(yosyses) = yosyses() else { return };
     let version = String::from_utf8(run(Command::new("yosys").arg("-V")).stdout).unwrap();
     let discs = made_up(&cloud(20, SIDE), &machines()[0].1);
