@@ -70,7 +70,7 @@ fn fault_of_netlist(twins: &[PathBuf], trace: &Traced, unit: Unit, (name, yosys)
 
 /// Made-up cases of a machine: corners, ties and what saturates among them.
 fn made_up(scene: &str, machine: &rtl_model::Machine) -> Traced {
-    traced(scene, machine, &Window { stimulus: Some(100), ..Window::default() })
+    traced(scene, machine, &Window { stimulus: Some(101), ..Window::default() })
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
     let windows = made_up(&cloud(20, SIDE), &machine("window", &one_lane));
     let jobs = UNITS.iter().map(|unit| (&discs, *unit, Level::Words));
     let jobs = jobs.chain(["gauss", "resolve"].map(|name| (&discs, unit(name), Level::Gates)));
-    let jobs = jobs.chain(tier::some([12, 12], UNITS).take(1).map(|unit| (&wide, unit, Level::Words)));
+    let jobs = jobs.chain(tier::some([12, 12], UNITS).map(|unit| (&wide, unit, Level::Words)));
     let jobs = jobs.chain(OF_ELLIPSOIDS.map(|unit| (&sheets, unit, Level::Words))).chain([(&windows, OF_WINDOWS, Level::Words)]);
     let jobs: Vec<_> = jobs.flat_map(|job| yosyses.iter().map(move |yosys| (job, yosys))).collect();
     let twins = twin_files();
@@ -96,7 +96,7 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
         })
         .collect();
     println!("{} netlists, {} records", records.len(), records.iter().sum::<usize>());
-    assert!(records.iter().all(|records| *records >= 100), "{records:?}");
+    assert!(records.iter().all(|records| *records > 100), "{records:?}");
 }
 
 /// And what was once written here is found. Debian's Yosys makes 1 of a literal that fills a word with ones where that is a choice of

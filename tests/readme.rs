@@ -53,23 +53,23 @@ const LONG: [(&str, Tier); 20] = [
     ("stress --out out", Tier::Full),
     ("search torus-knot --size 96x96 --over fragment ", Tier::Full),
     ("search torus-knot --size 32x32 --distance ", Tier::Full),
-    ("run bouquet --size 256x256", Tier::Full),
-    ("run nested-shells --size 256x256 --out out", Tier::Full),
+    ("run bouquet --size 256x256", Tier::Ci),
+    ("run nested-shells --size 256x256 --out out", Tier::Ci),
     ("sweep clock ", Tier::Full),
     ("chart clocks", Tier::Full),
-    ("run checkerboard --machine lean ", Tier::Full),
-    ("run torus-knot --size 320x200 ", Tier::Full),
+    ("run checkerboard --machine lean ", Tier::Ci),
+    ("run torus-knot --size 320x200 ", Tier::Ci),
     ("run terrain --threads 1 ", Tier::Full),
     ("run glass-spheres --size 1024x1024 ", Tier::Full),
-    ("run --ranges ", Tier::Full),
-    ("run --size 128x128 --answers", Tier::Full),
-    ("trace glass-spheres --size 64x64 ", Tier::Full),
-    ("diff raster-trace ", Tier::Full),
+    ("run --ranges ", Tier::Ci),
+    ("run --size 128x128 --answers", Tier::Ci),
+    ("trace glass-spheres --size 64x64 ", Tier::Ci),
+    ("diff raster-trace ", Tier::Ci),
 ];
 
 /// Whether this run prints what a command prints.
 fn is_run(arguments: &str) -> bool {
-    LONG.iter().all(|(start, tier)| !arguments.starts_with(start) || tier::runs(*tier))
+    LONG.iter().all(|(start, tier)| !arguments.starts_with(start) || tier::tier() >= *tier)
 }
 
 /// Commands of other programs, which CI runs, or which set up what CI runs.
