@@ -3,7 +3,7 @@
 
 use crate::cosimulation::{Device, OF_ELLIPSOIDS, OF_WINDOWS, Simulator, UNITS, Unit, have, run, sources};
 use crate::front_ends::of_pypi;
-use crate::tier;
+use crate::tier::{self, Tier};
 use crate::traced::{Traced, cloud, machine, shells, traced};
 use crate::{STALLS, expected, fault, machines, twin_files, unit};
 use rayon::prelude::*;
@@ -70,7 +70,7 @@ fn fault_of_netlist(twins: &[PathBuf], trace: &Traced, unit: Unit, (name, yosys)
 
 /// Made-up cases of a machine: corners, ties and what saturates among them.
 fn made_up(scene: &str, machine: &rtl_model::Machine) -> Traced {
-    traced(scene, machine, &Window { stimulus: Some(100), ..Window::default() })
+    traced(scene, machine, &Window { stimulus: Some(101), ..Window::default() })
 }
 
 #[test]
@@ -84,7 +84,7 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
     let windows = made_up(&cloud(20, SIDE), &machine("window", &one_lane));
     let jobs = UNITS.iter().map(|unit| (&discs, *unit, Level::Words));
     let jobs = jobs.chain(["gauss", "resolve"].map(|name| (&discs, unit(name), Level::Gates)));
-    let jobs = jobs.chain(tier::some([12, 12], UNITS).take(1).map(|unit| (&wide, unit, Level::Words)));
+    let jobs = jobs.chain(tier::some([12, 12], UNITS).map(|unit| (&wide, unit, Level::Words)));
     let jobs = jobs.chain(OF_ELLIPSOIDS.map(|unit| (&sheets, unit, Level::Words))).chain([(&windows, OF_WINDOWS, Level::Words)]);
     let jobs: Vec<_> = jobs.flat_map(|job| yosyses.iter().map(move |yosys| (job, yosys))).collect();
     let twins = twin_files();
@@ -96,13 +96,16 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
         })
         .collect();
     println!("{} netlists, {} records", records.len(), records.iter().sum::<usize>());
-    assert!(records.iter().all(|records| *records >= 100), "{records:?}");
+    assert!(records.iter().all(|records| *records > 100), "{records:?}");
 }
 
 /// And what was once written here is found. Debian's Yosys makes 1 of a literal that fills a word with ones where that is a choice of
 /// constants; both make 32 bits of a shifted constant whose width is a cast to a parameter, so that a reduction sees zeros above it.
 #[test]
 fn netlists_that_yosys_reads_otherwise_are_found_out() {
+    if !tier::runs(Tier::Full) {
+        return;
+    }
     let Some(yosyses) = yosyses() else { return };
     let version = String::from_utf8(run(Command::new("yosys").arg("-V")).stdout).unwrap();
     let discs = made_up(&cloud(20, SIDE), &machines()[0].1);

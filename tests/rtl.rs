@@ -162,7 +162,7 @@ fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
 
 #[test]
 fn mirrors_give_what_the_machine_gives() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog", "verilator", "yosys"], "the twin of reflect") {
@@ -1151,7 +1151,7 @@ fn enders(trace: &Traced) -> Vec<Unit> {
 
 #[test]
 fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog"], "ends of frames on Icarus") {
@@ -1647,7 +1647,7 @@ fn accept_times_are_those_of_the_timing_model() {
 
 #[test]
 fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     if !have(&["iverilog"], "accept times of fragment and sheets") {

@@ -133,7 +133,7 @@ fn read_camera(path: &str) -> Value {
 /// All machines of four words, drawn by `sweep`, against what a search draws few of.
 #[test]
 fn it_is_close_to_the_best_of_all() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     let folder = tempfile::tempdir().unwrap();

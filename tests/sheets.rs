@@ -113,7 +113,7 @@ fn no_pixel_exceeds_its_bound_and_every_flip_is_explained() {
 /// Nine covered pixels in ten are known to four steps of an 8-bit display.
 #[test]
 fn the_bound_says_something() {
-    for name in tier::some([12, 3], MEDIA) {
+    for name in tier::some([12, 12], MEDIA) {
         let scene = load(name);
         let frame = in_lockstep(&scene, &usual(&scene));
         let summary = frame.summary(&frame.led).bound;
@@ -158,7 +158,7 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
 /// Volumes of patients and engines, and a guitar.
 #[test]
 fn real_data_is_drawn_well_and_within_bounds() {
-    if !tier::runs(Tier::Ci) {
+    if !tier::runs(Tier::Full) {
         return;
     }
     let head = json!([{"value": 500, "rgb": [0.9, 0.6, 0.45], "opacity": 0}, {"value": 900, "rgb": [0.9, 0.6, 0.45], "opacity": 0.0256063915328388},

@@ -382,7 +382,7 @@ fn normals_that_cancel_are_trouble_only_where_they_are_not_turned() {
 
 #[test]
 fn a_hundred_thousand_contributions_meet_on_one_pixel() {
-    if !has_turn() {
+    if !tier::runs(Tier::Full) {
         return;
     }
     let (scene, count) = worst("crowd");

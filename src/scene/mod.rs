@@ -92,14 +92,14 @@ pub struct Camera {
     /// Splats at or nearer than this depth are culled, world units, > 0.
     pub near: f64,
     /// Focal lengths along x and y, pixels of a picture of `picture_px`; left out, both follow from `fov_y_degrees`.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_px: Option<[f64; 2]>,
     /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from its top left corner; left out, its middle.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_px: Option<[f64; 2]>,
     /// Width and height that `focal_px` and `centre_px` refer to: in a picture of another size both are scaled by its height. Left out,
     /// those of the picture.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture_px: Option<[f64; 2]>,
 }
 

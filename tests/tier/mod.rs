@@ -34,7 +34,8 @@ impl Tier {
     }
 }
 
-fn tier() -> Tier {
+/// The tier of this run.
+pub fn tier() -> Tier {
     Tier::parse(std::env::var("SPLATSIM_TIER").ok().as_deref())
 }
 

@@ -7,18 +7,6 @@ from pathlib import Path
 import pytest
 
 
-#: What takes minutes: tests of `.ci/full` alone (tests/tier/mod.rs).
-LONG = ()
-
-
-def pytest_collection_modifyitems(config, items):
-    is_full = os.environ.get("SPLATSIM_TIER") == "full"
-    left_out = [] if is_full else [item for item in items if item.path.name in LONG]
-    if left_out:
-        config.hook.pytest_deselected(items=left_out)
-        items[:] = [item for item in items if item not in left_out]
-
-
 @pytest.fixture
 def splatsim_run(tmp_path):
     """Runs the program of SPLATSIM_PROGRAM in an empty folder: exit status, what it prints, what it complains."""

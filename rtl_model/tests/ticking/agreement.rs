@@ -183,7 +183,7 @@ impl Seen {
 
     /// Of frames that were drawn: a third of them need not have met all that seldom happens.
     fn demand_of_drawn(&self, never: &[&str]) {
-        if crate::tier::of([3, 3], 3) == 3 {
+        if crate::tier::tier() == crate::tier::Tier::Full {
             return self.demand(15, never);
         }
         assert!(self.0.iter().all(|(what, cycles)| *cycles == 0 || !never.contains(&what.as_str())), "{:?}", self.0);
