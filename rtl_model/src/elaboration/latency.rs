@@ -133,9 +133,13 @@ impl Path {
         Some(u64::from(self.delay).div_ceil(left).clamp(1, u64::from(u32::MAX)) as u32)
     }
 
-    /// Cycles where nothing is said of them: as many as its operators have, or as the clock asks for.
+    /// Cycles of a latency that is left out: as few as the clock has time for. In ideal gates, which take no time, as many as the operators
+    /// have registers.
     pub fn cycles_at(self, timing: &Timing) -> u32 {
-        self.cycles.max(self.least_cycles(timing.technology, timing.clock_hz).unwrap_or(1))
+        if timing.technology == Technology::Ideal {
+            return self.cycles.max(1);
+        }
+        self.least_cycles(timing.technology, timing.clock_hz).unwrap_or(1)
     }
 
     /// Highest clock at which it takes at most so many cycles, Hz; none where that is any.
