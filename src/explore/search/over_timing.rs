@@ -264,12 +264,16 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
     fixed::elaborate(base)?;
     let mut members: Vec<Member> = domains.iter().flat_map(Domain::first).collect();
     check_scenes(members.iter().map(|member| &member.scene), base)?;
-    let frames = frames(domains, &members, base, options)?;
+    around(domains, options.views).try_for_each(|member| check_scenes([&member?.scene].into_iter(), base))?;
     let _open = Folder::open(folder)?;
-    let mut search = Search::new(options, base, knobs, frames, folder)?;
+    let mut search = Search::new(options, base, knobs, folder)?;
     let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
     let aim = json!({"min_fps": options.min_fps, "minimise": options.minimise, "fields": fields, "prices": options.prices});
     write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search_over_timing": aim, "scenes": names, "machine": base}))?;
+    let count = members.len() + domains.len() * options.views;
+    let looked = members.iter().map(|member| Ok(Cow::Borrowed(member)));
+    let first = slowest(&mut search, looked.chain(around(domains, options.views).map(|member| member.map(Cow::Owned))), count, base)?;
+    search.frames.push(first);
     let mut path = Vec::new();
     let mut best = search.first();
     search.step(&mut path, &base.name, &best)?;
@@ -288,7 +292,7 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
             }
             None => return Err(Error::job(search.out_of_reach()?)),
         };
-        let slow = unseen(&search, domains, &members, &best, next_view, options)?;
+        let slow = unseen(&mut search, domains, &members, &best, next_view, options)?;
         next_view += options.views;
         let (fps, frame, member) = match slow {
             Seen::Fast(views, looked) => break (views, looked),
@@ -380,20 +384,29 @@ fn record(domains: &[Domain], (decided, views): (&[Deciding], &[Unseen]), min_fp
     SearchRecord { target, scenes: domains.iter().enumerate().map(of).collect() }
 }
 
-/// The frame that is searched on: the slowest, on the base, of what is looked at first and of as many cameras more as must hold unseen.
-fn frames(domains: &[Domain], members: &[Member], base: &Machine, options: &Options) -> Result<Vec<Recorded>> {
-    let built = fixed::elaborate(base)?;
-    let around = domains.iter().flat_map(|domain| (0..options.views).map(move |nth| domain.nth(FIRST_LOOK + nth)));
-    let mut slowest: Vec<(u64, Recorded)> = Vec::new();
-    for member in members.iter().map(|member| Ok(Cow::Borrowed(member))).chain(around.map(|member| member.map(Cow::Owned))) {
-        let frame = Recorded::new(&*member?, base)?;
-        let cycles = timing::replay(&built.timing, &frame.work, Detail::Total).total;
-        slowest.push((cycles, frame));
-        // The first of equals stays.
-        slowest.sort_by(|(a, _), (b, _)| b.cmp(a));
-        slowest.truncate(1);
+/// Views among which the slowest is looked for, beside the first.
+fn around(domains: &[Domain], views: usize) -> impl Iterator<Item = Result<Member>> {
+    domains.iter().flat_map(move |domain| (0..views).map(move |nth| domain.nth(FIRST_LOOK + nth)))
+}
+
+/// The frame that is searched on: of so many views the slowest on the base, of equals the first.
+fn slowest<'m>(
+    search: &mut Search,
+    views: impl Iterator<Item = Result<Cow<'m, Member>>>,
+    count: usize,
+    base: &Machine,
+) -> Result<Recorded> {
+    let mut slowest: Option<(u64, Cow<'m, Member>, Option<Recorded>)> = None;
+    for (nth, member) in views.enumerate() {
+        let member = member?;
+        search.say_view("recording view", nth + 1, count, &member.name);
+        let (found, frame) = search.look_at(base, "", &member)?;
+        if slowest.as_ref().is_none_or(|(most, ..)| found.cycles > *most) {
+            slowest = Some((found.cycles, member, frame));
+        }
     }
-    Ok(slowest.into_iter().map(|(_, frame)| frame).collect())
+    let (_, member, frame) = slowest.ok_or_else(|| Error::job("there is no scene"))?;
+    frame.map_or_else(|| Recorded::new(&member, base), Ok)
 }
 
 /// What unseen views say.
@@ -405,23 +418,28 @@ enum Seen {
 }
 
 /// Frames/s of what is looked at first, and of unseen views.
-fn unseen(search: &Search, domains: &[Domain], members: &[Member], state: &State, first: usize, options: &Options) -> Result<Seen> {
+fn unseen(search: &mut Search, domains: &[Domain], members: &[Member], state: &State, first: usize, options: &Options) -> Result<Seen> {
     let machine = search.machine(state)?;
-    let built = fixed::elaborate(&machine)?;
+    let changes = search.changes(state).join(" ");
     let mut views: Vec<Unseen> = Vec::new();
-    let mut slowest: Option<(f64, Recorded, Box<Member>)> = None;
-    let mut look = |member: &Member| -> Result<f64> {
-        let frame = Recorded::new(member, &machine)?;
-        let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Total));
+    let mut slowest: Option<(f64, Option<Recorded>, Box<Member>)> = None;
+    let most = members.len() + domains.len() * options.views;
+    let mut count = 0;
+    let mut look = |search: &mut Search, member: &Member| -> Result<f64> {
+        count += 1;
+        search.say_view("unseen view", count, most, &member.name);
+        let (found, frame) = search.look_at(&machine, &changes, member)?;
+        let fps = found.frames_per_second;
         if fps < options.min_fps && slowest.as_ref().is_none_or(|(least, ..)| fps < *least) {
             slowest = Some((fps, frame, Box::new(member.clone())));
         }
         Ok(fps)
     };
-    let is_searched = |member: &Member| search.frames.iter().any(|frame| frame.name == member.name);
+    let searched: Vec<String> = search.frames.iter().map(|frame| frame.name.clone()).collect();
+    let is_searched = |member: &Member| searched.contains(&member.name);
     let mut looked = Vec::new();
     for member in members.iter().filter(|member| !is_searched(member)) {
-        let frames_per_second = look(member)?;
+        let frames_per_second = look(search, member)?;
         let (of, name) = (claims::domain_of(domains, &member.name), member.name.clone());
         looked.push(Deciding { of, name, camera: member.scene.camera, frames_per_second });
     }
@@ -434,11 +452,13 @@ fn unseen(search: &Search, domains: &[Domain], members: &[Member], state: &State
             if is_known || views.iter().any(|view| (view.of, view.camera) == (of, camera)) {
                 continue;
             }
-            let frames_per_second = look(&member)?;
+            let frames_per_second = look(search, &member)?;
             views.push(Unseen { of, name: member.name, camera, frames_per_second });
         }
     }
-    Ok(slowest.map_or(Seen::Fast(views, looked), |(fps, frame, member)| Seen::Slow(fps, Box::new(frame), member)))
+    let Some((fps, frame, member)) = slowest else { return Ok(Seen::Fast(views, looked)) };
+    let frame = frame.map_or_else(|| Recorded::new(&member, &machine), Ok)?;
+    Ok(Seen::Slow(fps, Box::new(frame), member))
 }
 
 impl Outcome {

@@ -8,15 +8,15 @@
 //! all of them only when none of those helps.
 
 use super::fields::{Bought, Knob};
-use super::{COLUMNS, Measured, Minimise, Options, Recorded, Step};
-use crate::error::{Result, in_order};
+use super::{COLUMNS, Measured, Member, Minimise, Options, Recorded, Step};
+use crate::error::{Error, Result, in_order};
 use crate::explore::sweep::table::{Journal, named};
 use crate::hardware::{fixed, machines};
 use crate::output::progress::Progress;
 use crate::output::text::thousands;
 use crate::performance::cost::{Cost, CostReport, Prices};
 use crate::performance::cycles::{CyclesReport, frames_per_second};
-use crate::scene::digest::digest;
+use crate::scene::digest::{digest, digest_of};
 use rayon::prelude::*;
 use rtl_model::Machine;
 use rtl_model::pipeline::Elaborated;
@@ -102,6 +102,12 @@ fn measured(machines: &[Machine], frames: &[Recorded], prices: &Prices) -> Vec<s
     built.into_iter().map(of_machine).collect()
 }
 
+/// The key of a machine's row: of all that determines it.
+fn key(machine: &Machine, digests: &[String], prices: &Prices) -> String {
+    let nameless = Machine { name: String::new(), ..machine.clone() };
+    digest(json!([env!("CARGO_PKG_VERSION"), digests, nameless, prices]).to_string().as_bytes())
+}
+
 fn with(state: &State, changes: &[Change]) -> State {
     let mut state = state.clone();
     changes.iter().for_each(|(knob, at)| state[*knob] = *at);
@@ -113,7 +119,7 @@ impl<'a> Search<'a> {
     ///
     /// # Errors
     /// [`Error::Input`] where that is of something else.
-    pub fn new(options: &'a Options, base: &Machine, knobs: Vec<Knob>, frames: Vec<Recorded>, folder: &Path) -> Result<Self> {
+    pub fn new(options: &'a Options, base: &Machine, knobs: Vec<Knob>, folder: &Path) -> Result<Self> {
         let mut journal = Journal::open(folder, "", named(&COLUMNS))?;
         journal.keep();
         let known = journal.rows().filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?))).collect();
@@ -122,7 +128,7 @@ impl<'a> Search<'a> {
             base: base.clone(),
             bought: options.memory.unwrap_or_else(|| Bought::of(base)),
             knobs,
-            frames,
+            frames: Vec::new(),
             journal,
             known,
             sizes: HashMap::new(),
@@ -191,11 +197,7 @@ impl<'a> Search<'a> {
         let names = self.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ");
         for batch in new.chunks(BATCH) {
             let built = in_order(batch.par_iter().map(|state| self.machine(state)))?;
-            let prices = self.options.prices;
-            let key = |machine: &Machine| {
-                let nameless = Machine { name: String::new(), ..machine.clone() };
-                digest(json!([env!("CARGO_PKG_VERSION"), digests, nameless, prices]).to_string().as_bytes())
-            };
+            let key = |machine: &Machine| key(machine, &digests, &self.options.prices);
             let keys: Vec<String> = built.par_iter().map(key).collect();
             let unknown = |key: &String| !self.known.contains_key(key);
             let machines: Vec<Machine> = built.into_iter().zip(&keys).filter(|(_, key)| unknown(key)).map(|(machine, _)| machine).collect();
@@ -206,21 +208,39 @@ impl<'a> Search<'a> {
                 {
                     self.keep(&key, &names, &self.changes(state).join(" "), found)?;
                 }
-                let row = self.known.get(&key).and_then(|point| self.journal.get(*point));
-                let number = |at: usize| row.and_then(|row| row[at].as_f64());
-                let taken = number(5).zip(number(6)).zip(number(7)).zip(row.and_then(|row| row[8].as_u64())).zip(number(9));
-                let taken = taken.map(|((((frames_per_second, area), energy), cycles), gates)| Measured {
-                    frames_per_second,
-                    area,
-                    gates,
-                    energy,
-                    cycles,
-                });
+                let taken = self.of_row(&key);
                 self.taken.insert((*state).clone(), taken);
                 self.tried += 1;
             }
         }
         Ok(())
+    }
+
+    /// What the row of a key says; none where there is none, or the machine cannot be built.
+    fn of_row(&self, key: &str) -> Taken {
+        let row = self.known.get(key).and_then(|point| self.journal.get(*point))?;
+        let number = |at: usize| row[at].as_f64();
+        let (cycles, gates) = (row[8].as_u64()?, number(9)?);
+        Some(Measured { frames_per_second: number(5)?, area: number(6)?, gates, energy: number(7)?, cycles })
+    }
+
+    /// What a machine with these changes takes for one view, from the journal or drawn now: then with its frame.
+    pub fn look_at(&mut self, machine: &Machine, changes: &str, member: &Member) -> Result<(Measured, Option<Recorded>)> {
+        let key = key(machine, &[digest_of(&member.scene)], &self.options.prices);
+        if let Some(known) = self.of_row(&key) {
+            return Ok((known, None));
+        }
+        let frames = [Recorded::new(member, machine)?];
+        let found = measured(std::slice::from_ref(machine), &frames, &self.options.prices).pop();
+        let found = found.unwrap_or_else(|| Err("there is no machine".into()));
+        self.keep(&key, &member.name, changes, found.clone())?;
+        let [frame] = frames;
+        Ok((found.map_err(Error::job)?, Some(frame)))
+    }
+
+    /// Says which of some views is drawn.
+    pub fn say_view(&self, what: &str, nth: usize, count: usize, name: &str) {
+        self.progress.say(format!("{what} {nth} of {count}: {name}"));
     }
 
     /// A row of the journal.
