@@ -130,7 +130,7 @@ impl Sweep {
         let scenes = Scenes::check(&points)?;
         let open = lock(folder)?;
         let part = options.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
-        let mut journal = Journal::open(folder, &part, columns::all(&points.fields()))?;
+        let mut journal = Journal::open(folder, &part, columns::all(points.columns()))?;
         check_keys(&points, &scenes.heads, &journal, folder, options)?;
         journal.keep();
         let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});

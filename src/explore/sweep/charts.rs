@@ -618,7 +618,7 @@ impl Rows {
             let is_of = |field: &str| field == FIELD || field.starts_with("timing.") && field.ends_with(".latency");
             let mut smallest: Vec<(f64, f64, &Row)> = Vec::new();
             for row in self.of(scene).filter(|row| self.changes(row).iter().all(|(field, _)| is_of(field))) {
-                let clock = self.table.text(row, FIELD).parse::<f64>().ok();
+                let clock = self.table.shown(row, FIELD).parse::<f64>().ok();
                 let Some((clock, gates)) = clock.zip(self.number(row, columns::GATES)) else { continue };
                 match smallest.iter_mut().find(|(other, ..)| *other == clock) {
                     Some(least) if gates < least.1 => *least = (clock, gates, row),
@@ -673,7 +673,7 @@ impl Rows {
                 let mut best: Vec<(String, f64, &Row)> = Vec::new();
                 for row in self.of(scene) {
                     let Some(cycles) = self.number(row, columns::CYCLES) else { continue };
-                    let value = self.table.text(row, field).to_owned();
+                    let value = self.table.shown(row, field);
                     match best.iter_mut().find(|(other, ..)| *other == value) {
                         Some((_, least, best_row)) if cycles < *least => (*least, *best_row) = (cycles, row),
                         Some(_) => {}

@@ -155,9 +155,8 @@ pub fn account(unit: &str, account: &str) -> String {
     format!("{unit}_{account}")
 }
 
-/// All columns of a plan with these fields of its own.
-pub(super) fn all(fields: &[String]) -> Vec<Column> {
-    let own = fields.iter().map(|field| (field.clone(), Kind::Text));
+/// All columns of a plan with these of its own.
+pub(super) fn all(own: Vec<Column>) -> Vec<Column> {
     let accounts = UNITS.iter().flat_map(|unit| ACCOUNTS.map(|name| (account(unit, name), Kind::Whole)));
     let figure = |figure: &Figure| (figure.name.to_owned(), figure.kind);
     named(&HEAD).into_iter().chain(own).chain(FIGURES.iter().map(figure)).chain(accounts).chain(SECONDS.iter().map(figure)).collect()

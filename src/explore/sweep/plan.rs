@@ -5,6 +5,7 @@
 //! scenes ───────────────────────────────────────────────────────────────┴─► points, numbered
 //! ```
 
+use super::table::{Column, Kind};
 use crate::accuracy::partial::UNITS;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
@@ -377,6 +378,21 @@ impl Points {
         self.plan.axes.iter().flat_map(|axis| axis.named().unwrap_or_default()).filter(|field| *field != "*").cloned().collect()
     }
 
+    /// The columns of these fields: of numbers where all values are, the base machine's too.
+    pub fn columns(&self) -> Vec<Column> {
+        let base = machines::value(&self.base);
+        let kind = |field: &String| {
+            let all = self.axes.iter().flatten().flatten().filter(|(other, _)| other == field).map(|(_, value)| value);
+            let numbers = all.chain(base.pointer(&format!("/{}", field.replace('.', "/")))).filter(|value| !value.is_null());
+            numbers.map(kind_of).reduce(|a, b| match (a, b) {
+                (a, b) if a == b => a,
+                (Kind::Text, _) | (_, Kind::Text) => Kind::Text,
+                _ => Kind::Number,
+            })
+        };
+        self.fields().into_iter().map(|field| (field.clone(), kind(&field).unwrap_or(Kind::Text))).collect()
+    }
+
     /// Loads a scene of the plan.
     ///
     /// # Errors
@@ -392,6 +408,15 @@ impl Points {
     fn named(&self, nth: usize) -> (PathBuf, Overrides) {
         let size = self.plan.size.map(|[width, height]| (width, height));
         (beside(&self.folder, &self.plan.scenes[nth]), Overrides { size })
+    }
+}
+
+/// The column that a value fits into.
+fn kind_of(value: &Value) -> Kind {
+    match machines::whole(value.clone()) {
+        value if value.is_i64() => Kind::Whole,
+        value if value.is_number() => Kind::Number,
+        _ => Kind::Text,
     }
 }
 

@@ -13,7 +13,7 @@
 
 use super::columns::{self, Errors, Findings, Frame, Replay};
 use super::plan::{self, Change, Points};
-use super::table::{Column, Row};
+use super::table::{Column, Kind, Row};
 use crate::accuracy::flicker::{Flicker, Sums};
 use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
@@ -137,8 +137,10 @@ struct Golden {
 const GOLDENS: usize = 16;
 /// Frames that are kept: their work takes more memory than a picture.
 const FRAMES: usize = 2;
-/// Points of one frame, for each thread, whose rows come together: a sweep that is killed loses no more.
-const REPLAYED_TOGETHER: usize = 32;
+/// Points of one frame, for each thread, whose rows come together, at first and at most: a sweep that is killed loses no more.
+const REPLAYED_TOGETHER: [usize; 2] = [4, 32];
+/// Seconds after which rows should come, and the next line of progress say more.
+const ROWS_EVERY: f64 = 5.0;
 
 impl Stage {
     /// The plan's scene of a number, as [`Points::scene`] loads it; draws `ideal`.
@@ -153,7 +155,7 @@ impl Stage {
 
     /// Columns of the rows.
     pub fn columns(&self) -> Vec<Column> {
-        columns::all(&self.points.fields())
+        columns::all(self.points.columns())
     }
 
     /// Draws points of this scene, and hands each one's row to `each`, in the same order at any number of threads. Those that differ in timing
@@ -163,11 +165,17 @@ impl Stage {
     /// [`Error::Input`] where a point is none of this scene; what `each` says.
     pub fn draw(&self, numbers: &[u64], mut each: impl FnMut(u64, Row) -> Result<()>) -> Result<()> {
         let threads = rayon::current_num_threads();
+        let [first, most] = REPLAYED_TOGETHER.map(|points| points * threads);
         for groups in self.groups(numbers)?.chunks(threads) {
-            for begun in self.begun(groups, REPLAYED_TOGETHER * threads) {
-                let rest = begun.rest.chunks(REPLAYED_TOGETHER * threads).flat_map(|points| self.rows(points, &begun.frame, begun.seconds));
-                for (number, row) in begun.rows.into_iter().chain(rest) {
-                    each(number, row)?;
+            for Begun { rows, frame, seconds, mut rest } in self.begun(groups, first) {
+                rows.into_iter().try_for_each(|(number, row)| each(number, row))?;
+                let mut together = first;
+                while !rest.is_empty() {
+                    let (now, later) = rest.split_at(together.min(rest.len()));
+                    let (rows, taken) = timed(|| self.rows(now, &frame, seconds));
+                    rows.into_iter().try_for_each(|(number, row)| each(number, row))?;
+                    together = ((now.len() as f64 * ROWS_EVERY / taken) as usize).clamp(threads, most);
+                    rest = later;
                 }
             }
         }
@@ -232,15 +240,19 @@ impl Stage {
             Err(sentence) => group.iter().map(|_| Err(sentence.clone())).collect(),
         });
         let base = machines::value(&self.points.base);
-        let fields = self.points.fields();
+        let fields = self.points.columns();
         let row = |(point, found): (&Point, std::result::Result<Findings, String>)| {
             let mut found = found.unwrap_or_else(|sentence| Findings { misfit: Some(sentence), ..Findings::default() });
             found.host_seconds = frame_seconds + seconds / group.len() as f64;
             let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             let changes: Vec<String> = point.changes.iter().map(|(field, value)| format!("{field}={}", text(value))).collect();
-            let own = fields.iter().map(|field| {
+            let own = fields.iter().map(|(field, kind)| {
                 let changed = point.changes.iter().find(|(other, _)| other == field).map(|(_, value)| value);
-                changed.or_else(|| base.pointer(&format!("/{}", field.replace('.', "/")))).map_or(Value::Null, |value| json!(text(value)))
+                match changed.or_else(|| base.pointer(&format!("/{}", field.replace('.', "/")))) {
+                    None => Value::Null,
+                    Some(value) if *kind == Kind::Text => json!(text(value)),
+                    Some(number) => machines::whole(number.clone()),
+                }
             });
             let head = [json!(point.number), json!(point.key), json!(self.scene.name), json!(changes.join(" "))];
             (point.number, head.into_iter().chain(own).chain(columns::cells(&found)).collect())

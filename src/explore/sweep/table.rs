@@ -86,6 +86,15 @@ impl Table {
         row[self.at(name)?].as_f64()
     }
 
+    /// A cell as it is printed.
+    pub fn shown(&self, row: &Row, name: &str) -> String {
+        match self.at(name).map(|at| &row[at]) {
+            None | Some(Value::Null) => String::new(),
+            Some(Value::String(text)) => text.clone(),
+            Some(number) => number.to_string(),
+        }
+    }
+
     /// A cell that is text; empty where it is not.
     pub fn text<'a>(&self, row: &'a Row, name: &str) -> &'a str {
         self.at(name).and_then(|at| row[at].as_str()).unwrap_or_default()

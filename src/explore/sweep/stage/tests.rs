@@ -83,7 +83,8 @@ fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
 /// A sweep that is killed while it replays many machines keeps the rows of those that it is done with.
 #[test]
 fn rows_of_one_frame_come_before_all_of_it_is_replayed() {
-    let fifos: Vec<u64> = (1..=3 * REPLAYED_TOGETHER as u64).collect();
+    let [first, most] = REPLAYED_TOGETHER;
+    let fifos: Vec<u64> = (1..=3 * most as u64).collect();
     let planned = Planned::new("torus-knot", json!({"axes": [{"field": "timing.raster.fifo", "values": fifos}]}));
     let stage = planned.stage();
     let numbers: Vec<u64> = (0..planned.points.count()).collect();
@@ -96,10 +97,8 @@ fn rows_of_one_frame_come_before_all_of_it_is_replayed() {
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
     pool(1).install(|| stage.draw(&numbers, push)).unwrap();
     assert_eq!(seen.iter().map(|(number, _)| *number).collect::<Vec<_>>(), numbers);
-    let mut together = seen.chunk_by(|a, b| a.1.keeps_time_as(&b.1)).map(<[_]>::len);
-    assert!(together.by_ref().take(3).eq([REPLAYED_TOGETHER; 3]));
-    // Those of the machine itself, and no more.
-    assert!(together.sum::<usize>() <= 1);
+    let together: Vec<usize> = seen.chunk_by(|a, b| a.1.keeps_time_as(&b.1)).map(<[_]>::len).collect();
+    assert!(together[0] == first && together.len() > 3 && together.iter().all(|rows| *rows <= most), "{together:?}");
     // Others come together where there are more threads.
     assert_eq!(pool(1).install(|| rows(&planned.stage(), &numbers)), pool(2).install(|| rows(&planned.stage(), &numbers)));
 }
