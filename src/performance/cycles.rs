@@ -40,6 +40,9 @@ pub struct CyclesReport {
     /// Lines of the map of surroundings that its caches looked up, and those that they had; only where it lies in memory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub texels: Option<[u64; 2]>,
+    /// What a binned machine leaves out because pixels have stopped; only of frames in which pixels stop.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub early_termination: Option<EarlyTerminationReport>,
     /// Tile after tile of a binned machine, which `tiles.csv` has.
     #[serde(skip)]
     pub tiles: Option<Tiles>,
@@ -52,6 +55,19 @@ pub struct LimitReport {
     pub by: &'static str,
     /// Cycles of the frame with the unit infinitely fast, a hazard of one cycle, or ideal memory.
     pub cycles_without: u64,
+}
+
+/// What early termination saves, of what the machine would do if no pixel stopped.
+#[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
+pub struct EarlyTerminationReport {
+    /// Entries of tile lists that are not read.
+    pub entries_skipped: u64,
+    /// Entries of all tile lists.
+    pub entries: u64,
+    /// Contributions that do not reach `gauss`.
+    pub contributions_left_out: u64,
+    /// Contributions of the frame.
+    pub contributions: u64,
 }
 
 /// A unit's time.
@@ -184,6 +200,12 @@ impl CyclesReport {
             slots: cycles.stamps,
             lookups: (cycles.lookups[0] > 0).then_some(cycles.lookups),
             texels: (cycles.texels[0] > 0).then_some(cycles.texels),
+            early_termination: cycles.early_termination.map(|saved| EarlyTerminationReport {
+                entries_skipped: saved.entries_skipped,
+                entries: saved.entries,
+                contributions_left_out: saved.contributions_left_out,
+                contributions: saved.contributions,
+            }),
             tiles: cycles.tiles.clone(),
         }
     }
@@ -223,6 +245,11 @@ impl CyclesReport {
             let _ = write!(text, "\n{cache}: {} look-ups, {} hits", thousands(lookups), share(hits, lookups));
         }
         let _ = write!(text, "\nstamps: {} tested, {} kept a pixel", thousands(self.slots[0]), share(self.slots[1], self.slots[0]));
+        if let Some(EarlyTerminationReport { entries_skipped, entries, contributions_left_out, contributions }) = self.early_termination {
+            let skipped = format!("{} of {} list entries skipped", thousands(entries_skipped), thousands(entries));
+            let left_out = format!("{} of {} contributions left out", thousands(contributions_left_out), thousands(contributions));
+            let _ = write!(text, "\n{}", wrapped(&format!("early termination: {skipped}, {left_out}")));
+        }
         text
     }
 

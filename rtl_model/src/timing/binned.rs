@@ -19,7 +19,7 @@ use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
 use super::stages::{Fill, Held, Merge, Resolve, SetUp, Stamp};
 use super::stamps::Stamps;
-use super::stops::{self, Stops};
+use super::stops::{self, EarlyTermination, Stops};
 use super::texels;
 use super::texels::Texels;
 use super::tiles::{Shares, TileCycles, Tiles, names};
@@ -41,8 +41,8 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let lists = work.bins(timing.timing.tile.side_px as usize);
     let mut listed = Listed::new(timing, work, &lists, detail);
     let pass = SecondPass::new(timing, work, &lists, listed.from);
-    let (engines, stamps, tiles) = pass.run(&mut listed.memory, detail);
-    listed.cycles(work, engines, stamps, tiles, detail)
+    let (engines, stamps, tiles, saved) = pass.run(&mut listed.memory, detail);
+    Cycles { early_termination: saved, ..listed.cycles(work, engines, stamps, tiles, detail) }
 }
 
 /// A frame whose lists are written, and sorted.
@@ -191,7 +191,7 @@ impl<'a> SecondPass<'a> {
     }
 
     /// Says what engines did, how many stamps there were and how many kept a pixel, and each tile's cycles.
-    fn run(mut self, memory: &mut Memory, detail: Detail) -> (Vec<Engine<'a>>, [u64; 2], Option<Tiles>) {
+    fn run(mut self, memory: &mut Memory, detail: Detail) -> (Vec<Engine<'a>>, [u64; 2], Option<Tiles>, Option<EarlyTermination>) {
         let (t, held) = (self.t, Held::new(self.work));
         let mut engines: Vec<Engine> = (0..t.engines).map(|nth| Engine::new(t, self.work, &held, self.from, detail, nth)).collect();
         let mut walk = Stamps::new(self.work, t.timing.raster.lanes);
@@ -220,6 +220,9 @@ impl<'a> SecondPass<'a> {
                 engine.tile = Some(tile);
                 continue;
             }
+            if let Some(stops) = &mut stops {
+                stops.end(self.lists.of(tile.place).len(), tile.nth);
+            }
             let done = self.resolve(engine, &tile, stops.as_ref(), memory);
             if detail >= Detail::Histograms {
                 let (at, entries) = (tile.corner.map(|at| at / t.timing.tile.side_px), self.lists.of(tile.place).len() as u32);
@@ -230,7 +233,7 @@ impl<'a> SecondPass<'a> {
         let stamps = [0, 1].map(|kept| engines.iter().map(|engine| engine.fill.stamps[kept]).sum());
         let names = engines.first().map_or_else(Vec::new, |engine| names(engine.all()));
         let tiles = (!turns.is_empty()).then(|| Tiles::new(t.timing.tile.side_px, self.from, names, turns));
-        (engines, stamps, tiles)
+        (engines, stamps, tiles, stops.map(|stops| stops.saved))
     }
 
     /// Whether an engine has, or will get, anything to draw.
@@ -399,7 +402,7 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
         let now = bin.take(Ready { here, memory: outstanding.free(), ..Ready::default() }, 1 + entries);
         setup.give(here, now);
         let mut write = |when: u64, address: u64| {
-            let done = memory.request(when, Client::Lists, Direction::Write, address, burst);
+            let done = memory.request(when, Client::Binning, Direction::Write, address, burst);
             outstanding.push(done);
             end = end.max(done);
         };
@@ -424,11 +427,11 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
     // What is left of the last records and of every list.
     let last = end;
     if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {
-        end = end.max(memory.request(last, Client::Lists, Direction::Write, RECORDS + record_bursts * burst, burst));
+        end = end.max(memory.request(last, Client::Binning, Direction::Write, RECORDS + record_bursts * burst, burst));
     }
     for (tile, length) in lengths.into_iter().enumerate().filter(|(_, length)| !(length * ENTRY_BYTES).is_multiple_of(burst)) {
         let address = LISTS + tile as u64 * LIST_BYTES + length * ENTRY_BYTES / burst * burst;
-        end = end.max(memory.request(last, Client::Lists, Direction::Write, address, burst));
+        end = end.max(memory.request(last, Client::Binning, Direction::Write, address, burst));
     }
     (setup, bin, end)
 }
@@ -451,8 +454,8 @@ fn sort_lists(t: &Microarchitecture, entries: u64, sort: &mut Unit, from: u64, m
         while moved < bytes {
             let part = SORT_BYTES.min(bytes - moved);
             let asked = done.max(now + if sort.is_lifted() { 0 } else { moved / u64::from(shape.entry_bytes) });
-            let here = memory.request(asked, Client::Lists, Direction::Read, source + moved, part);
-            done = memory.request(here, Client::Lists, Direction::Write, target + moved, part);
+            let here = memory.request(asked, Client::Sort, Direction::Read, source + moved, part);
+            done = memory.request(here, Client::Sort, Direction::Write, target + moved, part);
             moved += part;
         }
         let cycles = busy.max(done - now);

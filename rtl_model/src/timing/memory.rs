@@ -25,7 +25,11 @@ use std::ops::Range;
 pub enum Client {
     /// Splat records.
     Splats,
-    /// Tile lists and the splats that were set up.
+    /// The first pass writes tile lists and the splats that were set up.
+    Binning,
+    /// Passes of the sort.
+    Sort,
+    /// The second pass reads tile lists and the splats that were set up.
     Lists,
     /// Fragments that come back.
     FrameRead,
@@ -40,6 +44,8 @@ impl Client {
     pub fn name(self) -> &'static str {
         match self {
             Client::Splats => "splats",
+            Client::Binning => "binning",
+            Client::Sort => "sort",
             Client::Lists => "lists",
             Client::FrameRead => "frame_read",
             Client::FrameWrite => "frame_write",
@@ -49,7 +55,8 @@ impl Client {
 }
 
 /// All of them, in the order of reports.
-pub const CLIENTS: [Client; 5] = [Client::Splats, Client::Lists, Client::FrameRead, Client::FrameWrite, Client::Environment];
+pub const CLIENTS: [Client; 7] =
+    [Client::Splats, Client::Binning, Client::Sort, Client::Lists, Client::FrameRead, Client::FrameWrite, Client::Environment];
 
 /// Where what lies: regions so far apart that no two share a row. Splat records begin at 0.
 const REGION: u64 = 1 << 40;

@@ -36,6 +36,7 @@ pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use binned::abreast::replay_all;
 pub use limit::{Limit, Limited, limit, limits, most_gained};
 pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
+pub use stops::EarlyTermination;
 pub use tiles::{Share, TileCycles, Tiles};
 
 use crate::elaboration::microarchitecture::Microarchitecture;
@@ -68,6 +69,8 @@ pub struct Cycles {
     pub harmonics: u8,
     /// Tile after tile of a binned machine; of [`Detail::Histograms`] and above.
     pub tiles: Option<Tiles>,
+    /// Of a binned machine on a frame in which pixels stop.
+    pub early_termination: Option<EarlyTermination>,
 }
 
 impl Cycles {
@@ -78,7 +81,19 @@ impl Cycles {
         let told = if detail == Detail::Total { Vec::new() } else { units };
         let units: Vec<UnitCycles> = told.into_iter().flat_map(|unit| unit.cycles(total)).collect();
         debug_assert!(units.iter().all(|unit| UNITS.contains(&unit.name)), "a unit is not listed");
-        Cycles { total, units, memory, requests, lookups: [0; 2], texels: [0; 2], stamps: [0; 2], light: 0, harmonics: 0, tiles: None }
+        Cycles {
+            total,
+            units,
+            memory,
+            requests,
+            lookups: [0; 2],
+            texels: [0; 2],
+            stamps: [0; 2],
+            light: 0,
+            harmonics: 0,
+            tiles: None,
+            early_termination: None,
+        }
     }
 }
 

@@ -14,7 +14,7 @@
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_pixel_that_has_stopped_takes_no_cycle`.
 
 use super::stamps::Piece;
-use crate::work::{TILE_PX, Work};
+use crate::work::{Event, TILE_PX, Work};
 use std::ops::Range;
 
 /// Pixels, tile by tile.
@@ -29,6 +29,21 @@ pub struct Stops {
     from: Vec<u64>,
     /// The tile that is drawn.
     pub tile: Tile,
+    /// What the frame saves so far.
+    pub saved: EarlyTermination,
+}
+
+/// What a binned machine leaves out because pixels have stopped: of all that it would do without the stop map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EarlyTermination {
+    /// Entries of tiles' lists that are not read.
+    pub entries_skipped: u64,
+    /// Entries of all lists.
+    pub entries: u64,
+    /// Contributions that do not reach `gauss`.
+    pub contributions_left_out: u64,
+    /// Contributions of the frame.
+    pub contributions: u64,
 }
 
 /// What is known of a tile's pixels, all together.
@@ -50,6 +65,7 @@ impl Stops {
         let [width, height] = [work.width, work.height].map(|size| size as usize);
         let mut by = vec![u32::MAX; width * height];
         let lists = work.bins(TILE_PX);
+        let mut contributions = 0;
         for tile in &work.tiles {
             let [left, top] = tile.corner.map(usize::from);
             let mut reader = tile.reader();
@@ -57,7 +73,9 @@ impl Stops {
                 let footprint = &work.footprints[*nth as usize];
                 let first = usize::from(footprint.rows[0]).max(top);
                 let end = (usize::from(footprint.rows[1]) + 1).min(top + TILE_PX);
-                let (_, events) = reader.splat(end - first);
+                let (rows, events) = reader.splat(end - first);
+                contributions += rows.iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
+                contributions -= events.iter().filter(|(_, event)| *event == Event::Faint).count() as u64;
                 for (place, _) in events.iter().filter(|(_, event)| event.stops()) {
                     let [x, y] = [left + usize::from(*place) % TILE_PX, first + usize::from(*place) / TILE_PX];
                     if x < width && y < height {
@@ -67,7 +85,9 @@ impl Stops {
                 }
             }
         }
-        Some(Stops { width, height, from: vec![u64::MAX; by.len()], by, tile: Tile::default() })
+        // All of them, until one comes to fragment.
+        let saved = EarlyTermination { contributions_left_out: contributions, contributions, ..EarlyTermination::default() };
+        Some(Stops { width, height, from: vec![u64::MAX; by.len()], by, tile: Tile::default(), saved })
     }
 
     /// The next tile begins, of so many pixels a side.
@@ -120,9 +140,16 @@ impl Stops {
         }));
     }
 
+    /// A tile with so many entries ends, of which so many were read.
+    pub fn end(&mut self, entries: usize, read: usize) {
+        self.saved.entries += entries as u64;
+        self.saved.entries_skipped += (entries - read) as u64;
+    }
+
     /// A stamp of a splat is written in this cycle.
     pub fn written(&mut self, splat: u32, stamp: &[Piece], now: u64) {
         for piece in stamp {
+            self.saved.contributions_left_out -= u64::from(piece.pixels.count_ones());
             for (at, _) in self.pixels(piece, piece.pixels) {
                 if self.by[at] == splat && self.from[at] == u64::MAX {
                     self.from[at] = now;

@@ -260,7 +260,7 @@ impl<'a> Machine<'a> {
     /// Writes the burst that ends here, or would if it were full.
     fn write(&mut self, when: u64, region: u64, end: u64) {
         let end = region + end.next_multiple_of(self.burst());
-        self.memory.ask(when, Client::Lists, Direction::Write, end - self.burst()..end, &self.writes.next());
+        self.memory.ask(when, Client::Binning, Direction::Write, end - self.burst()..end, &self.writes.next());
     }
 
     fn bin(&mut self) -> Act {
@@ -362,7 +362,7 @@ impl<'a> Machine<'a> {
         };
         let half = (self.passes as usize + usize::from(direction == Direction::Read)) % 2;
         let done = Done::default();
-        self.memory.ask(self.now, Client::Lists, direction, HALVES[half] + self.moved..HALVES[half] + self.moved + bytes, &done);
+        self.memory.ask(self.now, Client::Sort, direction, HALVES[half] + self.moved..HALVES[half] + self.moved + bytes, &done);
         self.part = Some((done, direction));
     }
 

@@ -108,7 +108,7 @@ impl Memory {
         self.traffic.bursts[client as usize] += (bytes.end - bytes.start) / burst;
         let turn = match client {
             Client::Splats => 0,
-            Client::Lists => 1,
+            Client::Binning | Client::Sort | Client::Lists => 1,
             Client::FrameWrite => 2,
             Client::FrameRead => 3,
             Client::Environment => 4,
