@@ -365,7 +365,10 @@ fn the_columnar_file_holds_what_the_csv_holds() {
     use parquet::record::Field;
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    ok(&sweep(&written(folder.path(), &plan()), &out, &[]));
+    let plan = json!({"scenes": ["terrain.json"], "size": [24, 16], "lockstep": false, "axes": [
+        {"field": "timing.raster.fifo", "values": [4, 16]}, {"field": "timing.raster.lanes", "values": [[1, 1], [4, 1]]},
+        {"field": "timing.project.multipliers", "values": [8, null]}, {"field": "gauss.weight", "values": ["U0F8"]}]});
+    ok(&sweep(&written(folder.path(), &plan), &out, &[]));
     let reader = SerializedFileReader::new(fs::File::open(out.join("sweep.parquet")).unwrap()).unwrap();
     let columnar: Vec<_> = reader.get_row_iter(None).unwrap().map(Result::unwrap).collect();
     let rows = rows(&out);
@@ -382,6 +385,12 @@ fn the_columnar_file_holds_what_the_csv_holds() {
                 other => panic!("{name}: {other:?}"),
             }
         }
+        // Numbers that are swept are numbers.
+        let [fifo, lanes, multipliers, weight] =
+            ["timing.raster.fifo", "timing.raster.lanes", "timing.project.multipliers", "gauss.weight"]
+                .map(|name| columnar[&name.to_owned()]);
+        assert!(matches!(fifo, Field::Long(4 | 16)) && matches!(multipliers, Field::Long(8) | Field::Null), "{fifo} {multipliers}");
+        assert!(matches!((lanes, weight), (Field::Str(_), Field::Str(_))), "{lanes} {weight}");
     }
 }
 

@@ -6,6 +6,7 @@ use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use rtl_model::elaboration::latency::{self, Path};
 use rtl_model::machine::Merge;
 use rtl_model::pipeline::Elaborated;
+use rtl_model::units::fragment::window;
 
 /// A unit by its way and the cycles that it takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,6 +40,8 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
     let f = &machine.machine.fragment;
     let merges = f.sheets.is_none() && f.merge != Merge::Replace && timing.fragment.merge > 0;
     let merge = merges.then(|| way("fragment, a merge", t.paths.over, timing.fragment.merge));
+    // Windows are formed step by step.
+    let merge = merge.map(|way| Way { least: way.least.max(window::overflow_cycles(&machine.machine)), ..way });
     let colour = t.colour.last().map(|of| way("colour", t.paths.colour[t.colour.len().clamp(1, 3) - 1].path, of.pace.latency));
     [("project", t.paths.project, t.project.latency), ("ellipse", t.paths.ellipse, t.ellipse.latency)]
         .map(|(name, path, cycles)| way(name, path, cycles))
@@ -101,6 +104,25 @@ mod tests {
     use super::*;
     use crate::hardware::{fixed, machines};
     use rtl_model::machine::timing::Technology;
+
+    /// So that no gain over a named machine is a latency that its clock does not ask for.
+    #[test]
+    fn a_named_machine_has_the_latencies_that_its_clock_asks_for() {
+        for name in rtl_model::Machine::names() {
+            let machine = machines::load(name, &[]).unwrap();
+            let built = fixed::elaborate(&machine).unwrap();
+            for way in ways(&built) {
+                // Products that share multipliers take turns.
+                let multipliers = machine.timing.colour.unwrap_or_default().multipliers;
+                let shared = built.timing.colour.last().filter(|_| way.name == "colour");
+                let turns = shared.map_or(1, |of| of.products.div_ceil(multipliers));
+                assert_eq!(way.cycles, way.least.max(turns), "{} of {name}", way.name);
+            }
+            // Ideal gates take no time: there each operator has its registers.
+            let ideal = machines::load(name, &["timing.technology=ideal".into()]).unwrap();
+            assert!(ways(&fixed::elaborate(&ideal).unwrap()).iter().any(|way| way.cycles > 10), "{name}");
+        }
+    }
 
     #[test]
     fn at_the_clock_of_the_table_the_machine_is_built_and_a_little_above_it_is_refused() {

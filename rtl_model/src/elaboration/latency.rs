@@ -142,6 +142,11 @@ impl Path {
         self.least_cycles(timing.technology, timing.clock_hz).unwrap_or(1)
     }
 
+    /// Cycles where every operator keeps its registers: as many as these are, or as the clock asks for.
+    pub fn registered_at(self, timing: &Timing) -> u32 {
+        self.cycles.max(self.least_cycles(timing.technology, timing.clock_hz).unwrap_or(1))
+    }
+
     /// Highest clock at which it takes at most so many cycles, Hz; none where that is any.
     pub fn highest_clock(self, technology: Technology, cycles: u32) -> Option<u64> {
         let fo4_fs = technology.fo4_fs()?;

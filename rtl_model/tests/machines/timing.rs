@@ -130,7 +130,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
         }
     };
     let turns = built(&one(None, None)).unwrap().project;
-    assert_eq!([turns.interval, turns.latency], [19, 24]);
+    assert_eq!([turns.interval, turns.latency], [19, 19]);
     assert_eq!(refused(&one(Some(18), None)), ["timing.project.interval is 18, but 19 products take 19 cycles where multipliers are 1"]);
     assert_eq!(refused(&one(None, Some(18))).len(), 1);
     // Two that merge are blended in no less than a cycle.

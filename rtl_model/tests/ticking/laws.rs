@@ -7,7 +7,7 @@ use crate::{immediate, scene};
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Queue, Tile, Timing};
-use rtl_model::timing::{Detail, limit, limits, replay, replay_all};
+use rtl_model::timing::{Detail, EarlyTermination, limit, limits, replay, replay_all};
 use rtl_model::work::Event;
 
 /// So many splats of the same pixel, of a picture of that one, and what it ends with.
@@ -96,6 +96,15 @@ fn a_pixel_that_has_stopped_takes_no_cycle() {
             }
             let replayed = replay(&timing, &scene.record(), Detail::Accounts);
             let items = |name: &str| replayed.units.iter().find(|unit| unit.name == name).unwrap().items;
+            let all = splats as u64;
+            // A splat has one entry and one contribution here.
+            let saved = stops.then(|| EarlyTermination {
+                entries_skipped: all - items("list"),
+                entries: all,
+                contributions_left_out: all - items("fragment"),
+                contributions: all,
+            });
+            assert_eq!(replayed.early_termination, saved, "seed {seed}");
             [items("list"), items("raster"), items("gauss"), items("fragment")]
         };
         assert_eq!(second_pass(2000, false), [2000; 4]);

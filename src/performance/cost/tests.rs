@@ -63,7 +63,9 @@ fn a_wider_word_costs_more_and_more_lanes_cost_lanes_alone() {
 #[test]
 fn speed_is_paid_for() {
     let reference = area(&[]);
-    for faster in ["timing.fragment.hazard=1", "timing.tile.buffers=2", "timing.memory.outstanding=32", "timing.memory.burst_bytes=128"] {
+    let forwarding = ["timing.fragment.latency=6", "timing.fragment.hazard=1"];
+    assert!(area(&forwarding) > area(&forwarding[..1]) + 1.0);
+    for faster in ["timing.tile.buffers=2", "timing.memory.outstanding=32", "timing.memory.burst_bytes=128"] {
         assert!(area(&[faster]) > reference + 1.0, "{faster}");
     }
     // More stages hold more.
@@ -177,9 +179,13 @@ fn a_technology_and_a_clock_show_in_energy() {
         Energy::new(&machine, &Cost::new(&machine, prices), &cycles, prices)
     };
     let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
-    // Latencies of the slowest suit all.
+    // Latencies that suit all, for those that are left out follow the clock.
+    let latencies =
+        ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"].map(|unit| format!("timing.{unit}.latency=20"));
+    let with_latencies =
+        |settings: &[String], prices: &Prices| of(&settings.iter().chain(&latencies).map(String::as_str).collect::<Vec<_>>(), prices);
     let in_technology = |technology: &str, clock_hz: &str| {
-        of(&[&format!("timing.technology={technology}"), &format!("timing.clock_hz={clock_hz}")], &DEFAULT)
+        with_latencies(&[format!("timing.technology={technology}"), format!("timing.clock_hz={clock_hz}")], &DEFAULT)
     };
     let [old, new] = ["180nm", "7nm"].map(|technology| in_technology(technology, "5e6"));
     let Scale { dynamic, leakage } = DEFAULT.technology.nm180;
@@ -191,9 +197,10 @@ fn a_technology_and_a_clock_show_in_energy() {
     assert!(close(2.0 * faster.leakage, new.leakage) && faster.units == new.units && faster.storage == new.storage);
     // As before there were technologies: at 400 MHz, whatever it is built in.
     let plain = Prices { technology: Scales::none(), ..DEFAULT };
-    let [a, b] = ["28nm", "7nm"].map(|technology| of(&[&format!("timing.technology={technology}")], &plain));
+    let [a, b] = ["28nm", "7nm"].map(|technology| with_latencies(&[format!("timing.technology={technology}")], &plain));
     assert_eq!(a, b);
-    assert!(close(a.leakage, Cost::new(&built_with(&[]), &plain).area * 1e6 * DEFAULT.static_pj_per_area * 1e-12));
+    let latencies: Vec<&str> = latencies.iter().map(String::as_str).collect();
+    assert!(close(a.leakage, Cost::new(&built_with(&latencies), &plain).area * 1e6 * DEFAULT.static_pj_per_area * 1e-12));
 }
 
 #[test]

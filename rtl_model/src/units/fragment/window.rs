@@ -239,9 +239,9 @@ pub fn slot(machine: &Machine) -> Path {
     Path::default().product(part, through).fit(through).choose(2)
 }
 
-/// Cycles of that way: as many as its operators have, or as the clock asks for.
+/// Cycles of that way: its steps are sequenced, a slot a cycle, so that every operator keeps its registers.
 pub fn overflow_cycles(machine: &Machine) -> u32 {
-    overflow_path(machine).cycles_at(&machine.timing)
+    overflow_path(machine).registered_at(&machine.timing)
 }
 
 impl Windows {
