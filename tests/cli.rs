@@ -499,33 +499,46 @@ fn schemas_are_json_that_names_the_fields() {
     }
 }
 
+/// Names of the commands, as the help lists them.
+fn commands() -> Vec<String> {
+    let help = says(&["--help"]);
+    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    listed.map(|line| line.split_whitespace().next().unwrap().to_owned()).filter(|name| name != "help").collect()
+}
+
 #[test]
 fn help_and_version_are_no_errors_and_fit_a_terminal() {
-    let helps = [
-        vec!["--help"],
-        vec!["help"],
-        vec!["run", "--help"],
-        vec!["replay", "--help"],
-        vec!["compare", "--help"],
-        vec!["explain", "--help"],
-        vec!["trace", "--help"],
-        vec!["diff", "--help"],
-        vec!["unit", "--help"],
-        vec!["sweep", "--help"],
-        vec!["search", "--help"],
-        vec!["chart", "--help"],
-        vec!["stress", "--help"],
-        vec!["view", "--help"],
-        vec!["machine", "--help"],
-        vec!["machine", "cost", "--help"],
-        vec!["machine", "show", "--help"],
-        vec!["machine", "prove", "--help"],
-    ];
-    for arguments in helps {
-        let text = says(&arguments);
-        assert!(text.contains("Usage: splatsim") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let below =
+        [vec!["machine", "cost"], vec!["machine", "show"], vec!["machine", "prove"]].map(|names| names.into_iter().map(str::to_owned));
+    let helps = commands().into_iter().map(|name| vec![name]).chain(below.map(Iterator::collect)).chain([vec![]]);
+    for names in helps {
+        for flag in ["-h", "--help"] {
+            let arguments: Vec<&str> = names.iter().map(String::as_str).chain([flag]).collect();
+            let text = says(&arguments);
+            assert!(text.contains("Usage: splatsim") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+        }
     }
+    assert!(says(&["help"]).contains("Usage: splatsim"));
     assert_eq!(says(&["--version"]), format!("splatsim {}\n", env!("CARGO_PKG_VERSION")));
+}
+
+/// The long help of a command has an example, with flags that the command has, and the short one has none.
+#[test]
+fn each_command_has_an_example_that_is_accepted() {
+    let names = commands();
+    assert!(names.len() > 15, "{names:?}");
+    for name in names {
+        let (short, long) = (says(&[&name, "-h"]), says(&[&name, "--help"]));
+        let example = long.split("\nExample:\n").nth(1).unwrap_or_else(|| panic!("{name} has no example")).trim().to_owned();
+        assert!(!short.contains("Example:") && example.starts_with(&format!("splatsim {name} ")), "{example}");
+        let words: Vec<&str> = example.split_whitespace().skip(1).take_while(|word| !["<", ">"].contains(word)).collect();
+        // Each flag is listed by the help, and the command line is refused for no reason but its files.
+        assert!(words.iter().filter(|word| word.starts_with("--")).all(|flag| long.contains(flag)), "{example}");
+        let folder = folder();
+        let output = Command::new(PROGRAM.as_str()).args(&words).arg("--no-such-flag").current_dir(folder.path()).output().unwrap();
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.code() == Some(2) && told.contains("'--no-such-flag'"), "{example}: {told}");
+    }
 }
 
 // ---- trace, diff ----

@@ -11,24 +11,19 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Names of scenes and machines, for the end of a help text.
-pub(super) const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
-    volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
-    Named machines: reference, lean, tiny, window; volume; gaussian";
-
 /// Machine and picture of whatever draws.
 #[derive(Args, Debug)]
 pub(super) struct Common {
-    /// Named machine or file [default: by the scene]
+    /// Use this machine or file [default: by the scene]
     #[arg(long, value_name = "NAME|FILE")]
     machine: Option<OsString>,
-    /// Change a field, as in gauss.weight=U-2F16
+    /// Set a field: gauss.weight=U-2F16
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
-    /// Size of the picture instead of the scene's own
+    /// Set the size of the picture, in pixels
     #[arg(long, value_name = "WxH", action = ArgAction::Append)]
     size: Vec<Pair<'x'>>,
-    /// Frame of a sequence [default: 0, of run all]
+    /// Draw this frame of a sequence [default: 0; run: all]
     #[arg(long, value_name = "N")]
     pub frame: Option<usize>,
     #[command(flatten)]
@@ -100,7 +95,7 @@ pub(super) struct Within {
 
 #[derive(Args, Clone, Copy, Debug)]
 pub(super) struct Threads {
-    /// Threads; no result depends on them [default: all]
+    /// Use N threads; results do not change [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
 }

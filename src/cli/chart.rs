@@ -8,10 +8,10 @@ use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// The folder that a sweep or a search wrote; charts go there too
+    /// Folder of `sweep` or `search`; charts are written there
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Print nothing
+    /// Do not print progress or results
     #[arg(long)]
     quiet: bool,
 }

@@ -14,48 +14,42 @@ use rtl_model::Machine;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
-/// End of the help text.
-pub(super) const HELP: &str = "A and B are both machines, each a name or a file, or both frames, each a folder\n\
-    that `run --out` wrote or its report.json. Machines alone are compared by their\n\
-    fields and areas; with --scene both draw it, with --replay both go through it.\n\
-    `splatsim view DIR` shows what --out DIR wrote in a browser";
-
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// Machine, folder or report.json
+    /// Machine, result folder or report.json
     #[arg(value_name = "A")]
     a: OsString,
-    /// Another one
+    /// Machine, result folder or report.json to compare
     #[arg(value_name = "B")]
     b: OsString,
-    /// Change a field of both, as in timing.raster.fifo=4
+    /// Set a field of both: timing.raster.fifo=4
     #[arg(long = "set", value_name = "PATH=VALUE")]
     both: Vec<String>,
-    /// Change a field of the machine A
+    /// Set a field of machine A
     #[arg(long, value_name = "PATH=VALUE")]
     set_a: Vec<String>,
-    /// Change a field of the machine B
+    /// Set a field of machine B
     #[arg(long, value_name = "PATH=VALUE")]
     set_b: Vec<String>,
     /// Draw this scene on both machines
     #[arg(long, value_name = "SCENE", conflicts_with = "replay")]
     scene: Option<OsString>,
-    /// Size of the picture instead of the scene's own
+    /// Set the size of the picture, in pixels
     #[arg(long, value_name = "WxH", requires = "scene")]
     size: Option<Pair<'x'>>,
-    /// Replay what `run --record` recorded on both
+    /// Replay this record on both machines
     #[arg(long, value_name = "FILE")]
     replay: Option<PathBuf>,
-    /// What a bit costs [default: machine prices]
+    /// Read prices of bits [default: `machine prices`]
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
-    /// Write compare.json and pictures into this folder
+    /// Write compare.json and pictures into DIR
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// List every field of the machine that differs
+    /// List all fields that differ
     #[arg(long)]
     all: bool,
-    /// Print JSON instead of text
+    /// Print JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -7,28 +7,21 @@ use clap::Args;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// End of the help text.
-pub(super) const HELP: &str = "Streams whose order counts at each pixel only may come in another. A file in\n\
-    the order of tiles is compared in it, and a sentence says so; --order decides.\n\
-    What means nothing in a record, as the pixel of a culled splat, must be 0:\n\
-    --strict compares it.\n\
-    Exit status 0 where all is equal, 1 where it is not, 2 where a file is malformed";
-
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// The folder that `trace` wrote
+    /// Folder of `trace`
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// A stream, as raster.out, and a file of records
+    /// Stream, as raster.out, and a file of records
     #[arg(required = true, num_args = 2.., value_names = ["STREAM", "FILE"])]
     outputs: Vec<OsString>,
-    /// Compare fields that must be 0 too
+    /// Also compare unused fields, which must be 0
     #[arg(long)]
     strict: bool,
-    /// Order of records [default: trace, or tiles where they are in that]
-    #[arg(long, value_name = "ORDER", value_enum)]
+    /// Expect `trace`, `tiles` or `any` order [default: by the file]
+    #[arg(long, value_name = "ORDER", value_enum, hide_possible_values = true)]
     order: Option<Typable>,
-    /// Print JSON instead of text
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }

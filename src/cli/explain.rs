@@ -8,14 +8,14 @@ use std::ffi::OsString;
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// A scene, cloud, volume or built-in name
+    /// Scene, point cloud, volume or built-in name
     scene: OsString,
-    /// The pixel; 0,0 is top left
+    /// Explain this pixel; 0,0 is top left
     #[arg(long, value_name = "X,Y")]
     pixel: Pair<','>,
     #[command(flatten)]
     pub common: Common,
-    /// Print JSON instead of text
+    /// Print JSON
     #[arg(long)]
     json: bool,
 }

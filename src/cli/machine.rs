@@ -19,33 +19,33 @@ use std::path::{Path, PathBuf};
 
 #[derive(Subcommand, Debug)]
 pub(super) enum Typed {
-    /// The named machines
+    /// List the named machines
     List,
-    /// A machine as JSON
+    /// Print a machine as JSON
     Show(Which),
-    /// A machine's timing as JSON, with all that follows from its formats
+    /// Print the timing of a machine, derived values included
     Timing(Which),
-    /// The longest way through each unit, and the clock that it allows
+    /// Print the critical path of each unit and the highest clock
     Clock(Which),
-    /// Area of a machine, unit by unit
+    /// Print the area of each unit
     Cost {
         #[command(flatten)]
         which: Which,
-        /// What a bit costs [default: machine prices]
+        /// Read prices of bits [default: `machine prices`]
         #[arg(long, value_name = "FILE")]
         prices: Option<PathBuf>,
     },
-    /// Price of a bit of each kind, as JSON
+    /// Print the prices of bits as JSON
     Prices,
-    /// Write proofs of a machine's error bounds, for Gappa to check
+    /// Write proofs of the error bounds, for Gappa
     Prove {
         #[command(flatten)]
         which: Which,
-        /// Write the proofs into this folder
+        /// Write the proofs into DIR
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
     },
-    /// The JSON Schema of a machine file
+    /// Print the JSON Schema of machine files
     Schema,
 }
 
@@ -54,7 +54,7 @@ pub(super) struct Which {
     /// Named machine or machine file
     #[arg(value_name = "NAME|FILE")]
     machine: OsString,
-    /// Change a field of the machine
+    /// Set a field: gauss.weight=U-2F16
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
 }

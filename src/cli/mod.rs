@@ -5,6 +5,7 @@ mod chart;
 mod compare;
 mod diff;
 mod explain;
+mod help;
 mod machine;
 mod replay;
 mod run;
@@ -22,7 +23,6 @@ mod view;
 
 use crate::error::{Error, Result};
 use crate::output::text::one_line;
-use arguments::NAMES;
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
@@ -38,54 +38,83 @@ struct Typed {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Draw a scene on a machine and in exact arithmetic; compare
-    #[command(after_help = NAMES)]
+    /// Draw a scene on a machine; compare with golden; count cycles
+    ///
+    /// The machine draws the scene bit by bit; golden and ideal draw it in f64. The
+    /// summary and report.json have errors, bounds, cycles, area and energy.
+    #[command(verbatim_doc_comment, after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim run torus-knot --machine lean --out out"))]
     Run(run::Typed),
-    /// Time a frame again that `run --record` recorded
+    /// Recompute cycles of a recorded frame with other timing
+    ///
+    /// The frame is not drawn again: its recorded work is replayed, so that a field of
+    /// `timing` can be tried in a fraction of a second.
+    #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim replay out/frame.work --timing timing.raster.fifo=4,16,64"))]
     Replay(replay::Typed),
-    /// Put two machines or two runs side by side
-    #[command(after_help = compare::HELP)]
+    /// Compare two machines, or two results
+    #[command(after_help = help::COMPARE, after_long_help = help::with_example(help::COMPARE, "splatsim compare reference window --scene glass-spheres --out compared"))]
     Compare(compare::Typed),
-    /// Drive small scenes into trouble: where methods fail, and machines
-    #[command(after_help = stress::HELP)]
+    /// Run built-in cases in which methods or machines fail
+    ///
+    /// Each case is a small scene that drives a method or a machine to its limit. The
+    /// table says which failures were reported by the machine itself.
+    #[command(verbatim_doc_comment, after_help = help::STRESS, after_long_help = help::with_example(help::STRESS, "splatsim stress --case grazing --out stress"))]
     Stress(stress::Typed),
-    /// Try many machines on one or many scenes, a row each
-    #[command(after_help = sweep::HELP)]
+    /// Draw scenes on many machines; write a row for each
+    ///
+    /// A plan names scenes, a machine, fields and their values. Rows are written to a
+    /// journal; the same command resumes a sweep that was stopped.
+    #[command(verbatim_doc_comment, after_help = help::SWEEP, after_long_help = help::with_example(help::SWEEP, "splatsim sweep layers --out rows"))]
     Sweep(sweep::Typed),
-    /// Find the narrowest machine that meets a target on a scene
-    #[command(after_help = NAMES)]
+    /// Find the smallest machine that meets a target
+    ///
+    /// Searches word lengths for --target-psnr or --max-error, fields of timing for
+    /// --min-fps, or merge rules with --over. The result is verified on unseen views.
+    #[command(verbatim_doc_comment, after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim search torus-knot --target-psnr 45 --only gauss --out found"))]
     Search(search::Typed),
-    /// Draw charts of what a sweep or a search found, and a page of them
+    /// Draw charts of the rows of a sweep or a search
+    ///
+    /// Writes PNG, SVG and charts.html, which works without a network.
+    #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim chart rows"))]
     Chart(chart::Typed),
-    /// Show a folder's pictures, pixels, machine and rows in a browser
-    #[command(after_help = view::HELP)]
+    /// Show a result folder in a browser
+    #[command(after_help = help::VIEW, after_long_help = help::with_example(help::VIEW, "splatsim view out"))]
     View(view::Typed),
-    /// Dump what crosses the wires between units, to check hardware
-    #[command(after_help = trace::HELP)]
+    /// Write the records at the ports of units, to verify RTL
+    ///
+    /// Writes each record that enters or leaves a unit, a SystemVerilog package with
+    /// formats and constants, and the tables as memory files.
+    #[command(verbatim_doc_comment, after_help = help::TRACE, after_long_help = help::with_example(help::TRACE, "splatsim trace glass-spheres --size 64x64 --units gauss --out trace"))]
     Trace(trace::Typed),
-    /// Compare a device's output with a trace; name the first mismatch
-    #[command(after_help = diff::HELP)]
+    /// Compare records of a device with a trace
+    #[command(after_help = help::DIFF, after_long_help = help::with_example(help::DIFF, "splatsim diff trace gauss.out device.hex"))]
     Diff(diff::Typed),
-    /// Answer records of one unit, line by line, as its twin would
-    #[command(after_help = unit::HELP)]
+    /// Compute the output records of one unit
+    #[command(after_help = help::UNIT, after_long_help = help::with_example(help::UNIT, "splatsim unit gauss --machine lean < trace/gauss.in.hex"))]
     Unit(unit::Typed),
-    /// Tell one pixel's whole story, the machine beside golden
-    #[command(after_help = NAMES)]
+    /// Print each contribution to a pixel, machine beside golden
+    #[command(after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim explain glass-spheres --pixel 200,180"))]
     Explain(explain::Typed),
-    /// Show machines
-    #[command(subcommand)]
+    /// Print named machines, their areas and clocks, and the schema
+    #[command(subcommand, after_long_help = help::with_example("", "splatsim machine cost reference"))]
     Machine(machine::Typed),
-    /// Show what a scene file may hold
-    #[command(subcommand)]
+    /// Print the schemas of scene files and plans
+    #[command(subcommand, after_long_help = help::with_example("", "splatsim scene schema"))]
     Scene(scene::Typed),
-    /// Make points of a mesh, as a cloud that scenes are read from
-    #[command(after_help = sample::HELP)]
+    /// Sample a mesh into a point cloud
+    ///
+    /// The cloud is a PLY file that scenes and `run` read.
+    #[command(verbatim_doc_comment, after_help = help::SAMPLE, after_long_help = help::with_example(help::SAMPLE, "splatsim sample plane --points 20000 --checkerboard 8 --out floor.ply"))]
     Sample(sample::Typed),
-    /// Build a tree of splats, for level of detail
+    /// Build a level-of-detail tree of splats
+    ///
+    /// The tree is a file that `run` draws like a scene.
+    #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim tree torus-knot --out knot.tree"))]
     Tree(tree::Typed),
-    /// Print a script that completes commands and flags in a shell
+    /// Print a completion script for a shell
+    #[command(after_long_help = help::with_example("", "splatsim completions bash > splatsim.bash"))]
     Completions(shell::Completions),
     /// Write man pages
+    #[command(after_long_help = help::with_example("", "splatsim man man1"))]
     Man(shell::Pages),
 }
 

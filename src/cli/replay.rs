@@ -12,30 +12,30 @@ use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// The file that `run --record` wrote
+    /// File from `run --record`
     #[arg(value_name = "FILE")]
     record: PathBuf,
-    /// Change a field, as in timing.raster.fifo=4
+    /// Set a field: timing.raster.fifo=4
     #[arg(long = "set", value_name = "PATH=VALUE")]
     settings: Vec<String>,
-    /// Replay with every value: timing.raster.fifo=1,2,4
+    /// Replay with each value: timing.raster.fifo=1,2,4
     #[arg(long, value_name = "PATH=A,…")]
     timing: Vec<Axes>,
-    /// Tell which fields of timing make it faster
+    /// List the timing fields that make it faster
     #[arg(long)]
     answers: bool,
-    /// What a bit costs [default: machine prices]
+    /// Read prices of bits [default: `machine prices`]
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
-    /// Write cycles.json, tables and charts into this folder
+    /// Write cycles.json, tables and charts into DIR
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write the requests to memory too
+    /// Also write every memory request
     #[arg(long, requires = "out")]
     requests: bool,
     #[command(flatten)]
     pub threads: Threads,
-    /// Print no table
+    /// Do not print the table
     #[arg(long)]
     quiet: bool,
 }

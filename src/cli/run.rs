@@ -26,51 +26,51 @@ use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// A scene, cloud, volume or built-in name
+    /// Scene, point cloud, volume or built-in name
     #[arg(default_value = "glass-spheres")]
     scene: OsString,
     #[command(flatten)]
     pub common: Common,
-    /// Cameras of nerfstudio, COLMAP, Gaussian training
+    /// Read cameras: nerfstudio, COLMAP, 3DGS, search
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// Write the machine's pictures as a video too
+    /// Also write the pictures as a YUV4MPEG2 video
     #[arg(long, value_name = "FILE")]
     y4m: Option<PathBuf>,
-    /// Write pictures and report.json into this folder
+    /// Write pictures and report.json into DIR
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Draw a 16th of the pixels; say what that leaves out
+    /// Draw only a 16th of the pixels
     #[arg(long)]
     preview: bool,
-    /// Write OpenEXR pictures too (float32, linear)
+    /// Also write OpenEXR pictures (float32, linear)
     #[arg(long, requires = "out")]
     exr: bool,
-    /// Write the requests to memory too
+    /// Also write every memory request
     #[arg(long, requires = "out")]
     requests: bool,
-    /// Write what happened into this file, for `replay`
+    /// Record the work in FILE, for `replay`
     #[arg(long, value_name = "FILE", conflicts_with = "preview")]
     record: Option<PathBuf>,
-    /// Lockstep: `full`, `sampled`, `none`
+    /// Check in lockstep: `full`, `sampled`, `none`
     #[arg(long, value_name = "HOW", value_enum, hide_possible_values = true, default_value_t = Checked::Full)]
     check: Checked,
-    /// Tell which words make the error (draws 170 frames)
+    /// Attribute the error to words (draws 170 frames)
     #[arg(long)]
     attribute: bool,
-    /// Replay with every value: timing.raster.fifo=1,2,4
+    /// Replay with each value: timing.raster.fifo=1,2
     #[arg(long, value_name = "PATH=A,…")]
     timing: Vec<Axes>,
-    /// Tell which fields of timing make it faster
+    /// List the timing fields that make it faster
     #[arg(long, conflicts_with = "preview")]
     answers: bool,
-    /// What a bit costs [default: machine prices]
+    /// Read prices of bits [default: `machine prices`]
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
-    /// Print every signal's range too
+    /// Also print the range of each signal
     #[arg(long)]
     ranges: bool,
-    /// Print no summary
+    /// Do not print the summary
     #[arg(long)]
     quiet: bool,
 }

@@ -12,44 +12,41 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub(super) const HELP: &str =
-    "Meshes: OBJ with its MTL and pictures, PLY with faces, glTF 2.0 and GLB, STL;\nbuilt in is `plane`, a unit square";
-
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// The mesh: .obj, .ply, .gltf, .glb, .stl, or plane
+    /// Mesh: .obj, .ply, .gltf, .glb, .stl, or plane
     mesh: OsString,
-    /// How many points
+    /// Make N points
     #[arg(long, value_name = "N", required_unless_present = "density", conflicts_with = "density")]
     points: Option<u32>,
-    /// How many points a unit of area
+    /// Make D points per unit of area
     #[arg(long, value_name = "D")]
     density: Option<f64>,
     /// Write the points into this PLY file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// How points are laid out
-    #[arg(long, default_value = "blue-noise")]
+    /// Distribute: `blue-noise`, `stratified`
+    #[arg(long, default_value = "blue-noise", hide_possible_values = true)]
     pattern: PatternName,
-    /// Seed of the layout
+    /// Set the seed of the distribution
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Radii from neighbours' distances, or area per point
-    #[arg(long, default_value = "area")]
+    /// Derive radii from: `neighbours`, `area` per point
+    #[arg(long, default_value = "area", hide_possible_values = true)]
     radii: RadiiName,
-    /// How texels become colours of points
-    #[arg(long, default_value = "ewa")]
+    /// Filter texels: `nearest`, `ewa`, `optimised`
+    #[arg(long, default_value = "ewa", hide_possible_values = true)]
     texture: TextureName,
-    /// Put this PNG or JPEG onto the mesh
+    /// Apply this PNG or JPEG as texture
     #[arg(long, value_name = "FILE", conflicts_with = "checkerboard")]
     texture_image: Option<PathBuf>,
-    /// Put N×N checks onto the mesh
+    /// Apply a checkerboard of N×N squares
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=2048))]
     checkerboard: Option<u16>,
-    /// The `kernel.cutoff` that scenes will have
+    /// Assume this `kernel.cutoff` of scenes
     #[arg(long, value_name = "R", default_value_t = 2.0)]
     cutoff: f64,
-    /// Print nothing
+    /// Do not print progress or results
     #[arg(long)]
     quiet: bool,
     #[command(flatten)]

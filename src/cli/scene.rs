@@ -8,9 +8,9 @@ use clap::Subcommand;
 
 #[derive(Subcommand, Debug)]
 pub(super) enum Typed {
-    /// The JSON Schema of a scene file
+    /// Print the JSON Schema of scene files
     Schema,
-    /// The JSON Schema of a plan of `sweep`
+    /// Print the JSON Schema of plans for `sweep`
     PlanSchema,
 }
 

@@ -15,70 +15,70 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// Scenes, clouds, volumes, built-in names; all count
+    /// Scenes; the target must hold on each
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<OsString>,
-    /// Least PSNR over all pixels, dB
+    /// Require this PSNR over all pixels, dB
     #[arg(long, value_name = "DB", value_parser = positive, required_unless_present_any = ["max_error", "min_fps"])]
     target_psnr: Option<f64>,
-    /// Greatest error of a pixel, linear light in [0, 1]
+    /// Require no greater error of a pixel (linear, 0 to 1)
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     max_error: Option<f64>,
-    /// Least frames per second, by `timing`
+    /// Require this frame rate; search fields of timing
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
-    /// Least `area` (default), `gates`, `energy`, `cycles`
+    /// Minimise `area` (default), `gates`, `energy`, `cycles`
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
     minimise: Option<Minimise>,
-    /// Fields of `timing` and values [default: usual]
+    /// Read timing fields and values [default: usual ones]
     #[arg(long, value_name = "FILE", requires = "min_fps")]
     fields: Option<PathBuf>,
-    /// Cameras of nerfstudio, COLMAP, Gaussian training
+    /// Read cameras: nerfstudio, COLMAP, 3DGS, search
     #[arg(long, value_name = "FILE", conflicts_with = "frame")]
     cameras: Option<PathBuf>,
-    /// Distances, as parts of each camera's: 0.25..2
+    /// Scale camera distances within this range: 0.25..2
     #[arg(long, value_name = "A..B")]
     distance: Option<Parts>,
-    /// Each view: the worst of N near cameras
+    /// Measure each view as the worst of N near cameras
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     robust: u8,
-    /// `psnr`, or `lockstep`: no flips
+    /// Measure `psnr`, or in `lockstep` without flips
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Metric::Psnr)]
     metric: Metric,
-    /// Both against golden or ideal
+    /// Compare with `golden` or `ideal`
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Against::Golden)]
     against: Against,
-    /// Rules and layers instead of words: `fragment`
+    /// Search merge rules and layers: `fragment`
     #[arg(long, value_name = "UNIT", value_enum, hide_possible_values = true, requires = "target_psnr",
         conflicts_with_all = ["max_error", "against", "no_saturation", "views", "only", "tries", "seed", "cameras", "distance", "robust", "metric"])]
     over: Option<Over>,
-    /// Least `area` (default) or `bytes` a pixel
+    /// Minimise `area` (default) or `bytes` per pixel
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "over")]
     by: Option<By>,
-    /// No word may leave its range
+    /// Require that no word saturates or wraps
     #[arg(long)]
     no_saturation: bool,
-    /// Held-out cameras that must meet it too
+    /// Verify on N unseen cameras
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(0..=100))]
     views: u8,
-    /// Only this unit, word or size; may be given again
+    /// Search only this unit, word or size; may repeat
     #[arg(long, value_name = "PATH")]
     only: Vec<String>,
-    /// Machines that annealing draws
+    /// Draw N machines while annealing
     #[arg(long, value_name = "N", default_value_t = 300)]
     tries: u32,
-    /// Seed of the annealing
+    /// Set the seed of annealing
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
     pub common: Common,
-    /// What a bit costs [default: machine prices]
+    /// Read prices of bits [default: `machine prices`]
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
-    /// Write here, or go on [default: SCENE-search]
+    /// Write here, or resume [default: SCENE-search]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print nothing
+    /// Do not print progress or results
     #[arg(long)]
     quiet: bool,
 }

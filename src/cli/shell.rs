@@ -11,13 +11,14 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
 pub(super) struct Completions {
-    /// The shell that is to complete commands and flags
+    /// Shell: bash, elvish, fish, powershell or zsh
+    #[arg(hide_possible_values = true)]
     shell: Shell,
 }
 
 #[derive(Args, Debug)]
 pub(super) struct Pages {
-    /// Write the pages into this folder, as splatsim-run.1
+    /// Write the pages into DIR
     #[arg(value_name = "DIR")]
     folder: PathBuf,
 }

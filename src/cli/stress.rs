@@ -12,23 +12,20 @@ use rtl_model::Machine;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// End of the help text.
-pub(super) const HELP: &str = "Exit status 1 where a pixel exceeds its bound, a flip has no explanation or a\nfailure is silent";
-
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// Only this case; may be given again [default: all]
+    /// Run only this case; may repeat [default: all]
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
-    /// Another machine beside the named ones; may repeat
+    /// Add a machine to the named ones; may repeat
     #[arg(long = "machine", value_name = "NAME|FILE")]
     machines: Vec<OsString>,
-    /// Write stress.json, .csv and .png, and gallery.png
+    /// Write tables and pictures into DIR
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
-    /// Print no table
+    /// Do not print the table
     #[arg(long)]
     quiet: bool,
 }

@@ -11,29 +11,25 @@ use clap::Args;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// End of the help text.
-pub(super) const HELP: &str =
-    "Ready plans: precision, precision-in-lockstep, curves, architecture, layers,\nclock\n`scene plan-schema` says what a plan may hold";
-
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// A .json plan or the name of a ready one
+    /// Plan: a JSON file or the name of a built-in plan
     plan: OsString,
-    /// Write rows here, or go on [default: PLAN-sweep]
+    /// Write rows here, or resume [default: PLAN-sweep]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Draw part I of N alone, into the same folder
+    /// Draw part I of N, into the same folder
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// Draw as many points
+    /// Refuse plans of more points
     #[arg(long, value_name = "POINTS", default_value_t = sweep::MOST_POINTS)]
     most: u64,
-    /// What a bit costs [default: machine prices]
+    /// Read prices of bits [default: `machine prices`]
     #[arg(long, value_name = "FILE")]
     prices: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,
-    /// Print nothing
+    /// Do not print progress or results
     #[arg(long)]
     quiet: bool,
 }

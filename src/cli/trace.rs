@@ -11,44 +11,37 @@ use rtl_model::Machine;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-/// End of the help text.
-pub(super) const HELP: &str = "Units: pipeline, project, ellipse, sort (of Gaussians), raster, gauss, fragment,\n\
-    shade, resolve\n\
-    Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
-    volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
-    Named machines: reference, lean, tiny, window; volume; gaussian";
-
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// A scene, cloud, volume or built-in name
+    /// Scene, point cloud, volume or built-in name
     scene: OsString,
-    /// Only ports of these units
+    /// Trace only the ports of these units
     #[arg(long, value_name = "UNIT,…", value_delimiter = ',')]
     units: Vec<String>,
-    /// Only these splats, from A to the one before B
+    /// Trace only splats A to B − 1
     #[arg(long, value_name = "A..B")]
     splats: Option<Span>,
-    /// Only these pixels, the last ones among them
+    /// Trace only these pixels, X1 and Y1 included
     #[arg(long, value_name = "X0,Y0,X1,Y1")]
     pixels: Option<Corners>,
-    /// Only one in N splats and pixels
+    /// Trace only one in N splats and pixels
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     sample: Option<u32>,
-    /// Instead, corners and N random cases a unit
+    /// Trace corner cases and N random cases per unit
     #[arg(long, value_name = "N", conflicts_with_all = ["splats", "pixels", "sample"])]
     stimulus: Option<u32>,
-    /// Waves of these cycles too, as VCD and FST
+    /// Also write waves of these cycles: VCD, FST
     #[arg(long, value_name = "A..B", conflicts_with = "stimulus")]
     waves: Option<Span>,
-    /// Other samples, other random cases
+    /// Set the seed of samples and random cases
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
     pub common: Common,
-    /// Write the trace into this folder
+    /// Write the trace into DIR
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Print no table
+    /// Do not print the table
     #[arg(long)]
     quiet: bool,
 }

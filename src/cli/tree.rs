@@ -13,15 +13,15 @@ use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// A scene, cloud or built-in name, of discs
+    /// Scene, point cloud or built-in name; discs only
     scene: OsString,
-    /// Write the tree into this file, *.tree
+    /// Write the tree into this .tree file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Most children of a node
+    /// Allow N children per node
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(2..=MOST_CHILDREN as u64))]
     children: u64,
-    /// Print nothing
+    /// Do not print progress or results
     #[arg(long)]
     quiet: bool,
     #[command(flatten)]

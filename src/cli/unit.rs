@@ -14,36 +14,29 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// End of the help text.
-pub(super) const HELP: &str = "Units: project, ellipse, sort (of Gaussians), raster, gauss, fragment, shade,\n\
-    resolve. A record a line, as in the files of a trace: gauss.in.hex becomes\n\
-    gauss.out.hex. An empty line, and the end of the input, end a frame: then sort\n\
-    prints, and fragment writes what its pixels hold.\n\
-    Exit status 2 where a record is wrong: its line, the field, what is possible";
-
 /// The longest line that is read, bytes.
 const LONGEST: u64 = 1 << 16;
 
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// The unit
+    /// Unit
     name: String,
-    /// Scene of the constants [default: glass-spheres]
+    /// Take constants from a scene [default: glass-spheres]
     #[arg(long, value_name = "SCENE", default_value = "glass-spheres", hide_default_value = true)]
     scene: OsString,
-    /// Records are objects of JSON, one a line
+    /// Read and print JSON objects, one per line
     #[arg(long)]
     json: bool,
-    /// Print an empty line behind each line's answers
+    /// Print an empty line after the outputs of each record
     #[arg(long)]
     groups: bool,
-    /// What shade says to fragment [default: the model]
+    /// Read shade outputs from FILE [default: the model]
     #[arg(long, value_name = "FILE")]
     answers: Option<PathBuf>,
-    /// Write what fragment asks shade
+    /// Write the requests of fragment to shade
     #[arg(long, value_name = "FILE")]
     requests: Option<PathBuf>,
-    /// Write what fragment's pixels hold in the end
+    /// Write the final fragments of each pixel
     #[arg(long, value_name = "FILE")]
     held: Option<PathBuf>,
     /// Write all intermediate words of each record

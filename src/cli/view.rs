@@ -9,28 +9,21 @@ use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-/// End of the help text.
-pub(super) const HELP: &str = "Only this computer can reach the page, and only with the token in its address.\n\
-    Where others use this computer too, they may see the token in the list of\n\
-    processes while the browser is opened: --no-open prints it alone.\n\
-    Exact values, counts a pixel and stories are drawn again from the scene when\n\
-    they are asked for; an exported page goes without them";
-
 #[derive(Args, Debug)]
 pub(super) struct Typed {
-    /// The folder that run, replay, compare, sweep, search or stress wrote
+    /// Folder of run, replay, compare, sweep, search or stress
     #[arg(value_name = "DIR")]
     folder: PathBuf,
-    /// Write the page into this file instead, all in one
+    /// Write one self-contained page instead
     #[arg(long, value_name = "FILE.html", conflicts_with_all = ["seconds", "scene"])]
     export: Option<PathBuf>,
-    /// Open no browser
+    /// Do not open a browser
     #[arg(long)]
     no_open: bool,
-    /// Stop after so many seconds [default: with Ctrl-C]
+    /// Stop after N seconds [default: at Ctrl-C]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     seconds: Option<u32>,
-    /// The scene, if it is not where `run` found it
+    /// Read the scene from here if it has moved
     #[arg(long, value_name = "NAME|FILE")]
     scene: Option<OsString>,
 }

@@ -8,7 +8,7 @@
 # For each machine (those named, else tiny, lean and reference; window, volume and gaussian will do too) and unit (gauss, resolve, raster,
 # fragment or what takes its place) prints:
 #   gates      those of the longest way; an inverter is none
-#   cycles     the latency of the machine
+#   cycles     the latency of the machine with a register behind every operator (timing.technology=ideal)
 #   a stage    gates of a stage, where the way's registers are moved so that they cut it evenly
 #   loop       gates of the longest loop, a register of it: what no moved register cuts
 #   ready      gates from an input to s_ready: what a handshake adds to the loops of others
@@ -65,7 +65,7 @@ for file; do
         gaussian) scene=bouquet grouper=sheets ;;
     esac
     # Of the trace only the package and the ROMs matter.
-    "$splatsim" trace $scene --size 16x16 --stimulus 1 --machine "$file" --set 'timing.raster.lanes=[1,1]' --quiet --out "$work/$machine" > /dev/null
+    "$splatsim" trace $scene --size 16x16 --stimulus 1 --machine "$file" --set 'timing.raster.lanes=[1,1]' --set timing.technology=ideal --quiet --out "$work/$machine" > /dev/null
     for unit in $(echo "$units" | tr , ' '); do
         parameters= of=$unit
         [ "$unit" != fragment ] || unit=$grouper parameters="-chparam WIDTH 2 -chparam HEIGHT 2"
