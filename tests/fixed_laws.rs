@@ -1,4 +1,4 @@
-//! Does the machine keep the laws of splatting (docs/book/algorithm.md §3 to §7) within its last places?
+//! Does the machine keep the laws of splatting (docs/book/algorithm.md §3 to §6, docs/book/algorithm-resolve.md §7) within its last places?
 
 use crate::tier::{self, Tier};
 use std::any::Any;

@@ -1,4 +1,5 @@
-//! Does the f64 renderer keep the laws of splatting (docs/book/algorithm.md §3 to §8)? Small scenes, made by hand.
+//! Does the f64 renderer keep the laws of splatting (docs/book/algorithm.md §3 to §6, docs/book/algorithm-resolve.md §7 and §8)? Small
+//! scenes, made by hand.
 
 use std::f64::consts::{PI, TAU};
 

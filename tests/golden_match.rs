@@ -1,4 +1,5 @@
-//! Does `golden` do what an independent program measured on the check scene (docs/book/algorithm.md §6, §10)?
+//! Does `golden` do what an independent program measured on the check scene (docs/book/algorithm.md §6,
+//! docs/book/algorithm-resolve.md §10)?
 
 use crate::tier::{self, Tier};
 use std::f64::consts::PI;
@@ -11,7 +12,7 @@ use splatsim::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Spl
 const UNLIT: u32 = 0;
 const GLOSSY: u32 = 1;
 
-/// `glass-spheres`, built from docs/book/algorithm.md §10 alone: a second construction beside the built-in one.
+/// `glass-spheres`, built from docs/book/algorithm-resolve.md §10 alone: a second construction beside the built-in one.
 pub fn glass_spheres() -> Scene {
     let mut splats = floor(400);
     splats.extend(sphere(60_000, [0.0, 0.0, 0.0], 1.0, [0.9, 0.2, 0.1], 0.5));

@@ -1,4 +1,4 @@
-//! Does the rule `window` do what an independent program measured, and does it keep its laws (docs/book/algorithm.md §6)?
+//! Does the rule `window` do what an independent program measured, and does it keep its laws (docs/book/algorithm-resolve.md §11)?
 
 use crate::golden_match::{glass_spheres, permutation};
 use crate::handmade::{Rng, confetti, glass, scene, splat};

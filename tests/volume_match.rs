@@ -195,7 +195,7 @@ impl Look {
         (DVec3::new(columns[0], columns[1], columns[2]), columns[3])
     }
 
-    /// Blinn-Phong with the viewer at infinity, in camera space (docs/book/algorithm.md §7).
+    /// Blinn-Phong with the viewer at infinity, in camera space (docs/book/algorithm-resolve.md §7).
     fn shaded(&self, rgb: DVec3, gradient: DVec3) -> DVec3 {
         let Some([ambient, diffuse, specular, shininess]) = self.material else { return rgb };
         let rotation = self.rotation();

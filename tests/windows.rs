@@ -1,4 +1,5 @@
-//! Windows on the machine: does the bound hold, are flips explained, and is the picture what `golden`'s rule makes (docs/book/algorithm.md §6)?
+//! Windows on the machine: does the bound hold, are flips explained, and is the picture what `golden`'s rule makes
+//! (docs/book/algorithm-resolve.md §11)?
 
 use crate::handmade::{confetti, glass};
 use crate::mutation::{differences, mutated, mutations};

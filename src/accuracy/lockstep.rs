@@ -1,5 +1,5 @@
 //! Lockstep: `golden` led by every decision that the machine takes, with a bound on the machine's error at each pixel
-//! (docs/book/algorithm.md §8).
+//! (docs/book/algorithm-resolve.md §8).
 //!
 //! ```text
 //! machine ─► decisions ─►[ golden's fragments ]─► led picture ─┐

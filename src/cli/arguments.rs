@@ -23,7 +23,7 @@ pub(super) struct Common {
     /// Set the size of the picture, in pixels
     #[arg(long, value_name = "WxH", action = ArgAction::Append)]
     size: Vec<Pair<'x'>>,
-    /// Draw this frame of a sequence [default: 0; run: all]
+    /// Draw frame N [default: 0; `run`: all]
     #[arg(long, value_name = "N")]
     pub frame: Option<usize>,
     #[command(flatten)]
@@ -95,7 +95,7 @@ pub(super) struct Within {
 
 #[derive(Args, Clone, Copy, Debug)]
 pub(super) struct Threads {
-    /// Use N threads; results do not change [default: all]
+    /// Use N threads; same results [default: all]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
 }

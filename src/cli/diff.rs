@@ -18,7 +18,7 @@ pub(super) struct Typed {
     /// Also compare unused fields, which must be 0
     #[arg(long)]
     strict: bool,
-    /// Expect `trace`, `tiles` or `any` order [default: by the file]
+    /// Expect `trace`, `tiles` or `any` order
     #[arg(long, value_name = "ORDER", value_enum, hide_possible_values = true)]
     order: Option<Typable>,
     /// Print JSON

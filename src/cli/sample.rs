@@ -25,16 +25,16 @@ pub(super) struct Typed {
     /// Write the points into this PLY file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Distribute: `blue-noise`, `stratified`
+    /// `blue-noise` or `stratified`
     #[arg(long, default_value = "blue-noise", hide_possible_values = true)]
     pattern: PatternName,
     /// Set the seed of the distribution
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Derive radii from: `neighbours`, `area` per point
+    /// Use `neighbours` or `area` for radii
     #[arg(long, default_value = "area", hide_possible_values = true)]
     radii: RadiiName,
-    /// Filter texels: `nearest`, `ewa`, `optimised`
+    /// `nearest`, `ewa` or `optimised`
     #[arg(long, default_value = "ewa", hide_possible_values = true)]
     texture: TextureName,
     /// Apply this PNG or JPEG as texture

@@ -21,13 +21,13 @@ pub(super) struct Typed {
     /// Require this PSNR over all pixels, dB
     #[arg(long, value_name = "DB", value_parser = positive, required_unless_present_any = ["max_error", "min_fps"])]
     target_psnr: Option<f64>,
-    /// Require no greater error of a pixel (linear, 0 to 1)
+    /// Limit the error of each pixel (linear, 0 to 1)
     #[arg(long, value_name = "ERROR", value_parser = positive)]
     max_error: Option<f64>,
     /// Require this frame rate; search fields of timing
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
-    /// Minimise `area` (default), `gates`, `energy`, `cycles`
+    /// Minimise `area`, `gates`, `energy` or `cycles`
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
     minimise: Option<Minimise>,
     /// Read timing fields and values [default: usual ones]
@@ -39,10 +39,10 @@ pub(super) struct Typed {
     /// Scale camera distances within this range: 0.25..2
     #[arg(long, value_name = "A..B")]
     distance: Option<Parts>,
-    /// Measure each view as the worst of N near cameras
+    /// Take the worst of N near cameras
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     robust: u8,
-    /// Measure `psnr`, or in `lockstep` without flips
+    /// Use `psnr`, or `lockstep`: no flips
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Metric::Psnr)]
     metric: Metric,
     /// Compare with `golden` or `ideal`

@@ -33,7 +33,7 @@ pub(super) struct Typed {
     /// Also write waves of these cycles: VCD, FST
     #[arg(long, value_name = "A..B", conflicts_with = "stimulus")]
     waves: Option<Span>,
-    /// Set the seed of samples and random cases
+    /// Set the seed of random choices
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]

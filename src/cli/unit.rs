@@ -21,13 +21,13 @@ const LONGEST: u64 = 1 << 16;
 pub(super) struct Typed {
     /// Unit
     name: String,
-    /// Take constants from a scene [default: glass-spheres]
+    /// Read constants from it [default: glass-spheres]
     #[arg(long, value_name = "SCENE", default_value = "glass-spheres", hide_default_value = true)]
     scene: OsString,
     /// Read and print JSON objects, one per line
     #[arg(long)]
     json: bool,
-    /// Print an empty line after the outputs of each record
+    /// Print an empty line after each record
     #[arg(long)]
     groups: bool,
     /// Read shade outputs from FILE [default: the model]

@@ -291,7 +291,15 @@ fn explained(kind: Kind) -> String {
     let (_, files) = chapter!("trace-files.md").split_once("<!-- a trace's README begins below this line -->\n\n").unwrap_or_default();
     let ellipsoids = (kind.ellipsoids || kind.sheets).then_some(chapter!("ellipsoids.md"));
     let windows = kind.windows.then_some(chapter!("windows.md"));
-    let chapters = [Some(files), Some(chapter!("numbers.md")), Some(chapter!("units.md")), ellipsoids, windows, Some("# This machine\n")];
+    let chapters = [
+        Some(files),
+        Some(chapter!("numbers.md")),
+        Some(chapter!("units.md")),
+        Some(chapter!("units-fragments.md")),
+        ellipsoids,
+        windows,
+        Some("# This machine\n"),
+    ];
     chapters.into_iter().flatten().map(in_readme).collect::<Vec<_>>().join("\n")
 }
 

@@ -1,4 +1,4 @@
-//! Ideal: keeps every contribution of a pixel, sorts them by z and blends surface after surface (docs/book/algorithm.md §8).
+//! Ideal: keeps every contribution of a pixel, sorts them by z and blends surface after surface (docs/book/algorithm-resolve.md §8).
 //!
 //! A new surface begins where `z − (the surface's first z) ≥ ε`. No slot, no merge, no order of arrival.
 

@@ -1,4 +1,4 @@
-//! Intervals: groups contributions by the depths that a fragment spans, not by that of its first (docs/book/algorithm.md §6).
+//! Intervals: groups contributions by the depths that a fragment spans, not by that of its first (docs/book/algorithm-resolve.md §11).
 //!
 //! A contribution joins where all of them together stay narrower than ε, so that no fragment spans more than one surface may. What
 //! happens on overflow is the paper's.

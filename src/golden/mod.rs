@@ -1,4 +1,4 @@
-//! Golden: draws in f64 what the machine should draw, and what no machine could draw better (docs/book/algorithm.md §8).
+//! Golden: draws in f64 what the machine should draw, and what no machine could draw better (docs/book/algorithm-resolve.md §8).
 //! ```text
 //! splats ─► [footprint] ─► [tiles] ─► contributions ─┬─► [fragments]: at most l layers a pixel ─┬─► [shade] ─► picture
 //!                                                    └─► [ideal]: every surface there is ───────┘

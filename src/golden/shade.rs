@@ -1,4 +1,4 @@
-//! Shade: turns the sums of a fragment into a premultiplied colour (docs/book/algorithm.md §7), and fragments into a pixel.
+//! Shade: turns the sums of a fragment into a premultiplied colour (docs/book/algorithm-resolve.md §7), and fragments into a pixel.
 
 use glam::{DVec3, DVec4};
 

@@ -1,5 +1,5 @@
-//! Sheets: adds up what one sheet gives to a pixel and blends sheet after sheet (EWA §7.1, docs/book/algorithm.md §9); and what would be
-//! exact.
+//! Sheets: adds up what one sheet gives to a pixel and blends sheet after sheet (EWA §7.1, docs/book/algorithm-resolve.md §9);
+//! and what would be exact.
 
 use glam::{DVec3, DVec4};
 

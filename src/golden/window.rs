@@ -1,5 +1,5 @@
 //! Window: keeps at most `l` layers of one pixel as clusters of depth, and groups them as `ideal` does, as far as they still lie apart
-//! (docs/book/algorithm.md §6).
+//! (docs/book/algorithm-resolve.md §11).
 //! ```text
 //! contribution ─► 1 a cluster spans it? ─► accumulate          7 close: shade two, one over or inside the other
 //!                 2 its surface closed? ─► late, or inside     6 sum: two clusters of one window become one

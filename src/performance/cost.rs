@@ -12,7 +12,7 @@
 //!   and adders shrink: what rounds a product, or is added to it, is a row of its array. The prices are round numbers near the least
 //!   squares over the units of `tiny` and `lean`. Flip-flops are two to a LUT. FIFOs and memories as if of LUTs that keep 48 bits each.
 //! - *The fit*: over 34 units of five machines, three of them not fitted to, LUTs are 1.00 times the model without registers in the
-//!   geometric mean, 0.89 to 1.16 (docs/book/cost.md has the table). Not compared: parts of ellipsoids and sheets, what lanes share,
+//!   geometric mean, 0.89 to 1.22 (docs/book/cost.md has the table). Not compared: parts of ellipsoids and sheets, what lanes share,
 //!   storage.
 //! - *Gates*: NAND2 of standard cells, by the laws of `gates.rs`.
 //! - *Energy* from Horowitz, "Computing's energy problem" (ISSCC 2014, 45 nm): an adder 0.1 pJ and a multiplier 3.1 pJ for 32 bits, 64

@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 #[derive(Deserialize, JsonSchema, Clone, Copy, Debug, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Builtin {
-    /// Two glass spheres and an opaque one over a checkerboard floor (docs/book/algorithm.md §10).
+    /// Two glass spheres and an opaque one over a checkerboard floor (docs/book/algorithm-resolve.md §10).
     GlassSpheres,
     /// A checkerboard to the horizon: magnified near the eye, minified far away.
     Checkerboard,

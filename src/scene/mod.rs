@@ -166,7 +166,7 @@ pub struct Orientation {
     pub scales: DVec3,
 }
 
-/// Axes and rules that make ellipsoids of a scene's splats (EWA §6.2, docs/book/algorithm.md §9).
+/// Axes and rules that make ellipsoids of a scene's splats (EWA §6.2, docs/book/algorithm-resolve.md §9).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ellipsoids {
     /// One for each splat, or a single one that all have.
@@ -257,7 +257,7 @@ pub struct Light {
     pub rgb: [f64; 3],
 }
 
-/// Reflectance of a surface (docs/book/algorithm.md §7).
+/// Reflectance of a surface (docs/book/algorithm-resolve.md §7).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Material {
     /// The colour as it is.

@@ -1,4 +1,4 @@
-//! Voxels: turns a scalar field into splats, by a transfer function or along an isosurface (EWA §6, docs/book/algorithm.md §9).
+//! Voxels: turns a scalar field into splats, by a transfer function or along an isosurface (EWA §6, docs/book/algorithm-resolve.md §9).
 //!
 //! ```text
 //! samples ─►[ transfer: value → rgb, opacity ]─►(× gradient's factor)─► what is seen at all ─►[ slices along the view ]─► sheets

@@ -14,7 +14,7 @@
 # counts LUTs of six.
 #
 # The default prices are round numbers near the least squares of relative errors over the units of tiny and lean. Over these, reference
-# and two more machines, 34 units, LUTs are 1.00 times the model in the mean, 0.89 to 1.16 (docs/book/cost.md).
+# and two more machines, 34 units, LUTs are 1.00 times the model in the mean, 0.89 to 1.22 (docs/book/cost.md).
 #
 # Only a unit's own logic is synthesised:
 # - The pipe behind each unit is replaced by wires: neither the registers of its latency, which synthesis would retime into the logic and

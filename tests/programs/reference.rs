@@ -3,7 +3,7 @@
 //! `cargo run --release --example reference` writes them into `docs/book/reference`; `tests/readme.rs` compares.
 
 use serde_json::{Map, Value};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// A page: its file in `docs/book/reference`, and its text.
@@ -17,7 +17,7 @@ pub struct Page {
 /// All pages that are made from schemas.
 #[must_use]
 pub fn pages() -> Vec<Page> {
-    vec![
+    linked(vec![
         page("machine.md", "Machine", MACHINE, &splatsim::hardware::machines::schema()),
         page("scene.md", "Scene", SCENE, &splatsim::scene::schema()),
         page("plan.md", "Sweep plan", PLAN, &splatsim::explore::sweep::plan::schema()),
@@ -28,8 +28,91 @@ pub fn pages() -> Vec<Page> {
         page("stress.md", "Stress catalogue", STRESS, &of::<splatsim::explore::stress::Catalogue>()),
         page("search.md", "Search", SEARCH, &of::<splatsim::explore::search::Outcome>()),
         page("search-over-timing.md", "Search over timing", OVER_TIMING, &of::<splatsim::explore::search::over_timing::Outcome>()),
-    ]
+    ])
 }
+
+/// Pages of what the program writes: types of theirs that several have lie in [`TYPES`].
+const WRITTEN: [&str; 6] = ["report.md", "compare.md", "sequence.md", "stress.md", "search.md", "search-over-timing.md"];
+const TYPES: &str = "types.md";
+
+/// A page before its types are brought together.
+struct Draft {
+    file: &'static str,
+    head: String,
+    /// The page's own object, then the types that it leads to: name and text.
+    sections: Vec<(String, String)>,
+}
+
+/// Each type that several pages describe in the same words has one home, which the others link to.
+fn linked(drafts: Vec<Draft>) -> Vec<Page> {
+    let homes = homes(&drafts);
+    let mut pages: Vec<Page> = Vec::new();
+    let mut types = format!("# Types\n\n{TYPES_OF_SEVERAL}\n\n{MADE_BY}");
+    let mut written = BTreeSet::new();
+    for Draft { file, head, sections } in &drafts {
+        let mut text = head.clone();
+        for section in sections {
+            match homes.get(section) {
+                Some(home) if *home == TYPES => {
+                    if written.insert(section) {
+                        types += &with_links(&section.1, TYPES, sections, &homes);
+                    }
+                }
+                Some(home) if home != file => {}
+                _ => text += &with_links(&section.1, file, sections, &homes),
+            }
+        }
+        pages.push(Page { file, text });
+    }
+    pages.push(Page { file: TYPES, text: types });
+    pages
+}
+
+/// The page of each type that several pages share, by its name and text.
+fn homes(drafts: &[Draft]) -> BTreeMap<(String, String), &'static str> {
+    let mut pages: BTreeMap<&(String, String), Vec<&'static str>> = BTreeMap::new();
+    for draft in drafts {
+        draft.sections.iter().skip(1).for_each(|section| pages.entry(section).or_default().push(draft.file));
+    }
+    pages.retain(|_, files| files.len() > 1);
+    // Of a name with several texts the one of most pages: a page has a name once.
+    let most = |(name, text): &(String, String)| {
+        let same = pages.iter().filter(|((other, _), _)| other == name);
+        same.max_by_key(|(_, files)| files.len()).is_some_and(|((_, most), _)| most == text)
+    };
+    let mut shared: BTreeMap<(String, String), &'static str> = (pages.iter().filter(|(section, _)| most(section)))
+        .map(|(section, files)| ((*section).clone(), if WRITTEN.contains(&files[0]) { TYPES } else { files[0] }))
+        .collect();
+    // What leads to a type that is not shared has another meaning on each page.
+    loop {
+        let names: BTreeSet<String> = shared.keys().map(|(name, _)| name.to_lowercase()).collect();
+        let before = shared.len();
+        shared.retain(|(_, text), _| links(text).all(|name| names.contains(name)));
+        if shared.len() == before {
+            return shared;
+        }
+    }
+}
+
+/// Names below a page's own headings that a text links to.
+fn links(text: &str) -> impl Iterator<Item = &str> {
+    text.split("](#").skip(1).filter_map(|rest| rest.split_once(')').map(|(name, _)| name))
+}
+
+/// A section of some page's sections, as it stands on the page `here`.
+fn with_links(text: &str, here: &str, sections: &[(String, String)], homes: &BTreeMap<(String, String), &'static str>) -> String {
+    let mut linked = text.to_owned();
+    for section in sections {
+        if let Some(home) = homes.get(section).filter(|home| **home != here) {
+            let name = section.0.to_lowercase();
+            linked = linked.replace(&format!("](#{name})"), &format!("]({home}#{name})"));
+        }
+    }
+    linked
+}
+
+const MADE_BY: &str = "<!-- made by: cargo run --release --example reference -->\n";
+const TYPES_OF_SEVERAL: &str = "Types that several files have which the program writes: reports, results of searches, and so on.";
 
 /// The schema of what the program writes.
 fn of<T: schemars::JsonSchema>() -> Value {
@@ -58,11 +141,11 @@ fn main() -> std::io::Result<()> {
     pages().into_iter().try_for_each(|page| std::fs::write(folder.join(page.file), page.text))
 }
 
-fn page(file: &'static str, title: &str, intro: &str, schema: &Value) -> Page {
-    let mut text = format!("# {title}\n\n{intro}\n\n<!-- made by: cargo run --release --example reference -->\n");
-    text += &section(schema, &format!("The {}", title.to_lowercase()), schema);
-    named_below(schema, schema).into_iter().for_each(|name| text += &section(schema, name, &schema["$defs"][name]));
-    Page { file, text }
+fn page(file: &'static str, title: &str, intro: &str, schema: &Value) -> Draft {
+    let head = format!("# {title}\n\n{intro}\n\n{MADE_BY}");
+    let own = (String::new(), section(schema, &format!("The {}", title.to_lowercase()), schema));
+    let below = named_below(schema, schema).into_iter().map(|name| (name.to_owned(), section(schema, name, &schema["$defs"][name])));
+    Draft { file, head, sections: std::iter::once(own).chain(below).collect() }
 }
 
 /// The named schemas that one leads to, in the order in which a reader meets them.

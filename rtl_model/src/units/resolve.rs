@@ -1,5 +1,5 @@
 //! Resolve: shades what a pixel still holds, blends it front to back over the background and writes the frame word
-//! (docs/book/algorithm.md §7).
+//! (docs/book/algorithm-resolve.md §7).
 //!
 //! ```text
 //! layers in depth order ─►(× transmittance)─►(Σ)─►(+ background)─► frame

@@ -1,4 +1,4 @@
-//! Shade: turns a fragment's sums into the light that leaves it (docs/book/algorithm.md §7): normalise, Blinn-Phong, coverage.
+//! Shade: turns a fragment's sums into the light that leaves it (docs/book/algorithm-resolve.md §7): normalise, Blinn-Phong, coverage.
 //!
 //! ```text
 //! weight_sum ─►[ 1/W ]─┬────────────►(×)─► rgb, opacity ──────────────────►(×)─► colour ─►(×)─► premultiplied

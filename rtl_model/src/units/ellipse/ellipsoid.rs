@@ -1,4 +1,4 @@
-//! Ellipsoids: turns three principal axes into a conic, an amplitude and a box (EWA §6.2, docs/book/algorithm.md §9).
+//! Ellipsoids: turns three principal axes into a conic, an amplitude and a box (EWA §6.2, docs/book/algorithm-resolve.md §9).
 //!
 //! ```text
 //! quaternion ─►[ R ]─► rᵢ ─►[ W·r ]─┬─► tilt gᵢ ─►(× sᵢ)─► stretch ─►[ Σ sᵢ²gᵢgᵢᵀ ]─► shape ┐

@@ -1,4 +1,5 @@
-//! Sheets: fragments of the same sheet add up, and a sheet is blended when the next one begins (EWA §7.1, docs/book/algorithm.md §9).
+//! Sheets: fragments of the same sheet add up, and a sheet is blended when the next one begins (EWA §7.1,
+//! docs/book/algorithm-resolve.md §9).
 //!
 //! ```text
 //! weight, sheet, rgb ─►[ sheet = open? ]─┬─ yes ─► accumulate: Σw, Σw·rgb

@@ -1,5 +1,5 @@
 //! Window: keeps at most `layers` slots a pixel as clusters of depth, and groups them into windows of ε as late as it can
-//! (docs/book/algorithm.md §6).
+//! (docs/book/algorithm-resolve.md §11).
 //!
 //! ```text
 //! weight, depth, attributes ─►[ 1 a cluster spans it? ]─ yes ─► accumulate

@@ -137,7 +137,7 @@ proptest! {
         }
     }
 
-    /// Blinn-Phong in real numbers, by the formula of docs/book/algorithm.md §7.
+    /// Blinn-Phong in real numbers, by the formula of docs/book/algorithm-resolve.md §7.
     #[test]
     fn a_lit_colour_is_blinn_and_phongs(name in names(), normal in unit_vector(), weight in 0.5..3.0, rgb in prop::array::uniform3(0.0..1.0)) {
         let bench = bench(name);

@@ -1,4 +1,4 @@
-//! Shade's bound against docs/book/algorithm.md §7 in f64, and the integer unit on words.
+//! Shade's bound against docs/book/algorithm-resolve.md §7 in f64, and the integer unit on words.
 
 use super::super::{Input, LightRegisters};
 use super::*;
@@ -46,7 +46,7 @@ impl Scene {
         }
     }
 
-    /// docs/book/algorithm.md §7, of a fragment's means.
+    /// docs/book/algorithm-resolve.md §7, of a fragment's means.
     fn exact(&self, weight: f64, rgb: [f64; 3], opacity: f64, normal: [f64; 3]) -> [f64; 4] {
         if weight == 0.0 {
             return [0.0; 4];
