@@ -31,7 +31,7 @@ pub(super) struct Typed {
     /// Set the seed of the distribution
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Use `neighbours` or `area` for radii
+    /// Use `neighbours` or `area`
     #[arg(long, default_value = "area", hide_possible_values = true)]
     radii: RadiiName,
     /// `nearest`, `ewa` or `optimised`

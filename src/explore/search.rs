@@ -1152,8 +1152,10 @@ impl Outcome {
         let Checked { alone, together, costly } = self.checked;
         let aim = if self.margin.aim_db > 0.0 { "aim" } else { "target" };
         let mut text = format!("a step less of each of {alone} words and sizes misses the {aim}");
-        if together > 0 {
-            let _ = write!(text, ", and so do {together} joint steps");
+        match together {
+            0 => {}
+            1 => text.push_str(", and so does 1 joint step"),
+            _ => _ = write!(text, ", and so do {together} joint steps"),
         }
         if costly > 0 {
             let _ = write!(text, "; {costly} would take more area");

@@ -112,7 +112,8 @@ fn with_links(text: &str, here: &str, sections: &[(String, String)], homes: &BTr
 }
 
 const MADE_BY: &str = "<!-- made by: cargo run --release --example reference -->\n";
-const TYPES_OF_SEVERAL: &str = "Types that several files have which the program writes: reports, results of searches, and so on.";
+const TYPES_OF_SEVERAL: &str =
+    "Types that more than one of the files contains that splatsim writes: reports, results of searches and others.";
 
 /// The schema of what the program writes.
 fn of<T: schemars::JsonSchema>() -> Value {
