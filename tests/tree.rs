@@ -459,7 +459,10 @@ fn a_walk_takes_a_latency_a_round() {
     // Two levels are two rounds more than none; what is asked for together comes together.
     let deep = |ahead: usize| cut(&ball(256), 4, Rules { ahead, ..EVERYTHING });
     let fetched = |ahead| {
-        let (_, cycles, ..) = replayed(&deep(ahead), |machine| machine.timing.memory.ideal = true);
+        let (_, cycles, ..) = replayed(&deep(ahead), |machine| {
+            machine.timing.memory.ideal = true;
+            machine.timing.project.latency = Some(24);
+        });
         *cycles.units.iter().find(|unit| unit.name == "fetch").unwrap().log.last().unwrap()
     };
     let [one, eight] = [fetched(1), fetched(8)];
