@@ -1003,8 +1003,19 @@ fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
     assert!(decided.iter().all(|view| cameras.as_array().unwrap().contains(&view["camera"])), "{cameras}");
     // A file of cameras that is damaged is refused in a sentence.
     let file = out.join("cameras.json");
-    let mut cameras = read(&file);
-    cameras["splatsim_cameras"][1]["camera"]["near"] = json!(-1);
-    fs::write(&file, cameras.to_string()).unwrap();
-    refused(&["run", &path, "--cameras", file.to_str().unwrap(), "--frame", "1"], "splatsim_cameras[1].camera needs finite vectors");
+    let whole = read(&file);
+    for (field, value, told) in [
+        ("near", json!(-1), "near is -1; it must be more than 0"),
+        ("near", json!(1e300), "near is 1e300; "),
+        ("fov_y_degrees", json!(1e-300), "fov_y_degrees is 1e-300; "),
+        ("focal_px", json!([0, 0]), "focal_px[0] is 0; "),
+        ("focal_px", json!([50, 50]), "has focal_px or centre_px, and no picture_px that they refer to"),
+        ("eye", json!([0, 0, 1e40]), "eye[2] is 1e40; "),
+        ("eys", json!([0, 0, 1]), "eys is no known field"),
+    ] {
+        let mut cameras = whole.clone();
+        cameras["splatsim_cameras"][1]["camera"][field] = value;
+        fs::write(&file, cameras.to_string()).unwrap();
+        refused(&["run", &path, "--cameras", file.to_str().unwrap(), "--frame", "1"], &format!("splatsim_cameras[1].camera: {told}"));
+    }
 }

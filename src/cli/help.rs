@@ -2,10 +2,17 @@
 //!
 //! Law (tests/cli.rs): `each_command_has_an_example_that_is_accepted`.
 
+/// What `NAMES` and `TRACE` both say.
+macro_rules! names {
+    () => {
+        "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
+         volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
+         Named machines: reference, lean, tiny, window; volume; gaussian"
+    };
+}
+
 /// Names of scenes and machines.
-pub(super) const NAMES: &str = "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
-    volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
-    Named machines: reference, lean, tiny, window; volume; gaussian";
+pub(super) const NAMES: &str = names!();
 
 pub(super) const COMPARE: &str = "A and B are two machines (a name or a file), or two results (a folder that\n\
     `run --out` wrote, or its report.json). Machines are compared by fields and\n\
@@ -23,11 +30,11 @@ pub(super) const VIEW: &str = "The page is served to this computer only, and nee
     Exact values of pixels are computed from the scene on request; an exported page\n\
     does not have them.";
 
-pub(super) const TRACE: &str = "Units: pipeline, project, ellipse, sort (of Gaussians), raster, gauss, fragment,\n\
-    shade, resolve\n\
-    Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
-    volumes nested-shells, marschner-lobb, fuzzy-clouds; Gaussians bouquet\n\
-    Named machines: reference, lean, tiny, window; volume; gaussian";
+pub(super) const TRACE: &str = concat!(
+    "Units: pipeline, project, ellipse, sort (of Gaussians), raster, gauss, fragment,\n\
+     shade, resolve\n",
+    names!()
+);
 
 pub(super) const DIFF: &str = "Records of streams that are ordered per pixel may come in another order. A file\n\
     in tile order is recognised, and a line of the output says so; --order decides.\n\

@@ -25,17 +25,17 @@ pub(super) struct Typed {
     /// Write the points into this PLY file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// `blue-noise` or `stratified`
-    #[arg(long, default_value = "blue-noise", hide_possible_values = true)]
+    /// Lay points out as `blue-noise` (default) or `stratified`
+    #[arg(long, default_value = "blue-noise", hide_default_value = true, hide_possible_values = true)]
     pattern: PatternName,
     /// Set the seed of the distribution
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Use `neighbours` or `area`
-    #[arg(long, default_value = "area", hide_possible_values = true)]
+    /// Take radii from `area` (default) or `neighbours`
+    #[arg(long, default_value = "area", hide_default_value = true, hide_possible_values = true)]
     radii: RadiiName,
-    /// `nearest`, `ewa` or `optimised`
-    #[arg(long, default_value = "ewa", hide_possible_values = true)]
+    /// Filter textures by `ewa` (default), `nearest`, `optimised`
+    #[arg(long, default_value = "ewa", hide_default_value = true, hide_possible_values = true)]
     texture: TextureName,
     /// Apply this PNG or JPEG as texture
     #[arg(long, value_name = "FILE", conflicts_with = "checkerboard")]

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::explore::search;
 use crate::explore::search::{Claim, Domain, Options, Target, over_fragment, over_timing};
 use crate::hardware::{machines, searched};
-use crate::output::text::wrapped;
+use crate::output::text::{quoted_for_shell, wrapped};
 use crate::performance::cost::Prices;
 use crate::scene::{CameraFile, Overrides, Scene, Sequence, memory};
 use clap::{Args, ValueEnum};
@@ -27,7 +27,7 @@ pub(super) struct Typed {
     /// Require this frame rate; search fields of timing
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
-    /// Minimise `area`, `gates`, `energy` or `cycles`
+    /// Minimise `area` (default), `gates`, `energy`, `cycles`
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
     minimise: Option<Minimise>,
     /// Read timing fields and values [default: usual ones]
@@ -83,12 +83,6 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
-/// An argument as a shell takes it.
-fn quoted(text: &str) -> String {
-    let is_plain = !text.is_empty() && text.chars().all(|letter| letter.is_ascii_alphanumeric() || "-_./:=,+@%".contains(letter));
-    if is_plain { text.to_owned() } else { format!("'{}'", text.replace('\'', "'\\''")) }
-}
-
 /// A command whose lines a shell takes as one, broken where they would be longer than 80 columns.
 fn continued(parts: &[String]) -> String {
     let mut text = String::from("   ");
@@ -109,8 +103,9 @@ fn continued(parts: &[String]) -> String {
 /// Scene and size of every domain, as `run` takes them.
 fn named(scenes: &[OsString], common: &Common) -> Vec<String> {
     let size = |overrides: &Overrides| overrides.size.map_or(String::new(), |(width, height)| format!(" --size {width}x{height}"));
-    let of =
-        |scene: &OsString| common.each_overrides().iter().map(|each| quoted(&scene.to_string_lossy()) + &size(each)).collect::<Vec<_>>();
+    let of = |scene: &OsString| {
+        common.each_overrides().iter().map(|each| quoted_for_shell(&scene.to_string_lossy()) + &size(each)).collect::<Vec<_>>()
+    };
     scenes.iter().flat_map(of).collect()
 }
 
@@ -187,7 +182,8 @@ impl Typed {
             prices: Prices::load_or_default(self.prices.as_deref())?,
             progress: !self.quiet,
         };
-        let prices_flag = self.prices.as_deref().map_or(String::new(), |path| format!(" --prices {}", quoted(&path.to_string_lossy())));
+        let prices_flag =
+            self.prices.as_deref().map_or(String::new(), |path| format!(" --prices {}", quoted_for_shell(&path.to_string_lossy())));
         let again = Again { scenes: named(&self.scenes, &self.common), prices: prices_flag };
         let folder = self.out.unwrap_or_else(|| folder_for(&self.scenes[0], "-search"));
         let by = match self.by {
@@ -287,7 +283,7 @@ impl Job {
     }
 
     fn again_with(&self, claims: &[Claim], cameras: &Path, machine: &Path) -> String {
-        let path = |folder: &Path, name: &str| quoted(&folder.join(name).to_string_lossy());
+        let path = |folder: &Path, name: &str| quoted_for_shell(&folder.join(name).to_string_lossy());
         let command = |Claim { figure, view, scene, cameras: file, frame }: &Claim| {
             let (machine, file) = (path(machine, "machine.json"), path(cameras, file));
             let command = [

@@ -50,6 +50,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::borrow::Cow;
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -225,12 +226,12 @@ fn method_psnr_db(views: &[View]) -> Option<f64> {
 
 /// How far a machine is off on all of some views.
 fn found_on<'v>(views: impl IntoIterator<Item = &'v View>, drawn: impl Fn(&View) -> Result<Found>) -> Result<Found> {
-    let mut all: Option<Found> = None;
-    for view in views {
-        let found = drawn(view)?;
-        all = Some(all.map_or(found, |all| all.and(found)));
-    }
-    Ok(all.unwrap_or_default())
+    Ok(worst_of(&views.into_iter().map(drawn).collect::<Result<Vec<Found>>>()?))
+}
+
+/// The worst of each figure.
+fn worst_of(found: &[Found]) -> Found {
+    found.iter().copied().reduce(Found::and).unwrap_or_default()
 }
 
 impl Target {
@@ -440,10 +441,11 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
         let (held, failed) = search.verified(&best, next_view)?;
         next_view += options.views;
         let Some((found, views)) = failed else {
-            let margin = search.margin(&best, first_views, [target_alone_area, area])?;
+            let searched = search.drawn_again(&best)?;
+            let margin = search.margin(&searched[..first_views], [target_alone_area, area]);
+            let claims = search.claims(&searched, &held);
             let checked = Checked { alone, together, costly };
-            let outcome = search.outcome(names, path, held, learnt, &best, (margin, checked))?;
-            let outcome = Outcome { claims: search.claims(&outcome)?, ..outcome };
+            let outcome = search.outcome(names, path, held, learnt, &best, (margin, claims, checked))?;
             return search.write(outcome, folder);
         };
         let worst = &views[0];
@@ -789,7 +791,8 @@ impl<'a> Search<'a> {
         let Some(built) = built.filter(|_| wider != now) else { return Ok((false, load)) };
         let found = found_on(views, |view| drawn(&built, view, &self.options.target)).unwrap_or(HOPELESS);
         let then = self.options.target.load(&found);
-        if then >= load {
+        // Also where a load is no number.
+        if then.partial_cmp(&load) != Some(Ordering::Less) {
             return Ok((false, load));
         }
         self.least_int_bits.extend(widened);
@@ -801,21 +804,25 @@ impl<'a> Search<'a> {
         10.0 * libm::log10(self.stricter)
     }
 
-    /// What unseen views cost; areas are those of the target alone and of what was found.
-    fn margin(&mut self, steps: &[u32], first_views: usize, [alone, found]: [f64; 2]) -> Result<Margin> {
-        let target = &self.options.target;
+    /// How far a machine is off on each view that was searched on.
+    fn drawn_again(&self, steps: &[u32]) -> Result<Vec<Found>> {
         let machine = self.machine(steps).unwrap_or_else(|| self.base.clone());
         let elaborated = fixed::elaborate(&machine)?;
-        let on_first = found_on(&self.views[..first_views], |view| drawn(&elaborated, view, target)).unwrap_or(HOPELESS);
-        let first_psnr_db = on_first.psnr_db_of(target);
-        Ok(Margin {
+        self.views.iter().map(|view| drawn(&elaborated, view, &self.options.target)).collect()
+    }
+
+    /// What unseen views cost; areas are those of the target alone and of what was found.
+    fn margin(&self, on_first: &[Found], [alone, found]: [f64; 2]) -> Margin {
+        let target = &self.options.target;
+        let first_psnr_db = worst_of(on_first).psnr_db_of(target);
+        Margin {
             aim_db: self.aim_db().max(0.0),
             first_psnr_db,
             db: first_psnr_db.zip(target.psnr_db).map(|(reached, wanted)| reached - wanted),
             target_alone_area: alone,
             area: found - alone,
             widened: self.least_int_bits.keys().cloned().collect(),
-        })
+        }
     }
 
     /// How the machine does on unseen views, and the worst that fails.
@@ -824,22 +831,29 @@ impl<'a> Search<'a> {
         let elaborated = fixed::elaborate(&machine)?;
         let target = &self.options.target;
         let mut held: Vec<Unseen> = Vec::new();
+        let mut taken: Vec<(usize, Camera)> = Vec::new();
         let mut worst: Option<(f64, (Found, Vec<View>))> = None;
         for (of, domain) in self.domains.iter().enumerate() {
             for nth in from..from + self.options.views {
                 let member = domain.nth(nth)?;
                 let (name, camera) = (member.name.clone(), member.scene.camera);
-                let searched = self.views.iter().map(|view| (view.of, &view.scene.camera));
+                let searched = self.views.iter().map(|view| (view.of, view.scene.camera));
                 // A short list comes round again.
-                if searched.chain(held.iter().map(|view| (view.of, &view.camera))).any(|seen| seen == (of, &camera)) {
+                if searched.chain(taken.iter().copied()).any(|seen| seen == (of, camera)) {
                     continue;
                 }
                 let views: Vec<View> =
                     member.and_beside(self.options.robust).into_iter().map(|member| View::new(of, member, &machine)).collect();
-                let found = found_on(&views, |view| drawn(&elaborated, view, target)).unwrap_or(HOPELESS);
+                let each: Vec<Found> = views.iter().map(|view| drawn(&elaborated, view, target).unwrap_or(HOPELESS)).collect();
+                let found = worst_of(&each);
                 let load = target.load(&found);
                 self.progress.say(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
-                held.push(Unseen { of, name, eye: camera.eye.to_array(), camera, found });
+                taken.push((of, camera));
+                // The camera that decides is recorded, with what is found there.
+                let slack = |nth: &usize| target.load(&each[*nth]);
+                let decides = (0..each.len()).max_by(|a, b| slack(a).total_cmp(&slack(b)).then(b.cmp(a))).unwrap_or(0);
+                let (name, camera) = (views[decides].name.clone(), views[decides].scene.camera);
+                held.push(Unseen { of, name, eye: camera.eye.to_array(), camera, found: each[decides] });
                 if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
                     worst = Some((load, (found, views)));
                 }
@@ -855,7 +869,7 @@ impl<'a> Search<'a> {
         views: Vec<Unseen>,
         learnt: Vec<String>,
         steps: &[u32],
-        (margin, checked): (Margin, Checked),
+        (margin, claims, checked): (Margin, Vec<Claim>, Checked),
     ) -> Result<Outcome> {
         let mut tight = Vec::new();
         let lesser = |knob: usize| {
@@ -901,7 +915,7 @@ impl<'a> Search<'a> {
             learnt,
             cameras,
             tight,
-            claims: Vec::new(),
+            claims,
             margin,
             checked,
             machine,
@@ -917,14 +931,9 @@ impl<'a> Search<'a> {
     }
 
     /// The worst of the views that were searched on, and the worst of the unseen ones.
-    fn claims(&self, outcome: &Outcome) -> Result<Vec<Claim>> {
+    fn claims(&self, searched: &[Found], views: &[Unseen]) -> Vec<Claim> {
         let target = &self.options.target;
-        let elaborated = fixed::elaborate(&outcome.machine)?;
-        let mut searched = Vec::new();
-        for view in &self.views {
-            searched.push(drawn(&elaborated, view, target)?);
-        }
-        let unseen: Vec<Found> = outcome.views.iter().map(|view| view.found).collect();
+        let unseen: Vec<Found> = views.iter().map(|view| view.found).collect();
         let worst = |found: &[Found], from: usize| {
             let load = |nth: &usize| target.load(&found[*nth]);
             let nth = (0..found.len()).max_by(|a, b| load(a).total_cmp(&load(b)).then(b.cmp(a)))?;
@@ -934,8 +943,8 @@ impl<'a> Search<'a> {
             };
             Some((figure, from + nth))
         };
-        let figures = [worst(&searched, 0), worst(&unseen, searched.len())].into_iter().flatten().collect();
-        Ok(claims::claims(self.domains, &self.decided(&outcome.views), figures))
+        let figures = [worst(searched, 0), worst(&unseen, searched.len())].into_iter().flatten().collect();
+        claims::claims(self.domains, &self.decided(views), figures)
     }
 
     /// Each scene with the cameras that were searched on, then those of unseen views.
@@ -1151,7 +1160,11 @@ impl Outcome {
     fn checked_text(&self) -> String {
         let Checked { alone, together, costly } = self.checked;
         let aim = if self.margin.aim_db > 0.0 { "aim" } else { "target" };
-        let mut text = format!("a step less of each of {alone} words and sizes misses the {aim}");
+        let mut text = match alone {
+            0 => "no word or size can lose a step".to_owned(),
+            1 => format!("a step less of the one word or size that can lose one misses the {aim}"),
+            _ => format!("a step less of each of {alone} words and sizes misses the {aim}"),
+        };
         match together {
             0 => {}
             1 => text.push_str(", and so does 1 joint step"),

@@ -14,12 +14,13 @@ mod nerfstudio;
 mod trained;
 
 use super::camera::Ball;
-use super::json::NEAR_OF_DISTANCE;
+use super::json::{CameraFields, NEAR_OF_DISTANCE};
 use super::path::MOST_FRAMES;
 use super::ply::FARTHEST;
-use super::{Camera, Image, Splat, strict_json};
+use super::{Camera, Image, Splat, strict_json, validate};
 use crate::error::{Error, Result};
 use glam::{DMat3, DVec3};
+use schemars::schema_for;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -199,15 +200,14 @@ fn recorded(cameras: &Value) -> Parsed<Vec<Camera>> {
     if cameras.len() > MOST_FRAMES {
         return Err(format!("has {} cameras; at most {MOST_FRAMES} are right", cameras.len()));
     }
+    let schema = schema_for!(CameraFields).to_value();
     let camera = |(frame, recorded): (usize, &Value)| {
         let begin = format!("splatsim_cameras[{frame}].camera");
         let value = recorded.get("camera").ok_or_else(|| format!("{begin} is missing"))?;
+        validate::check(value, &schema).map_err(|misfit| format!("{begin}: {misfit}"))?;
         let camera: Camera = serde_json::from_value(value.clone()).map_err(|error| format!("{begin}: {error}"))?;
-        let numbers = [camera.eye, camera.target, camera.up].map(|vector| vector.is_finite());
-        if numbers != [true; 3]
-            || !(camera.fov_y_degrees > 0.0 && camera.fov_y_degrees < 180.0 && camera.near > 0.0 && camera.near.is_finite())
-        {
-            return Err(format!("{begin} needs finite vectors, an angle of view between 0 and 180 degrees and a near plane above 0"));
+        if camera.picture_px.is_none() && (camera.focal_px.is_some() || camera.centre_px.is_some()) {
+            return Err(format!("{begin}: has focal_px or centre_px, and no picture_px that they refer to"));
         }
         check_position(camera.eye)?;
         camera.check(&format!("{begin}: "), "").map(|()| camera)

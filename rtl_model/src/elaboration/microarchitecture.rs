@@ -396,10 +396,10 @@ impl Machine {
         e.require(self.sort.is_none() || t.organisation == Organisation::Binned, || {
             "timing.organisation is immediate, but a sort needs all splats first: binned would do".into()
         });
-        let sort = self.sort.map(|sort| {
-            let digit_bits = sort.digit_bits.clamp(1, 16);
-            let key = sort.key.format.width();
-            SortShape { passes: (key.max(1) as u32).div_ceil(digit_bits), digit_bits, entry_bytes: 4 + bytes(key) }
+        let sort = self.sort.map(|sort| SortShape {
+            passes: sort.passes(),
+            digit_bits: sort.digit_bits.clamp(1, 16),
+            entry_bytes: 4 + bytes(sort.key.format.width()),
         });
         let fragment_bytes = bytes(self.fragment_bits());
         let frame_bytes = bytes(4 * self.resolve.frame.format.width());

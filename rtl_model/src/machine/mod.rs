@@ -404,6 +404,13 @@ pub struct Sort {
     pub digit_bits: u32,
 }
 
+impl Sort {
+    /// Passes over all entries, one per digit of the key.
+    pub(crate) fn passes(&self) -> u32 {
+        (self.key.format.width().max(1) as u32).div_ceil(self.digit_bits.clamp(1, 16))
+    }
+}
+
 /// Formats of the unit `shade`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -122,8 +122,7 @@ impl Machine {
         // The digit of a pass is chosen from the key, for the entry that moves and for the one that is counted.
         let key_bits = sort.key.format.width();
         let digit_bits = sort.digit_bits.clamp(1, 16);
-        let passes = (key_bits.max(1) as u32).div_ceil(digit_bits);
-        e.copies(2, |e| e.choice(unit::SORT, passes, digit_bits as i32));
+        e.copies(2, |e| e.choice(unit::SORT, sort.passes(), digit_bits as i32));
         // An entry, a splat's number and its key, is read, and is written.
         e.copies(2, |e| e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32 + key_bits)));
         Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()))

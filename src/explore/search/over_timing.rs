@@ -321,8 +321,8 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
     let machine = Machine { name: format!("{}-{}fps", base.name, options.min_fps), ..search.machine(&best)? };
     let built = fixed::elaborate(&machine)?;
     for frame in search.frames.iter().chain(&slow_frames) {
-        let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Total));
         if cameras.iter().all(|other| other.name != frame.name) {
+            let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Total));
             let of = claims::domain_of(domains, &frame.name);
             cameras.push(Deciding { of, name: frame.name.clone(), camera: frame.camera, frames_per_second: fps });
         }
