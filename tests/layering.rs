@@ -247,7 +247,7 @@ fn neighbours(code: &str) -> Vec<String> {
 
 /// The same of a unit's bound, which may name its unit, which is its parent, and real numbers too.
 fn neighbours_over_the_reals(code: &str) -> Vec<String> {
-    let allowed = ["kernels", "real", "functions", "elaboration", "machine", "probe", "frame", "records", "num"];
+    let allowed = ["graph", "kernels", "real", "functions", "elaboration", "machine", "probe", "frame", "records", "num"];
     let steps = steps_from(code, "crate").into_iter().filter(|step| !allowed.contains(step)).map(|step| format!("crate::{step}"));
     let outside = ["units", "rayon", "pipeline", "host"].into_iter().filter(|word| names(code, word)).map(String::from);
     let above = steps_from(code, "super").contains("super").then(|| "super::super".into());
@@ -268,6 +268,7 @@ const THE_MACHINE: Layers = Layers {
         "timing",
         "pipeline",
         "units",
+        "graph",
         "kernels",
         "real",
         "functions",

@@ -19,6 +19,7 @@
 //! timing        recorded work → cycles
 //! pipeline      elaborates a machine and wires the units; ports field by field; a unit by itself
 //! units         one unit a file: ports, formats, legality, latency, parts, function, laws
+//! graph         a unit's arithmetic as operators on wires, and passes over it
 //! kernels       the host's fast versions of what units do
 //! real          the same steps over real numbers: bounds, partial precision
 //! functions     reciprocal, square root, table
@@ -38,6 +39,7 @@
 pub mod elaboration;
 pub mod frame;
 pub mod functions;
+pub mod graph;
 pub mod kernels;
 pub mod machine;
 pub mod num;

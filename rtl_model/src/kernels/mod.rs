@@ -6,10 +6,12 @@ pub mod host;
 mod packed;
 mod queue;
 mod tile;
+mod weigh;
 
 pub use packed::{Accumulator, Limits, PackedSlot, PackedSums, SumLimits, fits_32_bits};
 pub use queue::{ONES, Queue, Queued};
 pub use tile::{MAX_DEPTH_BITS, NO_MATCH, Tile};
+pub use weigh::{Reach, Short, Weigh};
 
 use crate::num::Lanes;
 use std::marker::PhantomData;

@@ -66,6 +66,23 @@ const MOST_HEAD: i64 = 24;
 /// More places than any shifter has, whatever the data adds to them.
 const IMPOSSIBLE: i64 = 1 << 20;
 
+/// A [`Fit`] with its constants on all lanes, where limits can wait until a result is a word of 32 bits: see [`Fit::narrow`].
+#[derive(Clone, Copy, Debug)]
+pub struct Narrow<W: Words> {
+    half: W::Exact,
+    places: u32,
+    min: W,
+    max: W,
+}
+
+impl<W: Words> Narrow<W> {
+    /// The words for eight exact results.
+    #[inline(always)]
+    pub fn words(&self, exact: W::Exact) -> W {
+        (exact + self.half).cut(self.places).max(self.min).min(self.max)
+    }
+}
+
 /// A [`Fit`] with its constants on all lanes, for words of 31 bits: see [`Fit::natural`].
 #[derive(Clone, Copy, Debug)]
 pub struct Natural<W> {
@@ -206,6 +223,16 @@ impl Fit {
     #[inline(always)]
     pub fn natural<W: Words>(&self) -> Natural<W> {
         Natural { half: W::splat(self.half), right: self.right, max: W::splat(self.max) }
+    }
+
+    /// [`Fit::words`] with its constants on all lanes; none where it takes the long way.
+    #[inline(always)]
+    pub fn narrow<W: Words>(&self) -> Option<Narrow<W>> {
+        if !self.narrow {
+            return None;
+        }
+        let (half, places) = (W::Exact::splat(self.half), self.places as u32);
+        Some(Narrow { half, places, min: W::splat(self.min), max: W::splat(self.max) })
     }
 
     #[inline(always)]

@@ -1,12 +1,14 @@
 //! Fill: the second half of the pipeline, tile by tile: raster, gauss, fragment, shade and resolve.
 
+use super::blend::Blender;
 use super::merges::{Merges, Waiting};
 use super::set_up::Emission;
 use super::shading::{ShadeEight, input_of, layer_of, lit_layer, shade_for_merge, shade_slot};
 use super::{Drawing, Elaborated, Setup, SetupRecord};
 use crate::frame::{Each, Frame};
+use crate::graph;
 use crate::kernels::host::{Host, Kernel, Plainly, Vectorised, plainly};
-use crate::kernels::{Accumulator, Path, Queue, Queued, Tile};
+use crate::kernels::{Accumulator, Path, Queue, Queued, Short as ShortWeigh, Tile, Weigh};
 use crate::num::fit::Natural;
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Probe, Ranges, Tap};
@@ -15,7 +17,7 @@ use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
 use crate::units::raster::short::{Shape, ShortRows, ShortWalks};
-use crate::units::{gauss, raster, shade};
+use crate::units::{raster, shade};
 use crate::work::Bins;
 use rayon::prelude::*;
 
@@ -36,7 +38,7 @@ pub(super) fn fill_at_most<P: Probe>(
         return fill_as::<false, i64, P, _>(Plainly, machine, frame, setup, probe);
     };
     // Paths of their own for what is common: each is compiled once more for every probe.
-    let simple = machine.gauss.is_simple() && machine.fragment.is_simple();
+    let simple = machine.gauss.kernel().is_simple() && machine.fragment.is_simple();
     let narrow = machine.fragment.is_narrow();
     // Where something is watched, once is enough.
     if !P::WORDS
@@ -70,7 +72,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
     let is_short = SIMPLE_FITS
         && frame.window.is_none()
         && machine.raster.is_short(machine.raster.cutoff(frame.view.cutoff))
-        && machine.gauss.is_narrow()
+        && machine.gauss.kernel().is_narrow()
         && machine.fragment.is_depth_narrow();
     let is_lit_by_eight = H::VECTORISED
         && !P::TRANSFERS
@@ -82,8 +84,14 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
     let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
     // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
     let clusters = || windows.as_ref().map(|_| Clusters::default());
-    let start =
-        || Run { tile: Box::<Tile<L>>::default(), queue: Box::default(), clusters: clusters(), probe: probe.fork(), done: Vec::new() };
+    let start = || Run {
+        tile: Box::<Tile<L>>::default(),
+        queue: Box::default(),
+        resolve: Blender::new(&machine.resolve),
+        clusters: clusters(),
+        probe: probe.fork(),
+        done: Vec::new(),
+    };
     let draw_tile = |mut run: Run<L, P>, (nth, &index): (usize, &usize)| {
         let shared = Shared {
             machine,
@@ -98,10 +106,9 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
         };
         let part =
             Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
-        let Run { tile, queue, clusters, probe, .. } = &mut run;
-        let clusters = clusters.as_mut();
-        let resolved =
-            host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile, queue, waiting: Waiting::default(), clusters, probe });
+        let Run { tile, queue, resolve, clusters, probe, .. } = &mut run;
+        let (clusters, waiting) = (clusters.as_mut(), Waiting::default());
+        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile, queue, resolve, waiting, clusters, probe });
         if let Some(ranges) = run.probe.resample(nth, touched.len()) {
             resample_tile(shared, part, ranges);
         }
@@ -141,6 +148,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
 struct Run<L, P> {
     tile: Box<Tile<L>>,
     queue: Box<Queue>,
+    resolve: Blender,
     /// Of windows.
     clusters: Option<Clusters>,
     probe: P,
@@ -220,14 +228,14 @@ impl<'a> Drawn<'a> {
 /// What raster and gauss are.
 struct Units {
     raster: raster::Raster,
-    gauss: gauss::Gauss,
+    gauss: Weigh,
 }
 
 /// Raster, gauss and fragment's depth in words of 32 bits, with their constants on all lanes.
 #[derive(Clone, Copy)]
 struct Short<'a, W: Words> {
     cutoff: W,
-    gauss: gauss::Short<'a, W>,
+    gauss: ShortWeigh<'a, W>,
     depth: Natural<W>,
     /// The greatest weight that makes no fragment.
     below: W,
@@ -242,6 +250,21 @@ impl<'a, W: Words> Short<'a, W> {
             depth: machine.fragment.short_depth(),
             below: W::splat(sheets.map_or(0, |registers| registers.sheets.least_weight.max(1) - 1)),
         }
+    }
+}
+
+/// Pixels before they are resolved, and the layers of all, each pixel's in the order of their depths.
+#[derive(Default)]
+struct Blends {
+    /// A pixel, and where its layers begin.
+    pixels: Vec<(u8, usize)>,
+    layers: Vec<Layer>,
+}
+
+impl Blends {
+    fn of(&self, item: usize) -> &[Layer] {
+        let end = self.pixels.get(item + 1).map_or(self.layers.len(), |(_, next)| *next);
+        &self.layers[self.pixels[item].1..end]
     }
 }
 
@@ -266,6 +289,7 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     part: Part<'a>,
     tile: &'a mut Tile<L>,
     queue: &'a mut Queue,
+    resolve: &'a mut Blender,
     waiting: Waiting,
     clusters: Option<&'a mut Clusters>,
     probe: &'a mut P,
@@ -276,6 +300,7 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
 fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
     let mut clusters = shared.windows.map(|_| Clusters::default());
     let (tile, queue, clusters) = (&mut Box::default(), &mut Box::default(), clusters.as_mut());
+    let resolve = &mut Blender::new(&shared.machine.resolve);
     let shared = Shared { is_lit_by_eight: false, ..shared };
     plainly(FillTile::<false, Plainly, i64, Ranges> {
         host: Plainly,
@@ -283,6 +308,7 @@ fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
         part,
         tile,
         queue,
+        resolve,
         waiting: Waiting::default(),
         clusters,
         probe,
@@ -300,7 +326,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
         let mut rows = ShortRows::default();
         // Copies that nobody else can see, so that the host need not load their constants again and again.
         let Elaborated { raster, gauss, .. } = self.shared.machine;
-        let units = &Units { raster: raster.clone(), gauss: gauss.clone() };
+        let units = &Units { raster: raster.clone(), gauss: gauss.kernel().clone() };
         let Shared { setup, frame, .. } = self.shared;
         let entries = self.part.splats;
         let records: Vec<&SetupRecord> = entries.iter().map(|&entry| setup.splat(entry)).collect();
@@ -324,6 +350,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
 impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SIMPLE_FITS, H, L, P> {
     /// Splats, and fragments, that are worked on side by side.
     const AT_A_TIME: usize = if P::TRANSFERS { 1 } else { LANES };
+    /// Pixels that are resolved side by side.
+    const PIXELS: usize = if P::TRANSFERS { 1 } else { graph::BATCH };
 
     /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
     #[inline(always)]
@@ -579,19 +607,20 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         Merges { host: self.host, shared: self.shared, part: self.part, waiting: &mut self.waiting }.end(self.tile, probe);
         let lit = self.shade_side_by_side();
         let mut lit = lit.iter();
-        let tap = &mut Tap::new(&mut *self.probe);
-        let mut layers = [Layer::default(); MAX_LAYERS];
         let mut all = 0;
+        let mut blends = Blends::default();
+        let mut layers = [Layer::default(); MAX_LAYERS];
         for pixel in 0..TILE_AREA {
             let at = pixel as u8;
             let live = self.tile.live(at);
             let [x, y] = self.part.pixel(at);
             if x >= frame.width || y >= frame.height {
                 if P::WORK {
-                    tap.probe.held(0, 0);
+                    self.probe.held(0, 0);
                 }
                 continue;
             }
+            let tap = &mut Tap::new(&mut *self.probe);
             // Of windows all slots are gone through, and what lies inside of another is shaded too.
             let mut formed = None;
             let live = match sheets {
@@ -639,18 +668,41 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 tap.probe.holds(x, y, &slots, &layers[..live]);
             }
             layers[..live].sort_by_key(|layer| layer.depth);
-            let word = machine.resolve.one(&layers[..live], frame.background, tap);
-            if P::DECISIONS {
-                tap.probe.resolved(x, y, &layers[..live], word);
+            blends.pixels.push((at, blends.layers.len()));
+            blends.layers.extend_from_slice(&layers[..live]);
+            if blends.pixels.len() == Self::PIXELS {
+                self.blend(&mut blends, &mut resolved);
             }
-            resolved.frame[pixel] = word.map(|channel| channel as u32);
-            resolved.covered[pixel] = live > 0;
             let contributions = u64::from(self.tile.contributions(at));
             all += contributions;
             outcomes.most_in_a_pixel = outcomes.most_in_a_pixel.max(contributions);
         }
+        self.blend(&mut blends, &mut resolved);
         outcomes.accumulated = all - outcomes.total();
         Resolved { outcomes, ..resolved }
+    }
+
+    /// Resolve: frame words of up to a batch of pixels.
+    fn blend(&mut self, blends: &mut Blends, resolved: &mut Resolved) {
+        let Shared { machine, frame, .. } = self.shared;
+        let mut layers: [&[Layer]; graph::BATCH] = [&[]; graph::BATCH];
+        let count = blends.pixels.len();
+        for (item, layers) in layers[..count].iter_mut().enumerate() {
+            *layers = blends.of(item);
+        }
+        let words = self.resolve.blend(self.host, &machine.resolve, &layers[..count], frame.background, &mut *self.probe);
+        for (item, &(pixel, _)) in blends.pixels.iter().enumerate() {
+            let layers = layers[item];
+            let word = [0, 1, 2, 3].map(|channel| i64::from(words[channel][item / LANES][item % LANES]));
+            if P::DECISIONS {
+                let [x, y] = self.part.pixel(pixel);
+                self.probe.resolved(x, y, layers, word);
+            }
+            resolved.frame[usize::from(pixel)] = word.map(|channel| channel as u32);
+            resolved.covered[usize::from(pixel)] = !layers.is_empty();
+        }
+        blends.pixels.clear();
+        blends.layers.clear();
     }
 }
 

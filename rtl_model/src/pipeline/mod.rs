@@ -9,6 +9,7 @@
 //!
 //! Law: `threads_and_watchers_change_no_bit`.
 
+mod blend;
 mod elaborate;
 mod fill;
 mod merges;

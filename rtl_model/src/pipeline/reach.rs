@@ -6,16 +6,17 @@
 //! ```
 //! Law: `no_weight_beyond_its_reach_counts` (tests/machines).
 
-use crate::elaboration::Elaboration;
+use crate::graph::Graph;
 use crate::machine::Machine;
 use crate::num::Fit;
-use crate::units::gauss::Gauss;
+use crate::probe::{NoProbe, Tap};
+use crate::units::gauss;
 
 /// Weights of splats whose amplitude is their opacity.
 #[derive(Clone, Debug)]
 pub struct Reach {
     peak: Fit,
-    gauss: Gauss,
+    gauss: Graph<1>,
     /// The greatest words of an opacity up to 1, and of a radial index.
     most: [i64; 2],
 }
@@ -26,14 +27,15 @@ impl Reach {
         let (opacity, radial) = (machine.splat.opacity, machine.gauss.radial_index.format);
         Reach {
             peak: Fit::new(0, machine.ellipse.amplitude, opacity.into()),
-            gauss: Gauss::new(&mut Elaboration::default(), machine),
+            gauss: gauss::weights(machine),
             most: [opacity.format.one().min(opacity.format.max()), radial.max()],
         }
     }
 
     /// Weight (`gauss.weight`) of an opacity (`splat.opacity`) at a radial index (`gauss.radial_index`).
     pub fn weight(&self, opacity: i64, radial_index: i64) -> i64 {
-        self.gauss.weight_at(radial_index, self.peak.one(opacity))
+        let [weight] = self.gauss.one(&[radial_index, self.peak.one(opacity)], &mut Tap::new(&mut NoProbe));
+        weight
     }
 
     /// The greatest radial index (`gauss.radial_index`) at which an opacity has at least this weight; none where it has none. Weights fall

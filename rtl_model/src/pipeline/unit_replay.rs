@@ -178,8 +178,8 @@ pub fn gauss(machine: &Elaborated, input: [i64; GaussIn::WORDS], observer: &mut 
     let GaussIn { radial, amplitude } = GaussIn::from_words(input);
     let probe = &mut DynProbe::new(observer);
     let tap = &mut Tap::new(probe).first(1);
-    let [_, weight] = machine.gauss.lanes::<false, Plain, DynProbe>(Plain::splat(radial), amplitude, tap);
-    weight.to_array()[0]
+    let [_, weight] = machine.gauss.graph().one(&[radial, amplitude], tap);
+    weight
 }
 
 /// `shade`: one fragment, with the lights and materials of a frame.

@@ -11,8 +11,9 @@
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
+use crate::graph::{Builder, Graph, Program, Wire};
 use crate::machine::Machine;
-use crate::num::{Fit, three};
+use crate::num::{Exact, three};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
 
@@ -31,69 +32,101 @@ pub fn path(machine: &Machine) -> Path {
     layer(machine).times(machine.fragment.layers)
 }
 
+/// What a layer hides behind it and adds in front: inputs are the transmittance, three sums, a layer's colour and its opacity; results the
+/// transmittance behind it and the sums.
+fn layered(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
+    let (m, premultiplied) = (&machine.resolve, machine.shade.premultiplied);
+    let transmittance = g.input(m.transmittance);
+    let sums = three!(_i => g.state(sum, false));
+    let colour = three!(_i => g.input(premultiplied));
+    let opacity = g.input(premultiplied);
+    let [red, green, blue] = three!(i => {
+        let part = g.times(transmittance, colour[i]);
+        g.plus_within(sums[i], part, sum)
+    });
+    let one = g.one(premultiplied);
+    let through = g.minus_within(one, opacity, premultiplied.into());
+    let through = g.natural(through);
+    let behind = g.times(transmittance, through);
+    [g.fit("transmittance", m.transmittance, behind), red, green, blue]
+}
+
+/// The frame's word: inputs are the transmittance, three sums, and the background's colour and alpha.
+fn framed(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
+    let m = &machine.resolve;
+    let transmittance = g.input(m.transmittance);
+    let sums = three!(_i => g.state(sum, false));
+    let background = three!(_i => g.input(m.frame));
+    let alpha = g.input(m.frame);
+    let [red, green, blue] = three!(i => {
+        let part = g.times(transmittance, background[i]);
+        let whole = g.plus_within(sums[i], part, sum);
+        g.at_most_one(whole)
+    });
+    let one = g.one(m.frame);
+    let clear = g.rest(one, alpha, m.frame.into());
+    let part = g.times(transmittance, clear);
+    let whole = g.one(sum);
+    let covered = g.rest(whole, part, sum);
+    [red, green, blue, covered].map(|channel| g.fit("frame", m.frame, channel))
+}
+
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Resolve {
-    transmittance: Fit,
-    frame: Fit,
-    /// 1 as a transmittance, as an opacity, as a channel, as the exact sum.
-    one: [i64; 4],
-    /// Left shifts that align layers and background.
-    align: [u32; 2],
+    layer: Graph<4>,
+    frame: Graph<4>,
+    programs: [Program; 2],
+    /// 1 as a transmittance.
+    clear: i64,
 }
 
 impl Resolve {
     /// Elaborates the unit.
     pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
-        let (m, premultiplied) = (&machine.resolve, machine.shade.premultiplied);
+        let m = &machine.resolve;
         for (name, word) in [("transmittance", m.transmittance), ("frame", m.frame)] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
             e.holds_one(UNIT, name, word);
         }
-        // Three colours and what goes through; a layer after the other.
-        let through = e.copies(4, |e| e.times(UNIT, m.transmittance, premultiplied));
-        let behind = e.copies(4, |e| e.times(UNIT, m.transmittance, m.frame));
+        // Transmittances add up to at most 1, and so do what layers add and the background.
+        let [through, behind] = [machine.shade.premultiplied, m.frame].map(|word| Exact::from(m.transmittance).times(word));
         let sum = through.plus(through).plus(through).plus(through).plus(behind);
-        // A colour: a layer added, the background added.
-        e.copies(3, |e| {
-            e.part(UNIT, Operator::Register(sum.bits()));
-            e.adders(UNIT, 2, sum.bits());
-        });
-        // Opacity: 1 less what goes through, which begins as 1; and 1 less a layer's, at least 0, and 1 less the background's.
-        e.adders(UNIT, 1, sum.bits());
+        // The three sums are kept; the transmittance begins as 1, and goes on as what is behind a layer or as it is.
+        e.copies(3, |e| e.part(UNIT, Operator::Register(sum.bits())));
         e.choice(UNIT, 3, m.transmittance.format.width());
-        e.limit(UNIT, premultiplied.format.width());
-        e.adders(UNIT, 1, m.frame.format.width());
-        let finest = through.frac_bits.max(behind.frac_bits);
-        Resolve {
-            transmittance: e.fit(UNIT, "transmittance", m.transmittance, through),
-            frame: e.copies(4, |e| e.fit(UNIT, "frame", m.frame, sum)),
-            one: [m.transmittance.format.one(), premultiplied.format.one(), m.frame.format.one(), 1 << finest.clamp(0, 62)],
-            align: [through.frac_bits, behind.frac_bits].map(|bits| (finest - bits).clamp(0, 62) as u32),
-        }
+        let g = &mut Builder::new(e, UNIT);
+        let results = layered(g, machine, sum);
+        let layer = g.build(results);
+        let g = &mut Builder::new(e, UNIT);
+        let results = framed(g, machine, sum);
+        let frame = g.build(results);
+        Resolve { programs: [layer.program(), frame.program()], layer, frame, clear: m.transmittance.format.one() }
+    }
+
+    /// For batches: what a layer does to what is kept of a pixel, and the frame's word of that. Of both the first four inputs are what is
+    /// kept, which begins as [`Resolve::clear`]; of the first the results are.
+    pub fn programs(&self) -> &[Program; 2] {
+        &self.programs
+    }
+
+    /// What is kept of a pixel before its first layer: a transmittance of 1, and sums of 0.
+    pub fn clear(&self) -> [i64; 4] {
+        [self.clear, 0, 0, 0]
     }
 
     /// Blends layers, which stand in depth order, over the background.
     pub fn one<P: Probe>(&self, layers: &[Layer], background: [i64; 4], tap: &mut Tap<P>) -> [i64; 4] {
-        let [transmittance_one, opacity_one, frame_one, sum_one] = self.one;
-        let [of_layer, of_background] = self.align;
-        let mut transmittance = transmittance_one;
-        let mut sums = [0i64; 3];
-        for layer in layers {
-            for (sum, colour) in sums.iter_mut().zip(layer.colour) {
-                *sum += (transmittance * colour) << of_layer;
-            }
-            transmittance = tap.fit_one(&self.transmittance, transmittance * (opacity_one - layer.opacity).max(0));
+        let mut state = self.clear();
+        for Layer { colour: [r, g, b], opacity, .. } in layers {
+            let [transmittance, sums @ ..] = state;
+            let [x, y, z] = sums;
+            state = self.layer.one(&[transmittance, x, y, z, *r, *g, *b, *opacity], tap);
         }
-        let colour = |channel: usize, tap: &mut Tap<P>| {
-            let exact = sums[channel] + ((transmittance * background[channel]) << of_background);
-            tap.fit_one(&self.frame, exact.min(sum_one))
-        };
-        let rgb = three!(channel => colour(channel, tap));
-        let see_through = (transmittance * (frame_one - background[3])) << of_background;
-        let alpha = tap.fit_one(&self.frame, sum_one - see_through);
-        [rgb[0], rgb[1], rgb[2], alpha]
+        let [transmittance, x, y, z] = state;
+        let [r, g, b, alpha] = background;
+        self.frame.one(&[transmittance, x, y, z, r, g, b, alpha], tap)
     }
 }
 

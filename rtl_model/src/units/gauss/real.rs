@@ -5,17 +5,18 @@
 
 use super::Gauss;
 use crate::functions::table;
-use crate::real::{Real, Scale, power_of_two};
+use crate::real::{Real, power_of_two};
 
 impl Gauss {
     /// Greatest distance of the table from e^(−r/2), before its result is fitted.
     pub fn table_error(&self) -> f64 {
-        table::real::error(self.table.fit(), self.table.interpolation(), self.range() * self.table.step(), 0.5, 0.25)
+        let table = self.table();
+        table::real::error(table.fit(), table.interpolation(), self.range() * table.step(), 0.5, 0.25)
     }
 
     /// The table's arguments are below this.
     fn range(&self) -> f64 {
-        power_of_two(self.radial_index.word.format.int_bits)
+        power_of_two(self.range_bits)
     }
 
     /// A·e^(−r/2).
@@ -25,8 +26,8 @@ impl Gauss {
 
     /// The same, whose [`Gauss::table_error`] is known.
     pub fn real_within<R: Real>(&self, radial: R, amplitude: R, table_error: f64) -> R {
-        let index = radial.at_least(0.0).fit(&self.radial_index, Scale::ONE);
-        let falloff = index.falloff(&self.table, self.range(), table_error);
-        (amplitude * falloff.fit(self.table.fit(), Scale::ONE)).fit(&self.weight, Scale::ONE)
+        let range = self.range();
+        let [_, weight] = self.graph.real(&[radial.at_least(0.0), amplitude], |table, index| index.falloff(table, range, table_error));
+        weight
     }
 }

@@ -4,7 +4,7 @@ use super::*;
 use crate::num::LANES;
 use crate::num::lanes::Plain;
 use crate::num::words::PlainWords;
-use crate::probe::NoProbe;
+use crate::probe::{NoProbe, Tap};
 use proptest::prelude::*;
 
 fn gauss(name: &str) -> (Machine, Gauss) {
@@ -13,25 +13,21 @@ fn gauss(name: &str) -> (Machine, Gauss) {
     (machine, gauss)
 }
 
-/// Radial index and weight: eight wide, whatever is known of the fits, as one by one. Fits that are known to be plain are for fragments, which
-/// lie below the cutoff.
+/// Radial index and weight: eight wide, whatever is known of the fits, as the graph has one. Fits that are known to be plain are for
+/// fragments, which lie below the cutoff.
 fn one(machine: &Machine, gauss: &Gauss, radial: i64, amplitude: i64) -> [i64; 2] {
     let probe = &mut NoProbe;
     let tap = &mut Tap::new(probe);
-    let radial_index = gauss.radial_index.one(radial);
-    let words = [radial_index, gauss.weight.one(amplitude * gauss.table.fit().one(gauss.table.exact(radial_index)))];
-    assert_eq!(gauss.lanes::<false, _, _>(Plain([radial; LANES]), amplitude, tap).map(|lanes| lanes.0[0]), words);
+    let words = gauss.graph().one(&[radial, amplitude], tap);
+    let kernel = gauss.kernel();
+    assert_eq!(kernel.lanes::<false, _, _>(Plain([radial; LANES]), amplitude, tap).map(|lanes| lanes.0[0]), words);
     let reach = machine.raster.radial.format.frac_bits + machine.raster.cutoff.format.int_bits;
-    if gauss.is_simple() && radial >> reach == 0 {
-        assert_eq!(gauss.lanes::<true, _, _>(Plain([radial; LANES]), amplitude, tap).map(|lanes| lanes.0[0]), words);
+    if kernel.is_simple() && radial >> reach == 0 {
+        assert_eq!(kernel.lanes::<true, _, _>(Plain([radial; LANES]), amplitude, tap).map(|lanes| lanes.0[0]), words);
     }
-    if gauss.is_narrow() && radial <= 1 << 30 {
-        let [radial, amplitude] = [radial, amplitude].map(|word| word as i32);
-        assert_eq!(
-            i64::from(gauss.short().weight(PlainWords([radial; LANES]), PlainWords([amplitude; LANES])).0[0]),
-            words[1],
-            "in words of 32 bits"
-        );
+    if kernel.is_narrow() && radial <= 1 << 30 {
+        let [radial, amplitude] = [radial, amplitude].map(|word| PlainWords([word as i32; LANES]));
+        assert_eq!(i64::from(kernel.short().weight(radial, amplitude).0[0]), words[1], "in words of 32 bits");
     }
     words
 }
@@ -57,12 +53,12 @@ proptest! {
     }
 }
 
-/// The form that fills the picture, on the machines that it is for: every r that it may be asked, in steps, and those at the end.
+/// What fills the picture, on the machines that it is for: every r that it may be asked, in steps, and those at the end.
 #[test]
 fn words_of_32_bits_weigh_as_wide_ones_do() {
     for name in ["reference", "lean"] {
         let (machine, gauss) = gauss(name);
-        assert!(gauss.is_narrow(), "{name} has no short form");
+        assert!(gauss.kernel().is_narrow(), "{name} has no short form");
         let below = (1i64 << (machine.raster.radial.format.frac_bits + 2)).min(1 << 30);
         for radial in (0..=below).step_by(below as usize / 10_000).chain(below - 3..=below) {
             for amplitude in [0, 1, 12_345, machine.ellipse.amplitude.format.max()] {
@@ -90,7 +86,7 @@ fn no_falloff_lies_beyond_its_word() {
     for name in Machine::NAMES {
         let (machine, gauss) = gauss(name);
         for radial_index in 0..=machine.gauss.radial_index.format.max() {
-            let loss = gauss.table.fit().loss(gauss.table.exact(radial_index), 0);
+            let loss = gauss.table().fit().loss(gauss.table().exact(radial_index), 0);
             assert!(!loss.saturated_low && !loss.saturated_high, "{name}: falloff at {radial_index}");
         }
     }
