@@ -17,9 +17,9 @@ impl Resolve {
     pub fn real<R: Real>(&self, layers: &[[R; 4]], background: [R; 4]) -> [R; 4] {
         let mut state = [R::constant(1.0), R::constant(0.0), R::constant(0.0), R::constant(0.0)];
         for layer in layers {
-            state = self.layer.real(&[state, *layer].as_flattened(), |_, x| x);
+            state = self.layer.real([state, *layer].as_flattened(), |_, x| x);
         }
-        self.frame.real(&[state, background].as_flattened(), |_, x| x)
+        self.frame.real([state, background].as_flattened(), |_, x| x)
     }
 }
 
