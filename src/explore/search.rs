@@ -249,6 +249,12 @@ impl Target {
         Err(format!("the target is out of reach: on {names} {reached}{method}"))
     }
 
+    /// The view with the greatest load, the first of equals; none of none.
+    fn deciding(&self, found: &[Found]) -> Option<usize> {
+        let load = |nth: &usize| self.load(&found[*nth]);
+        (0..found.len()).max_by(|a, b| load(a).total_cmp(&load(b)).then(b.cmp(a)))
+    }
+
     /// Part of what is allowed, squared: at most 1 is well.
     fn load(&self, found: &Found) -> f64 {
         let (psnr_db, error) = (found.psnr_db_of(self), found.max_error_of(self));
@@ -850,8 +856,7 @@ impl<'a> Search<'a> {
                 self.progress.say(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
                 taken.push((of, camera));
                 // The camera that decides is recorded, with what is found there.
-                let slack = |nth: &usize| target.load(&each[*nth]);
-                let decides = (0..each.len()).max_by(|a, b| slack(a).total_cmp(&slack(b)).then(b.cmp(a))).unwrap_or(0);
+                let decides = target.deciding(&each).unwrap_or(0);
                 let (name, camera) = (views[decides].name.clone(), views[decides].scene.camera);
                 held.push(Unseen { of, name, eye: camera.eye.to_array(), camera, found: each[decides] });
                 if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
@@ -935,8 +940,7 @@ impl<'a> Search<'a> {
         let target = &self.options.target;
         let unseen: Vec<Found> = views.iter().map(|view| view.found).collect();
         let worst = |found: &[Found], from: usize| {
-            let load = |nth: &usize| target.load(&found[*nth]);
-            let nth = (0..found.len()).max_by(|a, b| load(a).total_cmp(&load(b)).then(b.cmp(a)))?;
+            let nth = target.deciding(found)?;
             let figure = match target.psnr_db {
                 Some(_) => format!("{} dB, {}", decibels(found[nth].psnr_db_of(target)), target.difference()),
                 None => format!("{:.4} at most, {}", found[nth].max_error_of(target), target.difference()),

@@ -129,18 +129,6 @@ impl<'e> Builder<'e> {
         self.node(Operator::Product([a, b]), x.shape.times(y.shape), x.signed || y.signed)
     }
 
-    /// Exact sum, by an adder.
-    pub fn plus(&mut self, a: Wire, b: Wire) -> Wire {
-        let shape = self.of(a).shape.plus(self.of(b).shape);
-        self.plus_within(a, b, shape)
-    }
-
-    /// Exact difference, by an adder.
-    pub fn minus(&mut self, a: Wire, b: Wire) -> Wire {
-        let shape = self.of(a).shape.plus(self.of(b).shape);
-        self.minus_within(a, b, shape)
-    }
-
     /// A sum that is known to have no more than a shape, by an adder as wide.
     pub fn plus_within(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
         let [x, y] = [a, b].map(|wire| self.of(wire));

@@ -225,7 +225,7 @@ impl Batch {
     }
 
     /// Sets one item of an input.
-    #[inline(always)]
+    #[cfg(test)]
     pub fn set_one(&mut self, program: &Program, input: usize, item: usize, word: i64) {
         let (row, lane) = (item / LANES % ROWS, item % LANES);
         match program.inputs[input] {
@@ -244,7 +244,7 @@ impl Batch {
     }
 
     /// A result of eight items.
-    #[inline(always)]
+    #[cfg(test)]
     pub fn result(&self, program: &Program, output: usize, row: usize) -> [i64; LANES] {
         match program.outputs[output] {
             Place::Word(at) => self.words[at][row].get().map(i64::from),
@@ -262,7 +262,7 @@ pub struct Run<'a, 'p, P> {
     pub batch: &'a mut Batch,
     /// Which items are shown to the probe, eight a row; as many rows are run.
     pub live: &'a [u8],
-    /// Who watches.
+    /// Observes the words.
     pub probe: &'p mut P,
 }
 

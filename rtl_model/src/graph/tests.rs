@@ -33,10 +33,11 @@ fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
         match kind % 7 {
             6 if x.frac_bits <= 40 && x.int_bits <= 18 => {
                 let one = g.one(x);
-                all.push(g.minus(one, a));
+                let shape = g.of(one).shape.plus(x);
+                all.push(g.minus_within(one, a, shape));
             }
             0 => all.push(g.times(a_word, b_word)),
-            1 if bits <= 60 => all.push(g.plus(a, b)),
+            1 if bits <= 60 => all.push(g.plus_within(a, b, x.plus(y))),
             2 if bits <= 60 => all.push(g.minus_within(a, b, x.plus(y))),
             3 => all.push(g.natural(a)),
             4 if x.frac_bits <= 60 => all.push(g.at_most_one(a)),

@@ -11,7 +11,7 @@ mod weigh;
 pub use packed::{Accumulator, Limits, PackedSlot, PackedSums, SumLimits, fits_32_bits};
 pub use queue::{ONES, Queue, Queued};
 pub use tile::{MAX_DEPTH_BITS, NO_MATCH, Tile};
-pub use weigh::{Reach, Short, Weigh};
+pub use weigh::{Short, Weigh, WeighShape};
 
 use crate::num::Lanes;
 use std::marker::PhantomData;

@@ -1,9 +1,9 @@
 //! Weigh: what gauss does, in registers, between the walk of the rasteriser and a tile's fragments.
 //!
-//! The graph of `gauss` says what a weight is. Run as a batch it took 8 to 13 % more instructions a contribution: each operator reads and
-//! writes its row, where the walk, the table and the queue are one loop of 95 instructions for eight pixels.
+//! The graph of `gauss` says what a weight is. As a batch each operator of it reads and writes a row in memory; here the walk, the table and
+//! the queue are one loop in registers.
 //!
-//! Law: `one` (tests of gauss): as the graph, eight wide, whatever is known of the fits.
+//! Laws (tests of gauss, against its graph): `a_weight_never_exceeds_its_amplitude`, `words_of_32_bits_weigh_as_wide_ones_do`.
 
 use crate::functions::{Table, table};
 use crate::num::{Exacts, Fit, Lanes, Words, fit};
@@ -21,12 +21,12 @@ pub struct Weigh {
     is_narrow: bool,
 }
 
-/// Bits before the binary point of an r below the cutoff, and of an amplitude times a falloff.
+/// How large the numbers are that gauss is given and makes; of the first two, bits before the binary point.
 #[derive(Clone, Copy, Debug)]
-pub struct Reach {
-    /// Of r.
+pub struct WeighShape {
+    /// An r below the cutoff.
     pub radial: i32,
-    /// Of the product.
+    /// An amplitude times a falloff.
     pub weighed: i32,
     /// The greatest amplitude.
     pub amplitude: i64,
@@ -53,14 +53,14 @@ impl<W: Words> Short<'_, W> {
 
 impl Weigh {
     /// Of a unit with this table and these fits.
-    pub fn new([radial_index, weight]: [Fit; 2], table: &Table, reach: Reach) -> Self {
+    pub fn new([radial_index, weight]: [Fit; 2], table: &Table, shape: WeighShape) -> Self {
         let short = |fit: &Fit| fit.is_simple() && fit.places() < 31 && fit.word.format.width() < 32;
         let falloff_max = i128::from(table.fit().word.format.max());
-        let most = falloff_max * i128::from(reach.amplitude) + i128::from(weight.half());
+        let most = falloff_max * i128::from(shape.amplitude) + i128::from(weight.half());
         let room = 1i128 << (31 + weight.places().clamp(0, 62));
         Weigh {
             is_narrow: [radial_index, weight].iter().all(short) && falloff_max < 1 << 31 && most < room && table.is_short(),
-            is_natural: radial_index.is_natural(reach.radial) && weight.is_natural(reach.weighed),
+            is_natural: radial_index.is_natural(shape.radial) && weight.is_natural(shape.weighed),
             radial_index,
             table: table.clone(),
             weight,

@@ -1,7 +1,7 @@
 //! Blend: resolve's graphs over a batch of pixels, layer by layer.
 //!
 //! ```text
-//! transmittance, sums ─►[ layer ]─┐ so often as the deepest pixel has layers ─►[ frame ]─► frame words
+//! transmittance, sums ─►[ layer ]─┐ once for each layer of the deepest pixel ─►[ frame ]─► frame words
 //!          └──────────────────────┘
 //! ```
 //! Law: `pixels_side_by_side_blend_as_each_alone`.

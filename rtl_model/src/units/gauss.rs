@@ -13,7 +13,7 @@ use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Table, table};
 use crate::graph::{Builder, Graph, Wire};
-use crate::kernels::{Reach, Weigh};
+use crate::kernels::{Weigh, WeighShape};
 use crate::machine::Machine;
 use crate::num::Exact;
 use crate::records::unit;
@@ -89,8 +89,8 @@ impl Gauss {
         let graph = g.build([radial_index, weight]);
         let amplitude = machine.ellipse.amplitude;
         let weighed = Exact::from(amplitude).times(m.falloff).int_bits;
-        let reach = Reach { radial: machine.raster.cutoff.format.int_bits, weighed, amplitude: amplitude.format.max() };
-        Gauss { kernel: Weigh::new(graph.fits(), &graph.tables()[0], reach), graph, range_bits: argument.int_bits }
+        let shape = WeighShape { radial: machine.raster.cutoff.format.int_bits, weighed, amplitude: amplitude.format.max() };
+        Gauss { kernel: Weigh::new(graph.fits(), &graph.tables()[0], shape), graph, range_bits: argument.int_bits }
     }
 
     /// e^(−r/2) from a radial index.
