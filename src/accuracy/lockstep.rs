@@ -404,8 +404,6 @@ struct Leader<'a> {
     sheets: Vec<SheetPixel>,
     /// The same where they are grouped by windows.
     windows: Vec<WindowPixel>,
-    /// The places at which windows start of the pixel that is resolved next.
-    starts: u8,
     /// The splat at hand, which is large.
     splat: Option<Box<Splat>>,
     /// Splats of the tile before, and of this one, that go on to their right: most likely into the next tile. They are set up once for both.
@@ -427,7 +425,6 @@ impl<'a> Leader<'a> {
             pixels: Vec::new(),
             sheets: Vec::new(),
             windows: Vec::new(),
-            starts: 0,
             splat: None,
             go_on: Default::default(),
             reached: Mask::default(),
@@ -657,8 +654,10 @@ impl<'a> Observer<'a> for Leader<'a> {
         self.splat = Some(splat);
     }
 
-    fn windows(&mut self, starts: u8) {
-        self.starts = starts;
+    fn windows(&mut self, x: u32, y: u32, starts: u8) {
+        if let Some(pixel) = self.windows.get_mut(in_tile(x, y)) {
+            pixel.start(starts);
+        }
     }
 
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], frame: [i64; 4]) {
@@ -673,7 +672,7 @@ impl<'a> Observer<'a> for Leader<'a> {
             }
             if let Some(rules) = &leader.stage.windows {
                 let mut held = leader.windows.get_mut(pixel).map(std::mem::take).unwrap_or_default();
-                return held.resolve(rules, &leader.stage.common, leader.starts, flips);
+                return held.resolve(rules, &leader.stage.common, flips);
             }
             let nothing = Pixel::default();
             let held = leader.pixels.get(pixel).unwrap_or(&nothing);

@@ -52,7 +52,7 @@ pub(super) struct Typed {
     /// Record the work in FILE, for `replay`
     #[arg(long, value_name = "FILE", conflicts_with = "preview")]
     record: Option<PathBuf>,
-    /// Check in lockstep: `full` (default), `sampled`, `none`
+    /// Use lockstep: `full` (default), `sampled`, `none`
     #[arg(long, value_name = "HOW", value_enum, hide_default_value = true, hide_possible_values = true, default_value_t = Checked::Full)]
     check: Checked,
     /// Attribute the error to words (draws 170 frames)

@@ -25,7 +25,7 @@ pub(super) struct Typed {
     /// Write the points into this PLY file
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Lay points out as `blue-noise` (default) or `stratified`
+    /// Use `blue-noise` (default) or `stratified` points
     #[arg(long, default_value = "blue-noise", hide_default_value = true, hide_possible_values = true)]
     pattern: PatternName,
     /// Set the seed of the distribution
@@ -34,7 +34,7 @@ pub(super) struct Typed {
     /// Take radii from `area` (default) or `neighbours`
     #[arg(long, default_value = "area", hide_default_value = true, hide_possible_values = true)]
     radii: RadiiName,
-    /// Filter textures by `ewa` (default), `nearest`, `optimised`
+    /// Filter: `ewa` (default), `nearest`, `optimised`
     #[arg(long, default_value = "ewa", hide_default_value = true, hide_possible_values = true)]
     texture: TextureName,
     /// Apply this PNG or JPEG as texture

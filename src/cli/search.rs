@@ -27,7 +27,7 @@ pub(super) struct Typed {
     /// Require this frame rate; search fields of timing
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
-    /// Minimise `area` (default), `gates`, `energy`, `cycles`
+    /// Minimise area (default), gates, energy or cycles
     #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
     minimise: Option<Minimise>,
     /// Read timing fields and values [default: usual ones]

@@ -629,7 +629,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                     let slots = &mut clusters.of(at)[..live];
                     let (count, starts, shaded) = machine.fragment.layers_of_windows(slots, registers, &mut layers, shade, tap);
                     if P::DECISIONS {
-                        tap.probe.windows(starts);
+                        tap.probe.windows(x, y, starts);
                     }
                     formed = Some([live as u8, shaded]);
                     count

@@ -71,8 +71,8 @@ pub trait Probe: Send + Sync + Sized {
     }
     /// A splat contributed to pixel (x, y), and this became of it.
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
-    /// The next pixel that is resolved has windows that start at these places, a bit each, the first in the last place.
-    fn windows(&mut self, _starts: u8) {}
+    /// Pixel (x, y), which is not resolved yet, has windows that start at these places, a bit each, the first in the last place.
+    fn windows(&mut self, _x: u32, _y: u32, _starts: u8) {}
     /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
     /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`], the first in the last

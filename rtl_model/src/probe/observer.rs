@@ -21,7 +21,7 @@ pub trait Observer<'w>: Send + Sync {
     /// As [`Probe::contribution`].
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
     /// As [`Probe::windows`].
-    fn windows(&mut self, _starts: u8) {}
+    fn windows(&mut self, _x: u32, _y: u32, _starts: u8) {}
     /// As [`Probe::resolved`].
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
     /// As [`Probe::set_up`].
@@ -103,8 +103,8 @@ impl<const EVERYTHING: bool> Probe for DynProbe<'_, '_, EVERYTHING> {
     fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
         self.observer().contribution(x, y, contribution, decision);
     }
-    fn windows(&mut self, starts: u8) {
-        self.observer().windows(starts);
+    fn windows(&mut self, x: u32, y: u32, starts: u8) {
+        self.observer().windows(x, y, starts);
     }
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], frame: [i64; 4]) {
         self.observer().resolved(x, y, layers, frame);

@@ -62,6 +62,8 @@ struct Slot {
 pub struct WindowPixel {
     layers: Vec<Layer>,
     slots: Vec<Slot>,
+    /// The places at which the machine's windows start, a bit each, the first in the last place.
+    starts: u8,
 }
 
 /// A slot that closes, in golden and on the machine.
@@ -160,6 +162,11 @@ fn places(through: f64) -> Option<u32> {
 }
 
 impl WindowPixel {
+    /// Windows of the machine start at these places.
+    pub fn start(&mut self, starts: u8) {
+        self.starts = starts;
+    }
+
     /// Takes a contribution as the machine took it; tells how `golden` would have differed.
     pub fn take(&mut self, rules: &WindowRules, common: &Common, arrival: &Arrival, own: &Own, decision: Decision, flips: &mut Flips) {
         self.ask(rules, arrival, decision, flips);
@@ -453,10 +460,10 @@ impl WindowPixel {
         }
     }
 
-    /// The pixel over the background, its windows starting where the machine's do, a bit each; and the bound on the machine's.
-    pub fn resolve(&mut self, rules: &WindowRules, common: &Common, starts: u8, flips: &mut Flips) -> [Near; 4] {
+    /// The pixel over the background, its windows starting where the machine's do; and the bound on the machine's.
+    pub fn resolve(&mut self, rules: &WindowRules, common: &Common, flips: &mut Flips) -> [Near; 4] {
         self.sort(flips);
-        let mut starts: Vec<bool> = (0..self.layers.len()).map(|place| starts >> place & 1 == 1).collect();
+        let mut starts: Vec<bool> = (0..self.layers.len()).map(|place| self.starts >> place & 1 == 1).collect();
         let mut place = 0;
         while place < self.layers.len() {
             let next = (place + 1..starts.len()).find(|at| starts[*at]).unwrap_or(starts.len());
