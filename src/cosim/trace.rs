@@ -39,7 +39,7 @@ use crate::error::{Error, Result, in_order};
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
 use crate::output::files;
-use crate::output::files::write_beside;
+use crate::output::files::{write_beside, write_two_beside};
 use crate::output::text::{aligned, hex, plain_table, thousands, wrapped};
 use crate::scene::Scene;
 use crate::scene::digest::digest_of;
@@ -602,32 +602,30 @@ impl Folder<'_> {
             Some(parents) if key.parent != NONE => parents.binary_search(&key.parent).map_or(NONE, |record| record as u32),
             _ => key.parent,
         };
-        write_beside(&self.folder.join(&key_file), |key_out| {
-            write_beside(&self.folder.join(&file), |out| {
-                let starts: Vec<usize> = (0..records).step_by(CHUNK).collect();
-                for group in starts.chunks(rayon::current_num_threads() * 2) {
-                    let chunk = |&start: &usize| {
-                        let (mut text, mut key_text, mut words) = (Vec::new(), Vec::new(), Vec::new());
-                        for record in start..records.min(start + CHUNK) {
-                            words.clear();
-                            let key = (source.at)(kept.map_or(record, |kept| kept[record] as usize), &mut words);
-                            layout.mask(&mut words);
-                            layout.write(&words, &mut text);
-                            keys.write(&Key { parent: parent_of(&key), ..key }.words(), &mut key_text);
-                        }
-                        (text, key_text)
-                    };
-                    let texts: Vec<(Vec<u8>, Vec<u8>)> = group.par_iter().map(chunk).collect();
-                    for (text, key_text) in texts {
-                        sha.update(&text);
-                        key_sha.update(&key_text);
-                        out.write_all(&text).map_err(|e| e.to_string())?;
-                        key_out.write_all(&key_text).map_err(|e| e.to_string())?;
+        let [key_path, path] = [&key_file, &file].map(|file| self.folder.join(file));
+        write_two_beside([&key_path, &path], |[key_out, out]| {
+            let starts: Vec<usize> = (0..records).step_by(CHUNK).collect();
+            for group in starts.chunks(rayon::current_num_threads() * 2) {
+                let chunk = |&start: &usize| {
+                    let (mut text, mut key_text, mut words) = (Vec::new(), Vec::new(), Vec::new());
+                    for record in start..records.min(start + CHUNK) {
+                        words.clear();
+                        let key = (source.at)(kept.map_or(record, |kept| kept[record] as usize), &mut words);
+                        layout.mask(&mut words);
+                        layout.write(&words, &mut text);
+                        keys.write(&Key { parent: parent_of(&key), ..key }.words(), &mut key_text);
                     }
+                    (text, key_text)
+                };
+                let texts: Vec<(Vec<u8>, Vec<u8>)> = group.par_iter().map(chunk).collect();
+                for (text, key_text) in texts {
+                    sha.update(&text);
+                    key_sha.update(&key_text);
+                    out.write_all(&text).map_err(|e| e.to_string())?;
+                    key_out.write_all(&key_text).map_err(|e| e.to_string())?;
                 }
-                Ok(())
-            })
-            .map_err(|e| e.to_string())
+            }
+            Ok(())
         })?;
         let order = match stream.order {
             Order::Total => "total",

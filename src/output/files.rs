@@ -234,6 +234,22 @@ pub fn write_beside(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std
     written.map_err(|error| cannot_be_written(path, &error))
 }
 
+/// Writes two files side by side, each as by [`write_beside`].
+///
+/// # Errors
+/// [`Error::Job`] naming the file that cannot be written.
+pub fn write_two_beside(
+    [one, other]: [&Path; 2],
+    write: impl FnOnce([&mut BufWriter<File>; 2]) -> std::result::Result<(), String>,
+) -> Result<()> {
+    let mut of_other = None;
+    let written = write_beside(one, |one| {
+        let written = write_beside(other, |other| write([one, other]));
+        written.map_err(|error| of_other.insert(error).to_string())
+    });
+    of_other.map_or(written, Err)
+}
+
 fn check_replaceable(path: &Path) -> Result<()> {
     if path.exists() && !path.is_file() { Err(cannot_be_written(path, "it is no file")) } else { Ok(()) }
 }
@@ -352,6 +368,16 @@ mod tests {
         let error = write_beside(&path, |_| Err("disk full".to_string())).unwrap_err();
         assert_eq!(error.to_string(), format!("{}: cannot be written: disk full", path.display()));
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        // Of two, that which cannot be.
+        let [one, missing] = [folder.path().join("one"), folder.path().join("none/other")];
+        let told = |paths: [&Path; 2], error: Option<&str>| {
+            let error = write_two_beside(paths, |_| error.map_or(Ok(()), |error| Err(error.to_owned()))).unwrap_err().to_string();
+            assert_eq!((error.matches("cannot be written").count(), fs::read_dir(folder.path()).unwrap().count()), (1, 0), "{error}");
+            error
+        };
+        assert!(told([&one, &missing], None).contains("none/other"));
+        assert!(told([&missing, &one], None).contains("none/other"));
+        assert!(told([&one, &path], Some("disk full")).contains("picture.png"));
     }
 
     #[test]
