@@ -540,9 +540,11 @@ impl<'a> Search<'a> {
         let changes = if changes.is_empty() { "the machine as it is".into() } else { changes };
         let limited = self.limited_by(state)?;
         let (fps, area) = (found.frames_per_second, thousands(found.area as u64));
+        // As many digits as tell it from what is wanted.
+        let digits = (1..9).find(|digits| format!("{fps:.digits$}").parse::<f64>().is_ok_and(|told| told < min_fps)).unwrap_or(9);
         let of = self.frames.iter().map(|frame| frame.name.as_str()).collect::<Vec<_>>().join(", ");
         Ok(format!(
-            "no machine that was tried draws {min_fps} frames/s of {of}; the nearest draws {fps:.1} with an area of {area}, limited by {limited}: {changes}"
+            "no machine that was tried draws {min_fps} frames/s of {of}; the nearest draws {fps:.digits$} with an area of {area}, limited by {limited}: {changes}"
         ))
     }
 }
