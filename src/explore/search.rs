@@ -42,7 +42,7 @@ use claims::Decided;
 use crew::{Foresight, Measured};
 use descent::{Problem, Settled};
 pub use domain::{Domain, Member};
-use knobs::Knob;
+use knobs::{Knob, Part};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
@@ -373,6 +373,8 @@ pub struct CriticalWord {
     pub path: String,
     /// Value.
     pub value: Value,
+    /// What a step takes away.
+    pub part: Part,
     /// Decibels with a step less, against what the target names; none where the pictures are equal or it cannot be built.
     pub psnr_db: Option<f64>,
 }
@@ -441,30 +443,47 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
     let mut steps: Option<Vec<u32>> = None;
     let mut target_alone_area = None;
     loop {
-        let Settled { steps: best, alone, together, costly } = search.round(steps.as_deref(), &mut path)?;
-        let area = search.area(&best).unwrap_or(f64::INFINITY);
-        let target_alone_area = *target_alone_area.get_or_insert(area);
-        let (held, failed) = search.verified(&best, next_view)?;
-        next_view += options.views;
-        let Some((found, views)) = failed else {
-            let searched = search.drawn_again(&best)?;
-            let margin = search.margin(&searched[..first_views], [target_alone_area, area]);
-            let claims = search.claims(&searched, &held);
-            let checked = Checked { alone, together, costly };
-            let outcome = search.outcome(names, path, held, learnt, &best, (margin, claims, checked))?;
-            return search.write(outcome, folder);
+        let best = search.round(steps.as_deref(), &mut path)?;
+        // Integer bits take long: unseen views come before them, but for the first round, which tells what the target alone takes.
+        let early = match target_alone_area {
+            Some(_) => search.verified(&best, &mut next_view)?.1,
+            None => None,
+        };
+        let is_early = early.is_some();
+        let (tried, (found, views)) = match early {
+            Some(failed) => (best.clone(), failed),
+            None => {
+                let Settled { steps: last, alone, together, costly } = search.last_steps(&best, &mut path)?;
+                let area = search.area(&last).unwrap_or(f64::INFINITY);
+                let target_alone_area = *target_alone_area.get_or_insert(area);
+                let (held, failed) = search.verified(&last, &mut next_view)?;
+                let Some(failed) = failed else {
+                    let searched = search.drawn_again(&last)?;
+                    let margin = search.margin(&last, &searched[..first_views], [target_alone_area, area]);
+                    let claims = search.claims(&searched, &held);
+                    let checked = Checked { alone, together, costly };
+                    let outcome = search.outcome(names, path, held, learnt, &last, (margin, claims, checked))?;
+                    return search.write(outcome, folder);
+                };
+                (last, failed)
+            }
         };
         let worst = &views[0];
         if learnt.len() + 1 == ROUNDS {
             return Err(Error::job(format!("after {ROUNDS} rounds {} still misses the target: aim lower", worst.name)));
         }
         let (name, from) = (worst.name.clone(), worst.short_name().to_owned());
-        let (widened, load) = search.widened(&best, &views, options.target.load(&found))?;
         let stricter = search.stricter;
-        if learnt.len() >= PATIENCE && load > 1.0 && load.is_finite() {
-            search.stricter *= load.min(MOST_STRICTER);
+        let mut widened = false;
+        // What fails only after the last steps is mended by searching on the view too.
+        if is_early {
+            let load;
+            (widened, load) = search.widened(&tried, &views, options.target.load(&found))?;
+            if learnt.len() >= PATIENCE && load > 1.0 && load.is_finite() {
+                search.stricter *= load.min(MOST_STRICTER);
+            }
         }
-        let step = search.step("", &best)?;
+        let step = search.step("", &tried)?;
         search.learn(views);
         search.check_reach()?;
         let method = match (widened, search.aim_db()) {
@@ -490,6 +509,9 @@ struct Search<'a> {
     cut: Machine,
     fields: Value,
     knobs: Vec<Knob>,
+    /// Integer bits, whose steps stand after those of the knobs, and whether they may be taken: at last.
+    integers: Vec<Knob>,
+    is_last: bool,
     views: Vec<View>,
     journal: Journal,
     /// Rows by their keys.
@@ -517,6 +539,8 @@ impl<'a> Search<'a> {
             base,
             cut,
             fields,
+            integers: knobs::integers(machine, &options.only),
+            is_last: false,
             knobs,
             views,
             journal,
@@ -549,10 +573,15 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
+    /// Those whose steps may be taken at last.
+    fn all_knobs(&self) -> impl Iterator<Item = &Knob> {
+        self.knobs.iter().chain(&self.integers)
+    }
+
     fn machine(&self, steps: &[u32]) -> Option<Machine> {
         let mut fields = self.fields.clone();
-        for (knob, steps) in self.knobs.iter().zip(steps).filter(|(_, steps)| **steps > 0) {
-            machines::lay(&mut fields, &knob.path, knob.value(*steps));
+        for (knob, steps) in self.all_knobs().zip(steps).filter(|(_, steps)| **steps > 0) {
+            knob.take(&mut fields, *steps);
         }
         serde_json::from_value(fields).ok()
     }
@@ -717,11 +746,12 @@ impl<'a> Search<'a> {
         self.fields = machines::value(&self.cut);
         let only = &self.options.only;
         self.knobs = knobs::all(&self.cut, only);
+        self.integers = knobs::integers(&self.cut, only);
         self.areas.clear();
     }
 
     /// From the ranges to a machine that meets the target on all views. Fraction bits begin where the round before ended.
-    fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<Step>) -> Result<Settled> {
+    fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<Step>) -> Result<Vec<u32>> {
         let none = vec![0; self.knobs.len()];
         self.method = "ranges";
         self.cut()?;
@@ -744,7 +774,7 @@ impl<'a> Search<'a> {
             // A round for another view.
             let down = descent::taken_away(self, if is_back_well { &back } else { &none })?;
             path.push(self.step("max−1", &down)?);
-            return self.last_steps(&down, path);
+            return Ok(down);
         };
         let down = descent::taken_away(self, &well)?;
         path.push(self.step("max−1", &down)?);
@@ -752,14 +782,17 @@ impl<'a> Search<'a> {
         self.method = "annealing";
         let cold = descent::annealed(self, &best, self.options.seed, self.options.tries)?;
         path.push(self.step("annealing", &cold)?);
-        let last = descent::taken_away(self, &cold)?;
-        self.last_steps(&last, path)
+        descent::taken_away(self, &cold)
     }
 
-    /// Steps that are left one by one, and together.
+    /// Steps that are left one by one, and together, integer bits among them.
     fn last_steps(&mut self, from: &[u32], path: &mut Vec<Step>) -> Result<Settled> {
         self.method = "last steps";
-        let settled = descent::settled(self, from)?;
+        self.is_last = true;
+        let from: Vec<u32> = from.iter().copied().chain(self.integers.iter().map(|_| 0)).collect();
+        let settled = descent::settled(self, &from);
+        self.is_last = false;
+        let settled = settled?;
         path.push(self.step("last steps", &settled.steps)?);
         Ok(settled)
     }
@@ -818,8 +851,11 @@ impl<'a> Search<'a> {
     }
 
     /// What unseen views cost; areas are those of the target alone and of what was found.
-    fn margin(&self, on_first: &[Found], [alone, found]: [f64; 2]) -> Margin {
+    fn margin(&self, steps: &[u32], on_first: &[Found], [alone, found]: [f64; 2]) -> Margin {
         let target = &self.options.target;
+        let formats: HashMap<String, Format> = self.machine(steps).iter().flat_map(machines::words).collect();
+        // The last steps may have taken some of them again.
+        let is_kept = |(word, bits): &(&String, &i32)| formats.get(*word).is_some_and(|format| format.int_bits >= **bits);
         let first_psnr_db = worst_of(on_first).psnr_db_of(target);
         Margin {
             aim_db: self.aim_db().max(0.0),
@@ -827,12 +863,14 @@ impl<'a> Search<'a> {
             db: first_psnr_db.zip(target.psnr_db).map(|(reached, wanted)| reached - wanted),
             target_alone_area: alone,
             area: found - alone,
-            widened: self.least_int_bits.keys().cloned().collect(),
+            widened: self.least_int_bits.iter().filter(is_kept).map(|(word, _)| word.clone()).collect(),
         }
     }
 
-    /// How the machine does on unseen views, and the worst that fails.
-    fn verified(&mut self, steps: &[u32], from: usize) -> Result<Verdict> {
+    /// How the machine does on the next unseen views, and the worst that fails.
+    fn verified(&mut self, steps: &[u32], next: &mut usize) -> Result<Verdict> {
+        let from = *next;
+        *next += self.options.views;
         let Some(machine) = self.machine(steps) else { return Ok((Vec::new(), None)) };
         let elaborated = fixed::elaborate(&machine)?;
         let target = &self.options.target;
@@ -882,7 +920,9 @@ impl<'a> Search<'a> {
             next[knob] += 1;
             next
         };
-        let open: Vec<usize> = (0..self.knobs.len()).filter(|knob| steps[*knob] < self.knobs[*knob].most).collect();
+        let knobs: Vec<Knob> = self.all_knobs().cloned().collect();
+        let open: Vec<usize> = (0..knobs.len()).filter(|knob| steps[*knob] < knobs[*knob].most).collect();
+        let fields = self.machine(steps).map_or(Value::Null, |machine| machines::value(&machine));
         let all: Vec<Vec<u32>> = open.iter().copied().map(lesser).collect();
         self.foresee(&all)?;
         for knob in open {
@@ -890,10 +930,12 @@ impl<'a> Search<'a> {
             if found == HOPELESS || self.options.target.load(&found) <= 1.0 {
                 continue;
             }
-            let Knob { path, .. } = &self.knobs[knob];
+            let Knob { path, part, .. } = &knobs[knob];
+            let value = fields.pointer(&format!("/{}", path.replace('.', "/"))).cloned().unwrap_or_default();
             tight.push(CriticalWord {
                 path: path.clone(),
-                value: self.knobs[knob].value(steps[knob]),
+                value: value.get("format").cloned().unwrap_or(value),
+                part: *part,
                 psnr_db: found.psnr_db_of(&self.options.target),
             });
         }
@@ -977,7 +1019,8 @@ impl<'a> Search<'a> {
 
 impl Problem for Search<'_> {
     fn most(&self) -> Vec<u32> {
-        self.knobs.iter().map(|knob| knob.most).collect()
+        let integers = self.integers.iter().filter(|_| self.is_last);
+        self.knobs.iter().chain(integers).map(|knob| knob.most).collect()
     }
 
     fn area(&mut self, steps: &[u32]) -> Option<f64> {
@@ -1118,15 +1161,16 @@ impl Outcome {
         let _ = write!(text, "\n{}", wrapped(&self.checked_text()));
         let tight = self.tight.iter().take(TOLD).map(|tight| {
             let value = tight.value.as_str().map_or_else(|| tight.value.to_string(), str::to_owned);
-            format!("{} {value} ({})", tight.path, tight.psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB")))
+            let bit = if tight.part == Part::IntegerBit { "integer bit: " } else { "" };
+            format!("{} {value} ({bit}{})", tight.path, tight.psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB")))
         });
         let tight: Vec<String> = tight.collect();
         if !tight.is_empty() {
-            let _ = write!(
-                text,
-                "\n{}",
-                wrapped(&format!("critical word lengths, and what a step less would make of each: {}", tight.join(", ")))
-            );
+            let critical = match self.tight.len() {
+                count if count > TOLD => format!("{TOLD} of {count} critical word lengths (search.json lists all)"),
+                _ => "critical word lengths".to_owned(),
+            };
+            let _ = write!(text, "\n{}", wrapped(&format!("{critical}, and what a step less would make of each: {}", tight.join(", "))));
         }
         text
     }

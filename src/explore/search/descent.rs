@@ -289,8 +289,13 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
             let next = with(&steps, *knob, steps[*knob] + 1);
             let others =
                 |_: &mut _, width: usize| open[at + 1..].iter().take(width).map(|knob| with(&steps, *knob, steps[*knob] + 1)).collect();
-            if load_ahead(problem, &next, others)? <= 1.0 {
+            let mut is_well = load_ahead(problem, &next, others)? <= 1.0;
+            let mut next = next;
+            // Where one step can go, more may.
+            while is_well {
                 steps = next;
+                next = with(&steps, *knob, steps[*knob] + 1);
+                is_well = steps[*knob] < most[*knob] && is_no_larger(problem, &steps, &next) && problem.load(&next)? <= 1.0;
             }
         }
         if steps != before {
@@ -299,8 +304,7 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
         let joint = joint_steps(problem, &steps, &open)?;
         let mut taken = None;
         for next in &joint {
-            let (Some(area), Some(after)) = (problem.area(&steps), problem.area(next)) else { continue };
-            if after <= area && problem.load(next)? <= 1.0 {
+            if is_no_larger(problem, &steps, next) && problem.load(next)? <= 1.0 {
                 taken = Some(next.clone());
                 break;
             }
@@ -310,6 +314,10 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
             None => return Ok(Settled { steps, alone: open.len(), together: joint.len(), costly }),
         }
     }
+}
+
+fn is_no_larger(problem: &mut impl Problem, steps: &[u32], next: &[u32]) -> bool {
+    matches!((problem.area(steps), problem.area(next)), (Some(area), Some(after)) if after <= area)
 }
 
 /// Knobs that have a step left which takes no more area, those that save most in front.

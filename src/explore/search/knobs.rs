@@ -1,38 +1,60 @@
-//! Knobs: what a search may take away from a machine, a step at a time: fraction bits of words, and the sizes of tables and function units.
+//! Knobs: what a search may take away from a machine, a step at a time: bits of words, and the sizes of tables and function units.
 
 use crate::hardware::machines;
 use rtl_model::Machine;
 use rtl_model::num::Format;
+use schemars::JsonSchema;
+use serde::Serialize;
 use serde_json::Value;
 
 /// Fields of tables and function units that are numbers of bits or of steps, and the least that each may be.
 const SIZES: [(&str, i64); 4] = [("bits", 4), ("newton_steps", 0), ("table_bits", 2), ("index_bits", 2)];
 /// Bits that a word keeps at least.
-const LEAST_WIDTH: i32 = 2;
+const LEAST_WIDTH: i32 = 1;
 
 /// One of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
     /// Where it is in the machine.
     pub path: String,
-    top: Top,
+    /// What it takes away.
+    pub part: Part,
     /// Steps that can be taken away.
     pub most: u32,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Top {
-    Word(Format),
-    Size(i64),
+/// A part of a word, or a size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Part {
+    /// A bit after the binary point.
+    FractionBit,
+    /// A bit before it.
+    IntegerBit,
+    /// A bit or a step of a table or a function unit.
+    Size,
 }
 
-/// All of a machine, or those whose path begins with one of `only`.
+/// Fraction bits and sizes of a machine, or those whose path begins with one of `only`.
 pub fn all(machine: &Machine, only: &[String]) -> Vec<Knob> {
-    let word = |(path, format): (String, Format)| Knob { path, top: Top::Word(format), most: (format.width() - LEAST_WIDTH).max(0) as u32 };
-    let mut knobs: Vec<Knob> = machines::words(machine).into_iter().map(word).collect();
+    let mut knobs = of_words(machine, Part::FractionBit, only);
     sizes(&machines::value(machine), "", &mut knobs);
-    knobs.retain(|knob| only.is_empty() || only.iter().any(|name| machines::is_below(&knob.path, name)));
+    knobs.retain(|knob| is_asked(&knob.path, only));
     knobs
+}
+
+/// Integer bits of a machine, or those whose path begins with one of `only`.
+pub fn integers(machine: &Machine, only: &[String]) -> Vec<Knob> {
+    of_words(machine, Part::IntegerBit, only)
+}
+
+fn is_asked(path: &str, only: &[String]) -> bool {
+    only.is_empty() || only.iter().any(|name| machines::is_below(path, name))
+}
+
+fn of_words(machine: &Machine, part: Part, only: &[String]) -> Vec<Knob> {
+    let words = machines::words(machine).into_iter().filter(|(path, _)| is_asked(path, only));
+    words.map(|(path, format)| Knob { path, part, most: (format.width() - LEAST_WIDTH).max(0) as u32 }).collect()
 }
 
 fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
@@ -41,18 +63,24 @@ fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
     for (name, field) in fields.iter().filter(|(name, _)| *name != "timing") {
         let below = format!("{path}{name}");
         match (SIZES.iter().find(|(size, _)| size == name), field.as_i64()) {
-            (Some((_, least)), Some(top)) => knobs.push(Knob { path: below, top: Top::Size(top), most: (top - least).max(0) as u32 }),
+            (Some((_, least)), Some(top)) => knobs.push(Knob { path: below, part: Part::Size, most: (top - least).max(0) as u32 }),
             _ => sizes(field, &format!("{below}."), knobs),
         }
     }
 }
 
 impl Knob {
-    /// Value of the field with so many steps taken away.
-    pub fn value(&self, steps: u32) -> Value {
-        match self.top {
-            Top::Word(format) => Value::from(Format { frac_bits: format.frac_bits - steps as i32, ..format }.to_string()),
-            Top::Size(top) => Value::from(top - i64::from(steps)),
-        }
+    /// Takes so many steps away from the field, which machines have.
+    pub fn take(&self, fields: &mut Value, steps: u32) {
+        let Some(field) = fields.pointer_mut(&format!("/{}", self.path.replace('.', "/"))) else { return };
+        // A word may have its format in a field of its own.
+        let field = if field.is_object() { &mut field["format"] } else { field };
+        let bits = steps as i32;
+        let less = match (self.part, field.as_str().and_then(|text| text.parse::<Format>().ok())) {
+            (Part::FractionBit, Some(format)) => Format { frac_bits: format.frac_bits - bits, ..format }.to_string().into(),
+            (Part::IntegerBit, Some(format)) => Format { int_bits: format.int_bits - bits, ..format }.to_string().into(),
+            _ => Value::from(field.as_i64().unwrap_or(0) - i64::from(steps)),
+        };
+        *field = less;
     }
 }
