@@ -466,3 +466,24 @@ fn what_is_wrong_is_said_and_nothing_is_written() {
     let named = scene(json!({"volume": {"builtin": "fuzzy-clouds"}, "array": "x"}), &json!({}));
     assert!(run("x.vts", sound.as_bytes(), Some(named)).contains("splats.array names an array of a file of VTK's"));
 }
+
+#[test]
+fn an_array_of_a_vti_is_chosen_by_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let backwards = array("Float32", "backwards", 1, (0..COUNT).rev().map(|i| f64::from(value(i))));
+    let written = |name: &str, arrays: &str| {
+        std::fs::write(folder.path().join(name), vtk("ImageData", &extent(), "", &format!("<PointData>{arrays}</PointData>"))).unwrap();
+    };
+    written("two.vti", &format!("{backwards}{}", samples()));
+    written("one.vti", &samples());
+    let picture = |source: Value| {
+        std::fs::write(folder.path().join("s.json"), scene(source, &json!({})).to_string()).unwrap();
+        let arguments = ["run", "s.json", "--check", "none", "--quiet", "--out", "out"];
+        let run = Command::new(env!("CARGO_BIN_EXE_splatsim")).current_dir(&folder).args(arguments).output().unwrap();
+        assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+        std::fs::read(folder.path().join("out/golden.png")).unwrap()
+    };
+    let alone = picture(json!({"volume": "one.vti"}));
+    assert_eq!(picture(json!({"volume": "two.vti", "array": "waves"})), alone);
+    assert_ne!(picture(json!({"volume": "two.vti", "array": "backwards"})), alone);
+}
