@@ -707,8 +707,7 @@ impl<'a> Search<'a> {
         }
         self.cut = self.base.clone();
         self.take_fields();
-        let is_asked = |path: &str| self.options.only.is_empty() || self.options.only.iter().any(|name| machines::is_below(path, name));
-        let words = machines::words(&self.base).into_iter().filter(|(path, _)| is_asked(path));
+        let words = machines::words(&self.base).into_iter().filter(|(path, _)| knobs::is_asked(path, &self.options.only));
         let less = |(path, format): (String, Format)| {
             let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);
             (int_bits < format.int_bits).then(|| (path, Value::from(Format { int_bits, ..format }.to_string())))
@@ -930,12 +929,11 @@ impl<'a> Search<'a> {
             if found == HOPELESS || self.options.target.load(&found) <= 1.0 {
                 continue;
             }
-            let Knob { path, part, .. } = &knobs[knob];
-            let value = fields.pointer(&format!("/{}", path.replace('.', "/"))).cloned().unwrap_or_default();
+            let knob = &knobs[knob];
             tight.push(CriticalWord {
-                path: path.clone(),
-                value: value.get("format").cloned().unwrap_or(value),
-                part: *part,
+                path: knob.path.clone(),
+                value: knob.value(&fields),
+                part: knob.part,
                 psnr_db: found.psnr_db_of(&self.options.target),
             });
         }

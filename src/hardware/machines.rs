@@ -155,6 +155,11 @@ fn gather(value: &Value, path: &str, words: &mut Vec<(String, Format)>) {
     }
 }
 
+/// The JSON pointer of a field: `/gauss/weight` of `gauss.weight`.
+pub fn pointer(path: &str) -> String {
+    format!("/{}", path.replace('.', "/"))
+}
+
 /// Lays one change over a machine's fields, unchecked; the path is one of a machine.
 pub fn lay(fields: &mut Value, path: &str, leaf: Value) {
     merge(fields, nested(path, whole(leaf)));

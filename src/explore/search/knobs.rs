@@ -37,7 +37,7 @@ pub enum Part {
 
 /// Fraction bits and sizes of a machine, or those whose path begins with one of `only`.
 pub fn all(machine: &Machine, only: &[String]) -> Vec<Knob> {
-    let mut knobs = of_words(machine, Part::FractionBit, only);
+    let mut knobs = of_words(machine, Part::FractionBit);
     sizes(&machines::value(machine), "", &mut knobs);
     knobs.retain(|knob| is_asked(&knob.path, only));
     knobs
@@ -45,16 +45,19 @@ pub fn all(machine: &Machine, only: &[String]) -> Vec<Knob> {
 
 /// Integer bits of a machine, or those whose path begins with one of `only`.
 pub fn integers(machine: &Machine, only: &[String]) -> Vec<Knob> {
-    of_words(machine, Part::IntegerBit, only)
+    let mut knobs = of_words(machine, Part::IntegerBit);
+    knobs.retain(|knob| is_asked(&knob.path, only));
+    knobs
 }
 
-fn is_asked(path: &str, only: &[String]) -> bool {
+/// Whether a path begins with one of `only`, or there are none.
+pub fn is_asked(path: &str, only: &[String]) -> bool {
     only.is_empty() || only.iter().any(|name| machines::is_below(path, name))
 }
 
-fn of_words(machine: &Machine, part: Part, only: &[String]) -> Vec<Knob> {
-    let words = machines::words(machine).into_iter().filter(|(path, _)| is_asked(path, only));
-    words.map(|(path, format)| Knob { path, part, most: (format.width() - LEAST_WIDTH).max(0) as u32 }).collect()
+fn of_words(machine: &Machine, part: Part) -> Vec<Knob> {
+    let knob = |(path, format): (String, Format)| Knob { path, part, most: (format.width() - LEAST_WIDTH).max(0) as u32 };
+    machines::words(machine).into_iter().map(knob).collect()
 }
 
 fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
@@ -70,10 +73,15 @@ fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
 }
 
 impl Knob {
+    /// The field's value; of a word, its format, which may stand in a field of its own.
+    pub fn value(&self, fields: &Value) -> Value {
+        let field = fields.pointer(&machines::pointer(&self.path)).unwrap_or(&Value::Null);
+        field.get("format").unwrap_or(field).clone()
+    }
+
     /// Takes so many steps away from the field, which machines have.
     pub fn take(&self, fields: &mut Value, steps: u32) {
-        let Some(field) = fields.pointer_mut(&format!("/{}", self.path.replace('.', "/"))) else { return };
-        // A word may have its format in a field of its own.
+        let Some(field) = fields.pointer_mut(&machines::pointer(&self.path)) else { return };
         let field = if field.is_object() { &mut field["format"] } else { field };
         let bits = steps as i32;
         let less = match (self.part, field.as_str().and_then(|text| text.parse::<Format>().ok())) {

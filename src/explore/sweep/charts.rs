@@ -228,7 +228,7 @@ impl Rows {
             if *field == "exact" {
                 return *value != "[]";
             }
-            let base = self.fields.pointer(&format!("/{}", field.replace('.', "/")));
+            let base = self.fields.pointer(&machines::pointer(field));
             base.is_none_or(|base| base.as_str().map_or_else(|| base.to_string(), str::to_owned) != *value)
         };
         text.split(' ').filter_map(|change| change.split_once('=')).filter(is_change).collect()

@@ -383,7 +383,7 @@ impl Points {
         let base = machines::value(&self.base);
         let kind = |field: &String| {
             let all = self.axes.iter().flatten().flatten().filter(|(other, _)| other == field).map(|(_, value)| value);
-            let numbers = all.chain(base.pointer(&format!("/{}", field.replace('.', "/")))).filter(|value| !value.is_null());
+            let numbers = all.chain(base.pointer(&machines::pointer(field))).filter(|value| !value.is_null());
             numbers.map(kind_of).reduce(|a, b| match (a, b) {
                 (a, b) if a == b => a,
                 (Kind::Text, _) | (_, Kind::Text) => Kind::Text,

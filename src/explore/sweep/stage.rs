@@ -248,7 +248,7 @@ impl Stage {
             let changes: Vec<String> = point.changes.iter().map(|(field, value)| format!("{field}={}", text(value))).collect();
             let own = fields.iter().map(|(field, kind)| {
                 let changed = point.changes.iter().find(|(other, _)| other == field).map(|(_, value)| value);
-                match changed.or_else(|| base.pointer(&format!("/{}", field.replace('.', "/")))) {
+                match changed.or_else(|| base.pointer(&machines::pointer(field))) {
                     None => Value::Null,
                     Some(value) if *kind == Kind::Text => json!(text(value)),
                     Some(number) => machines::whole(number.clone()),

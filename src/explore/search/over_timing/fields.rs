@@ -64,10 +64,6 @@ const FIELDS: [(&str, &str); 35] = [
     ("timing.memory.outstanding", "[1, 2, 4, 8, 16, 32, 64]"),
 ];
 
-fn pointer(path: &str) -> String {
-    format!("/{}", path.replace('.', "/"))
-}
-
 /// The fields that a machine has of those above, with their values.
 pub(super) fn usual(machine: &Machine) -> Vec<Field> {
     let value = machines::value(machine);
@@ -76,7 +72,7 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
         Organisation::Immediate => &["timing.tile", "timing.engines", "timing.queue"],
     };
     // What a unit for colours takes may be left out where there is one.
-    let place = |unit: &str| if unit == "timing.colour" { "/colour".to_owned() } else { pointer(unit) };
+    let place = |unit: &str| if unit == "timing.colour" { "/colour".to_owned() } else { machines::pointer(unit) };
     let has = |unit: &str| !unused.contains(&unit) && value.pointer(&place(unit)).is_some_and(Value::is_object);
     let there = FIELDS.iter().filter(|(field, _)| !unused.contains(field) && field.rsplit_once('.').is_some_and(|(unit, _)| has(unit)));
     let values = |field: &str, text: &str| {
@@ -175,7 +171,7 @@ pub(super) fn knobs(machine: &Machine, fields: &[Field]) -> Result<Vec<Knob>> {
     check(fields).map_err(Error::input)?;
     let value = machines::value(machine);
     let knob = |Field { field, values }: &Field| {
-        let own = value.pointer(&pointer(field)).cloned().unwrap_or(Value::Null);
+        let own = value.pointer(&machines::pointer(field)).cloned().unwrap_or(Value::Null);
         let mut knob = Knob { field: field.clone(), values: vec![own] };
         for value in values {
             let value = machines::whole(value.clone());
