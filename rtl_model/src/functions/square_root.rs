@@ -123,6 +123,13 @@ impl ReciprocalRoot {
         (y, self.exponent(lead))
     }
 
+    /// √x of one positive word, as [`ReciprocalRoot::root_lanes`].
+    pub fn root_one<P: Probe>(&self, x: i64, tap: &mut Tap<P>) -> (i64, i64) {
+        let (y, exponent) = self.one(x, tap);
+        let m = self.mantissa.one(x << self.lead(x));
+        (m * y, -exponent)
+    }
+
     /// Places to shift so that the value is 2^(even) times [1, 4), read with one fraction bit less than the reciprocal's.
     #[inline(always)]
     fn lead(&self, x: i64) -> i64 {

@@ -4,26 +4,33 @@
 //! ```text
 //! a unit's function ─► Builder ─┬─► parts, signals, misfits          as it is built
 //!                               └─► Graph ─┬─► one item at a time    mod.rs: what every operator means
-//!                                          ├─► a batch of items      run.rs: the same, in the narrowest words
+//!                                          ├─► a batch of items      compile.rs, run.rs: the same, in the narrowest words
 //!                                          └─► bounds                real.rs
 //! ```
-//! A wire has a shape: how far it reaches above and below the binary point. Sums and products grow; [`Builder::fit`] is the only operator that
-//! loses bits, at a named signal.
+//! A wire has a shape, how far it reaches above and below the binary point, and may be relative to a [`Power`] of two that the data decides
+//! on. Sums and products grow; [`Builder::fit`] and [`Builder::fit_to`] are the only operators that lose bits, at a named signal. A condition
+//! is a wire of words −1 (holds) and 0.
 //!
 //! Law: `a_batch_equals_one_item_at_a_time`.
 
+mod builder;
+mod compile;
+mod power;
 mod real;
 mod run;
 
+pub use builder::Builder;
+pub use power::Power;
+pub use real::{Asked, Bounded, Given};
 pub use run::{BATCH, Batch, Program, ROWS, Run};
 
-use crate::elaboration::{self, Elaboration};
-use crate::functions::Table;
-use crate::num::{Exact, Fit, Word, align};
-use crate::probe::{Probe, Tap};
+use crate::elaboration::Signal;
+use crate::functions::{Reciprocal, ReciprocalRoot, Table};
+use crate::num::{Exact, Fit};
+use crate::probe::{NoProbe, Probe, Tap};
 
 /// The result of an operator: its place among a graph's nodes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wire(u16);
 
 impl Wire {
@@ -32,7 +39,7 @@ impl Wire {
     }
 }
 
-/// An operator.
+/// An operator. What it is about comes first.
 #[derive(Clone, Copy, Debug)]
 enum Operator {
     /// What the graph is applied to, by its place among the inputs.
@@ -42,34 +49,108 @@ enum Operator {
     /// Terms, each shifted left to the common binary point.
     Sum([Wire; 2], [u32; 2]),
     Difference([Wire; 2], [u32; 2]),
+    Negation(Wire),
+    Magnitude(Wire),
+    /// With the sign that another wire has not.
+    Opposed(Wire, Wire),
+    /// Negated where another wire is above 0.
+    Turned(Wire, Wire),
     /// At least 0.
     Natural(Wire),
     /// At most so much, in the wire's own places.
     AtMost(Wire, i64),
+    /// At least so many last places, 0 or 1, a limit that no exact number has.
+    AtLeast(Wire, i64),
+    /// A last place more.
+    APlaceMore(Wire),
+    /// Times 2^n, by wiring: the same word.
+    Scaled(Wire, i32),
+    Lesser([Wire; 2]),
+    Greater([Wire; 2]),
+    /// A word in place of what means nothing where a condition holds.
+    Guarded(Wire, Wire, i64),
     /// A table's word, by the table's place.
     Lookup(Wire, usize),
     Fit(Wire, Fit),
+    /// A result that has so many more fraction bits than its shape says.
+    FitShifted(Wire, Wire, Fit),
+    /// All bits of three magnitudes: it has as many places as the largest.
+    Largest([Wire; 3]),
+    /// Places to the left that bring a positive wire's leading one to bit 61.
+    Lead(Wire),
+    /// Shifted left by that.
+    Normalised(Wire, Wire),
+    /// 1/x of a positive wire, by a reciprocal's place.
+    Reciprocal(Wire, usize),
+    /// 1/√x of a positive wire, by a root's place.
+    InverseRoot(Wire, usize),
+    /// √x of a positive wire, by a root's place.
+    Root(Wire, usize),
+    /// The exponent beside a reciprocal or a root.
+    Exponent(Wire),
+    /// A sum over exponents.
+    Exponents(Power),
+    /// An exponent that is at least 0.
+    AtLeastOne(Wire),
+    /// Where the first is greater, each shifted left to the common binary point.
+    Above([Wire; 2], [u32; 2]),
+    Either([Wire; 2]),
+    Both([Wire; 2]),
+    Not(Wire),
+    /// No item in which a condition holds is observed from here on.
+    Drop(Wire),
 }
 
 impl Operator {
-    /// Wires that it reads.
-    fn reads(&self) -> impl Iterator<Item = Wire> {
-        let (first, second) = match *self {
-            Operator::Input(_) | Operator::Constant(_) => (None, None),
-            Operator::Product([a, b]) | Operator::Sum([a, b], _) | Operator::Difference([a, b], _) => (Some(a), Some(b)),
-            Operator::Natural(from) | Operator::AtMost(from, _) | Operator::Lookup(from, _) | Operator::Fit(from, _) => (Some(from), None),
-        };
-        first.into_iter().chain(second)
+    /// Shows the wires that it reads.
+    fn reads(&self, mut read: impl FnMut(Wire)) {
+        match *self {
+            Operator::Input(_) | Operator::Constant(_) => {}
+            Operator::Product([a, b])
+            | Operator::Sum([a, b], _)
+            | Operator::Difference([a, b], _)
+            | Operator::Opposed(a, b)
+            | Operator::Turned(a, b)
+            | Operator::Guarded(a, b, _)
+            | Operator::FitShifted(a, b, _)
+            | Operator::Normalised(a, b)
+            | Operator::Above([a, b], _)
+            | Operator::Lesser([a, b])
+            | Operator::Greater([a, b])
+            | Operator::Either([a, b])
+            | Operator::Both([a, b]) => [a, b].into_iter().for_each(read),
+            Operator::Largest([a, b, c]) => [a, b, c].into_iter().for_each(read),
+            Operator::Exponents(ref power) => power.terms().iter().for_each(|(wire, _)| read(*wire)),
+            Operator::Negation(from)
+            | Operator::Magnitude(from)
+            | Operator::Natural(from)
+            | Operator::AtMost(from, _)
+            | Operator::AtLeast(from, _)
+            | Operator::APlaceMore(from)
+            | Operator::Scaled(from, _)
+            | Operator::Lookup(from, _)
+            | Operator::Fit(from, _)
+            | Operator::Lead(from)
+            | Operator::Reciprocal(from, _)
+            | Operator::InverseRoot(from, _)
+            | Operator::Root(from, _)
+            | Operator::Exponent(from)
+            | Operator::AtLeastOne(from)
+            | Operator::Not(from)
+            | Operator::Drop(from) => read(from),
+        }
     }
 }
 
-/// An operator and the shape of its result.
+/// An operator, and the shape of its result.
 #[derive(Clone, Copy, Debug)]
 struct Node {
     operator: Operator,
     shape: Exact,
     /// Whether it may be negative.
     signed: bool,
+    /// What it is relative to; of exponents, the power that they are.
+    power: Power,
 }
 
 impl Node {
@@ -79,124 +160,48 @@ impl Node {
     }
 }
 
-/// Builds a graph for a unit, and declares what it takes: parts, signals, misfits.
-#[derive(Debug)]
-pub struct Builder<'e> {
-    e: &'e mut Elaboration,
-    unit: &'static str,
-    nodes: Vec<Node>,
+/// What nodes refer to.
+#[derive(Clone, Debug, Default)]
+struct Functions {
     tables: Vec<Table>,
-    inputs: usize,
-}
-
-impl<'e> Builder<'e> {
-    /// An empty graph of a unit.
-    pub fn new(e: &'e mut Elaboration, unit: &'static str) -> Self {
-        Builder { e, unit, nodes: Vec::new(), tables: Vec::new(), inputs: 0 }
-    }
-
-    fn node(&mut self, operator: Operator, shape: Exact, signed: bool) -> Wire {
-        self.nodes.push(Node { operator, shape, signed });
-        Wire((self.nodes.len() - 1) as u16)
-    }
-
-    fn of(&self, wire: Wire) -> Node {
-        self.nodes[wire.place()]
-    }
-
-    /// The next input, a word.
-    pub fn input(&mut self, word: Word) -> Wire {
-        self.state(word.into(), word.format.signed)
-    }
-
-    /// The next input, an exact result that is kept from one item to the next, or comes from another graph.
-    pub fn state(&mut self, shape: Exact, signed: bool) -> Wire {
-        self.inputs += 1;
-        self.node(Operator::Input(self.inputs - 1), shape, signed)
-    }
-
-    /// 1, in the places of a word or an exact result.
-    pub fn one(&mut self, places: impl Into<Exact>) -> Wire {
-        let frac_bits = places.into().frac_bits;
-        self.node(Operator::Constant(1 << frac_bits.clamp(0, 62)), Exact { int_bits: 1, frac_bits }, false)
-    }
-
-    /// Exact product, by a multiplier.
-    pub fn times(&mut self, a: Wire, b: Wire) -> Wire {
-        let [x, y] = [a, b].map(|wire| self.of(wire));
-        let operator = elaboration::Operator::Multiplier([x.bits(), y.bits()]);
-        self.e.part(self.unit, operator);
-        self.node(Operator::Product([a, b]), x.shape.times(y.shape), x.signed || y.signed)
-    }
-
-    /// A sum that is known to have no more than a shape, by an adder as wide.
-    pub fn plus_within(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
-        let [x, y] = [a, b].map(|wire| self.of(wire));
-        self.e.adders(self.unit, 1, shape.bits());
-        let lefts = align([x.shape.frac_bits, y.shape.frac_bits]);
-        self.node(Operator::Sum([a, b], lefts), shape, x.signed || y.signed)
-    }
-
-    /// A difference that is known to have no more than a shape, by an adder as wide.
-    pub fn minus_within(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
-        let lefts = align([a, b].map(|wire| self.of(wire).shape.frac_bits));
-        self.e.adders(self.unit, 1, shape.bits());
-        self.node(Operator::Difference([a, b], lefts), shape, true)
-    }
-
-    /// What is left of `a`, of which `b` is a part: a difference that has no more than a shape, and is not negative.
-    pub fn rest(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
-        let difference = self.minus_within(a, b, shape);
-        self.nodes[difference.place()].signed = false;
-        difference
-    }
-
-    /// At least 0, by a choice that a difference's own sign makes.
-    pub fn natural(&mut self, from: Wire) -> Wire {
-        let shape = self.of(from).shape;
-        self.e.choice(self.unit, 2, shape.bits());
-        self.node(Operator::Natural(from), shape, false)
-    }
-
-    /// At most 1. What saturates the word that comes of it limits this too, so that it takes no part of its own.
-    pub fn at_most_one(&mut self, from: Wire) -> Wire {
-        let Node { shape, signed, .. } = self.of(from);
-        self.node(Operator::AtMost(from, 1 << shape.frac_bits.clamp(0, 62)), shape, signed)
-    }
-
-    /// The only operator that loses bits: puts an exact result into the word called `name`.
-    pub fn fit(&mut self, name: &str, word: Word, from: Wire) -> Wire {
-        let fit = self.e.fit(self.unit, name, word, self.of(from).shape);
-        self.node(Operator::Fit(from, fit), word.into(), word.format.signed)
-    }
-
-    /// A word of a table, which the fit of the table makes.
-    pub fn look_up(&mut self, table: Table, argument: Wire) -> Wire {
-        let word = table.fit().word;
-        self.tables.push(table);
-        self.node(Operator::Lookup(argument, self.tables.len() - 1), word.into(), word.format.signed)
-    }
-
-    /// The graph, with these results.
-    pub fn build<const OUTPUTS: usize>(&mut self, outputs: [Wire; OUTPUTS]) -> Graph<OUTPUTS> {
-        let (nodes, tables) = (std::mem::take(&mut self.nodes), std::mem::take(&mut self.tables));
-        Graph { nodes, tables, outputs }
-    }
+    reciprocals: Vec<Reciprocal>,
+    roots: Vec<ReciprocalRoot>,
 }
 
 /// A unit's arithmetic.
 #[derive(Clone, Debug)]
 pub struct Graph<const OUTPUTS: usize> {
     nodes: Vec<Node>,
-    tables: Vec<Table>,
+    functions: Functions,
     outputs: [Wire; OUTPUTS],
+}
+
+/// A condition as a word.
+fn word(holds: bool) -> i64 {
+    -i64::from(holds)
 }
 
 impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// Results of one item.
     pub fn one<P: Probe>(&self, inputs: &[i64], tap: &mut Tap<P>) -> [i64; OUTPUTS] {
         let mut results: Vec<i64> = Vec::with_capacity(self.nodes.len());
-        for node in &self.nodes {
+        let mut exponents = vec![0; self.nodes.len()];
+        // None once a condition has dropped the item.
+        let (mut seen, probe) = (Some(tap), &mut NoProbe);
+        let unseen = &mut Tap::new(probe);
+        macro_rules! tapped {
+            ($tap:ident => $result:expr) => {
+                match seen.as_deref_mut() {
+                    Some($tap) => $result,
+                    None => {
+                        let $tap = &mut *unseen;
+                        $result
+                    }
+                }
+            };
+        }
+        let Functions { tables, reciprocals, roots } = &self.functions;
+        for (place, node) in self.nodes.iter().enumerate() {
             let of = |wire: Wire| results[wire.place()];
             let result = match node.operator {
                 Operator::Input(place) => inputs[place],
@@ -204,10 +209,71 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 Operator::Product([a, b]) => of(a) * of(b),
                 Operator::Sum([a, b], [p, q]) => (of(a) << p) + (of(b) << q),
                 Operator::Difference([a, b], [p, q]) => (of(a) << p) - (of(b) << q),
-                Operator::Natural(from) => of(from).max(0),
+                Operator::Negation(from) => -of(from),
+                Operator::Magnitude(from) => of(from).abs(),
+                Operator::Opposed(from, to) => {
+                    if of(to) < 0 {
+                        of(from)
+                    } else {
+                        -of(from)
+                    }
+                }
+                Operator::Turned(from, by) => {
+                    if of(by) > 0 {
+                        -of(from)
+                    } else {
+                        of(from)
+                    }
+                }
+                Operator::Natural(from) | Operator::AtLeastOne(from) => of(from).max(0),
                 Operator::AtMost(from, most) => of(from).min(most),
-                Operator::Lookup(from, table) => tap.fit_one(self.tables[table].fit(), self.tables[table].exact(of(from))),
-                Operator::Fit(from, ref fit) => tap.fit_one(fit, of(from)),
+                Operator::AtLeast(from, least) => of(from).max(least),
+                Operator::APlaceMore(from) => of(from) + 1,
+                Operator::Scaled(from, _) => of(from),
+                Operator::Lesser([a, b]) => of(a).min(of(b)),
+                Operator::Greater([a, b]) => of(a).max(of(b)),
+                Operator::Guarded(from, condition, instead) => {
+                    if of(condition) < 0 {
+                        instead
+                    } else {
+                        of(from)
+                    }
+                }
+                Operator::Lookup(from, table) => tapped!(tap => tap.fit_one(tables[table].fit(), tables[table].exact(of(from)))),
+                Operator::Fit(from, ref fit) => tapped!(tap => tap.fit_one(fit, of(from))),
+                Operator::FitShifted(from, more, ref fit) => tapped!(tap => tap.fit_one_shifted(fit, of(from), of(more))),
+                Operator::Largest([a, b, c]) => of(a).abs() | of(b).abs() | of(c).abs() | 1,
+                Operator::Lead(from) => i64::from(of(from).leading_zeros()) - 2,
+                Operator::Normalised(from, lead) => of(from) << of(lead),
+                Operator::Reciprocal(from, unit) => {
+                    let (word, exponent) = tapped!(tap => reciprocals[unit].one(of(from), tap));
+                    exponents[place] = exponent;
+                    word
+                }
+                Operator::InverseRoot(from, unit) => {
+                    let (word, exponent) = tapped!(tap => roots[unit].one(of(from), tap));
+                    exponents[place] = exponent;
+                    word
+                }
+                Operator::Root(from, unit) => {
+                    let (word, exponent) = tapped!(tap => roots[unit].root_one(of(from), tap));
+                    exponents[place] = exponent;
+                    word
+                }
+                Operator::Exponent(from) => exponents[from.place()],
+                Operator::Exponents(ref power) => {
+                    power.terms().iter().fold(power.constant.into(), |sum: i64, (wire, factor)| sum + of(*wire) * i64::from(*factor))
+                }
+                Operator::Above([a, b], [p, q]) => word(of(a) << p > of(b) << q),
+                Operator::Either([a, b]) => of(a) | of(b),
+                Operator::Both([a, b]) => of(a) & of(b),
+                Operator::Not(from) => !of(from),
+                Operator::Drop(from) => {
+                    if P::WORDS && of(from) < 0 {
+                        seen = None;
+                    }
+                    0
+                }
             };
             results.push(result);
         }
@@ -220,19 +286,55 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// Where a result is not fitted.
     pub fn fits(&self) -> [Fit; OUTPUTS] {
         self.outputs.map(|wire| match self.nodes[wire.place()].operator {
-            Operator::Fit(_, fit) => fit,
+            Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => fit,
             other => panic!("{other:?} is not a word"),
         })
     }
 
+    /// The n-th fit of a signal, for a kernel that does the same.
+    ///
+    /// # Panics
+    /// Where there is none.
+    pub fn fit_of_signal(&self, signals: &[Signal], unit: &str, name: &str, nth: usize) -> Fit {
+        let fits = self.nodes.iter().filter_map(|node| match node.operator {
+            Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => Some(fit),
+            _ => None,
+        });
+        let mut own = fits.filter(|fit| signals.get(fit.signal).is_some_and(|signal| signal.unit == unit && signal.name == name));
+        own.nth(nth).unwrap_or_else(|| panic!("{unit}.{name} is fitted"))
+    }
+
     /// Its tables, in the order in which they are looked up.
     pub fn tables(&self) -> &[Table] {
-        &self.tables
+        &self.functions.tables
+    }
+
+    /// Its reciprocals, in the order of its operators.
+    pub fn reciprocals(&self) -> &[Reciprocal] {
+        &self.functions.reciprocals
+    }
+
+    /// Its roots and inverse roots, in the order of its operators.
+    pub fn roots(&self) -> &[ReciprocalRoot] {
+        &self.functions.roots
+    }
+
+    /// Products of one item, those of its function units too.
+    #[cfg(test)]
+    pub fn products(&self) -> u32 {
+        let products = |node: &Node| match node.operator {
+            Operator::Product(_) => 1,
+            Operator::Reciprocal(_, unit) => 2 * self.functions.reciprocals[unit].shape().newton_steps,
+            Operator::InverseRoot(_, unit) => 3 * self.functions.roots[unit].shape().newton_steps,
+            Operator::Root(_, unit) => 3 * self.functions.roots[unit].shape().newton_steps + 1,
+            _ => 0,
+        };
+        self.nodes.iter().map(products).sum()
     }
 
     /// The same arithmetic for batches.
     pub fn program(&self) -> Program {
-        Program::new(&self.nodes, &self.tables, &self.outputs)
+        compile::program(&self.nodes, &self.functions, &self.outputs)
     }
 }
 

@@ -1,35 +1,210 @@
 //! Real: a graph over real numbers: bounds, or the losses of some words alone ([`Real`]).
+//!
+//! Every wire has its value, whatever power it is relative to; a fit's last place depends on that power, which is known from the value that a
+//! normaliser, a reciprocal or a root was given. What the host alone needs ([`Operator::Guarded`]) and conditions are not there.
 
-use super::{Graph, Operator};
+use super::{Graph, Node, Operator, Power, Wire};
 use crate::functions::Table;
+use crate::num::Fit;
 use crate::num::real::power_of_two;
 use crate::real::{Real, Scale};
 
-/// Most nodes of a graph.
-const MOST: usize = 32;
+/// Most nodes of a graph that is worked out without memory of its own.
+const FEW: usize = 32;
+
+/// A wire's number, and the power of two that it is relative to; of a wire that holds an exponent, that power.
+#[derive(Clone, Copy, Debug)]
+pub struct Bounded<R> {
+    /// Its value.
+    pub value: R,
+    /// Least and greatest exponent.
+    pub scale: Scale,
+}
+
+impl<R: Real> Bounded<R> {
+    /// A number that is what it says.
+    pub fn of(value: R) -> Self {
+        Bounded { value, scale: Scale::ONE }
+    }
+
+    /// An exponent.
+    pub fn exponent(scale: Scale) -> Self {
+        Bounded { value: R::constant(0.0), scale }
+    }
+}
+
+/// What a graph over reals is given.
+#[derive(Clone, Copy, Debug)]
+pub struct Given<'a, R> {
+    /// Inputs: a number's own scale follows from the graph.
+    pub inputs: &'a [Bounded<R>],
+    /// Whether what is turned by a sign is, where somebody's decision is followed; else each side decides by itself.
+    pub turned: Option<bool>,
+}
+
+/// The power of two whose even power normalises a number to [1, 4).
+fn half(scale: Scale) -> Scale {
+    Scale { low: scale.low.div_euclid(2), high: scale.high.div_euclid(2) }
+}
+
+/// Wires whose numbers are asked for, and the operators that make them.
+#[derive(Clone, Debug)]
+pub struct Asked<const N: usize> {
+    wires: [Wire; N],
+    places: Vec<u16>,
+}
 
 impl<const OUTPUTS: usize> Graph<OUTPUTS> {
-    /// Results of one item; `look_up` is the function that a table stands for.
-    #[inline]
-    pub fn real<R: Real>(&self, inputs: &[R], look_up: impl Fn(&Table, R) -> R) -> [R; OUTPUTS] {
-        let mut results = [R::constant(0.0); MOST];
-        for (place, node) in self.nodes.iter().enumerate() {
-            let value = |word: i64| word as f64 * power_of_two(-node.shape.frac_bits);
-            results[place] = match node.operator {
-                Operator::Input(place) => inputs[place],
-                Operator::Constant(word) => R::constant(value(word)),
-                Operator::Product([a, b]) => results[a.place()] * results[b.place()],
-                Operator::Sum([a, b], _) => results[a.place()] + results[b.place()],
-                Operator::Difference([a, b], _) => results[a.place()] - results[b.place()],
-                Operator::Natural(from) => results[from.place()].max(R::constant(0.0)),
-                Operator::AtMost(from, most) => results[from.place()].at_most(value(most)),
-                Operator::Lookup(from, table) => {
-                    let table = &self.tables[table];
-                    look_up(table, results[from.place()]).fit(table.fit(), Scale::ONE)
-                }
-                Operator::Fit(from, ref fit) => results[from.place()].fit(fit, Scale::ONE),
-            };
+    /// What is to be worked out for some wires.
+    pub fn asked<const N: usize>(&self, wires: [Wire; N]) -> Asked<N> {
+        let mut is_needed = vec![false; self.nodes.len()];
+        wires.iter().for_each(|wire| is_needed[wire.place()] = true);
+        for (place, node) in self.nodes.iter().enumerate().rev() {
+            if is_needed[place] {
+                node.operator.reads(|wire| is_needed[wire.place()] = true);
+                node.power.terms().iter().for_each(|(wire, _)| is_needed[wire.place()] = true);
+            }
         }
-        self.outputs.map(|wire| results[wire.place()])
+        Asked { wires, places: (0..self.nodes.len()).filter(|place| is_needed[*place]).map(|place| place as u16).collect() }
+    }
+
+    /// The same of its results.
+    pub fn asked_for_results(&self) -> Asked<OUTPUTS> {
+        self.asked(self.outputs)
+    }
+
+    /// Numbers of one item that are what they say; `look_up` is the function that a table stands for.
+    #[inline]
+    pub fn real<R: Real, const INPUTS: usize, const N: usize>(
+        &self,
+        asked: &Asked<N>,
+        inputs: [R; INPUTS],
+        look_up: impl Fn(&Table, R) -> R,
+    ) -> [R; N] {
+        let inputs = inputs.map(Bounded::of);
+        self.bounded(asked, &Given { inputs: &inputs, turned: None }, look_up).map(|result| result.value)
+    }
+
+    /// The fit that a wire's word comes of, as it is or without its sign.
+    fn fit_of(&self, wire: Wire) -> Option<&Fit> {
+        match &self.nodes[wire.place()].operator {
+            Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => Some(fit),
+            Operator::Magnitude(from) | Operator::Guarded(from, ..) => self.fit_of(*from),
+            _ => None,
+        }
+    }
+
+    /// Numbers of one item.
+    #[inline]
+    pub fn bounded<R: Real, const N: usize>(
+        &self,
+        asked: &Asked<N>,
+        given: &Given<R>,
+        look_up: impl Fn(&Table, R) -> R,
+    ) -> [Bounded<R>; N] {
+        let nothing = Bounded::exponent(Scale::ONE);
+        if self.nodes.len() <= FEW {
+            self.work_out(asked, given, look_up, &mut [nothing; FEW])
+        } else {
+            self.work_out(asked, given, look_up, &mut vec![nothing; self.nodes.len()])
+        }
+    }
+
+    #[inline]
+    fn work_out<R: Real, const N: usize>(
+        &self,
+        asked: &Asked<N>,
+        given: &Given<R>,
+        look_up: impl Fn(&Table, R) -> R,
+        results: &mut [Bounded<R>],
+    ) -> [Bounded<R>; N] {
+        for place in asked.places.iter().map(|place| usize::from(*place)) {
+            let node = &self.nodes[place];
+            let of = |wire: Wire| results[wire.place()].value;
+            let scale = |power: &Power| {
+                let constant = Scale::ONE.shifted(power.constant);
+                power.terms().iter().fold(constant, |sum, (wire, factor)| {
+                    let Scale { low, high } = results[wire.place()].scale;
+                    let (low, high) = if *factor < 0 { (high, low) } else { (low, high) };
+                    sum.times(Scale { low: low * factor, high: high * factor })
+                })
+            };
+            let own = || if node.power == Power::ONE { Scale::ONE } else { scale(&node.power) };
+            let last_place = |wire: Wire| {
+                let Node { power, shape, .. } = &self.nodes[wire.place()];
+                power_of_two(scale(power).low - shape.frac_bits)
+            };
+            let value = |word: i64| word as f64 * power_of_two(-node.shape.frac_bits);
+            let value = match node.operator {
+                Operator::Input(input) => {
+                    results[place] = given.inputs[input];
+                    continue;
+                }
+                Operator::Constant(word) => R::constant(value(word)),
+                Operator::Product([a, b]) => of(a) * of(b),
+                Operator::Sum([a, b], _) => of(a) + of(b),
+                Operator::Difference([a, b], _) => of(a) - of(b),
+                Operator::Negation(from) => -of(from),
+                Operator::Magnitude(from) => of(from).abs(),
+                Operator::Opposed(from, to) => -of(from).with_sign_of(of(to)),
+                Operator::Turned(from, by) => match given.turned {
+                    Some(true) => -of(from),
+                    Some(false) => of(from),
+                    None => {
+                        let [turned] = of(by).beside(0.0).branch(of(by), || [of(from)], || [-of(from)]);
+                        turned
+                    }
+                },
+                Operator::AtLeastOne(from) => {
+                    let Scale { low, high } = scale(&self.nodes[from.place()].power);
+                    results[place].scale = Scale { low: low.max(0), high: high.max(0) };
+                    continue;
+                }
+                Operator::Natural(from) => of(from).max(R::constant(0.0)),
+                Operator::AtMost(from, most) => of(from).at_most(value(most)),
+                Operator::AtLeast(from, 0) => of(from).at_least(0.0),
+                Operator::AtLeast(from, _) => match self.fit_of(from) {
+                    Some(fit) => of(from).at_least_a_place(fit, scale(&self.nodes[from.place()].power)),
+                    None => of(from).at_least(last_place(from)),
+                },
+                Operator::APlaceMore(from) => match self.fit_of(from) {
+                    Some(fit) => of(from).a_place_more(fit),
+                    None => of(from).plus(last_place(from)),
+                },
+                Operator::Scaled(from, places) => of(from).times(power_of_two(places)),
+                Operator::Lesser([a, b]) => of(a).min(of(b)),
+                Operator::Greater([a, b]) => of(a).max(of(b)),
+                Operator::Guarded(from, ..) | Operator::Normalised(from, _) => of(from),
+                Operator::Lookup(from, table) => {
+                    let table = &self.functions.tables[table];
+                    look_up(table, of(from)).fit(table.fit(), Scale::ONE)
+                }
+                Operator::Fit(from, ref fit) | Operator::FitShifted(from, _, ref fit) => of(from).fit(fit, own()),
+                Operator::Largest([a, b, c]) => of(a).abs().max(of(b).abs()).max(of(c).abs()).at_least(last_place(a)),
+                Operator::Reciprocal(from, unit) => of(from).reciprocal(&self.functions.reciprocals[unit]),
+                Operator::InverseRoot(from, unit) => of(from).inverse_root(&self.functions.roots[unit]),
+                Operator::Root(from, unit) => of(from).root(&self.functions.roots[unit]),
+                Operator::Lead(from) => {
+                    results[place].scale = of(from).leading();
+                    continue;
+                }
+                Operator::Exponent(function) => {
+                    results[place].scale = match self.nodes[function.place()].operator {
+                        Operator::InverseRoot(from, _) => half(of(from).leading()).inverse(),
+                        Operator::Root(from, _) => half(of(from).leading()),
+                        Operator::Reciprocal(from, _) => of(from).leading().inverse(),
+                        _ => Scale::ONE,
+                    };
+                    continue;
+                }
+                Operator::Exponents(_) => {
+                    results[place].scale = own();
+                    continue;
+                }
+                Operator::Above(..) | Operator::Either(_) | Operator::Both(_) | Operator::Not(_) | Operator::Drop(_) => continue,
+            };
+            results[place].value = value;
+        }
+        asked.wires.map(|wire| results[wire.place()])
     }
 }

@@ -1,13 +1,9 @@
-//! Run: a graph's words for a batch of items, operator by operator, eight lanes of the host at a time.
-//!
-//! ```text
-//! nodes ─►( container of each wire: 32 or 64 bits )─►( product and fit in one )─►( places used again )─► steps
-//! ```
-//! A wire of at most 32 bits is a row of 32-bit words; of others 64 bits are kept. Each step is one loop over the batch, compiled once with
+//! Run: a graph's steps for a batch of items, eight lanes of the host at a time. Each step is one loop over the batch, compiled once with
 //! vector instructions and once without.
 
-use super::{Node, Operator, Wire};
-use crate::functions::Table;
+use super::Functions;
+use super::compile::{EXACT, WORD};
+use crate::functions::reciprocal::Scientific;
 use crate::kernels::host::Kernel;
 use crate::num::{Exacts, Fit, LANES, Lanes, Words};
 use crate::probe::{Probe, Tap};
@@ -18,12 +14,12 @@ pub const ROWS: usize = 8;
 /// Most items of a batch.
 pub const BATCH: usize = ROWS * LANES;
 
-/// A wire of a batch: of 32 bits, or of 64.
+/// A wire of a batch: of 32 bits; or of 64, of each eight those of even number first, as products of words come.
 type Row<T> = [Cell<[T; LANES]>; ROWS];
 
 /// Where a wire lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Place {
+pub(super) enum Place {
     /// Among the words of 32 bits.
     Word(usize),
     /// Among the exact results.
@@ -34,36 +30,56 @@ enum Place {
 #[derive(Clone, Copy, Debug)]
 pub struct Port(Place);
 
+/// Eight exact results of each row. Numbers are rows, pairs of small ones shifts to the left.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Source {
+    Exact(usize),
+    Word(usize),
+    Product(usize, usize),
+    Sum([usize; 2], [u32; 2]),
+    Difference([usize; 2], [u32; 2]),
+    /// A term, and a product that is added to it or taken from it.
+    WithProduct {
+        from: Place,
+        left: u32,
+        product: [usize; 2],
+        of_product: u32,
+        is_difference: bool,
+    },
+    /// Shifted left by its own places.
+    Normalised(usize, usize),
+}
+
+/// What becomes of them.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Sink {
+    Exact(usize),
+    /// Of results that are words of 32 bits.
+    Word(usize),
+    Fit(Fit, usize),
+    /// Into a word that may have more than 32 bits.
+    FitWide(Fit, usize),
+    /// Of results that have so many more fraction bits.
+    FitShifted(Fit, usize, usize),
+}
+
+/// What is done to one wire.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Unary {
+    Negation,
+    Magnitude,
+    AtLeast(i64),
+    AtMost(i64),
+    APlaceMore,
+    Not,
+}
+
 /// A loop over a batch. Numbers are rows.
 #[derive(Clone, Copy, Debug)]
-enum Step {
-    /// 64 bits of 32.
-    Widen {
-        from: usize,
-        to: usize,
-    },
-    Product {
-        a: usize,
-        b: usize,
-        to: usize,
-    },
-    ProductFit {
-        a: usize,
-        b: usize,
-        fit: Fit,
-        to: usize,
-    },
-    Sum {
-        a: usize,
-        b: usize,
-        lefts: [u32; 2],
-        to: usize,
-    },
-    Difference {
-        a: usize,
-        b: usize,
-        lefts: [u32; 2],
-        to: usize,
+pub(super) enum Step {
+    Value {
+        source: Source,
+        sink: Sink,
     },
     SumOfWords {
         a: usize,
@@ -77,27 +93,40 @@ enum Step {
         lefts: [u32; 2],
         to: usize,
     },
-    Natural {
+    Unary {
+        unary: Unary,
         from: usize,
         to: usize,
     },
-    NaturalWord {
+    UnaryWord {
+        unary: Unary,
         from: usize,
         to: usize,
     },
-    /// 32 bits of 64 that hold no more.
-    Narrow {
+    Opposed {
         from: usize,
+        other: usize,
         to: usize,
     },
-    AtMost {
+    Turned {
         from: usize,
-        most: i64,
+        by: usize,
         to: usize,
     },
-    AtMostWord {
+    Lesser {
+        a: usize,
+        b: usize,
+        to: usize,
+    },
+    Greater {
+        a: usize,
+        b: usize,
+        to: usize,
+    },
+    Guarded {
         from: usize,
-        most: i64,
+        condition: usize,
+        instead: i64,
         to: usize,
     },
     /// Whether 32 bits hold everything on the way.
@@ -107,50 +136,78 @@ enum Step {
         short: bool,
         to: usize,
     },
-    Fit {
-        from: usize,
-        fit: Fit,
+    Largest {
+        parts: [usize; 3],
         to: usize,
     },
-    FitWide {
+    Lead {
         from: usize,
-        fit: Fit,
         to: usize,
+    },
+    Reciprocal {
+        from: Place,
+        unit: usize,
+        to: usize,
+        exponent: usize,
+    },
+    InverseRoot {
+        from: Place,
+        unit: usize,
+        to: usize,
+        exponent: usize,
+    },
+    Root {
+        from: Place,
+        unit: usize,
+        to: usize,
+        exponent: usize,
+    },
+    /// Rows and factors.
+    Exponents {
+        terms: [(usize, i32); 4],
+        count: usize,
+        constant: i32,
+        to: usize,
+    },
+    Above {
+        a: usize,
+        b: usize,
+        lefts: [u32; 2],
+        to: usize,
+    },
+    AboveWords {
+        a: usize,
+        b: usize,
+        to: usize,
+    },
+    Either {
+        a: usize,
+        b: usize,
+        to: usize,
+    },
+    Both {
+        a: usize,
+        b: usize,
+        to: usize,
+    },
+    Drop {
+        condition: usize,
     },
 }
 
 /// A graph as steps.
 #[derive(Clone, Debug)]
 pub struct Program {
-    steps: Vec<Step>,
-    tables: Vec<Table>,
+    pub(super) steps: Vec<Step>,
+    pub(super) functions: Functions,
     /// Rows of 32 bits, and of 64.
-    rows: [usize; 2],
-    constants: Vec<(Place, i64)>,
-    inputs: Vec<Place>,
-    outputs: Vec<Place>,
+    pub(super) rows: [usize; 2],
+    pub(super) constants: Vec<(Place, i64)>,
+    pub(super) inputs: Vec<Place>,
+    pub(super) outputs: Vec<Place>,
 }
 
 impl Program {
-    /// Of a graph.
-    pub(super) fn new(nodes: &[Node], tables: &[Table], outputs: &[Wire]) -> Self {
-        let mut compiler = Compiler::new(nodes, outputs);
-        for place in 0..nodes.len() {
-            compiler.kept(place);
-        }
-        for place in 0..nodes.len() {
-            compiler.node(place);
-        }
-        for step in &mut compiler.steps {
-            if let Step::Lookup { table, short, .. } = step {
-                *short = tables[*table].is_short();
-            }
-        }
-        let outputs = outputs.iter().map(|wire| compiler.place(*wire)).collect();
-        let Compiler { steps, rows, constants, inputs, .. } = compiler;
-        Program { steps, tables: tables.to_vec(), rows, constants, inputs, outputs }
-    }
-
     /// Where an input lies.
     pub fn input(&self, input: usize) -> Port {
         Port(self.inputs[input])
@@ -179,6 +236,18 @@ fn row<T: Copy>(value: T) -> Row<T> {
     std::array::from_fn(|_| Cell::new([value; LANES]))
 }
 
+/// A row of exact results from eight in their order.
+#[inline(always)]
+fn evens_first([a, b, c, d, e, f, g, h]: [i64; LANES]) -> [i64; LANES] {
+    [a, c, e, g, b, d, f, h]
+}
+
+/// Eight exact results in their order from a row of them.
+#[inline(always)]
+fn in_order([a, c, e, g, b, d, f, h]: [i64; LANES]) -> [i64; LANES] {
+    [a, b, c, d, e, f, g, h]
+}
+
 /// Rows of a batch.
 #[derive(Clone, Debug)]
 pub struct Batch {
@@ -198,9 +267,26 @@ impl Batch {
             }
             Place::Exact(at) => {
                 for (to, from) in self.exacts[at].iter_mut().zip(rows) {
-                    *to.get_mut() = from.map(|word| word.into());
+                    *to.get_mut() = evens_first(from.map(|word| word.into()));
                 }
             }
+        }
+    }
+
+    /// Sets a row of an input that is a word.
+    #[inline(always)]
+    pub fn set_row(&self, program: &Program, input: usize, row: usize, words: [i32; LANES]) {
+        match program.inputs[input] {
+            Place::Word(at) => self.words[at][row].set(words),
+            Place::Exact(at) => self.exacts[at][row].set(evens_first(words.map(i64::from))),
+        }
+    }
+
+    /// Sets an input of all items.
+    pub fn set_all(&mut self, program: &Program, input: usize, value: i64) {
+        match program.inputs[input] {
+            Place::Word(at) => self.words[at] = row(value as i32),
+            Place::Exact(at) => self.exacts[at] = row(value),
         }
     }
 
@@ -215,11 +301,15 @@ impl Batch {
                 self.exacts[from].iter().zip(&batch.exacts[to]).take(rows).for_each(|(from, to)| to.set(from.get()));
             }
             (Place::Word(from), Place::Exact(to)) => {
-                self.words[from].iter().zip(&batch.exacts[to]).take(rows).for_each(|(from, to)| to.set(from.get().map(i64::from)));
+                self.words[from]
+                    .iter()
+                    .zip(&batch.exacts[to])
+                    .take(rows)
+                    .for_each(|(from, to)| to.set(evens_first(from.get().map(i64::from))));
             }
             (Place::Exact(from), Place::Word(to)) => {
                 let narrowed = |word: i64| word as i32;
-                self.exacts[from].iter().zip(&batch.words[to]).take(rows).for_each(|(from, to)| to.set(from.get().map(narrowed)));
+                self.exacts[from].iter().zip(&batch.words[to]).take(rows).for_each(|(from, to)| to.set(in_order(from.get()).map(narrowed)));
             }
         }
     }
@@ -230,7 +320,12 @@ impl Batch {
         let (row, lane) = (item / LANES % ROWS, item % LANES);
         match program.inputs[input] {
             Place::Word(at) => self.words[at][row].get_mut()[lane] = word as i32,
-            Place::Exact(at) => self.exacts[at][row].get_mut()[lane] = word,
+            Place::Exact(at) => {
+                let cell = &self.exacts[at][row];
+                let mut words = in_order(cell.get());
+                words[lane] = word;
+                cell.set(evens_first(words));
+            }
         }
     }
 
@@ -239,7 +334,36 @@ impl Batch {
     pub fn words(&self, program: &Program, output: usize, rows: &mut [[i32; LANES]]) {
         match program.outputs[output] {
             Place::Word(at) => rows.iter_mut().zip(&self.words[at]).for_each(|(to, from)| *to = from.get()),
-            Place::Exact(at) => rows.iter_mut().zip(&self.exacts[at]).for_each(|(to, from)| *to = from.get().map(|word| word as i32)),
+            Place::Exact(at) => {
+                rows.iter_mut().zip(&self.exacts[at]).for_each(|(to, from)| *to = in_order(from.get()).map(|word| word as i32))
+            }
+        }
+    }
+
+    /// A result of eight items, words of at most 32 bits.
+    #[inline(always)]
+    pub fn row(&self, program: &Program, output: usize, row: usize) -> [i32; LANES] {
+        match program.outputs[output] {
+            Place::Word(at) => self.words[at][row].get(),
+            Place::Exact(at) => in_order(self.exacts[at][row].get()).map(|word| word as i32),
+        }
+    }
+
+    /// Sets a result of eight items, for a kernel that does what the program does.
+    #[inline(always)]
+    pub fn set_result(&self, program: &Program, output: usize, row: usize, words: [i32; LANES]) {
+        match program.outputs[output] {
+            Place::Word(at) => self.words[at][row].set(words),
+            Place::Exact(at) => self.exacts[at][row].set(evens_first(words.map(i64::from))),
+        }
+    }
+
+    /// An input of eight items, words of at most 32 bits.
+    #[inline(always)]
+    pub fn input_row(&self, program: &Program, input: usize, row: usize) -> [i32; LANES] {
+        match program.inputs[input] {
+            Place::Word(at) => self.words[at][row].get(),
+            Place::Exact(at) => in_order(self.exacts[at][row].get()).map(|word| word as i32),
         }
     }
 
@@ -248,12 +372,12 @@ impl Batch {
     pub fn result(&self, program: &Program, output: usize, row: usize) -> [i64; LANES] {
         match program.outputs[output] {
             Place::Word(at) => self.words[at][row].get().map(i64::from),
-            Place::Exact(at) => self.exacts[at][row].get(),
+            Place::Exact(at) => in_order(self.exacts[at][row].get()),
         }
     }
 }
 
-/// A run of a program over a batch.
+/// A run of a program over a batch: which items are still there where it ends, eight a row.
 #[derive(Debug)]
 pub struct Run<'a, 'p, P> {
     /// What is run.
@@ -267,11 +391,11 @@ pub struct Run<'a, 'p, P> {
 }
 
 impl<P: Probe> Kernel for Run<'_, '_, P> {
-    type Output = ();
+    type Output = [u8; ROWS];
 
     #[inline(always)]
-    fn run<L: Lanes>(self) {
-        self.steps::<L::Words>();
+    fn run<L: Lanes>(self) -> [u8; ROWS] {
+        self.steps::<L::Words>()
     }
 }
 
@@ -284,18 +408,70 @@ macro_rules! rows {
     };
 }
 
+/// The same, of exact results.
+macro_rules! exact_rows {
+    ($rows:ident, $to:ident[$row:ident] = $result:expr) => {
+        for $row in 0..$rows {
+            $to[$row].set($result.to_evens_first());
+        }
+    };
+}
+
 /// Eight items of a row.
 macro_rules! at {
-    ($kind:ident, $from:ident[$row:ident]) => {
-        $kind::from_array($from[$row].get())
+    ($from:expr, $row:ident) => {
+        W::from_array($from[$row].get())
+    };
+}
+
+/// Eight exact results of a row.
+macro_rules! exact_at {
+    ($from:expr, $row:ident) => {
+        X::<W>::from_evens_first($from[$row].get())
+    };
+}
+
+/// What becomes of eight exact results of each row.
+macro_rules! sink {
+    ($run:ident, $tap:ident, $rows:ident, $sink:expr, $words:ident, $exacts:ident, $row:ident => $result:expr) => {
+        match $sink {
+            Sink::Exact(to) => {
+                let to = &$exacts[to];
+                exact_rows!($rows, to[$row] = $result);
+            }
+            Sink::Word(to) => {
+                let to = &$words[to];
+                rows!($rows, to[$row] = $result.low());
+            }
+            Sink::Fit(ref fit, to) => {
+                let to = &$words[to];
+                match fit.narrow::<W>() {
+                    Some(fit) if !P::WORDS => rows!($rows, to[$row] = fit.words($result)),
+                    Some(_) => fits!($run, $tap, $rows, to[$row] = $tap.fit_words(fit, $result)),
+                    None if fit.is_deep() => fits!($run, $tap, $rows, to[$row] = $tap.fit_top(fit, $result)),
+                    None => fits!($run, $tap, $rows, to[$row] = $tap.fit_wide(fit, $result).low()),
+                }
+            }
+            Sink::FitWide(ref fit, to) => {
+                let to = &$exacts[to];
+                for $row in 0..$rows {
+                    $tap.live = $run[$row];
+                    to[$row].set($tap.fit_wide(fit, $result).to_evens_first());
+                }
+            }
+            Sink::FitShifted(ref fit, more, to) => {
+                let (more, to) = (&$words[more], &$words[to]);
+                fits!($run, $tap, $rows, to[$row] = $tap.fit_shifted(fit, $result, at!(more, $row)));
+            }
+        }
     };
 }
 
 /// Fits each row, seen by the probe.
 macro_rules! fits {
-    ($self:ident, $tap:ident, $rows:ident, $to:ident[$row:ident] = $result:expr) => {
+    ($live:ident, $tap:ident, $rows:ident, $to:ident[$row:ident] = $result:expr) => {
         for $row in 0..$rows {
-            $tap.live = $self.live[$row];
+            $tap.live = $live[$row];
             $to[$row].set($result.to_array());
         }
     };
@@ -303,275 +479,197 @@ macro_rules! fits {
 
 impl<P: Probe> Run<'_, '_, P> {
     #[inline(always)]
-    fn steps<W: Words>(self) {
+    fn steps<W: Words>(self) -> [u8; ROWS] {
         type X<W> = <W as Words>::Exact;
         let Batch { words, exacts } = &*self.batch;
+        let Functions { tables, reciprocals, roots } = &self.program.functions;
         let rows = self.live.len().min(ROWS);
+        let mut live = [0; ROWS];
+        live[..rows].copy_from_slice(&self.live[..rows]);
         let tap = &mut Tap::new(self.probe);
+        macro_rules! function {
+            ($from:expr, $exponent:ident, $x:ident => [$word:ident, $power:ident] = $result:expr, $set:ident) => {
+                match $from {
+                    Place::Word(from) => function!(word at!(&words[from], row).exact(), row, $exponent, $x => [$word, $power] = $result, $set),
+                    Place::Exact(from) => function!(word exact_at!(&exacts[from], row), row, $exponent, $x => [$word, $power] = $result, $set),
+                }
+            };
+            (word $from:expr, $row:ident, $exponent:ident, $x:ident => [$word:ident, $power:ident] = $result:expr, $set:ident) => {
+                for $row in 0..rows {
+                    tap.live = live[$row];
+                    let $x = $from;
+                    let ($word, $power) = $result;
+                    $set[$row].set(function!($set $word));
+                    $exponent[$row].set($power.to_array());
+                }
+            };
+            (words_to $word:ident) => { $word.to_array() };
+            (exacts_to $word:ident) => { $word.to_evens_first() };
+        }
         for step in &self.program.steps {
             match *step {
-                Step::Widen { from, to } => {
-                    let (from, to) = (&words[from], &exacts[to]);
-                    rows!(rows, to[row] = at!(W, from[row]).exact());
-                }
-                Step::Narrow { from, to } => {
-                    let (from, to) = (&exacts[from], &words[to]);
-                    rows!(rows, to[row] = X::<W>::from_array(from[row].get()).low());
-                }
-                Step::Product { a, b, to } => {
-                    let (a, b, to) = (&words[a], &words[b], &exacts[to]);
-                    rows!(rows, to[row] = (at!(W, a[row]) * at!(W, b[row])));
-                }
-                Step::ProductFit { a, b, ref fit, to } => {
-                    let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    if let (false, Some(fit)) = (P::WORDS, fit.narrow::<W>()) {
-                        rows!(rows, to[row] = fit.words(at!(W, a[row]) * at!(W, b[row])));
-                    } else {
-                        fits!(self, tap, rows, to[row] = tap.fit_words(fit, at!(W, a[row]) * at!(W, b[row])));
+                Step::Value { ref source, ref sink } => match *source {
+                    Source::Exact(from) => sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(exacts[from], row)),
+                    Source::Word(from) => sink!(live, tap, rows, *sink, words, exacts, row => at!(words[from], row).exact()),
+                    Source::Product(a, b) => {
+                        let (a, b) = (&words[a], &words[b]);
+                        sink!(live, tap, rows, *sink, words, exacts, row => at!(a, row) * at!(b, row));
                     }
-                }
-                Step::Sum { a, b, lefts: [p, q], to } => {
-                    let (a, b, to) = (&exacts[a], &exacts[b], &exacts[to]);
-                    rows!(rows, to[row] = (X::<W>::from_array(a[row].get()).left(p) + X::<W>::from_array(b[row].get()).left(q)));
-                }
-                Step::Difference { a, b, lefts: [p, q], to } => {
-                    let (a, b, to) = (&exacts[a], &exacts[b], &exacts[to]);
-                    rows!(rows, to[row] = (X::<W>::from_array(a[row].get()).left(p) - X::<W>::from_array(b[row].get()).left(q)));
-                }
+                    Source::Sum([a, b], [p, q]) => {
+                        let (a, b) = (&exacts[a], &exacts[b]);
+                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(a, row).left(p) + exact_at!(b, row).left(q));
+                    }
+                    Source::Difference([a, b], [p, q]) => {
+                        let (a, b) = (&exacts[a], &exacts[b]);
+                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(a, row).left(p) - exact_at!(b, row).left(q));
+                    }
+                    Source::WithProduct { from: Place::Exact(from), left: p, product: [a, b], of_product: q, is_difference: false } => {
+                        let (from, a, b) = (&exacts[from], &words[a], &words[b]);
+                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(from, row).left(p) + (at!(a, row) * at!(b, row)).left(q));
+                    }
+                    Source::WithProduct { from: Place::Exact(from), left: p, product: [a, b], of_product: q, is_difference: true } => {
+                        let (from, a, b) = (&exacts[from], &words[a], &words[b]);
+                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(from, row).left(p) - (at!(a, row) * at!(b, row)).left(q));
+                    }
+                    Source::WithProduct { from: Place::Word(from), left: p, product: [a, b], of_product: q, is_difference: false } => {
+                        let (from, a, b) = (&words[from], &words[a], &words[b]);
+                        sink!(live, tap, rows, *sink, words, exacts, row => at!(from, row).exact().left(p) + (at!(a, row) * at!(b, row)).left(q));
+                    }
+                    Source::WithProduct { from: Place::Word(from), left: p, product: [a, b], of_product: q, is_difference: true } => {
+                        let (from, a, b) = (&words[from], &words[a], &words[b]);
+                        sink!(live, tap, rows, *sink, words, exacts, row => at!(from, row).exact().left(p) - (at!(a, row) * at!(b, row)).left(q));
+                    }
+                    Source::Normalised(from, by) => {
+                        let (from, by) = (&exacts[from], &words[by]);
+                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(from, row).left_by(at!(by, row)));
+                    }
+                },
                 Step::SumOfWords { a, b, lefts: [p, q], to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = (at!(W, a[row]).left(p) + at!(W, b[row]).left(q)));
+                    rows!(rows, to[row] = (at!(a, row).left(p) + at!(b, row).left(q)));
                 }
                 Step::DifferenceOfWords { a, b, lefts: [p, q], to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = (at!(W, a[row]).left(p) - at!(W, b[row]).left(q)));
+                    rows!(rows, to[row] = (at!(a, row).left(p) - at!(b, row).left(q)));
                 }
-                Step::Natural { from, to } => {
-                    let (from, to) = (&exacts[from], &exacts[to]);
-                    rows!(rows, to[row] = X::<W>::from_array(from[row].get()).max(X::<W>::splat(0)));
-                }
-                Step::NaturalWord { from, to } => {
+                Step::UnaryWord { unary, from, to } => {
                     let (from, to) = (&words[from], &words[to]);
-                    rows!(rows, to[row] = at!(W, from[row]).max(W::splat(0)));
+                    match unary {
+                        Unary::Negation => rows!(rows, to[row] = (-at!(from, row))),
+                        Unary::Magnitude => rows!(rows, to[row] = at!(from, row).abs()),
+                        Unary::AtLeast(least) => rows!(rows, to[row] = at!(from, row).max(W::splat(least))),
+                        Unary::AtMost(most) => rows!(rows, to[row] = at!(from, row).min(W::splat(most))),
+                        Unary::APlaceMore => rows!(rows, to[row] = (at!(from, row) + W::splat(1))),
+                        Unary::Not => rows!(rows, to[row] = at!(from, row).not()),
+                    }
                 }
-                Step::AtMost { from, most, to } => {
+                Step::Unary { unary, from, to } => {
                     let (from, to) = (&exacts[from], &exacts[to]);
-                    rows!(rows, to[row] = X::<W>::from_array(from[row].get()).min(X::<W>::splat(most)));
+                    match unary {
+                        Unary::Negation => exact_rows!(rows, to[row] = (-exact_at!(from, row))),
+                        Unary::Magnitude => exact_rows!(rows, to[row] = exact_at!(from, row).abs()),
+                        Unary::AtLeast(least) => exact_rows!(rows, to[row] = exact_at!(from, row).max(X::<W>::splat(least))),
+                        Unary::AtMost(most) => exact_rows!(rows, to[row] = exact_at!(from, row).min(X::<W>::splat(most))),
+                        Unary::APlaceMore => exact_rows!(rows, to[row] = (exact_at!(from, row) + X::<W>::splat(1))),
+                        // A condition is a word.
+                        Unary::Not => {}
+                    }
                 }
-                Step::AtMostWord { from, most, to } => {
-                    let (from, to) = (&words[from], &words[to]);
-                    rows!(rows, to[row] = at!(W, from[row]).min(W::splat(most)));
+                Step::Opposed { from, other, to } => {
+                    let (from, other, to) = (&words[from], &words[other], &words[to]);
+                    rows!(rows, to[row] = at!(from, row).where_else(W::splat(0).above(at!(other, row)), -at!(from, row)));
+                }
+                Step::Turned { from, by, to } => {
+                    let (from, by, to) = (&words[from], &words[by], &words[to]);
+                    rows!(rows, to[row] = (-at!(from, row)).where_else(at!(by, row).above(W::splat(0)), at!(from, row)));
+                }
+                Step::Lesser { a, b, to } => {
+                    let (a, b, to) = (&words[a], &words[b], &words[to]);
+                    rows!(rows, to[row] = at!(a, row).min(at!(b, row)));
+                }
+                Step::Greater { a, b, to } => {
+                    let (a, b, to) = (&words[a], &words[b], &words[to]);
+                    rows!(rows, to[row] = at!(a, row).max(at!(b, row)));
+                }
+                Step::Guarded { from, condition, instead, to } => {
+                    let (from, condition, to) = (&words[from], &words[condition], &words[to]);
+                    rows!(rows, to[row] = W::splat(instead).where_else(at!(condition, row), at!(from, row)));
                 }
                 Step::Lookup { from, table, short, to } => {
-                    let (from, to, table) = (&words[from], &words[to], &self.program.tables[table]);
+                    let (from, to, table) = (&words[from], &words[to], &tables[table]);
                     if short && !P::WORDS {
                         let table = table.natural::<W>();
-                        rows!(rows, to[row] = table.words(at!(W, from[row])));
+                        rows!(rows, to[row] = table.words(at!(from, row)));
                     } else {
-                        fits!(self, tap, rows, to[row] = tap.fit_words(table.fit(), table.exact_words(at!(W, from[row]))));
+                        fits!(live, tap, rows, to[row] = tap.fit_words(table.fit(), table.exact_words(at!(from, row))));
                     }
                 }
-                Step::Fit { from, ref fit, to } => {
+                Step::Largest { parts: [a, b, c], to } => {
+                    let (a, b, c, to) = (&exacts[a], &exacts[b], &exacts[c], &exacts[to]);
+                    exact_rows!(
+                        rows,
+                        to[row] = (exact_at!(a, row).abs() | exact_at!(b, row).abs() | exact_at!(c, row).abs() | X::<W>::splat(1))
+                    );
+                }
+                Step::Lead { from, to } => {
                     let (from, to) = (&exacts[from], &words[to]);
-                    if let (false, Some(fit)) = (P::WORDS, fit.narrow::<W>()) {
-                        rows!(rows, to[row] = fit.words(X::<W>::from_array(from[row].get())));
-                    } else {
-                        fits!(self, tap, rows, to[row] = tap.fit_words(fit, X::<W>::from_array(from[row].get())));
+                    rows!(rows, to[row] = (exact_at!(from, row).leading_zeros() - W::splat(2)));
+                }
+                Step::Reciprocal { from, unit, to, exponent } => {
+                    let (unit, words_to, exponent) = (&reciprocals[unit], &words[to], &words[exponent]);
+                    function!(from, exponent, x => [word, power] = {
+                        let Scientific { mantissa, exponent } = unit.lanes(x, tap);
+                        (mantissa, exponent)
+                    }, words_to);
+                }
+                Step::InverseRoot { from, unit, to, exponent } => {
+                    let (unit, words_to, exponent) = (&roots[unit], &words[to], &words[exponent]);
+                    function!(from, exponent, x => [word, power] = {
+                        let Scientific { mantissa, exponent } = unit.lanes(x, tap);
+                        (mantissa, exponent)
+                    }, words_to);
+                }
+                Step::Root { from, unit, to, exponent } => {
+                    let (unit, exacts_to, exponent) = (&roots[unit], &exacts[to], &words[exponent]);
+                    function!(from, exponent, x => [word, power] = unit.root_lanes(x, tap), exacts_to);
+                }
+                Step::Exponents { ref terms, count, constant, to } => {
+                    let to = &words[to];
+                    for row in 0..rows {
+                        let mut sum = W::splat(constant.into());
+                        for &(from, factor) in terms.iter().take(count) {
+                            let exponent = at!(&words[from], row).left(factor.unsigned_abs().trailing_zeros());
+                            sum = if factor < 0 { sum - exponent } else { sum + exponent };
+                        }
+                        to[row].set(sum.to_array());
                     }
                 }
-                Step::FitWide { from, ref fit, to } => {
-                    let (from, to) = (&exacts[from], &exacts[to]);
-                    fits!(self, tap, rows, to[row] = tap.fit_wide(fit, X::<W>::from_array(from[row].get())));
+                Step::Above { a, b, lefts: [p, q], to } => {
+                    let (a, b, to) = (&exacts[a], &exacts[b], &words[to]);
+                    rows!(rows, to[row] = exact_at!(a, row).left(p).above(exact_at!(b, row).left(q)));
+                }
+                Step::AboveWords { a, b, to } => {
+                    let (a, b, to) = (&words[a], &words[b], &words[to]);
+                    rows!(rows, to[row] = at!(a, row).above(at!(b, row)));
+                }
+                Step::Either { a, b, to } => {
+                    let (a, b, to) = (&words[a], &words[b], &words[to]);
+                    rows!(rows, to[row] = (at!(a, row) | at!(b, row)));
+                }
+                Step::Both { a, b, to } => {
+                    let (a, b, to) = (&words[a], &words[b], &words[to]);
+                    rows!(rows, to[row] = (at!(a, row) & at!(b, row)));
+                }
+                Step::Drop { condition } => {
+                    if P::WORDS {
+                        let condition = &words[condition];
+                        for row in 0..rows {
+                            live[row] &= !at!(condition, row).signs();
+                        }
+                    }
                 }
             }
         }
-    }
-}
-
-/// Turns nodes into steps.
-struct Compiler<'n> {
-    nodes: &'n [Node],
-    /// How often each wire is still to be read; results of the graph always are.
-    reads: Vec<usize>,
-    /// Rows of each wire, of 32 bits and of 64.
-    rows_of: Vec<[Option<usize>; 2]>,
-    /// Rows that nothing reads any more, of 32 bits and of 64, and how many there are.
-    free: [Vec<usize>; 2],
-    rows: [usize; 2],
-    steps: Vec<Step>,
-    constants: Vec<(Place, i64)>,
-    inputs: Vec<Place>,
-}
-
-/// Kinds of rows.
-const WORD: usize = 0;
-const EXACT: usize = 1;
-
-impl<'n> Compiler<'n> {
-    fn new(nodes: &'n [Node], outputs: &[Wire]) -> Self {
-        let mut reads = vec![0; nodes.len()];
-        for node in nodes {
-            node.operator.reads().for_each(|wire| reads[wire.place()] += 1);
-        }
-        outputs.iter().for_each(|wire| reads[wire.place()] += 1);
-        Compiler {
-            nodes,
-            reads,
-            rows_of: vec![[None; 2]; nodes.len()],
-            free: Default::default(),
-            rows: [0; 2],
-            steps: Vec::new(),
-            constants: Vec::new(),
-            inputs: Vec::new(),
-        }
-    }
-
-    /// Whether 32 bits hold a wire.
-    fn is_word(&self, wire: Wire) -> bool {
-        self.nodes[wire.place()].shape.bits() < 32
-    }
-
-    fn row(&mut self, kind: usize, wire: Wire) -> usize {
-        let row = self.free[kind].pop().unwrap_or_else(|| {
-            self.rows[kind] += 1;
-            self.rows[kind] - 1
-        });
-        self.rows_of[wire.place()][kind] = Some(row);
-        row
-    }
-
-    fn place(&self, wire: Wire) -> Place {
-        match self.rows_of[wire.place()] {
-            [Some(row), _] => Place::Word(row),
-            [None, row] => Place::Exact(row.unwrap_or_default()),
-        }
-    }
-
-    /// The row where a wire lies in 32 bits.
-    fn word(&mut self, wire: Wire) -> usize {
-        if let [Some(row), _] = self.rows_of[wire.place()] {
-            return row;
-        }
-        let from = self.rows_of[wire.place()][EXACT].unwrap_or_default();
-        let to = self.row(WORD, wire);
-        self.steps.push(Step::Narrow { from, to });
-        to
-    }
-
-    /// The row where a wire lies in 64 bits.
-    fn exact(&mut self, wire: Wire) -> usize {
-        if let [_, Some(row)] = self.rows_of[wire.place()] {
-            return row;
-        }
-        let from = self.rows_of[wire.place()][WORD].unwrap_or_default();
-        let to = self.row(EXACT, wire);
-        self.steps.push(Step::Widen { from, to });
-        to
-    }
-
-    /// A wire was read: where nothing else will read it, its rows are free.
-    fn read(&mut self, wire: Wire) {
-        let place = wire.place();
-        self.reads[place] -= 1;
-        let is_kept = matches!(self.nodes[place].operator, Operator::Input(_) | Operator::Constant(_));
-        if self.reads[place] == 0 && !is_kept {
-            for kind in [WORD, EXACT] {
-                self.free[kind].extend(self.rows_of[place][kind].take());
-            }
-        }
-    }
-
-    /// Whether a product goes into one fit and nowhere else.
-    fn is_fitted(&self, product: Wire) -> bool {
-        let fits = |node: &Node| matches!(node.operator, Operator::Fit(from, fit) if from == product && fit.is_short());
-        self.reads[product.place()] == 1 && self.nodes.iter().any(fits)
-    }
-
-    /// Inputs and constants have rows of their own, which no step writes.
-    fn kept(&mut self, place: usize) {
-        let wire = Wire(place as u16);
-        let kind = if self.is_word(wire) { WORD } else { EXACT };
-        match self.nodes[place].operator {
-            Operator::Input(_) => {
-                self.row(kind, wire);
-                self.inputs.push(self.place(wire));
-            }
-            Operator::Constant(value) => {
-                self.row(kind, wire);
-                self.constants.push((self.place(wire), value));
-            }
-            _ => {}
-        }
-    }
-
-    fn node(&mut self, place: usize) {
-        let to = Wire(place as u16);
-        let node = self.nodes[place];
-        let kept = self.is_word(to);
-        match node.operator {
-            Operator::Input(_) | Operator::Constant(_) => {}
-            Operator::Product(_) if self.is_fitted(to) => return,
-            Operator::Product([a, b]) => {
-                let (a, b, to) = (self.word(a), self.word(b), self.row(EXACT, to));
-                self.steps.push(Step::Product { a, b, to });
-            }
-            Operator::Sum([a, b], lefts) => {
-                if kept && self.is_word(a) && self.is_word(b) {
-                    let (a, b, to) = (self.word(a), self.word(b), self.row(WORD, to));
-                    self.steps.push(Step::SumOfWords { a, b, lefts, to });
-                } else {
-                    let (a, b, to) = (self.exact(a), self.exact(b), self.row(EXACT, to));
-                    self.steps.push(Step::Sum { a, b, lefts, to });
-                }
-            }
-            Operator::Difference([a, b], lefts) => {
-                if kept && self.is_word(a) && self.is_word(b) {
-                    let (a, b, to) = (self.word(a), self.word(b), self.row(WORD, to));
-                    self.steps.push(Step::DifferenceOfWords { a, b, lefts, to });
-                } else {
-                    let (a, b, to) = (self.exact(a), self.exact(b), self.row(EXACT, to));
-                    self.steps.push(Step::Difference { a, b, lefts, to });
-                }
-            }
-            Operator::Natural(from) => {
-                if let Place::Word(from) = self.place(from) {
-                    let to = self.row(WORD, to);
-                    self.steps.push(Step::NaturalWord { from, to });
-                } else {
-                    let (from, to) = (self.exact(from), self.row(EXACT, to));
-                    self.steps.push(Step::Natural { from, to });
-                }
-            }
-            Operator::AtMost(from, most) => {
-                if let (Place::Word(from), true) = (self.place(from), most < 1 << 31) {
-                    let to = self.row(WORD, to);
-                    self.steps.push(Step::AtMostWord { from, most, to });
-                } else {
-                    let (from, to) = (self.exact(from), self.row(EXACT, to));
-                    self.steps.push(Step::AtMost { from, most, to });
-                }
-            }
-            Operator::Lookup(from, table) => {
-                let (from, to) = (self.word(from), self.row(WORD, to));
-                self.steps.push(Step::Lookup { from, table, short: false, to });
-            }
-            Operator::Fit(from, fit) => self.fit(from, fit, to),
-        }
-        node.operator.reads().for_each(|wire| self.read(wire));
-    }
-
-    fn fit(&mut self, from: Wire, fit: Fit, to: Wire) {
-        if let (Operator::Product([a, b]), [None, None]) = (self.nodes[from.place()].operator, self.rows_of[from.place()]) {
-            let (x, y, to) = (self.word(a), self.word(b), self.row(WORD, to));
-            self.steps.push(Step::ProductFit { a: x, b: y, fit, to });
-            self.read(a);
-            self.read(b);
-        } else if !fit.is_short() {
-            let (from, to) = (self.exact(from), self.row(EXACT, to));
-            self.steps.push(Step::FitWide { from, fit, to });
-        } else {
-            let (from, to) = (self.exact(from), self.row(WORD, to));
-            self.steps.push(Step::Fit { from, fit, to });
-        }
+        live
     }
 }

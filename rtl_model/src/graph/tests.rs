@@ -1,8 +1,10 @@
 //! Graph: laws of its passes, on random graphs.
 
 use super::*;
+use crate::elaboration::Elaboration;
 use crate::kernels::host::{Host, Plainly, Vectorised};
-use crate::num::{Format, LANES, Overflow, Rounding};
+use crate::machine::FunctionUnit;
+use crate::num::{Format, LANES, Overflow, Rounding, Word};
 use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
 
@@ -30,7 +32,15 @@ fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
         let (a, b, a_word, b_word) = (pick(&all, *a), pick(&all, *b), pick(&operands, *a), pick(&operands, *b));
         let [x, y] = [a, b].map(|wire| g.of(wire).shape);
         let bits = x.plus(y).bits();
-        match kind % 7 {
+        let unit = FunctionUnit { table_bits: 4, newton_steps: u32::from(kind % 3), bits: 12 };
+        let name = format!("word{nth}");
+        let finer = |from: Exact| word.format.frac_bits - from.frac_bits;
+        let positive = |g: &mut Builder, wire: Wire| {
+            let magnitude = g.magnitude(wire);
+            let positive = g.at_least_a_place(magnitude);
+            g.known_natural(positive)
+        };
+        match kind % 14 {
             6 if x.frac_bits <= 40 && x.int_bits <= 18 => {
                 let one = g.one(x);
                 let shape = g.of(one).shape.plus(x);
@@ -41,8 +51,62 @@ fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
             2 if bits <= 60 => all.push(g.minus_within(a, b, x.plus(y))),
             3 => all.push(g.natural(a)),
             4 if x.frac_bits <= 60 => all.push(g.at_most_one(a)),
+            7 if bits <= 60 => {
+                let (above, condition) = (g.above(a, b), g.above(b, a));
+                let either = g.either(above, condition);
+                let both = g.both(either, above);
+                let not = g.not(both);
+                let guarded = g.guarded(a_word, not, 0);
+                operands.push(guarded);
+                all.push(guarded);
+                g.drop_where(condition);
+            }
+            8 if bits <= 60 && finer(x) <= 31 && finer(y) <= 31 => {
+                let (p, q) = (g.fit(&name, *word, a), g.fit(&name, *word, b));
+                let (lesser, greater) = (g.lesser(p, q), g.greater(p, q));
+                operands.extend([lesser, greater]);
+                all.push(g.negated(lesser));
+                if word.format.width() < 31 {
+                    all.extend([g.turned(greater, lesser), g.opposed(lesser, greater)]);
+                    let more = g.a_place_more(greater);
+                    all.push(g.not_below_0(more));
+                }
+            }
+            // Vectors' parts, relative to the power of the largest.
+            9 if x.bits() <= 60 => {
+                let parts = [a, a, a];
+                let largest = g.largest(parts);
+                let [part, ..] = g.normalised(largest, parts, 0);
+                let relative = g.fit(&name, *word, part);
+                let squared = g.times(relative, relative);
+                let squared = g.scaled(squared, 1);
+                let power = g.power(squared);
+                let power = g.at_least_one(power);
+                let own = g.fit_to(&name, *word, squared, power);
+                let product = g.times(own, relative);
+                let fitted = g.fit_to(&name, *word, product, Power::ONE);
+                operands.push(fitted);
+                all.push(fitted);
+            }
+            10 if x.bits() <= 60 => {
+                let x = positive(g, a);
+                let inverse = g.reciprocal(&format!("{name}.reciprocal"), unit, x);
+                let quotient = g.times(b_word, inverse);
+                let fitted = g.fit_to(&name, *word, quotient, Power::ONE);
+                operands.push(fitted);
+                all.push(fitted);
+            }
+            11 if x.bits() <= 60 => {
+                let x = positive(g, a);
+                let (root, inverse) = (g.root(&format!("{name}.root"), unit, x), g.inverse_root(&format!("{name}.inverse_root"), unit, x));
+                let fitted = g.fit_to(&name, *word, root, Power::ONE);
+                let quotient = g.times(fitted, inverse);
+                let other = g.fit_to(&name, *word, quotient, Power::ONE);
+                operands.extend([fitted, other]);
+                all.extend([fitted, other]);
+            }
             _ if (word.format.frac_bits - x.frac_bits) <= 31 => {
-                let fitted = g.fit(&format!("word{nth}"), *word, a);
+                let fitted = g.fit(&name, *word, a);
                 operands.push(fitted);
                 all.push(fitted);
             }
@@ -83,7 +147,7 @@ proptest! {
             }
         };
         let items: Vec<Vec<i64>> = seeds.iter().map(|seeds| inputs.iter().enumerate().map(|nth| word(nth, seeds)).collect()).collect();
-        let signals = 20;
+        let signals = 200;
         let mut seen = Ranges::new(signals);
         let expected: Vec<[i64; 2]> = items.iter().map(|inputs| graph.one(inputs, &mut Tap::new(&mut seen))).collect();
         prop_assert_eq!(&run(Plainly, &graph, &items, &mut NoProbe), &expected);

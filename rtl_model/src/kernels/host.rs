@@ -90,7 +90,7 @@ pub fn plainly<K: Kernel>(kernel: K) -> K::Output {
 #[cfg(target_arch = "x86_64")]
 pub mod avx2 {
     use super::{Kernel, LANES, Lanes};
-    use crate::num::{Exacts, Part, Words, two};
+    use crate::num::{Exacts, Words, two};
     use std::arch::x86_64::*;
     use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
@@ -461,36 +461,8 @@ pub mod avx2 {
         }
     }
 
-    /// A function of its own for a part of a kernel.
-    ///
-    /// # Safety
-    /// [`is_there`] must hold.
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-    unsafe fn apart<P: Part>(part: P) -> P::Output {
-        part.run()
-    }
-
-    /// The same with AVX-512.
-    ///
-    /// # Safety
-    /// [`is_avx_512_there`] must hold.
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq,avx512cd")]
-    unsafe fn apart_with_avx_512<P: Part>(part: P) -> P::Output {
-        part.run()
-    }
-
     impl<const AVX_512: bool> Words for VectorWords<AVX_512> {
         type Exact = VectorExacts<AVX_512>;
-
-        #[inline(always)]
-        fn apart<P: Part>(part: P) -> P::Output {
-            // Where speed counts, constants of all parts stay on their lanes from one eight to the next: a fifth of setup.
-            if !cfg!(debug_assertions) {
-                return part.run();
-            }
-            // SAFETY: called only inside [`run`], or `AVX_512` inside [`run_with_avx_512`], as everything of these types.
-            unsafe { if AVX_512 { apart_with_avx_512(part) } else { apart(part) } }
-        }
 
         #[inline(always)]
         fn from_array(words: [i32; LANES]) -> Self {
@@ -637,6 +609,20 @@ pub mod avx2 {
             }
             for (i, word) in words.iter_mut().enumerate() {
                 *word = parts[i % 2][i / 2];
+            }
+            words
+        }
+        #[inline(always)]
+        fn from_evens_first(words: [i64; LANES]) -> Self {
+            // SAFETY: as `word`; the array is two registers.
+            even_and_odd!(i => _mm256_loadu_si256(words.as_ptr().add(i * LANES / 2).cast()))
+        }
+        #[inline(always)]
+        fn to_evens_first(self) -> [i64; LANES] {
+            let mut words = [0; LANES];
+            for (i, half) in self.0.into_iter().enumerate() {
+                // SAFETY: as `word`; the array holds two registers.
+                unsafe { _mm256_storeu_si256(words.as_mut_ptr().add(i * LANES / 2).cast(), half) };
             }
             words
         }

@@ -156,6 +156,11 @@ impl Fit {
         self.simple
     }
 
+    /// Whether at least 32 places are cut, which leaves a word of 32 bits of any exact result ([`Fit::top`]).
+    pub fn is_deep(&self) -> bool {
+        self.deep
+    }
+
     /// Whether an add, a shift and one limit of 32 bits are all there is for results from 0 to 2^`int_bits`.
     pub fn is_natural(&self, int_bits: i32) -> bool {
         self.simple && !self.word.format.signed && int_bits + self.word.format.frac_bits < 32

@@ -20,7 +20,7 @@ pub use fit::{Fit, Loss, Seen};
 pub use lanes::{LANES, Lanes};
 pub(crate) use lanes::{three, two};
 pub use register::Register;
-pub use words::{Exacts, Part, Words};
+pub use words::{Exacts, Words};
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

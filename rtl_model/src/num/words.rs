@@ -11,14 +11,6 @@ use super::lanes::{Plain, two};
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
-/// A part of a kernel that may be compiled as a function of its own ([`Words::apart`]). `run` must be `#[inline(always)]` all the way down.
-pub trait Part {
-    /// Result.
-    type Output;
-    /// Does it.
-    fn run(self) -> Self::Output;
-}
-
 /// One signal of eight items, words of at most 32 bits. A condition is a signal of words −1 (holds) and 0.
 pub trait Words:
     Copy
@@ -76,13 +68,6 @@ pub trait Words:
     /// Rows to columns: from eight items' words to eight signals, or back.
     fn transposed(rows: [Self; LANES]) -> [Self; LANES];
 
-    /// Runs a part of a kernel on such words, in a debug build as a function of its own: all in one takes the compiler minutes, for it needs
-    /// more than twice as long for what is twice as large.
-    #[cfg_attr(not(debug_assertions), inline(always))]
-    fn apart<P: Part>(part: P) -> P::Output {
-        part.run()
-    }
-
     /// The product of a row of constants with a vector.
     #[inline(always)]
     fn dot(row: [i64; 3], vector: [Self; 3]) -> Self::Exact {
@@ -111,6 +96,10 @@ pub trait Exacts: Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<O
     fn from_array(words: [i64; LANES]) -> Self;
     /// One result a lane.
     fn to_array(self) -> [i64; LANES];
+    /// From those of the lanes of even number, then those of the others, as products of words come.
+    fn from_evens_first(words: [i64; LANES]) -> Self;
+    /// In that order.
+    fn to_evens_first(self) -> [i64; LANES];
     /// The same result on every lane.
     fn splat(word: i64) -> Self;
     /// Each lane shifted left by the same amount, 0 to 63.
@@ -261,6 +250,15 @@ impl Exacts for Plain {
     #[inline]
     fn to_array(self) -> [i64; LANES] {
         self.0
+    }
+    #[inline]
+    fn from_evens_first([a, c, e, g, b, d, f, h]: [i64; LANES]) -> Self {
+        Plain([a, b, c, d, e, f, g, h])
+    }
+    #[inline]
+    fn to_evens_first(self) -> [i64; LANES] {
+        let [a, b, c, d, e, f, g, h] = self.0;
+        [a, c, e, g, b, d, f, h]
     }
     #[inline]
     fn splat(word: i64) -> Self {

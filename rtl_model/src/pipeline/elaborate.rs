@@ -6,6 +6,7 @@ use crate::elaboration::microarchitecture::{Harmonics, Microarchitecture, Paths,
 use crate::elaboration::{Elaboration, Operator, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
+use crate::kernels::Discs;
 use crate::machine::{Group, Machine, Splat};
 use crate::num::{Fit, Format, MAX_WIDTH_BITS};
 use crate::records::unit;
@@ -24,6 +25,8 @@ pub struct Elaborated {
     pub parts: Vec<Part>,
     pub(crate) project: project::Project,
     pub(crate) ellipse: ellipse::Ellipse,
+    /// Both for discs, on the host.
+    pub(crate) discs: Discs,
     /// Depth to key.
     pub(crate) sort: Option<Fit>,
     /// The light of a splat that is lit before it is drawn, as its record has colours.
@@ -93,9 +96,12 @@ impl Machine {
         let e = &mut Elaboration::default();
         check_splat(&self.splat, e);
         colour::declare(e, self);
+        let (project, ellipse) = (project::Project::new(e, self), ellipse::Ellipse::new(e, self));
+        let disc = &ellipse.datapath(ellipse.variant(self.ellipse.aspect.is_some(), None)).graph;
         let elaborated = Elaborated {
-            project: project::Project::new(e, self),
-            ellipse: ellipse::Ellipse::new(e, self),
+            discs: Discs::new(self, &e.signals, project.graph(), disc, ellipse.inverse_two_pi()),
+            project,
+            ellipse,
             sort: self.elaborate_sort(e),
             raster: raster::Raster::new(e, self),
             gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),

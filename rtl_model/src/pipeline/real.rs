@@ -91,8 +91,7 @@ impl Elaborated {
             inverse_depth: point.inverse_depth,
             slope: point.slope,
         };
-        let set_up = ellipsoid.and_then(|ellipsoid| self.ellipse.real_ellipsoid(view, ellipsoid, &input));
-        (point, set_up.unwrap_or_else(|| self.ellipse.real(view, &input)))
+        (point, self.ellipse.real(view, ellipsoid, &input))
     }
 
     /// Whether the machine turns the normal of a frame's splat towards the viewer.

@@ -1,14 +1,16 @@
-//! Set up: the first half of the pipeline, project and ellipse, eight splats at a time.
+//! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of splats.
 
 use super::shading::{emitted, emitting};
 use super::{Culled, Elaborated, run};
-use crate::frame::{Ellipsoids, Frame, Orientation, Splat, View};
+use crate::frame::{Ellipsoids, Frame, Orientation, Splat};
 use crate::functions::Table;
-use crate::kernels::host::{Kernel, plainly};
-use crate::num::{Fit, LANES, Lanes, Part, Words, three, two};
-use crate::probe::{Probe, Ranges, Tap};
+use crate::graph::{BATCH, Batch, Program, ROWS, Run};
+use crate::kernels::host::Kernel;
+use crate::kernels::{Discs, SetUpDiscs};
+use crate::num::{Fit, LANES, Lanes, Words};
+use crate::probe::{Probe, Tap};
 use crate::records::{EllipseOut, PROJECTED, ProjectOut, SET_UP, TILE_PX};
-use crate::units::ellipse::ellipsoid::Axes;
+use crate::units::ellipse::Ellipse;
 use crate::units::fragment::window::WindowRegisters;
 use crate::units::{ellipse, project, raster, shade};
 use crate::work::{Bins, CULLED};
@@ -115,10 +117,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         .map(|(block, splats)| {
             let mut fork = probe.fork();
             let (first, of) = ((block * BLOCK_SPLATS) as u32, frame.splats.len());
-            let setup = match &frame.ellipsoids {
-                None => run::<P, _>(SetUp { machine, frame, splats, first, of, probe: &mut fork }),
-                Some(ellipsoids) => plainly(SetUpEllipsoids { machine, frame, ellipsoids, splats, first, of, probe: &mut fork }),
-            };
+            let setup = set_up_block(machine, frame, splats, (first, of), &mut fork);
             (setup, fork)
         })
         .collect();
@@ -147,103 +146,149 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
     whole
 }
 
-struct SetUp<'a, P> {
-    machine: &'a Elaborated,
+/// Sets a block of a frame's splats up, which begins with `first`.
+fn set_up_block<P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat], (first, of): (u32, usize), probe: &mut P) -> Setup {
+    let is_lit = frame.window.is_some() || frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded);
+    let mut out = Block::of(splats.len());
+    if frame.ellipsoids.is_some() && machine.machine.ellipse.ellipsoid.is_none() {
+        // What cannot be set up is not drawn.
+        return out.done(is_lit);
+    }
+    let lit = is_lit.then(|| Lit::new(machine, frame));
+    let (mut stages, mut again) = (Stages::new(machine, frame), None);
+    let at_a_time = if P::TRANSFERS { 1 } else { BATCH };
+    for (splats, first) in splats.chunks(at_a_time).zip((first..).step_by(at_a_time)) {
+        stages.set_up(splats, first, lit.as_ref(), probe, &mut out);
+        // Some eights once more, for another to observe.
+        let item = first as usize / LANES;
+        probe.resample_batch(item..item + splats.len().div_ceil(LANES), of.div_ceil(LANES), |nth, ranges| {
+            let stages = again.get_or_insert_with(|| Stages::new(machine, frame));
+            let eight = &splats[(nth - item) * LANES..splats.len().min((nth - item + 1) * LANES)];
+            stages.set_up(eight, (nth * LANES) as u32, lit.as_ref(), ranges, &mut Block::of(LANES));
+        });
+    }
+    out.done(is_lit)
+}
+
+/// The units that set splats up, with rows for a batch.
+struct Stages<'a> {
     frame: &'a Frame,
-    splats: &'a [Splat],
-    first: u32,
-    /// Splats of the frame.
-    of: usize,
-    probe: &'a mut P,
+    ellipse: &'a Ellipse,
+    /// None of ellipsoids.
+    discs: Option<&'a Discs>,
+    project: (&'a Program, Batch),
+    footprint: (&'a Program, Batch),
 }
 
-/// Sets eight splats up once more, for another to observe.
-#[inline(never)]
-fn resample_set_up(machine: &Elaborated, frame: &Frame, splats: &[Splat], first: u32, probe: &mut Ranges) {
-    plainly(SetUp { machine, frame, splats, first, of: splats.len(), probe });
-}
-
-impl<P: Probe> Kernel for SetUp<'_, P> {
-    type Output = Setup;
-
-    #[inline(always)]
-    fn run<L: Lanes>(self) -> Setup {
-        // Copies that nobody else can see: their constants are broadcast to lanes once, outside the loop.
-        let (project, ellipse, view) = (self.machine.project.clone(), self.machine.ellipse.clone(), self.frame.view.clone());
-        let units = Units { project: &project, ellipse: &ellipse, view: &view, size_px: [self.frame.width, self.frame.height] };
-        let lit = self.frame.window.as_ref().map(|_| Lit::new(self.machine, self.frame));
-        let mut out = Block::of(self.splats.len());
-        if P::TRANSFERS {
-            for (splat, first) in self.splats.iter().zip(self.first..) {
-                units.set_up::<L::Words, P>(&[*splat; LANES], 1, first, lit.as_ref(), self.probe, &mut out);
-            }
-            return out.done(lit.is_some());
+impl<'a> Stages<'a> {
+    fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
+        let Elaborated { project, ellipse, .. } = machine;
+        let variant = ellipse.variant_of(frame);
+        let kernel = frame.ellipsoids.as_ref().map(|ellipsoids| ellipsoids.kernel.clone()).unwrap_or_default();
+        let mut point = (project.program(), project.program().batch());
+        for (input, register) in (project::INPUTS..).zip(project::registers(&frame.view)) {
+            point.1.set_all(point.0, input, register);
         }
-        let (eights, rest) = self.splats.as_chunks();
-        let mut last = [Splat::default(); LANES];
-        last[..rest.len()].copy_from_slice(rest);
-        for (group, splats) in eights.iter().chain((!rest.is_empty()).then_some(&last)).enumerate() {
-            let live = LANES.min(self.splats.len() - group * LANES);
-            let first = self.first + (group * LANES) as u32;
-            units.set_up::<L::Words, P>(splats, live, first, lit.as_ref(), self.probe, &mut out);
-            if let Some(ranges) = self.probe.resample(first as usize / LANES, self.of.div_ceil(LANES)) {
-                resample_set_up(self.machine, self.frame, &splats[..live], first, ranges);
-            }
+        let program = &ellipse.datapath(variant).program;
+        let mut footprint = (program, program.batch());
+        let registers = ellipse.registers(variant, &frame.view, [frame.width, frame.height], &kernel);
+        for (input, register) in (variant.inputs()..).zip(registers) {
+            footprint.1.set_all(footprint.0, input, register);
         }
-        out.done(lit.is_some())
+        let discs = frame.ellipsoids.is_none().then_some(&machine.discs);
+        Stages { frame, ellipse, discs, project: point, footprint }
+    }
+
+    /// Sets up to a batch of splats up.
+    fn set_up<P: Probe>(&mut self, splats: &[Splat], first: u32, lit: Option<&Lit>, probe: &mut P, out: &mut Block) {
+        let rows = splats.len().div_ceil(LANES);
+        let live: [u8; ROWS] = std::array::from_fn(|row| ((1u32 << splats.len().saturating_sub(row * LANES).min(LANES)) - 1) as u8);
+        let live = &live[..rows];
+        run::<P, _>(Load { stages: self, splats, first });
+        match self.discs {
+            Some(discs) => {
+                let Stages { frame, project: (project, point), footprint: (program, footprint), .. } = &*self;
+                let (view, size_px) = (&frame.view, [frame.width, frame.height]);
+                run::<P, _>(SetUpDiscs { discs, view, size_px, point: (project, point), footprint: (program, footprint), live, probe });
+            }
+            None => self.run(live, probe),
+        }
+        run::<P, _>(Kept { stages: self, splats, live, first, lit, probe, out });
     }
 }
 
-struct SetUpEllipsoids<'a, P> {
-    machine: &'a Elaborated,
-    frame: &'a Frame,
-    ellipsoids: &'a Ellipsoids,
-    splats: &'a [Splat],
-    first: u32,
-    /// Splats of the frame.
-    of: usize,
-    probe: &'a mut P,
-}
-
-impl<P: Probe> Kernel for SetUpEllipsoids<'_, P> {
-    type Output = Setup;
-
-    #[inline(always)]
-    fn run<L: Lanes>(self) -> Setup {
-        let Frame { view, width, height, .. } = self.frame;
-        let units = Units { project: &self.machine.project, ellipse: &self.machine.ellipse, view, size_px: [*width, *height] };
-        let is_lit = self.ellipsoids.preshaded || self.frame.window.is_some();
-        let lit = is_lit.then(|| Lit::new(self.machine, self.frame));
-        let mut out = Block::of(self.splats.len());
-        let at_a_time = if P::TRANSFERS { 1 } else { LANES };
-        for (group, splats) in self.splats.chunks(at_a_time).enumerate() {
-            let mut eight = [Splat::default(); LANES];
-            eight[..splats.len()].copy_from_slice(splats);
-            let first = self.first + (group * at_a_time) as u32;
-            let mut own = [Orientation::default(); LANES];
-            if let Some(some) = self.ellipsoids.own.get(first as usize..) {
-                own.iter_mut().zip(some).for_each(|(own, given)| *own = *given);
-            }
-            units.set_up_ellipsoids::<L::Words, P>(
-                (&eight, &own, self.ellipsoids),
-                splats.len(),
-                first,
-                lit.as_ref(),
-                self.probe,
-                &mut out,
-            );
-            if let Some(ranges) = self.probe.resample(first as usize / LANES, self.of.div_ceil(LANES)) {
-                resample_ellipsoids(self.machine, self.frame, self.ellipsoids, splats, first, ranges);
-            }
+impl Stages<'_> {
+    /// Runs both units' graphs.
+    fn run<P: Probe>(&mut self, live: &[u8], probe: &mut P) {
+        let rows = live.len();
+        let (project, point) = &mut self.project;
+        let left = run::<P, _>(Run { program: project, batch: point, live, probe });
+        let (program, footprint) = &mut self.footprint;
+        for (result, input) in CARRIED {
+            point.carry(project.output(result), rows, program.input(input), footprint);
         }
-        out.done(lit.is_some())
+        run::<P, _>(Run { program, batch: footprint, live: &left[..rows], probe });
     }
 }
 
-/// Sets eight ellipsoids up once more, for another to observe.
-#[inline(never)]
-fn resample_ellipsoids(machine: &Elaborated, frame: &Frame, ellipsoids: &Ellipsoids, splats: &[Splat], first: u32, probe: &mut Ranges) {
-    plainly(SetUpEllipsoids { machine, frame, ellipsoids, splats, first, of: splats.len(), probe });
+/// Results of `project` that are inputs of `ellipse`: exponent, t_z, 1/t_z, its exponent, slope, pixel.
+const CARRIED: [(usize, usize); 8] = [(3, 4), (2, 5), (5, 6), (6, 7), (7, 8), (8, 9), (9, 10), (10, 11)];
+
+/// Puts splats' records into the rows of both units.
+struct Load<'a, 's> {
+    stages: &'a Stages<'s>,
+    splats: &'a [Splat],
+    first: u32,
+}
+
+impl Kernel for Load<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Load { stages, splats, first } = self;
+        let ((project, point), (program, footprint)) = (&stages.project, &stages.footprint);
+        for (row, given) in splats.chunks(LANES).enumerate() {
+            // The first eight words of each record as they lie in memory: red comes along.
+            let mut records = [L::Words::splat(0); LANES];
+            for (record, splat) in records.iter_mut().zip(given) {
+                let Splat { position: [x, y, z], normal: [n, m, o], radius, rgb: [red, ..], .. } = *splat;
+                *record = L::Words::from_array([x, y, z, n, m, o, radius, red]);
+            }
+            let words = L::Words::transposed(records).map(Words::to_array);
+            (0..3).for_each(|input| point.set_row(project, input, row, words[input]));
+            (0..4).for_each(|input| footprint.set_row(program, input, row, words[3 + input]));
+            if let Some(ellipsoids) = &stages.frame.ellipsoids {
+                stages.load_axes(ellipsoids, row, given, first as usize + row * LANES);
+            }
+        }
+    }
+}
+
+impl Stages<'_> {
+    /// The rest of ellipsoids' records.
+    fn load_axes(&self, ellipsoids: &Ellipsoids, row: usize, splats: &[Splat], first: usize) {
+        let ((project, point), (program, footprint)) = (&self.project, &self.footprint);
+        let mut opacity = [0; LANES];
+        opacity.iter_mut().zip(splats).for_each(|(word, splat)| *word = splat.opacity);
+        point.set_row(project, 3, row, opacity.map(|opacity| -i32::from(i64::from(opacity) < ellipsoids.kernel.least_opacity)));
+        footprint.set_row(program, 12, row, opacity);
+        footprint.set_row(
+            program,
+            13,
+            row,
+            opacity.map(|opacity| self.ellipse.box_cutoff(&self.frame.view, &ellipsoids.kernel, opacity) as i32),
+        );
+        let mut own = [[0; LANES]; 7];
+        for (lane, Orientation { quaternion: [w, x, y, z], scales: [a, b, c] }) in
+            ellipsoids.own.iter().skip(first).take(splats.len()).enumerate()
+        {
+            own.iter_mut().zip([w, x, y, z, a, b, c]).for_each(|(words, word)| words[lane] = *word);
+        }
+        if !ellipsoids.own.is_empty() {
+            (14..).zip(own).for_each(|(input, words)| footprint.set_row(program, input, row, words));
+        }
+    }
 }
 
 /// The lights and materials of a frame, for splats that are lit before they are drawn.
@@ -289,14 +334,6 @@ impl<'a> Lit<'a> {
     }
 }
 
-/// The units that set splats up.
-struct Units<'a> {
-    project: &'a project::Project,
-    ellipse: &'a ellipse::Ellipse,
-    view: &'a View,
-    size_px: [u32; 2],
-}
-
 /// A block's splats, set up.
 struct Block {
     records: Vec<SetupRecord>,
@@ -320,176 +357,94 @@ impl Block {
     }
 }
 
-impl Units<'_> {
-    /// Sets eight splats up, of which the first `live` are there.
-    #[inline(always)]
-    fn set_up<W: Words, P: Probe>(
-        &self,
-        splats: &[Splat; LANES],
-        live: usize,
-        first: u32,
-        lit: Option<&Lit>,
-        probe: &mut P,
-        out: &mut Block,
-    ) {
-        let tap = &mut Tap::new(probe).first(live);
-        let (point, input) = W::apart(Placed { units: self, splats, transparent: W::splat(0), tap });
-        let ellipse = W::apart(Discs { units: self, input: &input, tap });
-        W::apart(Kept { splats, live, first, set_up: (&point, &ellipse), lit, tap, out });
-    }
-
-    /// Sets eight ellipsoids up, of which the first `live` are there.
-    #[inline(always)]
-    fn set_up_ellipsoids<W: Words, P: Probe>(
-        &self,
-        (splats, own, ellipsoids): (&[Splat; LANES], &[Orientation; LANES], &Ellipsoids),
-        live: usize,
-        first: u32,
-        lit: Option<&Lit>,
-        probe: &mut P,
-        out: &mut Block,
-    ) {
-        let tap = &mut Tap::new(probe).first(live);
-        let word = |of: &dyn Fn(usize) -> i32| W::from_array(std::array::from_fn(of));
-        let opacity = word(&|lane| splats[lane].opacity);
-        let transparent = self.project.transparent(&ellipsoids.kernel, opacity);
-        let (point, input) = W::apart(Placed { units: self, splats, transparent, tap });
-        let axes = if ellipsoids.own.is_empty() {
-            Axes::Frame
-        } else {
-            let [w, x, y, z] = [0, 1, 2, 3].map(|part| word(&|lane| own[lane].quaternion[part]));
-            Axes::Own([w, x, y, z], three!(axis => word(&|lane| own[lane].scales[axis])))
-        };
-        let set_up = self.ellipse.ellipsoids(self.view, &ellipsoids.kernel, self.size_px, &input, axes, opacity, tap);
-        // Elaboration has seen to it that there is one.
-        if let Some(ellipse) = set_up {
-            W::apart(Kept { splats, live, first, set_up: (&point, &ellipse), lit, tap, out });
-        }
-    }
-}
-
-/// The first half of setup, and what the second is given.
-struct Placed<'a, 't, W, P> {
-    units: &'a Units<'a>,
-    splats: &'a [Splat; LANES],
-    transparent: W,
-    tap: &'a mut Tap<'t, P>,
-}
-
-impl<W: Words, P: Probe> Part for Placed<'_, '_, W, P> {
-    type Output = (project::Projected<W>, ellipse::Input<W>);
-
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        let Placed { units, splats, transparent, tap } = self;
-        // The first eight words of each record as they lie in memory: red comes along.
-        let mut records = [W::splat(0); LANES];
-        for (record, splat) in records.iter_mut().zip(splats) {
-            let Splat { position: [x, y, z], normal: [n, m, o], radius, rgb: [red, ..], .. } = *splat;
-            *record = W::from_array([x, y, z, n, m, o, radius, red]);
-        }
-        let [x, y, z, n, m, o, radius, _] = W::transposed(records);
-        let point = units.project.lanes(units.view, [x, y, z], transparent, tap);
-        let input = ellipse::Input {
-            normal: [n, m, o],
-            radius,
-            forward: point.camera[2],
-            exponent: point.exponent,
-            inverse_depth: point.inverse_depth,
-            slope: point.slope,
-            pixel: point.pixel,
-        };
-        (point, input)
-    }
-}
-
-/// The second half of setup, of discs.
-struct Discs<'a, 't, W, P> {
-    units: &'a Units<'a>,
-    input: &'a ellipse::Input<W>,
-    tap: &'a mut Tap<'t, P>,
-}
-
-impl<W: Words, P: Probe> Part for Discs<'_, '_, W, P> {
-    type Output = ellipse::Output<W>;
-
-    #[inline(always)]
-    fn run(self) -> ellipse::Output<W> {
-        self.units.ellipse.lanes(self.units.view, self.units.size_px, self.input, self.tap)
-    }
-}
-
-/// Keeps those of eight splats that are not culled.
-struct Kept<'a, 't, W, P> {
-    splats: &'a [Splat; LANES],
-    live: usize,
+/// Keeps those of a batch that are not culled.
+struct Kept<'a, 's, 'p, P> {
+    stages: &'a Stages<'s>,
+    splats: &'a [Splat],
+    live: &'a [u8],
     first: u32,
-    set_up: (&'a project::Projected<W>, &'a ellipse::Output<W>),
     lit: Option<&'a Lit<'a>>,
-    tap: &'a mut Tap<'t, P>,
+    probe: &'p mut P,
     out: &'a mut Block,
 }
 
-impl<W: Words, P: Probe> Part for Kept<'_, '_, W, P> {
+impl<P: Probe> Kernel for Kept<'_, '_, '_, P> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self) {
-        let Kept { splats, live, first, set_up: (point, ellipse), lit, tap, out } = self;
+    fn run<L: Lanes>(self) {
+        let Kept {
+            stages: Stages { project: (project, point), footprint: (program, footprint), .. },
+            splats,
+            live,
+            first,
+            lit,
+            probe,
+            out,
+        } = self;
+        let cleared = L::Words::splat(0);
         if P::TRANSFERS {
-            tap.probe.set_up(first, projected_words(point), ellipse_words(ellipse));
+            let made = std::array::from_fn(|output| point.row(project, output, 0)[0].into());
+            let ellipse = std::array::from_fn(|output| footprint.row(program, output, 0)[0].into());
+            let transparent = point.input_row(project, 3, 0)[0] != 0;
+            probe.set_up(first, projected_words(made, transparent), ellipse_words(ellipse));
         }
-        let mut left = ((1u32 << live) - 1) as u8;
-        let culled = point.near | point.outside | point.transparent | ellipse.backface | ellipse.faint | ellipse.outside;
-        if left & culled.signs() != 0 {
+        for (row, own) in splats.chunks(LANES).enumerate() {
+            let first = first + (row * LANES) as u32;
+            let of_point = |output: usize| L::Words::from_array(point.row(project, output, row));
+            let of_ellipse = |output: usize| L::Words::from_array(footprint.row(program, output, row));
+            let mut left = live[row];
             // In the order in which the units find them: the first that holds is the reason.
-            let reasons = [point.near, point.outside, point.transparent, ellipse.backface, ellipse.faint, ellipse.outside];
-            let mut lanes = [0; CULLED.len()];
-            for (lanes, reason) in lanes.iter_mut().zip(reasons) {
-                *lanes = left & reason.signs();
-                left &= !*lanes;
+            let transparent = L::Words::from_array(point.input_row(project, 3, row));
+            let reasons = [of_point(11), of_point(12), transparent, of_ellipse(14), of_ellipse(15), of_ellipse(16)];
+            let culled = reasons.into_iter().fold(cleared, |culled, reason| culled | reason);
+            if left & culled.signs() != 0 {
+                let mut lanes = [0; CULLED.len()];
+                for (lanes, reason) in lanes.iter_mut().zip(reasons) {
+                    *lanes = left & reason.signs();
+                    left &= !*lanes;
+                }
+                if P::WORK {
+                    probe.culled(first, lanes);
+                }
+                let [near, outside, transparent, backface, faint, missing] = lanes.map(|lanes| u64::from(lanes.count_ones()));
+                out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface, transparent });
             }
-            if P::WORK {
-                tap.probe.culled(first, lanes);
-            }
-            let [near, outside, transparent, backface, faint, missing] = lanes.map(|lanes| u64::from(lanes.count_ones()));
-            out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface, transparent });
-        }
 
-        let ([x, y], [xx, xy, yy]) = (point.pixel, ellipse.conic);
-        let ([z_x, z_y], [n, m, o]) = (ellipse.depth_slope, ellipse.normal);
-        let sides = [ellipse.columns, ellipse.rows];
-        let [columns, rows] = two!(axis => sides[axis][0] | sides[axis][1].left(16));
-        let plane = W::transposed([x, y, xx, xy, yy, point.depth, z_x, z_y]);
-        let rest = W::transposed([ellipse.depth_range, columns, rows, ellipse.amplitude, n, m, o, W::splat(0)]);
-        for (lane, own) in splats.iter().enumerate() {
-            if left & (1 << lane) == 0 {
-                continue;
+            let [columns, rows] = [7, 9].map(|side| of_ellipse(side) | of_ellipse(side + 1).left(16));
+            let [xx, xy, yy, z_x, z_y] = [3, 4, 5, 11, 12].map(of_ellipse);
+            let plane = L::Words::transposed([of_point(9), of_point(10), xx, xy, yy, of_point(4), z_x, z_y]);
+            let [n, m, o, amplitude, depth_range] = [0, 1, 2, 6, 13].map(of_ellipse);
+            let rest = L::Words::transposed([depth_range, columns, rows, amplitude, n, m, o, cleared]);
+            for (lane, own) in own.iter().enumerate() {
+                if left & (1 << lane) == 0 {
+                    continue;
+                }
+                let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
+                let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
+                if let Some(lit) = lit {
+                    let light = lit.emission(own, first + lane as u32, [n, m, o], probe);
+                    out.emissions.push(Emission { light, density: lit.density(own, probe) });
+                }
+                if P::WORK {
+                    probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
+                }
+                out.boxes.push([halves(columns), halves(rows)]);
+                out.records.push(SetupRecord {
+                    raster: raster::Input {
+                        pixel: [x, y],
+                        conic: [xx, xy, yy],
+                        depth,
+                        depth_slope: [z_x, z_y],
+                        depth_range,
+                        columns: halves(columns),
+                        rows: halves(rows),
+                    },
+                    amplitude,
+                    normal: [n, m, o],
+                    splat: first + lane as u32,
+                });
             }
-            let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
-            let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
-            if let Some(lit) = lit {
-                let light = lit.emission(own, first + lane as u32, [n, m, o], tap.probe);
-                out.emissions.push(Emission { light, density: lit.density(own, tap.probe) });
-            }
-            if P::WORK {
-                tap.probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
-            }
-            out.boxes.push([halves(columns), halves(rows)]);
-            out.records.push(SetupRecord {
-                raster: raster::Input {
-                    pixel: [x, y],
-                    conic: [xx, xy, yy],
-                    depth,
-                    depth_slope: [z_x, z_y],
-                    depth_range,
-                    columns: halves(columns),
-                    rows: halves(rows),
-                },
-                amplitude,
-                normal: [n, m, o],
-                splat: first + lane as u32,
-            });
         }
     }
 }
@@ -501,19 +456,18 @@ fn halves(word: i32) -> [u16; 2] {
     [u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d])]
 }
 
-/// The first lane of what `project` makes, as a record has it.
-pub(super) fn projected_words<W: Words>(point: &project::Projected<W>) -> [i64; PROJECTED] {
-    let ([_, _, forward], inverse) = (point.camera, point.inverse_depth);
-    let ([slope_x, slope_y], [pixel_x, pixel_y]) = (point.slope.map(first), point.pixel.map(first));
+/// What `project` makes, as a record has it.
+pub(super) fn projected_words(made: [i64; project::OUTPUTS], transparent: bool) -> [i64; PROJECTED] {
+    let [_, _, forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope_x, slope_y, pixel_x, pixel_y, near, outside] = made;
     let record = ProjectOut {
-        near: flag(point.near),
-        outside: flag(point.outside),
-        transparent: flag(point.transparent),
-        forward: first(forward),
-        exponent: first(point.exponent),
-        depth: first(point.depth),
-        inverse_depth: first(inverse.mantissa),
-        inverse_depth_exponent: first(inverse.exponent),
+        near: -near,
+        outside: -outside,
+        transparent: transparent.into(),
+        forward,
+        exponent,
+        depth,
+        inverse_depth,
+        inverse_depth_exponent,
         slope_x,
         slope_y,
         pixel_x,
@@ -522,39 +476,46 @@ pub(super) fn projected_words<W: Words>(point: &project::Projected<W>) -> [i64; 
     record.into_words()
 }
 
-/// The first lane of what `ellipse` makes, as a record has it.
-pub(super) fn ellipse_words<W: Words>(e: &ellipse::Output<W>) -> [i64; SET_UP] {
-    let ([normal_x, normal_y, normal_z], [conic_xx, conic_xy, conic_yy]) = (e.normal.map(first), e.conic.map(first));
-    let ([first_column, last_column], [first_row, last_row]) = (e.columns.map(first), e.rows.map(first));
-    let [depth_slope_x, depth_slope_y] = e.depth_slope.map(first);
-    let record = EllipseOut {
-        backface: flag(e.backface),
-        faint: flag(e.faint),
-        outside: flag(e.outside),
+/// What `ellipse` makes, as a record has it.
+pub(super) fn ellipse_words(made: [i64; ellipse::OUTPUTS]) -> [i64; SET_UP] {
+    let [
         normal_x,
         normal_y,
         normal_z,
         conic_xx,
         conic_xy,
         conic_yy,
-        amplitude: first(e.amplitude),
+        amplitude,
+        sides @ ..,
+        depth_slope_x,
+        depth_slope_y,
+        depth_range,
+        backface,
+        faint,
+        outside,
+    ] = made;
+    let [first_column, last_column, first_row, last_row] = sides;
+    let record = EllipseOut {
+        backface: -backface,
+        faint: -faint,
+        outside: -outside,
+        normal_x,
+        normal_y,
+        normal_z,
+        conic_xx,
+        conic_xy,
+        conic_yy,
+        amplitude,
         first_column,
         last_column,
         first_row,
         last_row,
         depth_slope_x,
         depth_slope_y,
-        depth_range: first(e.depth_range),
+        depth_range,
     };
     record.into_words()
 }
 
-/// The first lane of a condition, as 1 or 0.
-fn flag<W: Words>(condition: W) -> i64 {
-    i64::from(condition.signs() & 1)
-}
-
-/// The first lane of words.
-fn first<W: Words>(words: W) -> i64 {
-    i64::from(words.to_array()[0])
-}
+#[cfg(test)]
+mod tests;

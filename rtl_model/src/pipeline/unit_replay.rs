@@ -8,28 +8,21 @@ use super::Elaborated;
 use super::set_up::{ellipse_words, projected_words};
 use super::shading::{emitted, emitting};
 use crate::frame::{self, Each, Frame, View};
-use crate::functions::reciprocal::Scientific;
 use crate::kernels::{Path, Tile};
 use crate::num::lanes::Plain;
-use crate::num::words::PlainWords;
-use crate::num::{LANES, Lanes, Words};
+use crate::num::{LANES, Lanes};
 use crate::probe::{Observer, Probe, Tap};
 use crate::records::{
     Contribution, Decision, DiscIn, EllipsoidIn, FragmentIn, GaussIn, Held, Layer, MAX_LAYERS, PROJECTED, Premultiplied, RasterIn,
     RasterOut, SET_UP, SheetIn, Slot, TILE_AREA, TILE_PX, WindowIn,
 };
-use crate::units::ellipse::ellipsoid::Axes;
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
-use crate::units::{ellipse, raster, shade};
+use crate::units::{project, raster, shade};
 
 type DynProbe<'a, 'w> = crate::probe::DynProbe<'a, 'w, true>;
 type Plainly = Path<false, Plain, i64>;
-
-fn all(word: i64) -> PlainWords {
-    PlainWords::splat(word)
-}
 
 fn narrow(word: i64) -> i32 {
     word as i32
@@ -37,10 +30,12 @@ fn narrow(word: i64) -> i32 {
 
 /// `project`: a record of `project.in`; the opacity counts where the frame has ellipsoids.
 pub fn project(machine: &Elaborated, frame: &Frame, position: [i64; 3], opacity: i64, observer: &mut dyn Observer<'_>) -> [i64; PROJECTED] {
-    let probe = &mut DynProbe::new(observer);
-    let tap = &mut Tap::new(probe).first(1);
-    let transparent = frame.ellipsoids.as_ref().map_or(all(0), |of| machine.project.transparent(&of.kernel, all(opacity)));
-    projected_words(&machine.project.lanes(&frame.view, position.map(all), transparent, tap))
+    let transparent = frame.ellipsoids.as_ref().is_some_and(|of| opacity < of.kernel.least_opacity);
+    let mut inputs = position.to_vec();
+    inputs.push(-i64::from(transparent));
+    inputs.extend(project::registers(&frame.view));
+    let made = machine.project.graph().one(&inputs, &mut Tap::new(&mut DynProbe::new(observer)));
+    projected_words(made, transparent)
 }
 
 /// `ellipse`: a record of `ellipse.in`, in a picture of this size.
@@ -51,19 +46,25 @@ pub fn ellipse(
     input: [i64; DiscIn::WORDS],
     observer: &mut dyn Observer<'_>,
 ) -> [i64; SET_UP] {
-    let i = DiscIn::from_words(input).map(all);
-    let input = ellipse::Input {
-        normal: [i.normal_x, i.normal_y, i.normal_z],
-        radius: i.radius,
-        forward: i.forward,
-        exponent: i.exponent,
-        inverse_depth: Scientific { mantissa: i.inverse_depth, exponent: i.inverse_depth_exponent },
-        slope: [i.slope_x, i.slope_y],
-        pixel: [i.pixel_x, i.pixel_y],
-    };
-    let probe = &mut DynProbe::new(observer);
-    let tap = &mut Tap::new(probe).first(1);
-    ellipse_words(&machine.ellipse.lanes(view, size_px, &input, tap))
+    let i = DiscIn::from_words(input);
+    let mut inputs = vec![
+        i.normal_x,
+        i.normal_y,
+        i.normal_z,
+        i.radius,
+        i.exponent,
+        i.forward,
+        i.inverse_depth,
+        i.inverse_depth_exponent,
+        i.slope_x,
+        i.slope_y,
+        i.pixel_x,
+        i.pixel_y,
+    ];
+    let unit = &machine.ellipse;
+    let variant = unit.variant(view.aspect.is_some(), None);
+    inputs.extend(unit.registers(variant, view, size_px, &frame::Kernel::default()));
+    ellipse_words(unit.datapath(variant).graph.one(&inputs, &mut Tap::new(&mut DynProbe::new(observer))))
 }
 
 /// `ellipse` of ellipsoids: a record of `ellipse.in`, in a frame of them; none where the frame or the machine has none.
@@ -73,27 +74,33 @@ pub fn ellipsoid(
     input: [i64; EllipsoidIn::WORDS],
     observer: &mut dyn Observer<'_>,
 ) -> Option<[i64; SET_UP]> {
-    let i = EllipsoidIn::from_words(input).map(all);
+    let i = EllipsoidIn::from_words(input);
     let ellipsoids = frame.ellipsoids.as_ref()?;
-    let input = ellipse::Input {
-        normal: [i.normal_x, i.normal_y, i.normal_z],
-        radius: i.radius,
-        forward: i.forward,
-        exponent: i.exponent,
-        inverse_depth: Scientific { mantissa: i.inverse_depth, exponent: i.inverse_depth_exponent },
-        slope: [i.slope_x, i.slope_y],
-        pixel: [i.pixel_x, i.pixel_y],
-    };
-    let axes = if ellipsoids.own.is_empty() {
-        Axes::Frame
-    } else {
-        let quaternion = [i.quaternion_w, i.quaternion_x, i.quaternion_y, i.quaternion_z];
-        Axes::Own(quaternion, [i.scale_0, i.scale_1, i.scale_2])
-    };
-    let probe = &mut DynProbe::new(observer);
-    let tap = &mut Tap::new(probe).first(1);
-    let size_px = [frame.width, frame.height];
-    machine.ellipse.ellipsoids(&frame.view, &ellipsoids.kernel, size_px, &input, axes, i.opacity, tap).map(|output| ellipse_words(&output))
+    machine.machine.ellipse.ellipsoid?;
+    let unit = &machine.ellipse;
+    let cutoff = unit.box_cutoff(&frame.view, &ellipsoids.kernel, narrow(i.opacity));
+    let mut inputs = vec![
+        i.normal_x,
+        i.normal_y,
+        i.normal_z,
+        i.radius,
+        i.exponent,
+        i.forward,
+        i.inverse_depth,
+        i.inverse_depth_exponent,
+        i.slope_x,
+        i.slope_y,
+        i.pixel_x,
+        i.pixel_y,
+        i.opacity,
+        cutoff,
+    ];
+    if !ellipsoids.own.is_empty() {
+        inputs.extend([i.quaternion_w, i.quaternion_x, i.quaternion_y, i.quaternion_z, i.scale_0, i.scale_1, i.scale_2]);
+    }
+    let variant = unit.variant_of(frame);
+    inputs.extend(unit.registers(variant, &frame.view, [frame.width, frame.height], &ellipsoids.kernel));
+    Some(ellipse_words(unit.datapath(variant).graph.one(&inputs, &mut Tap::new(&mut DynProbe::new(observer)))))
 }
 
 /// Request that a splat with this colour, normal and material sends to `shade` before it is drawn: `ellipse.request`.

@@ -4,6 +4,7 @@ use super::{Meters, Probe, Ranges};
 use crate::num::{Fit, LANES, Seen, Words};
 use crate::records::{Decision, Signal};
 use crate::work::{CULLED, Recorder, Work};
+use std::ops::Range;
 
 /// Measures the range of every signal and records the work.
 #[derive(Clone, Debug)]
@@ -84,6 +85,11 @@ impl Probe for Composite {
     #[inline(always)]
     fn resample(&mut self, item: usize, of: usize) -> Option<&mut Ranges> {
         self.meters.resample(item, of)
+    }
+
+    #[inline(always)]
+    fn resample_batch(&mut self, items: Range<usize>, of: usize, again: impl FnMut(usize, &mut Ranges)) {
+        self.meters.resample_batch(items, of, again);
     }
 
     // Work is the recorder's.

@@ -326,6 +326,20 @@ impl Probe for Meters {
         self.limited.clear();
         resampled
     }
+
+    fn resample_batch(&mut self, items: std::ops::Range<usize>, of: usize, mut again: impl FnMut(usize, &mut Ranges)) {
+        let [sample, limited] = &mut self.resampled;
+        // Which of them met a limit is not known: all are resampled.
+        let is_limited = std::mem::take(&mut self.is_limited) | !self.limited.is_empty();
+        self.limited.clear();
+        for item in items {
+            if is_sampled(item, of) {
+                again(item, sample);
+            } else if is_limited {
+                again(item, limited);
+            }
+        }
+    }
 }
 
 /// For each set of live lanes, which lane each of the eight is to take its word from: itself, or the first that is live.

@@ -69,6 +69,10 @@ pub trait Probe: Send + Sync + Sized {
     fn resample(&mut self, _item: usize, _of: usize) -> Option<&mut Ranges> {
         None
     }
+
+    /// Has [`Probe::resample`] of items that were done together.
+    #[inline(always)]
+    fn resample_batch(&mut self, _items: std::ops::Range<usize>, _of: usize, _again: impl FnMut(usize, &mut Ranges)) {}
     /// A splat contributed to pixel (x, y), and this became of it.
     fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
     /// Pixel (x, y), which is not resolved yet, has windows that start at these places, a bit each, the first in the last place.

@@ -23,62 +23,19 @@
 //! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside* where the box misses the picture.
 
 use crate::elaboration::latency::{PRODUCT, Path};
-use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator};
-use crate::frame::{Scaled, View};
-use crate::functions::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
+use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator, Signal};
+use crate::frame::{self, Frame, Kernel, Scaled, View};
+use crate::functions::reciprocal::NORMALISED_FRAC_BITS;
 use crate::functions::{Reciprocal, ReciprocalRoot, square_root};
+use crate::graph::{Asked, Builder, Graph, Power, Program, Wire};
 use crate::machine::Machine;
-use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words, align, three, two};
-use crate::probe::{Probe, Tap};
+use crate::num::{Exact, Fit, Format, Rounding, Word, three, two};
 use crate::records::unit;
+use std::sync::OnceLock;
 
 use ellipsoid::Ellipsoids;
 
 const UNIT: &str = unit::ELLIPSE;
-
-/// Input port, eight splats: the splat's words and the point's.
-#[derive(Clone, Copy, Debug)]
-pub struct Input<W> {
-    /// Normal, world axes (`splat.normal`).
-    pub normal: [W; 3],
-    /// σ (`splat.radius`).
-    pub radius: W,
-    /// t_z/2^exponent (`project.camera`).
-    pub forward: W,
-    /// The power of two that t is relative to.
-    pub exponent: W,
-    /// 2^exponent/t_z.
-    pub inverse_depth: Scientific<W>,
-    /// a, b (`project.slope`).
-    pub slope: [W; 2],
-    /// Position from the picture's middle (`project.pixel`).
-    pub pixel: [W; 2],
-}
-
-/// Output port, eight splats.
-#[derive(Clone, Copy, Debug)]
-pub struct Output<W> {
-    /// Camera-space normal (`fragment.normal`).
-    pub normal: [W; 3],
-    /// Q00, Q01, Q11 (`ellipse.conic`, `ellipse.conic_cross`).
-    pub conic: [W; 3],
-    /// A (`ellipse.amplitude`).
-    pub amplitude: W,
-    /// First and last column and row, inside the picture.
-    pub columns: [W; 2],
-    /// First and last row, inside the picture.
-    pub rows: [W; 2],
-    /// z_x, z_y (`ellipse.depth_slope`).
-    pub depth_slope: [W; 2],
-    /// Half-width of the depth clamp (`ellipse.depth_range`).
-    pub depth_range: W,
-    /// Faces away, and that counts.
-    pub backface: W,
-    /// Nothing to see.
-    pub faint: W,
-    /// The box misses the picture.
-    pub outside: W,
-}
 
 /// Longest way: normal, tilt, shape, variance, determinant, root, inverse, conic; visibility and amplitude, extents and slopes beside that.
 pub fn path(machine: &Machine) -> Path {
@@ -141,70 +98,70 @@ fn size_path(machine: &Machine) -> Path {
     m.aspect.map_or(squared, |aspect| squared.product(bits(m.size_squared), bits(aspect)).fit(bits(m.size_squared)))
 }
 
+/// Inputs of each splat: normal, radius; of `project` the exponent, t_z, 1/t_z and its exponent, slope, pixel. Ellipsoids: opacity, cutoff of
+/// the box. Axes of its own: quaternion, standard deviations. Then [`Ellipse::registers`].
+pub const INPUTS: usize = 12;
+/// Those of ellipsoids.
+pub const ELLIPSOID_INPUTS: usize = INPUTS + 2;
+/// And of those with axes of their own.
+pub const OWN_INPUTS: usize = ELLIPSOID_INPUTS + 7;
+/// Results: normal, conic, amplitude, columns, rows, depth slope, depth range, backface, faint, outside.
+pub const OUTPUTS: usize = 17;
+/// Results that have bounds: normal, its part towards the viewer, facing, determinant, conic, amplitude, half-extents, depth slope, depth range.
+const BOUNDS: usize = 15;
+
+/// What the unit sets up: its graph differs by that.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Variant {
+    /// Where pixels are not square, on a machine that has the words for it.
+    has_aspect: bool,
+    /// None of discs.
+    ellipsoid: Option<ellipsoid::Variant>,
+}
+
+impl Variant {
+    /// Inputs of each splat, before the registers.
+    pub fn inputs(self) -> usize {
+        match self.ellipsoid {
+            None => INPUTS,
+            Some(ellipsoid) => {
+                if ellipsoid.own {
+                    OWN_INPUTS
+                } else {
+                    ELLIPSOID_INPUTS
+                }
+            }
+        }
+    }
+}
+
+/// A variant's arithmetic.
+#[derive(Clone, Debug)]
+pub struct Datapath {
+    /// Of one splat.
+    pub graph: Graph<OUTPUTS>,
+    /// Of batches.
+    pub program: Program,
+    bounds: Asked<BOUNDS>,
+}
+
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Ellipse {
+    machine: Machine,
+    signals: Vec<Signal>,
+    /// Made when a frame asks for one.
+    datapaths: [OnceLock<Datapath>; VARIANTS],
     normal: Fit,
-    turns_normals: bool,
-    fragment_normal: Fit,
-    tilt: Fit,
-    facing: Fit,
-    scaled_radius: Fit,
-    size: Fit,
-    size_squared: Fit,
-    /// Products of `size_squared` and `aspect`; none where all pixels are square.
-    stretched: Option<Fit>,
-    shape: Fit,
-    low_pass: Fit,
-    variance: Fit,
-    variance_cross: Fit,
-    area: Fit,
-    determinant: Fit,
     root: ReciprocalRoot,
-    inverse: Fit,
-    conic: Fit,
-    conic_cross: Fit,
-    visibility: Fit,
-    amplitude: Fit,
-    inverse_two_pi: i64,
     extent_root: ReciprocalRoot,
-    extent: Fit,
-    edge: Fit,
     slope_reciprocal: Reciprocal,
-    depth_step: Fit,
-    slope_scale: Fit,
-    depth_slope: Fit,
-    depth_range: Fit,
-    places: Places,
+    inverse_two_pi: i64,
     ellipsoids: Option<Ellipsoids>,
 }
 
-/// Footprint of both kinds of splats.
-struct Footprint<W> {
-    conic: [W; 3],
-    amplitude: W,
-    columns: [W; 2],
-    rows: [W; 2],
-    faint: W,
-    outside: W,
-}
-
-/// Where binary points lie, for aligning the terms of sums.
-#[derive(Clone, Copy, Debug)]
-struct Places {
-    slope: u32,
-    /// s·σ as an exact product.
-    scaled_radius: i64,
-    /// Terms of `shape`: one, a², g².
-    shape: [u32; 3],
-    /// Terms of `variance`: k'²·shape, v'.
-    variance: [u32; 2],
-    /// Terms of `determinant`: area², v'·tr, v'².
-    determinant: [u32; 3],
-    /// Terms of an edge: pixel, extent; and their common fraction bits.
-    edge: [u32; 2],
-    edge_frac_bits: u32,
-}
+/// Kinds of ellipsoids, and discs; each with and without an aspect.
+const VARIANTS: usize = 2 * (1 + ellipsoid::VARIANTS);
 
 /// 1/2π with 62 fraction bits.
 const INVERSE_TWO_PI_Q62: i64 = 733_972_625_820_500_307;
@@ -264,22 +221,22 @@ impl Ellipse {
             e.fit(UNIT, "normal", m.normal, sum)
         });
         let leaned = e.copies(4, |e| e.times(UNIT, p.slope, m.normal));
-        let tilt = e.copies(2, |e| {
+        e.copies(2, |e| {
             let sum = e.sum(UNIT, [leaned, m.normal.into()]);
             e.fit(UNIT, "tilt", m.tilt, sum)
         });
         let sum = e.sum(UNIT, [leaned, leaned, m.normal.into()]);
-        let facing = e.fit(UNIT, "facing", m.facing, sum);
+        e.fit(UNIT, "facing", m.facing, sum);
 
         let scaled = e.times(UNIT, p.focal, machine.splat.radius);
         e.normaliser(UNIT, scaled.bits());
         let normalised = Exact { int_bits: 1, frac_bits: NORMALISED_FRAC_BITS };
-        let scaled_radius = e.fit(UNIT, "scaled_radius", m.scaled_radius, normalised);
+        e.fit(UNIT, "scaled_radius", m.scaled_radius, normalised);
         let sized = e.times(UNIT, m.scaled_radius, inverse_depth);
-        let size = e.fit_shifted(UNIT, "size", m.size, sized);
+        e.fit_shifted(UNIT, "size", m.size, sized);
         let squared = e.times(UNIT, m.size, m.size);
-        let size_squared = e.fit(UNIT, "size_squared", m.size_squared, squared);
-        let stretched = m.aspect.map(|aspect| {
+        e.fit(UNIT, "size_squared", m.size_squared, squared);
+        m.aspect.map(|aspect| {
             e.port(UNIT, "aspect", aspect);
             e.signedness(UNIT, "aspect", aspect, false);
             e.holds_one(UNIT, "aspect", aspect);
@@ -290,22 +247,22 @@ impl Ellipse {
         });
 
         let one = Exact { int_bits: 1, frac_bits: 0 };
-        let shape = e.copies(3, |e| {
+        e.copies(3, |e| {
             let slope_squared = e.times(UNIT, p.slope, p.slope);
             let tilt_squared = e.times(UNIT, m.tilt, m.tilt);
             let sum = e.sum(UNIT, [slope_squared, one, tilt_squared]);
             e.fit(UNIT, "shape", m.shape, sum)
         });
-        let low_pass = e.fit_shifted(UNIT, "low_pass", m.low_pass, m.low_pass.into());
+        e.fit_shifted(UNIT, "low_pass", m.low_pass, m.low_pass.into());
         let spread = e.copies(3, |e| e.times(UNIT, m.size_squared, m.shape));
-        let variance = e.copies(2, |e| {
+        e.copies(2, |e| {
             let sum = e.sum(UNIT, [spread, m.low_pass.into()]);
             e.fit(UNIT, "variance", m.variance, sum)
         });
-        let variance_cross = e.fit(UNIT, "variance_cross", m.variance_cross, spread);
+        e.fit(UNIT, "variance_cross", m.variance_cross, spread);
 
         let turned = e.times(UNIT, m.size_squared, m.facing);
-        let area = e.fit(UNIT, "area", m.area, turned);
+        e.fit(UNIT, "area", m.area, turned);
         let trace = Format { int_bits: m.variance.format.int_bits + 1, ..m.variance.format };
         let area_squared = e.times(UNIT, m.area, m.area);
         let filtered = e.times(UNIT, m.low_pass, trace);
@@ -314,39 +271,37 @@ impl Ellipse {
         // One face of a disc, three of an ellipsoid.
         let squares = if m.ellipsoid.is_some() { e.sum(UNIT, [area_squared; 3]) } else { area_squared };
         let sum = e.sum(UNIT, [squares, filtered, filter_squared]);
-        let determinant = e.fit(UNIT, "determinant", m.determinant, sum);
+        e.fit(UNIT, "determinant", m.determinant, sum);
         e.normaliser(UNIT, m.determinant.format.width());
         let root = ReciprocalRoot::new(e, UNIT, "root", m.root, m.determinant.format.frac_bits);
         let square = e.times(UNIT, m.root.format(), m.root.format());
-        let inverse = e.fit(UNIT, "inverse", m.inverse, square);
-        let conic = e.copies(2, |e| {
+        e.fit(UNIT, "inverse", m.inverse, square);
+        e.copies(2, |e| {
             let inverted = e.times(UNIT, m.variance, m.inverse);
             e.fit_shifted(UNIT, "conic", m.conic, inverted)
         });
         let inverted_cross = e.times(UNIT, m.variance_cross, m.inverse);
-        let conic_cross = e.fit_shifted(UNIT, "conic_cross", m.conic_cross, inverted_cross);
+        e.fit_shifted(UNIT, "conic_cross", m.conic_cross, inverted_cross);
         let seen = e.times(UNIT, m.area, m.root.format());
-        let visibility = e.fit_shifted(UNIT, "visibility", m.visibility, seen);
+        e.fit_shifted(UNIT, "visibility", m.visibility, seen);
         let shown = e.times(UNIT, m.visibility, m.inverse_two_pi);
-        let amplitude = e.fit(UNIT, "amplitude", m.amplitude, shown);
+        e.fit(UNIT, "amplitude", m.amplitude, shown);
 
         let reach = e.copies(2, |e| e.times(UNIT, machine.raster.cutoff, m.variance));
         e.copies(2, |e| e.normaliser(UNIT, reach.bits()));
         e.holds_exact("the operand of ellipse.extent_root, raster.cutoff · ellipse.variance, normalised,", reach.scaled(1).plus(reach));
         let extent_root = e.copies(2, |e| ReciprocalRoot::new(e, UNIT, "extent_root", m.extent_root, reach.frac_bits));
         let root_bits = m.extent_root.format();
-        let extent = e.copies(2, |e| {
+        e.copies(2, |e| {
             let reached = e.times(UNIT, root_bits, root_bits).scaled(1);
             e.fit_shifted(UNIT, "extent", m.extent, reached)
         });
-        let edge_frac_bits = p.pixel.format.frac_bits.max(m.extent.format.frac_bits);
         // The picture's middle lies up to 8192 pixels from its first.
-        let middle = Exact { int_bits: 14, frac_bits: 1 };
-        let edge = e.copies(4, |e| {
+        let middle = MIDDLE;
+        e.copies(4, |e| {
             let sum = e.sum(UNIT, [p.pixel.into(), middle, m.extent.into(), m.extent.into()]);
-            let edge = e.fit(UNIT, "edge", Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate), sum);
+            e.fit(UNIT, "edge", EDGE, sum);
             e.limit(UNIT, 17);
-            edge
         });
         // A box in which the first lies behind the last; magnitudes of facing and area; each scale to either side.
         let steps = if m.aspect.is_some() { 2 } else { 1 };
@@ -357,20 +312,20 @@ impl Ellipse {
 
         e.normaliser(UNIT, m.facing.format.width());
         let slope_reciprocal = Reciprocal::new(e, UNIT, "slope_reciprocal", m.slope_reciprocal, m.facing.format.frac_bits);
-        let depth_step = e.copies(steps, |e| {
+        e.copies(steps, |e| {
             let step = e.times(UNIT, p.camera, m.inverse_focal);
             e.fit(UNIT, "depth_step", m.depth_step, step)
         });
-        let slope_scale = e.copies(steps, |e| {
+        e.copies(steps, |e| {
             let steep = e.times(UNIT, m.depth_step, m.slope_reciprocal.format());
             e.fit(UNIT, "depth_step", m.depth_step, steep)
         });
-        let depth_slope = e.copies(2, |e| {
+        e.copies(2, |e| {
             let leaning = e.times(UNIT, m.depth_step, m.normal);
             e.fit_shifted(UNIT, "depth_slope", m.depth_slope, leaning)
         });
         let deep = e.times(UNIT, machine.splat.radius, m.root_cutoff);
-        let depth_range = e.fit(UNIT, "depth_range", m.depth_range, deep);
+        e.fit(UNIT, "depth_range", m.depth_range, deep);
         let turns_normals = machine.fragment.turn_normals;
         let mut seen_normal = Exact::from(m.normal);
         if turns_normals {
@@ -378,52 +333,19 @@ impl Ellipse {
             seen_normal.int_bits += 1;
             e.copies(3, |e| e.limit(UNIT, m.normal.format.width() + 1));
         }
-        let fragment_normal = e.copies(3, |e| e.fit(unit::FRAGMENT, "normal", machine.fragment.normal, seen_normal));
+        e.copies(3, |e| e.fit(unit::FRAGMENT, "normal", machine.fragment.normal, seen_normal));
 
         let ellipsoids = Ellipsoids::new(e, machine);
-        let f = |word: Word| word.format.frac_bits;
-        let shape_align = align([2 * f(p.slope), 2 * f(m.tilt)]);
         Ellipse {
-            places: Places {
-                slope: f(p.slope) as u32,
-                scaled_radius: i64::from(scaled.frac_bits),
-                shape: [(2 * f(p.slope)) as u32 + shape_align[0], shape_align[0], shape_align[1]],
-                variance: align([spread.frac_bits, f(m.low_pass)]),
-                determinant: align([area_squared.frac_bits, filtered.frac_bits, filter_squared.frac_bits]),
-                edge: align([f(p.pixel), f(m.extent)]),
-                edge_frac_bits: edge_frac_bits.max(1) as u32,
-            },
-            ellipsoids,
+            machine: machine.clone(),
+            signals: e.signals.clone(),
+            datapaths: [const { OnceLock::new() }; VARIANTS],
             inverse_two_pi: Fit::new(0, m.inverse_two_pi, Exact { int_bits: 0, frac_bits: 62 }).one(INVERSE_TWO_PI_Q62),
             normal,
-            turns_normals,
-            fragment_normal,
-            tilt,
-            facing,
-            scaled_radius,
-            size,
-            size_squared,
-            stretched,
-            shape,
-            low_pass,
-            variance,
-            variance_cross,
-            area,
-            determinant,
             root,
-            inverse,
-            conic,
-            conic_cross,
-            visibility,
-            amplitude,
             extent_root,
-            extent,
-            edge,
             slope_reciprocal,
-            depth_step,
-            slope_scale,
-            depth_slope,
-            depth_range,
+            ellipsoids,
         }
     }
 
@@ -457,212 +379,421 @@ impl Ellipse {
         &self.slope_reciprocal
     }
 
-    /// Sets eight discs up.
-    #[inline(always)]
-    pub fn lanes<W: Words, P: Probe>(&self, view: &View, size_px: [u32; 2], input: &Input<W>, tap: &mut Tap<P>) -> Output<W> {
-        let normal = self.camera_normal(view, input.normal, tap);
-        let (tilt, facing) = self.turn(input.slope, normal, tap);
-        let zero = W::splat(0);
-        let away = if view.cull_backfaces { facing.above(zero) } else { zero };
-        let blind = facing.is_zero() | input.radius.is_none();
-        tap.drop_where(away | blind);
-        let one = W::splat(1);
-        let facing = one.where_else(blind, facing);
-        let radius = input.radius.max(one);
-
-        let sized = self.size(view, radius, input, tap);
-        let shape = self.disc(input.slope, tilt, tap);
-        let shown = |[area]: [W; 1], inverse_root: &Scientific<W>, tap: &mut Tap<P>| {
-            let visibility = tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
-            tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi))
-        };
-        let cutoff = W::splat(view.cutoff);
-        let footprint = self.footprint(cutoff, view, size_px, input.pixel, sized, (shape, [facing]), shown, tap);
-        Output {
-            normal: self.seen_normal(normal, tap),
-            conic: footprint.conic,
-            amplitude: footprint.amplitude,
-            columns: footprint.columns,
-            rows: footprint.rows,
-            depth_slope: self.depth_slope(view, input, normal, facing, tap),
-            depth_range: tap.fit_words(&self.depth_range, radius * W::splat(view.root_cutoff)),
-            backface: away,
-            faint: blind | footprint.faint,
-            outside: footprint.outside,
-        }
-    }
-
-    /// From a shape's variance without size, and its faces, to a conic and a box.
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "the wires between the halves of the unit, one by one")]
-    fn footprint<W: Words, P: Probe, const FACES: usize>(
-        &self,
-        cutoff: W,
-        view: &View,
-        size_px: [u32; 2],
-        pixel: [W; 2],
-        (size_squared, exponent): ([W; 3], W),
-        (shape, faces): ([W; 3], [W; FACES]),
-        amplitude: impl FnOnce([W; FACES], &Scientific<W>, &mut Tap<P>) -> W,
-        tap: &mut Tap<P>,
-    ) -> Footprint<W> {
-        let low_pass = tap.fit_shifted(&self.low_pass, W::Exact::splat(view.low_pass), exponent + exponent);
-        let variance = self.variance(shape, size_squared, low_pass, tap);
-        let mut areas = faces;
-        for area in &mut areas {
-            *area = tap.fit_words(&self.area, size_squared[1] * *area);
-        }
-        let determinant = self.determinant(areas, variance, low_pass, tap);
-        let flat = W::Exact::splat(1).above(determinant);
-        tap.drop_where(flat);
-
-        let inverse_root = self.root.lanes(determinant.max(W::Exact::splat(1)), tap);
-        let conic = self.conic(variance, inverse_root, exponent, tap);
-        let amplitude = amplitude(areas, &inverse_root, tap);
-        let dark = amplitude.is_none();
-
-        let across = [variance[0], variance[2]];
-        let [columns, rows] = two!(axis => self.side(cutoff, size_px[axis], pixel[axis], across[axis], exponent, tap));
-        let outside = columns[0].above(columns[1]) | rows[0].above(rows[1]);
-        tap.drop_where(dark | outside);
-        Footprint { conic, amplitude, columns, rows, faint: flat | dark, outside }
-    }
-
-    #[inline(always)]
-    fn camera_normal<W: Words, P: Probe>(&self, view: &View, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
-        three!(row => tap.fit_words(&self.normal, W::dot(view.rotation[row], normal)))
-    }
-
-    /// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's two sides do not cancel.
-    #[inline(always)]
-    fn seen_normal<W: Words, P: Probe>(&self, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
-        let mut seen = normal;
-        if self.turns_normals {
-            let away = normal[2].above(W::splat(0));
-            seen = three!(axis => (-normal[axis]).where_else(away, normal[axis]));
-        }
-        three!(axis => tap.fit_words(&self.fragment_normal, seen[axis].exact()))
-    }
-
     /// Whether the normal of a splat is turned on its way to the fragments.
     pub fn turns(&self, view: &View, normal: [i32; 3]) -> bool {
         let z: i64 = view.rotation[2].iter().zip(normal).map(|(row, part)| row * i64::from(part)).sum();
-        self.turns_normals && self.normal.one(z) > 0
+        self.machine.fragment.turn_normals && self.normal.one(z) > 0
     }
 
-    /// g and c_n.
-    #[inline(always)]
-    fn turn<W: Words, P: Probe>(&self, [a, b]: [W; 2], n: [W; 3], tap: &mut Tap<P>) -> ([W; 2], W) {
-        let [x, y, z] = three!(axis => n[axis].exact().left(self.places.slope));
-        let tilt = [tap.fit_words(&self.tilt, x - a * n[2]), tap.fit_words(&self.tilt, y - b * n[2])];
-        (tilt, tap.fit_words(&self.facing, a * n[0] + b * n[1] + z))
+    /// What a frame asks for; discs on a machine that has not the words for its ellipsoids.
+    pub fn variant(&self, has_aspect: bool, ellipsoids: Option<ellipsoid::Variant>) -> Variant {
+        let has_aspect = has_aspect && self.machine.ellipse.aspect.is_some();
+        Variant { has_aspect, ellipsoid: ellipsoids.filter(|_| self.ellipsoids.is_some()) }
     }
 
-    /// k'_x², k'_x·k'_y, k'_y², and e.
-    #[inline(always)]
-    fn size<W: Words, P: Probe>(&self, view: &View, radius: W, input: &Input<W>, tap: &mut Tap<P>) -> ([W; 3], W) {
-        let scaled = (W::splat(view.focal) * radius).max(W::Exact::splat(1));
-        let lead = scaled.leading_zeros() - W::splat(2);
-        let mantissa = tap.fit_top(&self.scaled_radius, scaled.left_by(lead));
-        let floor = i64::from(NORMALISED_FRAC_BITS) - self.places.scaled_radius;
-        // k = mantissa · inverse_depth · 2^power, where the product lies in [½, 2].
-        let inverse_depth = input.inverse_depth;
-        let power = inverse_depth.exponent - input.exponent + W::splat(floor) - lead;
-        let exponent = (power + W::splat(1)).max(W::splat(0));
-        let size = tap.fit_shifted(&self.size, mantissa * inverse_depth.mantissa, exponent - power);
-        let squared = tap.fit_words(&self.size_squared, size * size);
-        let squares = match (view.aspect, &self.stretched) {
-            (Some(aspect), Some(fit)) => three!(i => tap.fit_words(fit, squared * W::splat(aspect.squares[i]))),
-            _ => [squared; 3],
-        };
-        (squares, exponent)
+    /// What a frame asks for.
+    pub fn variant_of(&self, frame: &Frame) -> Variant {
+        let of_ellipsoids = |of: &frame::Ellipsoids| ellipsoid::Variant { own: !of.own.is_empty(), amplitude: of.kernel.amplitude };
+        self.variant(frame.view.aspect.is_some(), frame.ellipsoids.as_ref().map(of_ellipsoids))
     }
 
-    /// [1+a² … − ggᵀ].
-    #[inline(always)]
-    fn disc<W: Words, P: Probe>(&self, [a, b]: [W; 2], g: [W; 2], tap: &mut Tap<P>) -> [W; 3] {
-        let [one, slopes, tilts] = self.places.shape;
-        let one = W::Exact::splat(1 << one);
-        let shape = [
-            one + (a * a).left(slopes) - (g[0] * g[0]).left(tilts),
-            (a * b).left(slopes) - (g[0] * g[1]).left(tilts),
-            one + (b * b).left(slopes) - (g[1] * g[1]).left(tilts),
-        ];
-        three!(i => tap.fit_words(&self.shape, shape[i]))
+    /// A variant's arithmetic.
+    pub fn datapath(&self, variant: Variant) -> &Datapath {
+        let number = 2 * variant.ellipsoid.map_or(0, |ellipsoid| 1 + ellipsoid.number()) + usize::from(variant.has_aspect);
+        self.datapaths[number].get_or_init(|| {
+            // Its parts are declared.
+            let e = &mut Elaboration::default();
+            e.signals.clone_from(&self.signals);
+            let g = &mut Builder::new(e, UNIT);
+            let (results, bounded) = set_up(g, &self.machine, variant);
+            let graph = g.build(results);
+            debug_assert_eq!(e.signals.len(), self.signals.len(), "every signal is declared");
+            Datapath { program: graph.program(), bounds: graph.asked(bounded), graph }
+        })
     }
 
-    /// V00', V01', V11'.
-    #[inline(always)]
-    fn variance<W: Words, P: Probe>(&self, [xx, xy, yy]: [W; 3], size_squared: [W; 3], low_pass: W, tap: &mut Tap<P>) -> [W; 3] {
-        let [spread, filter] = self.places.variance;
-        let low_pass = low_pass.exact().left(filter);
-        [
-            tap.fit_words(&self.variance, (size_squared[0] * xx).left(spread) + low_pass),
-            tap.fit_words(&self.variance_cross, size_squared[1] * xy),
-            tap.fit_words(&self.variance, (size_squared[2] * yy).left(spread) + low_pass),
-        ]
-    }
-
-    #[inline(always)]
-    fn determinant<W: Words, P: Probe, const FACES: usize>(
-        &self,
-        areas: [W; FACES],
-        variance: [W; 3],
-        low_pass: W,
-        tap: &mut Tap<P>,
-    ) -> W::Exact {
-        let [squares, filtered, filters] = self.places.determinant;
-        let trace = variance[0] + variance[2];
-        let mut exact = (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters);
-        for area in areas {
-            exact = exact + (area * area).left(squares);
+    /// Registers of a view and a picture, as inputs of a variant's graph, in their order there.
+    pub fn registers(&self, variant: Variant, view: &View, size_px: [u32; 2], kernel: &Kernel) -> Vec<i64> {
+        let mut registers = view.rotation.as_flattened().to_vec();
+        registers.extend([-i64::from(view.cull_backfaces), view.focal, view.low_pass, view.root_cutoff, self.inverse_two_pi]);
+        if variant.ellipsoid.is_none() {
+            registers.push(view.cutoff);
         }
-        tap.fit_wide(&self.determinant, exact)
+        let steps = if variant.has_aspect { 2 } else { 1 };
+        registers.extend(view.inverse_focals()[..steps].iter().flat_map(|Scaled { mantissa, places }| [-places, *mantissa]));
+        if let (true, Some(aspect)) = (variant.has_aspect, view.aspect) {
+            registers.extend(aspect.squares);
+        }
+        for pixels in size_px {
+            // From the centre of pixel 0 to the picture's middle: (pixels − 1)/2.
+            let last_px = i64::from(pixels) - 1;
+            registers.extend([last_px, last_px]);
+        }
+        if let Some(ellipsoid) = variant.ellipsoid {
+            registers.extend(kernel.jacobian);
+            if !ellipsoid.own {
+                registers.extend(kernel.axes.as_flattened());
+                registers.extend(kernel.scales);
+            }
+        }
+        registers
     }
+}
 
-    #[inline(always)]
-    fn conic<W: Words, P: Probe>(&self, v: [W; 3], inverse_root: Scientific<W>, exponent: W, tap: &mut Tap<P>) -> [W; 3] {
-        let inverse = tap.fit_words(&self.inverse, inverse_root.mantissa * inverse_root.mantissa);
-        let more = (exponent - inverse_root.exponent).left(1);
-        [
-            tap.fit_shifted(&self.conic, v[2] * inverse, more),
-            tap.fit_shifted(&self.conic_cross, -(v[1] * inverse), more),
-            tap.fit_shifted(&self.conic, v[0] * inverse, more),
-        ]
+/// First and last columns and rows, before they are clipped to the picture.
+const EDGE: Word = Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate);
+/// The picture's middle lies up to 8192 pixels from its first.
+const MIDDLE: Exact = Exact { int_bits: 14, frac_bits: 1 };
+
+/// Wires that the parts of the unit share.
+struct Wires {
+    radius: Wire,
+    forward: Wire,
+    inverse_depth: Wire,
+    slope: [Wire; 2],
+    pixel: [Wire; 2],
+    rotation: [[Wire; 3]; 3],
+    cull: Wire,
+    focal: Wire,
+    low_pass: Wire,
+    cutoff: Wire,
+    root_cutoff: Wire,
+    inverse_two_pi: Wire,
+    inverse_focals: Vec<Wire>,
+    aspect: Option<[Wire; 3]>,
+    /// (pixels − 1)/2, and pixels − 1.
+    size: [[Wire; 2]; 2],
+}
+
+/// A disc or an ellipsoid, from its record to its conic and box; and what of that has bounds.
+fn set_up(g: &mut Builder, machine: &Machine, variant: Variant) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
+    let (m, p) = (&machine.ellipse, &machine.project);
+    let normal = three!(_i => g.input(machine.splat.normal));
+    let radius = g.input(machine.splat.radius);
+    let exponent = g.power_input(Power::ONE);
+    let forward = g.input_under(p.camera, exponent);
+    let reciprocal = Word::new(p.reciprocal.format());
+    let inverse_depth = g.input(reciprocal);
+    let inverse_power = g.power_input(exponent.inverse());
+    g.relate(inverse_depth, inverse_power);
+    let slope = two!(_i => g.input(p.slope));
+    let pixel = two!(_i => g.input(p.pixel));
+    let of_ellipsoid = variant.ellipsoid.zip(m.ellipsoid.as_ref()).map(|(ellipsoid, words)| {
+        let opacity = g.input(machine.splat.opacity);
+        let cutoff = g.input(machine.raster.cutoff);
+        let own = ellipsoid.own.then(|| ([(); 4].map(|()| g.input(words.quaternion)), three!(_i => g.input(words.scale))));
+        (ellipsoid, words, opacity, cutoff, own)
+    });
+    let rotation = three!(_row => three!(_i => g.input(p.rotation)));
+    let cull = g.condition_input();
+    let [focal, low_pass, root_cutoff, inverse_two_pi] = [p.focal, m.low_pass, m.root_cutoff, m.inverse_two_pi].map(|word| g.input(word));
+    let cutoff = of_ellipsoid.as_ref().map(|of| of.3).unwrap_or_else(|| g.input(machine.raster.cutoff));
+    let steps = if variant.has_aspect { 2 } else { 1 };
+    let inverse_focals = (0..steps).map(|_| {
+        let power = g.power_input(Power::ONE);
+        g.input_under(m.inverse_focal, power)
+    });
+    let inverse_focals: Vec<Wire> = inverse_focals.collect();
+    let aspect = m.aspect.filter(|_| variant.has_aspect).map(|word| three!(_i => g.input(word)));
+    let size = two!(_axis => {
+        let first_centre = g.state(MIDDLE, false);
+        [first_centre, g.state(Exact { int_bits: 14, frac_bits: 0 }, false)]
+    });
+    let w = Wires {
+        radius,
+        forward,
+        inverse_depth,
+        slope,
+        pixel,
+        rotation,
+        cull,
+        focal,
+        low_pass,
+        cutoff,
+        root_cutoff,
+        inverse_two_pi,
+        inverse_focals,
+        aspect,
+        size,
+    };
+    match of_ellipsoid {
+        None => disc(g, machine, &w, normal),
+        Some((variant, words, opacity, _, own)) => ellipsoid::set_up(g, machine, &w, normal, (variant, words, opacity, own)),
     }
+}
 
-    /// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
-    #[inline(always)]
-    fn side<W: Words, P: Probe>(&self, cutoff: W, pixels: u32, pixel: W, variance: W, exponent: W, tap: &mut Tap<P>) -> [W; 2] {
-        let reach = (cutoff * variance).max(W::Exact::splat(1));
-        let (root, power) = self.extent_root.root_lanes(reach, tap);
-        let extent = tap.fit_shifted(&self.extent, root, -power - exponent);
-        let [pixel_align, extent_align] = self.places.edge;
-        let last_px = i64::from(pixels) - 1;
-        // From the centre of pixel 0 to the picture's middle: (pixels − 1)/2.
-        let first_centre = W::Exact::splat(last_px << (self.places.edge_frac_bits - 1));
-        let centre = pixel.exact().left(pixel_align) + first_centre;
-        let extent = (extent.exact() + W::Exact::splat(1)).left(extent_align);
-        let up = W::Exact::splat((1 << self.places.edge_frac_bits) - 1);
-        let first = tap.fit_words(&self.edge, centre - extent + up).max(W::splat(0));
-        let last = tap.fit_words(&self.edge, centre + extent).min(W::splat(last_px));
-        [first, last]
-    }
-
-    #[inline(always)]
-    fn depth_slope<W: Words, P: Probe>(&self, view: &View, input: &Input<W>, n: [W; 3], facing: W, tap: &mut Tap<P>) -> [W; 2] {
-        let inverse = self.slope_reciprocal.lanes(facing.exact().abs(), tap);
-        let scale = |inverse_focal: Scaled, tap: &mut Tap<P>| {
-            let step = tap.fit_words(&self.depth_step, input.forward * W::splat(inverse_focal.mantissa));
-            let scale = tap.fit_words(&self.slope_scale, step * inverse.mantissa);
-            let away = scale.where_else(W::splat(0).above(facing), -scale);
-            (away, W::splat(inverse_focal.places) - inverse.exponent - input.exponent)
+/// A disc.
+fn disc(g: &mut Builder, machine: &Machine, w: &Wires, normal: [Wire; 3]) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
+    let m = &machine.ellipse;
+    let normal = camera_normal(g, machine, w, normal);
+    let (tilt, facing) = turn(g, machine, w.slope, normal);
+    let across = g.magnitude(facing);
+    let edge_on = g.is_none(across);
+    let (away, blind) = culled(g, w, facing, edge_on);
+    let (squares, exponent) = sized(g, machine, w);
+    let shape = {
+        let ([a, b], [g_x, g_y]) = (w.slope, tilt);
+        let mut part = |slopes: [Wire; 2], tilts: [Wire; 2], is_diagonal: bool| {
+            let (slopes, tilts) = (g.times(slopes[0], slopes[1]), g.times(tilts[0], tilts[1]));
+            let mut sum = g.minus(slopes, tilts);
+            if is_diagonal {
+                let one = g.one(g.shape(sum));
+                sum = g.plus(sum, one);
+            }
+            g.fit("shape", m.shape, sum)
         };
-        let across = scale(view.inverse_focals()[0], tap);
-        // Of square pixels it is the same step.
-        let down = view.aspect.map_or(across, |aspect| scale(aspect.inverse_focal[1], tap));
-        [tap.fit_shifted(&self.depth_slope, across.0 * n[0], across.1), tap.fit_shifted(&self.depth_slope, down.0 * n[1], down.1)]
+        [part([a, a], [g_x, g_x], true), part([a, b], [g_x, g_y], false), part([b, b], [g_y, g_y], true)]
+    };
+    let footprint = footprint(g, machine, w, (squares, exponent), (shape, vec![facing]), |g, areas, root| {
+        let visibility = visibility(g, machine, areas[0], root);
+        let shown = g.times(visibility, w.inverse_two_pi);
+        g.fit("amplitude", m.amplitude, shown)
+    });
+    let seen = seen_normal(g, machine, normal);
+    let depth_slope = depth_slope(g, machine, w, normal, (facing, across));
+    let deep = g.times(w.radius, w.root_cutoff);
+    let depth_range = g.fit("depth_range", m.depth_range, deep);
+    done(g, &footprint, (seen, normal[2], facing), (depth_slope, depth_range), [away, blind])
+}
+
+/// Results in their order.
+fn done(
+    g: &mut Builder,
+    footprint: &Footprint,
+    ([n, m, o], towards_viewer, facing): ([Wire; 3], Wire, Wire),
+    ([slope_x, slope_y], depth_range): ([Wire; 2], Wire),
+    [away, blind]: [Wire; 2],
+) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
+    let Footprint { determinant, conic: [xx, xy, yy], amplitude, extent: [width, height], sides, faint, outside } = *footprint;
+    let faint = g.either(blind, faint);
+    let [[first_column, last_column], [first_row, last_row]] = sides;
+    (
+        [
+            n,
+            m,
+            o,
+            xx,
+            xy,
+            yy,
+            amplitude,
+            first_column,
+            last_column,
+            first_row,
+            last_row,
+            slope_x,
+            slope_y,
+            depth_range,
+            away,
+            faint,
+            outside,
+        ],
+        [n, m, o, towards_viewer, facing, determinant, xx, xy, yy, amplitude, width, height, slope_x, slope_y, depth_range],
+    )
+}
+
+/// Where a splat faces away and that counts, and where there is nothing to see: it has no size, or `nothing` holds.
+fn culled(g: &mut Builder, w: &Wires, facing: Wire, nothing: Wire) -> (Wire, Wire) {
+    let zero = g.constant(0, g.shape(facing));
+    let turned_away = g.above(facing, zero);
+    let away = g.both(turned_away, w.cull);
+    let empty = g.is_none(w.radius);
+    let blind = g.either(nothing, empty);
+    let dropped = g.either(away, blind);
+    g.drop_where(dropped);
+    (away, blind)
+}
+
+/// A direction in camera space.
+fn camera_normal(g: &mut Builder, machine: &Machine, w: &Wires, direction: [Wire; 3]) -> [Wire; 3] {
+    three!(row => {
+        let turned = g.dot(w.rotation[row], direction);
+        g.fit("normal", machine.ellipse.normal, turned)
+    })
+}
+
+/// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's two sides do not cancel.
+fn seen_normal(g: &mut Builder, machine: &Machine, normal: [Wire; 3]) -> [Wire; 3] {
+    three!(axis => {
+        let seen = if machine.fragment.turn_normals { g.turned(normal[axis], normal[2]) } else { normal[axis] };
+        g.fit_of(unit::FRAGMENT, "normal", machine.fragment.normal, seen)
+    })
+}
+
+/// g and c_n.
+fn turn(g: &mut Builder, machine: &Machine, [a, b]: [Wire; 2], n: [Wire; 3]) -> ([Wire; 2], Wire) {
+    let m = &machine.ellipse;
+    let tilt = [(a, n[0]), (b, n[1])].map(|(slope, part)| {
+        let leaned = g.times(slope, n[2]);
+        let tilt = g.minus(part, leaned);
+        g.fit("tilt", m.tilt, tilt)
+    });
+    let [x, y] = [(a, n[0]), (b, n[1])].map(|(slope, part)| g.times(slope, part));
+    let across = g.plus(x, y);
+    let facing = g.plus(across, n[2]);
+    (tilt, g.fit("facing", m.facing, facing))
+}
+
+/// k'_x², k'_x·k'_y, k'_y², and 2^e.
+fn sized(g: &mut Builder, machine: &Machine, w: &Wires) -> ([Wire; 3], Power) {
+    let m = &machine.ellipse;
+    let scaled = g.times(w.focal, w.radius);
+    let scaled = g.at_least_a_place(scaled);
+    let [normalised] = g.normalised(scaled, [scaled], 1);
+    let mantissa = g.fit("scaled_radius", m.scaled_radius, normalised);
+    // k = mantissa · inverse_depth, where the product lies in [½, 2] times their power.
+    let product = g.times(mantissa, w.inverse_depth);
+    let exponent = g.at_least_one(g.power(product).shifted(1));
+    let size = g.fit_to("size", m.size, product, exponent);
+    let squared = g.times(size, size);
+    let squared = g.fit("size_squared", m.size_squared, squared);
+    let squares = match w.aspect {
+        None => [squared; 3],
+        Some(aspect) => three!(i => {
+            let stretched = g.times(squared, aspect[i]);
+            g.fit("size_squared", m.size_squared, stretched)
+        }),
+    };
+    (squares, exponent)
+}
+
+/// What both kinds of splats leave on the screen.
+struct Footprint {
+    determinant: Wire,
+    conic: [Wire; 3],
+    amplitude: Wire,
+    /// Half-extents of the box.
+    extent: [Wire; 2],
+    /// First and last column and row.
+    sides: [[Wire; 2]; 2],
+    faint: Wire,
+    outside: Wire,
+}
+
+/// From a shape's variance without size, and its faces, to a conic and a box.
+fn footprint(
+    g: &mut Builder,
+    machine: &Machine,
+    w: &Wires,
+    (squares, exponent): ([Wire; 3], Power),
+    (shape, faces): ([Wire; 3], Vec<Wire>),
+    amplitude: impl FnOnce(&mut Builder, &[Wire], Wire) -> Wire,
+) -> Footprint {
+    let m = &machine.ellipse;
+    let squared = exponent.power(2);
+    let low_pass = g.fit_to("low_pass", m.low_pass, w.low_pass, squared);
+    let [spread_x, spread_xy, spread_y] = three!(i => g.times(squares[i], shape[i]));
+    let filtered = g.plus(spread_x, low_pass);
+    let xx = g.fit("variance", m.variance, filtered);
+    let xy = g.fit("variance_cross", m.variance_cross, spread_xy);
+    let filtered = g.plus(spread_y, low_pass);
+    let yy = g.fit("variance", m.variance, filtered);
+    let areas: Vec<Wire> = faces
+        .into_iter()
+        .map(|face| {
+            let turned = g.times(squares[1], face);
+            g.fit("area", m.area, turned)
+        })
+        .collect();
+    // Area² + v'·tr V' − v'².
+    let covered = squared_sum(g, &areas);
+    let trace = g.plus(xx, yy);
+    let spread = g.times(low_pass, trace);
+    let sum = g.plus(covered, spread);
+    let twice = g.times(low_pass, low_pass);
+    let exact = g.minus(sum, twice);
+    let determinant = g.fit("determinant", m.determinant, exact);
+    let flat = g.is_none(determinant);
+    g.drop_where(flat);
+
+    let positive = g.at_least_a_place(determinant);
+    let root = g.inverse_root("root", m.root, positive);
+    let inverse = g.times(root, root);
+    let inverse = g.fit("inverse", m.inverse, inverse);
+    let [inverted_y, inverted_xy, inverted_x] = [yy, xy, xx].map(|variance| g.times(variance, inverse));
+    let conic_xx = g.fit_to("conic", m.conic, inverted_y, Power::ONE);
+    let cross = g.negated(inverted_xy);
+    let conic_xy = g.fit_to("conic_cross", m.conic_cross, cross, Power::ONE);
+    let conic_yy = g.fit_to("conic", m.conic, inverted_x, Power::ONE);
+    let amplitude = amplitude(g, &areas, root);
+    let dark = g.is_none(amplitude);
+
+    let across = [xx, yy];
+    let extent = |g: &mut Builder, axis: usize| {
+        let reach = g.times(w.cutoff, across[axis]);
+        let reach = g.at_least_a_place(reach);
+        let root = g.root("extent_root", m.extent_root, reach);
+        let extent = g.fit_to("extent", m.extent, root, Power::ONE);
+        g.a_place_more(extent)
+    };
+    let width = extent(g, 0);
+    let columns = side(g, w, 0, width);
+    let height = extent(g, 1);
+    let rows = side(g, w, 1, height);
+    let [misses_x, misses_y] = [columns, rows].map(|[first, last]| g.above(first, last));
+    let outside = g.either(misses_x, misses_y);
+    let dropped = g.either(dark, outside);
+    g.drop_where(dropped);
+    Footprint {
+        determinant,
+        conic: [conic_xx, conic_xy, conic_yy],
+        amplitude,
+        extent: [width, height],
+        sides: [columns, rows],
+        faint: g.either(flat, dark),
+        outside,
     }
+}
+
+/// Σ area², of at least one.
+fn squared_sum(g: &mut Builder, areas: &[Wire]) -> Wire {
+    let mut sum = g.times(areas[0], areas[0]);
+    for area in &areas[1..] {
+        let square = g.times(*area, *area);
+        sum = g.plus(sum, square);
+    }
+    sum
+}
+
+/// How much of an area is seen: times 1/√det V.
+fn visibility(g: &mut Builder, machine: &Machine, area: Wire, root: Wire) -> Wire {
+    let area = g.magnitude(area);
+    let seen = g.times(area, root);
+    g.fit_to("visibility", machine.ellipse.visibility, seen, Power::ONE)
+}
+
+/// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
+fn side(g: &mut Builder, w: &Wires, axis: usize, extent: Wire) -> [Wire; 2] {
+    let [first_centre, last_px] = w.size[axis];
+    let centre = g.plus(w.pixel[axis], first_centre);
+    let from = g.minus(centre, extent);
+    let shape = g.shape(from);
+    let up = g.constant((1 << shape.frac_bits.clamp(0, 62)) - 1, Exact { int_bits: 0, ..shape });
+    let from = g.plus(from, up);
+    let first = g.fit("edge", EDGE, from);
+    let to = g.plus(centre, extent);
+    let last = g.fit("edge", EDGE, to);
+    [g.not_below_0(first), g.lesser(last, last_px)]
+}
+
+/// z_x, z_y.
+fn depth_slope(g: &mut Builder, machine: &Machine, w: &Wires, n: [Wire; 3], (facing, across): (Wire, Wire)) -> [Wire; 2] {
+    let m = &machine.ellipse;
+    let across = g.at_least_a_place(across);
+    let inverse = g.reciprocal("slope_reciprocal", m.slope_reciprocal, across);
+    let scales = w.inverse_focals.iter().map(|inverse_focal| {
+        let step = g.times(w.forward, *inverse_focal);
+        let step = g.fit("depth_step", m.depth_step, step);
+        let steep = g.times(step, inverse);
+        let steep = g.fit("depth_step", m.depth_step, steep);
+        g.opposed(steep, facing)
+    });
+    let scales: Vec<Wire> = scales.collect();
+    // Of square pixels it is the same step.
+    let scales = [scales[0], *scales.last().unwrap_or(&scales[0])];
+    two!(axis => {
+        let leaning = g.times(scales[axis], n[axis]);
+        g.fit_to("depth_slope", m.depth_slope, leaning, Power::ONE)
+    })
 }
 
 pub mod ellipsoid;

@@ -12,7 +12,7 @@
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Table, table};
-use crate::graph::{Builder, Graph, Wire};
+use crate::graph::{Asked, Builder, Graph, Wire};
 use crate::kernels::{Weigh, WeighShape};
 use crate::machine::Machine;
 use crate::num::Exact;
@@ -63,6 +63,7 @@ pub fn weights(machine: &Machine) -> Graph<1> {
 pub struct Gauss {
     /// Radial index and weight, of r, which is not negative, and the amplitude.
     graph: Graph<2>,
+    asked: Asked<1>,
     kernel: Weigh,
     /// The table's arguments are below 2^`range_bits`.
     range_bits: i32,
@@ -90,7 +91,12 @@ impl Gauss {
         let amplitude = machine.ellipse.amplitude;
         let weighed = Exact::from(amplitude).times(m.falloff).int_bits;
         let shape = WeighShape { radial: machine.raster.cutoff.format.int_bits, weighed, amplitude: amplitude.format.max() };
-        Gauss { kernel: Weigh::new(graph.fits(), &graph.tables()[0], shape), graph, range_bits: argument.int_bits }
+        Gauss {
+            asked: graph.asked([weight]),
+            kernel: Weigh::new(graph.fits(), &graph.tables()[0], shape),
+            graph,
+            range_bits: argument.int_bits,
+        }
     }
 
     /// e^(−r/2) from a radial index.

@@ -19,18 +19,14 @@
 
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;
-use crate::frame::{Kernel, View};
-use crate::functions::reciprocal::Scientific;
+use crate::frame::View;
 use crate::functions::{Reciprocal, reciprocal};
+use crate::graph::{Asked, Builder, Graph, Power, Program, Wire};
 use crate::machine::Machine;
-use crate::num::{Exact, Exacts, Fit, Word, Words, align, three, two};
-use crate::probe::{Probe, Tap};
+use crate::num::{Exact, Word, three, two};
 use crate::records::unit;
 
 const UNIT: &str = unit::PROJECT;
-
-/// Fraction bits of a difference shifted left until its largest part fills 62 bits.
-const NORMALISED_FRAC_BITS: i32 = 62;
 
 /// Longest way: difference, normalise, rotate, 1/t_z, quotient, pixel.
 pub fn path(machine: &Machine) -> Path {
@@ -59,41 +55,81 @@ pub fn path(machine: &Machine) -> Path {
 /// The elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Project {
-    relative: Fit,
-    camera: Fit,
-    depth: Fit,
-    slope: Fit,
-    pixel: Fit,
-    reciprocal: Reciprocal,
-    /// Left shifts that align position and eye, and the fraction bits that both then have.
-    align: [u32; 2],
-    difference_frac_bits: i64,
-    slope_frac_bits: u32,
-    /// Left shifts that align s·a and the principal point.
-    screen_align: [u32; 2],
+    graph: Graph<OUTPUTS>,
+    program: Program,
+    bounds: Asked<BOUNDS>,
 }
 
-/// Output port, eight splats.
-#[derive(Clone, Copy, Debug)]
-pub struct Projected<W> {
-    /// t/2^exponent (`project.camera`).
-    pub camera: [W; 3],
-    /// The power of two that t is relative to.
-    pub exponent: W,
-    /// t_z (`project.depth`).
-    pub depth: W,
-    /// 2^exponent/t_z: mantissa (`project.reciprocal.result`) and power of two.
-    pub inverse_depth: Scientific<W>,
-    /// a, b (`project.slope`).
-    pub slope: [W; 2],
-    /// Position from the picture's middle (`project.pixel`).
-    pub pixel: [W; 2],
-    /// At or before the near plane.
-    pub near: W,
-    /// Outside the guard band.
-    pub outside: W,
-    /// Too little opacity.
-    pub transparent: W,
+/// Inputs: position, and whether there is too little opacity; then [`registers`].
+pub const INPUTS: usize = 4;
+/// Results: camera, exponent, depth, 1/t_z and its exponent, slope, pixel, near, outside.
+pub const OUTPUTS: usize = 13;
+/// Results that have bounds: camera, exponent, depth, 1/t_z, slope, pixel.
+const BOUNDS: usize = 10;
+
+/// Registers of a view, as inputs of the graph: eye, rotation, near, guard band, focal lengths, centre.
+pub fn registers(view: &View) -> [i64; 19] {
+    let ([x, y, z], [[a, b, c], [d, e, f], [g, h, i]]) = (view.eye, view.rotation);
+    let ([focal_x, focal_y], [guard_x, guard_y], [centre_x, centre_y]) = (view.focals(), view.guard, view.centre);
+    [x, y, z, a, b, c, d, e, f, g, h, i, view.near, guard_x, guard_y, focal_x, focal_y, centre_x, centre_y]
+}
+
+/// A splat's centre in camera space and on the screen, and whether it is culled there; and what of that has bounds.
+fn projected(g: &mut Builder, machine: &Machine) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
+    let m = &machine.project;
+    let position = three!(_i => g.input(machine.splat.position));
+    let transparent = g.condition_input();
+    let eye = three!(_i => g.input(m.eye));
+    let rotation = three!(_row => three!(_i => g.input(m.rotation)));
+    let near_plane = g.input(m.depth);
+    let guard = two!(_i => g.input(m.slope));
+    let focal = two!(_i => g.input(m.focal));
+    let centre = two!(_i => g.input(m.pixel));
+
+    let difference = three!(axis => g.minus(position[axis], eye[axis]));
+    let largest = g.largest(difference);
+    let normalised = g.normalised(largest, difference, 0);
+    let relative = three!(axis => g.fit("relative", m.relative, normalised[axis]));
+    let camera = three!(row => {
+        let turned = g.dot(rotation[row], relative);
+        g.fit("camera", m.camera, turned)
+    });
+    let exponent = g.power(camera[2]);
+    let forward = g.at_least_a_place(camera[2]);
+    let ahead = g.not_below_0(camera[2]);
+    let depth = g.fit_to("depth", m.depth, ahead, Power::ONE);
+    let is_ahead = g.above(depth, near_plane);
+    let near = g.not(is_ahead);
+    // The magnitude is one more than the greatest word where that is the least.
+    let [beyond_x, beyond_y] = two!(axis => {
+        let limit = g.times(guard[axis], forward);
+        let across = g.magnitude(camera[axis]);
+        g.above(across, limit)
+    });
+    let outside = g.either(beyond_x, beyond_y);
+    let off = g.either(near, outside);
+    let culled = g.either(off, transparent);
+    g.drop_where(culled);
+
+    let inverse = g.reciprocal("reciprocal", m.reciprocal, forward);
+    // The quotient's binary point moves with the exponent of 1/t_z.
+    let slope = two!(axis => {
+        let offset = g.guarded(camera[axis], off, 0);
+        let quotient = g.times(offset, inverse);
+        g.fit_to("slope", m.slope, quotient, Power::ONE)
+    });
+    let pixel = two!(axis => {
+        let screen = g.times(focal[axis], slope[axis]);
+        let from_middle = g.plus(screen, centre[axis]);
+        g.fit("pixel", m.pixel, from_middle)
+    });
+    let inverse_power = g.power(inverse);
+    let (exponent_word, inverse_exponent) = (g.exponent_of(exponent), g.exponent_of(inverse_power.times(exponent)));
+    let ([x, y, _], [a, b], [column, row]) = (camera, slope, pixel);
+    (
+        [x, y, forward, exponent_word, depth, inverse, inverse_exponent, a, b, column, row, near, outside],
+        [x, y, forward, exponent_word, depth, inverse, a, b, column, row],
+    )
 }
 
 impl Project {
@@ -115,111 +151,37 @@ impl Project {
         }
         e.holds_one(UNIT, "rotation", m.rotation);
         e.require(m.pixel.format.frac_bits >= 1, || "project.pixel needs at least one fraction bit: pixel centres lie at halves".into());
-        let difference = e.copies(3, |e| {
-            let difference = e.sum(UNIT, [machine.splat.position.into(), m.eye.into()]);
-            e.normaliser(UNIT, difference.bits());
-            difference
-        });
-        // The largest of three magnitudes says how far all go.
-        e.adders(UNIT, 3, difference.bits());
+        let difference = Exact::from(machine.splat.position).plus(m.eye);
         e.holds_exact("the difference of splat.position and project.eye", difference);
-        let [position, eye] = [machine.splat.position, m.eye].map(|word| word.format.frac_bits);
-        let normalised = Exact { int_bits: 0, frac_bits: NORMALISED_FRAC_BITS };
-        let relative = e.copies(3, |e| e.fit(UNIT, "relative", m.relative, normalised));
-        let camera = e.copies(3, |e| {
-            let rotated = e.copies(3, |e| e.times(UNIT, m.rotation, m.relative));
-            let sum = e.sum(UNIT, [rotated; 3]);
-            e.fit(UNIT, "camera", m.camera, sum)
-        });
-        let depth = e.fit_shifted(UNIT, "depth", m.depth, m.camera.into());
-        // |t_x| is aligned with guard · t_z: a bit more than the product, for the least word's magnitude is one above the greatest.
-        let beyond = e.copies(2, |e| {
-            let limit = e.times(UNIT, m.camera, m.slope);
-            let beyond = e.sum(UNIT, [limit, m.camera.into()]);
-            e.adders(UNIT, 1, beyond.bits());
-            beyond
-        });
+        // |t_x| is aligned with guard · t_z: a magnitude and a comparison, of a bit more than the product.
+        let beyond = Exact::from(m.camera).times(m.slope).plus(m.camera);
+        e.adders(UNIT, 4, beyond.bits());
         e.limit(UNIT, m.camera.format.width());
         e.adders(UNIT, 1, m.depth.format.width());
         e.holds_exact("the comparison of project.camera with the guard band project.slope", beyond);
-        e.normaliser(UNIT, m.camera.format.width());
-        let reciprocal = Reciprocal::new(e, UNIT, "reciprocal", m.reciprocal, m.camera.format.frac_bits);
-        // The quotient's binary point moves with the exponent of 1/t_z.
-        let slope = e.copies(2, |e| {
-            let quotient = e.times(UNIT, m.camera, m.reciprocal.format());
-            e.fit_shifted(UNIT, "slope", m.slope, quotient)
-        });
         // An ellipsoid's opacity is compared with the least.
         if machine.ellipse.ellipsoid.is_some() {
             e.adders(UNIT, 1, machine.splat.opacity.format.width());
         }
-        let pixel = e.copies(2, |e| {
-            let screen = e.times(UNIT, m.focal, m.slope);
-            let from_middle = e.sum(UNIT, [screen, m.pixel.into()]);
-            e.fit(UNIT, "pixel", m.pixel, from_middle)
-        });
-        let screen_frac_bits = m.focal.format.frac_bits + m.slope.format.frac_bits;
-        Project {
-            relative,
-            camera,
-            depth,
-            slope,
-            pixel,
-            reciprocal,
-            align: align([position, eye]),
-            difference_frac_bits: i64::from(position.max(eye)),
-            slope_frac_bits: m.slope.format.frac_bits as u32,
-            screen_align: align([screen_frac_bits, m.pixel.format.frac_bits]),
-        }
+        let g = &mut Builder::new(e, UNIT);
+        let (results, bounded) = projected(g, machine);
+        let graph = g.build(results);
+        Project { program: graph.program(), bounds: graph.asked(bounded), graph }
+    }
+
+    /// A splat's centre on the screen, of a position and whether there is too little opacity, and of a view's [`registers`].
+    pub fn graph(&self) -> &Graph<OUTPUTS> {
+        &self.graph
+    }
+
+    /// The same for batches.
+    pub fn program(&self) -> &Program {
+        &self.program
     }
 
     /// 1/t_z.
     pub fn reciprocal(&self) -> &Reciprocal {
-        &self.reciprocal
-    }
-
-    /// Which of eight ellipsoids have too little opacity.
-    #[inline(always)]
-    pub fn transparent<W: Words>(&self, kernel: &Kernel, opacity: W) -> W {
-        W::splat(kernel.least_opacity).above(opacity)
-    }
-
-    /// Projects eight splats, some of which may be known to have too little opacity; lanes that end culled carry harmless words from there
-    /// on.
-    #[inline(always)]
-    pub fn lanes<W: Words, P: Probe>(&self, view: &View, position: [W; 3], transparent: W, tap: &mut Tap<P>) -> Projected<W> {
-        let (relative, exponent) = self.relative(view, position, tap);
-        let camera = three!(row => tap.fit_words(&self.camera, W::dot(view.rotation[row], relative)));
-        let forward = camera[2].max(W::splat(1));
-        let depth = tap.fit_shifted(&self.depth, camera[2].max(W::splat(0)).exact(), -exponent);
-        let near = depth.above(W::splat(view.near)).not();
-        let limit = two!(axis => W::splat(view.guard[axis]) * forward);
-        let beyond = two!(axis => camera[axis].exact().abs().left(self.slope_frac_bits).above(limit[axis]));
-        let outside = beyond[0] | beyond[1];
-        tap.drop_where(near | outside | transparent);
-
-        let inverse_depth = self.reciprocal.lanes(forward.exact(), tap);
-        let offset = two!(axis => W::splat(0).where_else(near | outside, camera[axis]));
-        let slope = two!(axis => tap.fit_shifted(&self.slope, offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
-        let [of_screen, of_centre] = self.screen_align;
-        let (focal, centre) = (view.focals(), view.centre.map(|centre| centre << of_centre));
-        let pixel = two!(axis => {
-            let screen = (W::splat(focal[axis]) * slope[axis]).left(of_screen);
-            tap.fit_wide(&self.pixel, screen + W::Exact::splat(centre[axis])).low()
-        });
-        Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside, transparent }
-    }
-
-    /// Position less eye, and the power of two that it is relative to.
-    #[inline(always)]
-    fn relative<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> ([W; 3], W) {
-        let [of_position, of_eye] = self.align;
-        let difference = three!(axis => position[axis].exact().left(of_position) - W::Exact::splat(view.eye[axis] << of_eye));
-        let [x, y, z] = three!(axis => difference[axis].abs());
-        // As many as those of the largest.
-        let lead = (x | y | z | W::Exact::splat(1)).leading_zeros() - W::splat(2);
-        let relative = three!(axis => tap.fit_top(&self.relative, difference[axis].left_by(lead)));
-        (relative, W::splat(i64::from(NORMALISED_FRAC_BITS) - self.difference_frac_bits) - lead)
+        &self.graph.reciprocals()[0]
     }
 }
 

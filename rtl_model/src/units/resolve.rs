@@ -11,7 +11,7 @@
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
-use crate::graph::{Builder, Graph, Program, Wire};
+use crate::graph::{Asked, Builder, Graph, Program, Wire};
 use crate::machine::Machine;
 use crate::num::{Exact, three};
 use crate::probe::{Probe, Tap};
@@ -77,6 +77,7 @@ pub struct Resolve {
     layer: Graph<4>,
     frame: Graph<4>,
     programs: [Program; 2],
+    asked: [Asked<4>; 2],
     /// 1 as a transmittance.
     clear: i64,
 }
@@ -102,7 +103,8 @@ impl Resolve {
         let g = &mut Builder::new(e, UNIT);
         let results = framed(g, machine, sum);
         let frame = g.build(results);
-        Resolve { programs: [layer.program(), frame.program()], layer, frame, clear: m.transmittance.format.one() }
+        let asked = [&layer, &frame].map(Graph::asked_for_results);
+        Resolve { programs: [layer.program(), frame.program()], asked, layer, frame, clear: m.transmittance.format.one() }
     }
 
     /// For batches: what a layer does to what is kept of a pixel, and the frame's word of that. Of both the first four inputs are what is

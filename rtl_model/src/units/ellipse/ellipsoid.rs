@@ -17,51 +17,48 @@
 //! Where it is the peak itself and lesser weights than some do not count, none counts beyond r = 2·ln(α/least): the box has that cutoff,
 //! from a table by the first bits of the opacity, where it is less than the frame's.
 
-use super::{Ellipse, Input, Output, UNIT};
+use super::{
+    BOUNDS, Ellipse, OUTPUTS, UNIT, Wires, camera_normal, culled, depth_slope, done, footprint, seen_normal, sized, squared_sum, turn,
+    visibility,
+};
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{Amplitude, Kernel, View};
-use crate::functions::reciprocal::Scientific;
 use crate::functions::{ReciprocalRoot, table};
-use crate::machine::Machine;
-use crate::num::{Exact, Exacts, Fit, Words, three, two};
-use crate::probe::{Probe, Tap};
+use crate::graph::{Builder, Power, Wire};
+use crate::machine::{self, Machine};
+use crate::num::{Exact, three, two};
 
 /// Parts of the unit for ellipsoids alone.
 #[derive(Clone, Debug)]
 pub(super) struct Ellipsoids {
-    rotation: Fit,
-    stretch: Fit,
-    shape: Fit,
-    scales: Fit,
-    face: Fit,
     ray_root: ReciprocalRoot,
-    ray: Fit,
-    along: Fit,
-    compensation: Option<Compensation>,
-    weighed: Fit,
-    peak: Fit,
+    compensation_root: Option<ReciprocalRoot>,
     /// Bits of opacity below the address of the table of cutoffs, and its last address.
     reach: [u32; 2],
-    /// 1 as an element of the rotation, before it is fitted.
-    one: i64,
-    /// 1 as a squared slope.
-    ray_one: i64,
 }
 
-/// √(det V_r) and the word that takes it.
-#[derive(Clone, Debug)]
-struct Compensation {
-    root: ReciprocalRoot,
-    spanned: Fit,
+/// What a frame's ellipsoids ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Variant {
+    /// Axes of their own: a unit quaternion (w, x, y, z) and standard deviations, relative to σ. Else the frame's.
+    pub own: bool,
+    /// Meaning of their amplitude.
+    pub amplitude: Amplitude,
 }
 
-/// Input port, eight splats: orientation and standard deviations.
-#[derive(Clone, Copy, Debug)]
-pub enum Axes<W> {
-    /// The splat's own: a unit quaternion (w, x, y, z) and its standard deviations, relative to σ.
-    Own([W; 4], [W; 3]),
-    /// The frame's.
-    Frame,
+/// How many there are.
+pub(super) const VARIANTS: usize = 8;
+
+impl Variant {
+    pub(super) fn number(self) -> usize {
+        let amplitude = match self.amplitude {
+            Amplitude::Disc => 0,
+            Amplitude::LineIntegral => 1,
+            Amplitude::Peak => 2,
+            Amplitude::Compensated => 3,
+        };
+        2 * amplitude + usize::from(self.own)
+    }
 }
 
 /// The two other axes.
@@ -89,7 +86,7 @@ impl Ellipsoids {
         }
         e.holds_one(UNIT, "quaternion", words.quaternion);
         e.holds_one(UNIT, "scale", words.scale);
-        let rotation = e.copies(9, |e| {
+        e.copies(9, |e| {
             let square = e.times(UNIT, words.quaternion, words.quaternion);
             let sum = e.sum(UNIT, [Exact { int_bits: 1, frac_bits: 0 }, square.doubled(), square.doubled()]);
             e.fit(UNIT, "rotation", machine.splat.normal, sum)
@@ -99,20 +96,20 @@ impl Ellipsoids {
             let rotated = e.copies(3, |e| e.times(UNIT, p.rotation, machine.splat.normal));
             e.sum(UNIT, [rotated; 3]);
         });
-        let stretch = e.copies(6, |e| {
+        e.copies(6, |e| {
             let stretched = e.times(UNIT, words.scale, m.tilt);
             e.fit(UNIT, "stretch", words.stretch, stretched)
         });
-        let shape = e.copies(3, |e| {
+        e.copies(3, |e| {
             let squares = e.copies(3, |e| e.times(UNIT, words.stretch, words.stretch));
             let sum = e.sum(UNIT, [squares; 3]);
             e.fit(UNIT, "shape", m.shape, sum)
         });
-        let scales = e.copies(3, |e| {
+        e.copies(3, |e| {
             let product = e.times(UNIT, words.scale, words.scale);
             e.fit(UNIT, "scale", words.scale, product)
         });
-        let face = e.copies(3, |e| {
+        e.copies(3, |e| {
             let turned = e.times(UNIT, words.scale, m.facing);
             e.fit(UNIT, "face", m.facing, turned)
         });
@@ -125,10 +122,10 @@ impl Ellipsoids {
         let ray_root = ReciprocalRoot::new(e, UNIT, "ray_root", words.ray_root, length_squared.frac_bits);
         let root_bits = words.ray_root.format();
         let root = e.times(UNIT, root_bits, root_bits).scaled(1);
-        let ray = e.fit_shifted(UNIT, "ray", words.ray, root);
+        e.fit_shifted(UNIT, "ray", words.ray, root);
         let thick = e.times(UNIT, m.size_squared, words.ray);
-        let along = e.fit(UNIT, "area", m.area, thick);
-        let compensation = words.compensation_root.map(|shape| {
+        e.fit(UNIT, "area", m.area, thick);
+        let compensation_root = words.compensation_root.map(|shape| {
             let squares = e.sum(UNIT, [squared; 3]);
             e.normaliser(UNIT, squares.bits());
             let normalised = squares.scaled(1).plus(squares);
@@ -136,7 +133,8 @@ impl Ellipsoids {
             let root = ReciprocalRoot::new(e, UNIT, "compensation_root", shape, squares.frac_bits);
             let bits = shape.format();
             let spanned = e.times(UNIT, bits, bits).scaled(1);
-            Compensation { root, spanned: e.fit_shifted(UNIT, "area", m.area, spanned) }
+            e.fit_shifted(UNIT, "area", m.area, spanned);
+            root
         });
         let shown = e.times(UNIT, m.visibility, machine.splat.opacity);
         let reach = reach_shape(e, machine).map_or([0; 2], |[bits, below]| {
@@ -145,22 +143,9 @@ impl Ellipsoids {
             e.choice(UNIT, 2, bits as i32);
             [below, (1 << bits) - 1]
         });
-        Some(Ellipsoids {
-            rotation,
-            stretch,
-            shape,
-            scales,
-            face,
-            ray_root,
-            ray,
-            along,
-            compensation,
-            reach,
-            weighed: e.fit(UNIT, "amplitude", m.amplitude, shown),
-            peak: e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity.into()),
-            one: 1 << (2 * words.quaternion.format.frac_bits).clamp(0, 62),
-            ray_one: 1 << (2 * p.slope.format.frac_bits).clamp(0, 62),
-        })
+        e.fit(UNIT, "amplitude", m.amplitude, shown);
+        e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity.into());
+        Some(Ellipsoids { ray_root, compensation_root, reach })
     }
 
     pub(super) fn ray_root(&self) -> &ReciprocalRoot {
@@ -168,7 +153,7 @@ impl Ellipsoids {
     }
 
     pub(super) fn compensation_root(&self) -> Option<&ReciprocalRoot> {
-        self.compensation.as_ref().map(|compensation| &compensation.root)
+        self.compensation_root.as_ref()
     }
 
     /// The cutoff of a box.
@@ -177,25 +162,6 @@ impl Ellipsoids {
         let address = table::address(opacity.max(0).into(), below).min(last as usize);
         kernel.reach.get(address).copied().unwrap_or(view.cutoff)
     }
-
-    /// |(a, b, 1)|.
-    #[inline(always)]
-    fn ray<W: Words, P: Probe>(&self, [a, b]: [W; 2], tap: &mut Tap<P>) -> W {
-        let (root, power) = self.ray_root.root_lanes(a * a + b * b + W::Exact::splat(self.ray_one), tap);
-        tap.fit_shifted(&self.ray, root, -power)
-    }
-
-    /// The columns of the rotation that a quaternion means.
-    #[inline(always)]
-    fn directions<W: Words, P: Probe>(&self, [w, x, y, z]: [W; 4], tap: &mut Tap<P>) -> [[W; 3]; 3] {
-        let one = W::Exact::splat(self.one);
-        let columns = [
-            [one - (y * y + z * z).left(1), (x * y + w * z).left(1), (x * z - w * y).left(1)],
-            [(x * y - w * z).left(1), one - (x * x + z * z).left(1), (y * z + w * x).left(1)],
-            [(x * z + w * y).left(1), (y * z - w * x).left(1), one - (x * x + y * y).left(1)],
-        ];
-        three!(axis => three!(row => tap.fit_words(&self.rotation, columns[axis][row])))
-    }
 }
 
 impl Ellipse {
@@ -203,104 +169,123 @@ impl Ellipse {
     pub fn box_cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
         self.ellipsoids.as_ref().map_or(view.cutoff, |own| own.cutoff(view, kernel, opacity))
     }
-
-    /// Sets eight ellipsoids up; on a machine that has none of what they need, nothing is drawn.
-    #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
-    pub fn ellipsoids<W: Words, P: Probe>(
-        &self,
-        view: &View,
-        kernel: &Kernel,
-        size_px: [u32; 2],
-        input: &Input<W>,
-        axes: Axes<W>,
-        opacity: W,
-        tap: &mut Tap<P>,
-    ) -> Option<Output<W>> {
-        let own = self.ellipsoids.as_ref()?;
-        let zero = W::splat(0);
-        let (axes, scales) = match axes {
-            Axes::Own(quaternion, scales) => {
-                let directions = own.directions(quaternion, tap);
-                (three!(axis => self.camera_normal(view, directions[axis], tap)), scales)
-            }
-            Axes::Frame => (kernel.axes.map(|axis| axis.map(W::splat)), kernel.scales.map(W::splat)),
-        };
-        let limit = kernel.jacobian.map(W::splat);
-        let slope = two!(axis => input.slope[axis].min(limit[axis]).max(-limit[axis]));
-        let turned = three!(axis => self.turn(slope, axes[axis], tap));
-        let stretched = three!(axis => two!(side => tap.fit_words(&own.stretch, scales[axis] * turned[axis].0[side])));
-        let sum = |i: usize, j: usize| {
-            let [x, y, z] = three!(axis => stretched[axis][i] * stretched[axis][j]);
-            x + y + z
-        };
-        let shape = [sum(0, 0), sum(0, 1), sum(1, 1)];
-        let shape = three!(i => tap.fit_words(&own.shape, shape[i]));
-        let pairs = three!(axis => tap.fit_words(&own.scales, scales[OTHERS[axis][0]] * scales[OTHERS[axis][1]]));
-        let faces = three!(axis => tap.fit_words(&own.face, pairs[axis] * turned[axis].1));
-
-        let facing = turned[2].1;
-        let flattened = kernel.amplitude == Amplitude::Disc;
-        let blind = input.radius.is_none() | if flattened { facing.is_zero() } else { opacity.is_none() };
-        let away = if view.cull_backfaces { facing.above(zero) } else { zero };
-        tap.drop_where(away | blind);
-        let radius = input.radius.max(W::splat(1));
-        let sized = self.size(view, radius, input, tap);
-        let ray = if kernel.amplitude == Amplitude::LineIntegral { own.ray(slope, tap) } else { zero };
-        let amplitude = |areas: [W; 3], inverse_root: &Scientific<W>, tap: &mut Tap<P>| {
-            let shown =
-                |area: W, tap: &mut Tap<P>| tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
-            match kernel.amplitude {
-                Amplitude::Disc => {
-                    let visibility = shown(areas[2], tap);
-                    tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi))
-                }
-                Amplitude::LineIntegral => {
-                    let along = tap.fit_words(&own.along, sized.0[1] * ray);
-                    let visibility = shown(along, tap);
-                    tap.fit_words(&own.weighed, visibility * opacity)
-                }
-                Amplitude::Peak => tap.fit_words(&own.peak, opacity.exact()),
-                Amplitude::Compensated => match &own.compensation {
-                    Some(compensation) => {
-                        let [x, y, z] = three!(axis => areas[axis] * areas[axis]);
-                        let squares = (x + y + z).max(W::Exact::splat(1));
-                        let (root, power) = compensation.root.root_lanes(squares, tap);
-                        let visibility = shown(tap.fit_shifted(&compensation.spanned, root, -power), tap);
-                        tap.fit_words(&own.weighed, visibility * opacity)
-                    }
-                    // No frame asks this of a machine without.
-                    None => zero,
-                },
-            }
-        };
-        let cutoff = if kernel.reach.is_empty() {
-            W::splat(view.cutoff)
-        } else {
-            W::from_array(opacity.to_array().map(|opacity| own.cutoff(view, kernel, opacity) as i32))
-        };
-        let footprint = self.footprint(cutoff, view, size_px, input.pixel, sized, (shape, faces), amplitude, tap);
-        let normal = self.camera_normal(view, input.normal, tap);
-        let (depth_slope, depth_range) = if flattened {
-            let facing = W::splat(1).where_else(facing.is_zero(), facing);
-            let range = tap.fit_words(&self.depth_range, radius * W::splat(view.root_cutoff));
-            (self.depth_slope(view, input, axes[2], facing, tap), range)
-        } else {
-            ([zero; 2], zero)
-        };
-        Some(Output {
-            normal: self.seen_normal(normal, tap),
-            conic: footprint.conic,
-            amplitude: footprint.amplitude,
-            columns: footprint.columns,
-            rows: footprint.rows,
-            depth_slope,
-            depth_range,
-            backface: away,
-            faint: blind | footprint.faint,
-            outside: footprint.outside,
-        })
-    }
 }
 
-pub mod real;
+/// The columns of the rotation that a quaternion means.
+fn directions(g: &mut Builder, machine: &Machine, [w, x, y, z]: [Wire; 4]) -> [[Wire; 3]; 3] {
+    let mut pair = |a: [Wire; 2], b: [Wire; 2], is_sum: bool| {
+        let (a, b) = (g.times(a[0], a[1]), g.times(b[0], b[1]));
+        let pair = if is_sum { g.plus(a, b) } else { g.minus(a, b) };
+        g.scaled(pair, 1)
+    };
+    let twice = [
+        [pair([y, y], [z, z], true), pair([x, y], [w, z], true), pair([x, z], [w, y], false)],
+        [pair([x, y], [w, z], false), pair([x, x], [z, z], true), pair([y, z], [w, x], true)],
+        [pair([x, z], [w, y], true), pair([y, z], [w, x], false), pair([x, x], [y, y], true)],
+    ];
+    three!(axis => three!(row => {
+        let element = twice[axis][row];
+        let element = if axis == row {
+            let one = g.one(g.shape(element));
+            g.minus(one, element)
+        } else {
+            element
+        };
+        g.fit("rotation", machine.splat.normal, element)
+    }))
+}
+
+/// An ellipsoid, from its record to its conic and box; and what of that has bounds.
+pub(super) fn set_up(
+    g: &mut Builder,
+    machine: &Machine,
+    w: &Wires,
+    normal: [Wire; 3],
+    (variant, words, opacity, own): (Variant, &machine::Ellipsoid, Wire, Option<([Wire; 4], [Wire; 3])>),
+) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
+    let m = &machine.ellipse;
+    let limits = two!(_i => g.input(machine.project.slope));
+    let (axes, scales) = match own {
+        Some((quaternion, scales)) => {
+            let directions = directions(g, machine, quaternion);
+            (directions.map(|direction| camera_normal(g, machine, w, direction)), scales)
+        }
+        None => (three!(_axis => three!(_i => g.input(m.normal))), three!(_i => g.input(words.scale))),
+    };
+    let slope = two!(axis => {
+        let (limit, least) = (limits[axis], g.negated(limits[axis]));
+        let slope = g.lesser(w.slope[axis], limit);
+        g.greater(slope, least)
+    });
+    let turned = axes.map(|axis| turn(g, machine, slope, axis));
+    let stretched = three!(axis => turned[axis].0.map(|tilt| {
+        let stretched = g.times(scales[axis], tilt);
+        g.fit("stretch", words.stretch, stretched)
+    }));
+    let mut sum = |i: usize, j: usize| g.dot(stretched.map(|axis| axis[i]), stretched.map(|axis| axis[j]));
+    let shape = [sum(0, 0), sum(0, 1), sum(1, 1)].map(|sum| g.fit("shape", m.shape, sum));
+    let pairs = OTHERS.map(|[j, k]| {
+        let pair = g.times(scales[j], scales[k]);
+        g.fit("scale", words.scale, pair)
+    });
+    let faces = three!(axis => {
+        let face = g.times(pairs[axis], turned[axis].1);
+        g.fit("face", m.facing, face)
+    });
+
+    let facing = turned[2].1;
+    let across = g.magnitude(facing);
+    let is_flat = variant.amplitude == Amplitude::Disc;
+    let nothing = g.is_none(if is_flat { across } else { opacity });
+    let (away, blind) = culled(g, w, facing, nothing);
+    let (squares, exponent) = sized(g, machine, w);
+    let ray = (variant.amplitude == Amplitude::LineIntegral).then(|| {
+        let [a, b] = slope.map(|slope| g.times(slope, slope));
+        let squares = g.plus(a, b);
+        let one = g.one(g.shape(squares));
+        let squares = g.plus(squares, one);
+        let root = g.root("ray_root", words.ray_root, squares);
+        g.fit_to("ray", words.ray, root, Power::ONE)
+    });
+    let footprint = footprint(g, machine, w, (squares, exponent), (shape, faces.to_vec()), |g, areas, root| {
+        let weighed = |g: &mut Builder, area: Wire| {
+            let shown = visibility(g, machine, area, root);
+            let weighed = g.times(shown, opacity);
+            g.fit("amplitude", m.amplitude, weighed)
+        };
+        match (variant.amplitude, ray, words.compensation_root) {
+            (Amplitude::Disc, ..) => {
+                let shown = visibility(g, machine, areas[2], root);
+                let shown = g.times(shown, w.inverse_two_pi);
+                g.fit("amplitude", m.amplitude, shown)
+            }
+            (Amplitude::LineIntegral, Some(ray), _) => {
+                let thick = g.times(squares[1], ray);
+                let along = g.fit("area", m.area, thick);
+                weighed(g, along)
+            }
+            (Amplitude::Compensated, _, Some(config)) => {
+                let spanned = squared_sum(g, areas);
+                let spanned = g.at_least_a_place(spanned);
+                let root = g.root("compensation_root", config, spanned);
+                let spanned = g.fit_to("area", m.area, root, exponent.power(2));
+                weighed(g, spanned)
+            }
+            (Amplitude::Peak, ..) => g.fit("amplitude", m.amplitude, opacity),
+            // No frame asks a machine to compensate that has not the root.
+            _ => g.constant(0, m.amplitude.into()),
+        }
+    });
+    let normal = camera_normal(g, machine, w, normal);
+    let (slope, range) = if is_flat {
+        let deep = g.times(w.radius, w.root_cutoff);
+        let range = g.fit("depth_range", m.depth_range, deep);
+        (depth_slope(g, machine, w, axes[2], (facing, across)), range)
+    } else {
+        let [zero, none] = [m.depth_slope, m.depth_range].map(|word| g.constant(0, word.into()));
+        ([zero; 2], none)
+    };
+    let seen = seen_normal(g, machine, normal);
+    let facing = if is_flat { facing } else { g.one(m.facing) };
+    done(g, &footprint, (seen, normal[2], facing), (slope, range), [away, blind])
+}

@@ -27,7 +27,8 @@ impl Gauss {
     /// The same, whose [`Gauss::table_error`] is known.
     pub fn real_within<R: Real>(&self, radial: R, amplitude: R, table_error: f64) -> R {
         let range = self.range();
-        let [_, weight] = self.graph.real(&[radial.at_least(0.0), amplitude], |table, index| index.falloff(table, range, table_error));
+        let [weight] =
+            self.graph.real(&self.asked, [radial.at_least(0.0), amplitude], |table, index| index.falloff(table, range, table_error));
         weight
     }
 }

@@ -5,9 +5,10 @@
 //! So with words of equal relative precision u the position on the screen is off by some 4·s·u pixels: `camera`'s part counts most.
 
 use super::Project;
-use crate::num::{three, two};
+use crate::graph::{Bounded, Given};
+use crate::num::two;
 use crate::real::frame::View;
-use crate::real::{Real, Scale, power_of_two};
+use crate::real::{Real, Scale};
 
 /// Output port.
 #[derive(Clone, Copy, Debug)]
@@ -31,28 +32,46 @@ pub struct Projected<R> {
 impl Project {
     /// Projects a point.
     pub fn real<R: Real>(&self, view: &View<R>, position: [R; 3]) -> Projected<R> {
-        let difference = three!(axis => position[axis] - view.eye[axis]);
-        let [x, y, z] = three!(axis => difference[axis].abs());
-        let largest = x.max(y).max(z).at_least(power_of_two(-self.difference_frac_bits as i32));
-        let exponent = largest.leading().shifted(1);
-        let relative = three!(axis => difference[axis].fit(&self.relative, exponent));
-        let [x, y, z] = relative;
-        let camera = three!(row => {
-            let [a, b, c] = view.rotation[row];
-            (a * x + b * y + c * z).fit(&self.camera, exponent)
-        });
-        let forward = camera[2].at_least_a_place(&self.camera, exponent);
-        let depth = camera[2].at_least(0.0).fit(&self.depth, Scale::ONE);
-        let inverse_depth = forward.reciprocal(&self.reciprocal);
-        let slope = two!(axis => (camera[axis] * inverse_depth).fit(&self.slope, Scale::ONE));
+        let ([p, q, r], [x, y, z], [[a, b, c], [d, e, f], [g, h, i]]) = (position, view.eye, view.rotation);
+        let ([focal_x, focal_y], [guard_x, guard_y], [centre_x, centre_y]) = (view.focals, view.guard, view.centre);
+        let is_transparent = R::constant(0.0);
+        let inputs = [
+            p,
+            q,
+            r,
+            is_transparent,
+            x,
+            y,
+            z,
+            a,
+            b,
+            c,
+            d,
+            e,
+            f,
+            g,
+            h,
+            i,
+            view.near,
+            guard_x,
+            guard_y,
+            focal_x,
+            focal_y,
+            centre_x,
+            centre_y,
+        ];
+        let given = Given { inputs: &inputs.map(Bounded::of), turned: None };
+        let [x, y, forward, exponent, depth, inverse_depth, slope_x, slope_y, column, row] =
+            self.graph.bounded(&self.bounds, &given, |_, x| x);
+        let camera = [x.value, y.value, forward.value];
         Projected {
-            camera: [camera[0], camera[1], forward],
-            exponent,
-            depth,
-            inverse_depth,
-            slope,
-            pixel: two!(axis => (view.focals[axis] * slope[axis] + view.centre[axis]).fit(&self.pixel, Scale::ONE)),
-            inside: two!(axis => view.guard[axis] * forward - camera[axis].abs()),
+            camera,
+            exponent: exponent.scale,
+            depth: depth.value,
+            inverse_depth: inverse_depth.value,
+            slope: [slope_x.value, slope_y.value],
+            pixel: [column.value, row.value],
+            inside: two!(axis => view.guard[axis] * camera[2] - camera[axis].abs()),
         }
     }
 }

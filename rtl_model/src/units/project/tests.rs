@@ -3,8 +3,7 @@
 use super::*;
 use crate::frame::Aspect;
 use crate::num::Word;
-use crate::num::words::PlainWords;
-use crate::probe::NoProbe;
+use crate::probe::{NoProbe, Tap};
 use proptest::prelude::*;
 
 fn quantised(word: Word, value: f64) -> i64 {
@@ -44,21 +43,23 @@ proptest! {
         let p = &machine.project;
         let view = view(&machine, eye, angle, focal, centre);
         let words: [i64; 3] = position.map(|x| quantised(machine.splat.position, x));
-        let own = unit.lanes(&view, words.map(PlainWords::splat), PlainWords::splat(0), &mut Tap::new(&mut NoProbe));
+        let inputs: Vec<i64> = words.into_iter().chain([0]).chain(registers(&view)).collect();
+        let own = unit.graph().one(&inputs, &mut Tap::new(&mut NoProbe));
+        let [x, y, forward, exponent, own_depth, _, _, slope_x, slope_y, pixel_x, pixel_y, near, outside] = own;
 
-        let (near, outside) = (own.near.0[0] != 0, own.outside.0[0] != 0);
+        let (near, outside) = (near != 0, outside != 0);
         let relative: [f64; 3] = std::array::from_fn(|i| machine.splat.position.format.value(words[i]) - p.eye.format.value(view.eye[i]));
         let t = view.rotation.map(|row| (0..3).map(|i| p.rotation.format.value(row[i]) * relative[i]).sum::<f64>());
         let place = |word: Word| word.format.value(1);
-        let power = f64::from(own.exponent.0[0]).exp2();
+        let power = (exponent as f64).exp2();
         let of_camera = 2.0 * place(p.relative) + place(p.camera) / 2.0;
         for (axis, exact) in t.into_iter().enumerate() {
-            let word = p.camera.format.value(own.camera[axis].0[0].into());
+            let word = p.camera.format.value([x, y, forward][axis]);
             // The third part is what the quotients use, at least one place, and 1 where the splat is culled.
             let culled = axis == 2 && (near || outside);
             prop_assert!(culled || (word - exact / power).abs() <= of_camera, "camera {axis}");
         }
-        let depth = p.depth.format.value(own.depth.0[0].into());
+        let depth = p.depth.format.value(own_depth);
         let most = p.depth.format.value(p.depth.format.max());
         prop_assert!((depth - t[2].clamp(0.0, most)).abs() <= of_camera * power + place(p.depth) / 2.0, "depth {depth}, exactly {}", t[2]);
         prop_assert!(!near || t[2] <= place(p.depth) * 1.5 + of_camera * power);
@@ -70,10 +71,10 @@ proptest! {
                 let exact = t[axis] / t[2];
                 let quotient = of_camera * (1.0 + exact.abs()) / (t[2] / power - of_camera);
                 let of_slope = quotient + (exact.abs() + quotient) * reciprocal + place(p.slope) / 2.0;
-                let slope = p.slope.format.value(own.slope[axis].0[0].into());
+                let slope = p.slope.format.value([slope_x, slope_y][axis]);
                 prop_assert!((slope - exact).abs() <= of_slope, "slope {slope}, exactly {exact}, bound {of_slope}");
                 prop_assert!(slope.abs() <= 1.0 + of_slope, "beyond the guard band");
-                let pixel = p.pixel.format.value(own.pixel[axis].0[0].into());
+                let pixel = p.pixel.format.value([pixel_x, pixel_y][axis]);
                 let scale = p.focal.format.value(view.focals()[axis]);
                 let exact = scale * exact + p.pixel.format.value(view.centre[axis]);
                 prop_assert!((pixel - exact).abs() <= scale * of_slope + place(p.pixel) / 2.0, "pixel {pixel}, exactly {exact}");

@@ -12,14 +12,19 @@
 use super::Resolve;
 use crate::real::Real;
 
+/// Inputs of both graphs.
+fn beside<R: Real>([a, b, c, d]: [R; 4], [e, f, g, h]: [R; 4]) -> [R; 8] {
+    [a, b, c, d, e, f, g, h]
+}
+
 impl Resolve {
     /// Blends premultiplied layers, front to back, over the background.
     pub fn real<R: Real>(&self, layers: &[[R; 4]], background: [R; 4]) -> [R; 4] {
         let mut state = [R::constant(1.0), R::constant(0.0), R::constant(0.0), R::constant(0.0)];
         for layer in layers {
-            state = self.layer.real([state, *layer].as_flattened(), |_, x| x);
+            state = self.layer.real(&self.asked[0], beside(state, *layer), |_, x| x);
         }
-        self.frame.real([state, background].as_flattened(), |_, x| x)
+        self.frame.real(&self.asked[1], beside(state, background), |_, x| x)
     }
 }
 

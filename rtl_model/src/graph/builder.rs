@@ -1,0 +1,414 @@
+//! Builder: makes a unit's graph, and declares what it takes: parts, signals, misfits.
+
+use super::{Functions, Graph, Node, Operator, Power, Wire};
+use crate::elaboration::{self, Elaboration};
+use crate::functions::reciprocal::NORMALISED_FRAC_BITS;
+use crate::functions::{Reciprocal, ReciprocalRoot, Table};
+use crate::machine::FunctionUnit;
+use crate::num::{Exact, Word, align};
+
+/// Builds a graph for a unit.
+#[derive(Debug)]
+pub struct Builder<'e> {
+    e: &'e mut Elaboration,
+    unit: &'static str,
+    nodes: Vec<Node>,
+    functions: Functions,
+    inputs: usize,
+    /// Of each wire that holds an exponent what it is a power of, and that power in words of such wires: a unit counts a power from where it
+    /// begins, while a power is counted from 1.
+    words: Vec<(Wire, Power)>,
+}
+
+/// Shape of an exponent.
+const EXPONENT: Exact = Exact { int_bits: 15, frac_bits: 0 };
+/// Shape of a condition.
+const CONDITION: Exact = Exact { int_bits: 1, frac_bits: 0 };
+
+impl<'e> Builder<'e> {
+    /// An empty graph of a unit.
+    pub fn new(e: &'e mut Elaboration, unit: &'static str) -> Self {
+        Builder { e, unit, nodes: Vec::new(), functions: Functions::default(), inputs: 0, words: Vec::new() }
+    }
+
+    fn node(&mut self, operator: Operator, shape: Exact, signed: bool, power: Power) -> Wire {
+        self.nodes.push(Node { operator, shape, signed, power });
+        Wire((self.nodes.len() - 1) as u16)
+    }
+
+    /// The same shape from another operator.
+    fn alike(&mut self, operator: Operator, from: Wire) -> Wire {
+        let Node { shape, signed, power, .. } = self.of(from);
+        self.node(operator, shape, signed, power)
+    }
+
+    fn condition(&mut self, operator: Operator) -> Wire {
+        self.node(operator, CONDITION, true, Power::ONE)
+    }
+
+    pub(super) fn of(&self, wire: Wire) -> Node {
+        self.nodes[wire.place()]
+    }
+
+    /// Declares parts and misfits that no operator does.
+    pub fn elaboration(&mut self) -> &mut Elaboration {
+        self.e
+    }
+
+    /// How far a wire reaches.
+    pub fn shape(&self, wire: Wire) -> Exact {
+        self.of(wire).shape
+    }
+
+    /// Says what an input is relative to, where that comes after it.
+    pub fn relate(&mut self, input: Wire, power: Power) {
+        self.nodes[input.place()].power = power;
+    }
+
+    /// What a wire is relative to.
+    pub fn power(&self, wire: Wire) -> Power {
+        self.of(wire).power
+    }
+
+    /// A power in the words that wires hold.
+    fn in_words(&self, power: Power) -> Power {
+        let word = |wire: Wire| self.words.iter().find(|(known, _)| *known == wire).map_or(Power::of(wire), |(_, word)| *word);
+        let constant = Power::ONE.shifted(power.constant);
+        power.terms().iter().fold(constant, |sum, (wire, factor)| sum.times(word(*wire).power(*factor)))
+    }
+
+    /// A wire that holds an exponent, which counts from another power.
+    fn exponent(&mut self, operator: Operator, sign: i32, from: Power) -> Power {
+        let from = self.in_words(from);
+        let wire = self.node(operator, EXPONENT, true, Power::ONE);
+        self.words.push((wire, Power::of(wire).power(sign).times(from)));
+        let power = Power::of(wire);
+        self.nodes[wire.place()].power = power;
+        power
+    }
+
+    /// The next input, a word.
+    pub fn input(&mut self, word: Word) -> Wire {
+        self.state(word.into(), word.format.signed)
+    }
+
+    /// The next input, a word that is relative to a power.
+    pub fn input_under(&mut self, word: Word, power: Power) -> Wire {
+        let wire = self.input(word);
+        self.relate(wire, power);
+        wire
+    }
+
+    /// The next input, an exact result that is kept from one item to the next, or comes from another graph.
+    pub fn state(&mut self, shape: Exact, signed: bool) -> Wire {
+        self.inputs += 1;
+        self.node(Operator::Input(self.inputs - 1), shape, signed, Power::ONE)
+    }
+
+    /// The next input, an exponent that counts from a power.
+    pub fn power_input(&mut self, from: Power) -> Power {
+        self.inputs += 1;
+        self.exponent(Operator::Input(self.inputs - 1), 1, from)
+    }
+
+    /// The next input, a condition.
+    pub fn condition_input(&mut self) -> Wire {
+        self.inputs += 1;
+        self.condition(Operator::Input(self.inputs - 1))
+    }
+
+    /// A word that holds a power's exponent.
+    pub fn exponent_of(&mut self, power: Power) -> Wire {
+        let words = self.in_words(power);
+        debug_assert!(words.terms().iter().all(|(_, factor)| factor.unsigned_abs().is_power_of_two()), "a batch shifts exponents");
+        self.node(Operator::Exponents(words), EXPONENT, true, power)
+    }
+
+    /// A power, but at least 2^0, by a choice that nothing counts.
+    pub fn at_least_one(&mut self, power: Power) -> Power {
+        let exponent = self.exponent_of(power);
+        self.exponent(Operator::AtLeastOne(exponent), 1, Power::ONE)
+    }
+
+    /// 1, in the places of a word or an exact result.
+    pub fn one(&mut self, places: impl Into<Exact>) -> Wire {
+        let frac_bits = places.into().frac_bits;
+        self.constant(1 << frac_bits.clamp(0, 62), Exact { int_bits: 1, frac_bits })
+    }
+
+    /// So many last places of a shape.
+    pub fn constant(&mut self, places: i64, shape: Exact) -> Wire {
+        self.node(Operator::Constant(places), shape, places < 0, Power::ONE)
+    }
+
+    /// Exact product, by a multiplier.
+    pub fn times(&mut self, a: Wire, b: Wire) -> Wire {
+        let [x, y] = [a, b].map(|wire| self.of(wire));
+        let operator = elaboration::Operator::Multiplier([x.bits(), y.bits()]);
+        self.e.part(self.unit, operator);
+        self.node(Operator::Product([a, b]), x.shape.times(y.shape), x.signed || y.signed, x.power.times(y.power))
+    }
+
+    /// Times 2^`places`, by wiring.
+    pub fn scaled(&mut self, from: Wire, places: i32) -> Wire {
+        let Node { shape, signed, power, .. } = self.of(from);
+        self.node(Operator::Scaled(from, places), shape.scaled(places), signed, power)
+    }
+
+    fn terms(&mut self, a: Wire, b: Wire) -> [u32; 2] {
+        let [x, y] = [a, b].map(|wire| self.of(wire));
+        debug_assert_eq!(x.power.times(y.power.inverse()), Power::ONE, "terms of a sum are relative to one power");
+        align([x.shape.frac_bits, y.shape.frac_bits])
+    }
+
+    /// A sum that is known to have no more than a shape, by an adder as wide.
+    pub fn plus_within(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
+        self.e.adders(self.unit, 1, shape.bits());
+        let lefts = self.terms(a, b);
+        let [x, y] = [a, b].map(|wire| self.of(wire));
+        self.node(Operator::Sum([a, b], lefts), shape, x.signed || y.signed, x.power)
+    }
+
+    /// An exact sum, by an adder.
+    pub fn plus(&mut self, a: Wire, b: Wire) -> Wire {
+        let shape = self.of(a).shape.plus(self.of(b).shape);
+        self.plus_within(a, b, shape)
+    }
+
+    /// A difference that is known to have no more than a shape, by an adder as wide.
+    pub fn minus_within(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
+        self.e.adders(self.unit, 1, shape.bits());
+        let lefts = self.terms(a, b);
+        let power = self.power(a);
+        self.node(Operator::Difference([a, b], lefts), shape, true, power)
+    }
+
+    /// An exact difference, by an adder.
+    pub fn minus(&mut self, a: Wire, b: Wire) -> Wire {
+        let shape = self.of(a).shape.plus(self.of(b).shape);
+        self.minus_within(a, b, shape)
+    }
+
+    /// Σ aᵢ·bᵢ, exact.
+    pub fn dot(&mut self, a: [Wire; 3], b: [Wire; 3]) -> Wire {
+        let [x, y, z] = [0, 1, 2].map(|i| self.times(a[i], b[i]));
+        let sum = self.plus(x, y);
+        self.plus(sum, z)
+    }
+
+    /// What is left of `a`, of which `b` is a part: a difference that has no more than a shape, and is not negative.
+    pub fn rest(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
+        let difference = self.minus_within(a, b, shape);
+        self.nodes[difference.place()].signed = false;
+        difference
+    }
+
+    /// Known not to be negative.
+    pub fn known_natural(&mut self, wire: Wire) -> Wire {
+        self.nodes[wire.place()].signed = false;
+        wire
+    }
+
+    /// The opposite, by what reads it.
+    pub fn negated(&mut self, from: Wire) -> Wire {
+        let Node { shape, power, .. } = self.of(from);
+        self.node(Operator::Negation(from), shape, true, power)
+    }
+
+    /// The magnitude; the unit declares its adder, if it is one.
+    pub fn magnitude(&mut self, from: Wire) -> Wire {
+        self.alike(Operator::Magnitude(from), from)
+    }
+
+    /// With the sign that `of` has not, by a choice of two signs.
+    pub fn opposed(&mut self, from: Wire, of: Wire) -> Wire {
+        let Node { shape, power, .. } = self.of(from);
+        self.node(Operator::Opposed(from, of), shape, true, power)
+    }
+
+    /// Negated where `by` is above 0: the least word has no opposite among the words.
+    pub fn turned(&mut self, from: Wire, by: Wire) -> Wire {
+        let Node { shape, power, .. } = self.of(from);
+        self.e.limit(self.unit, self.of(from).bits() + 1);
+        self.node(Operator::Turned(from, by), Exact { int_bits: shape.int_bits + 1, ..shape }, true, power)
+    }
+
+    /// At least 0, by a choice that a difference's own sign makes.
+    pub fn natural(&mut self, from: Wire) -> Wire {
+        let Node { shape, power, .. } = self.of(from);
+        self.e.choice(self.unit, 2, shape.bits());
+        self.node(Operator::Natural(from), shape, false, power)
+    }
+
+    /// At most 1. What saturates the word that comes of it limits this too, so that it takes no part of its own.
+    pub fn at_most_one(&mut self, from: Wire) -> Wire {
+        let Node { shape, .. } = self.of(from);
+        self.alike(Operator::AtMost(from, 1 << shape.frac_bits.clamp(0, 62)), from)
+    }
+
+    /// The lesser of two words of one format; the unit declares the gates.
+    pub fn lesser(&mut self, a: Wire, b: Wire) -> Wire {
+        self.alike(Operator::Lesser([a, b]), a)
+    }
+
+    /// The greater of two words of one format; the unit declares the gates.
+    pub fn greater(&mut self, a: Wire, b: Wire) -> Wire {
+        self.alike(Operator::Greater([a, b]), a)
+    }
+
+    /// At least a last place, as a reciprocal, a root or a normaliser needs it; a place that is set costs a gate.
+    pub fn at_least_a_place(&mut self, from: Wire) -> Wire {
+        self.alike(Operator::AtLeast(from, 1), from)
+    }
+
+    /// At least 0, which no exact number would need: a sign that clears a word costs a gate a bit.
+    pub fn not_below_0(&mut self, from: Wire) -> Wire {
+        let node = self.alike(Operator::AtLeast(from, 0), from);
+        self.known_natural(node)
+    }
+
+    /// A last place more, by the carry of what reads it.
+    pub fn a_place_more(&mut self, from: Wire) -> Wire {
+        let node = self.alike(Operator::APlaceMore(from), from);
+        self.nodes[node.place()].shape.int_bits += 1;
+        node
+    }
+
+    /// A word instead of one that means nothing where a condition holds: for the host, which goes on with what hardware would drop.
+    pub fn guarded(&mut self, from: Wire, condition: Wire, instead: i64) -> Wire {
+        self.alike(Operator::Guarded(from, condition, instead), from)
+    }
+
+    /// The only operator that loses bits: puts an exact result into the word called `name`.
+    pub fn fit(&mut self, name: &str, word: Word, from: Wire) -> Wire {
+        let Node { shape, power, .. } = self.of(from);
+        let fit = self.e.fit(self.unit, name, word, shape);
+        self.node(Operator::Fit(from, fit), word.into(), word.format.signed, power)
+    }
+
+    /// The same for a word of another unit.
+    pub fn fit_of(&mut self, unit: &'static str, name: &str, word: Word, from: Wire) -> Wire {
+        let unit = std::mem::replace(&mut self.unit, unit);
+        let fitted = self.fit(name, word, from);
+        self.unit = unit;
+        fitted
+    }
+
+    /// [`Builder::fit`] under another power than the result's own: by a shifter.
+    pub fn fit_to(&mut self, name: &str, word: Word, from: Wire, power: Power) -> Wire {
+        let node = self.of(from);
+        let fit = self.e.fit_shifted(self.unit, name, word, node.shape);
+        let more = self.exponent_of(power.times(node.power.inverse()));
+        self.node(Operator::FitShifted(from, more, fit), word.into(), word.format.signed, power)
+    }
+
+    /// A word of a table, which the fit of the table makes.
+    pub fn look_up(&mut self, table: Table, argument: Wire) -> Wire {
+        let word = table.fit().word;
+        self.functions.tables.push(table);
+        self.node(Operator::Lookup(argument, self.functions.tables.len() - 1), word.into(), word.format.signed, Power::ONE)
+    }
+
+    /// Vectors' parts, shifted left together until nothing but `int_bits` of the largest is before the binary point, relative to the power
+    /// that this takes. A normaliser for each part, and where there are three what compares them.
+    pub fn normalised<const N: usize>(&mut self, largest: Wire, parts: [Wire; N], int_bits: i32) -> [Wire; N] {
+        let Node { shape, power, .. } = self.of(largest);
+        let frac_bits = NORMALISED_FRAC_BITS + 1 - int_bits;
+        // A leading one at bit 61 was at 61 − lead, and is 2^(61 − lead − frac_bits).
+        let leading = self.exponent(Operator::Lead(largest), -1, power.shifted(NORMALISED_FRAC_BITS - shape.frac_bits));
+        let [(lead, _)] = *leading.terms() else { unreachable!("it is one wire's") };
+        parts.map(|part| {
+            self.e.normaliser(self.unit, shape.bits());
+            let signed = self.of(part).signed;
+            self.node(Operator::Normalised(part, lead), Exact { int_bits, frac_bits }, signed, leading.shifted(1 - int_bits))
+        })
+    }
+
+    /// All bits of three magnitudes, and at least a last place.
+    pub fn largest(&mut self, parts: [Wire; 3]) -> Wire {
+        let node = self.alike(Operator::Largest(parts), parts[0]);
+        let bits = self.of(node).shape.bits();
+        self.e.adders(self.unit, 3, bits);
+        self.known_natural(node)
+    }
+
+    /// 1/x of a positive word, by a normaliser and the reciprocal called `name`.
+    pub fn reciprocal(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
+        let node = self.of(x);
+        self.e.normaliser(self.unit, node.bits());
+        self.functions.reciprocals.push(Reciprocal::new(self.e, self.unit, name, config, node.shape.frac_bits));
+        let operator = Operator::Reciprocal(x, self.functions.reciprocals.len() - 1);
+        let inverse = self.node(operator, config.format().into(), false, Power::ONE);
+        let power = self.exponent(Operator::Exponent(inverse), 1, node.power.inverse());
+        self.nodes[inverse.place()].power = power;
+        inverse
+    }
+
+    /// A root of a positive result, of which this says how.
+    fn root_by(&mut self, name: &str, config: FunctionUnit, x: Wire, operator: impl FnOnce(usize) -> Operator, shape: Exact) -> Wire {
+        let node = self.of(x);
+        self.e.normaliser(self.unit, node.bits());
+        self.functions.roots.push(ReciprocalRoot::new(self.e, self.unit, name, config, node.shape.frac_bits));
+        let operator = operator(self.functions.roots.len() - 1);
+        let is_inverse = matches!(operator, Operator::InverseRoot(..));
+        let root = self.node(operator, shape, false, Power::ONE);
+        let of = node.power.root();
+        let from = if is_inverse { of.inverse() } else { of };
+        let power = self.exponent(Operator::Exponent(root), 1, from);
+        self.nodes[root.place()].power = power;
+        root
+    }
+
+    /// 1/√x of a positive result, by a normaliser and the root called `name`.
+    pub fn inverse_root(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
+        self.root_by(name, config, x, |unit| Operator::InverseRoot(x, unit), config.format().into())
+    }
+
+    /// √x of a positive result, an exact product, by a normaliser, the root called `name` and a multiplier.
+    pub fn root(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
+        let word = Exact::from(config.format());
+        let root = self.root_by(name, config, x, |unit| Operator::Root(x, unit), word.times(word).scaled(1));
+        self.e.times(self.unit, config.format(), config.format());
+        root
+    }
+
+    /// Where `a` is greater; the unit declares what compares them.
+    pub fn above(&mut self, a: Wire, b: Wire) -> Wire {
+        let lefts = self.terms(a, b);
+        self.condition(Operator::Above([a, b], lefts))
+    }
+
+    /// Where a condition does not hold.
+    pub fn not(&mut self, condition: Wire) -> Wire {
+        self.condition(Operator::Not(condition))
+    }
+
+    /// Where one condition holds or the other.
+    pub fn either(&mut self, a: Wire, b: Wire) -> Wire {
+        self.condition(Operator::Either([a, b]))
+    }
+
+    /// Where both conditions hold.
+    pub fn both(&mut self, a: Wire, b: Wire) -> Wire {
+        self.condition(Operator::Both([a, b]))
+    }
+
+    /// Where a word is not above 0.
+    pub fn is_none(&mut self, from: Wire) -> Wire {
+        let Node { shape, power, .. } = self.of(from);
+        let place = self.constant(1, shape);
+        self.nodes[place.place()].power = power;
+        self.above(place, from)
+    }
+
+    /// Items in which a condition holds are culled: none of their words counts from here on.
+    pub fn drop_where(&mut self, condition: Wire) {
+        self.condition(Operator::Drop(condition));
+    }
+
+    /// The graph, with these results.
+    pub fn build<const OUTPUTS: usize>(&mut self, outputs: [Wire; OUTPUTS]) -> Graph<OUTPUTS> {
+        let (nodes, functions) = (std::mem::take(&mut self.nodes), std::mem::take(&mut self.functions));
+        Graph { nodes, functions, outputs }
+    }
+}

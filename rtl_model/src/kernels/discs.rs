@@ -1,0 +1,533 @@
+//! Discs: `project` and `ellipse` of discs for the host, eight splats at a time in registers.
+//!
+//! Both are stated as graphs in their units, whose words and function units these are; a batch of those takes 1.8 times as many instructions
+//! a splat. Names and order are those of the graphs.
+//!
+//! Law: `discs_are_set_up_as_their_graphs_say`.
+
+use crate::elaboration::Signal;
+use crate::frame::{Scaled, View};
+use crate::functions::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
+use crate::functions::{Reciprocal, ReciprocalRoot};
+use crate::graph::{Batch, Graph, Program};
+use crate::machine::Machine;
+use crate::num::{Exacts, Fit, Lanes, Word, Words, align, three, two};
+use crate::probe::{Probe, Tap};
+use crate::records::unit;
+use crate::units::{ellipse, project};
+
+use super::host::Kernel;
+
+/// Fraction bits of a difference shifted left until its largest part fills 62 bits.
+const PARTS_FRAC_BITS: i32 = NORMALISED_FRAC_BITS + 1;
+
+/// What the host needs of both units.
+#[derive(Clone, Debug)]
+pub struct Discs {
+    words: DiscWords,
+    units: Units,
+}
+
+/// Function units.
+#[derive(Clone, Debug)]
+struct Units {
+    reciprocal: Reciprocal,
+    root: ReciprocalRoot,
+    extent_root: ReciprocalRoot,
+    slope_reciprocal: Reciprocal,
+}
+
+/// Words, and where binary points lie: copied before each batch, so that the compiler knows that nothing changes them meanwhile.
+#[derive(Clone, Copy, Debug)]
+struct DiscWords {
+    relative: Fit,
+    camera: Fit,
+    depth: Fit,
+    projected_slope: Fit,
+    pixel: Fit,
+    normal: Fit,
+    turns_normals: bool,
+    fragment_normal: Fit,
+    tilt: Fit,
+    facing: Fit,
+    scaled_radius: Fit,
+    size: Fit,
+    size_squared: Fit,
+    /// Products of `size_squared` and `aspect`; none where all pixels are square.
+    stretched: Option<Fit>,
+    shape: Fit,
+    low_pass: Fit,
+    variance: Fit,
+    variance_cross: Fit,
+    area: Fit,
+    determinant: Fit,
+    inverse: Fit,
+    conic: Fit,
+    conic_cross: Fit,
+    visibility: Fit,
+    amplitude: Fit,
+    inverse_two_pi: i64,
+    extent: Fit,
+    edge: Fit,
+    depth_step: Fit,
+    slope_scale: Fit,
+    depth_slope: Fit,
+    depth_range: Fit,
+    places: Places,
+}
+
+/// Where binary points lie, for aligning the terms of sums.
+#[derive(Clone, Copy, Debug)]
+struct Places {
+    /// Position, eye; and the fraction bits that both then have.
+    position: [u32; 2],
+    difference: i64,
+    slope: u32,
+    /// s·a, principal point.
+    screen: [u32; 2],
+    /// s·σ as an exact product.
+    scaled_radius: i64,
+    /// Terms of `shape`: one, a², g².
+    shape: [u32; 3],
+    /// Terms of `variance`: k'²·shape, v'.
+    variance: [u32; 2],
+    /// Terms of `determinant`: area², v'·tr, v'².
+    determinant: [u32; 3],
+    /// Terms of an edge: pixel, extent; and their common fraction bits.
+    edge: [u32; 2],
+    edge_frac_bits: u32,
+}
+
+/// A splat's words, eight of them, and the point's.
+#[derive(Clone, Copy, Debug)]
+struct Input<W> {
+    normal: [W; 3],
+    radius: W,
+    forward: W,
+    exponent: W,
+    inverse_depth: Scientific<W>,
+    slope: [W; 2],
+    pixel: [W; 2],
+}
+
+/// Results of `project`.
+#[derive(Clone, Copy, Debug)]
+struct Projected<W> {
+    camera: [W; 3],
+    exponent: W,
+    depth: W,
+    inverse_depth: Scientific<W>,
+    slope: [W; 2],
+    pixel: [W; 2],
+    near: W,
+    outside: W,
+}
+
+/// Results of `ellipse`.
+#[derive(Clone, Copy, Debug)]
+struct Output<W> {
+    normal: [W; 3],
+    conic: [W; 3],
+    amplitude: W,
+    columns: [W; 2],
+    rows: [W; 2],
+    depth_slope: [W; 2],
+    depth_range: W,
+    backface: W,
+    faint: W,
+    outside: W,
+}
+
+/// What a disc leaves on the screen.
+struct Footprint<W> {
+    conic: [W; 3],
+    amplitude: W,
+    columns: [W; 2],
+    rows: [W; 2],
+    faint: W,
+    outside: W,
+}
+
+impl Discs {
+    /// From the graphs of both units.
+    pub fn new(
+        machine: &Machine,
+        signals: &[Signal],
+        point: &Graph<{ project::OUTPUTS }>,
+        disc: &Graph<{ ellipse::OUTPUTS }>,
+        inverse_two_pi: i64,
+    ) -> Self {
+        let (p, m) = (&machine.project, &machine.ellipse);
+        let f = |word: Word| word.format.frac_bits;
+        let of_point = |name: &str| point.fit_of_signal(signals, unit::PROJECT, name, 0);
+        let nth = |name: &str, nth: usize| disc.fit_of_signal(signals, unit::ELLIPSE, name, nth);
+        let of_disc = |name: &str| nth(name, 0);
+        let variance = f(m.size_squared) + f(m.shape);
+        let shape = align([2 * f(p.slope), 2 * f(m.tilt)]);
+        let [position, eye] = [machine.splat.position, p.eye].map(f);
+        let words = DiscWords {
+            relative: of_point("relative"),
+            camera: of_point("camera"),
+            depth: of_point("depth"),
+            projected_slope: of_point("slope"),
+            pixel: of_point("pixel"),
+            normal: of_disc("normal"),
+            turns_normals: machine.fragment.turn_normals,
+            fragment_normal: disc.fit_of_signal(signals, unit::FRAGMENT, "normal", 0),
+            tilt: of_disc("tilt"),
+            facing: of_disc("facing"),
+            scaled_radius: of_disc("scaled_radius"),
+            size: of_disc("size"),
+            size_squared: of_disc("size_squared"),
+            stretched: m.aspect.map(|_| nth("size_squared", 1)),
+            shape: of_disc("shape"),
+            low_pass: of_disc("low_pass"),
+            variance: of_disc("variance"),
+            variance_cross: of_disc("variance_cross"),
+            area: of_disc("area"),
+            determinant: of_disc("determinant"),
+            inverse: of_disc("inverse"),
+            conic: of_disc("conic"),
+            conic_cross: of_disc("conic_cross"),
+            visibility: of_disc("visibility"),
+            amplitude: of_disc("amplitude"),
+            inverse_two_pi,
+            extent: of_disc("extent"),
+            edge: of_disc("edge"),
+            depth_step: of_disc("depth_step"),
+            slope_scale: nth("depth_step", 1),
+            depth_slope: of_disc("depth_slope"),
+            depth_range: of_disc("depth_range"),
+            places: Places {
+                position: align([position, eye]),
+                difference: i64::from(position.max(eye)),
+                slope: f(p.slope) as u32,
+                screen: align([f(p.focal) + f(p.slope), f(p.pixel)]),
+                scaled_radius: i64::from(f(p.focal) + f(machine.splat.radius)),
+                shape: [(2 * f(p.slope)) as u32 + shape[0], shape[0], shape[1]],
+                variance: align([variance, f(m.low_pass)]),
+                determinant: align([2 * f(m.area), f(m.low_pass) + f(m.variance), 2 * f(m.low_pass)]),
+                edge: align([f(p.pixel), f(m.extent)]),
+                edge_frac_bits: f(p.pixel).max(f(m.extent)).max(1) as u32,
+            },
+        };
+        let [reciprocal] = point.reciprocals() else { unreachable!("project has one") };
+        let ([slope_reciprocal], [root, extent_root, ..]) = (disc.reciprocals(), disc.roots()) else { unreachable!("ellipse has these") };
+        let units = Units {
+            reciprocal: reciprocal.clone(),
+            root: root.clone(),
+            extent_root: extent_root.clone(),
+            slope_reciprocal: slope_reciprocal.clone(),
+        };
+        Discs { words, units }
+    }
+}
+
+/// Sets discs up, from rows of both units' inputs to rows of their results.
+#[derive(Debug)]
+pub struct SetUpDiscs<'a, 'p, P> {
+    /// The units' words.
+    pub discs: &'a Discs,
+    /// View and picture.
+    pub view: &'a View,
+    /// Columns and rows of the picture.
+    pub size_px: [u32; 2],
+    /// Rows of `project`.
+    pub point: (&'a Program, &'a Batch),
+    /// Rows of `ellipse`.
+    pub footprint: (&'a Program, &'a Batch),
+    /// Which items are shown to the probe, eight a row; as many rows are set up.
+    pub live: &'a [u8],
+    /// Observes the words.
+    pub probe: &'p mut P,
+}
+
+impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let SetUpDiscs { discs, view, size_px, point: (project, point), footprint: (program, footprint), live, probe } = self;
+        let (words, view) = (discs.words, view.clone());
+        let words = WithUnits { words: &words, units: &discs.units };
+        for (row, live) in live.iter().enumerate() {
+            let mut tap = Tap { probe: &mut *probe, live: *live };
+            let of_splat = |input: usize| L::Words::from_array(footprint.input_row(program, input, row));
+            let position = three!(axis => L::Words::from_array(point.input_row(project, axis, row)));
+            let made = words.projected(&view, position, &mut tap);
+            let ([x, y, z], [a, b], [column, line]) = (made.camera, made.slope, made.pixel);
+            let Scientific { mantissa, exponent } = made.inverse_depth;
+            let results = [x, y, z, made.exponent, made.depth, mantissa, exponent, a, b, column, line, made.near, made.outside];
+            (0..).zip(results).for_each(|(output, result)| point.set_result(project, output, row, result.to_array()));
+            let input = Input {
+                normal: three!(axis => of_splat(axis)),
+                radius: of_splat(3),
+                forward: z,
+                exponent: made.exponent,
+                inverse_depth: made.inverse_depth,
+                slope: made.slope,
+                pixel: made.pixel,
+            };
+            let made = words.disc_lanes(&view, size_px, &input, &mut tap);
+            let ([n, m, o], [xx, xy, yy], [z_x, z_y]) = (made.normal, made.conic, made.depth_slope);
+            let ([left, right], [top, bottom]) = (made.columns, made.rows);
+            let results = [
+                n,
+                m,
+                o,
+                xx,
+                xy,
+                yy,
+                made.amplitude,
+                left,
+                right,
+                top,
+                bottom,
+                z_x,
+                z_y,
+                made.depth_range,
+                made.backface,
+                made.faint,
+                made.outside,
+            ];
+            (0..).zip(results).for_each(|(output, result)| footprint.set_result(program, output, row, result.to_array()));
+        }
+    }
+}
+
+/// Words and function units.
+#[derive(Clone, Copy)]
+struct WithUnits<'a> {
+    words: &'a DiscWords,
+    units: &'a Units,
+}
+
+impl std::ops::Deref for WithUnits<'_> {
+    type Target = DiscWords;
+
+    fn deref(&self) -> &DiscWords {
+        self.words
+    }
+}
+
+impl WithUnits<'_> {
+    /// Projects eight splats, lanes that end culled carry harmless words from there
+    /// on.
+    #[inline(always)]
+    fn projected<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> Projected<W> {
+        let (relative, exponent) = self.relative(view, position, tap);
+        let camera = three!(row => tap.fit_words(&self.camera, W::dot(view.rotation[row], relative)));
+        let forward = camera[2].max(W::splat(1));
+        let depth = tap.fit_shifted(&self.depth, camera[2].max(W::splat(0)).exact(), -exponent);
+        let near = depth.above(W::splat(view.near)).not();
+        let limit = two!(axis => W::splat(view.guard[axis]) * forward);
+        let beyond = two!(axis => camera[axis].exact().abs().left(self.places.slope).above(limit[axis]));
+        let outside = beyond[0] | beyond[1];
+        tap.drop_where(near | outside);
+
+        let inverse_depth = self.units.reciprocal.lanes(forward.exact(), tap);
+        let offset = two!(axis => W::splat(0).where_else(near | outside, camera[axis]));
+        let slope = two!(axis => tap.fit_shifted(&self.projected_slope, offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
+        let [of_screen, of_centre] = self.places.screen;
+        let (focal, centre) = (view.focals(), view.centre.map(|centre| centre << of_centre));
+        let pixel = two!(axis => {
+            let screen = (W::splat(focal[axis]) * slope[axis]).left(of_screen);
+            tap.fit_wide(&self.pixel, screen + W::Exact::splat(centre[axis])).low()
+        });
+        Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside }
+    }
+
+    /// Position less eye, and the power of two that it is relative to.
+    #[inline(always)]
+    fn relative<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> ([W; 3], W) {
+        let [of_position, of_eye] = self.places.position;
+        let difference = three!(axis => position[axis].exact().left(of_position) - W::Exact::splat(view.eye[axis] << of_eye));
+        let [x, y, z] = three!(axis => difference[axis].abs());
+        // As many as those of the largest.
+        let lead = (x | y | z | W::Exact::splat(1)).leading_zeros() - W::splat(2);
+        let relative = three!(axis => tap.fit_top(&self.relative, difference[axis].left_by(lead)));
+        (relative, W::splat(i64::from(PARTS_FRAC_BITS) - self.places.difference) - lead)
+    }
+
+    /// Sets eight discs up.
+    #[inline(always)]
+    fn disc_lanes<W: Words, P: Probe>(&self, view: &View, size_px: [u32; 2], input: &Input<W>, tap: &mut Tap<P>) -> Output<W> {
+        let normal = self.camera_normal(view, input.normal, tap);
+        let (tilt, facing) = self.turn(input.slope, normal, tap);
+        let zero = W::splat(0);
+        let away = if view.cull_backfaces { facing.above(zero) } else { zero };
+        let blind = facing.is_zero() | input.radius.is_none();
+        tap.drop_where(away | blind);
+        let one = W::splat(1);
+        let facing = one.where_else(blind, facing);
+        let radius = input.radius.max(one);
+
+        let sized = self.size(view, radius, input, tap);
+        let shape = self.shape(input.slope, tilt, tap);
+        let footprint = self.footprint(view, size_px, input.pixel, sized, (shape, facing), tap);
+        Output {
+            normal: self.seen_normal(normal, tap),
+            conic: footprint.conic,
+            amplitude: footprint.amplitude,
+            columns: footprint.columns,
+            rows: footprint.rows,
+            depth_slope: self.depth_slope(view, input, normal, facing, tap),
+            depth_range: tap.fit_words(&self.depth_range, radius * W::splat(view.root_cutoff)),
+            backface: away,
+            faint: blind | footprint.faint,
+            outside: footprint.outside,
+        }
+    }
+
+    /// From a shape's variance without size, and its faces, to a conic and a box.
+    #[inline(always)]
+    fn footprint<W: Words, P: Probe>(
+        &self,
+        view: &View,
+        size_px: [u32; 2],
+        pixel: [W; 2],
+        (size_squared, exponent): ([W; 3], W),
+        (shape, facing): ([W; 3], W),
+        tap: &mut Tap<P>,
+    ) -> Footprint<W> {
+        let low_pass = tap.fit_shifted(&self.low_pass, W::Exact::splat(view.low_pass), exponent + exponent);
+        let variance = self.variance(shape, size_squared, low_pass, tap);
+        let area = tap.fit_words(&self.area, size_squared[1] * facing);
+        let determinant = self.determinant(area, variance, low_pass, tap);
+        let flat = W::Exact::splat(1).above(determinant);
+        tap.drop_where(flat);
+
+        let inverse_root = self.units.root.lanes(determinant.max(W::Exact::splat(1)), tap);
+        let conic = self.conic(variance, inverse_root, exponent, tap);
+        let visibility = tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
+        let amplitude = tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi));
+        let dark = amplitude.is_none();
+
+        let across = [variance[0], variance[2]];
+        let [columns, rows] = two!(axis => self.side(view.cutoff, size_px[axis], pixel[axis], across[axis], exponent, tap));
+        let outside = columns[0].above(columns[1]) | rows[0].above(rows[1]);
+        tap.drop_where(dark | outside);
+        Footprint { conic, amplitude, columns, rows, faint: flat | dark, outside }
+    }
+
+    #[inline(always)]
+    fn camera_normal<W: Words, P: Probe>(&self, view: &View, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
+        three!(row => tap.fit_words(&self.normal, W::dot(view.rotation[row], normal)))
+    }
+
+    /// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's two sides do not cancel.
+    #[inline(always)]
+    fn seen_normal<W: Words, P: Probe>(&self, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
+        let mut seen = normal;
+        if self.turns_normals {
+            let away = normal[2].above(W::splat(0));
+            seen = three!(axis => (-normal[axis]).where_else(away, normal[axis]));
+        }
+        three!(axis => tap.fit_words(&self.fragment_normal, seen[axis].exact()))
+    }
+
+    /// g and c_n.
+    #[inline(always)]
+    fn turn<W: Words, P: Probe>(&self, [a, b]: [W; 2], n: [W; 3], tap: &mut Tap<P>) -> ([W; 2], W) {
+        let [x, y, z] = three!(axis => n[axis].exact().left(self.places.slope));
+        let tilt = [tap.fit_words(&self.tilt, x - a * n[2]), tap.fit_words(&self.tilt, y - b * n[2])];
+        (tilt, tap.fit_words(&self.facing, a * n[0] + b * n[1] + z))
+    }
+
+    /// k'_x², k'_x·k'_y, k'_y², and e.
+    #[inline(always)]
+    fn size<W: Words, P: Probe>(&self, view: &View, radius: W, input: &Input<W>, tap: &mut Tap<P>) -> ([W; 3], W) {
+        let scaled = (W::splat(view.focal) * radius).max(W::Exact::splat(1));
+        let lead = scaled.leading_zeros() - W::splat(2);
+        let mantissa = tap.fit_top(&self.scaled_radius, scaled.left_by(lead));
+        let floor = i64::from(NORMALISED_FRAC_BITS) - self.places.scaled_radius;
+        // k = mantissa · inverse_depth · 2^power, where the product lies in [½, 2].
+        let inverse_depth = input.inverse_depth;
+        let power = inverse_depth.exponent - input.exponent + W::splat(floor) - lead;
+        let exponent = (power + W::splat(1)).max(W::splat(0));
+        let size = tap.fit_shifted(&self.size, mantissa * inverse_depth.mantissa, exponent - power);
+        let squared = tap.fit_words(&self.size_squared, size * size);
+        let squares = match (view.aspect, self.stretched) {
+            (Some(aspect), Some(fit)) => three!(i => tap.fit_words(&fit, squared * W::splat(aspect.squares[i]))),
+            _ => [squared; 3],
+        };
+        (squares, exponent)
+    }
+
+    /// [1+a² … − ggᵀ].
+    #[inline(always)]
+    fn shape<W: Words, P: Probe>(&self, [a, b]: [W; 2], g: [W; 2], tap: &mut Tap<P>) -> [W; 3] {
+        let [one, slopes, tilts] = self.places.shape;
+        let one = W::Exact::splat(1 << one);
+        let shape = [
+            one + (a * a).left(slopes) - (g[0] * g[0]).left(tilts),
+            (a * b).left(slopes) - (g[0] * g[1]).left(tilts),
+            one + (b * b).left(slopes) - (g[1] * g[1]).left(tilts),
+        ];
+        three!(i => tap.fit_words(&self.shape, shape[i]))
+    }
+
+    /// V00', V01', V11'.
+    #[inline(always)]
+    fn variance<W: Words, P: Probe>(&self, [xx, xy, yy]: [W; 3], size_squared: [W; 3], low_pass: W, tap: &mut Tap<P>) -> [W; 3] {
+        let [spread, filter] = self.places.variance;
+        let low_pass = low_pass.exact().left(filter);
+        [
+            tap.fit_words(&self.variance, (size_squared[0] * xx).left(spread) + low_pass),
+            tap.fit_words(&self.variance_cross, size_squared[1] * xy),
+            tap.fit_words(&self.variance, (size_squared[2] * yy).left(spread) + low_pass),
+        ]
+    }
+
+    #[inline(always)]
+    fn determinant<W: Words, P: Probe>(&self, area: W, variance: [W; 3], low_pass: W, tap: &mut Tap<P>) -> W::Exact {
+        let [squares, filtered, filters] = self.places.determinant;
+        let trace = variance[0] + variance[2];
+        let exact = (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters) + (area * area).left(squares);
+        tap.fit_wide(&self.determinant, exact)
+    }
+
+    #[inline(always)]
+    fn conic<W: Words, P: Probe>(&self, v: [W; 3], inverse_root: Scientific<W>, exponent: W, tap: &mut Tap<P>) -> [W; 3] {
+        let inverse = tap.fit_words(&self.inverse, inverse_root.mantissa * inverse_root.mantissa);
+        let more = (exponent - inverse_root.exponent).left(1);
+        [
+            tap.fit_shifted(&self.conic, v[2] * inverse, more),
+            tap.fit_shifted(&self.conic_cross, -(v[1] * inverse), more),
+            tap.fit_shifted(&self.conic, v[0] * inverse, more),
+        ]
+    }
+
+    /// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
+    #[inline(always)]
+    fn side<W: Words, P: Probe>(&self, cutoff: i64, pixels: u32, pixel: W, variance: W, exponent: W, tap: &mut Tap<P>) -> [W; 2] {
+        let reach = (W::splat(cutoff) * variance).max(W::Exact::splat(1));
+        let (root, power) = self.units.extent_root.root_lanes(reach, tap);
+        let extent = tap.fit_shifted(&self.extent, root, -power - exponent);
+        let [pixel_align, extent_align] = self.places.edge;
+        let last_px = i64::from(pixels) - 1;
+        // From the centre of pixel 0 to the picture's middle: (pixels − 1)/2.
+        let first_centre = W::Exact::splat(last_px << (self.places.edge_frac_bits - 1));
+        let centre = pixel.exact().left(pixel_align) + first_centre;
+        let extent = (extent.exact() + W::Exact::splat(1)).left(extent_align);
+        let up = W::Exact::splat((1 << self.places.edge_frac_bits) - 1);
+        let first = tap.fit_words(&self.edge, centre - extent + up).max(W::splat(0));
+        let last = tap.fit_words(&self.edge, centre + extent).min(W::splat(last_px));
+        [first, last]
+    }
+
+    #[inline(always)]
+    fn depth_slope<W: Words, P: Probe>(&self, view: &View, input: &Input<W>, n: [W; 3], facing: W, tap: &mut Tap<P>) -> [W; 2] {
+        let inverse = self.units.slope_reciprocal.lanes(facing.exact().abs(), tap);
+        let scale = |inverse_focal: Scaled, tap: &mut Tap<P>| {
+            let step = tap.fit_words(&self.depth_step, input.forward * W::splat(inverse_focal.mantissa));
+            let scale = tap.fit_words(&self.slope_scale, step * inverse.mantissa);
+            let away = scale.where_else(W::splat(0).above(facing), -scale);
+            (away, W::splat(inverse_focal.places) - inverse.exponent - input.exponent)
+        };
+        let across = scale(view.inverse_focals()[0], tap);
+        // Of square pixels it is the same step.
+        let down = view.aspect.map_or(across, |aspect| scale(aspect.inverse_focal[1], tap));
+        [tap.fit_shifted(&self.depth_slope, across.0 * n[0], across.1), tap.fit_shifted(&self.depth_slope, down.0 * n[1], down.1)]
+    }
+}
