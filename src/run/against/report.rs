@@ -71,7 +71,7 @@ impl Against {
     /// The table of one frame.
     pub fn table(&self) -> String {
         let head = format!("against {}, code values of {} bits:", self.picture, self.bits);
-        format!("{}\n{}", wrapped(&head), table(&self.golden, &self.fixed, &self.fixed_minus_golden))
+        format!("{}\n{}", wrapped(&head), table(&self.golden, &self.fixed, &self.fixed_minus_golden, "equal"))
     }
 }
 
@@ -106,7 +106,7 @@ impl Means {
     /// The means, and a row per frame; of many frames those that lose most.
     pub fn tables(&self, frames: &[(u64, &Against)]) -> String {
         let head = format!("against photographs, code values, mean of {} frames:", frames.len());
-        let means = table(&self.golden, &self.fixed, &self.fixed_minus_golden).replace("equal", "infinite");
+        let means = table(&self.golden, &self.fixed, &self.fixed_minus_golden, "infinite");
         let mut rows = frames.to_vec();
         // Where golden alone equals the photograph, nothing loses more.
         rows.sort_by(|(_, a), (_, b)| {
@@ -119,7 +119,7 @@ impl Means {
         rows.sort_by_key(|(frame, _)| *frame);
         let mut each = plain_table(&["frame", "golden dB", "SSIM", "FLIP", "fixed dB", "SSIM", "FLIP", "fixed − golden"]);
         for (frame, Against { golden, fixed, fixed_minus_golden, .. }) in &rows {
-            let [[golden_db, golden_ssim, golden_flip], [fixed_db, fixed_ssim, fixed_flip]] = [golden, fixed].map(cells);
+            let [[golden_db, golden_ssim, golden_flip], [fixed_db, fixed_ssim, fixed_flip]] = [golden, fixed].map(|of| cells(of, "equal"));
             let [loss_db, ..] = steps(fixed_minus_golden);
             each.add_row([frame.to_string(), golden_db, golden_ssim, golden_flip, fixed_db, fixed_ssim, fixed_flip, loss_db]);
         }
@@ -129,17 +129,22 @@ impl Means {
     }
 }
 
-fn table(golden: &Fidelity, fixed: &Fidelity, loss: &Loss) -> String {
+/// `none` is what no PSNR means.
+fn table(golden: &Fidelity, fixed: &Fidelity, loss: &Loss, none: &str) -> String {
     let mut table = plain_table(&["", "PSNR dB", "SSIM", "FLIP"]);
-    for (name, cells) in [("golden", cells(golden)), ("fixed", cells(fixed)), ("fixed − golden", steps(loss))] {
+    for (name, cells) in [("golden", cells(golden, none)), ("fixed", cells(fixed, none)), ("fixed − golden", steps(loss))] {
         let [db, ssim, flip] = cells;
         table.add_row([name.to_owned(), db, ssim, flip]);
     }
     aligned(table).trim_fmt()
 }
 
-fn cells(of: &Fidelity) -> [String; 3] {
-    [db_text(of.psnr_db, of.not_finite, |db| format!("{db:.3}")), format!("{:.5}", of.ssim), format!("{:.5}", of.flip)]
+fn cells(of: &Fidelity, none: &str) -> [String; 3] {
+    [
+        db_text(of.psnr_db, of.not_finite, |db| format!("{db:.3}")).replace("equal", none),
+        format!("{:.5}", of.ssim),
+        format!("{:.5}", of.flip),
+    ]
 }
 
 fn steps(loss: &Loss) -> [String; 3] {
