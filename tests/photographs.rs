@@ -74,7 +74,7 @@ fn golden_as_the_photograph_is_equal_and_fixed_is_as_far_as_the_files_are() {
     let white = spheres(&json!({"image": {"width": 24, "height": 20, "background": [1, 1, 1, 1]}}));
     let narrow = "gauss.weight=U-2F5";
     for (scene, machine, word) in
-        [(spheres(&json!({})), "tiny", narrow), (white, "tiny", narrow), (bouquet, "gaussian", "gauss.weight=U0F5")]
+        [(spheres(&json!({})), "tiny", narrow), (white, "tiny", narrow), (bouquet, "gaussian", "gauss.weight=U1F4")]
     {
         let scene = write(folder, "scene.json", &scene);
         let (first, second) = (folder.join("first"), folder.join("second"));

@@ -13,6 +13,7 @@ const MOST_ROWS: usize = 20;
 /// A frame against its photograph, in code values (sRGB as files store it, not linear light). The drawn pictures are rounded to as many bits
 /// as the photograph has, as their PNG files are, and over black where they are not opaque.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+#[schemars(rename = "AgainstPhotograph")]
 pub struct Against {
     /// The photograph's file.
     pub picture: String,
@@ -28,7 +29,7 @@ pub struct Against {
 
 /// Means over all frames.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
-#[schemars(rename = "AgainstMeans")]
+#[schemars(rename = "AgainstPhotographs")]
 pub struct Means {
     /// Of what exact arithmetic reaches.
     pub golden: Fidelity,
