@@ -36,7 +36,7 @@ pub(super) struct Typed {
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
     /// Compare with photographs: PSNR, SSIM, FLIP
-    #[arg(long, value_name = "IMAGE|FOLDER", conflicts_with = "preview")]
+    #[arg(long, value_name = "IMAGE|DIR", conflicts_with = "preview")]
     against: Option<PathBuf>,
     /// Also write the pictures as a YUV4MPEG2 video
     #[arg(long, value_name = "FILE")]

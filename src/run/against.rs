@@ -1,7 +1,7 @@
 //! Against: measures golden and fixed against photographs of the same views: `run --against` (docs/book/photographs.md).
 //!
 //! ```text
-//! IMAGE or FOLDER ─► matching: one picture per frame ─► photograph: code values over the background ─┐
+//! IMAGE or DIR ─► matching: one picture per frame ─► photograph: code values over the background ─┐
 //! golden, fixed ─► code values of as many bits ───────────────────────────────────────────────────────┴─► PSNR, SSIM, FLIP
 //! ```
 //! Every photograph is decoded before the first frame is drawn: a run that begins has all that it compares with.
