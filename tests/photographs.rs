@@ -428,6 +428,14 @@ fn photographs_that_do_not_match_the_frames_are_refused_before_anything_is_drawn
     ] {
         refused(folder, &arguments, part);
     }
+    // Pictures that the run itself would replace.
+    let own = at("own");
+    let cameras = spheres(&json!({"cameras": [eye(0.0)]}));
+    put(&["own/a.png"]);
+    let output = splatsim(&["run", &write(folder, "cameras.json", &cameras), "--against", &own, "--out", &own]);
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && told.contains("own: is the folder of --out too"), "{told}");
+    assert_eq!(std::fs::read_dir(&own).unwrap().count(), 1);
     // A frame of its own needs one alone; another name than the camera's is told.
     let told = says(&["run", &one, "--cameras", &named, "--frame", "2", "--check", "none", "--against", &at("sound.png")]);
     assert!(told.replace("\n    ", " ").contains("note: photographs: sound.png is compared; the camera's own is y"), "{told}");

@@ -4,7 +4,7 @@ use super::{Checked, Typed};
 use crate::cli::arguments::Within;
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
-use crate::output::files::Folder;
+use crate::output::files::{Folder, are_one};
 use crate::output::progress::Progress;
 use crate::output::text::{one_line, wrapped};
 use crate::output::video::Video;
@@ -48,6 +48,13 @@ impl Typed {
                 all
             });
             warning = warning.or(of_frame.warning);
+        }
+        if let Some((against, out)) = self.against.as_deref().zip(self.out.as_deref()).filter(|(against, out)| are_one(against, out)) {
+            return Err(Error::input(format!(
+                "--against {}: is the folder of --out too, whose pictures are replaced frame by frame: --out {} must be another folder",
+                against.display(),
+                out.display()
+            )));
         }
         let photographs = self.against.as_deref().map(|path| Photographs::open(path, &sequence, None)).transpose()?;
         let open = self.out.as_deref().map(Folder::open).transpose()?;
