@@ -39,6 +39,7 @@ mod mixed;
 mod mutation;
 mod parcel;
 mod paths;
+mod photographs;
 mod pinned;
 mod program;
 mod proofs;

@@ -249,6 +249,7 @@ fn draw(path: &Path, made: &Made, met: &mut Met) -> Result<()> {
         sequence::run(
             &mut frames,
             machine,
+            None,
             0.0,
             &sequence::Output::default(),
             &splatsim::output::progress::Progress::of_steps(false, 2, ""),

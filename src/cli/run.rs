@@ -14,6 +14,7 @@ use crate::performance::cost::Prices;
 use crate::performance::recording::Recording;
 use crate::performance::timings::{Axes, Variants};
 use crate::run;
+use crate::run::against::Photographs;
 use crate::run::detail::bounded;
 use crate::run::preview;
 use crate::run::preview::Preview;
@@ -34,6 +35,9 @@ pub(super) struct Typed {
     /// Read cameras: nerfstudio, COLMAP, 3DGS, search
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
+    /// Compare with photographs: PSNR, SSIM, FLIP
+    #[arg(long, value_name = "IMAGE|DIR", conflicts_with = "preview")]
+    against: Option<PathBuf>,
     /// Also write the pictures as a YUV4MPEG2 video
     #[arg(long, value_name = "FILE")]
     y4m: Option<PathBuf>,
@@ -133,6 +137,8 @@ impl Typed {
         }
         let number = self.common.frame.unwrap_or(0);
         sequence.frame(number)?;
+        let photographs = |path| memory::check_frame(sequence.scene()).and_then(|()| Photographs::open(path, &sequence, Some(number)));
+        let against = self.against.as_deref().map(photographs).transpose()?;
         let frame = sequence.is_sequence().then_some(number as u64);
         let scene = sequence.into_scene();
         let Within { machine, outside: outside_of_search, warning } = self.common.machine_within(&scene)?;
@@ -169,6 +175,7 @@ impl Typed {
             outside_of_search,
             frame,
             scene_file: std::path::absolute(&self.scene).ok().filter(|path| path.exists()),
+            against,
         };
         // Last, for nothing may be written where anything is wrong.
         let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;

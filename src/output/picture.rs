@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
-use crate::output::colour::{srgb_byte, srgb_decode};
+use crate::output::colour::{srgb_byte, srgb_decode, srgb_encode};
 use crate::output::files::write_beside;
 
 /// A finished picture: linear light, RGBA, colour premultiplied by alpha, over the background.
@@ -45,11 +45,31 @@ impl Picture {
 
     /// The picture seen as what a screen is sent: linear light that [`Picture::write_png`] encodes to the very numbers that are here.
     pub fn decoded(&self) -> Picture {
-        let decode = |[r, g, b, alpha]: &[f64; 4]| {
-            let straight = |value: f64| if *alpha > 0.0 { srgb_decode((value / alpha).clamp(0.0, 1.0)) * alpha } else { 0.0 };
-            [straight(*r), straight(*g), straight(*b), *alpha]
+        Picture { rgba: self.rgba.par_iter().map(|pixel| decode(*pixel)).collect(), covered: self.covered.clone(), ..*self }
+    }
+
+    /// The code values, 0 to 1, that a PNG of so many bits per channel (8 or 16) holds of it, over black where it is not opaque. `encoded` as of
+    /// [`Picture::write_shown`]. A pixel that is not finite is NaN.
+    pub fn stored(&self, encoded: bool, bits: u32) -> Picture {
+        let most = f64::from((1_u32 << bits) - 1);
+        let code = |[r, g, b, alpha]: [f64; 4]| {
+            let straight = |value: f64| if alpha > 0.0 { (value / alpha).clamp(0.0, 1.0) } else { 0.0 };
+            let shown = |value: f64| if encoded { straight(value) } else { srgb_encode(straight(value)) };
+            [shown(r), shown(g), shown(b), alpha.clamp(0.0, 1.0)].map(|value| (most * value).round())
         };
-        Picture { rgba: self.rgba.par_iter().map(decode).collect(), covered: self.covered.clone(), ..*self }
+        let codes = |pixel: [f64; 4]| match bits {
+            // To the last place what is written.
+            8 => encode(if encoded { decode(pixel) } else { pixel }).map(f64::from),
+            _ => code(pixel),
+        };
+        let stored = |pixel: &[f64; 4]| {
+            if pixel.iter().any(|channel| !channel.is_finite()) {
+                return [f64::NAN; 4];
+            }
+            let [r, g, b, alpha] = codes(*pixel).map(|code| code / most);
+            [r * alpha, g * alpha, b * alpha, 1.0]
+        };
+        Picture { rgba: self.rgba.par_iter().map(stored).collect(), covered: self.covered.clone(), ..*self }
     }
 
     /// Writes an OpenEXR file: float32, linear light, RGBA premultiplied over the background, row 0 on top.
@@ -61,6 +81,12 @@ impl Picture {
         let image = exr::image::Image::from_channels((self.width, self.height), SpecificChannels::rgba(pixel));
         write_beside(path, |file| image.write().to_buffered(file).map_err(|error| error.to_string()))
     }
+}
+
+/// Linear light of a pixel that has what a screen is sent.
+fn decode([r, g, b, alpha]: [f64; 4]) -> [f64; 4] {
+    let light = |value: f64| if alpha > 0.0 { srgb_decode((value / alpha).clamp(0.0, 1.0)) * alpha } else { 0.0 };
+    [light(r), light(g), light(b), alpha]
 }
 
 /// A pixel as a PNG holds it: colour no longer premultiplied, sRGB-encoded; alpha is linear.
@@ -105,6 +131,28 @@ mod tests {
         assert_eq!((pixels[3][1], pixels[3][2]), (0, 188));
         assert_eq!(pixels[4], [255, 0, 0, 204]);
         assert_eq!(pixels[5], [89, 124, 149, 255]);
+    }
+
+    #[test]
+    fn code_values_are_those_that_a_png_holds() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("picture.png");
+        // With a value that ends in the middle between two codes, and colours that are codes already.
+        let mut picture = picture();
+        picture.rgba[3] = [127.5 / 255.0, 0.1, 0.9, 1.0];
+        for encoded in [false, true] {
+            picture.write_shown(encoded, &path).unwrap();
+            let read = image::open(&path).unwrap().into_rgba8();
+            for (stored, pixel) in picture.stored(encoded, 8).rgba.iter().zip(read.pixels()) {
+                let [r, g, b, alpha] = pixel.0.map(|code| f64::from(code) / 255.0);
+                assert_eq!(*stored, [r * alpha, g * alpha, b * alpha, 1.0]);
+            }
+        }
+        // 0.1 is 0.349190 in sRGB, which is 22884.2 of 65535; encoded it is 6553.5.
+        assert_eq!(picture.stored(false, 16).rgba[5][0], 22884.0 / 65535.0);
+        assert_eq!(picture.stored(true, 16).rgba[5][0], 6554.0 / 65535.0);
+        picture.rgba[0][3] = f64::INFINITY;
+        assert!(picture.stored(false, 8).rgba[0].iter().all(|value| value.is_nan()));
     }
 
     #[test]

@@ -6,6 +6,7 @@
 //!        └─► ideal ─────────────┘
 //! ```
 
+pub mod against;
 pub mod compare;
 pub mod detail;
 pub mod evaluation;
@@ -28,6 +29,7 @@ use crate::performance::cost::{CostReport, Prices};
 use crate::performance::cycles::{CyclesReport, Requests};
 use crate::performance::recording::files_of_cycles;
 use crate::performance::timings::{Timings, Variants};
+use crate::run::against::Photographs;
 use crate::run::detail::DetailReport;
 use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::{Accuracy, Distances, Golden, Host, MachineReport, Report, SceneReport};
@@ -83,6 +85,8 @@ pub struct Options {
     pub frame: Option<u64>,
     /// The file that the scene was read from; none of a built-in one.
     pub scene_file: Option<PathBuf>,
+    /// The photograph of the frame, among those of its sequence.
+    pub against: Option<Photographs>,
 }
 
 /// Files that every run of one frame writes, without `report.json`.
@@ -166,6 +170,10 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let (attribution, attribution_seconds) =
         timed(|| attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture)));
 
+    let frame = options.frame.unwrap_or(0) as usize;
+    let against = options.against.as_ref().map(|photographs| photographs.compare(frame, &golden.picture, &fixed)).transpose()?;
+    let of_photographs = options.against.as_ref().map(Photographs::notes).unwrap_or_default();
+
     let fragments = drawing.outcomes.total();
     let report = Report {
         version: env!("CARGO_PKG_VERSION"),
@@ -179,11 +187,12 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
             fragments,
             camera: scene.camera,
             scale: evaluation.quantised.scale,
-            notes: scene.notes.iter().chain(&evaluation.quantised.notes).cloned().collect(),
+            notes: scene.notes.iter().chain(&evaluation.quantised.notes).chain(of_photographs).cloned().collect(),
         },
         level_of_detail: scene.detail.as_ref().map(|detail| DetailReport::new(detail, elaborated.timing.node_bytes)),
         machine: MachineReport { outside_of_search: options.outside_of_search.clone(), ..MachineReport::new(&elaborated) },
         accuracy: Accuracy { distances, lockstep: lockstep.as_ref().map(|lockstep| lockstep.summary(&fixed)) },
+        against,
         fragments: drawing.outcomes.into(),
         signals,
         cost: CostReport::new(&elaborated, &cycles, &options.prices),

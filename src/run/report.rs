@@ -10,6 +10,7 @@ use crate::performance::answers::Answers;
 use crate::performance::cost::CostReport;
 use crate::performance::cycles::CyclesReport;
 use crate::performance::timings::Timings;
+use crate::run::against::Against;
 use crate::run::detail::DetailReport;
 use crate::run::preview::{Figures, Preview};
 use crate::scene::Camera;
@@ -40,6 +41,9 @@ pub struct Report {
     pub machine: MachineReport,
     /// Distances of the pictures.
     pub accuracy: Accuracy,
+    /// Golden and fixed against a photograph of the view; only where one was given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against: Option<Against>,
     /// Outcomes of the contributions on the machine.
     pub fragments: Fragments,
     /// Every signal's range.
@@ -293,6 +297,9 @@ impl Report {
         let title = format!("{} on {machine}, {}×{}: {splats} splats, {fragments} contributions", scene.name, scene.width, scene.height);
         let _ = writeln!(text, "{}\n", wrapped(&title));
         let _ = writeln!(text, "{}\n", self.accuracy_table());
+        if let Some(against) = &self.against {
+            let _ = writeln!(text, "{}\n", against.table());
+        }
         let _ = writeln!(text, "{}\n", self.lockstep_summary());
         let _ = writeln!(text, "{}\n", self.work_table());
         let _ = writeln!(text, "{}\n{}\n", self.cycles.summary(), self.cost.summary());

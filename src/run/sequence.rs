@@ -21,6 +21,7 @@ use crate::output::picture::Picture;
 use crate::output::progress::Progress;
 use crate::output::video::Video;
 use crate::performance::cycles::CyclesReport;
+use crate::run::against::{Means, Photographs};
 use crate::run::evaluation::{Evaluation, Observed};
 use crate::run::report::{Distances, MachineReport};
 use crate::run::timed;
@@ -61,12 +62,19 @@ pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
     Ok(())
 }
 
-/// Draws every frame on `machine` and compares. `progress` hears of each.
+/// Draws every frame on `machine` and compares, also with `photographs` where there are any. `progress` hears of each.
 ///
 /// # Errors
 /// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold a frame; [`crate::error::Error::Job`] where a file cannot
 /// be written.
-pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output: &Output, progress: &Progress) -> Result<Report> {
+pub fn run(
+    sequence: &mut Sequence,
+    machine: &Machine,
+    photographs: Option<&Photographs>,
+    load_seconds: f64,
+    output: &Output,
+    progress: &Progress,
+) -> Result<Report> {
     let elaborated = fixed::elaborate(machine)?;
     let first = sequence.frame(0)?;
     let mut scene = SceneReport {
@@ -77,6 +85,7 @@ pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output
         frames: sequence.cameras().len() as u64,
         notes: sequence.scene().notes.clone(),
     };
+    scene.notes.extend_from_slice(photographs.map(Photographs::notes).unwrap_or_default());
     output.folder.as_deref().map_or(Ok(()), |folder| begin(folder, sequence.cameras().len()))?;
     let mut video = output.video.as_deref().map(|path| Video::create(path, scene.width, scene.height)).transpose()?;
     let (mut frames, mut before) = (Vec::new(), None);
@@ -86,6 +95,8 @@ pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output
         let seen = sequence.frame(number)?;
         let drawn = Drawn::new(seen, &elaborated, &mut host)?;
         let encoded = seen.image.encoded;
+        let Pictures { golden, fixed, .. } = &drawn.pictures;
+        let against = photographs.map(|photographs| photographs.compare(number, golden, fixed)).transpose()?;
         if let Some(folder) = &output.folder {
             write_frame(&drawn.pictures, number, encoded, output.exr, folder)
                 .map_err(|error| Error::job(format!("{error}; the run is not finished, and {} has no report.json", folder.display())))?;
@@ -97,7 +108,7 @@ pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output
         all = sums.as_ref().map_or(all, |sums| all.and(sums));
         let fresh = drawn.notes.into_iter().filter(|note| !scene.notes.contains(note)).collect::<Vec<_>>();
         scene.notes.extend(fresh);
-        frames.push(FrameReport { frame: number as u64, flicker: sums.map(|sums| sums.flicker()), ..drawn.report });
+        frames.push(FrameReport { frame: number as u64, flicker: sums.map(|sums| sums.flicker()), against, ..drawn.report });
         before = Some(drawn.pictures);
         progress.step();
     }
@@ -109,6 +120,7 @@ pub fn run(sequence: &mut Sequence, machine: &Machine, load_seconds: f64, output
         machine: MachineReport::new(&elaborated),
         spreads: Spreads::new(&frames),
         flicker,
+        against: Means::new(frames.iter().filter_map(|frame| frame.against.as_ref())),
         frames,
         host,
     })
@@ -152,6 +164,7 @@ impl Drawn {
             bottleneck: cycles.bottleneck,
             memory_bytes: cycles.memory.bytes,
             accuracy,
+            against: None,
             flicker: None,
         };
         let notes = evaluation.quantised.notes.clone();

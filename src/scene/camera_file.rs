@@ -51,6 +51,8 @@ pub struct CameraFile {
 /// One camera.
 #[derive(Clone, Debug)]
 struct Pose {
+    /// File of the picture that was taken from it, as the file of cameras has it.
+    picture: Option<String>,
     eye: DVec3,
     /// Unit vectors, world space.
     forward: DVec3,
@@ -161,6 +163,11 @@ impl CameraFile {
         let size = common_size(&poses, &mut notes);
         let notes = notes.into_iter().map(|note| format!("{name}: {note}")).collect();
         Ok(CameraFile { name, size, notes, poses, own: Vec::new() })
+    }
+
+    /// The name of each camera's picture, as the file has it: a path, or a name that may have no ending. None where the file has none.
+    pub(super) fn pictures(&self) -> Vec<Option<&str>> {
+        self.poses.iter().map(|pose| pose.picture.as_deref()).collect()
     }
 
     /// One camera per frame. Targets lie as far as the middle of the splats, and the near plane as it does where a scene leaves it out.

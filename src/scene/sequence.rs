@@ -44,6 +44,12 @@ impl Sequence {
         &self.cameras
     }
 
+    /// The name of the picture that each camera took, as a file of cameras has it; none where nothing has it.
+    pub fn pictures(&self) -> Vec<Option<&str>> {
+        let named = self.file.as_ref().map(CameraFile::pictures).unwrap_or_default();
+        if named.len() == self.cameras.len() { named } else { vec![None; self.cameras.len()] }
+    }
+
     /// Whether frames differ in the camera alone, as those of surfaces do.
     pub fn shares_splats(&self) -> bool {
         self.shares_splats

@@ -416,6 +416,9 @@ def sequence_is_shown(pages, folder):
         before = drawn()
         page.keyboard.press("ArrowRight")
         until(page, lambda: says().startswith("Frame 1 of") and drawn() != before)
+        assert f"against frame_0001_ideal.png: golden {figure(report['frames'][1]['against']['golden']['psnr_db'], 4)} dB" in says(), says()
+        against_is_shown(page, report["against"])
+        assert page.locator("tr", has_text="infinite").count() == 1
         jumps = report["frames"][1]["flicker"]["golden_vs_ideal"]["jumps"]
         assert f"golden − ideal {float(f'{100 * jumps:.3g}'):g} % of" in says(), (jumps, says())
         page.keyboard.press("ArrowLeft")
@@ -426,6 +429,27 @@ def sequence_is_shown(pages, folder):
         keep(page, "sequence-light-1280")
         page.get_by_role("tab", name="Rows").click()
         until(page, lambda: page.locator(".rows tbody tr").count() == len(report["frames"]))
+
+
+def figure(value, digits):
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
+def against_is_shown(page, told):
+    """The table of golden and fixed against photographs: figures of the report."""
+    rows = page.locator("table", has_text="FLIP").locator("tbody tr").evaluate_all("rows => rows.map(row => [...row.cells].map(cell => cell.textContent))")
+    assert [row[0] for row in rows] == ["golden", "fixed", "fixed − golden"], rows
+    for row, of in zip(rows, ["golden", "fixed", "fixed_minus_golden"]):
+        for cell, name, digits in zip(row[1:], ["psnr_db", "ssim", "flip"], [3, 5, 5]):
+            if told[of][name] is not None:
+                assert abs(float(cell.replace("−", "-")) - told[of][name]) <= 0.51 * 10**-digits, (row, told[of])
+
+
+def photograph_is_shown(pages, folder):
+    with serving(folder) as address, pages.open(address) as page:
+        until(page, lambda: page.get_by_text("Against ideal.png, code values of 8 bits:").count() == 1)
+        against_is_shown(page, json.loads((folder / "report.json").read_text())["against"])
+        keep(page, "against-light-1280")
 
 
 def comparison_is_shown(pages, folder):
@@ -513,6 +537,12 @@ def main():
         camera = {"eye": [0, 1.2, 4.5], "target": [0, -0.2, 0], "up": [0, 1, 0], "fov_y_degrees": 45, "near": 0.05}
         pan.write_text(json.dumps({"splats": {"builtin": "glass-spheres", "count": 6000}, "camera_path": {"pan_pixels": 0.0625, "frames": 3, "camera": camera}}))
         splatsim("run", pan, "--size", SIZE, "--machine", "tiny", "--quiet", "--out", folder / "pan")
+        # Photographs: golden's picture of one frame, ideal's of the others.
+        (folder / "photographs").mkdir()
+        for frame, kind in enumerate(["golden", "ideal", "ideal"]):
+            shutil.copy(folder / f"pan/frame_{frame:04}_{kind}.png", folder / "photographs")
+        splatsim("run", pan, "--size", SIZE, "--machine", "tiny", "--quiet", "--out", folder / "pan", "--against", folder / "photographs")
+        splatsim("run", scene, "--size", SIZE, "--machine", "tiny", "--quiet", "--check", "sampled", "--out", folder / "against", "--against", folder / "run/ideal.png")
         splatsim("compare", "tiny", "tiny", "--set-b", "timing.shade.latency=30", "--scene", scene, "--size", SIZE, "--out", folder / "compared")
         many_rows(folder / "many", folder / "rows")
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
@@ -523,6 +553,7 @@ def main():
             (many_rows_are_shown, folder / "many"),
             (others_are_shown, folder),
             (sequence_is_shown, folder / "pan"),
+            (photograph_is_shown, folder / "against"),
             (comparison_is_shown, folder / "compared"),
             (equal_pictures_are_best, folder / "equal"),
             (what_throws_is_a_sentence, folder / "run", folder / "older"),

@@ -70,6 +70,7 @@ pub(crate) fn run(
             frame,
             scene_file: file,
             check,
+            against: None,
         };
         let outcome = drawn(&scene, &machine, 0.0, &options)?;
         Ok(Outcome { outcome: Arc::new(outcome), machine })

@@ -52,7 +52,7 @@ pub(crate) fn sequence(
         let _open = folder.as_deref().map(Folder::open).transpose()?;
         let progress = Progress::of_steps(false, sequence.cameras().len() as u64, "frames");
         let output = Output { folder, exr, video };
-        let mut report = running::run(&mut sequence, &drawing, load_seconds, &output, &progress)?;
+        let mut report = running::run(&mut sequence, &drawing, None, load_seconds, &output, &progress)?;
         report.machine.outside_of_search = outside;
         output.folder.as_deref().map_or(Ok(()), |folder| report.write(folder))?;
         Ok(report)

@@ -4,10 +4,11 @@ use super::{Checked, Typed};
 use crate::cli::arguments::Within;
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
-use crate::output::files::Folder;
+use crate::output::files::{Folder, are_one};
 use crate::output::progress::Progress;
 use crate::output::text::{one_line, wrapped};
 use crate::output::video::Video;
+use crate::run::against::Photographs;
 use crate::run::sequence::{self, Output};
 use crate::scene::Sequence;
 use rtl_model::Machine;
@@ -18,6 +19,8 @@ pub(in crate::cli) struct Job {
     machine: Machine,
     /// How the scene lies outside of what the machine was searched for, and that in a sentence.
     outside: (Option<Vec<String>>, Option<String>),
+    /// Of each frame.
+    photographs: Option<Photographs>,
     load_seconds: f64,
     output: Output,
     /// The folder, while it is written into.
@@ -46,9 +49,17 @@ impl Typed {
             });
             warning = warning.or(of_frame.warning);
         }
+        if let Some((against, out)) = self.against.as_deref().zip(self.out.as_deref()).filter(|(against, out)| are_one(against, out)) {
+            return Err(Error::input(format!(
+                "--against {}: is the folder of --out too, whose pictures are replaced frame by frame: --out {} must be another folder",
+                against.display(),
+                out.display()
+            )));
+        }
+        let photographs = self.against.as_deref().map(|path| Photographs::open(path, &sequence, None)).transpose()?;
         let open = self.out.as_deref().map(Folder::open).transpose()?;
         let output = Output { folder: self.out, exr: self.exr, video: self.y4m };
-        Ok(Job { sequence, machine, outside: (outside, warning), load_seconds, output, open, quiet: self.quiet })
+        Ok(Job { sequence, machine, outside: (outside, warning), photographs, load_seconds, output, open, quiet: self.quiet })
     }
 
     /// What is asked of one frame alone cannot be asked of all.
@@ -82,7 +93,8 @@ impl Job {
         }
         let frames = self.sequence.cameras().len();
         let progress = Progress::of_steps(!self.quiet, frames as u64, "frames");
-        let mut report = sequence::run(&mut self.sequence, &self.machine, self.load_seconds, &self.output, &progress)?;
+        let photographs = self.photographs.as_ref();
+        let mut report = sequence::run(&mut self.sequence, &self.machine, photographs, self.load_seconds, &self.output, &progress)?;
         drop(progress);
         report.machine.outside_of_search = outside;
         let mut end = Vec::new();

@@ -3,6 +3,7 @@
 use crate::accuracy::flicker::{Change, Flicker};
 use crate::accuracy::{Metrics, db_text};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
+use crate::run::against::{Against, Means};
 use crate::run::report::{CulledReport, Distances, MachineReport};
 use crate::scene::Camera;
 use schemars::JsonSchema;
@@ -23,6 +24,9 @@ pub struct Report {
     pub spreads: Spreads,
     /// Flicker of all pairs of frames together; none of a single frame.
     pub flicker: Option<Flicker>,
+    /// Golden and fixed against photographs of the views, means over the frames; only where photographs were given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against: Option<Means>,
     /// A row a frame.
     pub frames: Vec<FrameReport>,
     /// Time on this computer.
@@ -74,6 +78,9 @@ pub struct FrameReport {
     pub memory_bytes: u64,
     /// Distances of the pictures.
     pub accuracy: Distances,
+    /// Golden and fixed against a photograph of the view; only where photographs were given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against: Option<Against>,
     /// Against the frame before; none of the first.
     pub flicker: Option<Flicker>,
 }
@@ -152,6 +159,10 @@ impl Report {
         let frames = if scene.frames == 1 { "1 frame".into() } else { format!("{} frames", thousands(scene.frames)) };
         let title = format!("{} on {machine}, {}×{}, {frames}: {splats} splats", scene.name, scene.width, scene.height);
         let mut text = format!("{}\n\n{}\n", wrapped(&title), self.spread_table());
+        if let Some(means) = &self.against {
+            let frames: Vec<(u64, &Against)> = self.frames.iter().filter_map(|row| Some((row.frame, row.against.as_ref()?))).collect();
+            let _ = write!(text, "\n{}\n", means.tables(&frames));
+        }
         if let Some(flicker) = &self.flicker {
             let _ = write!(text, "\n{}\n", flicker_table(flicker));
         }

@@ -65,12 +65,12 @@ fn pose(turn: [f64; 4], shift: [f64; 3], lens: u32, known: &Lenses, lenses: &str
     let eye = back * -DVec3::from_array(shift);
     check_position(eye)?;
     let (forward, up) = (back * DVec3::Z, back * DVec3::NEG_Y);
-    Ok(Pose { eye, forward, up, lens: Lens::Known(*intrinsics) })
+    Ok(Pose { picture: None, eye, forward, up, lens: Lens::Known(*intrinsics) })
 }
 
 fn in_order(mut poses: Vec<(String, Pose)>) -> Vec<Pose> {
     poses.sort_by(|(a, _), (b, _)| a.cmp(b));
-    poses.into_iter().map(|(_, pose)| pose).collect()
+    poses.into_iter().map(|(name, pose)| Pose { picture: Some(name), ..pose }).collect()
 }
 
 fn wrong(path: &Path) -> impl Fn(Wrong) -> Error {

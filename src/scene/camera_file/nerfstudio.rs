@@ -17,7 +17,8 @@ pub(super) fn transforms(all: &Value, frames: &Value) -> Parsed<Vec<Pose>> {
         let whose = format!("frames[{i}]");
         let lens = Fields { all, frame }.lens();
         let pose = lens.and_then(|lens| looking(&frame["transform_matrix"], "transform_matrix", lens));
-        pose.map_err(|sentence| format!("{whose}: {sentence}"))
+        let picture = frame["file_path"].as_str().map(str::to_owned);
+        pose.map(|pose| Pose { picture, ..pose }).map_err(|sentence| format!("{whose}: {sentence}"))
     };
     frames.iter().enumerate().map(pose).collect()
 }
@@ -136,5 +137,5 @@ fn looking(matrix: &Value, field: &str, lens: Lens) -> Parsed<Pose> {
     let axes = DMat3::from_cols(column(0), column(1), column(2));
     check_rotation(&axes, field)?;
     check_position(column(3))?;
-    Ok(Pose { eye: column(3), forward: -axes.z_axis, up: axes.y_axis, lens })
+    Ok(Pose { picture: None, eye: column(3), forward: -axes.z_axis, up: axes.y_axis, lens })
 }

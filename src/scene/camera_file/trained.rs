@@ -27,5 +27,6 @@ fn pose(camera: &Value) -> Parsed<Pose> {
     check_rotation(&axes, "rotation")?;
     let eye = DVec3::from_array(position);
     check_position(eye)?;
-    Ok(Pose { eye, forward: axes.z_axis, up: -axes.y_axis, lens })
+    let picture = camera["img_name"].as_str().map(str::to_owned);
+    Ok(Pose { picture, eye, forward: axes.z_axis, up: -axes.y_axis, lens })
 }

@@ -396,9 +396,10 @@ const framePage = folder => {
   const db = value => value === null ? 'equal' : value.toFixed(1) + ' dB';
   const { fixed_vs_golden: arithmetic, golden_vs_ideal: method, fixed_vs_ideal: both } = report.accuracy;
   const head = h('p', {}, `${report.scene.name} on ${report.machine.description.name}, ${width}×${height}: fixed − golden ${db(arithmetic.psnr_db)}, golden − ideal ${db(method.psnr_db)}${both ? `, fixed − ideal ${db(both.psnr_db)}` : ''}; ${told(report.accuracy.lockstep?.decision_flips)} flips.`);
+  const photograph = report.against ? [h('p', {}, `Against ${report.against.picture}, code values of ${report.against.bits} bits:`), againstTable(report.against)] : [];
   layout();
   onWidth(stage, () => { state.scale = 0; draw(); });
   onColours(draw);
   const keys = h('details', {}, h('summary', {}, 'Keys'), h('p', {}, 'Digits choose the left picture, with Shift the right one; so does c the cycles of tiles. Wheel or + and − zoom, dragging pans. Arrows go to the next pixel, with Shift ten further; Enter tells the story of the pixel. w goes to the brightest pixel of the error, and on to the next.'));
-  return [head, ...sides, whole, h('div', { class: 'columns' }, h('div', {}, stage, slider, legend, status, keys), values), story];
+  return [head, ...photograph, ...sides, whole, h('div', { class: 'columns' }, h('div', {}, stage, slider, legend, status, keys), values), story];
 };

@@ -28,8 +28,9 @@ const sequencePage = ({ sequence }) => {
   const show = async frame => {
     state.frame = frame;
     slider.value = String(frame);
-    const { cycles, frames_per_second: rate, bottleneck, accuracy, flicker } = frames[frame];
+    const { cycles, frames_per_second: rate, bottleneck, accuracy, against, flicker } = frames[frame];
     says.textContent = `Frame ${frame} of ${frames.length}: ${told(cycles)} cycles, ${told(rate, 4)} frames/s, limited by ${bottleneck}; fixed − golden ${db(accuracy.fixed_vs_golden.psnr_db)} dB, golden − ideal ${db(accuracy.golden_vs_ideal.psnr_db)} dB`
+      + (against ? `; against ${against.picture}: golden ${db(against.golden.psnr_db)} dB, fixed ${db(against.fixed.psnr_db)} dB` : '')
       + (flicker ? `; jumps since the frame before: fixed − golden ${percent(flicker.fixed_vs_golden.jumps)}, golden − ideal ${percent(flicker.golden_vs_ideal.jumps)} of ${told(flicker.still_pixels)} still pixels.` : '.');
     try {
       const bitmaps = await Promise.all(panes.map(({ kind }) => picture(frame, kind)));
@@ -69,6 +70,7 @@ const sequencePage = ({ sequence }) => {
       spread('frames/s', spreads.frames_per_second, value => told(value, 4)),
       ...[['fixed − golden', 'fixed_vs_golden'], ['golden − ideal', 'golden_vs_ideal'], ['fixed − ideal', 'fixed_vs_ideal']].map(([title, key]) => spread(`${title}, dB`, spreads[key + '_psnr_db'], db)),
     ]),
+    report.against ? [h('h2', {}, 'Against photographs'), h('p', { class: 'faint' }, `Code values; means of ${told(frames.length)} frames. Those of each frame are under Rows.`), againstTable(report.against, 'infinite')] : [],
     flicker ? [h('h2', {}, 'Flicker'), h('p', { class: 'faint' }, `At ${told(flicker.still_pixels)} still pixels of ${told(flicker.covered_pixels)} covered ones, frame to frame.`),
       table(['', 'mean change, 1/255', 'jumps > 4/255'], [change('fixed − golden', flicker.fixed_vs_golden), change('golden − ideal', flicker.golden_vs_ideal), change('fixed − ideal', flicker.fixed_vs_ideal)])] : [],
   ].flat(2);

@@ -74,6 +74,12 @@ const quoted = text => /^[\w./:=,+@%-]+$/.test(text) ? text : "'" + text.replace
 const table = (heads, rows, numbersFrom = 1) => h('div', { class: 'scroll', tabindex: '0' }, h('table', {},
   h('thead', {}, h('tr', {}, heads.map((head, at) => h('th', { class: at >= numbersFrom ? 'n' : null }, head)))),
   h('tbody', {}, rows.map(row => h('tr', {}, row.map((cell, at) => h('td', { class: at >= numbersFrom ? 'n' : null }, cell)))))));
+// Golden and fixed against a photograph, or means over frames, in which one infinite figure makes all infinite.
+const againstTable = ({ golden, fixed, fixed_minus_golden: loss }, none = 'equal') => {
+  const row = (name, { psnr_db: db, ssim, flip, not_finite: broken }) => [name, broken ? 'no number' : db === null ? none : db.toFixed(3), ssim.toFixed(5), flip.toFixed(5)];
+  const step = (value, digits) => value === null ? '–' : (value < 0 ? '−' : '+') + Math.abs(value).toFixed(digits);
+  return table(['', 'PSNR dB', 'SSIM', 'FLIP'], [row('golden', golden), row('fixed', fixed), ['fixed − golden', step(loss.psnr_db, 3), step(loss.ssim, 5), step(loss.flip, 5)]]);
+};
 const save = (name, text) => {
   const link = h('a', { href: URL.createObjectURL(new Blob([text], { type: 'application/json' })), download: name });
   link.click();
