@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Holds the cycles of splatsim's memory against DRAMsim3 and Ramulator 2.1, on requests of splatsim's own frames.
 
-    python3 tests/programs/dram.py WORK DRAMSIM3 RAMULATOR2 [--debug]
+    python3 tests/programs/dram.py WORK DRAMSIM3 RAMULATOR2 [--frames] [--debug]
 
 DRAMSIM3 and RAMULATOR2 are their sources, built (`make` in github:umd-memsys/DRAMsim3; `cmake -DRAMULATOR_PYTHON_BINDINGS=OFF` and `make` of
 github:CMU-SAFARI/ramulator2). WORK is a folder for traces and configurations. The example `dram` draws three built-in scenes on `reference` with
-each preset, and writes every burst. Two times are compared: that of memory alone, every request as soon as there is room for it, 32 of each
-channel under way; and that of the frame, each request in the cycle in which the machine made it.
+each preset, and writes every burst. Compared is the time of memory alone: every burst as soon as there is room for it, 32 of each channel under
+way. With --frames that of the frame, too: each burst in the cycle in which the machine made it.
 """
 import json
 import os
@@ -104,7 +104,9 @@ def main():
     run("g++", "-O2", "-std=c++20", "-w", f"-I{ramulator2}/src", f"-I{ramulator2}/ext/yaml-cpp/include", f"-I{ramulator2}/ext/fmt/include",
         HERE / "dram_ramulator2.cc", ramulator2 / "libramulator.so", f"-Wl,-rpath,{ramulator2}", "-o", work / "ramulator2")
     profile = [] if "--debug" in sys.argv else ["--release"]
-    print("| preset | scene | simulator | memory alone, µs | splatsim | | frame, µs | splatsim | |\n|---|---|---|---|---|---|---|---|---|")
+    frames = "--frames" in sys.argv
+    head = ["preset", "scene", "simulator", "memory alone, µs", "splatsim, µs", "off by"] + ["frame, µs", "splatsim, µs", "off by"] * frames
+    print(f"| {' | '.join(head)} |\n{'|---' * len(head)}|")
     for preset in dict.fromkeys([*DRAMSIM3, *RAMULATOR2]):
         folder = work / preset
         lines = run("cargo", "run", "-q", *profile, "--example", "dram", "--", folder, preset, *SCENES, cwd=HERE.parent.parent)
@@ -126,7 +128,7 @@ def main():
             for name, program, config, second, tck, channels in simulators:
                 trace = folder / f"{frame['scene']}.trace"
                 cells = []
-                for of_trace, cycles in [(0, frame["memory_cycles"]), (cycle, frame["frame_cycles"])]:
+                for of_trace, cycles in [(0, frame["memory_cycles"]), (cycle, frame["frame_cycles"])][: 1 + frames]:
                     theirs = float(run(program, config, second(frame), trace, of_trace, tck, channels).splitlines()[-1])
                     cells += [f"{theirs / 1000:.0f}", f"{cycles * cycle / 1000:.0f}", f"{100 * (cycles * cycle / theirs - 1):+.1f} %"]
                 print(f"| `{preset}` | {frame['scene']} | {name} | {' | '.join(cells)} |", flush=True)
