@@ -344,7 +344,7 @@ impl<'e> Builder<'e> {
         inverse
     }
 
-    /// A root of a positive result, of which this says how.
+    /// A root of a positive result, by the operator that this makes.
     fn root_by(&mut self, name: &str, config: FunctionUnit, x: Wire, operator: impl FnOnce(usize) -> Operator, shape: Exact) -> Wire {
         let node = self.of(x);
         self.e.normaliser(self.unit, node.bits());

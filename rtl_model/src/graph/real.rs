@@ -38,7 +38,7 @@ impl<R: Real> Bounded<R> {
 pub struct Given<'a, R> {
     /// Inputs: a number's own scale follows from the graph.
     pub inputs: &'a [Bounded<R>],
-    /// Whether what is turned by a sign is, where somebody's decision is followed; else each side decides by itself.
+    /// Whether what a sign turns is turned, where the machine's decision is followed; else each side decides by itself.
     pub turned: Option<bool>,
 }
 
