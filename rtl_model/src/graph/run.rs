@@ -349,15 +349,6 @@ impl Batch {
         }
     }
 
-    /// Sets a result of eight items, for a kernel that does what the program does.
-    #[inline(always)]
-    pub fn set_result(&self, program: &Program, output: usize, row: usize, words: [i32; LANES]) {
-        match program.outputs[output] {
-            Place::Word(at) => self.words[at][row].set(words),
-            Place::Exact(at) => self.exacts[at][row].set(evens_first(words.map(i64::from))),
-        }
-    }
-
     /// An input of eight items, words of at most 32 bits.
     #[inline(always)]
     pub fn input_row(&self, program: &Program, input: usize, row: usize) -> [i32; LANES] {

@@ -6,27 +6,18 @@
 //! Law: `discs_are_set_up_as_their_graphs_say`.
 
 use crate::elaboration::Signal;
-use crate::frame::{Scaled, View};
+use crate::frame::{Scaled, Splat, View};
 use crate::functions::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
 use crate::functions::{Reciprocal, ReciprocalRoot};
-use crate::graph::{Batch, Graph, Program};
+use crate::graph::Graph;
 use crate::machine::Machine;
-use crate::num::{Exacts, Fit, Lanes, Word, Words, align, three, two};
+use crate::num::{Exacts, Fit, LANES, Word, Words, align, three, two};
 use crate::probe::{Probe, Tap};
 use crate::records::unit;
 use crate::units::{ellipse, project};
 
-use super::host::Kernel;
-
 /// Fraction bits of a difference shifted left until its largest part fills 62 bits.
 const PARTS_FRAC_BITS: i32 = NORMALISED_FRAC_BITS + 1;
-
-/// What the host needs of both units.
-#[derive(Clone, Debug)]
-pub struct Discs {
-    words: DiscWords,
-    units: Units,
-}
 
 /// Function units.
 #[derive(Clone, Debug)]
@@ -37,9 +28,10 @@ struct Units {
     slope_reciprocal: Reciprocal,
 }
 
-/// Words, and where binary points lie: copied before each batch, so that the compiler knows that nothing changes them meanwhile.
-#[derive(Clone, Copy, Debug)]
-struct DiscWords {
+/// What the host needs of both units.
+#[derive(Clone, Debug)]
+pub struct Discs {
+    units: Units,
     relative: Fit,
     camera: Fit,
     depth: Fit,
@@ -112,30 +104,48 @@ struct Input<W> {
 
 /// Results of `project`.
 #[derive(Clone, Copy, Debug)]
-struct Projected<W> {
-    camera: [W; 3],
-    exponent: W,
-    depth: W,
-    inverse_depth: Scientific<W>,
-    slope: [W; 2],
-    pixel: [W; 2],
-    near: W,
-    outside: W,
+pub struct Projected<W> {
+    /// t/2^exponent.
+    pub camera: [W; 3],
+    /// The power of two that t is relative to.
+    pub exponent: W,
+    /// t_z.
+    pub depth: W,
+    /// 2^exponent/t_z.
+    pub inverse_depth: Scientific<W>,
+    /// a, b.
+    pub slope: [W; 2],
+    /// Position from the picture's middle.
+    pub pixel: [W; 2],
+    /// At or before the near plane.
+    pub near: W,
+    /// Outside the guard band, or the box misses the picture.
+    pub outside: W,
 }
 
 /// Results of `ellipse`.
 #[derive(Clone, Copy, Debug)]
-struct Output<W> {
-    normal: [W; 3],
-    conic: [W; 3],
-    amplitude: W,
-    columns: [W; 2],
-    rows: [W; 2],
-    depth_slope: [W; 2],
-    depth_range: W,
-    backface: W,
-    faint: W,
-    outside: W,
+pub struct Output<W> {
+    /// Camera-space normal.
+    pub normal: [W; 3],
+    /// Q00, Q01, Q11.
+    pub conic: [W; 3],
+    /// A.
+    pub amplitude: W,
+    /// First and last column.
+    pub columns: [W; 2],
+    /// First and last row.
+    pub rows: [W; 2],
+    /// z_x, z_y.
+    pub depth_slope: [W; 2],
+    /// Half-width of the depth clamp.
+    pub depth_range: W,
+    /// Faces away, and that counts.
+    pub backface: W,
+    /// Nothing to see.
+    pub faint: W,
+    /// Outside the guard band, or the box misses the picture.
+    pub outside: W,
 }
 
 /// What a disc leaves on the screen.
@@ -165,7 +175,16 @@ impl Discs {
         let variance = f(m.size_squared) + f(m.shape);
         let shape = align([2 * f(p.slope), 2 * f(m.tilt)]);
         let [position, eye] = [machine.splat.position, p.eye].map(f);
-        let words = DiscWords {
+        let [reciprocal] = point.reciprocals() else { unreachable!("project has one") };
+        let ([slope_reciprocal], [root, extent_root, ..]) = (disc.reciprocals(), disc.roots()) else { unreachable!("ellipse has these") };
+        let units = Units {
+            reciprocal: reciprocal.clone(),
+            root: root.clone(),
+            extent_root: extent_root.clone(),
+            slope_reciprocal: slope_reciprocal.clone(),
+        };
+        Discs {
+            units,
             relative: of_point("relative"),
             camera: of_point("camera"),
             depth: of_point("depth"),
@@ -210,107 +229,41 @@ impl Discs {
                 edge: align([f(p.pixel), f(m.extent)]),
                 edge_frac_bits: f(p.pixel).max(f(m.extent)).max(1) as u32,
             },
-        };
-        let [reciprocal] = point.reciprocals() else { unreachable!("project has one") };
-        let ([slope_reciprocal], [root, extent_root, ..]) = (disc.reciprocals(), disc.roots()) else { unreachable!("ellipse has these") };
-        let units = Units {
-            reciprocal: reciprocal.clone(),
-            root: root.clone(),
-            extent_root: extent_root.clone(),
-            slope_reciprocal: slope_reciprocal.clone(),
-        };
-        Discs { words, units }
-    }
-}
-
-/// Sets discs up, from rows of both units' inputs to rows of their results.
-#[derive(Debug)]
-pub struct SetUpDiscs<'a, 'p, P> {
-    /// The units' words.
-    pub discs: &'a Discs,
-    /// View and picture.
-    pub view: &'a View,
-    /// Columns and rows of the picture.
-    pub size_px: [u32; 2],
-    /// Rows of `project`.
-    pub point: (&'a Program, &'a Batch),
-    /// Rows of `ellipse`.
-    pub footprint: (&'a Program, &'a Batch),
-    /// Which items are shown to the probe, eight a row; as many rows are set up.
-    pub live: &'a [u8],
-    /// Observes the words.
-    pub probe: &'p mut P,
-}
-
-impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        let SetUpDiscs { discs, view, size_px, point: (project, point), footprint: (program, footprint), live, probe } = self;
-        let (words, view) = (discs.words, view.clone());
-        let words = WithUnits { words: &words, units: &discs.units };
-        for (row, live) in live.iter().enumerate() {
-            let mut tap = Tap { probe: &mut *probe, live: *live };
-            let of_splat = |input: usize| L::Words::from_array(footprint.input_row(program, input, row));
-            let position = three!(axis => L::Words::from_array(point.input_row(project, axis, row)));
-            let made = words.projected(&view, position, &mut tap);
-            let ([x, y, z], [a, b], [column, line]) = (made.camera, made.slope, made.pixel);
-            let Scientific { mantissa, exponent } = made.inverse_depth;
-            let results = [x, y, z, made.exponent, made.depth, mantissa, exponent, a, b, column, line, made.near, made.outside];
-            (0..).zip(results).for_each(|(output, result)| point.set_result(project, output, row, result.to_array()));
-            let input = Input {
-                normal: three!(axis => of_splat(axis)),
-                radius: of_splat(3),
-                forward: z,
-                exponent: made.exponent,
-                inverse_depth: made.inverse_depth,
-                slope: made.slope,
-                pixel: made.pixel,
-            };
-            let made = words.disc_lanes(&view, size_px, &input, &mut tap);
-            let ([n, m, o], [xx, xy, yy], [z_x, z_y]) = (made.normal, made.conic, made.depth_slope);
-            let ([left, right], [top, bottom]) = (made.columns, made.rows);
-            let results = [
-                n,
-                m,
-                o,
-                xx,
-                xy,
-                yy,
-                made.amplitude,
-                left,
-                right,
-                top,
-                bottom,
-                z_x,
-                z_y,
-                made.depth_range,
-                made.backface,
-                made.faint,
-                made.outside,
-            ];
-            (0..).zip(results).for_each(|(output, result)| footprint.set_result(program, output, row, result.to_array()));
         }
     }
 }
 
-/// Words and function units.
-#[derive(Clone, Copy)]
-struct WithUnits<'a> {
-    words: &'a DiscWords,
-    units: &'a Units,
-}
-
-impl std::ops::Deref for WithUnits<'_> {
-    type Target = DiscWords;
-
-    fn deref(&self) -> &DiscWords {
-        self.words
+impl Discs {
+    /// Sets eight discs up.
+    #[inline(always)]
+    pub fn set_up<W: Words, P: Probe>(
+        &self,
+        view: &View,
+        size_px: [u32; 2],
+        splats: &[Splat; LANES],
+        tap: &mut Tap<P>,
+    ) -> (Projected<W>, Output<W>) {
+        // The first eight words of each record as they lie in memory: red comes along.
+        let mut records = [W::splat(0); LANES];
+        for (record, splat) in records.iter_mut().zip(splats) {
+            let Splat { position: [x, y, z], normal: [n, m, o], radius, rgb: [red, ..], .. } = *splat;
+            *record = W::from_array([x, y, z, n, m, o, radius, red]);
+        }
+        let [x, y, z, n, m, o, radius, _] = W::transposed(records);
+        let point = self.projected(view, [x, y, z], tap);
+        let input = Input {
+            normal: [n, m, o],
+            radius,
+            forward: point.camera[2],
+            exponent: point.exponent,
+            inverse_depth: point.inverse_depth,
+            slope: point.slope,
+            pixel: point.pixel,
+        };
+        let output = self.disc_lanes(view, size_px, &input, tap);
+        (point, output)
     }
-}
 
-impl WithUnits<'_> {
     /// Projects eight splats, lanes that end culled carry harmless words from there
     /// on.
     #[inline(always)]
@@ -447,8 +400,8 @@ impl WithUnits<'_> {
         let exponent = (power + W::splat(1)).max(W::splat(0));
         let size = tap.fit_shifted(&self.size, mantissa * inverse_depth.mantissa, exponent - power);
         let squared = tap.fit_words(&self.size_squared, size * size);
-        let squares = match (view.aspect, self.stretched) {
-            (Some(aspect), Some(fit)) => three!(i => tap.fit_words(&fit, squared * W::splat(aspect.squares[i]))),
+        let squares = match (view.aspect, &self.stretched) {
+            (Some(aspect), Some(fit)) => three!(i => tap.fit_words(fit, squared * W::splat(aspect.squares[i]))),
             _ => [squared; 3],
         };
         (squares, exponent)

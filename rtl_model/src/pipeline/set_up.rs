@@ -4,11 +4,12 @@ use super::shading::{emitted, emitting};
 use super::{Culled, Elaborated, run};
 use crate::frame::{Ellipsoids, Frame, Orientation, Splat};
 use crate::functions::Table;
+use crate::functions::reciprocal::Scientific;
 use crate::graph::{BATCH, Batch, Program, ROWS, Run};
-use crate::kernels::host::Kernel;
-use crate::kernels::{Discs, SetUpDiscs};
-use crate::num::{Fit, LANES, Lanes, Words};
-use crate::probe::{Probe, Tap};
+use crate::kernels::discs;
+use crate::kernels::host::{Kernel, plainly};
+use crate::num::{Fit, LANES, Lanes, Words, two};
+use crate::probe::{Probe, Ranges, Tap};
 use crate::records::{EllipseOut, PROJECTED, ProjectOut, SET_UP, TILE_PX};
 use crate::units::ellipse::Ellipse;
 use crate::units::fragment::window::WindowRegisters;
@@ -149,33 +150,112 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
 /// Sets a block of a frame's splats up, which begins with `first`.
 fn set_up_block<P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat], (first, of): (u32, usize), probe: &mut P) -> Setup {
     let is_lit = frame.window.is_some() || frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded);
-    let mut out = Block::of(splats.len());
-    if frame.ellipsoids.is_some() && machine.machine.ellipse.ellipsoid.is_none() {
-        // What cannot be set up is not drawn.
-        return out.done(is_lit);
-    }
     let lit = is_lit.then(|| Lit::new(machine, frame));
-    let (mut stages, mut again) = (Stages::new(machine, frame), None);
-    let at_a_time = if P::TRANSFERS { 1 } else { BATCH };
-    for (splats, first) in splats.chunks(at_a_time).zip((first..).step_by(at_a_time)) {
-        stages.set_up(splats, first, lit.as_ref(), probe, &mut out);
-        // Some eights once more, for another to observe.
-        let item = first as usize / LANES;
-        probe.resample_batch(item..item + splats.len().div_ceil(LANES), of.div_ceil(LANES), |nth, ranges| {
-            let stages = again.get_or_insert_with(|| Stages::new(machine, frame));
-            let eight = &splats[(nth - item) * LANES..splats.len().min((nth - item + 1) * LANES)];
-            stages.set_up(eight, (nth * LANES) as u32, lit.as_ref(), ranges, &mut Block::of(LANES));
-        });
+    let lit = lit.as_ref();
+    let mut out = Block::of(splats.len());
+    match &frame.ellipsoids {
+        None => run::<P, _>(SetUpDiscs { machine, frame, splats, first, of, lit, probe, out: &mut out }),
+        // What cannot be set up is not drawn.
+        Some(_) if machine.machine.ellipse.ellipsoid.is_none() => {}
+        Some(_) => {
+            let (mut stages, mut again) = (Stages::new(machine, frame), None);
+            let at_a_time = if P::TRANSFERS { 1 } else { BATCH };
+            for (splats, first) in splats.chunks(at_a_time).zip((first..).step_by(at_a_time)) {
+                stages.set_up(splats, first, lit, probe, &mut out);
+                // Some eights once more, for another to observe.
+                let item = first as usize / LANES;
+                probe.resample_batch(item..item + splats.len().div_ceil(LANES), of.div_ceil(LANES), |nth, ranges| {
+                    let stages = again.get_or_insert_with(|| Stages::new(machine, frame));
+                    let eight = &splats[(nth - item) * LANES..splats.len().min((nth - item + 1) * LANES)];
+                    stages.set_up(eight, (nth * LANES) as u32, lit, ranges, &mut Block::of(LANES));
+                });
+            }
+        }
     }
     out.done(is_lit)
 }
 
-/// The units that set splats up, with rows for a batch.
+/// Sets discs up by the host's kernel.
+struct SetUpDiscs<'a, 'p, P> {
+    machine: &'a Elaborated,
+    frame: &'a Frame,
+    splats: &'a [Splat],
+    first: u32,
+    /// Splats of the frame.
+    of: usize,
+    lit: Option<&'a Lit<'a>>,
+    probe: &'p mut P,
+    out: &'a mut Block,
+}
+
+/// Sets eight discs up once more, for another to observe.
+#[inline(never)]
+fn resample_discs(machine: &Elaborated, frame: &Frame, splats: &[Splat], first: u32, lit: Option<&Lit>, probe: &mut Ranges) {
+    let out = &mut Block::of(LANES);
+    plainly(SetUpDiscs { machine, frame, splats, first, of: splats.len(), lit, probe, out });
+}
+
+impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let SetUpDiscs { machine, frame, splats, first, of, lit, probe, out } = self;
+        // Copies that nobody else can see: their constants are broadcast to lanes once, outside the loop.
+        let (discs, view, size_px) = (machine.discs.clone(), frame.view.clone(), [frame.width, frame.height]);
+        let at_a_time = if P::TRANSFERS { 1 } else { LANES };
+        for (given, first) in splats.chunks(at_a_time).zip((first..).step_by(at_a_time)) {
+            let mut eight = [Splat::default(); LANES];
+            eight[..given.len()].copy_from_slice(given);
+            let tap = &mut Tap::new(&mut *probe).first(given.len());
+            let (point, disc) = discs.set_up::<L::Words, P>(&view, size_px, &eight, tap);
+            if P::TRANSFERS {
+                tap.probe.set_up(first, projected_words(of_point(&point), false), ellipse_words(of_disc(&disc)));
+            }
+            let made = Made {
+                culled: [point.near, point.outside, L::Words::splat(0), disc.backface, disc.faint, disc.outside],
+                pixel: point.pixel,
+                depth: point.depth,
+                conic: disc.conic,
+                depth_slope: disc.depth_slope,
+                depth_range: disc.depth_range,
+                sides: [disc.columns, disc.rows],
+                amplitude: disc.amplitude,
+                normal: disc.normal,
+            };
+            let live = ((1u32 << given.len()) - 1) as u8;
+            keep(&made, given, live, first, lit, tap.probe, out);
+            if let Some(ranges) = probe.resample(first as usize / LANES, of.div_ceil(LANES)) {
+                resample_discs(machine, frame, given, first, lit, ranges);
+            }
+        }
+    }
+}
+
+/// The first of eight results of `project`, in their order.
+fn of_point<W: Words>(made: &discs::Projected<W>) -> [i64; project::OUTPUTS] {
+    let ([x, y, z], [a, b], [column, row]) = (made.camera, made.slope, made.pixel);
+    let Scientific { mantissa, exponent } = made.inverse_depth;
+    [x, y, z, made.exponent, made.depth, mantissa, exponent, a, b, column, row, made.near, made.outside].map(first_word)
+}
+
+/// The first of eight results of `ellipse`, in their order.
+fn of_disc<W: Words>(made: &discs::Output<W>) -> [i64; ellipse::OUTPUTS] {
+    let ([n, m, o], [xx, xy, yy], [z_x, z_y]) = (made.normal, made.conic, made.depth_slope);
+    let ([left, right], [top, bottom]) = (made.columns, made.rows);
+    let (range, flags) = (made.depth_range, [made.backface, made.faint, made.outside]);
+    let [backface, faint, outside] = flags;
+    [n, m, o, xx, xy, yy, made.amplitude, left, right, top, bottom, z_x, z_y, range, backface, faint, outside].map(first_word)
+}
+
+fn first_word<W: Words>(words: W) -> i64 {
+    i64::from(words.to_array()[0])
+}
+
+/// The graphs of both units, with rows for a batch.
 struct Stages<'a> {
     frame: &'a Frame,
     ellipse: &'a Ellipse,
-    /// None of ellipsoids.
-    discs: Option<&'a Discs>,
     project: (&'a Program, Batch),
     footprint: (&'a Program, Batch),
 }
@@ -195,8 +275,7 @@ impl<'a> Stages<'a> {
         for (input, register) in (variant.inputs()..).zip(registers) {
             footprint.1.set_all(footprint.0, input, register);
         }
-        let discs = frame.ellipsoids.is_none().then_some(&machine.discs);
-        Stages { frame, ellipse, discs, project: point, footprint }
+        Stages { frame, ellipse, project: point, footprint }
     }
 
     /// Sets up to a batch of splats up.
@@ -205,22 +284,6 @@ impl<'a> Stages<'a> {
         let live: [u8; ROWS] = std::array::from_fn(|row| ((1u32 << splats.len().saturating_sub(row * LANES).min(LANES)) - 1) as u8);
         let live = &live[..rows];
         run::<P, _>(Load { stages: self, splats, first });
-        match self.discs {
-            Some(discs) => {
-                let Stages { frame, project: (project, point), footprint: (program, footprint), .. } = &*self;
-                let (view, size_px) = (&frame.view, [frame.width, frame.height]);
-                run::<P, _>(SetUpDiscs { discs, view, size_px, point: (project, point), footprint: (program, footprint), live, probe });
-            }
-            None => self.run(live, probe),
-        }
-        run::<P, _>(Kept { stages: self, splats, live, first, lit, probe, out });
-    }
-}
-
-impl Stages<'_> {
-    /// Runs both units' graphs.
-    fn run<P: Probe>(&mut self, live: &[u8], probe: &mut P) {
-        let rows = live.len();
         let (project, point) = &mut self.project;
         let left = run::<P, _>(Run { program: project, batch: point, live, probe });
         let (program, footprint) = &mut self.footprint;
@@ -228,6 +291,7 @@ impl Stages<'_> {
             point.carry(project.output(result), rows, program.input(input), footprint);
         }
         run::<P, _>(Run { program, batch: footprint, live: &left[..rows], probe });
+        run::<P, _>(Kept { stages: self, splats, live, first, lit, probe, out });
     }
 }
 
@@ -382,7 +446,6 @@ impl<P: Probe> Kernel for Kept<'_, '_, '_, P> {
             probe,
             out,
         } = self;
-        let cleared = L::Words::splat(0);
         if P::TRANSFERS {
             let made = std::array::from_fn(|output| point.row(project, output, 0)[0].into());
             let ellipse = std::array::from_fn(|output| footprint.row(program, output, 0)[0].into());
@@ -390,62 +453,92 @@ impl<P: Probe> Kernel for Kept<'_, '_, '_, P> {
             probe.set_up(first, projected_words(made, transparent), ellipse_words(ellipse));
         }
         for (row, own) in splats.chunks(LANES).enumerate() {
-            let first = first + (row * LANES) as u32;
             let of_point = |output: usize| L::Words::from_array(point.row(project, output, row));
             let of_ellipse = |output: usize| L::Words::from_array(footprint.row(program, output, row));
-            let mut left = live[row];
-            // In the order in which the units find them: the first that holds is the reason.
             let transparent = L::Words::from_array(point.input_row(project, 3, row));
-            let reasons = [of_point(11), of_point(12), transparent, of_ellipse(14), of_ellipse(15), of_ellipse(16)];
-            let culled = reasons.into_iter().fold(cleared, |culled, reason| culled | reason);
-            if left & culled.signs() != 0 {
-                let mut lanes = [0; CULLED.len()];
-                for (lanes, reason) in lanes.iter_mut().zip(reasons) {
-                    *lanes = left & reason.signs();
-                    left &= !*lanes;
-                }
-                if P::WORK {
-                    probe.culled(first, lanes);
-                }
-                let [near, outside, transparent, backface, faint, missing] = lanes.map(|lanes| u64::from(lanes.count_ones()));
-                out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface, transparent });
-            }
-
-            let [columns, rows] = [7, 9].map(|side| of_ellipse(side) | of_ellipse(side + 1).left(16));
-            let [xx, xy, yy, z_x, z_y] = [3, 4, 5, 11, 12].map(of_ellipse);
-            let plane = L::Words::transposed([of_point(9), of_point(10), xx, xy, yy, of_point(4), z_x, z_y]);
-            let [n, m, o, amplitude, depth_range] = [0, 1, 2, 6, 13].map(of_ellipse);
-            let rest = L::Words::transposed([depth_range, columns, rows, amplitude, n, m, o, cleared]);
-            for (lane, own) in own.iter().enumerate() {
-                if left & (1 << lane) == 0 {
-                    continue;
-                }
-                let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
-                let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
-                if let Some(lit) = lit {
-                    let light = lit.emission(own, first + lane as u32, [n, m, o], probe);
-                    out.emissions.push(Emission { light, density: lit.density(own, probe) });
-                }
-                if P::WORK {
-                    probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
-                }
-                out.boxes.push([halves(columns), halves(rows)]);
-                out.records.push(SetupRecord {
-                    raster: raster::Input {
-                        pixel: [x, y],
-                        conic: [xx, xy, yy],
-                        depth,
-                        depth_slope: [z_x, z_y],
-                        depth_range,
-                        columns: halves(columns),
-                        rows: halves(rows),
-                    },
-                    amplitude,
-                    normal: [n, m, o],
-                    splat: first + lane as u32,
-                });
-            }
+            let made = Made {
+                culled: [of_point(11), of_point(12), transparent, of_ellipse(14), of_ellipse(15), of_ellipse(16)],
+                pixel: [9, 10].map(of_point),
+                depth: of_point(4),
+                conic: [3, 4, 5].map(of_ellipse),
+                depth_slope: [11, 12].map(of_ellipse),
+                depth_range: of_ellipse(13),
+                sides: [[7, 8], [9, 10]].map(|side| side.map(of_ellipse)),
+                amplitude: of_ellipse(6),
+                normal: [0, 1, 2].map(of_ellipse),
+            };
+            keep(&made, own, live[row], first + (row * LANES) as u32, lit, probe, out);
         }
+    }
+}
+
+/// What both units made of eight splats, as far as the pipeline keeps it.
+struct Made<W> {
+    /// In the order in which the units find them: near, outside, transparent, backface, faint, box outside.
+    culled: [W; CULLED.len()],
+    pixel: [W; 2],
+    depth: W,
+    conic: [W; 3],
+    depth_slope: [W; 2],
+    depth_range: W,
+    /// First and last column, first and last row.
+    sides: [[W; 2]; 2],
+    amplitude: W,
+    normal: [W; 3],
+}
+
+/// Keeps those of eight splats that are not culled.
+#[inline(always)]
+fn keep<W: Words, P: Probe>(made: &Made<W>, splats: &[Splat], live: u8, first: u32, lit: Option<&Lit>, probe: &mut P, out: &mut Block) {
+    let mut left = live;
+    let any = made.culled.into_iter().fold(W::splat(0), |any, reason| any | reason);
+    if left & any.signs() != 0 {
+        // The first that holds is the reason.
+        let mut lanes = [0; CULLED.len()];
+        for (lanes, reason) in lanes.iter_mut().zip(made.culled) {
+            *lanes = left & reason.signs();
+            left &= !*lanes;
+        }
+        if P::WORK {
+            probe.culled(first, lanes);
+        }
+        let [near, outside, transparent, backface, faint, missing] = lanes.map(|lanes| u64::from(lanes.count_ones()));
+        out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface, transparent });
+    }
+
+    let ([x, y], [xx, xy, yy]) = (made.pixel, made.conic);
+    let ([z_x, z_y], [n, m, o]) = (made.depth_slope, made.normal);
+    let [columns, rows] = two!(axis => made.sides[axis][0] | made.sides[axis][1].left(16));
+    let plane = W::transposed([x, y, xx, xy, yy, made.depth, z_x, z_y]);
+    let rest = W::transposed([made.depth_range, columns, rows, made.amplitude, n, m, o, W::splat(0)]);
+    for (lane, own) in splats.iter().enumerate() {
+        if left & (1 << lane) == 0 {
+            continue;
+        }
+        let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
+        let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
+        if let Some(lit) = lit {
+            let light = lit.emission(own, first + lane as u32, [n, m, o], probe);
+            out.emissions.push(Emission { light, density: lit.density(own, probe) });
+        }
+        if P::WORK {
+            probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
+        }
+        out.boxes.push([halves(columns), halves(rows)]);
+        out.records.push(SetupRecord {
+            raster: raster::Input {
+                pixel: [x, y],
+                conic: [xx, xy, yy],
+                depth,
+                depth_slope: [z_x, z_y],
+                depth_range,
+                columns: halves(columns),
+                rows: halves(rows),
+            },
+            amplitude,
+            normal: [n, m, o],
+            splat: first + lane as u32,
+        });
     }
 }
 
