@@ -16,12 +16,11 @@
 mod builder;
 mod compile;
 mod power;
-mod real;
+pub mod real;
 mod run;
 
 pub use builder::Builder;
 pub use power::Power;
-pub use real::{Asked, Bounded, Given};
 pub use run::{BATCH, Batch, Program, ROWS, Run};
 
 use crate::elaboration::Signal;
@@ -176,6 +175,13 @@ pub struct Graph<const OUTPUTS: usize> {
     outputs: [Wire; OUTPUTS],
 }
 
+/// Wires whose numbers are asked for, and the operators that make them.
+#[derive(Clone, Debug)]
+pub struct Asked<const N: usize> {
+    wires: [Wire; N],
+    places: Vec<u16>,
+}
+
 /// A condition as a word.
 fn word(holds: bool) -> i64 {
     -i64::from(holds)
@@ -278,6 +284,24 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             results.push(result);
         }
         self.outputs.map(|wire| results[wire.place()])
+    }
+
+    /// What is to be worked out for some wires.
+    pub fn asked<const N: usize>(&self, wires: [Wire; N]) -> Asked<N> {
+        let mut is_needed = vec![false; self.nodes.len()];
+        wires.iter().for_each(|wire| is_needed[wire.place()] = true);
+        for (place, node) in self.nodes.iter().enumerate().rev() {
+            if is_needed[place] {
+                node.operator.reads(|wire| is_needed[wire.place()] = true);
+                node.power.terms().iter().for_each(|(wire, _)| is_needed[wire.place()] = true);
+            }
+        }
+        Asked { wires, places: (0..self.nodes.len()).filter(|place| is_needed[*place]).map(|place| place as u16).collect() }
+    }
+
+    /// The same of its results.
+    pub fn asked_for_results(&self) -> Asked<OUTPUTS> {
+        self.asked(self.outputs)
     }
 
     /// The fits of its results, which are words.

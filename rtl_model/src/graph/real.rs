@@ -3,7 +3,7 @@
 //! Every wire has its value, whatever power it is relative to; a fit's last place depends on that power, which is known from the value that a
 //! normaliser, a reciprocal or a root was given. What the host alone needs ([`Operator::Guarded`]) and conditions are not there.
 
-use super::{Graph, Node, Operator, Power, Wire};
+use super::{Asked, Graph, Node, Operator, Power, Wire};
 use crate::functions::Table;
 use crate::num::Fit;
 use crate::num::real::power_of_two;
@@ -47,32 +47,7 @@ fn half(scale: Scale) -> Scale {
     Scale { low: scale.low.div_euclid(2), high: scale.high.div_euclid(2) }
 }
 
-/// Wires whose numbers are asked for, and the operators that make them.
-#[derive(Clone, Debug)]
-pub struct Asked<const N: usize> {
-    wires: [Wire; N],
-    places: Vec<u16>,
-}
-
 impl<const OUTPUTS: usize> Graph<OUTPUTS> {
-    /// What is to be worked out for some wires.
-    pub fn asked<const N: usize>(&self, wires: [Wire; N]) -> Asked<N> {
-        let mut is_needed = vec![false; self.nodes.len()];
-        wires.iter().for_each(|wire| is_needed[wire.place()] = true);
-        for (place, node) in self.nodes.iter().enumerate().rev() {
-            if is_needed[place] {
-                node.operator.reads(|wire| is_needed[wire.place()] = true);
-                node.power.terms().iter().for_each(|(wire, _)| is_needed[wire.place()] = true);
-            }
-        }
-        Asked { wires, places: (0..self.nodes.len()).filter(|place| is_needed[*place]).map(|place| place as u16).collect() }
-    }
-
-    /// The same of its results.
-    pub fn asked_for_results(&self) -> Asked<OUTPUTS> {
-        self.asked(self.outputs)
-    }
-
     /// Numbers of one item that are what they say; `look_up` is the function that a table stands for.
     #[inline]
     pub fn real<R: Real, const INPUTS: usize, const N: usize>(

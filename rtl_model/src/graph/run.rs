@@ -625,14 +625,13 @@ impl<P: Probe> Run<'_, '_, P> {
                     function!(from, exponent, x => [word, power] = unit.root_lanes(x, tap), exacts_to);
                 }
                 Step::Exponents { ref terms, count, constant, to } => {
-                    let to = &words[to];
-                    for row in 0..rows {
+                    for (row, to) in words[to].iter().enumerate().take(rows) {
                         let mut sum = W::splat(constant.into());
                         for &(from, factor) in terms.iter().take(count) {
                             let exponent = at!(&words[from], row).left(factor.unsigned_abs().trailing_zeros());
                             sum = if factor < 0 { sum - exponent } else { sum + exponent };
                         }
-                        to[row].set(sum.to_array());
+                        to.set(sum.to_array());
                     }
                 }
                 Step::Above { a, b, lefts: [p, q], to } => {

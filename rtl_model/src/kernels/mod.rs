@@ -2,14 +2,12 @@
 //!
 //! Each is held to what its unit means, on random machines: `the_unit_is_the_algorithm` (fragment), and the laws of [`host`].
 
-pub mod discs;
 pub mod host;
 mod packed;
 mod queue;
 mod tile;
 mod weigh;
 
-pub use discs::Discs;
 pub use packed::{Accumulator, Limits, PackedSlot, PackedSums, SumLimits, fits_32_bits};
 pub use queue::{ONES, Queue, Queued};
 pub use tile::{MAX_DEPTH_BITS, NO_MATCH, Tile};

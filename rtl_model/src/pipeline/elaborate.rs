@@ -2,11 +2,11 @@
 //!
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
+use super::discs::Discs;
 use crate::elaboration::microarchitecture::{Harmonics, Microarchitecture, Paths, SORT_COUNT_BITS};
 use crate::elaboration::{Elaboration, Operator, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
-use crate::kernels::Discs;
 use crate::machine::{Group, Machine, Splat};
 use crate::num::{Fit, Format, MAX_WIDTH_BITS};
 use crate::records::unit;

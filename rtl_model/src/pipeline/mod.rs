@@ -10,6 +10,7 @@
 //! Law: `threads_and_watchers_change_no_bit`.
 
 mod blend;
+mod discs;
 mod elaborate;
 mod fill;
 mod merges;

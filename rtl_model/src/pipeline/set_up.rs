@@ -1,12 +1,12 @@
 //! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of splats.
 
+use super::discs;
 use super::shading::{emitted, emitting};
 use super::{Culled, Elaborated, run};
 use crate::frame::{Ellipsoids, Frame, Orientation, Splat};
 use crate::functions::Table;
 use crate::functions::reciprocal::Scientific;
 use crate::graph::{BATCH, Batch, Program, ROWS, Run};
-use crate::kernels::discs;
 use crate::kernels::host::{Kernel, plainly};
 use crate::num::{Fit, LANES, Lanes, Words, two};
 use crate::probe::{Probe, Ranges, Tap};

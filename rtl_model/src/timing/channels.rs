@@ -121,7 +121,10 @@ impl Channels {
 
     /// Cycles for which memory was awake before a cycle.
     fn awake(&self, cycle: u64) -> u64 {
-        if self.interval == 0 { cycle } else { cycle / self.interval * self.awake + (cycle % self.interval).min(self.awake) }
+        match cycle.checked_div(self.interval) {
+            None => cycle,
+            Some(refreshes) => refreshes * self.awake + (cycle % self.interval).min(self.awake),
+        }
     }
 
     /// The cycle before which memory was awake for so many.

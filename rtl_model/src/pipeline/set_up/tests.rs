@@ -14,7 +14,7 @@ fn word(of: Word, seed: u64) -> i64 {
         2 => 0,
         3 => of.format.one().min(most),
         // Small ones, as splats near the middle have them.
-        4..9 => (least + (seed / 16 % (most - least + 1) as u64) as i64) >> (seed / 7 % 20),
+        4..9 => (least + (seed / 16 % (most - least + 1) as u64) as i64) / (1 << (seed / 7 % 20)),
         _ => least + (seed / 16 % (most - least + 1) as u64) as i64,
     }
 }
@@ -89,11 +89,11 @@ proptest! {
         let view = View {
             rotation,
             eye,
-            near: natural(p.depth) >> 8,
+            near: natural(p.depth) / 256,
             guard: [natural(p.slope), natural(p.slope)],
             focal: natural(p.focal),
             inverse_focal: scaled(natural(m.inverse_focal)),
-            centre: [natural(p.pixel) >> 4, natural(p.pixel) >> 4],
+            centre: [natural(p.pixel) / 16, natural(p.pixel) / 16],
             low_pass: natural(m.low_pass),
             cutoff: natural(machine.machine.raster.cutoff),
             root_cutoff: natural(m.root_cutoff),

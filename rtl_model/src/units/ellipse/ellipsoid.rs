@@ -195,13 +195,16 @@ fn directions(g: &mut Builder, machine: &Machine, [w, x, y, z]: [Wire; 4]) -> [[
     }))
 }
 
+/// A quaternion, and standard deviations.
+type Axes = ([Wire; 4], [Wire; 3]);
+
 /// An ellipsoid, from its record to its conic and box; and what of that has bounds.
 pub(super) fn set_up(
     g: &mut Builder,
     machine: &Machine,
     w: &Wires,
     normal: [Wire; 3],
-    (variant, words, opacity, own): (Variant, &machine::Ellipsoid, Wire, Option<([Wire; 4], [Wire; 3])>),
+    (variant, words, opacity, own): (Variant, &machine::Ellipsoid, Wire, Option<Axes>),
 ) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
     let m = &machine.ellipse;
     let limits = two!(_i => g.input(machine.project.slope));

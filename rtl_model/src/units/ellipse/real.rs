@@ -5,7 +5,7 @@
 //! is where it breaks: there the determinant is as small as v·k² and the conic's relative error grows as u·k²/v.
 
 use super::{Ellipse, ellipsoid};
-use crate::graph::{Bounded, Given};
+use crate::graph::real::{Bounded, Given};
 use crate::real::frame::{Ellipsoid, Orientation, Splat, View};
 use crate::real::{Real, Scale};
 

@@ -5,7 +5,7 @@
 //! So with words of equal relative precision u the position on the screen is off by some 4·s·u pixels: `camera`'s part counts most.
 
 use super::Project;
-use crate::graph::{Bounded, Given};
+use crate::graph::real::{Bounded, Given};
 use crate::num::two;
 use crate::real::frame::View;
 use crate::real::{Real, Scale};
